@@ -1,7 +1,7 @@
 """Hand-made recorded episodes: vehicles move along lanes as specified, in the recorder's format."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -74,12 +74,17 @@ def at_speeds(speeds: Sequence[float], begin: float = 0.0) -> np.ndarray:
 
 
 def record(
-    folder: Path, graph: LaneGraph, drives: Sequence[Drive], name: str = "episode", **facts: Any
+    folder: Path,
+    graph: LaneGraph,
+    drives: Sequence[Drive],
+    name: str = "episode",
+    tables: Mapping[str, Sequence[dict[str, Any]]] | None = None,
+    **facts: Any,
 ) -> Path:
-    """Write an episode; return its folder."""
+    """Write an episode, with rows of further tables; return its folder."""
     store = EpisodeStore(folder)
     steps = max(drive.begin + len(np.asarray(drive.s)) for drive in drives) - 1
-    rows: dict[str, list[dict[str, Any]]] = {table: [] for table in TABLE}
+    rows: dict[str, list[dict[str, Any]]] = {table: [*(tables or {}).get(table, ())] for table in TABLE}
     rows["episode"] = [
         {
             **dict(version=VERSION, program="", scenario="hand_made", traffic="", map=store.map(graph)),
@@ -161,16 +166,16 @@ def _write_agent(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: in
     for k, s in enumerate(np.asarray(drive.s).tolist()):
         state = AgentStatus.DONE if k == len(np.asarray(drive.s)) - 1 else AgentStatus.ACTIVE
         rows["agent_states"].append(
-            dict(
+            {
                 **dict(step=drive.begin + k, agent_id=agent_id, state=int(state), slot=slot, generation=1),
                 **dict(partner_slot=-1, target_lane=-1, arrival_number=-1, release_step=-1),
-                **dict(action_mask=drive.action_mask),
                 **dict(
+                    action_mask=drive.action_mask,
                     route_progress=s - np.asarray(drive.s)[0],
                     distance_travelled=abs(s - np.asarray(drive.s)[0]),
                 ),
                 **{name: column[k] for name, column in agents.items()},
-            )
+            }
         )
     for step, action in drive.actions:
         kind = int(ActionSpaceType.Lane)
@@ -185,7 +190,7 @@ def _write_agent(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: in
             )
         )
     rows["decisions"] += [
-        dict(agent_id=agent_id, action_mask=drive.action_mask, **row) for row in drive.decisions
+        {"agent_id": agent_id, "action_mask": drive.action_mask, **row} for row in drive.decisions
     ]
     for step, name, values in drive.extras:
         rows["extras"].append(dict(step=step, agent_id=agent_id, name=name, values=list(values)))

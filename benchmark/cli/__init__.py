@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from algorithms.errors import AlgorithmError
-from benchmark.cli import doctor, experiments, render, reports, scenario, scripted, settings
+from benchmark.cli import doctor, experiments, render, reports, scenario, scripted, settings, zoo
 from benchmark.running.exit_codes import INTERRUPTED
 from smarts.errors import SmartsError
 
@@ -67,6 +67,7 @@ app.command("algorithms")(experiments.list_algorithms)
 app.command()(settings.settings)
 app.command()(settings.schema)
 app.add_typer(scenario.app, name="scenario")
+app.add_typer(zoo.app, name="zoo")
 app.command()(render.render)
 app.command()(doctor.doctor)
 app.command("compile")(doctor.compile_kernels)

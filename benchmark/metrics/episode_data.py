@@ -137,14 +137,15 @@ class EpisodeData:
         self.count = len(self.agents["agent_id"])
         """A, the number of agents."""
         self._vehicles = episode.table("vehicles")
-        most = self.count if not is_ego.all() else None
-        self._agent_states, self._decisions, self._extras = (
-            _of_egos(episode.table(name), most) for name in ("agent_states", "decisions", "extras")
-        )
-        # What the fallback controller does with a vehicle after its agent's end is not measured.
-        is_leaving = self._agent_states["state"] == AgentStatus.LEAVING
-        if is_leaving.any():
-            self._agent_states = {name: each[~is_leaving] for name, each in self._agent_states.items()}
+        states = episode.table("agent_states")
+        are_all = is_ego.all() and np.array_equal(self.agents["agent_id"], np.arange(self.count))
+        if are_all and not (states["state"] == AgentStatus.LEAVING).any():
+            self._agent_states = states
+            self._decisions, self._extras = episode.table("decisions"), episode.table("extras")
+        else:
+            self._agent_states, self._decisions, self._extras = (
+                _of_egos(episode.table(name), self.agents) for name in ("agent_states", "decisions", "extras")
+            )
         self._routes = episode.table("routes")
         self.book: PathBook = path_book(episode.folder.parent / MAPS / f"{self.facts['map']}.npz")
         graph = self.book.graph
@@ -325,7 +326,7 @@ class EpisodeData:
     def decisions(self, agent: int) -> Decisions:
         """Return what one agent chose."""
         table = self._decisions
-        rows = np.flatnonzero(table["agent_id"] == self.agents["agent_id"][agent])
+        rows = np.flatnonzero(table["agent_id"] == agent)
         rows = rows[np.argsort(table["step"][rows], kind="stable")]
         return Decisions(
             step=table["step"][rows],
@@ -338,16 +339,29 @@ class EpisodeData:
     def extras(self, agent: int, name: str) -> dict[int, Floats]:
         """Return what the algorithm said of one agent's decisions, by step."""
         table = self._extras
-        rows = np.flatnonzero((table["agent_id"] == self.agents["agent_id"][agent]) & (table["name"] == name))
+        rows = np.flatnonzero((table["agent_id"] == agent) & (table["name"] == name))
         return {int(table["step"][row]): np.asarray(table["values"][row], float) for row in rows}
 
 
-def _of_egos(table: Mapping[str, NDArray], most: int | None) -> Mapping[str, NDArray]:
-    """Return the rows of the egos, whose agent_ids are below `most`; all if that is None."""
-    if most is None:
-        return table
-    rows = table["agent_id"] < most
-    return {name: column[rows] for name, column in table.items()}
+def _of_egos(table: Mapping[str, NDArray], egos: Mapping[str, NDArray]) -> Mapping[str, NDArray]:
+    """Return the rows of the egos, from entry to end, with the ego's number in place of its column.
+
+    Columns have other agents, too, and in training in bubbles several egos in turn.
+    """
+
+    def place(agent_id: NDArray, step: NDArray) -> NDArray[np.int64]:
+        """Return numbers in the order of columns, then steps."""
+        return agent_id.astype(np.int64) * 2**32 + step
+
+    begins = place(egos["agent_id"], egos["entry_step"])
+    if not len(begins):
+        return {name: column[:0] for name, column in table.items()}
+    order = np.argsort(begins, kind="stable")
+    found = np.searchsorted(begins[order], place(table["agent_id"], table["step"]), side="right") - 1
+    number = order[found]
+    is_own = (found >= 0) & (table["agent_id"] == egos["agent_id"][number])
+    is_own &= table["step"] <= egos["end_step"][number]
+    return {name: column[is_own] for name, column in table.items()} | {"agent_id": number[is_own]}
 
 
 def _check_columns(episode: RecordedEpisode) -> None:

@@ -1,82 +1,231 @@
-"""Asynchronous policies: `dispatch` sends observations, `gather` collects actions when they are due.
+"""Hosts of social policies: `dispatch` sends requests, `gather` collects the answers.
 
-Agents in other processes compute in between; in-process agents compute in `gather`.
+Policies in other processes compute in between; in-process policies compute in `gather`. A request has all
+vehicles of one policy that decide now, in all simulations, so a host gets one message in a step.
+
+Axis letter: N agents of a request.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
 
-class ActionRequest(NamedTuple):
-    """Identifies one decision of one agent.
+from smarts.agents.options import InterfaceError
+from smarts.agents.policy import ActionBatch, Agent, BatchAgent
+from smarts.agents.social import SocialPolicy
+from smarts.agents.spec import AgentSpec
 
-    The answer to a request that is no longer open is dropped: it could be taken for the answer to a later one
-    of another episode or agent.
-    """
 
-    row: int
-    """The simulation."""
-    episode: int
-    agent_id: int
-    name: str
-    """Of the agent."""
-    hold: int
-    """The agent's number among all that have held a column of the simulation, in all of its episodes."""
-    step: int
-    """Of the episode, when the request was made."""
+class Request(NamedTuple):
+    """Asks a policy for the actions of N agents."""
+
+    batch: ActionBatch
+    seen: Sequence[Any] = ()
+    """An `Observation` of each agent, for policies that are no `BatchAgent`."""
+    vehicles: Sequence[str] = ()
+    """Names of their vehicles, for the same policies."""
+
+
+class Failed(NamedTuple):
+    """The answer of an agent that has failed."""
+
+    problem: str
+
+
+class Answer(NamedTuple):
+    """What a policy answers to a request."""
+
+    policy: int
+    """Its number."""
+    request: Request
+    actions: NDArray | Sequence[Any]
+    """An array of shape (N, ...), or N actions; a `Failed` in place of an action that there is not."""
 
 
 class AgentHost(Protocol):
-    """Runs the social agents."""
+    """Runs the social policies."""
 
-    def dispatch(self, observations: Mapping[ActionRequest, Any]) -> None:
-        """Send agents their observations, without waiting."""
+    def dispatch(self, requests: Mapping[int, Request]) -> None:
+        """Send requests by the policy's number, without waiting."""
         ...
 
-    def gather(self, deadline: float) -> Mapping[ActionRequest, Any]:
-        """Return the actions that have come, at the latest after `deadline` [s].
-
-        Late agents keep the lasting part of their last action.
-        """
+    def gather(self) -> Sequence[Answer]:
+        """Return the answers to all requests."""
         ...
 
     def close(self) -> None:
-        """End the agents; may be called again."""
+        """End the policies; may be called again."""
         ...
 
 
 class InProcess:
-    """Runs agents in this process: they decide when their actions are fetched, however long they take.
+    """Runs the policies in this process: they decide when their actions are fetched, however long they take.
 
     Args:
-        build: Makes an agent, with a method `act(observation)`, given its first request; called once for each
-            agent that enters.
+        policies: The policies of the run.
+
+    Raises:
+        Exception: Whatever an agent raises when it is made.
     """
 
-    def __init__(self, build: Callable[[ActionRequest], Any]) -> None:
-        self._build = build
-        self._agents: dict[tuple[int, int], tuple[int, Any]] = {}
-        self._asked: dict[ActionRequest, Any] = {}
+    def __init__(self, policies: Sequence[SocialPolicy]) -> None:
+        self._players: list[Player] = [_player(policy) for policy in policies]
+        self._asked: list[tuple[int, Request]] = []
 
-    def dispatch(self, observations: Mapping[ActionRequest, Any]) -> None:
-        """Keep the observations."""
-        self._asked.update(observations)
+    def dispatch(self, requests: Mapping[int, Request]) -> None:
+        """Keep the requests."""
+        self._asked += requests.items()
 
-    def gather(self, deadline: float) -> Mapping[ActionRequest, Any]:
-        """Return the actions of all requests; the deadline is ignored, so that runs can be repeated."""
-        asked, self._asked = self._asked, {}
-        return {request: self._agent(request).act(seen) for request, seen in asked.items()}
+    def gather(self) -> Sequence[Answer]:
+        """Return the answers to all requests."""
+        asked, self._asked = self._asked, []
+        return [Answer(number, request, self._players[number](request)) for number, request in asked]
 
     def close(self) -> None:
-        """Forget the agents."""
-        self._agents.clear()
+        """Forget the policies."""
         self._asked.clear()
+        self._players.clear()
 
-    def _agent(self, request: ActionRequest) -> Any:
-        """Return the agent of a request; it lives as long as it holds its column."""
-        place = request.row, request.agent_id
-        if place not in self._agents or self._agents[place][0] != request.hold:
-            self._agents[place] = request.hold, self._build(request)
-        return self._agents[place][1]
+
+class Player(Protocol):
+    """Answers the requests to one policy."""
+
+    def __call__(self, request: Request) -> NDArray | Sequence[Any]:
+        """Return the actions of all agents of a request."""
+        ...
+
+
+def _player(policy: SocialPolicy) -> Player:
+    if policy.observation is not None:
+        return BatchPlayer(built_agent(policy.spec, policy.name))
+    return (FlockPlayer if policy.is_boid else SinglePlayer)(policy)
+
+
+def built_agent(spec: AgentSpec, place: str) -> Agent:
+    """Return a new agent.
+
+    Raises:
+        InterfaceError: What the spec makes has no method `act`.
+    """
+    agent = spec.build_agent()
+    if not callable(getattr(agent, "act", None)):
+        raise InterfaceError(
+            f"{agent!r} is no agent: it has no method act", place=place, remedy="derive it from Agent"
+        )
+    return agent
+
+
+class BatchPlayer:
+    """Asks a `BatchAgent`.
+
+    If it raises, it is asked once more for each agent alone, so that only those fail for which it raises.
+    """
+
+    def __init__(self, agent: Any) -> None:
+        self._agent: BatchAgent = agent
+
+    def __call__(self, request: Request) -> NDArray | Sequence[Any]:
+        """Return the actions of all agents of a request."""
+        batch = request.batch
+        count = len(batch.env_id)
+        try:
+            actions: Any = np.asarray(self._agent.act(batch))
+        except Exception as error:
+            if count == 1:
+                return [failed_by(error)]
+            return [action for one in _each(batch) for action in self(Request(one))]
+        if actions.shape[:1] != (count,):
+            return [Failed(f"answered {count} agents by an array of shape {actions.shape}")] * count
+        return actions
+
+
+def _each(batch: ActionBatch) -> Iterator[ActionBatch]:
+    """Yield the request of each agent alone."""
+    for place in range(len(batch.env_id)):
+        here = slice(place, place + 1)
+        observations = {name: array[here] for name, array in batch.observations.items()}
+        others: dict[str, Any] = {name: getattr(batch, name)[here] for name in ActionBatch._fields[1:]}
+        yield ActionBatch(observations, **others)
+
+
+class SinglePlayer:
+    """Asks an agent of its own for each hold."""
+
+    def __init__(self, policy: SocialPolicy) -> None:
+        self._policy = policy
+        self._agents: dict[tuple[int, int], tuple[int, Agent]] = {}
+
+    def __call__(self, request: Request) -> Sequence[Any]:
+        """Return the actions of all agents of a request."""
+        batch = request.batch
+        places = zip(batch.env_id.tolist(), batch.agent_id.tolist(), batch.hold.tolist(), strict=True)
+        return [self._act(*place, seen) for place, seen in zip(places, request.seen, strict=True)]
+
+    def _act(self, env_id: int, agent_id: int, hold: int, seen: Any) -> Any:
+        spec, place = self._policy.spec, (env_id, agent_id)
+        try:
+            if place not in self._agents or self._agents[place][0] != hold:
+                self._agents[place] = hold, built_agent(spec, self._policy.name)
+            agent = self._agents[place][1]
+            return spec.action_adapter(agent.act(spec.observation_adapter(seen)))
+        except Exception as error:
+            return failed_by(error)
+
+
+class FlockPlayer:
+    """Asks one agent for all vehicles of a simulation: it gets and returns dicts by the vehicles' names."""
+
+    def __init__(self, policy: SocialPolicy) -> None:
+        self._policy = policy
+        # By simulation: the episode, the holds of the last request, the agent.
+        self._flocks: dict[int, tuple[int, set[int], Agent]] = {}
+
+    def __call__(self, request: Request) -> Sequence[Any]:
+        """Return the actions of all agents of a request."""
+        batch = request.batch
+        actions: list[Any] = [None] * len(batch.env_id)
+        for env_id in dict.fromkeys(batch.env_id.tolist()):
+            places = np.flatnonzero(batch.env_id == env_id).tolist()
+            for place, action in zip(places, self._act(env_id, places, request), strict=True):
+                actions[place] = action
+        return actions
+
+    def _act(self, env_id: int, places: Sequence[int], request: Request) -> list[Any]:
+        """Return the actions of the agents of one simulation, which have these places in the request."""
+        batch, spec = request.batch, self._policy.spec
+        names = [request.vehicles[place] for place in places]
+        try:
+            agent = self._agent(env_id, int(batch.episode[places[0]]), set(batch.hold[places].tolist()))
+            seen = {
+                name: spec.observation_adapter(request.seen[place])
+                for name, place in zip(names, places, strict=True)
+            }
+            answer: Any = agent.act(seen)
+            return [_of_flock(answer, name, spec) for name in names]
+        except Exception as error:
+            return [failed_by(error)] * len(places)
+
+    def _agent(self, env_id: int, episode: int, holds: set[int]) -> Agent:
+        """Return the agent of a simulation: another in another episode, or if it had lost all vehicles."""
+        last = self._flocks.get(env_id)
+        goes_on = last and last[0] == episode and (self._policy.keep_alive or last[1] & holds)
+        agent = last[2] if last and goes_on else built_agent(self._policy.spec, self._policy.name)
+        self._flocks[env_id] = episode, holds, agent
+        return agent
+
+
+def _of_flock(answer: Any, name: str, spec: AgentSpec) -> Any:
+    if not isinstance(answer, Mapping):
+        return Failed(f"answered by {type(answer).__name__}, not by a dict of the vehicles' names")
+    if name not in answer:
+        return Failed(f"answered without an action of {name!r}")
+    return spec.action_adapter(answer[name])
+
+
+def failed_by(error: Exception) -> Failed:
+    """Return the answer of an agent that has raised."""
+    return Failed(f"raised {type(error).__name__}: {error}")

@@ -8,7 +8,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.arrays import Bools, Ints
+from smarts.arrays import Bools, Ints, Longs
+
+LONGEST_DECISION = 100
+"""The most steps from one decision of an agent to the next."""
 
 
 class Agent:
@@ -48,14 +51,14 @@ class ActionBatch(NamedTuple):
     """A request for the actions of N agents of one policy, in any simulations; arrays of shape (N, ...)."""
 
     observations: Mapping[str, NDArray]
-    """By field, shape (N, *shape); the policy may keep and change them."""
+    """By field, shape (N, *shape); the policy may keep them."""
     action_mask: Bools
     """Which of the four lane actions may be chosen, shape (N, 4)."""
     env_id: Ints
     """The simulation."""
     agent_id: Ints
     """The agent's column in it."""
-    hold: Ints
+    hold: Longs
     """Number of the agent among all that have held a column of its simulation, in all episodes."""
     episode: Ints
     """Number of the simulation's episode."""
@@ -76,6 +79,7 @@ class BatchAgent(Agent):
 
     What it remembers of a vehicle is keyed by (env_id, agent_id) and starts over where `batch.is_first`; what
     it draws at random comes from `batch.seed`: a run repeats bit for bit, whatever its number of simulations.
+    If `act` raises for several agents, it is called once more for each of them alone.
     """
 
     observation: ClassVar[Any] = "benchmark"

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
+from smarts.agents.checks import InterfaceError, check_instance, check_list, check_number, check_whole
+from smarts.agents.criteria import MOST_AGENTS
+from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
+from smarts.errors import nearest_names, shown
+
+LONGEST_EPISODE = 86_400.0
+"""[s]"""
+ALL_MISSIONS = "missions"
+"""Of a count: as many agents as there are missions left."""
 
 
 @dataclass(frozen=True)
@@ -23,3 +34,175 @@ class SocialPolicy:
     """Steps from one decision to the next."""
     is_boid: bool = False
     """Whether one instance acts for all vehicles of a bubble."""
+    keep_alive: bool = False
+    """Whether that instance lives as long as the episode, and not only while it has vehicles."""
+    observation: Any = None
+    """What a `BatchAgent` observes; None for an agent that gets an `Observation` object for each vehicle."""
+
+
+class Wanted(NamedTuple):
+    """A policy that a scenario or an environment asks for. Equal ones are one policy of the run."""
+
+    locator: str
+    """Its name in the zoo."""
+    options: str
+    """The arguments of its policy, as a text that is equal for equal arguments."""
+    boid: str = ""
+    """Id of the boid actor, "" for none."""
+
+
+def wanted(locator: str, options: Mapping[str, Any], boid: str = "") -> Wanted:
+    """Return the policy with some arguments."""
+    return Wanted(locator, repr(sorted(options.items())), boid)
+
+
+@dataclass(frozen=True)
+class SocialAgents:
+    """Social agents that an environment adds: they take the missions that its learning agents leave.
+
+    Raises:
+        InterfaceError: A value is not what it has to be.
+    """
+
+    agent: str
+    """Name of the agent in the zoo, as "module:name-v0"."""
+    count: int | str = 1
+    """How many; "missions": as many as there are missions left."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Arguments for the agent's policy, in place of the registered ones."""
+
+    def __post_init__(self) -> None:
+        check_instance("agent", self.agent, str, "a locator such as 'smarts.zoo:idm-v0'", "social_agents")
+        check_instance("options", self.options, Mapping, "a dict of the policy's arguments", "social_agents")
+        if self.count != ALL_MISSIONS:
+            check_whole("count", self.count, 1, MOST_AGENTS, "social_agents")
+
+
+@dataclass(frozen=True)
+class BubbleLearning:
+    """Learning agents that drive the vehicles in bubbles: they have no missions, and come and go.
+
+    Raises:
+        InterfaceError: A value is not what it has to be.
+    """
+
+    episode_time: float
+    """Length of episodes [s]."""
+    bubbles: tuple[str, ...] = ()
+    """Ids of the bubbles; empty: all. In the others the scenario's actors drive."""
+
+    def __post_init__(self) -> None:
+        check_number("episode_time", self.episode_time, above=True, most=LONGEST_EPISODE)
+        check_list("learn_in_bubbles", self.bubbles, str, "['left-turn'], or True for all bubbles")
+        object.__setattr__(self, "bubbles", tuple(self.bubbles))
+
+    def has(self, bubble: str) -> bool:
+        """Return whether the learning agents drive in a bubble, given by its id."""
+        return not self.bubbles or bubble in self.bubbles
+
+
+def bubble_learning(bubbles: Any, episode_time: Any) -> BubbleLearning | None:
+    """Return how agents learn in bubbles, None if they do not.
+
+    Args:
+        bubbles: Ids, True for all, False for none.
+        episode_time: Length of episodes [s]; None: not given.
+
+    Raises:
+        InterfaceError: One of them is not what it has to be, or is given without the other.
+    """
+    if bubbles is False:
+        if episode_time is not None:
+            raise InterfaceError(
+                f"episode_time is {shown(episode_time)}, and no agent learns in bubbles",
+                place="episode_time",
+                remedy="leave it out, or give learn_in_bubbles=True; agents with missions have "
+                "AgentInterface(max_episode_steps=...)",
+            )
+        return None
+    if episode_time is None:
+        raise InterfaceError(
+            f"learn_in_bubbles is {shown(bubbles)}, and episode_time is not given",
+            place="episode_time",
+            remedy="give the length of episodes [s], such as episode_time=60",
+        )
+    if bubbles is True:
+        return BubbleLearning(episode_time)
+    check_list("learn_in_bubbles", bubbles, str, "['left-turn'], or True for all bubbles")
+    if not bubbles:
+        raise InterfaceError(
+            "learn_in_bubbles is empty", place="learn_in_bubbles", remedy="name bubbles, or give True for all"
+        )
+    return BubbleLearning(episode_time, tuple(bubbles))
+
+
+def social_agents(given: Any) -> tuple[SocialAgents, ...]:
+    """Return the social agents of an environment, each given as itself or as a dict of its fields.
+
+    Raises:
+        InterfaceError: What is given is no list of them; names the value.
+    """
+    check_instance("social_agents", given, (list, tuple), "[{'agent': 'smarts.zoo:idm-v0', 'count': 2}]")
+    return tuple(each if isinstance(each, SocialAgents) else _read(each) for each in given)
+
+
+def _read(entry: Any) -> SocialAgents:
+    fields = [*SocialAgents.__dataclass_fields__]
+    check_instance("an entry", entry, Mapping, "{'agent': 'smarts.zoo:idm-v0', 'count': 2}", "social_agents")
+    for name in entry:
+        if name not in fields:
+            raise InterfaceError(
+                f"there is no field {shown(name)}",
+                place="social_agents",
+                remedy=nearest_names(str(name), fields),
+            )
+    if "agent" not in entry:
+        raise InterfaceError(
+            f"{shown(dict(entry))} names no agent",
+            place="social_agents",
+            remedy="give a locator: {'agent': 'smarts.zoo:idm-v0'}",
+        )
+    return SocialAgents(**entry)
+
+
+@dataclass(frozen=True)
+class Cast:
+    """The social policies of a run."""
+
+    policies: tuple[SocialPolicy, ...] = ()
+    """By number."""
+    numbers: Mapping[Wanted, int] = field(default_factory=dict)
+    """Number of each policy that was asked for."""
+    extra: tuple[tuple[int, int | str], ...] = ()
+    """Number and count of the policies that the environment adds."""
+    learning: BubbleLearning | None = None
+    """How the learning agents learn in bubbles; None: they have missions."""
+
+    def __bool__(self) -> bool:
+        """Return whether bubbles and social agents take part in the run."""
+        return bool(self.policies or self.learning)
+
+    @property
+    def interfaces(self) -> tuple[AgentInterface, ...]:
+        """The policies' interfaces, by their number in the pool."""
+        return distinct(interface_of(policy.spec) for policy in self.policies)
+
+
+def distinct(interfaces: Iterable[AgentInterface]) -> tuple[AgentInterface, ...]:
+    """Return each interface once, in order of appearance."""
+    # By comparison: an interface with options of the user's own need not be hashable.
+    found: list[AgentInterface] = []
+    for interface in interfaces:
+        if interface not in found:
+            found.append(interface)
+    return tuple(found)
+
+
+def interface_of(spec: AgentSpec) -> AgentInterface:
+    """Return the interface of a spec that has one."""
+    assert spec.interface is not None
+    return spec.interface
+
+
+NO_CAST = Cast()
+"""Of a run without social agents."""

@@ -10,8 +10,8 @@ from smarts.controllers.lane_following import FALLBACK, LaneFollowing
 class FallbackController(LaneFollowing):
     """Keeps the lane within the speed limit, and the distance to the vehicle ahead.
 
-    A vehicle whose agent is leaving stops at red lights, too; it brakes and stands if it has collided or is
-    on no lane.
+    A vehicle that comes from traffic stops at red lights, too. If its agent is leaving, it brakes and stands
+    after a collision, and beside all lanes.
     """
 
     command_type: ClassVar[int] = FALLBACK

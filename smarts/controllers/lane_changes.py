@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from smarts.arrays import Bools
-from smarts.controllers.lane_path import next_row, place_on_lane, row_of
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at, wrapped
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_graph import LaneKind
+from smarts.roads.lane_ways import next_row, place_on_lane, row_of
 from smarts.types.actions import LaneAction
 from smarts.types.agent_states import AgentStatus, ChangePhase
 from smarts.types.guidance import GuidePhase

@@ -24,6 +24,7 @@ from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands, LaneAction
 from smarts.types.agent_states import AgentStatus, ChangePhase
 from smarts.types.guidance import GuidePhase
+from smarts.types.vehicles import Owner
 from smarts.types.world import State
 
 CHANGE_SPEED = 12.5
@@ -37,7 +38,7 @@ BY_SPEED, BY_NAME, FALLBACK = 0, 1, 2
 _MANOEUVRE = int(GuidePhase.MANOEUVRE)
 _NO_CHANGE = int(ChangePhase.NONE)
 _TRACK, _ACTUATORS = int(CommandMode.TRACK), int(CommandMode.ACTUATORS)
-_LEAVING = int(AgentStatus.LEAVING)
+_LEAVING, _NOBODY = int(AgentStatus.LEAVING), int(Owner.NOBODY)
 _SLOW = int(LaneAction.slow_down)
 _LEFT, _RIGHT = int(LaneAction.change_lane_left), int(LaneAction.change_lane_right)
 
@@ -135,10 +136,10 @@ def _stand_if_lost(state: State, commands: Commands, b: int, a: int, row: int) -
 
 @kernel
 def _limit_fallback(state: State, roads: Roads, b: int, a: int, lane: int, s: float, points: Floats) -> None:
-    """Lower the speeds of a reference behind other vehicles and, if the agent is leaving, at red lights."""
+    """Lower the speeds of a reference behind other vehicles and, if it comes from traffic, at red lights."""
     slot = state.agents.slot[b, a]
     limit_by_leaders(state, b, slot, points)
-    if state.agents.state[b, a] == _LEAVING:
+    if state.vehicles.home[b, slot] != _NOBODY:
         limit_by_lights(state, roads, b, slot, lane, s, points)
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from smarts.arrays import Floats
 from smarts.controllers.abilities import Abilities
-from smarts.controllers.lane_path import NEAR_SPACING, limit_speeds, row_of, write_reference
+from smarts.controllers.lane_path import NEAR_SPACING, limit_speeds, write_reference
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.curves import curve_into, pose_along, station_near, stations_of
+from smarts.roads.lane_ways import row_of
 from smarts.types.world import State
 
 

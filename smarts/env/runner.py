@@ -12,10 +12,11 @@ from typing import NamedTuple, NoReturn, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smarts.agents.acting import AgentHost
 from smarts.agents.checks import check_instance
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.env.actions import ActionEncoder
-from smarts.env.social_agents import SocialAgentRequests, SocialAgents
+from smarts.env.social_agents import SocialAgentRequests, names_of
 from smarts.errors import ScenarioError, SmartsError
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
@@ -25,7 +26,7 @@ from smarts.types.episode import EpisodeStart
 from smarts.types.frame import Frame
 
 # A number: to compare an array with a member of an enumeration takes three times as long.
-_ACTIVE = int(AgentStatus.ACTIVE)
+_ACTIVE, _SHADOWING = int(AgentStatus.ACTIVE), int(AgentStatus.SHADOWING)
 
 MAX_ENTRY_WAIT = 6000
 """Steps without any ego after which a simulation gives up."""
@@ -82,6 +83,9 @@ class Transition:
     """Simulations whose episode is over, shape (B,)."""
     failures: Mapping[int, SmartsError]
     """Simulations whose traffic failed: their decision is invalid, and they are to be reset."""
+    social_failures: Mapping[int, Mapping[str, str]]
+    """By simulation and name, the social agents that have failed in the decision, and why: the fallback
+    controller drives their vehicles."""
 
 
 class SimulationRunner:
@@ -89,13 +93,14 @@ class SimulationRunner:
 
     All egos decide every `period` steps, counted from the beginning of the episode. An ego that enters
     between decisions keeps its lane until the next one. A simulation without agents left is not stepped until
-    `reset`. A simulation whose egos have all yet to enter is stepped until one enters.
+    `reset`. A simulation whose egos have all yet to enter is stepped until one enters. So is one whose egos
+    learn in bubbles, while no vehicle is in a bubble, until its episode is over.
 
     Args:
         assembly: The simulations, and what belongs to them.
         listeners: Get every step.
         period: Steps from one decision of the egos to the next.
-        others: The social agents.
+        host: Runs the social policies; by default this process.
     """
 
     def __init__(
@@ -104,7 +109,7 @@ class SimulationRunner:
         listeners: Sequence[StepListener],
         *,
         period: int = 1,
-        others: SocialAgents | None = None,
+        host: AgentHost | None = None,
     ) -> None:
         self.simulation, self.actions, self.scene = assembly.simulation, assembly.actions, assembly.scene
         self.world = self.simulation.world
@@ -115,9 +120,9 @@ class SimulationRunner:
         """Takes the agents' actions."""
         self._schedule, self._recorder = assembly.schedule, assembly.recorder
         self._listeners = tuple(listeners)
-        self._requests = (
-            None if others is None else SocialAgentRequests(others, self.world, assembly.pool, self.encoder)
-        )
+        self._requests = SocialAgentRequests(assembly, self.encoder, host) if assembly.policies else None
+        self._pool, self.learns_in_bubbles = assembly.pool, assembly.learns_in_bubbles
+        """Whether the egos come and go with the vehicles in bubbles."""
         worlds, egos = self.world.worlds, self.world.egos
         shape = (worlds, egos)
         self.running = np.zeros(worlds, np.bool_)
@@ -133,18 +138,15 @@ class SimulationRunner:
         self._terminated = np.zeros(shape, np.bool_)
         self._truncated = np.zeros(shape, np.bool_)
         self._failures: dict[int, SmartsError] = {}
+        self._social_failures: dict[tuple[int, int], str] = {}
         self._decided = np.zeros(worlds, np.int32)  # steps of the states that the last decisions were made on
         self._seen = np.zeros_like(self._observe_mask)  # agents whose readings are of now
         self._frame: Frame | None = None
         self._closed = False
-        due = self.world.agents.next_due, self.world.step, egos, self._observe_mask
+        agents = self.world.agents
+        due = agents.state, agents.next_due, self.world.step, egos, self._observe_mask
         self._choose_observed = bind(choose_observed, *due)
         self._join = bind(join_events, self._events, self._terminated, self._truncated, self.running)
-
-    @property
-    def late(self) -> int:
-        """Answers of social agents that did not come in time."""
-        return 0 if self._requests is None else self._requests.late
 
     def listen(self, listener: StepListener) -> None:
         """Show every step to one more listener."""
@@ -168,8 +170,6 @@ class SimulationRunner:
         rows[list(episodes)] = True
         for mask in (self.running, self.alive, self._ended, self.actions.given, self.actions.fresh):
             mask[rows] = False
-        if self._requests is not None:
-            self._requests.forget(rows)
         for listener in self._listeners:
             listener.reset(np.repeat(rows[:, None], self.world.egos, axis=1))
         frame = self._keep(self.simulation.reset(starts))
@@ -198,10 +198,9 @@ class SimulationRunner:
         while pending.any():
             for number in range(self.period):
                 is_last = number == self.period - 1
-                if self._requests is not None:
-                    self._requests.gather()
+                failed = self._gather()
                 self._choose_observed(is_last)
-                frame = self.simulation.step(self.actions, pending, self._observe_mask)
+                frame = self.simulation.step(self.actions, pending, self._observe_mask, failed)
                 if not self._take(frame, is_last, pending):
                     break
             pending = self._without_agents(env_mask, waited)
@@ -218,6 +217,7 @@ class SimulationRunner:
             self._truncated & self._acted,
             ~self.running,
             dict(self._failures),
+            names_of(self._social_failures, self._pool),
         )
 
     def check_begun(self) -> None:
@@ -295,7 +295,9 @@ class SimulationRunner:
         self._decided[env_mask] = self.world.step[env_mask]
         for sums in (self._events, self._terminated, self._truncated):
             sums[env_mask] = 0
+        self._pool.busy[env_mask] = False
         self._failures.clear()
+        self._social_failures.clear()
         next_due = self.world.agents.next_due[:, : self.world.egos]
         due_then = np.broadcast_to((self.world.step + self.period)[:, None], next_due.shape)
         np.copyto(next_due, due_then, where=acts)
@@ -309,13 +311,23 @@ class SimulationRunner:
         self._failures.update(frame.failures)
         events = frame.events
         left = self._join(events.bits, events.terminated, events.truncated, events.finished, pending)
+        if self.learns_in_bubbles:
+            np.logical_or(self._terminated, self._truncated, out=self._pool.busy)
         if not is_last:
             self.dispatch()
         return left
 
+    def _gather(self) -> dict[tuple[int, int], str]:
+        """Take the social agents' answers; return which agents have failed."""
+        failed = {} if self._requests is None else self._requests.gather()
+        self._social_failures |= failed
+        return failed
+
     def _keep(self, frame: Frame) -> Frame:
         """Keep a frame; simulations that are not in it keep the readings of their last frame."""
         self._frame = frame
+        if self._requests is not None:
+            self._requests.collect(frame)
         np.copyto(self._seen, frame.observe_mask, where=frame.env_mask[:, None])
         return frame
 
@@ -326,6 +338,9 @@ class SimulationRunner:
             ScenarioError: They have waited too long.
         """
         waiting = env_mask & self.running & ~(self._state == _ACTIVE).any(axis=1)
+        if self.learns_in_bubbles:
+            # The decision in which agents have ended is returned first: their columns are free after it.
+            return waiting & ~(self._acted & (self._terminated | self._truncated)).any(axis=1)
         if waited >= MAX_ENTRY_WAIT and waiting.any():
             row = int(np.argmax(waiting))
             agents = np.flatnonzero(self._state[row] == AgentStatus.WAITING).tolist()
@@ -341,11 +356,17 @@ class SimulationRunner:
 
 
 @kernel
-def choose_observed(next_due: Ints, step: Ints, egos: int, observe_mask: Bools, is_last: bool) -> None:
-    """Write which agents the coming step observes: egos after the last of a decision, others when due."""
+def choose_observed(
+    state: Bytes, next_due: Ints, step: Ints, egos: int, observe_mask: Bools, is_last: bool
+) -> None:
+    """Write which agents the coming step observes: egos after the last of a decision, others when due.
+
+    Agents that watch a vehicle in the air-lock are always observed: they may be asked in any step.
+    """
     for b in range(observe_mask.shape[0]):
         for a in range(observe_mask.shape[1]):
-            observe_mask[b, a] = is_last if a < egos else next_due[b, a] <= step[b] + 1
+            is_due = next_due[b, a] <= step[b] + 1 or state[b, a] == _SHADOWING
+            observe_mask[b, a] = is_last if a < egos else is_due
 
 
 @kernel

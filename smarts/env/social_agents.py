@@ -1,50 +1,81 @@
-"""Social agents: they are asked for actions while the user's agents compute theirs."""
+"""Social agents: they are asked for actions while the user's agents compute theirs.
+
+Axis letters: B simulations, A agents, C columns of an interface, N agents of a request.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from smarts.agents.acting import ActionRequest, AgentHost
+from smarts.agents.acting import AgentHost, Answer, Failed, InProcess, Request
+from smarts.agents.policy import ActionBatch
+from smarts.agents.social import SocialPolicy, interface_of
 from smarts.arrays import Bools
-from smarts.env.actions import ActionEncoder
+from smarts.controllers import action_format, action_space
+from smarts.controllers.action_formats import Rejected
+from smarts.env.actions import ActionEncoder, Parsed
+from smarts.errors import ActionError, shown
+from smarts.observations.arrays import ArrayObservation
+from smarts.observations.context import AdapterContext
+from smarts.sensors.observation import ObservationMaker
 from smarts.sim.agent_pool import AgentPool
-from smarts.types.agent_states import AgentStatus
+from smarts.sim.assembly import Assembly
+from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.frame import Frame
-from smarts.types.world import World
+from smarts.types.streams import hold_seed
+from smarts.types.vehicles import Owner
 
+# Numbers: to compare an array with a member of an enumeration takes three times as long.
 _ACTIVE, _SHADOWING = int(AgentStatus.ACTIVE), int(AgentStatus.SHADOWING)
 
 
-@dataclass(frozen=True)
-class SocialAgents:
-    """The policies of the agents that are no egos."""
-
-    acting: AgentHost
-    observe: Callable[[Frame, int, int], Any]
-    """Makes the observation of (row, agent_id) out of a frame; it stays valid after the frame."""
-    deadline: float = 0.5
-    """How long to wait for answers [s]."""
+Places = NDArray[np.intp]
+"""Simulations, or columns, of N agents, shape (N,)."""
 
 
 class SocialAgentRequests:
-    """The decisions that social agents have been asked for, and have not answered yet.
+    """Asks social agents for their decisions, and writes their answers.
+
+    An answer counts for the hold that it was asked for, by (simulation, column, hold). An agent whose answer
+    is no action fails: it is not asked again, the fallback controller drives its vehicle from the same step
+    on, and the vehicle goes back to traffic as soon as it can if it came from there.
 
     Args:
-        agents: The agents.
-        world: The state; `next_due` of the agents is written.
-        pool: Knows which agent holds a column.
-        encoder: Takes their actions.
+        assembly: The simulations, their pool and their social policies.
+        encoder: Takes the actions.
+        host: Runs the policies; by default this process.
+
+    Raises:
+        Exception: Whatever an agent raises when it is made.
     """
 
-    def __init__(self, agents: SocialAgents, world: World, pool: AgentPool, encoder: ActionEncoder) -> None:
-        self.late = 0
-        """Answers that did not come in time."""
-        self._agents, self._world, self._pool, self._encoder = agents, world, pool, encoder
-        self._open: dict[tuple[int, int], ActionRequest] = {}
+    def __init__(self, assembly: Assembly, encoder: ActionEncoder, host: AgentHost | None = None) -> None:
+        self._world, self._pool = assembly.simulation.world, assembly.pool
+        self._actions, self._encoder = assembly.actions, encoder
+        self._policies = assembly.policies
+        self._host = InProcess(self._policies) if host is None else host
+        self._observers = [
+            _Observer(assembly, number, policy) for number, policy in enumerate(self._policies)
+        ]
+        shape = self._world.agents.slot.shape
+        self._asked = np.zeros(shape, np.int64)  # the last hold of each column that was asked
+        self._failed = np.zeros(shape, np.int64)  # the last that failed
+        self._seed = np.zeros(shape, np.uint64)
+        self._events = np.zeros(shape, np.int32)
+        self._collects = any(policy.observation is None for policy in self._policies)
+        assembly.pool.clear_with([self._events])
+        self._make = ObservationMaker(assembly.scene)
+        self._is_open = False
+
+    def collect(self, frame: Frame) -> None:
+        """Take in a step's or a reset's events, for agents that are told what happened since they decided."""
+        if self._collects:
+            np.bitwise_or(self._events, frame.events.bits, out=self._events)
 
     def dispatch(self, frame: Frame, due: Bools) -> None:
         """Ask the agents whose decision is due for their actions.
@@ -53,43 +84,167 @@ class SocialAgentRequests:
             frame: The last one.
             due: Which simulations run and which agents have readings of now, shape (B, A).
         """
-        world, agents = self._world, self._world.agents
-        due = due & ((agents.state == _ACTIVE) | (agents.state == _SHADOWING))
-        due &= agents.next_due <= world.step[:, None]
-        due[:, : world.egos] = False
-        asked = {}
-        for row, agent_id in np.argwhere(due).tolist():
-            step = int(world.step[row])
-            name, hold = self._pool.name(row, agent_id), int(self._pool.serial[row, agent_id])
-            request = ActionRequest(row, int(world.episode[row]), agent_id, name, hold, step)
-            asked[request] = self._agents.observe(frame, row, agent_id)
-            agents.next_due[row, agent_id] = step + agents.period[row, agent_id]
-            self._open[row, agent_id] = request
-        if asked:
-            self._agents.acting.dispatch(asked)
-
-    def gather(self) -> None:
-        """Write the answers that have come; late agents keep the lasting part of their last action.
-
-        Raises:
-            ActionError: An action is not of the agent's type.
-        """
-        if not self._open:
+        world, agents, pool = self._world, self._world.agents, self._pool
+        due = due & ((agents.state == _ACTIVE) | (agents.state == _SHADOWING)) & (pool.policy != UNSET)
+        due &= (agents.next_due <= world.step[:, None]) & (self._failed != pool.serial)
+        if not due.any():
             return
-        for request, action in self._agents.acting.gather(self._agents.deadline).items():
-            row, agent_id = place = request.row, request.agent_id
-            if self._open.get(place) != request:
-                continue
-            del self._open[place]
-            self._encoder.write([self._encoder.parse(request.name, action, row, agent_id)])
-        self.late += len(self._open)
-        self._open.clear()
+        requests = {}
+        for number in np.unique(pool.policy[due]).tolist():
+            rows, columns = np.nonzero(due & (pool.policy == number))
+            requests[number] = self._request(number, frame, rows, columns)
+        np.copyto(agents.next_due, world.step[:, None] + agents.period, where=due)
+        self._asked[due] = pool.serial[due]
+        self._events[due] = 0
+        self._is_open = True
+        self._host.dispatch(requests)
 
-    def forget(self, env_mask: Bools) -> None:
-        """Drop the requests of some simulations; their answers are ignored when they come."""
-        for place in [place for place in self._open if env_mask[place[0]]]:
-            del self._open[place]
+    def gather(self) -> dict[tuple[int, int], str]:
+        """Write the answers; return the agents that have failed, by (row, number of the agent), and why."""
+        failures: dict[tuple[int, int], str] = {}
+        if self._is_open:
+            self._is_open = False
+            for answer in self._host.gather():
+                self._take(answer, failures)
+        return failures
 
     def close(self) -> None:
-        """End the agents; may be called again."""
-        self._agents.acting.close()
+        """End the policies; may be called again."""
+        self._host.close()
+
+    def _request(self, number: int, frame: Frame, rows: Places, columns: Places) -> Request:
+        world, policy = self._world, self._policies[number]
+        hold = self._pool.serial[rows, columns]
+        is_first = self._asked[rows, columns] != hold
+        for row, column in zip(rows[is_first].tolist(), columns[is_first].tolist(), strict=True):
+            self._seed[row, column] = self._seed_of(row, column)
+        batch = ActionBatch(
+            observations=self._observers[number].observe(rows, columns, is_first),
+            action_mask=world.agents.action_mask[rows, columns],
+            env_id=rows.astype(np.int32),
+            agent_id=columns.astype(np.int32),
+            hold=hold,
+            episode=world.episode[rows].astype(np.int32),
+            step=world.step[rows].astype(np.int32),
+            is_first=is_first,
+            seed=self._seed[rows, columns],
+        )
+        if policy.observation is not None:
+            return Request(batch)
+        places = [*zip(rows.tolist(), columns.tolist(), strict=True)]
+        seen = [self._make(frame, *place, events=int(self._events[place])) for place in places]
+        slots = world.agents.slot[rows, columns].tolist()
+        names = [world.registry.name(row, slot) for (row, _), slot in zip(places, slots, strict=True)]
+        return Request(batch, seen, names)
+
+    def _seed_of(self, row: int, column: int) -> int:
+        episode = self._pool.episodes[row]
+        assert episode is not None
+        name = self._pool.name(row, column)
+        return hold_seed(episode.seed, name, world=episode.world, episode=episode.episode)
+
+    def _take(self, answer: Answer, failures: dict[tuple[int, int], str]) -> None:
+        """Write the actions of the holds that still are, and let those fail that have none."""
+        agents, batch = self._world.agents, answer.request.batch
+        rows, columns = batch.env_id, batch.agent_id
+        state = agents.state[rows, columns]
+        is_there = (self._pool.serial[rows, columns] == batch.hold) & (
+            (state == _ACTIVE) | (state == _SHADOWING)
+        )
+        if not is_there.any():
+            return
+        kind = int(self._actions.kind[rows[0], columns[0]])
+        if isinstance(answer.actions, np.ndarray) and _is_of(answer.actions, kind):
+            found, places = action_format(kind), (rows[is_there], columns[is_there])
+            numbers = found.parse_batch(answer.actions[is_there])
+            if not isinstance(numbers, Rejected):
+                self._encoder.write([Parsed(found, numbers, places)])
+                return
+        for place in np.flatnonzero(is_there).tolist():
+            where = int(rows[place]), int(columns[place])
+            problem = self._write_one(*where, answer.actions[place])
+            if problem:
+                self._fail(*where, problem, failures)
+
+    def _write_one(self, row: int, column: int, action: Any) -> str:
+        """Write one agent's action; return what is wrong with it, "" if nothing is."""
+        if isinstance(action, Failed):
+            return action.problem
+        try:
+            self._encoder.write([self._encoder.parse(self._pool.name(row, column), action, row, column)])
+        except ActionError as error:
+            return error.problem
+        except Exception as error:
+            return f"answered {shown(action, 100)}: {error}"
+        return ""
+
+    def _fail(self, row: int, column: int, problem: str, failures: dict[tuple[int, int], str]) -> None:
+        world, agents = self._world, self._world.agents
+        self._failed[row, column] = self._pool.serial[row, column]
+        self._actions.given[row, column] = self._actions.fresh[row, column] = False
+        slot = agents.slot[row, column]
+        is_from_traffic = world.vehicles.home[row, slot] not in (Owner.NOBODY, Owner.AGENT)
+        if is_from_traffic and agents.release_step[row, column] == UNSET:
+            agents.release_step[row, column] = world.step[row]
+        failures[row, int(agents.agent[row, column])] = problem
+
+
+def _is_of(actions: Any, kind: int) -> bool:
+    """Return whether an array holds numbers of the shape of an action type's space."""
+    return actions.dtype.kind in "iuf" and actions.shape[1:] == _shape_of(kind)
+
+
+@cache
+def _shape_of(kind: int) -> tuple[int, ...]:
+    return action_space(kind).shape or ()
+
+
+class _Observer:
+    """Makes the observations of one policy's agents as arrays; none for a policy that gets objects."""
+
+    def __init__(self, assembly: Assembly, number: int, policy: SocialPolicy) -> None:
+        columns = assembly.pool.columns(policy.interface)
+        self._first, self._array = columns.start, None
+        if policy.observation is None:
+            return
+        agent_ids = np.arange(columns.start, columns.stop, dtype=np.int32)
+        interface = interface_of(policy.spec)
+        assert interface.action is not None
+        context = AdapterContext(
+            assembly.scene,
+            tuple(f"{policy.name}:{agent_id}" for agent_id in agent_ids.tolist()),
+            agent_ids,
+            interface.action,
+            policy.period,
+            interface.max_episode_steps or 0,
+            (interface,) * len(agent_ids),
+        )
+        self._array = ArrayObservation(context, policy.observation)
+        self._mask = np.zeros((assembly.simulation.world.worlds, len(agent_ids)), np.bool_)
+
+    def observe(self, rows: Places, columns: Places, is_first: Bools) -> dict[str, Any]:
+        """Return copies of the observations of some agents by field, shape (N, *shape).
+
+        Args:
+            rows: Their simulations, shape (N,).
+            columns: Their columns, shape (N,).
+            is_first: Which of them begin a hold, shape (N,).
+        """
+        if self._array is None:
+            return {}
+        places = columns - self._first
+        self._mask[rows[is_first], places[is_first]] = True
+        if is_first.any():
+            self._array.reset(self._mask)
+        self._mask[rows, places] = True
+        arrays = self._array.observe(self._mask)
+        self._mask[:] = False
+        return {name: array[rows, places] for name, array in arrays.items()}
+
+
+def names_of(failures: Mapping[tuple[int, int], str], pool: AgentPool) -> dict[int, dict[str, str]]:
+    """Return failures by simulation and the agent's name."""
+    named: dict[int, dict[str, str]] = {}
+    for (row, number), problem in failures.items():
+        named.setdefault(row, {})[pool.starts[row][number].name] = problem
+    return named

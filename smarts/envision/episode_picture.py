@@ -14,13 +14,24 @@ from numpy.typing import NDArray
 from shapely import Polygon, shortest_line
 
 from smarts.arrays import Floats, Longs
+from smarts.envision.episode_bubbles import EpisodeBubbles
+from smarts.envision.episode_legend import (
+    LEGEND_ENTRY,
+    count_line,
+    group_colour,
+    holder_colour,
+    legend,
+    vehicle_colour,
+)
+from smarts.envision.episode_owners import EpisodeOwners
 from smarts.envision.labels import TextMeasure, place_labels
-from smarts.envision.scenario_picture import EGOS, draw_roads, footprints, vehicle_colour, vehicle_shapes
+from smarts.envision.scenario_picture import EGOS, draw_roads
+from smarts.envision.vehicle_shapes import air_lock_stripes, footprints, leaving_hatch, vehicle_shapes
 from smarts.sim.episode_files import RecordedEpisode
-from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Outcome
 from smarts.types.mission import GoalKind
 from smarts.types.traffic import Signal
+from smarts.types.vehicles import Owner
 
 Ints = Longs
 Image = NDArray[np.uint8]
@@ -51,9 +62,13 @@ PIXELS = 900
 class EpisodePicture:
     """Draws any step of one episode; roads are drawn once.
 
-    Each agent has a number, that of its row in the table `agents`, a colour, a trail, a ring at its goal, and
-    a line of text above the map. A cross marks its last position, or a star if it collided, with its outcome
+    Each ego has a number, that of its row in the table `agents`, a colour, a trail, a ring at its goal, and a
+    line of text above the map. A cross marks its last position, or a star if it collided, with its outcome
     beside it for `OUTCOME_SHOWN`. Traffic lights are bars at the ends of their lanes.
+
+    Vehicles of social agents are orange; a line for each policy says how many it has. Vehicles of traffic are
+    blue, with stripes while an agent observes them in the air-lock of a bubble. Vehicles that are to go back
+    to traffic are hatched. Zones of bubbles are shaded, their margins have dashed lines.
 
     Args:
         episode: The recorded episode.
@@ -64,15 +79,18 @@ class EpisodePicture:
         self.episode = episode
         self.dt = float(episode.facts["dt"])
         self.steps = int(episode.facts["steps"])
-        agents = _rows(episode.table("agents"))
-        self._agents = [{**agent, "number": number} for number, agent in enumerate(agents)]
+        agents = [{**agent, "number": n} for n, agent in enumerate(_rows(episode.table("agents")))]
+        self._owners, self._bubbles = EpisodeOwners(episode), EpisodeBubbles(episode)
+        self._egos, self._others = agents[: self._owners.egos], agents[self._owners.egos :]
         self._vehicles = episode.table("vehicles")
-        self._agent_states = episode.table("agent_states")
         self._first = np.searchsorted(self._vehicles["step"], np.arange(self.steps + 2))
         self._roads = episode.roads()
         self._label_size = TextMeasure(8, "normal", DOTS_PER_INCH)
         self._columns = self._header_columns(pixels)
-        self._header = TITLE + LINE * math.ceil(len(self._agents) / self._columns)
+        lines = math.ceil(len(self._egos) / self._columns) + len(self._owners.groups)
+        self._legend = legend(self._owners, bool(self._bubbles.names))
+        self._legend_columns = max(1, pixels // LEGEND_ENTRY)
+        self._header = TITLE + LINE * (lines + math.ceil(len(self._legend) / self._legend_columns))
         self._figure, self._axes = self._road_figure(pixels)
         self._canvas = FigureCanvasAgg(self._figure)
         self._canvas.draw()
@@ -88,6 +106,9 @@ class EpisodePicture:
         """Return the picture of a step, counted from the reset (step 0), shape (height, width, 3)."""
         self._canvas.restore_region(self._background)
         self._artists = []
+        for shape in self._bubbles.shapes(step):
+            self._axes.add_artist(shape)
+            self._artists.append(shape)
         self._draw_lights(step)
         self._draw_trails(step)
         self._draw_vehicles(step)
@@ -102,9 +123,9 @@ class EpisodePicture:
         """Return how many agents' lines fit side by side."""
         measure = TextMeasure(8, "bold", DOTS_PER_INCH)
         longest = max(
-            (measure(_longest_line(agent, self.steps * self.dt))[0] for agent in self._agents), default=1
+            (measure(_longest_line(agent, self.steps * self.dt))[0] for agent in self._egos), default=1
         )
-        return max(1, min(len(self._agents), int(pixels * 0.98 // (longest + 12))))
+        return max(1, min(len(self._egos), int(pixels * 0.98 // (longest + 12))))
 
     def _road_figure(self, pixels: int) -> tuple[Figure, Any]:
         """Return a figure with the roads and goals in the window, and its axes."""
@@ -115,7 +136,11 @@ class EpisodePicture:
         figure = Figure(figsize=tuple(size / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor="white")
         axes = figure.add_axes((0.0, 0.0, 1.0, float(1.0 - self._header / size[1])))
         draw_roads(axes, self._roads)
-        for agent in self._agents:
+        if self._legend:
+            place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0 - self._header / size[1])}
+            style = {"ncols": self._legend_columns, "fontsize": 8, "frameon": False, "borderpad": 0.2}
+            figure.legend(handles=self._legend, **place, **style)
+        for agent in self._egos:
             if goal := self._goal_of(agent):
                 axes.plot(*goal, marker="o", ms=10, mfc="none", mec=_colour(agent), mew=2, zorder=9)
         axes.set_xlim(low[0], high[0])
@@ -136,11 +161,15 @@ class EpisodePicture:
         return [self._vehicles[name][rows] for name in columns]
 
     def _window(self) -> tuple[Floats, Floats]:
-        """Return the lower left and upper right corners [m] of a window on the agents' paths and goals."""
-        points = [np.array([[agent["start_x"], agent["start_y"]]]) for agent in self._agents]
-        points += [np.stack(self._path(agent, 0, self.steps), -1) for agent in self._agents]
-        points += [np.array([goal]) for agent in self._agents if (goal := self._goal_of(agent))]
-        shown = np.concatenate(points) if points else self._roads.point_xy
+        """Return the lower left and upper right corners [m] of a window on ways, goals and bubbles."""
+        points = [np.array([[agent["start_x"], agent["start_y"]]]) for agent in self._egos]
+        points += [np.stack(self._path(agent, 0, self.steps), -1) for agent in self._egos]
+        points += [np.array([goal]) for agent in self._egos if (goal := self._goal_of(agent))]
+        driven = self._vehicles["owner"] == Owner.AGENT
+        points.append(np.stack([self._vehicles[name][driven] for name in ("x", "y")], -1))
+        points.append(self._bubbles.corners())
+        shown = np.concatenate(points)
+        shown = shown if len(shown) else self._roads.point_xy
         low, high = shown.min(0) - MARGIN, shown.max(0) + MARGIN
         missing = np.maximum(0.0, NARROWEST - (high - low)) / 2
         return low - missing, high + missing
@@ -172,29 +201,32 @@ class EpisodePicture:
 
     def _draw_trails(self, step: int) -> None:
         first = step - round(TRAIL / self.dt)
-        for agent in self._agents:
+        for agent in self._egos:
             if agent["entry_step"] <= step <= agent["end_step"]:
                 way = np.stack(self._path(agent, max(first, 0), step), -1)
                 self._add(LineCollection([way], colors=_colour(agent), linewidths=2.5, alpha=0.5, zorder=5))
 
     def _draw_vehicles(self, step: int) -> None:
-        kind, slot, generation = self._present(step, "kind", "slot", "generation")
-        agents = {
-            (agent["slot"], agent["generation"]): agent
-            for agent in self._agents
-            if agent["entry_step"] <= step <= agent["end_step"]
-        }
-        colours = []
-        for vehicle in zip(kind.tolist(), slot.tolist(), generation.tolist(), strict=True):
-            agent = agents.get(vehicle[1:])
-            colours.append(_colour(agent) if agent else vehicle_colour(vehicle[0]))
-        for shapes in vehicle_shapes(*self._present(step, *PLACE), colours=colours, edge_width=0.6):
+        slots, generations = self._present(step, "slot", "generation")
+        now = self._owners.holders(step)
+        holders = [now.get(each) for each in zip(slots.tolist(), generations.tolist(), strict=True)]
+        places = self._present(step, *PLACE)
+        for shapes in vehicle_shapes(*places, colours=[*map(vehicle_colour, holders)], edge_width=0.6):
             self._add(shapes)
+        observed, leaving = (
+            np.array([holder is not None and getattr(holder, name) for holder in holders], bool)
+            for name in ("observes", "leaves")
+        )
+        if observed.any():
+            colours = [holder_colour(holder) for holder in holders if holder and holder.observes]
+            self._add(air_lock_stripes(*(column[observed] for column in places), colours=colours))
+        if leaving.any():
+            self._add(leaving_hatch(*(column[leaving] for column in places)))
 
     def _draw_agents(self, step: int) -> None:
-        """Mark the agents' last positions, and label each agent with its number and outcome."""
+        """Mark the egos' last positions, label each ego with its number and outcome, mark collisions."""
         labelled = []
-        for agent in self._agents:
+        for agent in self._egos:
             since = step - int(agent["end_step"])
             if agent["entry_step"] < 0 or step < agent["entry_step"]:
                 continue
@@ -206,6 +238,11 @@ class EpisodePicture:
                 text = _outcome_name(agent) if has_ended else ""
                 labelled.append((agent, f"{agent['number']} {text}".strip(), (x, y)))
         self._write_labels(step, labelled)
+        for agent in self._others:
+            since = (step - int(agent["end_step"])) * self.dt
+            if agent["outcome"] == Outcome.COLLISION and 0 <= since <= OUTCOME_SHOWN:
+                x, y = (float(column[-1]) for column in self._path(agent, 0, step))
+                self._mark_end(agent, x, y, is_gone=False)
 
     def _mark_end(self, agent: dict[str, Any], x: float, y: float, *, is_gone: bool) -> None:
         if agent["outcome"] == Outcome.COLLISION:
@@ -273,22 +310,24 @@ class EpisodePicture:
         title = f"{facts['scenario']}, {facts['traffic'] or 'no traffic'}   {step * self.dt:.1f} s"
         height = self._figure.bbox.height
         self._artists.append(self._figure.text(0.01, 1 - 13 / height, title, fontsize=10, va="center"))
-        for place, agent in enumerate(self._agents):
+        for place, agent in enumerate(self._egos):
             row, column = divmod(place, self._columns)
             line = f"{agent['number']} {agent['name']}: {self._status(agent, step)}"
-            text = self._figure.text(
-                0.01 + 0.98 * column / self._columns,
-                1 - (TITLE + LINE * row + 9) / height,
-                line,
-                fontsize=8,
-                va="center",
-                color=_colour(agent),
-                weight="bold",
-            )
-            self._artists.append(text)
+            self._write_line(row, 0.98 * column / self._columns, line, _colour(agent))
+        rows = math.ceil(len(self._egos) / self._columns)
+        holders = self._owners.holders(step).values()
+        for place, (group, name) in enumerate(self._owners.groups.items()):
+            line = count_line(name, [each for each in holders if each.policy == group])
+            self._write_line(rows + place, 0.0, line, group_colour(group))
+
+    def _write_line(self, row: int, x: float, line: str, colour: str) -> None:
+        """Write a line below the title; x is a fraction of the width."""
+        y = 1 - (TITLE + LINE * row + 9) / self._figure.bbox.height
+        style = {"fontsize": 8, "va": "center", "color": colour, "weight": "bold"}
+        self._artists.append(self._figure.text(0.01 + x, y, line, **style))
 
     def _status(self, agent: dict[str, Any], step: int) -> str:
-        """Return an agent's status: its outcome, or its speed while it has its vehicle."""
+        """Return an ego's status: its outcome, or its speed while it has its vehicle."""
         if agent["entry_step"] < 0 or step < agent["entry_step"]:
             return "waits"
         if step >= agent["end_step"] and agent["outcome"] != Outcome.NONE:
@@ -297,10 +336,8 @@ class EpisodePicture:
             return "gone"
         slots, generations, speeds = self._present(step, "slot", "generation", "speed")
         speed = speeds[(slots == agent["slot"]) & (generations == agent["generation"])]
-        state = self._agent_states["state"][
-            (self._agent_states["step"] == step) & (self._agent_states["agent_id"] == agent["agent_id"])
-        ]
-        watches = len(state) and state[0] == AgentStatus.SHADOWING
+        holder = self._owners.holders(step).get((agent["slot"], agent["generation"]))
+        watches = holder is not None and holder.observes
         return ("watches, " if watches else "") + (f"{speed[0]:.1f} m/s" if len(speed) else "")
 
     def _add(self, collection: Any) -> None:

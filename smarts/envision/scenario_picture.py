@@ -6,6 +6,7 @@ combine them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
@@ -17,13 +18,17 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patches import Polygon as Outline
+from shapely import Point
 
 from smarts.arrays import Floats
+from smarts.envision.bubble_shapes import BUBBLE, bubble_shapes, moved, rings_of
 from smarts.envision.route_lines import CAR_LENGTH, place_on_map, pose_on_map, route_line, start_pose
+from smarts.envision.vehicle_shapes import footprints, vehicle_shapes
 from smarts.envision.whole_files import written_whole
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sim.moments import Moment
 from smarts.sstudio import types as t
+from smarts.sstudio.bubble_checks import outline_of
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import expand
 from smarts.types.vehicles import VehicleKind
@@ -34,9 +39,8 @@ NOT_FOR_CARS = "#e3e6ec"
 LANE_LINE = "#ffffff"
 LEFT_EDGE = "#d9a400"
 FLOW = "#4c78a8"
-BUBBLE = "#9467bd"
 STOP = "#2ca02c"
-EGOS = ("#d62728", "#ff7f0e", "#9e2a6b", "#8c564b")
+EGOS = ("#d62728", "#e0627d", "#9e2a6b", "#8c564b")
 CAR = "#2c5f8a"
 BUS = "#1b7f5c"
 TRUCK = "#4d4d4d"
@@ -160,15 +164,35 @@ def draw_missions(
             axes.plot(*goal, marker="o", markersize=9, mfc="none", mec=colour, mew=1.8, zorder=9)
 
 
-def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble]) -> None:
-    """Draw the zone of each fixed bubble, and its margin as a dashed line."""
+def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble], moment: Moment) -> None:
+    """Draw each bubble's zone, its margin as a dashed line, and its name.
+
+    A bubble that travels has an arrow; it is drawn where it follows its vehicle, or as in the scenario's file
+    if that vehicle is not there.
+    """
     for bubble in bubbles:
+        area, with_margin = outline_of(bubble, roads)
+        zone, margin = rings_of(area), rings_of(with_margin)
+        heading = None
         if bubble.follow_offset is not None:
-            continue
-        zone = bubble.zone.to_geometry(roads)
-        axes.add_patch(Outline(_corners(zone), facecolor=BUBBLE, edgecolor=BUBBLE, alpha=0.3, zorder=5))
-        margin = _corners(zone.buffer(bubble.margin))
-        axes.add_patch(Outline(margin, fill=False, edgecolor=BUBBLE, linestyle="--", zorder=5))
+            x, y, heading = _followed(bubble, moment, area.centroid)
+            turn = heading - math.pi / 2
+            offset = np.subtract((area.centroid.x, area.centroid.y), bubble.follow_offset)
+            zone, margin = (
+                [moved(ring - offset, (x, y, turn)) for ring in rings] for rings in (zone, margin)
+            )
+        for shape in bubble_shapes(zone, margin, name=bubble.id, heading=heading):
+            axes.add_artist(shape)
+
+
+def _followed(bubble: t.Bubble, moment: Moment, centre: Point) -> tuple[float, float, float]:
+    """Return the pose of the vehicle that a bubble follows; without it, one at which the bubble stays."""
+    slot = moment.names.get(bubble.follow_actor_id or bubble.follow_vehicle_id or "")
+    if slot is None:
+        right, ahead = bubble.follow_offset or (0.0, 0.0)
+        return centre.x - right, centre.y - ahead, math.pi / 2
+    x, y = moment.states.position[slot].tolist()
+    return x, y, float(moment.states.heading[slot])
 
 
 def draw_vehicles(axes: Axes, moment: Moment) -> None:
@@ -188,35 +212,6 @@ def vehicle_colour(kind: int) -> str:
     return LARGE_VEHICLES.get(VehicleKind(kind), CAR)
 
 
-def vehicle_shapes(
-    x: Floats,
-    y: Floats,
-    heading: Floats,
-    length: Floats,
-    width: Floats,
-    *,
-    colours: Sequence[str],
-    edge_width: float,
-) -> tuple[PolyCollection, PolyCollection]:
-    """Return the footprints of V vehicles, and light bars across their fronts."""
-    nose = 0.3 * length
-    front = x + nose * np.cos(heading), y + nose * np.sin(heading)
-    boxes = list(footprints(x, y, heading, length, width))
-    noses = list(footprints(*front, heading, 0.16 * length, 0.8 * width))
-    return (
-        PolyCollection(boxes, facecolors=colours, edgecolors="k", linewidths=edge_width, zorder=6),
-        PolyCollection(noses, facecolors="#e8eef5", edgecolors="none", zorder=7),
-    )
-
-
-def footprints(x: Floats, y: Floats, heading: Floats, length: Floats, width: Floats) -> Floats:
-    """Return the corners of V footprints, shape (V, 4, 2)."""
-    ahead = np.stack([np.cos(heading), np.sin(heading)], -1) * (length / 2)[:, None]
-    aside = np.stack([-np.sin(heading), np.cos(heading)], -1) * (width / 2)[:, None]
-    centre = np.stack([x, y], -1)
-    return centre[:, None] + np.stack([ahead + aside, aside - ahead, -ahead - aside, ahead - aside], 1)
-
-
 def _draw_scenario(axes: Axes, picture: Picture, *, edges: bool) -> None:
     built, traffic, moment = picture
     roads = built.roads()
@@ -225,7 +220,7 @@ def _draw_scenario(axes: Axes, picture: Picture, *, edges: bool) -> None:
         draw_edge_ids(axes, roads)
     if traffic is not None and built.scenario.traffic:
         draw_flows(axes, roads, built.scenario.traffic[traffic])
-    draw_bubbles(axes, roads, built.scenario.bubbles or ())
+    draw_bubbles(axes, roads, built.scenario.bubbles or (), moment)
     entered = [number for number, slot in enumerate(moment.egos) if slot >= 0]
     draw_missions(axes, roads, built.scenario.ego_missions or (), entered)
     draw_vehicles(axes, moment)
@@ -290,10 +285,6 @@ def _beside(roads: LaneGraph, lane: int, widths: float) -> Floats:
     heading = roads.point_heading[rows]
     left = np.stack([-np.sin(heading), np.cos(heading)], -1)
     return roads.point_xy[rows] + widths * roads.width[lane] * left
-
-
-def _corners(zone) -> Floats:
-    return np.asarray((zone if zone.geom_type == "Polygon" else zone.convex_hull).exterior.coords)
 
 
 def _arrow_head(axes: Axes, line: Floats, colour: str) -> None:

@@ -34,6 +34,8 @@ FEATURES = Registry(
             "image": "Image",
             "action_mask": "ActionMask",
             "sensors": "SensorReadings",
+            "surroundings": "Surroundings",
+            "u_turn": "UTurnWays",
         }.items()
     },
     _adopt,

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import TrafficError
+from smarts.geometry.binding import bind
 from smarts.geometry.frames import wrap_angle
+from smarts.providers.gates import find_too_close
 from smarts.providers.lane_paths import LanePaths
 from smarts.providers.traffic_engine import TrafficEngine
 from smarts.roads.lane_graph import LaneGraph
@@ -30,6 +32,8 @@ LENGTH, WIDTH = 5.0, 1.8
 """Size of every vehicle [m]."""
 ROOM = 15.0
 """Minimum distance of an arrival from other vehicles [m]."""
+MOST_TURN = 0.05
+"""Between a path and the heading of a vehicle that joins it [rad]."""
 DEPARTURE = np.dtype([("row", np.int32), ("time", np.float64), ("path", np.int32)])
 """A scheduled vehicle: simulation, time of departure [s], path."""
 
@@ -52,6 +56,7 @@ class ConstantSpeed(TrafficEngine):
         self._known: list[dict[int, None]] = [{} for _ in range(world.worlds)]
         """The paths of each simulation's traffic, in the order of the files."""
         self._limit = np.zeros(world.worlds, np.int32)
+        self._find_too_close = bind(find_too_close, world.vehicles)
         shape = world.vehicles.alive.shape
         self._generation = np.full(shape, -1, np.int32)
         """Generation of the vehicle that the engine drives in each slot, -1 for none, shape (B, V)."""
@@ -103,8 +108,17 @@ class ConstantSpeed(TrafficEngine):
         self._admit_due(env_mask)
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
-        """See `TrafficEngine`: the engine accepts vehicles near a path."""
-        return np.where(self._nearest(rows, slots)[0] >= 0, Refusal.NONE, Refusal.OFF_LANES).astype(np.int8)
+        """See `TrafficEngine`: it accepts vehicles that are near a path, aligned, and overlap none."""
+        path, s, t = self._nearest(rows, slots)
+        refusals = np.where(path >= 0, Refusal.NONE, Refusal.OFF_LANES).astype(np.int8)
+        near = np.flatnonzero(path >= 0)
+        along = self._paths.poses(path[near], s[near], t[near])[:, 2]
+        turn = np.abs(wrap_angle(along - self._world.vehicles.heading[rows[near], slots[near]]))
+        overlaps = np.zeros(len(near), np.bool_)
+        self._find_too_close(rows[near], slots[near], 0.0, 0.0, overlaps)
+        refusals[near[overlaps]] = Refusal.TOO_CLOSE
+        refusals[near[turn > MOST_TURN]] = Refusal.HEADING
+        return refusals
 
     def close(self) -> None:
         """See `TrafficEngine`; there is nothing to free."""

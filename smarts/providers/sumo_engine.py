@@ -12,7 +12,6 @@ from smarts.providers.sumo_traffic import SumoTraffic
 from smarts.providers.traffic_engine import TrafficEngine
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
-from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
@@ -59,10 +58,9 @@ class SumoEngine(TrafficEngine):
         self.failures = failures
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
-        """See `TrafficEngine`: SUMO accepts vehicles that are on a lane."""
+        """See `TrafficEngine`; `SumoGate` decides."""
         vehicles = zip(rows.tolist(), slots.tolist(), strict=True)
-        can_drive = [self._simulations[row].can_accept(slot) for row, slot in vehicles]
-        return np.where(can_drive, Refusal.NONE, Refusal.OFF_LANES).astype(np.int8)
+        return np.array([self._simulations[row].can_accept(slot) for row, slot in vehicles], np.int8)
 
     def close(self) -> None:
         """See `TrafficEngine`; failed copies are freed too."""

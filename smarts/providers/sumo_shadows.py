@@ -19,18 +19,17 @@ two. SUMO needs these workarounds, found by experiment and shown by the tests in
   set explicitly.
 - Oncoming drivers do not see a shadow that crosses the centre line; `sumo_proxies` makes it visible.
 - SUMO takes a vehicle that moves against its lane for a leader that drives away; so its speed is set to 0.
-- SUMO continues a lane change that was in progress when a vehicle becomes a shadow, and crashes if the
-  vehicle is then on a lane without a neighbour. So the change is completed in SUMO within the first step.
+- SUMO continues a lane change that was in progress when a vehicle becomes a shadow, crashes if the vehicle is
+  then on a lane without a neighbour, and shows the vehicle turned when it drives it again. So such a vehicle
+  is replaced in SUMO by a new one of the same type.
 - SUMO would change a shadow's lane and make others cooperate, so lane changing is disabled for shadows.
 """
 
 from __future__ import annotations
 
 import bisect
-import enum
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -38,6 +37,7 @@ from smarts.geometry.binding import bind
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_proxies import SumoProxies
 from smarts.providers.sumo_rows import lead
+from smarts.providers.sumo_shadow import Reinsertion, Shadow
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind, VehicleStates
 
@@ -53,51 +53,14 @@ width.
 _NO_LANE_CHANGES = 0
 _SUMO_LANE_CHANGES = 0b011001010101
 """Lane-change modes: none, and SUMO's default."""
-_SIDEWAYS = "laneChangeModel.lcMaxSpeedLatStanding"
-_AT_ONCE = 1e4
-"""Lateral speed that completes a lane change in one step [m/s]; also the value of `_SIDEWAYS`."""
-_CENTRING = 0.1
+_CENTRING = 0.03
 """Distance per step by which a vehicle handed back to SUMO moves to its centreline [m]."""
+_CALM_STEPS = 2
+"""Steps in which SUMO begins no lane change with it."""
 _OVER_THE_LINE = 0.1
 """Overlap with a lane at which its drivers see the vehicle reliably [m]."""
 _OFF_THE_NET = -1e6
 """Both coordinates of a position off every map [m]."""
-
-
-class _Reinsertion(enum.Enum):
-    """How a shadow is re-inserted into its lane."""
-
-    BESIDE = enum.auto()
-    """Via the lane that it straddles."""
-    AND_BACK = enum.auto()
-    """Via a neighbouring lane and back within one step."""
-    OFF_THE_NET = enum.auto()
-    """By leaving the net for one step."""
-
-
-@dataclass
-class _Shadow:
-    """The state of a shadow between steps."""
-
-    id: str
-    route: tuple[str, ...]
-    """Planned route; empty if unknown."""
-    lane: str = ""
-    position: float = 0.0
-    """Position of the front along the lane [m]."""
-    offset: float = 0.0
-    """Offset of the front to the left of the lane's centreline [m]."""
-    shift: float = 0.0
-    """Shift to the left in SUMO, so that SUMO sees the vehicle in the lane of its tail [m]."""
-    side: int = 0
-    """The side on which the vehicle straddles another lane: 1 left, -1 right, 0 none."""
-    noted_side: int = 0
-    """The side that SUMO has detected."""
-    reinsertion: _Reinsertion | None = None
-    """How to re-insert the vehicle in the next step, or None."""
-    own_type: str = ""
-    own_sideways: str = ""
-    """Type and `_SIDEWAYS` to restore after a lane change was completed; empty if there was none."""
 
 
 class SumoShadows:
@@ -112,8 +75,8 @@ class SumoShadows:
         self._library = library
         self._states = states
         self._lead = bind(lead, states)
-        self._shadows: dict[int, _Shadow] = {}
-        self._returned: dict[int, _Shadow] = {}
+        self._shadows: dict[int, Shadow] = {}
+        self._returned: dict[int, Shadow] = {}
         self._types: set[str] = set()
         self._next_edges: dict[str, list[str]] = {}
         self._lane_headings: dict[str, tuple[list[float], list[float]]] = {}
@@ -122,6 +85,9 @@ class SumoShadows:
 
     def __contains__(self, slot: int) -> bool:
         return slot in self._shadows
+
+    def __getitem__(self, slot: int) -> Shadow:
+        return self._shadows[slot]
 
     def reset(self, roads: LaneGraph) -> None:
         """Clear all shadows; SUMO was restarted."""
@@ -140,22 +106,33 @@ class SumoShadows:
         self._library.vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
         if route:
             self._library.accepts(self._library.vehicle.setRoute, name, list(route))
-        self._shadows[slot] = _Shadow(name, tuple(route))
+        self._shadows[slot] = Shadow(name, tuple(route))
 
     def take_over(self, slot: int, name: str) -> None:
         """Make a vehicle that SUMO drives a shadow from the next step on."""
         vehicle = self._library.vehicle
         vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
         route, lane = self._library.route_ahead(name), vehicle.getLaneID(name)
-        shadow = _Shadow(name, route, lane, vehicle.getLanePosition(name))
+        shadow = Shadow(name, route, lane, vehicle.getLanePosition(name))
         if slot in self._returned:
             shadow.noted_side = self._returned.pop(slot).noted_side
-        if vehicle.getLateralSpeed(name):
-            shadow.own_type = vehicle.getTypeID(name)
-            shadow.own_sideways = vehicle.getParameter(name, _SIDEWAYS)
-            vehicle.setMaxSpeedLat(name, _AT_ONCE)
-            vehicle.setParameter(name, _SIDEWAYS, str(_AT_ONCE))
         self._shadows[slot] = shadow
+
+    def replace(self, slot: int, name: str, new_name: str) -> None:
+        """Make a vehicle that changes lanes in SUMO a shadow, under a new name, from the next step on."""
+        vehicle, route = self._library.vehicle, self._library.route_ahead(name)
+        kind, factor = vehicle.getTypeID(name), vehicle.getSpeedFactor(name)
+        vehicle.remove(name)
+        vehicle.add(new_name, "", typeID=kind)
+        vehicle.setSpeedFactor(new_name, factor)
+        vehicle.setLaneChangeMode(new_name, _NO_LANE_CHANGES)
+        self._library.accepts(vehicle.setRoute, new_name, list(route))
+        self._returned.pop(slot, None)
+        self._shadows[slot] = Shadow(new_name, route)
+
+    def is_changing_lanes(self, name: str) -> bool:
+        """Return whether SUMO moves a vehicle sideways."""
+        return bool(self._library.vehicle.getLateralSpeed(name))
 
     def hand_back(self, slot: int) -> bool:
         """Hand a shadow back to SUMO; return whether SUMO can drive it, which requires a lane.
@@ -170,8 +147,12 @@ class SumoShadows:
             return False
         if shadow.shift:
             vehicle.setLateralLanePosition(shadow.id, shadow.offset)
-        vehicle.setLaneChangeMode(shadow.id, _SUMO_LANE_CHANGES)
-        self._restore_route(shadow)
+        shadow.calm_steps = _CALM_STEPS
+        if shadow.way and shadow.way[0] == vehicle.getRoadID(shadow.id):
+            if shadow.way != self._library.route_ahead(shadow.id):
+                self._library.accepts(vehicle.setRoute, shadow.id, list(shadow.way))
+        else:
+            self._restore_route(shadow)
         self._returned[slot] = shadow
         return True
 
@@ -195,7 +176,7 @@ class SumoShadows:
         self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows))).tolist()
         for (slot, shadow), (x, y, angle, *_) in zip(self._shadows.items(), self._poses, strict=True):
             if shadow.reinsertion and not self._reinsert(shadow):
-                shadow.reinsertion = _Reinsertion.OFF_THE_NET
+                shadow.reinsertion = Reinsertion.OFF_THE_NET
                 move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
             if self.proxies.has_one(shadow.id):
@@ -204,8 +185,10 @@ class SumoShadows:
                 along = self._heading_of(shadow.lane, shadow.position)
                 x, y = x - shadow.shift * math.sin(along), y + shadow.shift * math.cos(along)
             move(shadow.id, "", -1, x, y, angle, _MAY_LEAVE_NET, _MATCH_WITHIN)
-        for slot in [*self._returned]:
-            if self._is_centred(self._returned[slot]):
+        for slot, shadow in [*self._returned.items()]:
+            shadow.calm_steps -= 1
+            if self._is_centred(shadow) and shadow.calm_steps < 0:
+                self._library.vehicle.setLaneChangeMode(shadow.id, _SUMO_LANE_CHANGES)
                 del self._returned[slot]
 
     def settle(self) -> None:
@@ -224,20 +207,16 @@ class SumoShadows:
                 shadow.lane, shadow.reinsertion, shadow.shift = "", None, 0.0
                 self.proxies.remove(shadow.id)
             vehicle.setPreviousSpeed(shadow.id, abs(speed))
-            if shadow.own_type:
-                vehicle.setType(shadow.id, shadow.own_type)
-                vehicle.setParameter(shadow.id, _SIDEWAYS, shadow.own_sideways)
-                shadow.own_type = ""
         self.proxies.settle()
 
-    def _place_proxy(self, slot: int, shadow: _Shadow) -> None:
+    def _place_proxy(self, slot: int, shadow: Shadow) -> None:
         states, kind = self._states, self._type_of(slot)
         x, y = states.position[slot].tolist()
         heading, speed = float(states.heading[slot]), float(states.speed[slot])
         self.proxies.place(shadow.id, kind, (x, y), heading, speed, float(states.length[slot]))
 
     def _settle_on_lane(
-        self, shadow: _Shadow, lane: str, position: float, lean: float, length: float, width: float
+        self, shadow: Shadow, lane: str, position: float, lean: float, length: float, width: float
     ) -> None:
         number = self._roads.lane_of_id(lane)
         half = self._half_widths[number]
@@ -255,17 +234,17 @@ class SumoShadows:
         if left + drift > half or self.proxies.has_one(shadow.id):
             self.proxies.reach(shadow.id, number, left + drift)
         # SUMO detects the side when it moves the shadow to this lane from another lane or from off the net.
-        is_noted = lane != shadow.lane or shadow.reinsertion is _Reinsertion.BESIDE
+        is_noted = lane != shadow.lane or shadow.reinsertion is Reinsertion.BESIDE
         if lane != shadow.lane:
             self._extend_route(shadow, lane)
         shadow.lane, shadow.position = lane, position
-        if shadow.reinsertion is _Reinsertion.AND_BACK:
+        if shadow.reinsertion is Reinsertion.AND_BACK:
             shadow.noted_side = 0
         elif is_noted:
             shadow.noted_side = shadow.side
         shadow.reinsertion = None
         if shadow.side != shadow.noted_side or self._library.is_out_of_order(shadow.id, lane, position):
-            shadow.reinsertion = _Reinsertion.BESIDE if shadow.side else _Reinsertion.AND_BACK
+            shadow.reinsertion = Reinsertion.BESIDE if shadow.side else Reinsertion.AND_BACK
 
     def _heading_of(self, lane: str, position: float) -> float:
         """Return a lane's heading [rad] at the first point at or after SUMO's `position` [m]."""
@@ -297,25 +276,28 @@ class SumoShadows:
             return 0.0
         return side * (half - width / 2 + _OVER_THE_LINE) - offset
 
-    def _is_centred(self, shadow: _Shadow) -> bool:
+    def _is_centred(self, shadow: Shadow) -> bool:
         """Move a vehicle that was handed back towards its centreline; return whether it is done.
 
         SUMO would keep the vehicle's offset, and the side that it has detected, until the next lane change.
         """
         vehicle = self._library.vehicle
+        if not shadow.offset and not shadow.noted_side:
+            return True
         if abs(vehicle.getLateralLanePosition(shadow.id) - shadow.offset) > 1e-6:
-            return True  # SUMO has begun to change lanes.
+            return True  # SUMO goes on with the lane change in which the vehicle was taken over.
         shadow.offset -= math.copysign(min(abs(shadow.offset), _CENTRING), shadow.offset)
         vehicle.setLateralLanePosition(shadow.id, shadow.offset)
         if shadow.offset:
             return False
         if shadow.side or shadow.noted_side:
             shadow.lane, shadow.position = vehicle.getLaneID(shadow.id), vehicle.getLanePosition(shadow.id)
-            shadow.reinsertion = _Reinsertion.AND_BACK
+            shadow.reinsertion = Reinsertion.AND_BACK
             self._reinsert(shadow)
+            shadow.side = shadow.noted_side = 0
         return True
 
-    def _reinsert(self, shadow: _Shadow) -> bool:
+    def _reinsert(self, shadow: Shadow) -> bool:
         """Re-insert a shadow into its lane; return whether a neighbouring lane made this possible."""
         beside = self._lane_beside(shadow)
         if not beside:
@@ -323,11 +305,10 @@ class SumoShadows:
         # SUMO raises an error if the lane is not on the shadow's route in SUMO.
         move, accepts = self._library.vehicle.moveTo, self._library.accepts
         return accepts(move, shadow.id, beside, shadow.position) and (
-            shadow.reinsertion is _Reinsertion.BESIDE
-            or accepts(move, shadow.id, shadow.lane, shadow.position)
+            shadow.reinsertion is Reinsertion.BESIDE or accepts(move, shadow.id, shadow.lane, shadow.position)
         )
 
-    def _lane_beside(self, shadow: _Shadow) -> str:
+    def _lane_beside(self, shadow: Shadow) -> str:
         """Return the lane that a shadow straddles, or else any neighbouring lane, or ""."""
         number = self._roads.lane_of_id(shadow.lane)
         left, right = int(self._roads.left[number]), int(self._roads.right[number])
@@ -339,7 +320,7 @@ class SumoShadows:
         beside = self._roads.left if offset > 0 else self._roads.right
         return (1 if offset > 0 else -1) if beside[lane] >= 0 else 0
 
-    def _extend_route(self, shadow: _Shadow, lane: str) -> None:
+    def _extend_route(self, shadow: Shadow, lane: str) -> None:
         """Give a shadow that is new on a lane a route across the next junction."""
         if lane.startswith(":"):
             return
@@ -361,7 +342,7 @@ class SumoShadows:
             self._next_edges[lane] = [link[0].rpartition("_")[0] for link in (straight or list(links))[:1]]
         return self._next_edges[lane]
 
-    def _restore_route(self, shadow: _Shadow) -> None:
+    def _restore_route(self, shadow: Shadow) -> None:
         """Set the route of a vehicle to its destination: its planned route, or else the fastest one."""
         if not shadow.route:
             return

@@ -16,11 +16,13 @@ from smarts.errors import TrafficError
 from smarts.geometry.binding import bind
 from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
+from smarts.providers.sumo_gate import SumoGate
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_rows import centre_of, fill_rows, next_unplanned
 from smarts.providers.sumo_shadows import SumoShadows
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.traffic import Signal, TrafficFiles
+from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
 from smarts.types.world import World
 
@@ -70,7 +72,7 @@ class SumoTraffic:
     A vehicle keeps its SUMO id until it leaves. When another provider becomes its owner, it is led as a
     shadow from the next step on; when SUMO becomes its owner again, SUMO drives it from its current pose and
     speed. A vehicle that another provider admits is added to SUMO, and one that another provider dismisses is
-    removed. A vehicle that is handed to SUMO off all lanes leaves the world (`can_accept` predicts this).
+    removed. A vehicle that is handed to SUMO off all lanes leaves the world (`can_accept` refuses this).
     SUMO's drivers expect another provider's vehicle to follow its `route`.
 
     At the vehicle limit, SUMO delays departures until a vehicle has left (`is_full`), so an episode depends
@@ -102,6 +104,7 @@ class SumoTraffic:
         self._states = states = world.vehicles.of(row)
         self._library = SumoLibrary(library)
         self._shadows = SumoShadows(self._library, states)
+        self._gate = SumoGate(self._library, world, row)
         self._ids: dict[int, str] = {}
         self._driven: dict[str, int] = {}
         self._kept_clear: list[int] = []
@@ -127,6 +130,7 @@ class SumoTraffic:
         self._has_begun = False
         self._roads, states = roads, self._states
         self._shadows.reset(roads)
+        self._gate.reset(roads)
         self._ids.clear()
         self._driven.clear()
         self._limit = states.capacity if limit is None else limit
@@ -164,12 +168,12 @@ class SumoTraffic:
         # Entering vehicles are shadows in this step; SUMO drives them from the next step on.
         self._take_snapshot(entering)
 
-    def can_accept(self, slot: int) -> bool:
-        """Return whether SUMO can take over another provider's vehicle: it must be on a lane."""
+    def can_accept(self, slot: int) -> Refusal:
+        """Return whether SUMO can take over another provider's vehicle without a jump; see `SumoGate`."""
         if slot not in self._shadows:
-            return True
+            return Refusal.NONE
         with self._library.errors("failed to read a position"):
-            return bool(self._library.vehicle.getLaneID(self._ids[slot]))
+            return self._gate.refusal(slot, self._shadows[slot])
 
     def route(self, slot: int) -> tuple[str, ...]:
         """Return the remaining edges of a vehicle's route in SUMO, the current one first."""
@@ -261,8 +265,13 @@ class SumoTraffic:
     def _lead_shadow(self, slot: int, *, is_rerouted: bool) -> None:
         """Lead a slot's vehicle as a shadow, with the route in its row if another provider has changed it."""
         if slot not in self._shadows:
-            del self._driven[self._ids[slot]]
-            self._shadows.take_over(slot, self._ids[slot])
+            name = self._ids[slot]
+            del self._driven[name]
+            if self._shadows.is_changing_lanes(name):
+                self._ids[slot] = f"{name}-again-{self._world.step[self._row]}"
+                self._shadows.replace(slot, name, self._ids[slot])
+            else:
+                self._shadows.take_over(slot, name)
         if is_rerouted and (route := self._planned(slot)):
             self._shadows.set_route(slot, route)
 

@@ -14,6 +14,7 @@ from smarts.controllers import tracking
 from smarts.dynamics import MODELS, Box, Fleet, MotionError, SubstepDriver, vehicle
 from smarts.errors import ActionError, SmartsError
 from smarts.geometry.binding import LateBound, bind
+from smarts.providers.gates import NEAR, SOON, find_too_close
 from smarts.providers.vehicle_kernels import (
     NOWHERE,
     AgentGroups,
@@ -34,6 +35,7 @@ from smarts.types.world import World
 SUBSTEPS = 10
 TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.TRAILER}
 """Vehicle type of `smarts.dynamics` of each kind; trailers have none."""
+_IS_DRIVABLE = np.array([kind in TYPES for kind in VehicleKind])
 
 
 class FleetVehicles:
@@ -93,6 +95,7 @@ class FleetVehicles:
         )
         self._place = LateBound(place_vehicles, state, self._tracks, self._groups)
         self._find_touchable = bind(find_touchable, state, motion, self._groups, self._boxed)
+        self._find_too_close = bind(find_too_close, world.vehicles)
         self._driver: tuple[Commands, SubstepDriver] | None = None
 
     def reset(self, env_mask: Bools) -> None:
@@ -152,14 +155,19 @@ class FleetVehicles:
         return (*self._tracks, *kept)
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
-        """Return for each vehicle whether an agent can drive it, as a `Refusal`, shape (N,).
+        """Return for each vehicle whether an agent can drive it from now on, as a `Refusal`, shape (N,).
+
+        KIND: there is no model of such vehicles. TOO_CLOSE: another vehicle is within `NEAR`, now or `SOON`.
 
         Args:
             rows: Simulation of each vehicle, shape (N,).
             slots: Slot of each vehicle, shape (N,).
         """
-        can_drive = np.isin(self._world.vehicles.kind[rows, slots], [int(kind) for kind in TYPES])
-        return np.where(can_drive, Refusal.NONE, Refusal.KIND).astype(np.int8)
+        found = np.zeros(len(rows), np.bool_)
+        self._find_too_close(rows, slots, NEAR, SOON, found)
+        answers = np.where(found, Refusal.TOO_CLOSE, Refusal.NONE)
+        answers[~_IS_DRIVABLE[self._world.vehicles.kind[rows, slots]]] = Refusal.KIND
+        return answers.astype(np.int8)
 
     def close(self) -> None:
         """Free Bullet's worlds."""

@@ -12,11 +12,11 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.pooled import PooledAgents, merge_pools
 from smarts.agents.rules import agent_rules, alive_rules
+from smarts.agents.social import NO_CAST, Cast, SocialPolicy
 from smarts.arrays import Bools
 from smarts.controllers import action_format
 from smarts.controllers.action_masks import ActionMasker
 from smarts.controllers.set import ControllerSet
-from smarts.dynamics import vehicle
 from smarts.errors import SmartsError
 from smarts.providers.traffic_engine import TrafficEngine
 from smarts.providers.traffic_engines import traffic_of
@@ -27,23 +27,25 @@ from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
 from smarts.sensors.suite import SensorSuite
 from smarts.sim.agent_pool import AgentPool
+from smarts.sim.bubble_rules import BubbleRules
 from smarts.sim.contacts import FootprintContacts
 from smarts.sim.entries import Entries
-from smarts.sim.events import AgentEvents
+from smarts.sim.events import AgentEvents, LearningInBubbles
 from smarts.sim.interest import interest_of
 from smarts.sim.manoeuvres import Manoeuvres
 from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
 from smarts.sim.schedule import Schedule
 from smarts.sim.simulation import Simulation, Stages
-from smarts.sim.starts import Shape
+from smarts.sim.stages import NoBubbles
+from smarts.sim.starts import shape_of
 from smarts.sim.transfer_rules import HandoverRules
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import Actions
 from smarts.types.agent_states import agent_names
 from smarts.types.frame import Frame
 from smarts.types.interface import AgentRules
-from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
 if TYPE_CHECKING:
@@ -111,6 +113,10 @@ class Assembly:
     """Carries out transfers of vehicles between owners."""
     recorder: EpisodeRecorder | None
     """Takes annotations of the episodes that are recorded; None if none are."""
+    policies: tuple[SocialPolicy, ...] = ()
+    """Of the social agents, by number."""
+    learns_in_bubbles: bool = False
+    """Whether the egos' columns are a pool of agents that drive the vehicles in bubbles."""
 
 
 class NoRecorder:
@@ -141,6 +147,7 @@ def assemble(
     *,
     agents: Sequence[str] = (),
     pool: Sequence[PooledAgents] = (),
+    cast: Cast = NO_CAST,
     looked_at: Mapping[int, Collection[str]] | None = None,
     worlds: int = 1,
     seed: int = 42,
@@ -154,6 +161,8 @@ def assemble(
         agents: The egos' names; by default `agent_names`.
         pool: Room for agents that come and go: social agents, and agents that take vehicles over. Their
             columns are behind the egos', vacant until an agent enters. Entries of one interface are merged.
+        cast: The social policies. With them, the scenarios' social agents and bubbles take part, and the pool
+            has room for them before its other entries.
         looked_at: Names of the sensors that are read, by agent_id: the others are not observed. An agent that
             is missing has all of its sensors observed.
         worlds: B.
@@ -165,15 +174,20 @@ def assemble(
         InterfaceError: The names do not fit the interfaces, or the pool is no sequence of `PooledAgents`.
         UnknownNameError: There is no such traffic engine.
     """
-    options, merged = options or Options(), merge_pools(pool)
+    options = options or Options()
     names = _names(agents, len(interfaces))
-    shapes = [_shape(interface) for interface in interfaces]
+    shapes = [shape_of(interface) for interface in interfaces]
     engine = options.traffic_engine
-    schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=engine)
+    schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=engine, cast=cast)
+    merged = merge_pools([*_pool_of(cast, schedule), *merge_pools(pool)])
     every = [*interfaces, *(each.interface for each in merged for _ in range(each.capacity))]
     scene = _scene(schedule, worlds, len(interfaces), len(every), options)
     agent_pool = AgentPool(
-        scene.world, scene.routes, [each.interface for each in merged], [each.capacity for each in merged]
+        scene.world,
+        scene.routes,
+        [each.interface for each in merged],
+        [each.capacity for each in merged],
+        pools_egos=cast.learning is not None,
     )
     with ExitStack() as on_failure:
         vehicles = _vehicles(scene, every, schedule, options)
@@ -181,10 +195,18 @@ def assemble(
         traffic = traffic_of(schedule.engines, scene.world, schedule.maps)
         on_failure.callback(traffic.close)
         parts = _assemble(
-            scene, every, names, schedule, agent_pool, vehicles, traffic, options, looked_at or {}
+            scene, every, names, schedule, agent_pool, vehicles, traffic, options, looked_at or {}, cast
         )
         on_failure.pop_all()
     return parts
+
+
+def _pool_of(cast: Cast, schedule: Schedule) -> list[PooledAgents]:
+    """Return room for the social agents, by the number of their interface."""
+    rooms = zip(*schedule.rooms, strict=True)
+    return [
+        PooledAgents(interface, max(1, *room)) for interface, room in zip(cast.interfaces, rooms, strict=True)
+    ]
 
 
 def _scene(schedule: Schedule, worlds: int, egos: int, agents: int, options: Options) -> Scene:
@@ -226,18 +248,21 @@ def _assemble(
     traffic: TrafficEngine,
     options: Options,
     looked_at: Mapping[int, Collection[str]],
+    cast: Cast,
 ) -> Assembly:
     world, rules = scene.world, agent_rules(interfaces, options.dt)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles}, pool)
     entries = Entries(world, ownership, scene.routes, pool)
-    recorder = _recorder(scene, pool, options)
+    recorder = _recorder(scene, pool, options, [policy.name for policy in cast.policies])
+    looked_at = {**looked_at, **_unread(cast, pool)}
     controllers = ControllerSet(scene, rules.action.tolist(), schedule.speeds)
     alive, interest = (
         alive_rules(interfaces, names, world.egos),
         interest_of(world, interfaces, schedule, entries),
     )
     contacts = FootprintContacts(world)
-    events = AgentEvents(scene, rules, alive, interest, entries.coming)
+    bubbles = BubbleRules(world, scene.routes, pool, vehicles.can_accept) if schedule.has_bubbles else None
+    events = AgentEvents(scene, rules, alive, interest, entries.coming, _learning(cast, bubbles, options))
     sensors = SensorSuite(scene, interfaces, looked_at)
     stages = Stages(
         ownership=ownership,
@@ -251,13 +276,39 @@ def _assemble(
         transfer_rules=HandoverRules(world, entries, pool, vehicles.can_accept),
         sensors=sensors,
         recorder=recorder or NoRecorder(),
+        bubbles=bubbles or NoBubbles(),
     )
     actions = _actions(rules, world.worlds, options)
     for columns in (actions, controllers.columns, vehicles.columns, contacts.contacts, events.columns):
         pool.clear_with(columns)
     pool.clear_readings_with(sensors.readings)
     simulation = Simulation(world, stages)
-    return Assembly(simulation, schedule, scene, rules, actions, pool, ownership, recorder)
+    return Assembly(
+        simulation,
+        schedule,
+        scene,
+        rules,
+        actions,
+        pool,
+        ownership,
+        recorder,
+        cast.policies,
+        cast.learning is not None,
+    )
+
+
+def _learning(cast: Cast, bubbles: BubbleRules | None, options: Options) -> LearningInBubbles | None:
+    if cast.learning is None or bubbles is None:
+        return None
+    return LearningInBubbles(bubbles, max(1, round(cast.learning.episode_time / options.dt)))
+
+
+def _unread(cast: Cast, pool: AgentPool) -> dict[int, Collection[str]]:
+    """Return the columns whose agents all observe by features, which read no sensor."""
+    reads = {policy.interface for policy in cast.policies if policy.observation is None}
+    numbers = {policy.interface for policy in cast.policies} - reads
+    columns = (pool.columns(number) for number in sorted(numbers))
+    return {agent_id: () for part in columns for agent_id in range(part.start, part.stop)}
 
 
 def _names(agents: Sequence[str], egos: int) -> tuple[str, ...]:
@@ -271,12 +322,6 @@ def _names(agents: Sequence[str], egos: int) -> tuple[str, ...]:
     return names
 
 
-def _shape(interface: AgentInterface) -> Shape:
-    kind = interface.vehicle_kind
-    parameters = vehicle(VehicleKind(kind).name.lower())
-    return Shape(kind, parameters.length, parameters.width)
-
-
 def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
     has_paths = any(action_format(int(kind)).has_path for kind in rules.action)
     actions = Actions.allocate(worlds, len(rules.action), options.path if has_paths else 0)
@@ -284,10 +329,12 @@ def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
     return actions
 
 
-def _recorder(scene: Scene, pool: AgentPool, options: Options) -> EpisodeRecorder | None:
+def _recorder(
+    scene: Scene, pool: AgentPool, options: Options, policies: Sequence[str]
+) -> EpisodeRecorder | None:
     if options.record is None:
         return None
     # Only recording runs wait for pyarrow.
     from smarts.sim.recorder import EpisodeRecorder
 
-    return EpisodeRecorder(scene, Path(options.record), pool)
+    return EpisodeRecorder(scene, Path(options.record), pool, policies)

@@ -41,6 +41,9 @@ class Entries:
         """Numbers of the agents that have yet to enter, by simulation."""
         self.coming = np.zeros(worlds, np.int32)
         """How many of them get their column when they enter, shape (B,)."""
+        self.crowded_out = np.zeros(worlds, np.int32)
+        """How many agents of the present episode have found no free vehicle slot, shape (B,)."""
+        self._crowded: list[set[int]] = [set() for _ in range(worlds)]
         self._world, self._ownership = world, ownership
         self._routes, self._pool = routes, pool
 
@@ -51,11 +54,13 @@ class Entries:
             ScenarioError: The run has no room for an agent; see `AgentPool.begin`.
         """
         self.episodes[row] = start
+        self.crowded_out[row] = 0
+        self._crowded[row].clear()
         self._pool.begin(row, start)
         waiting = [
             number
             for number, agent in enumerate(start.agents)
-            if agent.entry_time > 0 or agent.take_over or self._admit(row, number, agent) is None
+            if agent.entry_time > 0 or agent.take_over or not self._enters_at_once(row, number, agent)
         ]
         self._wait(row, waiting)
 
@@ -104,8 +109,22 @@ class Entries:
         self._clear_around(row, slot)
         return True
 
+    def _enters_at_once(self, row: int, number: int, start: AgentStart) -> bool:
+        """Let an agent in at a reset; return whether it is in. An agent that is no ego needs a free place."""
+        if start.interface != UNSET and self._is_occupied(row, start):
+            return False
+        return self._admit(row, number, start) is not None
+
     def _admit(self, row: int, number: int, start: AgentStart) -> int | None:
-        """Put an agent's vehicle at its start and return its slot, None if no column is free."""
+        """Put an agent's vehicle at its start and return its slot, None if no column or no slot is free.
+
+        Raises:
+            TrafficError: No slot is free for an ego.
+        """
+        if start.interface != UNSET and self._world.vehicles.alive[row].all():
+            self.crowded_out[row] += number not in self._crowded[row]
+            self._crowded[row].add(number)
+            return None
         agent_id = self._pool.column(row, number)
         if agent_id == UNSET:
             agent_id = self._pool.take(row, number)

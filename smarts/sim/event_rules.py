@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from smarts.controllers.lane_path import place_on_lane
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.lane_ways import place_on_lane
 from smarts.roads.lights import light_ahead
 from smarts.sim.places import STANDING, corridor_row, lane_of
 from smarts.sim.yielding import yields_to_stream

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smarts.controllers.lane_path import place_on_lane
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads
+from smarts.roads.lane_ways import place_on_lane
 from smarts.sim.places import distance_between
 from smarts.types.world import State
 

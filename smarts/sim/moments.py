@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from smarts.agents.interface import AgentInterface
 from smarts.errors import ScenarioError
@@ -21,6 +23,8 @@ class Moment:
     states: VehicleStates
     egos: Sequence[int] = ()
     """Slot of the vehicle on each mission, -1 where no ego has entered."""
+    names: Mapping[str, int] = field(default_factory=dict)
+    """Slot of each vehicle by its public name; empty if names are not known."""
 
 
 def reset_moment(
@@ -68,6 +72,9 @@ def _reset(played: BuiltScenario, egos: int, seconds: float, seed: int) -> Momen
         for agent_id, mission in enumerate(parts.schedule.combination(0, 0).plan.missions):
             number = next(n for n, each in enumerate(missions) if each == mission and slots[n] < 0)
             slots[number] = int(world.agents.slot[0, agent_id])
-        return Moment(VehicleStates._make(columns), slots)
+        names = {
+            world.registry.name(0, slot): slot for slot in np.flatnonzero(world.vehicles.alive[0]).tolist()
+        }
+        return Moment(VehicleStates._make(columns), slots, names)
     finally:
         parts.simulation.close()

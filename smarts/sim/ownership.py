@@ -7,7 +7,7 @@ hand-over is a write to one row: pose and speed stay as they are, and providers 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from smarts.sim.leaving import begin_leaving, drop_vanished, note_collisions
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart
 from smarts.types.events import Contacts
-from smarts.types.transfers import NO_TRANSFERS, Departure, Reason, Refusal, Transfers
+from smarts.types.transfers import NO_TRANSFERS, CarriedOut, Departure, Reason, Refusal, Transfers
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
@@ -29,6 +29,23 @@ class Driver(Protocol):
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """Return each vehicle's `Refusal` to be taken as it is; changes nothing."""
         ...
+
+
+class _Refused(NamedTuple):
+    """How often a vehicle was refused to change hands."""
+
+    steps: int
+    last: int
+    seen: int
+    """Bit k: by `Refusal` k."""
+
+
+_NEVER = _Refused(0, Refusal.NONE, 0)
+
+
+def _key(transfer: Any) -> tuple[int, int, int]:
+    """Return which vehicle a transfer is about, and why it changes hands."""
+    return int(transfer["slot"]), int(transfer["generation"]), int(transfer["reason"])
 
 
 class Ownership:
@@ -56,7 +73,9 @@ class Ownership:
         """How many steps they were refused in all, shape (B, R)."""
         self.departed: Ints = np.zeros((worlds, len(Departure)), np.int32)
         """How many agents' vehicles have left in the present episode, by `Departure`, shape (B, D)."""
-        self._refused: list[set[tuple[int, ...]]] = [set() for _ in range(worlds)]
+        self.carried_out: list[CarriedOut] = []
+        """What the last call of `apply` has carried out."""
+        self._refused: list[dict[tuple[int, int, int], _Refused]] = [{} for _ in range(worlds)]
         self._begin_leaving = bind(begin_leaving, world.state)
         self._drop_vanished = bind(drop_vanished, world.state)
         self._note_collisions = LateBound(note_collisions, world.state)
@@ -110,6 +129,7 @@ class Ownership:
             env_mask: The simulations, shape (B,).
             fresh: Which agents have just acted (`Actions.fresh`), shape (B, A); None: all.
         """
+        self.carried_out = []
         refused = self._apply_pending(env_mask, fresh) if len(self._queue) else ()
         self._begin_leaving(env_mask)
         return refused
@@ -125,16 +145,19 @@ class Ownership:
             if refusal != Refusal.NONE:
                 self._count(transfer, refusal)
                 refused.append(transfer)
+                continue
+            before = self._refused[int(transfer["row"])].pop(_key(transfer), _NEVER)
+            self.carried_out.append(CarriedOut(transfer, before.steps, before.last))
         return refused
 
     def _count(self, transfer: Any, refusal: int) -> None:
         """Count a refusal."""
         row = int(transfer["row"])
-        key = (int(transfer["slot"]), int(transfer["generation"]), int(transfer["reason"]), refusal)
+        before = self._refused[row].get(_key(transfer), _NEVER)
         self.refused_steps[row, refusal] += 1
-        if key not in self._refused[row]:
-            self._refused[row].add(key)
+        if not before.seen >> refusal & 1:
             self.refused[row, refusal] += 1
+        self._refused[row][_key(transfer)] = _Refused(before.steps + 1, refusal, before.seen | 1 << refusal)
 
     def _answers(self, pending: Transfers, fresh: Bools | None) -> Bytes:
         """Return the gates' answers to transfers, shape (T,); each new owner is asked once."""

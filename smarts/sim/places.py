@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-from smarts.controllers.lane_path import place_on_lane
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import find_row, lane_length
+from smarts.roads.lane_ways import place_on_lane
 from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State
 

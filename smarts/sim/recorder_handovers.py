@@ -64,8 +64,9 @@ class HandoverNotes:
         if to_agent != UNSET:
             to_number = int(numbers[to_agent])
         vehicle = (int(transfer[name]) for name in ("slot", "generation", "from_owner", "to_owner"))
-        refused = carried_out.refusals, int(carried_out.last_refusal)
-        self.transfers.append((step, *vehicle, from_number, to_number, int(transfer["reason"]), *refused))
+        refused = int(carried_out.refusals), int(carried_out.last_refusal)
+        why = int(transfer["reason"]), *refused, int(transfer["departure"])
+        self.transfers.append((step, *vehicle, from_number, to_number, *why))
 
     def take_poses(self, step: int, row: int, count: int, states: BubbleStates) -> None:
         """Note the poses of a simulation's bubbles that have changed, all of them at the reset."""

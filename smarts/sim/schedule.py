@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from smarts.agents.social import NO_CAST, Cast
+from smarts.bubbles.placing import Driver, agent_actor, columns_needed, place_bubbles
 from smarts.errors import ScenarioError
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.lane_graph import LaneGraph
+from smarts.sim.social_starts import Role, draw_social_starts, roles_of, room_of, wanted_by
 from smarts.sim.starts import Shape, draw_starts
+from smarts.sstudio import sstypes as t
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import EpisodePlan
 from smarts.sstudio.sstypes.scenario import ScenarioMetadataFields
 from smarts.sstudio.sstypes.zone import RoadSurfacePatch
+from smarts.types.agent_states import UNSET
+from smarts.types.bubbles import PlacedBubble
 from smarts.types.episode import EpisodeStart
 from smarts.types.streams import Purpose, check_seed, stream, traffic_seed
 from smarts.types.traffic import DEFAULT_ENGINE, TRAFFIC_ENGINES
@@ -88,6 +95,7 @@ class Schedule:
         shapes: The egos' vehicles, by default cars.
         seed: Of the run.
         engine: One of `TRAFFIC_ENGINES`; by default the one that each scenario names.
+        cast: The social policies; without any, scenarios' social agents and bubbles have no effect.
 
     Raises:
         ScenarioError: There is no scenario, or one has fewer missions than there are egos.
@@ -101,6 +109,7 @@ class Schedule:
         shapes: Sequence[Shape] | None = None,
         seed: int = 42,
         engine: str | None = None,
+        cast: Cast = NO_CAST,
     ) -> None:
         if not scenarios:
             raise ScenarioError("there is no scenario to play", remedy="name at least one")
@@ -116,20 +125,36 @@ class Schedule:
         """Where each map has another friction than a dry road."""
         self.speeds = np.array([speed for _, _, speed in unique])
         """The largest speed of the discrete lane actions on each map [m/s]."""
+        # Agents that learn in bubbles have no missions.
+        self._egos = () if cast.learning else self.agents
+        missions = len(self._egos)
         self.combinations = tuple(
             combination
             for built, ground in zip(scenarios, grounds, strict=True)
-            for combination in _combinations(built, unique.index(ground), len(self.agents), engine)
+            for combination in _combinations(built, unique.index(ground), missions, engine)
         )
         """All combinations, in the order of the scenarios."""
         self.interests = _interests(scenarios)
         """Pattern of the names of the vehicles that each scenario marks, "" for none."""
         self._limits = {built.name: vehicle_limit(built) for built in scenarios}
+        self._cast = cast
+        self._bubbles = {built.name: self._placed(built) for built in scenarios}
+        self._rooms = {built.name: self._room(built) for built in scenarios}
 
     @property
     def limit(self) -> int:
         """The most vehicles of traffic in any scenario."""
         return max(self._limits.values())
+
+    @property
+    def rooms(self) -> tuple[tuple[int, ...], ...]:
+        """The most social agents of each interface in each scenario."""
+        return tuple(self._rooms.values())
+
+    @property
+    def has_bubbles(self) -> bool:
+        """Whether a scenario has bubbles in which agents drive."""
+        return any(self._bubbles.values())
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -139,8 +164,9 @@ class Schedule:
     @property
     def vias(self) -> int:
         """The most via points of any mission."""
-        missions = (mission for each in self.combinations for mission in each.plan.missions)
-        return max((len(mission.via) for mission in missions), default=0)
+        egos = (mission for each in self.combinations for mission in each.plan.missions)
+        others = (role.mission for each in self.combinations for role in self._roles(each))
+        return max((len(mission.via) for mission in itertools.chain(egos, others)), default=0)
 
     def combination(self, world: int, episode: int, seed: int | None = None) -> Combination:
         """Return what a simulation of the run plays in an episode."""
@@ -159,6 +185,11 @@ class Schedule:
         chosen = self.combination(world, episode, seed)
         built, plan = chosen.built, chosen.plan
         generator = stream(seed, Purpose.STARTS, world=world, episode=episode)
+        shapes = self._shapes[: len(self._egos)]
+        egos = draw_starts(built, plan.missions, self._egos, shapes, generator)
+        # Of its own: social agents change nothing of the egos.
+        generator = stream(seed, Purpose.SOCIAL, world=world, episode=episode)
+        others = draw_social_starts(built, self._roles(chosen), egos, self._cast.policies, generator)
         return EpisodeStart(
             seed=seed,
             world=world,
@@ -168,7 +199,37 @@ class Schedule:
             traffic=built.traffic_files(plan.traffic),
             traffic_name=plan.traffic,
             traffic_seed=traffic_seed(seed, world=world, episode=episode),
-            limit=self._limits[built.name] + len(self.agents),
-            agents=draw_starts(built, plan.missions, self.agents, self._shapes, generator),
+            limit=self._limits[built.name] + len(self._egos),
+            agents=(*egos, *others),
             engine=chosen.engine,
+            bubbles=self._bubbles[built.name],
+            room=self._rooms[built.name] if self._cast.policies else None,
         )
+
+    def _roles(self, chosen: Combination) -> tuple[Role, ...]:
+        return roles_of(chosen.plan, self._cast, chosen.built.name)
+
+    def _placed(self, built: BuiltScenario) -> tuple[PlacedBubble, ...]:
+        if not self._cast or not built.scenario.bubbles:
+            return ()
+        return place_bubbles(built.scenario.bubbles, built.roads(), self._driver_of, built.name)
+
+    def _driver_of(self, bubble: t.Bubble) -> Driver:
+        learning, actor = self._cast.learning, agent_actor(bubble)
+        if learning and learning.has(bubble.id):
+            return Driver(UNSET, UNSET)
+        assert actor is not None
+        number = self._cast.numbers[wanted_by(actor)]
+        policy = self._cast.policies[number]
+        return Driver(number, policy.interface, policy.period)
+
+    def _room(self, built: BuiltScenario) -> tuple[int, ...]:
+        """Return the most social agents of each interface in a scenario."""
+        plans = [self._roles(each) for each in self.combinations if each.built.name == built.name]
+        bubbles = [
+            (self._driver_of(bubble).policy, columns_needed(bubble))
+            for bubble in built.scenario.bubbles or ()
+            if self._bubbles[built.name] and agent_actor(bubble)
+        ]
+        bubbles = [each for each in bubbles if each[0] != UNSET]
+        return room_of(plans, bubbles, self._cast)

@@ -92,13 +92,20 @@ class Simulation:
         self._nobody = np.zeros(world.agents.slot.shape, np.bool_)
         self._see = bind(find_seen, world.state, world.egos)
 
-    def step(self, actions: Actions, env_mask: Bools, observe_mask: Bools) -> Frame:
+    def step(
+        self,
+        actions: Actions,
+        env_mask: Bools,
+        observe_mask: Bools,
+        social_failures: Mapping[tuple[int, int], str] | None = None,
+    ) -> Frame:
         """Advance some simulations by `dt`; the order of these lines is the contract.
 
         Args:
             actions: Of all agents.
             env_mask: Which simulations make the step, shape (B,).
             observe_mask: Which agents are to be observed, shape (B, A); those whose agent is done always are.
+            social_failures: See `Frame`.
 
         Returns:
             What happened. Where traffic failed, or a vehicle's command or motion is not finite, the frame's
@@ -131,7 +138,20 @@ class Simulation:
         self._propose(events, env_mask)
         seen = self._see(env_mask, observe_mask, events.just_done)
         readings = stages.sensors.observe(seen)
-        frame = Frame(world, env_mask, actions, commands, contacts, events, seen, readings, failures)
+        frame = Frame(
+            world,
+            env_mask,
+            actions,
+            commands,
+            contacts,
+            events,
+            seen,
+            readings,
+            failures,
+            transfers=stages.ownership.carried_out,
+            bubbles=stages.bubbles.states,
+            social_failures=social_failures or {},
+        )
         stages.recorder.record(frame)
         return frame
 
@@ -158,7 +178,18 @@ class Simulation:
         self._propose(events, rows)
         seen = self._see(rows, ~self._nobody, self._nobody)
         readings = stages.sensors.observe(seen)
-        frame = Frame(world, rows, None, None, contacts, events, seen, readings, starts=starts)
+        frame = Frame(
+            world,
+            rows,
+            None,
+            None,
+            contacts,
+            events,
+            seen,
+            readings,
+            starts=starts,
+            bubbles=stages.bubbles.states,
+        )
         stages.recorder.record(frame)
         return frame
 

@@ -13,6 +13,7 @@ from typing import Protocol
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import SmartsError
 from smarts.types.actions import Actions, Commands
+from smarts.types.bubbles import BubbleStates
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Contacts, Events
 from smarts.types.frame import Frame, Readings
@@ -88,6 +89,11 @@ class ContactFinder(Protocol):
 class Bubbles(Protocol):
     """Finds which vehicles are in bubbles; writes `release_step` and `next_due` of the agents in them."""
 
+    @property
+    def states(self) -> BubbleStates | None:
+        """Where the bubbles are; None: the run has none."""
+        ...
+
     def begin(self, row: int, start: EpisodeStart) -> None:
         """Begin an episode of one simulation."""
         ...
@@ -103,6 +109,8 @@ class Bubbles(Protocol):
 
 class NoBubbles:
     """Bubbles of a run without any."""
+
+    states: BubbleStates | None = None
 
     def begin(self, row: int, start: EpisodeStart) -> None:
         """Do nothing."""

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.agents.interface import AgentInterface
 from smarts.arrays import Floats
+from smarts.dynamics import vehicle
 from smarts.errors import MapError, ScenarioError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.roads.atlas import ROAD_LANES
@@ -54,6 +56,13 @@ class Shape:
     """[m]"""
     width: float = 1.8
     """[m]"""
+
+
+def shape_of(interface: AgentInterface) -> Shape:
+    """Return the vehicle of an agent."""
+    kind = interface.vehicle_kind
+    parameters = vehicle(VehicleKind(kind).name.lower())
+    return Shape(kind, parameters.length, parameters.width)
 
 
 def draw_starts(
@@ -99,13 +108,23 @@ def draw_starts(
 def _problem(starts: Sequence[AgentStart]) -> str:
     """Return why these starts are invalid, "" if they are valid."""
     for start in starts:
-        if start.mission.route and start.mission.route_length < LEAST_ROUTE:
+        if not is_ahead(start):
             return f"the goal of {start.name!r} is not ahead of its start"
-    here = [start for start in starts if start.entry_time <= 0 and not start.take_over]
-    for first, second in itertools.combinations(here, 2):
-        if boxes_overlap(*_box(first), *_box(second)).any():
+    for first, second in itertools.combinations(starts, 2):
+        if overlap(first, second):
             return f"the starts of {first.name!r} and {second.name!r} overlap"
     return ""
+
+
+def is_ahead(start: AgentStart) -> bool:
+    """Return whether an agent's goal is ahead of its start."""
+    return not start.mission.route or start.mission.route_length >= LEAST_ROUTE
+
+
+def overlap(first: AgentStart, second: AgentStart) -> bool:
+    """Return whether two agents' vehicles overlap when the episode begins."""
+    are_there = all(start.entry_time <= 0 and not start.take_over for start in (first, second))
+    return are_there and bool(boxes_overlap(*_box(first), *_box(second)).any())
 
 
 def _box(start: AgentStart) -> tuple[NDArray, NDArray, NDArray]:

@@ -33,7 +33,7 @@ OFF_LANES_TIME = 5.0
 STANDING = 0.5
 """Below this speed a vehicle stands [m/s]."""
 AT_END = 2.0
-"""Distance of a standing vehicle's front to the end of a lane that leads nowhere, to have arrived [m]."""
+"""Distance of a vehicle's front to the end of a lane that leads nowhere, to have arrived [m]."""
 
 
 class HandoverRules:
@@ -107,11 +107,10 @@ class HandoverRules:
         waited = 0.0 if is_done else float(world.step[row] - agents.release_step[row, agent_id]) * world.dt
         if self._is_harmed(row, agent_id):
             return Departure.COLLISION if waited >= stays - 1e-9 else Departure.NONE
-        if is_done or abs(world.vehicles.speed[row, slot]) > STANDING:
-            return Departure.NONE
-        if not agents.on_road[row, agent_id]:
-            return Departure.OFF_LANES if waited >= max(stays, OFF_LANES_TIME) - 1e-9 else Departure.NONE
-        return Departure.ARRIVED if self._is_at_end(row, slot) else Departure.NONE
+        if self._is_at_end(row, slot):
+            return Departure.ARRIVED
+        is_off = not (is_done or agents.on_road[row, agent_id] or world.vehicles.speed[row, slot] > STANDING)
+        return Departure.OFF_LANES if is_off and waited >= max(stays, OFF_LANES_TIME) else Departure.NONE
 
     def _is_at_end(self, row: int, slot: int) -> bool:
         """Return whether a vehicle's front is at the end of a lane that leads nowhere."""

@@ -15,6 +15,16 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class SocialRole:
+    """A social agent of an episode, as the scenario describes it."""
+
+    name: str
+    """Of the agent, such as "social-agent-buses-driver"."""
+    actor: t.SocialAgentActor
+    mission: t.AnyMission
+
+
+@dataclass(frozen=True)
 class EpisodePlan:
     """Traffic and missions of one episode."""
 
@@ -22,6 +32,9 @@ class EpisodePlan:
     """The variation of the traffic; None where the scenario has none."""
     missions: tuple[t.AnyMission, ...]
     """One mission for each ego."""
+    spare: tuple[t.AnyMission, ...] = ()
+    """The missions that the egos leave, beginning behind theirs; none where egos have random routes."""
+    social: tuple[SocialRole, ...] = ()
 
 
 def episode_plans(
@@ -34,9 +47,9 @@ def episode_plans(
 ) -> tuple[EpisodePlan, ...]:
     """Return every variation of the traffic with every set of missions; episodes cycle through them.
 
-    With as many missions as egos there is one set. With fewer egos, sets of that many follow each other
-    through the missions, round to the first if need be, until each mission has been in one. Without
-    missions, every ego gets a random route.
+    Where groups of social agents take turns, each of these comes with every turn. With as many missions as
+    egos there is one set. With fewer egos, sets of that many follow each other through the missions, round to
+    the first if need be, until each mission has been in one. Without missions, every ego gets a random route.
 
     Args:
         scenario: The scenario.
@@ -48,9 +61,18 @@ def episode_plans(
     Raises:
         ScenarioError: There are more egos than missions.
     """
+    missions = expand(scenario.ego_missions or ())
     sets = mission_sets(scenario.ego_missions or (), egos, place)
+    left = max(0, len(missions) - egos)
+    spares = [
+        tuple(missions[((first + 1) * egos + rank) % len(missions)] for rank in range(left))
+        for first in range(len(sets))
+    ]
     plans = [
-        EpisodePlan(name, missions) for name in traffic or scenario.traffic or (None,) for missions in sets
+        EpisodePlan(name, chosen, spare, social)
+        for name in traffic or scenario.traffic or (None,)
+        for chosen, spare in zip(sets, spares, strict=True)
+        for social in social_turns(scenario)
     ]
     order = range(len(plans)) if generator is None else generator.permutation(len(plans))
     return tuple(plans[index] for index in order)
@@ -70,6 +92,33 @@ def mission_sets(
     return tuple(
         tuple(missions[(first * egos + ego) % len(missions)] for ego in range(egos)) for first in range(count)
     )
+
+
+def social_turns(scenario: t.Scenario) -> tuple[tuple[SocialRole, ...], ...]:
+    """Return the social agents of each turn; see `Scenario.social_agent_missions`."""
+    groups = [_group_turns(name, *pair) for name, pair in (scenario.social_agent_missions or {}).items()]
+    turns = max((len(choices) for choices in groups), default=1)
+    return tuple(
+        tuple(role for choices in groups for role in choices[turn % len(choices)]) for turn in range(turns)
+    )
+
+
+def _group_turns(
+    group: str, actors: Sequence[t.SocialAgentActor], described: Sequence[t.AnyMission]
+) -> list[tuple[SocialRole, ...]]:
+    """Return the agents of one group in each of its turns."""
+    actors = [actors] if isinstance(actors, t.SocialAgentActor) else actors
+    missions = expand(described)
+
+    def role(actor: t.SocialAgentActor, mission: t.AnyMission | None = None) -> SocialRole:
+        name = t.Bubble.to_actor_id(actor, group)
+        return SocialRole(name, actor, t.Mission(t.RandomRoute(name)) if mission is None else mission)
+
+    if not missions:
+        return [(role(actor),) for actor in actors]
+    if len(actors) == len(missions):
+        return [tuple(map(role, actors, missions))]
+    return [(role(actor, mission),) for actor in actors for mission in missions]
 
 
 def check_egos(described: Sequence[t.AnyMission], egos: int, place: str = "") -> None:

@@ -95,3 +95,6 @@ class EpisodeStart:
     """Which of `TRAFFIC_ENGINES` drives the traffic."""
     bubbles: tuple[PlacedBubble, ...] = field(default=(), compare=False)
     """The scenario's bubbles on its map, in the order of its file."""
+    room: tuple[int, ...] | None = None
+    """The most agents of each interface of the pool at a time, by its number; None: as many as the run has
+    columns for. What other scenarios of the run need changes no episode."""

@@ -269,6 +269,7 @@ TRANSFERS = Table(
         Column("reason", "int8", "Reason"),
         Column("refusals", "int32", "steps in which it was refused before"),
         Column("last_refusal", "int8", "Refusal of the last of them, 0 for none"),
+        Column("departure", "int8", "Departure: why the vehicle left the simulation, 0 if it did not"),
     ),
     is_optional=True,
 )

@@ -57,5 +57,5 @@ class Frame:
     bubbles: BubbleStates | None = None
     """Where bubbles are; None: the run has none."""
     social_failures: Mapping[tuple[int, int], str] = field(default_factory=dict)
-    """What failed of social agents' policies, by row and number of the agent: in this step, the fallback
-    controller drove their vehicles."""
+    """Social agents that have failed before this step, by (row, number of the agent in its episode), and why:
+    the fallback controller drives their vehicles."""

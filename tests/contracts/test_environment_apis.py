@@ -31,6 +31,8 @@ PARTS = {
     "Block": {"agents", "observation", "action", "masked"},
 }
 """The fields that learners use, as in `algorithms.joint.env`; neither side imports the other."""
+MORE = {"VectorStep": {"social_failures"}}
+"""The fields that they do not use."""
 
 
 @pytest.fixture(params=SCENARIOS)
@@ -87,7 +89,7 @@ def test_vector_environments_have_the_learners_fields():
             if step.final is not None:
                 break
         parts = {"VectorStep": step, "Final": step.final, "Spaces": env.spaces, "Block": env.spaces.blocks[0]}
-        assert {name: set(part._fields) for name, part in parts.items()} == PARTS
+        assert {name: set(part._fields) - MORE.get(name, set()) for name, part in parts.items()} == PARTS
     finally:
         env.close()
 

@@ -114,13 +114,14 @@ class Scenario(Described):
     ego_missions: Sequence[AnyMission] | None = None
     """Missions of the learning agents: one agent cycles through them, several agents share them."""
     social_agent_missions: SocialMissions | None = None
-    """Groups of other agents and their missions, all present at once.
+    """Groups of other agents and their missions.
 
-    In a group of several actors and no mission, or of one actor and several missions, episodes take turns;
-    otherwise there are as many actors as missions. Actors' names are unique over all groups.
+    In a group of as many actors as missions all are present at once. In any other, episodes take turns with
+    the pairs of an actor and a mission, or, without missions, with the actors on random routes. Actors' names
+    are unique over all groups.
     """
     bubbles: Sequence[Bubble] | None = None
-    """Areas in which agents drive traffic vehicles. Where bubbles overlap, the first one takes a vehicle."""
+    """Areas in which agents take over traffic vehicles."""
     friction_maps: Sequence[RoadSurfacePatch] | None = None
     """Areas of different friction."""
     traffic_histories: Sequence[TrafficHistoryDataset | str] | None = None

@@ -17,6 +17,7 @@ from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import TakeOver
 from smarts.types.events import Outcome
+from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner
 from tests.raising import raises
 
@@ -225,7 +226,7 @@ def test_traffic_is_told_of_egos_before_the_first_step(three):
         engine = three.simulation._stages.traffic._simulations[row]
         for slot in np.flatnonzero(world.vehicles.owner[row] == Owner.AGENT).tolist():
             if start.traffic.warm_up:
-                assert engine.can_accept(slot)
+                assert engine.can_accept(slot) != Refusal.OFF_LANES
                 agent_id = int(np.flatnonzero(world.agents.slot[row] == slot)[0])
                 assert engine._shadows._shadows[slot].route == start.agents[agent_id].mission.route
     assert any(three.schedule.start(row, 0).traffic.warm_up for row in range(3))
@@ -283,7 +284,7 @@ def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, m
         parts.simulation.reset({0: waiting_for_traffic(parts, 0, patience=50.0)})
         assert world.agents.state[0].tolist() == [AgentStatus.WAITING, AgentStatus.ACTIVE]
         slot, before, name = -1, None, ""
-        for step in range(60):
+        for step in range(150):
             frame = parts.simulation.step(parts.actions, np.ones(1, np.bool_), everybody)
             assert not frame.failures
             vehicles, now = world.vehicles, int(world.agents.slot[0, 0])
@@ -303,10 +304,10 @@ def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, m
                 stages = parts.simulation._stages
                 transfers = stages.transfer_rules.propose(frame.events, np.ones(1, np.bool_))
                 stages.ownership.submit(transfers)
-            if step == 21:
-                assert world.vehicles.owner[0, slot] == Owner.TRAFFIC
+            if step > 20 and before is None and world.vehicles.owner[0, slot] == Owner.TRAFFIC:
                 before = world.vehicles.position[0, slot].copy()
         assert slot >= 0
+        assert before is not None
         assert world.agents.slot[0, 0] == -1
         if world.vehicles.alive[0, slot]:
             assert parts.scene.world.registry.name(0, slot) == name

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely import Polygon
 
-from smarts.envision.scenario_picture import footprints
+from smarts.envision.vehicle_shapes import footprints
 from smarts.sim.moments import reset_moment
 from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.build import build_scenario

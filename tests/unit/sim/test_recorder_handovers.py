@@ -114,10 +114,10 @@ def test_an_agent_ends_before_its_vehicle_is_released(episode):
 def test_transfers_name_vehicles_and_agents_even_if_the_column_has_another_at_once(episode):
     found = [tuple(row.values()) for row in rows(episode, "transfers")]
     assert found == [
-        (3, 1, 1, "first", TRAFFIC, TRAFFIC, -1, 1, Reason.SHADOW, 0, Refusal.NONE),
-        (6, 1, 1, "first", TRAFFIC, AGENT, 1, 1, Reason.TAKE, 2, Refusal.TOO_CLOSE),
-        (10, 1, 1, "first", AGENT, TRAFFIC, 1, -1, Reason.RELEASE, 1, Refusal.NONE),
-        (10, 2, 1, "second", TRAFFIC, AGENT, -1, 2, Reason.TAKE, 0, Refusal.NONE),
+        (3, 1, 1, "first", TRAFFIC, TRAFFIC, -1, 1, Reason.SHADOW, 0, Refusal.NONE, 0),
+        (6, 1, 1, "first", TRAFFIC, AGENT, 1, 1, Reason.TAKE, 2, Refusal.TOO_CLOSE, 0),
+        (10, 1, 1, "first", AGENT, TRAFFIC, 1, -1, Reason.RELEASE, 1, Refusal.NONE, 0),
+        (10, 2, 1, "second", TRAFFIC, AGENT, -1, 2, Reason.TAKE, 0, Refusal.NONE, 0),
     ]
 
 

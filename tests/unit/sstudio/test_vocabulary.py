@@ -54,7 +54,7 @@ ORDER = {
     ),
     "Bubble": (
         "zone actor margin limit exclusion_prefixes id follow_actor_id follow_offset keep_alive"
-        " follow_vehicle_id active_condition airlock_condition"
+        " follow_vehicle_id active_condition airlock_condition collision_time"
     ),
     "TrapEntryTactic": (
         "start_time wait_to_hijack_limit_s zone exclusion_prefixes default_entry_speed condition"

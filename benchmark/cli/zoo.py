@@ -1,0 +1,113 @@
+"""`smarts-bench zoo`: list, describe, test and add policies of road users."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from benchmark.cli.experiments import Import
+from smarts.errors import SmartsError
+
+app = typer.Typer(help="List, describe, test and add policies of road users.", no_args_is_help=True)
+
+Locator = Annotated[
+    str,
+    typer.Argument(
+        metavar="LOCATOR", help="A name such as idm-v0, or my_module:my-agent-v0.", show_default=False
+    ),
+]
+Options = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="Option of the agent, e.g. --set tau=2. Repeatable.", metavar="KEY=VALUE"),
+]
+COLUMNS = ("locator", "level", "author", "provenance")
+
+
+@app.command("list")
+def list_agents() -> None:
+    """List the agents that are known: of this project, of installed packages, and added ones."""
+    from smarts.zoo import entries
+
+    rows = [COLUMNS, *((e.locator, e.m_level, e.author, e.provenance) for e in entries())]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        typer.echo("  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip())
+
+
+@app.command()
+def describe(locator: Locator, import_: Import = None) -> None:
+    """Print what an agent does, how it sees and acts, and its options."""
+    from smarts.registry import import_own
+    from smarts.zoo import find_entry
+
+    import_own(import_ or ())
+    entry = find_entry(locator)
+    typer.echo(f"{locator}: {entry.description()}")
+    about = {
+        "author": entry.author,
+        "M-level": entry.m_level,
+        "provenance": entry.provenance,
+        "licence": entry.licence,
+    }
+    for name, text in about.items():
+        typer.echo(f"  {name}: {text or 'not said'}")
+    for name, default in entry.options().items():
+        typer.echo(f"  option {name}: {_shown(default)}")
+
+
+@app.command("test")
+def check_agent(
+    locator: Locator,
+    set_: Options = None,
+    scenario: Annotated[str, typer.Option(help="Scenario name or folder to drive in.")] = "loop",
+    import_: Import = None,
+) -> None:
+    """Test whether an agent keeps the contract of the zoo."""
+    from benchmark.running.zoo_contract import check_entry
+    from smarts.registry import import_own
+
+    import_own(import_ or ())
+    for line in check_entry(locator, options_of(set_ or []), scenario=scenario):
+        typer.echo(f"ok  {line}")
+
+
+@app.command()
+def add(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Folder whose __init__.py registers agents.")
+    ],
+) -> None:
+    """Add a folder's agents to the user's zoo, so that their names are known everywhere."""
+    from smarts.zoo.folders import zoo_file
+    from smarts.zoo.registry import add_folder
+
+    for entry in add_folder(folder):
+        typer.echo(f"added {entry.name} to {zoo_file()}")
+
+
+def options_of(given: list[str]) -> dict[str, Any]:
+    """Return options by name, from texts "KEY=VALUE" whose values are YAML.
+
+    Raises:
+        SmartsError: A text has another form.
+    """
+    import yaml
+
+    options = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name.isidentifier():
+            raise SmartsError(f"{text!r} is no option", place="--set", remedy="give KEY=VALUE, as tau=2")
+        try:
+            options[name] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise SmartsError(f"the value of {text!r} is no YAML", place="--set") from error
+    return options
+
+
+def _shown(default: Any) -> str:
+    import inspect
+
+    return "needed" if default is inspect.Parameter.empty else repr(default)

@@ -1,0 +1,43 @@
+"""Alias of `smarts.agents`."""
+
+from smarts.agents import (
+    OGM,
+    RGB,
+    Accelerometer,
+    AgentInterface,
+    AgentsAliveDoneCriteria,
+    AgentsListAlive,
+    AgentType,
+    DoneCriteria,
+    DrivableAreaGridMap,
+    EventConfiguration,
+    InterestDoneCriteria,
+    LanePositions,
+    Lidar,
+    NeighborhoodVehicles,
+    OcclusionMap,
+    RoadWaypoints,
+    Signals,
+    Waypoints,
+)
+
+__all__ = [
+    "OGM",
+    "RGB",
+    "Accelerometer",
+    "AgentInterface",
+    "AgentType",
+    "AgentsAliveDoneCriteria",
+    "AgentsListAlive",
+    "DoneCriteria",
+    "DrivableAreaGridMap",
+    "EventConfiguration",
+    "InterestDoneCriteria",
+    "LanePositions",
+    "Lidar",
+    "NeighborhoodVehicles",
+    "OcclusionMap",
+    "RoadWaypoints",
+    "Signals",
+    "Waypoints",
+]

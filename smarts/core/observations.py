@@ -1,0 +1,5 @@
+"""Alias of `smarts.sensors.observation`."""
+
+from smarts.sensors.observation import Observation
+
+__all__ = ["Observation"]

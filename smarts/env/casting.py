@@ -1,0 +1,214 @@
+"""Casting: finds the social policies that scenarios and an environment ask for, before the first step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+from smarts.agents.acting import built_agent
+from smarts.agents.interface import AgentInterface
+from smarts.agents.options import InterfaceError
+from smarts.agents.policy import LONGEST_DECISION, BatchAgent
+from smarts.agents.social import (
+    NO_CAST,
+    BubbleLearning,
+    Cast,
+    SocialAgents,
+    SocialPolicy,
+    Wanted,
+    distinct,
+    wanted,
+)
+from smarts.agents.spec import AgentSpec
+from smarts.bubbles.placing import agent_actor
+from smarts.errors import SmartsError, nearest_names
+from smarts.observations.lists import feature_list
+from smarts.sim.social_starts import wanted_by
+from smarts.sstudio import sstypes as t
+from smarts.sstudio.built import BuiltScenario
+from smarts.types.actions import ActionSpaceType
+from smarts.zoo import make_spec
+
+
+class Part(NamedTuple):
+    """What asks for a policy."""
+
+    name: str
+    """Of the policy, for errors and records."""
+    locator: str
+    options: Mapping[str, Any]
+    place: str
+    """For errors."""
+    boid: str = ""
+    keep_alive: bool = False
+
+
+@dataclass
+class Casting:
+    """Makes each distinct policy once."""
+
+    policies: list[SocialPolicy] = field(default_factory=list)
+    numbers: dict[Wanted, int] = field(default_factory=dict)
+
+    def add(self, part: Part) -> int:
+        """Return the number of a policy, which is made if it is not there yet.
+
+        Raises:
+            SmartsError: There is no such agent, or it cannot be made; names what asks for it.
+        """
+        key = wanted(part.locator, part.options, part.boid)
+        if key not in self.numbers:
+            self.numbers[key] = len(self.policies)
+            self.policies.append(_policy(part))
+        number = self.numbers[key]
+        if part.keep_alive:
+            self.policies[number] = replace(self.policies[number], keep_alive=True)
+        return number
+
+    def cast(self, extra: Iterable[tuple[int, int | str]]) -> Cast:
+        """Return the policies, their interfaces numbered in order of appearance."""
+        # The specs of all policies have an interface, see `_interface`.
+        interfaces = [_interface(policy.spec, policy.name) for policy in self.policies]
+        known = distinct(interfaces)
+        numbered = [
+            replace(policy, interface=known.index(interface))
+            for policy, interface in zip(self.policies, interfaces, strict=True)
+        ]
+        return Cast(tuple(numbered), self.numbers, tuple(extra))
+
+
+def cast_of(
+    scenarios: Sequence[BuiltScenario],
+    added: Sequence[SocialAgents] = (),
+    learning: BubbleLearning | None = None,
+) -> Cast:
+    """Return the social policies of a run.
+
+    Args:
+        scenarios: Their bubbles and social agents' missions ask for policies.
+        added: What the environment asks for.
+        learning: In which bubbles the learning agents drive.
+
+    Raises:
+        SmartsError: A locator or its arguments are unknown, or an agent cannot be made or does not act; or a
+            scenario has no bubble to learn in.
+    """
+    casting = Casting()
+    if learning:
+        _check_learning(scenarios, learning)
+    for built in scenarios:
+        for part in _parts(built, learning):
+            casting.add(part)
+    extra = [
+        (casting.add(Part(each.agent, each.agent, each.options, "social_agents")), each.count)
+        for each in added
+    ]
+    cast = casting.cast(extra) if casting.policies else NO_CAST
+    return replace(cast, learning=learning)
+
+
+def check_agent(locator: str, options: Mapping[str, Any]) -> None:
+    """Raise unless an agent of the zoo can be made and drive.
+
+    Raises:
+        SmartsError: It cannot; names the locator.
+    """
+    _policy(Part(locator, locator, options, ""))
+
+
+def _check_learning(scenarios: Sequence[BuiltScenario], learning: BubbleLearning) -> None:
+    """Raise unless every scenario has a bubble in which the learning agents drive, and every id is known."""
+    found = {
+        built.name: [bubble.id for bubble in built.scenario.bubbles or () if agent_actor(bubble)]
+        for built in scenarios
+    }
+    known = [*dict.fromkeys(bubble for ids in found.values() for bubble in ids)]
+    for bubble in learning.bubbles:
+        if bubble not in known:
+            raise InterfaceError(
+                f"there is no bubble {bubble!r}",
+                place="learn_in_bubbles",
+                remedy=nearest_names(bubble, known) if known else "use scenarios with bubbles",
+            )
+    for name, ids in found.items():
+        if not any(learning.has(bubble) for bubble in ids):
+            raise InterfaceError(
+                f"the scenario {name!r} has no bubble in which agents learn",
+                place="learn_in_bubbles",
+                remedy="use scenarios with bubbles, or name bubbles of each",
+            )
+
+
+def _parts(built: BuiltScenario, learning: BubbleLearning | None) -> Iterator[Part]:
+    scenario = built.scenario
+    for bubble in scenario.bubbles or ():
+        actor = agent_actor(bubble)
+        if actor is not None and not (learning and learning.has(bubble.id)):
+            place = f"{built.name}: bubble {bubble.id!r}"
+            yield _part(actor, place, keep_alive=bubble.keep_alive)
+    for group, (actors, _) in (scenario.social_agent_missions or {}).items():
+        for actor in [actors] if isinstance(actors, t.SocialAgentActor) else actors:
+            yield _part(actor, f"{built.name}: social_agent_missions[{group!r}]")
+
+
+def _part(actor: t.SocialAgentActor, place: str, *, keep_alive: bool = False) -> Part:
+    locator, _, boid = wanted_by(actor)
+    return Part(actor.name, locator, actor.policy_kwargs, f"{place}, actor {actor.name!r}", boid, keep_alive)
+
+
+def _policy(part: Part) -> SocialPolicy:
+    """Make a policy once, to see what it observes; whoever runs it makes its own."""
+    try:
+        spec = make_spec(part.locator, **part.options)
+        _interface(spec, part.locator)
+        agent: Any = built_agent(spec, part.locator)
+        is_batch = isinstance(agent, BatchAgent)
+        if is_batch:
+            feature_list(agent.observation)
+    except SmartsError as error:
+        place = ", ".join(filter(None, (part.place, error.place)))
+        raise type(error)(error.problem, place=place, remedy=error.remedy) from error
+    except Exception as error:
+        raise InterfaceError(
+            f"{part.locator!r} cannot be made: {type(error).__name__}: {error}",
+            place=part.place,
+            remedy="see the agent's options: smarts-bench zoo describe",
+        ) from error
+    return SocialPolicy(
+        name=part.name,
+        locator=part.locator,
+        spec=spec,
+        interface=0,
+        period=_period(getattr(agent, "period", 1), part),
+        is_boid=bool(part.boid),
+        keep_alive=part.keep_alive,
+        observation=agent.observation if is_batch else None,
+    )
+
+
+def _period(period: Any, part: Part) -> int:
+    if isinstance(period, bool) or not isinstance(period, int) or not 1 <= period <= LONGEST_DECISION:
+        raise InterfaceError(
+            f"the period of {part.locator!r} is {period!r}",
+            place=part.place,
+            remedy=f"give a whole number of steps from 1 to {LONGEST_DECISION}",
+        )
+    return period
+
+
+def _interface(spec: AgentSpec, place: str) -> AgentInterface:
+    interface = spec.interface
+    if not isinstance(interface, AgentInterface):
+        raise InterfaceError(
+            f"the interface is {interface!r}",
+            place=place,
+            remedy="give AgentSpec(interface=AgentInterface(...))",
+        )
+    if interface.action in (None, ActionSpaceType.Empty):
+        raise InterfaceError(
+            f"the interface's action is {interface.action!r}: the agent cannot drive",
+            place=place,
+            remedy="give AgentInterface(action=...) an action type such as ActionSpaceType.Lane",
+        )
+    return interface

@@ -1,0 +1,217 @@
+"""Kernels that find where a vehicle has to wait at a junction because others go first."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from smarts.arrays import Floats, Ints
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import wrapped
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.kernels import lane_length
+from smarts.roads.lane_ways import next_row
+from smarts.types.traffic import Signal
+from smarts.types.vehicles import Owner
+from smarts.types.world import State
+
+LOOK_AHEAD = 60.0
+"""Distance to the line from which on others are looked for [m]."""
+MARGIN = 1.0
+"""Time between two vehicles at a place where their lanes overlap [s]."""
+STANDING = 0.5
+"""A slower vehicle stands [m/s]."""
+WAITING_ROOM = 1.0
+"""A vehicle that stands inside the junction farther before the meeting waits itself [m]."""
+NEAR_LINE = 6.0
+"""A vehicle farther from its line does not wait there [m]."""
+STARTED = 1.0
+"""A faster vehicle has started [m/s]."""
+TURN_TIME = 4.0
+"""How long it is one agent's turn, of two that stand at their lines [s]."""
+STARTING = 2.0
+"""Acceleration with which a vehicle crosses [m/s^2]."""
+STRAIGHT = 0.3
+"""Largest turn of a lane that goes straight on [rad]."""
+
+_MOST_MEETINGS = 128
+_STOP, _GO = int(Signal.STOP), int(Signal.GO)
+_AGENT = int(Owner.AGENT)
+
+
+@kernel
+def gap_to_junction(
+    state: State, roads: Roads, routes: RouteTable, b: int, slot: int, row: int, s: float
+) -> float:
+    """Return the distance of the front bumper to the line where a vehicle has to wait [m], or infinity.
+
+    Another vehicle goes first if it is, or at its speed would be, where its lane overlaps the own way less
+    than `MARGIN` before or after the own vehicle. With two green lights the one that goes straight goes
+    first. Of two agents the one that comes first goes first. A vehicle that is inside the junction goes on.
+
+    Args:
+        state: The state of the world.
+        roads: The maps' lanes.
+        routes: The agents' routes.
+        b: The simulation.
+        slot: The vehicle.
+        row: The row in `routes` of the lane that it steers for.
+        s: Its place on it [m].
+    """
+    vehicles, m = state.vehicles, state.map[b]
+    base, half = roads.lane_base[m], 0.5 * vehicles.length[b, slot]
+    to_line = lane_length(roads, routes.lane[row]) - s - half
+    if roads.lane_inside[routes.lane[row]] or not 0.0 <= to_line < LOOK_AHEAD:
+        return np.inf
+    lanes, extents = np.empty(_MOST_MEETINGS, np.int32), np.empty((_MOST_MEETINGS, 4))
+    row = next_row(roads, routes, m, row, base)
+    if row < 0 or not roads.lane_inside[routes.lane[row]]:
+        return np.inf
+    entry = int(routes.lane[row])
+    count, begin = 0, to_line
+    while row >= 0 and roads.lane_inside[routes.lane[row]]:
+        own = int(routes.lane[row])
+        for place in range(roads.conflict_start[own], roads.conflict_start[own + 1]):
+            if count < _MOST_MEETINGS:
+                lanes[count] = roads.conflict_lane[place]
+                extents[count, 0] = begin + roads.conflict_extent[place, 0]
+                extents[count, 1] = begin + roads.conflict_extent[place, 1] + 2.0 * half
+                extents[count, 2] = roads.conflict_other_extent[place, 0]
+                extents[count, 3] = roads.conflict_other_extent[place, 1]
+                count += 1
+        begin += lane_length(roads, own)
+        row = next_row(roads, routes, m, row, base)
+    for other in range(vehicles.alive.shape[1]):
+        if other == slot or not vehicles.alive[b, other] or vehicles.lane[b, other] < 0:
+            continue
+        if _goes_first(state, roads, routes, b, slot, other, entry, lanes[:count], extents[:count]):
+            return to_line
+    return np.inf
+
+
+@kernel
+def _goes_first(
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    b: int,
+    slot: int,
+    other: int,
+    entry: int,
+    lanes: Ints,
+    extents: Floats,
+) -> bool:
+    """Return whether another vehicle, wherever it may turn, is to be let by."""
+    vehicles, m = state.vehicles, state.map[b]
+    base, free = roads.lane_base[m], routes.start[m]
+    lane = base + vehicles.lane[b, other]
+    place = vehicles.lane_position[b, other]
+    if roads.lane_inside[lane]:
+        if _meets(state, b, slot, other, lane, place, lanes, extents, True):
+            return True
+    elif not _comes(state, b, slot, other, lane_length(roads, lane) - place):
+        return False
+    here = free + lane - base
+    for first in range(routes.onward_start[here], routes.onward_start[here + 1]):
+        following = int(routes.onward[first])
+        way = int(routes.lane[following])
+        if not roads.lane_inside[way] or state.signals[b, way - base] == _STOP:
+            continue
+        if not roads.lane_inside[lane] and _has_priority(state, roads, b, entry, way):
+            continue
+        before = place - lane_length(roads, lane)
+        if _meets(state, b, slot, other, way, before, lanes, extents, roads.lane_inside[lane]):
+            return True
+        for second in range(routes.onward_start[following], routes.onward_start[following + 1]):
+            last = int(routes.lane[routes.onward[second]])
+            further = before - lane_length(roads, way)
+            if roads.lane_inside[last] and _meets(
+                state, b, slot, other, last, further, lanes, extents, roads.lane_inside[lane]
+            ):
+                return True
+    return False
+
+
+@kernel
+def _comes(state: State, b: int, slot: int, other: int, left: float) -> bool:
+    """Return whether a vehicle before a junction, with so much of its lane left [m], may go first."""
+    vehicles = state.vehicles
+    if vehicles.speed[b, other] >= STANDING:
+        return left <= 2.0 * LOOK_AHEAD
+    return left - 0.5 * vehicles.length[b, other] <= NEAR_LINE and _lets_by(state, b, slot, other)
+
+
+@kernel
+def _lets_by(state: State, b: int, slot: int, other: int) -> bool:
+    """Return whether of two agents that stand at their lines the other one goes first.
+
+    They take turns, so that one that does not start holds back no other for long.
+    """
+    vehicles = state.vehicles
+    if vehicles.owner[b, other] != _AGENT or vehicles.speed[b, slot] >= STARTED:
+        return False
+    turn = int(state.step[b] * state.dt / TURN_TIME) + slot + other
+    return (other < slot) == (turn % 2 == 0)
+
+
+@kernel
+def _has_priority(state: State, roads: Roads, b: int, own: int, other: int) -> bool:
+    """Return whether both lanes have green lights, and only the own one goes straight."""
+    base = roads.lane_base[state.map[b]]
+    is_green = state.signals[b, own - base] == _GO and state.signals[b, other - base] == _GO
+    return is_green and _turn(roads, own) < STRAIGHT and _turn(roads, other) >= STRAIGHT
+
+
+@kernel
+def _turn(roads: Roads, lane: int) -> float:
+    begin = roads.point_heading[roads.point_start[lane]]
+    return abs(wrapped(roads.point_heading[roads.point_start[lane + 1] - 1] - begin))
+
+
+@kernel
+def _meets(
+    state: State,
+    b: int,
+    slot: int,
+    other: int,
+    lane: int,
+    place: float,
+    lanes: Ints,
+    extents: Floats,
+    is_inside: bool,
+) -> bool:
+    """Return whether another vehicle on, or before, a lane comes to the own way at about the same time."""
+    vehicles = state.vehicles
+    half, speed = 0.5 * vehicles.length[b, other], vehicles.speed[b, other]
+    for i in range(len(lanes)):
+        if lanes[i] != lane or place - half > extents[i, 3]:
+            continue
+        own_first = _time_to(extents[i, 0], vehicles.speed[b, slot])
+        own_last = _time_to(extents[i, 1], vehicles.speed[b, slot])
+        to_meeting = extents[i, 2] - place - half
+        if to_meeting <= 0.0:
+            return True
+        if speed < STANDING:
+            # A vehicle inside waits, unless it is in the way; one before its line was let by.
+            if not is_inside or to_meeting < WAITING_ROOM:
+                return True
+            continue
+        is_agent = vehicles.owner[b, other] == _AGENT
+        beyond = extents[i, 3] - place + half
+        # Agents are expected to drive on as the own vehicle does, others to keep their speeds.
+        first = _time_to(to_meeting, speed) if is_agent else to_meeting / speed
+        last = _time_to(beyond, speed) if is_agent else beyond / speed
+        if first > own_last + MARGIN or last < own_first - MARGIN:
+            continue
+        if is_inside or not is_agent:
+            return True
+        if first < own_first or (first == own_first and other < slot):
+            return True
+    return False
+
+
+@kernel
+def _time_to(distance: float, speed: float) -> float:
+    """Return how long a vehicle takes for a distance if it speeds up [s]."""
+    return (math.sqrt(speed * speed + 2.0 * STARTING * max(distance, 0.0)) - speed) / STARTING

@@ -1,0 +1,248 @@
+"""Kernels for the way ahead of a vehicle along its lanes: what is on it, and where it has to stop."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from smarts.arrays import Floats
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import segment_at
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.lane_ways import next_row
+from smarts.roads.lights import light_ahead
+from smarts.types.traffic import Signal
+from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
+
+SPACING = 2.0
+"""Between the points of a way [m]."""
+SIGHT = 76
+"""Points of a way ahead: 150 m."""
+BACK = 41
+"""Points of a way behind: 80 m."""
+SIDE_GAP = 0.2
+"""A vehicle with more lateral clearance than this is not on the way [m]."""
+SLOWING = 1.5
+"""Deceleration to lower speed limits ahead [m/s^2]."""
+SAME_WAY = 0.5
+"""Cosine of the angle between two headings, from which on vehicles drive the same way."""
+
+_NONE, _STOP, _CAUTION = int(Signal.NONE), int(Signal.STOP), int(Signal.CAUTION)
+
+
+class Way(NamedTuple):
+    """What lies ahead along the lanes; distances are from the vehicle's centre [m]."""
+
+    points: int
+    """Points written."""
+    left: float
+    """To where the lane ends, or leaves the route; infinite if it does neither."""
+    end: float
+    """To where the lane ends and others of its road do not; infinite if it does not."""
+    allowed: float
+    """Speed at which the limits ahead can be kept [m/s]."""
+    light: int
+    """The first red or amber light, a `Signal`; NONE for none."""
+    light_distance: float
+    """To its line; infinite for none."""
+
+
+@kernel
+def write_way(
+    state: State, roads: Roads, routes: RouteTable, b: int, row: int, s: float, route: int, points: Floats
+) -> Way:
+    """Write x, y, heading every 2 m along the lanes from arc length `s` of the lane of `row` on.
+
+    Where the road ends, the points stop.
+
+    Args:
+        state: The state of the world.
+        roads: The maps' lanes.
+        routes: The agents' routes.
+        b: The simulation.
+        row: The first lane's row in `routes`.
+        s: Where the way begins on it [m].
+        route: The agent's route, -1 for none.
+        points: Written, shape (P, 3).
+    """
+    m = state.map[b]
+    base, free = roads.lane_base[m], routes.start[m]
+    lane = int(routes.lane[row])
+    length, begin = lane_length(roads, lane), -s
+    left, end, light, light_distance = np.inf, np.inf, _NONE, np.inf
+    allowed = roads.lane_speed[lane]
+    point, last = _segments(roads, lane, s)
+    for i in range(len(points)):
+        place = i * SPACING
+        while place - begin > length:
+            if light == _NONE and not roads.lane_inside[lane]:
+                shown = light_ahead(routes, row, base, free, state.signals[b])
+                if shown in (_STOP, _CAUTION):
+                    light, light_distance = shown, begin + length
+            if left == np.inf and _leaves_route(routes, row, route):
+                left = begin + length
+            if _ends(roads, routes, base, free, int(routes.lane[row])):
+                left, end = min(left, begin + length), begin + length
+            row = next_row(roads, routes, m, row, base)
+            if row < 0:
+                return Way(i, left, end, allowed, light, light_distance)
+            begin += length
+            lane = int(routes.lane[row])
+            length = lane_length(roads, lane)
+            allowed = min(allowed, math.sqrt(roads.lane_speed[lane] ** 2 + 2.0 * SLOWING * max(begin, 0.0)))
+            point, last = _segments(roads, lane, 0.0)
+        while point < last and roads.point_s[point + 1] <= place - begin:
+            point += 1
+        points[i, 0], points[i, 1], points[i, 2] = centre_at(roads, point, place - begin)
+    return Way(len(points), left, end, allowed, light, light_distance)
+
+
+@kernel
+def _segments(roads: Roads, lane: int, s: float) -> tuple[int, int]:
+    """Return the segment of a lane at an arc length, and its last one."""
+    first, end = roads.point_start[lane], roads.point_start[lane + 1]
+    return int(segment_at(roads.point_s, first, end, s)), int(end - 2)
+
+
+@kernel
+def _leaves_route(routes: RouteTable, row: int, route: int) -> bool:
+    """Return whether a lane of the route leads off it at its end."""
+    if route < 0 or row < routes.start[routes.free]:
+        return False
+    last = routes.start[routes.free + route + 1] - 1
+    return (
+        routes.onward_start[row + 1] == routes.onward_start[row] and routes.group[row] != routes.group[last]
+    )
+
+
+@kernel
+def _ends(roads: Roads, routes: RouteTable, base: int, free: int, lane: int) -> bool:
+    """Return whether nothing follows a lane, but something follows another lane of its road."""
+    if _leads_on(routes, free, lane - base):
+        return False
+    left, right = int(roads.lane_left[lane]), int(roads.lane_right[lane])
+    while left >= 0 or right >= 0:
+        if left >= 0:
+            if roads.lane_kind[left] == roads.lane_kind[lane] and _leads_on(routes, free, left - base):
+                return True
+            left = int(roads.lane_left[left])
+        if right >= 0:
+            if roads.lane_kind[right] == roads.lane_kind[lane] and _leads_on(routes, free, right - base):
+                return True
+            right = int(roads.lane_right[right])
+    return False
+
+
+@kernel
+def _leads_on(routes: RouteTable, free: int, lane: int) -> bool:
+    """Return whether any way leads on from a lane, numbered within its map."""
+    return bool(routes.onward_start[free + lane + 1] > routes.onward_start[free + lane])
+
+
+@kernel
+def leader_on(vehicles: VehicleStates, b: int, slot: int, points: Floats) -> tuple[float, float]:
+    """Return the gap to the first vehicle on a way, bumper to bumper [m], and its speed along it [m/s].
+
+    The gap is infinite if there is none.
+    """
+    nearest, speed = np.inf, 0.0
+    if len(points) == 0:
+        return nearest, speed
+    reach = SPACING * len(points) + 10.0
+    for other in range(vehicles.alive.shape[1]):
+        if other == slot or not vehicles.alive[b, other]:
+            continue
+        station, aside, turn = _place_on(vehicles, b, other, points, reach)
+        if station <= 0.0:
+            continue
+        along, across = _extents(vehicles, b, other, turn)
+        if abs(aside) - across - 0.5 * vehicles.width[b, slot] > SIDE_GAP:
+            continue
+        gap = station - along - 0.5 * vehicles.length[b, slot]
+        if gap < nearest:
+            nearest, speed = gap, max(vehicles.speed[b, other] * math.cos(turn), 0.0)
+    return nearest, speed
+
+
+@kernel
+def gap_behind(
+    vehicles: VehicleStates, roads: Roads, b: int, slot: int, lane: int, s: float, heading: float
+) -> tuple[float, float, float]:
+    """Return gap [m], speed and desired speed [m/s] of the nearest vehicle behind a place in a lane.
+
+    The lane is extended straight back beyond its begin. A vehicle beside has a negative gap.
+
+    Args:
+        vehicles: All vehicles.
+        roads: The maps' lanes.
+        b: The simulation.
+        slot: The vehicle at the place, or that will be there.
+        lane: The lane, numbered across all maps.
+        s: The place on it [m].
+        heading: Of the lane there [rad]; only vehicles that drive this way count.
+    """
+    points = np.empty((BACK, 3))
+    _write_back(roads, lane, s, points)
+    nearest, speed, desired = np.inf, 0.0, 0.0
+    for other in range(vehicles.alive.shape[1]):
+        if other == slot or not vehicles.alive[b, other]:
+            continue
+        if math.cos(vehicles.heading[b, other] - heading) < SAME_WAY:
+            continue
+        # Along the reversed way the vehicles behind are ahead.
+        station, aside, turn = _place_on(vehicles, b, other, points, SPACING * BACK + 10.0)
+        if station < 0.0:
+            continue
+        along, across = _extents(vehicles, b, other, turn)
+        if abs(aside) - across - 0.5 * vehicles.width[b, slot] > SIDE_GAP:
+            continue
+        gap = station - along - 0.5 * vehicles.length[b, slot]
+        if gap < nearest:
+            nearest, speed = gap, vehicles.speed[b, other]
+            desired = vehicles.desired_speed[b, other]
+    return nearest, speed, desired
+
+
+@kernel
+def _write_back(roads: Roads, lane: int, s: float, points: Floats) -> None:
+    """Write x, y, reversed heading every 2 m back along a lane from arc length `s`."""
+    first, end = roads.point_start[lane], roads.point_start[lane + 1]
+    for i in range(len(points)):
+        place = s - i * SPACING
+        # A segment's line goes on straight beyond its end, the first one's before the lane.
+        point = segment_at(roads.point_s, first, end, place)
+        x, y, heading = centre_at(roads, point, place)
+        points[i, 0], points[i, 1], points[i, 2] = x, y, heading + math.pi
+
+
+@kernel
+def _place_on(
+    vehicles: VehicleStates, b: int, other: int, points: Floats, reach: float
+) -> tuple[float, float, float]:
+    """Return station and offset [m] of a vehicle on a way, and its relative heading; station -1 if far."""
+    x, y = vehicles.position[b, other, 0], vehicles.position[b, other, 1]
+    if abs(x - points[0, 0]) > reach or abs(y - points[0, 1]) > reach:
+        return -1.0, 0.0, 0.0
+    best, best_square = 0, np.inf
+    for i in range(len(points)):
+        square = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
+        if square < best_square:
+            best, best_square = i, square
+    cos, sin = math.cos(points[best, 2]), math.sin(points[best, 2])
+    dx, dy = x - points[best, 0], y - points[best, 1]
+    station = best * SPACING + dx * cos + dy * sin
+    if best == len(points) - 1 and dx * cos + dy * sin > SPACING:
+        return -1.0, 0.0, 0.0
+    return station, dy * cos - dx * sin, vehicles.heading[b, other] - points[best, 2]
+
+
+@kernel
+def _extents(vehicles: VehicleStates, b: int, slot: int, turn: float) -> tuple[float, float]:
+    """Return half of a vehicle's extent along and across a way that it is turned against [m]."""
+    cos, sin = abs(math.cos(turn)), abs(math.sin(turn))
+    length, width = 0.5 * vehicles.length[b, slot], 0.5 * vehicles.width[b, slot]
+    return cos * length + sin * width, sin * length + cos * width

@@ -1,0 +1,156 @@
+"""The gate through which vehicles come back to SUMO: no jump, no overlap, a way ahead, no hard braking.
+
+SUMO drives a vehicle on from the lane, the position and the offset at which it has the vehicle's shadow, and
+shows it along that lane. So the gate compares this pose with the vehicle's own, now and after the next step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from smarts.geometry.binding import bind
+from smarts.providers.gates import compare_with_chord, find_too_close
+from smarts.providers.sumo_library import SumoLibrary
+from smarts.providers.sumo_shadow import Shadow
+from smarts.roads.lane_graph import LaneGraph
+from smarts.types.transfers import Refusal
+from smarts.types.vehicles import VehicleStates
+from smarts.types.world import World
+
+LEAST_TAIL = 0.1
+"""Distance of the tail behind the lane's beginning that counts as inside the junction [m]."""
+STEPS_BEFORE = 2
+"""A vehicle whose front is inside a junction after so many steps is not taken any more."""
+MOST_OFFSET = 0.15
+"""Of the front from the lane's centreline [m]."""
+MOST_TURN = 0.04
+"""Between the vehicle's heading and the one that SUMO shows [rad]."""
+MOST_SHIFT = 0.1
+"""Between the vehicle's centre and the one that SUMO shows [m]."""
+MOST_BRAKING = 4.5
+"""Deceleration that traffic ahead, a light or right of way may demand [m/s^2]."""
+LOOK_AHEAD = 100.0
+"""Of a vehicle whose lane does not lead on, SUMO has this distance left to change lanes [m]."""
+
+
+class SumoGate:
+    """Decides which vehicles of one simulation SUMO can take back.
+
+    Args:
+        library: The copy of libsumo that runs the simulation.
+        world: The world.
+        row: The simulation.
+    """
+
+    def __init__(self, library: SumoLibrary, world: World, row: int) -> None:
+        self._library, self._dt = library, world.dt
+        self._vehicles = world.vehicles
+        self._states: VehicleStates = world.vehicles.of(row)
+        self._find_too_close = bind(find_too_close, world.vehicles)
+        self._rows, self._slots = np.full(1, row, np.int32), np.zeros(1, np.int32)
+        self._found = np.zeros(1, np.bool_)
+        self._onward: dict[str, tuple[str, ...]] = {}
+
+    def reset(self, roads: LaneGraph) -> None:
+        """Begin an episode on a map."""
+        self._roads = roads
+        lines = np.array(roads.point_xy), np.array(roads.point_s)
+        self._compare = bind(compare_with_chord, self._vehicles, self._rows[0].item(), *lines)
+        self._starts = roads.point_start.tolist()
+        self._onward.clear()
+
+    def refusal(self, slot: int, shadow: Shadow) -> Refusal:
+        """Return why SUMO cannot take a vehicle now; if it can, write the way ahead into its shadow."""
+        if not shadow.lane:
+            return Refusal.OFF_LANES
+        found = self._place(slot, shadow)
+        if found != Refusal.NONE:
+            return found
+        self._slots[0] = slot
+        self._find_too_close(self._rows, self._slots, 0.0, 0.0, self._found)
+        if self._found[0]:
+            return Refusal.TOO_CLOSE
+        way = self._way(shadow)
+        if not way:
+            return Refusal.NO_WAY
+        if not self._is_smooth(slot, shadow):
+            return Refusal.SPEED
+        shadow.way = way
+        return Refusal.NONE
+
+    def _place(self, slot: int, shadow: Shadow) -> Refusal:
+        """Return what is wrong with a vehicle's pose on SUMO's lane."""
+        states, roads = self._states, self._roads
+        lane, length = roads.lane_of_id(shadow.lane), float(states.length[slot])
+        scale = float(roads.length[lane] / max(roads.sumo_length[lane], 1e-9))
+        front = shadow.position * scale
+        ahead = front + STEPS_BEFORE * self._dt * float(states.speed[slot])
+        if roads.is_internal[lane] or front - length < -LEAST_TAIL or ahead > roads.length[lane]:
+            return Refusal.IN_JUNCTION
+        if shadow.shift or shadow.reinsertion or states.lane[slot] not in (lane, -1):
+            return Refusal.OTHER_LANE
+        begin, end = self._starts[lane], self._starts[lane + 1]
+        turn, aside = self._compare(slot, begin, end, front, shadow.offset, self._dt)
+        if turn > MOST_TURN:
+            return Refusal.HEADING
+        return Refusal.OFFSET if abs(shadow.offset) > MOST_OFFSET or aside > MOST_SHIFT else Refusal.NONE
+
+    def _is_smooth(self, slot: int, shadow: Shadow) -> bool:
+        """Return whether SUMO's driver would not brake the vehicle hard."""
+        vehicle, name, speed = self._library.vehicle, shadow.id, float(self._states.speed[slot])
+        least = speed - MOST_BRAKING * self._dt
+        if speed < -0.1:
+            return False
+        if least <= 0.0:
+            return True
+        reach = 10.0 + 0.5 * speed * speed / MOST_BRAKING + 2.0 * speed
+        leader = vehicle.getLeader(name, reach)
+        if leader and leader[0]:
+            other, gap = leader
+            ahead = vehicle.getSpeed(other), vehicle.getDecel(other)
+            if vehicle.getFollowSpeed(name, speed, gap, *ahead, other) < least:
+                return False
+        return all(vehicle.getStopSpeed(name, speed, gap) >= least for gap in self._stops(shadow, reach))
+
+    def _stops(self, shadow: Shadow, reach: float) -> Sequence[float]:
+        """Return the distances at which the vehicle may have to stop, for a light or for right of way [m]."""
+        vehicle, stops = self._library.vehicle, []
+        for _, _, distance, state in vehicle.getNextTLS(shadow.id)[:1]:
+            if state in "rRu" and distance < reach:
+                stops.append(distance)
+        left = self._library.lane.getLength(shadow.lane) - shadow.position
+        if left < reach:
+            for _, has_priority, is_open, _, _, state, _, _ in vehicle.getNextLinks(shadow.id)[:1]:
+                if not has_priority and (not is_open or state == "s"):
+                    stops.append(left)
+        return stops
+
+    def _way(self, shadow: Shadow) -> tuple[str, ...]:
+        """Return the edges on which a vehicle is to go on from its lane, () if it cannot.
+
+        That is its route; if this does not lead on from the lane, a fastest way to its destination that does;
+        if there is none, whatever the lane leads into.
+        """
+        edge, onward = shadow.lane.rpartition("_")[0], self._edges_onward(shadow.lane)
+        planned = shadow.route[shadow.route.index(edge) :] if edge in shadow.route else ()
+        left = self._library.lane.getLength(shadow.lane) - shadow.position
+        if planned and (len(planned) == 1 or planned[1] in onward or left > LOOK_AHEAD):
+            return planned
+        if shadow.route:
+            find, kind = self._library.simulation.findRoute, self._library.vehicle.getTypeID(shadow.id)
+            for following in onward:
+                found = tuple(find(following, shadow.route[-1], kind).edges)
+                if found and edge not in found[:1]:
+                    return (edge, *found)
+        if onward:
+            return (edge, onward[0])
+        return () if planned else (edge,)
+
+    def _edges_onward(self, lane: str) -> tuple[str, ...]:
+        """Return the edges that a lane leads into, those straight on first."""
+        if lane not in self._onward:
+            links = sorted(self._library.lane.getLinks(lane), key=lambda link: link[6] != "s")
+            self._onward[lane] = tuple(dict.fromkeys(link[0].rpartition("_")[0] for link in links))
+        return self._onward[lane]

@@ -1,0 +1,89 @@
+"""Missions of agents that take over vehicles of traffic: each vehicle's own planned route to its end."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from smarts.errors import MapError
+from smarts.roads.agent_routes import AgentRoutes
+from smarts.roads.atlas import ROAD_LANES
+from smarts.roads.corridors import Corridor
+from smarts.sim.starts import corridor_of, distance_along, free_flow_time
+from smarts.types.mission import AgentMission, GoalKind
+from smarts.types.world import World
+
+ROUTES_KEPT = 1024
+"""How many routes are remembered."""
+ASIDE = 1.0
+"""How far beside the road of the goal it is still reached [m]."""
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A planned route, and the mission to drive it to its end."""
+
+    corridor: Corridor
+    mission: AgentMission
+    end: float
+    """Distance of the goal along the route [m]."""
+
+
+class HoldMissions:
+    """Makes missions out of vehicles' planned routes.
+
+    Args:
+        world: The state; read.
+        routes: Knows the maps.
+    """
+
+    def __init__(self, world: World, routes: AgentRoutes) -> None:
+        self._world, self._atlas = world, routes.atlas
+        self._way = lru_cache(maxsize=ROUTES_KEPT)(self._find_way)
+
+    def mission(self, row: int, slot: int) -> AgentMission:
+        """Return the mission to drive a vehicle's planned route; endless where none is known.
+
+        The goal is the end of the route: off the map, or across the last edge in any lane.
+        """
+        world, vehicles = self._world, self._world.vehicles
+        number, lane = int(vehicles.route[row, slot]), int(vehicles.lane[row, slot])
+        if number < 0 or lane < 0:
+            return AgentMission()
+        map_number = int(world.map[row])
+        way = self._way(map_number, tuple(world.routes.edges(row, number).tolist()))
+        if way is None:
+            return AgentMission()
+        graph = self._atlas.graphs[map_number]
+        begin = distance_along(way.corridor, graph, lane, float(vehicles.lane_position[row, slot]))
+        length = max(0.0, way.end - (0.0 if math.isnan(begin) else begin))
+        time = free_flow_time(graph, way.mission.route, lane, length, float(vehicles.speed[row, slot]))
+        return replace(way.mission, route_length=length, free_flow_time=time)
+
+    def _find_way(self, map_number: int, edges: tuple[int, ...]) -> _Way | None:
+        """Return a route with its mission, None if agents cannot drive it."""
+        graph = self._atlas.graphs[map_number]
+        route = tuple(graph.edge_ids[edge] for edge in edges)
+        lanes = [lane for lane in graph.edge_lanes(edges[-1]) if int(graph.kind[lane]) in ROAD_LANES]
+        try:
+            corridor = corridor_of(graph, route)
+        except MapError:
+            return None
+        if not lanes:
+            return None
+        lane = lanes[len(lanes) // 2]
+        goal_s = float(graph.length[lane])
+        x, y, _ = graph.pose_at(lane, goal_s)
+        leads_on = any(len(graph.successors(each)) for each in lanes)
+        mission = AgentMission(
+            route=route,
+            goal=GoalKind.POSITION if leads_on else GoalKind.OFF_MAP,
+            goal_position=(x, y),
+            goal_radius=float(np.sum(graph.width[lanes])) / 2 + ASIDE,
+            goal_lane=lane,
+            goal_s=goal_s,
+        )
+        return _Way(corridor, mission, distance_along(corridor, graph, lane, goal_s, last=True))

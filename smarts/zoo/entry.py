@@ -1,0 +1,192 @@
+"""An entry of the zoo, and how it becomes an `AgentSpec`."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+from smarts.agents.interface import OLD_NAMES, AgentInterface
+from smarts.agents.policy import Agent
+from smarts.agents.spec import AgentSpec
+from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names, shown
+from smarts.registry import is_own_name, load_own, own_error, place_of
+
+VERSIONED = re.compile(r"[\w.-]+-v\d+")
+"""The form of a name in the zoo: "idm-v0"."""
+M_LEVELS = ("M0", "M1", "M2", "M3", "M4", "M5")
+"""Multi-agent learning levels of the paper, from fixed rules to social welfare; "" if unknown."""
+
+EntryPoint = Callable[..., Any] | str
+
+
+@dataclass(frozen=True)
+class ZooEntry:
+    """A policy of the zoo, not yet imported."""
+
+    name: str
+    """With its version: "idm-v0"."""
+    entry_point: EntryPoint
+    """A subclass of `Agent` with an attribute `interface`, or a function that returns an `AgentSpec`; or the
+    "module:attribute" of one."""
+    module: str = ""
+    """Of the code that registered it, "" for the project's own."""
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    """Keywords of the entry point, unless the caller gives others."""
+    author: str = ""
+    m_level: str = ""
+    """One of `M_LEVELS`."""
+    provenance: str = ""
+    """Where it comes from: a paper, or the run that it was trained in."""
+    licence: str = ""
+    folder: str = ""
+    """Path of the folder whose code registers it, "" for importable modules."""
+
+    @property
+    def locator(self) -> str:
+        """The name by which `make_spec` finds it."""
+        return f"{self.module}:{self.name}" if self.module and not self.folder else self.name
+
+    def load(self) -> Callable[..., Any]:
+        """Import and return the entry point.
+
+        Raises:
+            OwnCodeError: It cannot be imported.
+            SmartsError: It is not callable.
+        """
+        found = self.entry_point
+        if isinstance(found, str):
+            found = load_own(found, f"agent {self.name!r}, entry point")
+        if not callable(found):
+            raise _no_agent(self.locator, found)
+        return found
+
+    def description(self) -> str:
+        """Return the first sentence of the entry point's docstring."""
+        text = inspect.getdoc(self.load()) or ""
+        return " ".join(text.split("\n\n")[0].split())
+
+    def options(self) -> dict[str, Any]:
+        """Return the names and defaults of the entry point's own keywords."""
+        parameters = inspect.signature(self.load()).parameters.values()
+        named = (each for each in parameters if each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD))
+        return {each.name: self.defaults.get(each.name, each.default) for each in named}
+
+    def spec(self, **options: Any) -> AgentSpec:
+        """Return the agent's interface and how it is made.
+
+        Args:
+            **options: Keywords of the entry point. For a class they may also be fields of the interface:
+                `vehicle_model="bullet"`, or `interface=...` for another one.
+
+        Raises:
+            SmartsError: There is no such option, or the entry is no agent.
+            OwnCodeError: The entry point raises.
+        """
+        found, options = self.load(), {**self.defaults, **options}
+        if isinstance(found, type) and issubclass(found, Agent):
+            return self._spec_of_class(found, options)
+        self._check_options(found, options, ())
+        try:
+            made = found(**options)
+        except SmartsError:
+            raise
+        except Exception as error:
+            place = place_of(error) or self.locator
+            raise own_error(error, f"the agent {self.locator!r}", place) from error
+        if not isinstance(made, AgentSpec) or not isinstance(made.interface, AgentInterface):
+            raise _no_agent(self.locator, made)
+        return made
+
+    def _spec_of_class(self, kind: type[Agent], options: dict[str, Any]) -> AgentSpec:
+        interface = options.pop("interface", getattr(kind, "interface", None))
+        if not isinstance(interface, AgentInterface):
+            raise _no_agent(self.locator, kind)
+        own = set(inspect.signature(kind).parameters)
+        known = [*(each.name for each in fields(AgentInterface)), *OLD_NAMES]
+        self._check_options(kind, options, known)
+        changes = {name: value for name, value in options.items() if name in known and name not in own}
+        params = {name: value for name, value in options.items() if name not in changes}
+        return AgentSpec(interface.replace(**changes), agent_builder=kind, agent_params=params)
+
+    def _check_options(self, called: Callable[..., Any], options: Mapping[str, Any], more: Any) -> None:
+        """Raise unless the entry point, or its interface, takes the options, and none is missing."""
+        parameters = inspect.signature(called).parameters
+        for name, each in parameters.items():
+            is_needed = each.default is each.empty and each.kind not in (
+                each.VAR_POSITIONAL,
+                each.VAR_KEYWORD,
+            )
+            if is_needed and name not in options:
+                raise SmartsError(
+                    f"the agent needs the option {name!r}",
+                    place=f"agent {self.locator!r}",
+                    remedy=f"give it: make_spec({self.locator!r}, {name}=...), or policy_kwargs of an actor",
+                )
+        if any(each.kind == each.VAR_KEYWORD for each in parameters.values()):
+            return
+        for name in options:
+            if name not in parameters and name not in more:
+                raise SmartsError(
+                    f"the agent has no option {name!r}",
+                    place=f"agent {self.locator!r}",
+                    remedy=nearest_names(name, [*parameters, *more]),
+                )
+
+
+def check_name(name: Any) -> None:
+    """Raise `UnknownNameError` unless a name has a version."""
+    if not isinstance(name, str) or VERSIONED.fullmatch(name) is None:
+        given = name if isinstance(name, str) and name else "my-agent"
+        raise UnknownNameError(
+            f"{shown(name)} is no name of an agent",
+            place="zoo",
+            remedy=f"a name ends in its version, such as {given.partition(':')[2] or given}-v0",
+        )
+
+
+def entry_of(
+    name: str,
+    entry_point: EntryPoint,
+    module: str,
+    metadata: Mapping[str, str],
+    defaults: Mapping[str, Any],
+) -> ZooEntry:
+    """Return an entry after a check of its values.
+
+    Raises:
+        SmartsError: The name has no version, there is no such M-level, or the entry point is neither callable
+            nor a "module:attribute".
+    """
+    check_name(name)
+    place = f"agent {name!r}"
+    level = metadata.get("m_level", "")
+    if level and level not in M_LEVELS:
+        raise UnknownNameError(
+            f"there is no M-level {level!r}", place=place, remedy=nearest_names(level, M_LEVELS)
+        )
+    if isinstance(entry_point, str):
+        if not is_own_name(entry_point):
+            raise SmartsError(
+                f"the entry point {entry_point!r} is no 'module:attribute'",
+                place=place,
+                remedy='give a callable, or its place: "my_module:MyAgent"',
+            )
+    elif not callable(entry_point):
+        raise SmartsError(
+            f"the entry point {shown(entry_point)} cannot be called",
+            place=place,
+            remedy="give a subclass of Agent, or a function that returns an AgentSpec",
+        )
+    return replace(ZooEntry(name, entry_point, module, dict(defaults)), **metadata)
+
+
+def _no_agent(locator: str, found: Any) -> OwnCodeError:
+    return OwnCodeError(
+        f"the agent {locator!r} is {shown(found)}, no agent with an interface",
+        place="zoo",
+        remedy="register a subclass of Agent with an attribute `interface = AgentInterface(...)`, or a "
+        "function that returns an AgentSpec with one",
+    )

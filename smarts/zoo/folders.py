@@ -1,0 +1,97 @@
+"""The agents that a user has added by `smarts-bench zoo add FOLDER`, in one file of the user's."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from smarts.errors import SmartsError, shown
+from smarts.registry import import_own, load_own
+from smarts.zoo.entry import ZooEntry
+
+PLACE = "SMARTS_ZOO"
+"""Environment variable that names another file than `~/.config/smarts-bench/zoo.yaml`."""
+_METADATA = ("author", "m_level", "provenance", "licence")
+
+
+def zoo_file() -> Path:
+    """Return the file that lists the added agents; it need not exist."""
+    config = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
+    return Path(os.environ.get(PLACE) or config / "smarts-bench" / "zoo.yaml")
+
+
+def added_agents() -> dict[str, ZooEntry]:
+    """Return the added agents by name, without importing their folders.
+
+    Raises:
+        SmartsError: The file is not readable.
+    """
+    return {name: _entry(name, about) for name, about in _content().items()}
+
+
+def write_added(entries: Sequence[ZooEntry]) -> None:
+    """Add agents of folders to the file; an agent of the same name is replaced.
+
+    Raises:
+        SmartsError: The file is not readable or cannot be written.
+    """
+    content, file = dict(_content()), zoo_file()
+    for entry in entries:
+        about = {name: getattr(entry, name) for name in _METADATA}
+        content[entry.name] = {"folder": entry.folder} | {key: text for key, text in about.items() if text}
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        written = file.with_name(f".{file.name}.{os.getpid()}")
+        written.write_text(yaml.safe_dump(content), encoding="utf-8")
+        written.replace(file)
+    except OSError as error:
+        raise SmartsError(f"cannot be written: {error.strerror}", place=str(file)) from error
+
+
+def import_folder(folder: str | Path) -> str:
+    """Import a folder as a package, and return the package's name.
+
+    Raises:
+        OwnCodeError: There is no such folder, its name cannot be imported or is taken, or its code raises.
+    """
+    path = Path(folder).absolute()
+    import_own([path])
+    load_own(f"{path.stem}:__name__", "folder with an agent")
+    return path.stem
+
+
+def _content() -> Mapping[str, Any]:
+    file = zoo_file()
+    if not file.exists():
+        return {}
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8")) or {}
+    except (OSError, UnicodeError, yaml.YAMLError) as error:
+        raise SmartsError(
+            "the list of added agents is not readable", place=str(file), remedy="mend or remove it"
+        ) from error
+    if not isinstance(content, dict):
+        raise SmartsError(f"is {shown(content)}", place=str(file), remedy="it is a dict by agents' names")
+    return content
+
+
+def _entry(name: str, about: Any) -> ZooEntry:
+    is_valid = isinstance(about, dict) and isinstance(about.get("folder"), str)
+    if not is_valid or not all(key in ("folder", *_METADATA) for key in about):
+        raise SmartsError(
+            f"{name!r} is {shown(about)}", place=str(zoo_file()), remedy="{folder: PATH}, or remove the line"
+        )
+    author, m_level, provenance, licence = (str(about.get(key, "")) for key in _METADATA)
+    return ZooEntry(
+        name,
+        "",
+        author=author,
+        m_level=m_level,
+        provenance=provenance,
+        licence=licence,
+        folder=about["folder"],
+    )

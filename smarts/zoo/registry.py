@@ -1,0 +1,248 @@
+"""Agents by locator: of this project, of installed packages, of users' modules and folders.
+
+A locator is a name with its version, "idm-v0", or "module:name-v0", which imports the module; the module
+registers the agent itself.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from smarts.agents.interface import AgentInterface
+from smarts.agents.policy import Agent
+from smarts.agents.spec import AgentSpec
+from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names, shown
+from smarts.registry import is_own_name, load_own
+from smarts.zoo import originals
+from smarts.zoo.agents import AGENTS
+from smarts.zoo.entry import EntryPoint, ZooEntry, check_name, entry_of
+from smarts.zoo.folders import added_agents, import_folder, write_added
+
+GROUP = "smarts.zoo"
+"""The group of a package's entry points that are agents."""
+
+_REGISTERED: dict[tuple[str, str], ZooEntry] = {}
+"""(module that registered it, name) -> entry."""
+
+
+def register(
+    locator: str,
+    entry_point: EntryPoint,
+    *,
+    author: str = "",
+    m_level: str = "",
+    provenance: str = "",
+    licence: str = "",
+    **kwargs: Any,
+) -> None:
+    """Register an agent of the calling module's; registering it again replaces it.
+
+    Args:
+        locator: Its name with a version: "my-agent-v0".
+        entry_point: A subclass of `Agent` with an attribute `interface`, or a function that returns an
+            `AgentSpec`; or the "module:attribute" of one, which is imported when it is asked for.
+        author: For `smarts-bench zoo`, as are the next three.
+        m_level: "M0" to "M5", the paper's levels of multi-agent learning.
+        provenance: Where it comes from: a paper, or the run it was trained in.
+        licence: Of the code and weights.
+        **kwargs: Defaults of the entry point's keywords.
+
+    Raises:
+        SmartsError: The name has no version, or the entry point cannot be one.
+    """
+    module = str(sys._getframe(1).f_globals.get("__name__", ""))
+    metadata = {"author": author, "m_level": m_level, "provenance": provenance, "licence": licence}
+    _REGISTERED[module, locator] = entry_of(locator, entry_point, module, metadata, kwargs)
+
+
+def make_spec(locator: str, **kwargs: Any) -> AgentSpec:
+    """Return the interface of an agent of the zoo and how it is made.
+
+    Args:
+        locator: "idm-v0", or "my_module:my-agent-v0".
+        **kwargs: Options of the agent, see `smarts-bench zoo describe`; of an agent that is a class also
+            fields of its interface, such as `vehicle_model="bullet"`.
+
+    Raises:
+        UnknownNameError: There is no such agent; the remedy names the nearest ones.
+        OwnCodeError: Its module cannot be imported or raises, or the entry is no agent.
+        SmartsError: It has no such option.
+    """
+    return find_entry(locator).spec(**kwargs)
+
+
+def make(locator: str, **kwargs: Any) -> AgentSpec:
+    """Return the spec of an agent; the original's name of `make_spec`."""
+    return make_spec(locator, **kwargs)
+
+
+def make_agent(locator: str, **kwargs: Any) -> tuple[Agent, AgentInterface]:
+    """Return an agent and its interface.
+
+    Raises:
+        SmartsError: As `make_spec`; or what its spec builds has no method `act`.
+    """
+    spec = make_spec(locator, **kwargs)
+    agent = spec.build_agent()
+    if not callable(getattr(agent, "act", None)):
+        raise OwnCodeError(
+            f"the agent {locator!r} is {shown(agent)}, which has no method act",
+            place="AgentSpec.agent_builder",
+            remedy="derive it from smarts.agents.Agent or smarts.agents.policy.BatchAgent",
+        )
+    assert spec.interface is not None
+    return agent, spec.interface
+
+
+def build_agent(locator: str, **kwargs: Any) -> Agent:
+    """Return an agent without its interface; see `make_agent`."""
+    return make_agent(locator, **kwargs)[0]
+
+
+def entries() -> list[ZooEntry]:
+    """Return all agents that are known without importing a user's module, by name.
+
+    These are the project's own, those of installed packages and of added folders, and those that this process
+    has registered.
+    """
+    found = {**_known(), **{entry.locator: entry for entry in _REGISTERED.values()}}
+    return [found[name] for name in sorted(found)]
+
+
+def find_entry(locator: str) -> ZooEntry:
+    """Return the entry of a locator; imports its module if it names one.
+
+    Raises:
+        UnknownNameError: There is no such agent.
+        OwnCodeError: Its module cannot be imported or raises.
+    """
+    module, _, name = locator.rpartition(":") if isinstance(locator, str) else ("", "", locator)
+    if module == originals.MODULE:
+        return AGENTS[_original(name)]
+    check_name(name)
+    if module in ("", __package__):
+        return _named(name)
+    if not is_own_name(f"{module}:it"):
+        raise UnknownNameError(
+            f"{module!r} cannot be a module's name",
+            place=f"agent {locator!r}",
+            remedy="a locator is 'name-v0' or 'my_package.my_module:name-v0'",
+        )
+    load_own(f"{module}:__name__", f"agent {name!r}, module")
+    return _registered_by(module, name)
+
+
+def add_folder(folder: str | Path) -> list[ZooEntry]:
+    """Import a folder with a policy, and add the agents that it registers to the user's zoo.
+
+    Raises:
+        SmartsError: The folder is none, registers no agent, or takes a name of another.
+        OwnCodeError: Its code cannot be imported or raises.
+    """
+    module = import_folder(folder)
+    found = [
+        replace(entry, folder=str(Path(folder).absolute()))
+        for (owner, _), entry in _REGISTERED.items()
+        if owner == module or owner.startswith(f"{module}.")
+    ]
+    if not found:
+        raise SmartsError(
+            "the folder registers no agent",
+            place=str(folder),
+            remedy='call smarts.zoo.register("my-agent-v0", MyAgent) in its __init__.py',
+        )
+    taken = {**_of_packages(), **AGENTS}
+    for entry in found:
+        if entry.name in taken:
+            raise SmartsError(
+                f"the name {entry.name!r} is taken", place=str(folder), remedy="choose another name"
+            )
+        entry.spec()
+    write_added(found)
+    return found
+
+
+def _named(name: str) -> ZooEntry:
+    """Return the entry of a name without a module."""
+    known = _known()
+    if name in known:
+        entry = known[name]
+        return _registered_by(import_folder(entry.folder), name) if entry.folder else entry
+    of_process = [entry for (_, each), entry in _REGISTERED.items() if each == name]
+    if len(of_process) == 1:
+        return of_process[0]
+    if of_process:
+        raise UnknownNameError(
+            f"{len(of_process)} modules have registered an agent {name!r}",
+            place="zoo",
+            remedy="name its module: " + " or ".join(repr(entry.locator) for entry in of_process),
+        )
+    raise UnknownNameError(
+        f"there is no agent {name!r}",
+        place="zoo",
+        remedy=nearest_names(name, [entry.locator for entry in entries()])
+        + "; `smarts-bench zoo list` lists them; an agent of your own is 'module:name-v0'",
+    )
+
+
+def _registered_by(module: str, name: str) -> ZooEntry:
+    """Return what an imported module, or a module inside it, has registered under a name."""
+    inside = {
+        each: entry
+        for (owner, each), entry in _REGISTERED.items()
+        if owner == module or owner.startswith(f"{module}.")
+    }
+    if (module, name) in _REGISTERED:
+        return _REGISTERED[module, name]
+    if name in inside:
+        return inside[name]
+    raise UnknownNameError(
+        f"the module {module!r} registers no agent {name!r}",
+        place=str(getattr(sys.modules.get(module), "__file__", module)),
+        remedy=nearest_names(name, inside)
+        if inside
+        else f"call smarts.zoo.register({name!r}, MyAgent) at the end of the module",
+    )
+
+
+def _original(name: str) -> str:
+    """Return the name that stands for an agent of the original."""
+    if name in originals.SERVED:
+        return originals.SERVED[name]
+    raise UnknownNameError(
+        f"the original's agent {name!r} is not part of this project",
+        place=f"agent '{originals.MODULE}:{name}'",
+        remedy=originals.NOT_SERVED.get(name) or nearest_names(name, originals.SERVED),
+    )
+
+
+def _known() -> dict[str, ZooEntry]:
+    """Return the agents that can be named without a module: own ones win, then packages, then folders."""
+    return {**added_agents(), **_of_packages(), **AGENTS}
+
+
+@cache
+def _of_packages() -> dict[str, ZooEntry]:
+    """Return the agents that installed packages declare as entry points."""
+    found: dict[str, ZooEntry] = {}
+    for point in importlib.metadata.entry_points(group=GROUP):
+        about: dict[str, Any] = dict(point.dist.metadata.json) if point.dist else {}
+        metadata = {
+            "author": str(about.get("author") or about.get("author_email") or ""),
+            "licence": str(about.get("license_expression") or about.get("license") or ""),
+            "provenance": f"package {point.dist.name} {point.dist.version}" if point.dist else "",
+        }
+        try:
+            found[point.name] = entry_of(point.name, point.value, "", metadata, {})
+        except SmartsError as error:
+            raise OwnCodeError(
+                f"the package's entry point is wrong: {error.problem}",
+                place=metadata["provenance"],
+                remedy=error.remedy,
+            ) from error
+    return found

@@ -1,0 +1,134 @@
+"""Every agent of the zoo keeps its contract, and drives as its name says."""
+
+import numpy as np
+import pytest
+
+from benchmark.running.zoo_contract import check_entry
+from smarts.agents.policy import BatchAgent
+from smarts.types.actions import ActionSpaceType
+from smarts.zoo import find_entry, make_agent, make_spec
+from smarts.zoo.agents import AGENTS
+from smarts.zoo.driving import DRIVER
+from smarts.zoo.entry import M_LEVELS
+
+OPTIONS = {"trajectory-v0": {"poses": [[0.5 * n, 0.0] for n in range(200)], "relative": True}}
+"""Of agents that need some."""
+LIKE_DRIVERS = [
+    name
+    for name in AGENTS
+    if name not in ("gap-acceptance-v0", "u-turn-v0", "trajectory-v0", "chase-via-points-v0")
+]
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_entries_say_what_they_are(name):
+    entry = find_entry(name)
+    assert entry.description().endswith((".", "others."))
+    assert entry.m_level in M_LEVELS
+    assert entry.author
+    assert entry.provenance
+    assert entry.licence == "MIT"
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_every_agent_keeps_the_contract(name):
+    found = [*check_entry(name, OPTIONS.get(name), steps=120)]
+    agent, _ = make_agent(name, **OPTIONS.get(name, {}))
+    assert len(found) == (5 if isinstance(agent, BatchAgent) else 3), found
+
+
+@pytest.mark.parametrize("name", LIKE_DRIVERS)
+def test_rule_based_drivers_share_their_columns(name):
+    assert make_spec(name).interface == DRIVER
+    assert DRIVER.action == ActionSpaceType.LaneWithContinuousSpeed
+    assert DRIVER.vehicle_model == "kinematic"
+
+
+BROKEN = """
+import itertools
+import numpy as np
+from smarts.agents.policy import BatchAgent
+from smarts.zoo import register
+from smarts.zoo.driving import DRIVER
+
+class Right(BatchAgent):
+    interface = DRIVER
+    observation = ["speed"]
+    def act(self, batch):
+        return np.zeros((len(batch.env_id), 2))
+
+class Shape(Right):
+    def act(self, batch):
+        return np.zeros(len(batch.env_id))
+
+class Nan(Right):
+    def act(self, batch):
+        return np.full((len(batch.env_id), 2), np.nan)
+
+class Bounds(Right):
+    def act(self, batch):
+        return np.full((len(batch.env_id), 2), -5.0)
+
+class Raises(Right):
+    def act(self, batch):
+        return 1 / 0
+
+class Texts(Right):
+    def act(self, batch):
+        return ["fast"] * len(batch.env_id)
+
+COUNT = itertools.count()
+
+class Repeats(Right):
+    def act(self, batch):
+        return np.full((len(batch.env_id), 2), [float(next(COUNT) % 50), 0.0])
+
+class Rows(Right):
+    def act(self, batch):
+        return np.full((len(batch.env_id), 2), [float(len(batch.env_id)), 0.0])
+
+class Period(Right):
+    period = 0
+
+class Observes(Right):
+    observation = ["sped"]
+
+for kind in (Right, Shape, Nan, Bounds, Raises, Texts, Repeats, Rows, Period, Observes):
+    register(kind.__name__.lower() + "-v0", kind)
+"""
+
+
+@pytest.fixture
+def broken(tmp_path):
+    from smarts.registry import import_own
+
+    (tmp_path / "broken_zoo.py").write_text(BROKEN)
+    import_own([tmp_path / "broken_zoo.py"])
+    return "broken_zoo"
+
+
+def test_agents_that_break_the_contract_are_named(broken, tmp_path):
+    from smarts.errors import SmartsError
+
+    assert len([*check_entry(f"{broken}:right-v0", steps=20)]) == 5
+    for name in ("shape", "nan", "bounds", "raises", "texts", "repeats", "rows", "period", "observes"):
+        with pytest.raises(SmartsError):
+            print(name, [*check_entry(f"{broken}:{name}-v0", steps=20)])
+
+
+def test_rows_of_simulations_side_by_side_equal_one_alone():
+    from benchmark.running.zoo_contract import ZooDrive
+
+    def trajectories(worlds):
+        agent, _ = make_agent("mobil-v0")
+        with ZooDrive("mobil-v0", make_spec("mobil-v0"), agent, "loop", egos=2, worlds=len(worlds)) as drive:
+            drive.reset(worlds=worlds)
+            path = []
+            for _ in range(100):
+                drive.step()
+                path.append(drive.world.vehicles.position[0].copy())
+        return np.array(path)
+
+    both, alone = trajectories([3, 5]), trajectories([3])
+    count = min(both.shape[1], alone.shape[1])
+    assert np.array_equal(both[:, :count], alone[:, :count])

@@ -1,0 +1,182 @@
+"""What models of drivers see, against distances worked out by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.observations.arrays import ArrayObservation
+from smarts.observations.surroundings import LANE_TRAFFIC, LEFT, OWN, OWN_VEHICLE, RIGHT, Lane, Own
+from smarts.types.agent_states import ChangePhase
+from smarts.types.mission import AgentMission, GoalKind
+from smarts.types.traffic import Signal
+from tests.maps import crossing, straight
+from tests.unit.observations.test_features import context_of
+from tests.worlds import Car, world_of
+
+
+def mission(*route, goal=(190.0, 0.0)):
+    return AgentMission(route=route, goal=GoalKind.POSITION, goal_position=goal, goal_radius=2.0)
+
+
+def look(made, change=False):
+    if change:
+        made.world.agents.change_phase[:] = ChangePhase.MOVING
+    observation = ArrayObservation(context_of(made), ["surroundings"])
+    seen = observation.observe(np.ones((made.world.worlds, 1), bool))
+    return seen[OWN_VEHICLE][0, 0], seen[LANE_TRAFFIC][0, 0]
+
+
+def width():
+    graph = straight()
+    return graph.width[0]
+
+
+def test_an_empty_road():
+    own, lanes = look(world_of([Car(50.0, width(), 0.1, 7.0, mission("road"))], maps=[straight()]))
+    assert own[[Own.X, Own.SPEED, Own.LENGTH, Own.WIDTH]].tolist() == [50.0, 7.0, 5.0, 1.8]
+    assert own[[Own.HEADING, Own.TURN]] == pytest.approx([0.1, 0.1])
+    assert own[Own.OFFSET] == pytest.approx(0.0, abs=1e-9)
+    assert np.isinf(own[[Own.LIGHT_GAP, Own.YIELD_GAP]]).all()
+    assert lanes[:, Lane.OPEN].tolist() == [1.0, 1.0, 1.0]
+    assert np.isinf(lanes[:, [Lane.AHEAD, Lane.BEHIND, Lane.LEFT, Lane.END]]).all()
+    assert lanes[:, Lane.ALLOWED] == pytest.approx(straight().speed_limit[0])
+
+
+def test_no_lane_beyond_the_outer_ones():
+    for y, closed in ((0.0, RIGHT), (2 * width(), LEFT)):
+        _, lanes = look(world_of([Car(50.0, y, mission=mission("road"))], maps=[straight()]))
+        assert lanes[closed, Lane.OPEN] == 0.0
+        assert lanes[OWN, Lane.OPEN] == lanes[3 - closed, Lane.OPEN] == 1.0
+
+
+def test_gaps_are_from_bumper_to_bumper():
+    w = width()
+    cars = [
+        Car(60.0, w, 0.0, 7.0, mission("road")),
+        Car(80.0, w, 0.0, 5.0, length=12.0, name="ahead"),
+        Car(120.0, w, 0.0, 1.0, name="farther"),
+        Car(40.0, w, 0.0, 9.0, name="behind"),
+        Car(70.0, 2 * w, 0.0, 3.0, name="left ahead"),
+        Car(57.0, 0.0, 0.0, 4.0, name="right, beside"),
+    ]
+    _, lanes = look(world_of(cars, maps=[straight()]))
+    assert lanes[OWN, [Lane.AHEAD, Lane.AHEAD_SPEED]] == pytest.approx([20.0 - 8.5, 5.0])
+    assert lanes[OWN, [Lane.BEHIND, Lane.BEHIND_SPEED]] == pytest.approx([15.0, 9.0])
+    assert lanes[LEFT, [Lane.AHEAD, Lane.AHEAD_SPEED]] == pytest.approx([5.0, 3.0])
+    assert np.isinf(lanes[LEFT, Lane.BEHIND])
+    assert lanes[RIGHT, [Lane.BEHIND, Lane.BEHIND_SPEED]] == pytest.approx([-2.0, 4.0])
+    assert np.isinf(lanes[RIGHT, Lane.AHEAD])
+
+
+def test_a_vehicle_between_two_lanes_is_in_both():
+    w = width()
+    cars = [Car(60.0, w, mission=mission("road")), Car(80.0, 1.5 * w, name="between", width=2.4)]
+    _, lanes = look(world_of(cars, maps=[straight()]))
+    assert lanes[[OWN, LEFT], Lane.AHEAD] == pytest.approx([15.0, 15.0])
+    assert np.isinf(lanes[RIGHT, Lane.AHEAD])
+
+
+def test_a_vehicle_across_the_lane_is_a_leader_that_stands():
+    cars = [Car(60.0, width(), mission=mission("road")), Car(80.0, width(), math.pi / 2, 5.0)]
+    _, lanes = look(world_of(cars, maps=[straight()]))
+    assert lanes[OWN, Lane.AHEAD] == pytest.approx(20.0 - 2.5 - 0.9)
+    assert lanes[OWN, Lane.AHEAD_SPEED] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_during_a_change_both_lanes_count():
+    w = width()
+    made = world_of(
+        [Car(60.0, w, mission=mission("road")), Car(80.0, w, name="left behind")], maps=[straight()]
+    )
+    made.world.agents.target_lane[0, 0] = 2
+    own, lanes = look(made, change=True)
+    assert own[Own.CHANGING] == 1.0
+    assert lanes[OWN, Lane.AHEAD] == pytest.approx(15.0)
+    _, lanes = look(made)
+    assert lanes[LEFT, Lane.OPEN] == 0.0
+    assert lanes[RIGHT, Lane.AHEAD] == pytest.approx(15.0)
+
+
+SOUTH = AgentMission(route=("south_in", "north_out"), goal=GoalKind.POSITION, goal_position=(1.6, 80.0))
+"""Straight on; the line is at y = -10."""
+
+
+def wait_for(*cars, own_speed=8.0, own_y=-30.0, signals=()):
+    """Return what a vehicle sees that comes from the south."""
+    made = world_of([Car(1.6, own_y, math.pi / 2, own_speed, SOUTH), *cars], maps=[crossing()])
+    for lane, light in signals:
+        made.world.signals[0, made.atlas.graphs[0].lane_ids.index(lane)] = light
+    return look(made)[0]
+
+
+def crossing_lane(begin, end):
+    """Return the name of a lane inside the junction, in the order in which `crossing` makes them."""
+    arms = ("west", "south", "east", "north")
+    pairs = [(a, b) for a in arms for b in arms if a != b]
+    return f":junction_{pairs.index((begin, end))}_0"
+
+
+def test_nobody_waits_at_an_empty_junction():
+    assert wait_for()[Own.YIELD_GAP] == np.inf
+
+
+@pytest.mark.parametrize(
+    ("x", "speed", "waits"),
+    [(-30.0, 8.0, True), (-30.0, 0.2, False), (-89.0, 3.0, False), (-6.0, 0.0, False), (-0.5, 0.0, True)],
+)
+def test_a_vehicle_that_comes_at_the_same_time_goes_first(x, speed, waits):
+    """It comes from the west; not one that stands at its line or is far, but one that stands in the way."""
+    own = wait_for(Car(x, -1.6, 0.0, speed))
+    assert own[Own.YIELD_GAP] == (pytest.approx(17.5) if waits else np.inf)
+
+
+def test_of_two_agents_the_first_goes():
+    west = AgentMission(route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_position=(80.0, -1.6))
+    for x, waits in ((-25.0, True), (-35.0, False)):
+        own = wait_for(Car(x, -1.6, 0.0, 8.0, west))
+        assert np.isfinite(own[Own.YIELD_GAP]) == waits
+
+
+def test_two_agents_that_stand_take_turns():
+    west = AgentMission(route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_position=(80.0, -1.6))
+    cars = [Car(1.6, -14.0, math.pi / 2, 0.0, SOUTH), Car(-14.0, -1.6, 0.0, 0.0, west)]
+    goes = []
+    for step in (0, 40, 80):
+        made = world_of(cars, maps=[crossing()])
+        made.world.step[:] = step
+        observation = ArrayObservation(context_of(made, agents=2), ["surroundings"])
+        seen = observation.observe(np.ones((1, 2), bool))[OWN_VEHICLE][0]
+        goes.append(np.isinf(seen[:, Own.YIELD_GAP]).tolist())
+    assert goes == [goes[0], goes[0][::-1], goes[0]]
+    assert sum(goes[0]) == 1
+
+
+def test_green_lights():
+    """The vehicle from the north turns left, across the way, or is held by a red light."""
+    straight_on, left = crossing_lane("south", "north"), crossing_lane("north", "east")
+    car = Car(-1.6, 30.0, -math.pi / 2, 8.0)
+    assert np.isfinite(wait_for(car)[Own.YIELD_GAP])
+    green = [(straight_on, Signal.GO), (left, Signal.GO)]
+    assert wait_for(car, signals=green)[Own.YIELD_GAP] == np.inf
+    red = [(straight_on, Signal.GO), (left, Signal.STOP)]
+    assert wait_for(car, signals=red)[Own.YIELD_GAP] == np.inf
+
+
+@pytest.mark.parametrize("light", [Signal.STOP, Signal.CAUTION])
+def test_lights_that_stop(light):
+    own = wait_for(signals=[(crossing_lane("south", "north"), light)])
+    assert own[[Own.LIGHT, Own.LIGHT_GAP]] == pytest.approx([light, 17.5])
+
+
+def test_inside_the_junction_a_vehicle_goes_on():
+    assert wait_for(Car(-12.0, -1.6, 0.0, 8.0), own_y=-9.0)[Own.YIELD_GAP] == np.inf
+
+
+def test_a_leader_beyond_the_junction():
+    made = world_of(
+        [Car(1.6, -30.0, math.pi / 2, 8.0, SOUTH), Car(1.6, 30.0, math.pi / 2, 4.0)], maps=[crossing()]
+    )
+    _, lanes = look(made)
+    assert lanes[OWN, [Lane.AHEAD, Lane.AHEAD_SPEED]] == pytest.approx([55.0, 4.0], abs=1e-6)
+    assert lanes[OWN, Lane.ALLOWED] == pytest.approx(math.sqrt(10.0**2 + 2 * 1.5 * 20.0))

@@ -1,0 +1,523 @@
+"""Bubbles in the step: phases, limits, overlaps, conditions and moving bubbles, computed by hand.
+
+The front of a vehicle at 10 m/s goes on by 1 m in a step. The zone of most bubbles is x = 100 to 120 m, its
+margin 10 m wide.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from shapely.geometry import box
+
+from smarts.bubbles.phases import Phase
+from smarts.sstudio import sstypes as t
+from smarts.sstudio.sstypes.condition import ALWAYS
+from smarts.types.agent_states import AgentStatus
+from smarts.types.bubbles import UNLIMITED
+from smarts.types.mission import GoalKind
+from smarts.types.transfers import Reason
+from smarts.types.vehicles import Owner, VehicleKind
+from tests.unit.bubbles.shapes import bubble
+from tests.unit.sim.bubble_stage import Road
+
+NONE, AIRLOCK, DRIVEN, RELEASING = Phase
+ZONE = box(100, -30, 120, 30)
+
+
+def gate(margin=10.0, zone=ZONE, **more):
+    return bubble(zone, margin, **more)
+
+
+def phases(road, slot, steps):
+    """Return the phase after each step, joined where equal."""
+    seen = []
+    for _ in range(steps):
+        road.step()
+        if not seen or seen[-1] != road.phase(slot):
+            seen.append(road.phase(slot))
+    return seen
+
+
+def test_a_vehicle_goes_through_all_phases_and_back_to_traffic():
+    road = Road(gate())
+    slot = road.car(84.5, speed=10.0)
+    road.reset().step(6)
+    assert road.phase(slot) == NONE, "at 90.5: proposed, carried out in the next step"
+    road.step()
+    assert (road.phase(slot), road.owner(slot), road.state(slot)) == (
+        AIRLOCK,
+        Owner.TRAFFIC,
+        AgentStatus.SHADOWING,
+    )
+    road.step(8)
+    assert road.phase(slot) == AIRLOCK, "at 99.5"
+    road.step(2)
+    assert (road.phase(slot), road.owner(slot)) == (DRIVEN, Owner.AGENT), "at 101.5"
+    road.step(18)
+    assert road.phase(slot) == DRIVEN, "at 119.5"
+    road.step()
+    assert road.phase(slot) == RELEASING
+    assert road.world.agents.release_step[0, road.column(slot)] == road.world.step[0]
+    road.step()
+    assert (road.phase(slot), road.owner(slot), road.column(slot)) == (NONE, Owner.TRAFFIC, -1)
+    road.step(20)
+    assert road.count("taken") == 1
+    assert len(road.pool.starts[0]) == 1, "in the margin behind the zone no agent is announced again"
+
+
+def test_a_vehicle_that_comes_back_is_taken_again_by_a_new_agent():
+    road = Road(gate())
+    slot = road.car(105)
+    road.reset().step(3)
+    assert road.phase(slot) == DRIVEN
+    road.step(2, c0=125.0)
+    road.step(3)
+    assert road.column(slot) == -1
+    road.step(1, c0=105.0)
+    road.step(3)
+    assert road.phase(slot) == NONE, "it has not left the margin"
+    road.step(1, c0=140.0)
+    road.step(1, c0=105.0)
+    road.step(3)
+    assert road.phase(slot) == DRIVEN
+    assert [start.name for start in road.pool.starts[0]] == ["agent-car", "agent-car~2"]
+
+
+def test_vehicles_in_the_zone_at_the_beginning_are_observed_for_one_step():
+    road = Road(gate())
+    slot = road.car(110)
+    road.reset()
+    assert len(road.proposed) == 1
+    assert phases(road, slot, 4) == [AIRLOCK, DRIVEN]
+
+
+def test_an_agent_that_has_not_acted_does_not_drive():
+    road = Road(gate(), acts=False)
+    slot = road.car(110)
+    road.reset().step(6)
+    assert road.phase(slot) == AIRLOCK
+    assert road.world.agents.next_due[0, road.column(slot)] == road.world.step[0], "it is asked in every step"
+    road.acts = True
+    road.step(2)
+    assert road.phase(slot) == DRIVEN
+
+
+@pytest.mark.parametrize("period", [1, 5])
+def test_the_first_action_is_asked_for_when_the_zone_is_reached_whatever_the_period(period):
+    road = Road(gate(period=period))
+    slot = road.car(95.5, speed=10.0)
+    road.reset().step(5)
+    assert road.phase(slot) == AIRLOCK
+    assert road.world.agents.next_due[0, road.column(slot)] == road.world.step[0]
+    road.step()
+    assert road.phase(slot) == DRIVEN
+
+
+def test_a_vehicle_that_jumps_a_thin_zone_is_taken():
+    road = Road(gate(0.5, box(100, -30, 100.2, 30)))
+    slot = road.car(97, speed=30.0)
+    road.reset().step()
+    assert len(road.proposed) == 1, "from 97 to 100"
+    seen = phases(road, slot, 4)
+    assert seen == [AIRLOCK, RELEASING, NONE]
+    assert road.count("taken") == 1
+
+
+def test_a_vehicle_that_turns_back_in_the_margin_is_let_go():
+    road = Road(gate())
+    slot = road.car(95)
+    road.reset().step(3)
+    assert road.phase(slot) == AIRLOCK
+    road.step(1, c0=80.0)
+    road.step()
+    assert (road.column(slot), road.owner(slot), road.count("taken")) == (-1, Owner.TRAFFIC, 0)
+
+
+def test_a_vehicle_that_comes_back_into_the_zone_is_driven_on():
+    road = Road(gate())
+    slot = road.car(110)
+    road.reset().step(3)
+    road.traffic.closed = frozenset([slot])
+    road.step(2, c0=125.0)
+    assert (road.phase(slot), road.state(slot)) == (RELEASING, AgentStatus.ACTIVE)
+    road.step(1, c0=119.0)
+    assert road.phase(slot) == DRIVEN
+    assert road.world.agents.release_step[0, road.column(slot)] == -1
+
+
+def test_a_release_that_another_wants_stays():
+    road = Road(gate())
+    slot = road.car(110)
+    road.reset().step(3)
+    road.traffic.closed = frozenset([slot])
+    road.world.agents.release_step[0, road.column(slot)] = 1
+    road.step(2)
+    assert road.world.agents.release_step[0, road.column(slot)] == 1
+
+
+def test_a_shadow_of_an_agent_that_has_failed_is_let_go_and_not_observed_again():
+    road = Road(gate())
+    slot = road.car(95)
+    road.reset().step(2)
+    road.world.agents.release_step[0, road.column(slot)] = 2
+    road.step(3)
+    assert road.column(slot) == -1
+    assert len(road.pool.starts[0]) == 1
+
+
+def test_a_vehicle_that_is_too_close_is_taken_when_there_is_room():
+    road = Road(gate())
+    slot = road.car(95, speed=10.0)
+    road.reset()
+    road.agents_gate.closed = frozenset([slot])
+    road.step(12)
+    assert road.phase(slot) == AIRLOCK
+    road.agents_gate.closed = frozenset()
+    road.step(2)
+    assert road.phase(slot) == DRIVEN
+
+
+def test_a_vehicle_that_was_never_taken_is_not_taken_behind_the_zone():
+    road = Road(gate())
+    slot = road.car(95, speed=10.0)
+    road.reset()
+    road.agents_gate.closed = frozenset([slot])
+    road.step(28)
+    road.agents_gate.closed = frozenset()
+    road.step(5)
+    assert road.phase(slot) == AIRLOCK, "in the margin behind the zone"
+    road.step(10)
+    assert (road.column(slot), road.count("taken")) == (-1, 0)
+
+
+class TestLimits:
+    def test_no_more_than_the_limit_drive_at_a_time_and_the_longest_waiting_comes_first(self):
+        road = Road(gate(hijack_limit=1))
+        slots = [road.car(101 + 5 * n, lane=n % 3) for n in range(3)]
+        road.reset().step(6)
+        assert [road.phase(slot) for slot in slots] == [DRIVEN, AIRLOCK, AIRLOCK]
+        road.step(1, c0=150.0)
+        road.step(3)
+        assert [road.phase(slot) for slot in slots] == [NONE, DRIVEN, AIRLOCK]
+
+    def test_one_that_cannot_be_taken_does_not_keep_the_others_out(self):
+        road = Road(gate(hijack_limit=1))
+        slots = [road.car(101 + 5 * n, lane=n % 3) for n in range(2)]
+        road.agents_gate.closed = frozenset([slots[0]])
+        road.reset().step(6)
+        assert [road.phase(slot) for slot in slots] == [AIRLOCK, DRIVEN]
+
+    def test_a_vehicle_that_is_to_go_back_counts(self):
+        road = Road(gate(hijack_limit=1))
+        slots = [road.car(105), road.car(112, lane=0)]
+        road.reset().step(3)
+        road.traffic.closed = frozenset(slots)
+        road.step(5, c0=125.0)
+        assert [road.phase(slot) for slot in slots] == [RELEASING, AIRLOCK]
+
+    def test_who_finds_the_limit_reached_is_refused_until_out_of_the_margin(self):
+        road = Road(gate(hijack_limit=1, shadow_limit=1))
+        slots = [road.car(105), road.car(112, lane=0)]
+        road.reset().step(3)
+        assert [road.phase(slot) for slot in slots] == [DRIVEN, NONE]
+        assert road.count("at_limit") == 1
+        road.step(1, c0=150.0)
+        road.step(5)
+        assert [road.phase(slot) for slot in slots] == [NONE, NONE]
+        road.step(1, c1=150.0)
+        road.step(1, c1=112.0)
+        road.step(3)
+        assert road.phase(slots[1]) == DRIVEN
+
+    def test_vehicles_of_one_step_count_together(self):
+        road = Road(gate(hijack_limit=2, shadow_limit=2))
+        slots = [road.car(101 + 6 * n, lane=n % 3) for n in range(3)]
+        road.reset().step(4)
+        assert [road.phase(slot) for slot in slots] == [DRIVEN, DRIVEN, NONE]
+
+    def test_a_full_pool_is_counted_and_tried_again_by_the_same_agent(self):
+        road = Road(gate(), columns=1)
+        slots = [road.car(105), road.car(112, lane=0)]
+        road.reset().step(6)
+        assert [road.phase(slot) for slot in slots] == [DRIVEN, NONE]
+        assert (road.count("without_column"), len(road.pool.starts[0])) == (1, 2)
+        road.step(1, c0=150.0)
+        road.step(4)
+        assert road.phase(slots[1]) == DRIVEN
+        assert len(road.pool.starts[0]) == 2
+
+    def test_random_traffic_keeps_all_limits(self):
+        random = np.random.default_rng(3)
+        road = Road(gate(hijack_limit=2, shadow_limit=3), gate(zone=box(110, -30, 150, 30), shadow_limit=2))
+        for number in range(12):
+            road.car(random.uniform(60, 160), lane=number % 3, speed=random.uniform(-15, 15))
+        road.reset()
+        holds = road.rules._field.holds
+        for _ in range(150):
+            road.step()
+            turned = random.random(24) < 0.05
+            road.world.vehicles.speed[0] *= np.where(turned, -1, 1)
+            road.agents_gate.closed = frozenset(np.flatnonzero(random.random(24) < 0.3).tolist())
+            road.traffic.closed = frozenset(np.flatnonzero(random.random(24) < 0.6).tolist())
+            phase, number = holds.phase[0], holds.bubble[0]
+            driven = np.isin(phase, (DRIVEN, RELEASING))
+            assert np.count_nonzero(driven & (number == 0)) <= 2
+            assert np.count_nonzero(number == 0) <= 3
+            assert np.count_nonzero(number == 1) <= 2
+            held = road.world.agents.slot[0][road.world.agents.slot[0] >= 0].tolist()
+            assert len(held) == len(set(held))
+        assert road.count("taken") > 5
+
+
+class TestAdmission:
+    def test_the_first_bubble_of_the_file_wins_and_the_second_takes_what_it_refuses(self):
+        first = gate(id="first", actor="one", spared=("bus",))
+        second = gate(id="second", actor="two")
+        road = Road(first, second)
+        car, bus = road.car(105, name="car"), road.car(112, lane=0, name="bus")
+        road.reset().step(3)
+        names = {road.column(slot): road.pool.name(0, road.column(slot)) for slot in (car, bus)}
+        assert sorted(names.values()) == ["one-car", "two-bus"]
+
+    def test_a_vehicle_goes_from_one_bubble_into_the_next(self):
+        road = Road(gate(), gate(zone=box(115, -30, 160, 30), actor="other"))
+        slot = road.car(110.5, speed=10.0)
+        road.reset().step(10)
+        assert road.phase(slot) == RELEASING
+        road.step(3)
+        assert [start.name for start in road.pool.starts[0]] == ["agent-car", "other-car"]
+        assert road.phase(slot) == DRIVEN
+
+    def test_kinds_that_agents_cannot_drive_are_left_alone_and_counted(self):
+        road = Road(gate())
+        slot = road.car(105, kind=VehicleKind.TRAILER)
+        road.reset().step(5)
+        assert (road.column(slot), road.count("not_drivable")) == (-1, 1)
+        assert not road.pool.starts[0]
+
+    def test_vehicles_of_agents_are_left_alone(self):
+        road = Road(gate())
+        slot = road.car(105)
+        road.world.vehicles.owner[0, slot] = Owner.AGENT
+        road.reset().step(3)
+        assert not road.pool.starts[0]
+
+    def test_a_boid_has_its_vehicles_by_one_policy(self):
+        road = Road(gate(is_boid=True, policy=3))
+        for number in range(3):
+            road.car(101 + 6 * number, lane=number)
+        road.reset().step(3)
+        assert {start.policy for start in road.pool.starts[0]} == {3}
+        assert road.count("taken") == 3
+
+
+class TestConditions:
+    def test_a_time_window(self):
+        window = t.TimeWindowCondition(0.5, 1.5)
+        road = Road(gate(active_condition=window))
+        slot = road.car(105)
+        road.reset().step(4)
+        assert road.phase(slot) == NONE
+        road.step(3)
+        assert road.phase(slot) == DRIVEN
+        road.step(7)
+        assert road.phase(slot) == DRIVEN
+        road.step()
+        assert road.phase(slot) == RELEASING, "at 1.5 s"
+        road.step(10)
+        assert road.phase(slot) == NONE
+
+    def test_the_clock_of_an_expiry_runs_from_the_reset_on(self):
+        road = Road(gate(active_condition=ALWAYS.expire(1.0, relative=True)))
+        road.reset().step(12)
+        slot = road.car(105)
+        road.step(4)
+        assert road.phase(slot) == NONE
+
+    def test_another_vehicle_is_needed(self):
+        road = Road(gate(active_condition=t.DependeeActorCondition("leader")))
+        slot = road.car(105)
+        road.reset().step(3)
+        assert road.phase(slot) == NONE
+        leader = road.car(300, name="leader")
+        road.step(3)
+        assert road.phase(slot) == DRIVEN
+        road.world.registry.dismiss(0, leader)
+        road.step(2)
+        assert road.phase(slot) == NONE
+
+    def test_a_type_and_a_speed_are_asked_for_once(self):
+        slow = t.VehicleSpeedCondition(0.0, 5.0) & t.VehicleTypeCondition("passenger")
+        road = Road(gate(airlock_condition=slow))
+        fast, standing = road.car(85, speed=10.0), road.car(105, lane=0)
+        bus = road.car(110, lane=2, kind=VehicleKind.BUS)
+        road.reset().step(8)
+        assert [road.phase(slot) for slot in (fast, standing, bus)] == [NONE, DRIVEN, NONE]
+        road.world.vehicles.speed[0, fast] = 0.0
+        road.step(4)
+        assert road.phase(fast) == NONE, "the refusal holds in the margin"
+
+    def test_a_trigger_is_asked_again_while_it_waits_and_each_vehicle_has_its_own_clock(self):
+        """The clock starts when the vehicle slows down in the margin, for each vehicle apart."""
+        loiters = t.VehicleSpeedCondition(0.0, 5.0).trigger(0.5)
+        road = Road(gate(airlock_condition=loiters))
+        first, second = road.car(95), road.car(98, lane=0, speed=-8.0)
+        road.reset().step(5)
+        assert (road.phase(first), road.phase(second)) == (NONE, NONE)
+        road.step()
+        assert (road.phase(first), road.phase(second)) == (AIRLOCK, NONE)
+
+    def test_off_road(self):
+        road = Road(gate(airlock_condition=-t.OffRoadCondition()))
+        on, off = road.car(105), road.car(110)
+        road.world.vehicles.position[0, off, 1] += 20.0
+        road.reset().step(3)
+        assert (road.phase(on), road.phase(off)) == (DRIVEN, NONE)
+
+    def test_equal_conditions_of_two_bubbles_have_two_clocks(self):
+        condition = t.DependeeActorCondition("leader").trigger(0.5)
+        road = Road(
+            gate(active_condition=condition),
+            gate(zone=box(200, -30, 220, 30), active_condition=condition),
+        )
+        memory = road.rules._conditions._memory[0]
+        road.car(300, name="leader")
+        road.reset().step(2)
+        assert len(memory) == 2
+        road.begin()
+        assert not memory
+
+
+class TestMovingBubbles:
+    def moving(self, **more):
+        ahead = {"followed": "leader", "follow_offset": (0.0, 20.0)}
+        return gate(2.0, box(-5, -30, 5, 30), **(ahead | more))
+
+    def test_a_bubble_travels_with_a_vehicle_and_lets_go_what_it_leaves_behind(self):
+        """It is 20 m ahead of the leader's centre, whose front is 2 m ahead; the zone turned is 60 m long."""
+        road = Road(self.moving())
+        leader, standing = road.car(22, speed=10.0, name="leader"), road.car(100, lane=0)
+        road.reset()
+        assert road.rules.states.pose[0, 0].tolist() == pytest.approx(
+            [40.0, 0.0 + _y(road, leader), -math.pi / 2]
+        )
+        road.step(28)
+        assert road.phase(standing) == NONE, "the zone's front is at 98 m, its margin's at 100 m"
+        road.step(2)
+        assert road.phase(standing) == AIRLOCK
+        road.step(2)
+        assert road.phase(standing) == DRIVEN
+        road.step(60)
+        assert road.column(standing) == -1
+        assert road.owner(standing) == Owner.TRAFFIC
+        assert road.column(leader) == -1, "the bubble never takes the vehicle that it follows"
+
+    def test_a_vehicle_that_never_appears_is_counted_and_nothing_is_taken(self):
+        road = Road(self.moving(), self.moving(followed="other"))
+        slot = road.car(60)
+        road.reset().step(5)
+        assert (road.count("never_appeared"), road.phase(slot)) == (2, NONE)
+        assert not road.rules.states.is_active.any()
+        road.car(42, lane=0, name="leader")
+        road.step(4)
+        assert (road.count("never_appeared"), road.phase(slot)) == (1, DRIVEN)
+
+    def test_all_are_let_go_when_the_followed_vehicle_is_gone(self):
+        road = Road(self.moving())
+        leader, slot = road.car(42, lane=0, name="leader"), road.car(60)
+        road.reset().step(3)
+        assert road.phase(slot) == DRIVEN
+        road.world.registry.dismiss(0, leader)
+        road.step()
+        assert (road.phase(slot), bool(road.rules.states.is_active[0, 0])) == (RELEASING, False)
+        road.step()
+        assert road.column(slot) == -1
+        assert road.count("never_appeared") == 0
+
+    def test_it_follows_an_agent_by_its_name_whatever_its_vehicle_is_called(self):
+        road = Road(gate(zone=box(100, -30, 110, 30), actor="driver"), self.moving(followed="driver-car"))
+        led, slot = road.car(105), road.car(125, lane=0)
+        road.reset().step(5)
+        assert (road.phase(led), road.phase(slot)) == (DRIVEN, DRIVEN)
+        road.step(1, c0=200.0)
+        road.step(3)
+        assert (road.column(led), road.column(slot)) == (-1, -1)
+
+
+def _y(road, slot):
+    return float(road.world.vehicles.position[0, slot, 1])
+
+
+class TestLearners:
+    def test_they_are_told_that_they_have_left(self):
+        road = Road(gate(policy=-1), acts=False)
+        slot = road.car(105)
+        road.reset().step(3)
+        column = road.column(slot)
+        assert (road.phase(slot), bool(road.rules.left.any())) == (DRIVEN, False)
+        road.step(1, c0=125.0)
+        assert road.rules.left[0].tolist() == [a == column for a in range(4)]
+        assert road.world.agents.release_step[0, column] == -1, "the events end the agent"
+
+
+def test_the_mission_is_the_vehicles_own_route_to_its_end():
+    road = Road(gate())
+    slot = road.car(105)
+    road.reset().step(1)
+    mission = road.pool.starts[0][0].mission
+    assert (mission.route, mission.goal) == (("road",), GoalKind.OFF_MAP)
+    assert mission.route_length == pytest.approx(400 - 103)
+    assert road.pool.starts[0][0].collision_time == 5.0
+    assert road.column(slot) >= 0
+
+
+def test_a_collision_is_counted_once():
+    road = Road(gate())
+    slot = road.car(105)
+    road.reset().step(3)
+    road.world.agents.harmed[0, road.column(slot)] = True
+    road.step(3)
+    assert road.count("collided") == 1
+
+
+def test_limits_that_are_none():
+    assert gate().hijack_limit == UNLIMITED
+
+
+def test_proposals_do_not_depend_on_the_order_of_calls():
+    """The same traffic gives the same transfers, step by step."""
+
+    def run():
+        road = Road(gate(hijack_limit=2))
+        for number in range(6):
+            road.car(80 + 4 * number, lane=number % 3, speed=8.0)
+        road.reset()
+        rows = []
+        for _ in range(40):
+            road.step()
+            rows.append(road.proposed.tobytes())
+        return rows
+
+    assert run() == run()
+
+
+def test_an_episode_without_bubbles_costs_no_call():
+    road = Road()
+    road.car(105)
+    road.reset().step(2)
+    assert not len(road.proposed)
+    assert road.rules.states.pose.shape == (1, 0, 3)
+
+
+def test_reasons_of_all_transfers():
+    road = Road(gate())
+    road.car(105)
+    road.car(95, lane=0)
+    road.reset()
+    seen = set()
+    for x in (95.0, 95.0, 80.0):
+        road.step(1, c1=x)
+        seen |= set(road.proposed["reason"].tolist())
+    assert seen == {Reason.TAKE, Reason.RELEASE}
+    assert set(road.ownership.refused[0].tolist()) == {0}

@@ -1,0 +1,315 @@
+"""The zoo's drivers against their equations, and in simulations."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmark.running.zoo_contract import ZooDrive
+from smarts.agents.policy import ActionBatch, BatchAgent
+from smarts.agents.spec import AgentSpec
+from smarts.errors import SmartsError
+from smarts.observations.surroundings import LANE_TRAFFIC, OWN_VEHICLE, Lane, Own
+from smarts.types.events import Outcome
+from smarts.types.traffic import Signal
+from smarts.zoo import make_agent, make_spec
+from smarts.zoo.agents.idm import IdmDriver
+from smarts.zoo.agents.keep_lane import NonInteractive
+from smarts.zoo.agents.mobil import MobilDriver
+from smarts.zoo.driving import DRIVER, HARDEST, Driver, Idm, Seen
+
+
+def seen_of(count=1, **own):
+    """Return what vehicles see on an empty road of one lane."""
+    vehicle, lanes = np.zeros((count, len(Own))), np.zeros((count, 3, len(Lane)))
+    vehicle[:, Own.LENGTH], vehicle[:, Own.WIDTH] = 5.0, 1.8
+    vehicle[:, [Own.LIGHT_GAP, Own.YIELD_GAP, Own.REMAINING]] = np.inf
+    lanes[:, :, [Lane.AHEAD, Lane.BEHIND, Lane.LEFT, Lane.END]] = np.inf
+    lanes[:, 0, Lane.OPEN] = 1.0
+    for name, value in own.items():
+        vehicle[:, Own[name.upper()]] = value
+    return Seen(vehicle, lanes)
+
+
+def batch_of(seen, step=0, is_first=True, mask=True, env_id=0):
+    count = len(seen.own)
+    return ActionBatch(
+        {OWN_VEHICLE: seen.own, LANE_TRAFFIC: seen.lanes},
+        np.full((count, 4), mask),
+        np.full(count, env_id, np.int32),
+        np.arange(count, dtype=np.int32),
+        np.arange(count, dtype=np.int32),
+        np.zeros(count, np.int32),
+        np.full(count, step, np.int32),
+        np.full(count, is_first),
+        np.arange(count, dtype=np.uint64),
+    )
+
+
+def equilibrium_gap(model, speed, desired):
+    """The gap at which a follower keeps its leader's speed: Treiber, Hennecke, Helbing 2000, eq. 5."""
+    return (model.min_gap + speed * model.tau) / math.sqrt(1.0 - (speed / desired) ** 4)
+
+
+@pytest.mark.parametrize("speed", [0.0, 3.0, 8.0, 13.0])
+def test_at_the_equilibrium_gap_nothing_changes(speed):
+    model = Idm(tau=1.5, accel=1.2, decel=2.5, min_gap=3.0)
+    gap = equilibrium_gap(model, speed, 15.0)
+    assert model.acceleration(speed, 15.0, gap, speed) == pytest.approx(0.0, abs=1e-12)
+    assert model.acceleration(speed, 15.0, gap + 1.0, speed) > 0.0
+    assert model.acceleration(speed, 15.0, gap - 1.0, speed) < 0.0
+
+
+def test_the_equation_by_hand():
+    model = Idm(tau=1.0, accel=2.0, decel=2.0, min_gap=2.0)
+    # s* = 2 + 10 + 10 * 4 / 4 = 22, and the free term is 1 - (1/2)^4.
+    assert model.acceleration(10.0, 20.0, 44.0, 6.0) == pytest.approx(2.0 * (15.0 / 16.0 - 0.25))
+    assert model.acceleration(10.0, 20.0, 0.0, 0.0) == -HARDEST
+    assert model.acceleration(0.0, 20.0, np.inf, 0.0) == 2.0
+
+
+class Convoy(BatchAgent):
+    """Egos behind one that drives at a constant speed: it is the last one."""
+
+    interface = DRIVER
+    observation = ("surroundings", "speed")
+
+    def __init__(self, speed, followers):
+        self._leader, self._followers = NonInteractive(speed), followers
+
+    def act(self, obs):
+        actions = self._followers.act(obs)
+        is_leader = obs.agent_id == 3
+        actions[is_leader] = self._leader.act(obs)[is_leader]
+        return actions
+
+
+def convoy(speed, steps, followers=None):
+    """Yield gaps and speeds of four vehicles in a row, the leader last."""
+    followers = followers or IdmDriver()
+    agent = Convoy(speed, followers)
+    spec = AgentSpec(DRIVER, lambda: agent)
+    with ZooDrive("convoy", spec, agent, "two_way@platoon", egos=4, traffic="no_social_vehicles") as drive:
+        drive.reset()
+        for _ in range(steps):
+            drive.step()
+            if not drive.active.all():
+                break
+            vehicles, slots = drive.world.vehicles, drive.world.agents.slot[0, :4]
+            x = vehicles.position[0, slots, 0]
+            yield np.abs(np.diff(x)) - vehicles.length[0, slots[0]], vehicles.speed[0, slots]
+        assert Outcome.COLLISION not in drive.outcomes.values()
+
+
+def test_a_convoy_keeps_the_gaps_of_the_equation():
+    gaps, speeds = [*convoy(5.0, 350)][-1]
+    assert speeds == pytest.approx(5.0, abs=0.05)
+    desired = 13.9
+    assert gaps == pytest.approx(equilibrium_gap(Idm(), 5.0, desired), abs=0.35)
+
+
+@pytest.mark.parametrize("name", ["keep-lane-v0", "idm-v0", "mobil-v0", "aggressive-v0", "boids-v0"])
+def test_vehicles_stop_behind_one_that_stands(name):
+    followers = make_agent(name)[0]
+    gaps, speeds = [*convoy(0.0, 250, followers)][-1]
+    assert speeds == pytest.approx(0.0, abs=0.1)
+    assert gaps.min() > 0.5 * followers.model.min_gap
+    assert gaps.max() < followers.model.min_gap + 2.0
+
+
+def test_red_lights_ends_of_lanes_and_others_at_junctions_stop_a_driver():
+    driver = IdmDriver()
+    wanted = driver.model.acceleration(8.0, 14.0, 20.0, 0.0)
+    free = driver.model.acceleration(8.0, 14.0, np.inf, 0.0)
+    for changes in ({"light": Signal.STOP, "light_gap": 20.0}, {"yield_gap": 20.0}):
+        assert driver.follow(seen_of(speed=8.0, allowed=14.0, **changes)) == pytest.approx(wanted)
+    for light in (Signal.GO, Signal.NONE):
+        seen = seen_of(speed=8.0, allowed=14.0, light=light, light_gap=20.0)
+        assert driver.follow(seen) == pytest.approx(free)
+    for column in (Lane.LEFT, Lane.END):
+        seen = seen_of(speed=8.0, allowed=14.0)
+        seen.lanes[0, 0, column] = 20.0
+        stops = driver.follow(seen, keeps_to_route=column == Lane.LEFT)
+        assert stops == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(("speed", "stops"), [(8.0, True), (14.0, False)])
+def test_at_an_amber_light_a_driver_stops_if_it_can(speed, stops):
+    driver = IdmDriver()
+    seen = seen_of(speed=speed, allowed=14.0, light=Signal.CAUTION, light_gap=20.0)
+    assert (driver.follow(seen)[0] < -1.0) == stops
+
+
+def two_lanes(**values):
+    """A vehicle at 10 m/s behind one at 5 m/s, with a free lane to the left."""
+    seen = seen_of(speed=10.0, allowed=14.0, **values)
+    seen.lanes[:, 1, Lane.OPEN] = 1.0
+    seen.lanes[:, 0, [Lane.AHEAD, Lane.AHEAD_SPEED]] = 20.0, 5.0
+    return seen
+
+
+def test_the_incentive_of_mobil_by_its_equation():
+    driver = MobilDriver(politeness=0.5)
+    model, seen = driver.model, two_lanes()
+    seen.lanes[:, 0, [Lane.BEHIND, Lane.BEHIND_SPEED, Lane.BEHIND_DESIRED]] = 15.0, 9.0, 12.0
+    seen.lanes[:, 1, [Lane.AHEAD, Lane.AHEAD_SPEED]] = 60.0, 12.0
+    seen.lanes[:, 1, [Lane.BEHIND, Lane.BEHIND_SPEED, Lane.BEHIND_DESIRED]] = 25.0, 11.0, 14.0
+    own = model.acceleration(10.0, 14.0, 60.0, 12.0) - model.acceleration(10.0, 14.0, 20.0, 5.0)
+    old = model.acceleration(9.0, 12.0, 40.0, 5.0) - model.acceleration(9.0, 12.0, 15.0, 10.0)
+    new = model.acceleration(11.0, 14.0, 25.0, 10.0) - model.acceleration(11.0, 14.0, 90.0, 12.0)
+    gained = driver.incentive(seen, np.array([1], np.int32))
+    assert gained == pytest.approx(own + 0.5 * (old + new))
+
+
+def test_mobil_changes_to_the_faster_lane_unless_it_makes_others_brake():
+    seen = two_lanes()
+    assert MobilDriver().act(batch_of(seen))[0, 1] == 1.0
+    assert MobilDriver(threshold=10.0).act(batch_of(seen))[0, 1] == 0.0
+    assert MobilDriver().act(batch_of(seen, mask=False))[0, 1] == 0.0
+    seen.lanes[:, 1, [Lane.BEHIND, Lane.BEHIND_SPEED, Lane.BEHIND_DESIRED]] = 5.0, 14.0, 14.0
+    assert MobilDriver().act(batch_of(seen))[0, 1] == 0.0
+
+
+def test_after_a_change_mobil_waits():
+    driver, seen = MobilDriver(), two_lanes()
+    assert driver.act(batch_of(seen, step=0))[0, 1] == 1.0
+    assert driver.act(batch_of(seen, step=10, is_first=False))[0, 1] == 0.0
+    assert driver.act(batch_of(seen, step=40, is_first=False))[0, 1] == 1.0
+    assert driver.act(batch_of(seen, step=45, is_first=True))[0, 1] == 1.0, "another vehicle"
+
+
+@pytest.mark.parametrize("name", ["idm-v0", "mobil-v0", "overtaking-v0", "boids-v0"])
+def test_changes_that_the_route_demands(name):
+    """In time before the lane leaves the route, if there is room; and to a lane that is open."""
+    driver = make_agent(name)[0]
+    for left, expected in ((400.0, 0.0), (100.0, -1.0)):
+        seen = seen_of(speed=10.0, allowed=14.0, demanded=-1.0)
+        seen.lanes[:, 2, Lane.OPEN] = 1.0
+        seen.lanes[:, 0, Lane.LEFT] = left
+        assert driver.act(batch_of(seen))[0, 1] == expected
+        seen.lanes[:, 2, Lane.BEHIND] = -2.0
+        assert driver.act(batch_of(seen))[0, 1] == 0.0
+
+
+def test_drivers_remember_each_vehicle_apart():
+    """Two vehicles of one batch, and a third that comes later; the columns of the first stay its own."""
+    driver, seen = MobilDriver(), two_lanes()
+    driver.act(batch_of(seen, step=0, env_id=1))
+    assert driver.act(batch_of(seen, step=10, env_id=2))[0, 1] == 1.0
+    assert driver.act(batch_of(seen, step=10, env_id=1, is_first=False))[0, 1] == 0.0
+    many = seen_of(40, speed=1.0)
+    memory_before = driver.act(batch_of(many, env_id=3))
+    assert np.array_equal(memory_before, driver.act(batch_of(many, env_id=4)))
+
+
+@pytest.mark.parametrize(
+    ("name", "scenario"),
+    [
+        ("keep-lane-v0", "loop"),
+        ("idm-v0", "intersection"),
+        ("idm-v0", "double_merge"),
+        ("idm-v0", "roundabout"),
+        ("mobil-v0", "double_merge"),
+        ("mobil-v0", "loop"),
+        ("overtaking-v0", "loop"),
+    ],
+)
+def test_drivers_arrive_unharmed(name, scenario):
+    agent, _ = make_agent(name)
+    with ZooDrive(name, make_spec(name), agent, scenario, egos=4, worlds=2) as drive:
+        drive.reset()
+        for _ in range(600):
+            drive.step()
+            if not drive.active.any():
+                break
+        ends = [*drive.outcomes.values()]
+    assert len(ends) == 8
+    assert {*ends} <= {Outcome.GOAL, Outcome.MISSED_GOAL}
+    if name == "idm-v0":
+        assert ends.count(Outcome.GOAL) >= 6
+
+
+def test_cut_in_changes_closely_in_front_of_another():
+    agent, _ = make_agent("cut-in-v0")
+    found = []
+    with ZooDrive("cut-in-v0", make_spec("cut-in-v0"), agent, "loop", egos=4, worlds=2) as drive:
+        drive.reset()
+        for _ in range(400):
+            asked = drive.step()
+            for row in np.flatnonzero(asked[1][:, 1]) if asked else ():
+                side = 1 if asked[1][row, 1] > 0 else 2
+                found.append(asked[0].observations[LANE_TRAFFIC][row, side, Lane.BEHIND])
+        assert Outcome.COLLISION not in drive.outcomes.values()
+    close = [gap for gap in found if gap < 15.0]
+    assert len(close) >= 3
+    assert min(close) >= 4.0
+
+
+def test_a_u_turn_turns_round():
+    agent, _ = make_agent("u-turn-v0")
+    with ZooDrive("u-turn-v0", make_spec("u-turn-v0"), agent, "intersection", egos=4) as drive:
+        drive.reset()
+        first = {}
+        turned = set()
+        for _ in range(150):  # before the road's end
+            drive.step()
+            slots = drive.world.agents.slot[0, :4]
+            headings = drive.world.vehicles.heading[0]
+            for ego in np.flatnonzero(drive.active[0]).tolist():
+                heading = first.setdefault(ego, headings[slots[ego]])
+                if math.cos(headings[slots[ego]] - heading) < -0.95:
+                    turned.add(ego)
+        outcomes = {*drive.outcomes.values()}
+    assert turned
+    assert not outcomes & {Outcome.COLLISION, Outcome.OFF_ROAD}
+
+
+def test_a_trajectory_is_played_from_where_the_vehicle_is(tmp_path):
+    poses = np.column_stack([np.linspace(0.0, 30.0, 61), np.zeros(61)])
+    np.save(tmp_path / "poses.npy", poses)
+    np.savetxt(tmp_path / "poses.csv", poses, delimiter=",")
+    ways = []
+    for given in (poses, tmp_path / "poses.npy", str(tmp_path / "poses.csv")):
+        spec = make_spec("trajectory-v0", poses=given, relative=True)
+        with ZooDrive("trajectory-v0", spec, spec.build_agent(), "loop", egos=1) as drive:
+            drive.reset()
+            slot = drive.world.agents.slot[0, 0]
+            begin = drive.world.vehicles.position[0, slot].copy()
+            heading = float(drive.world.vehicles.heading[0, slot])
+            way = []
+            for _ in range(80):
+                drive.step()
+                if drive.active[0, 0]:
+                    way.append(drive.world.vehicles.position[0, slot] - begin)
+        ways.append(way)
+        along = np.array(way) @ [math.cos(heading), math.sin(heading)]
+        assert along[:60] == pytest.approx(0.5 * np.arange(1, 61), abs=1e-6)
+        assert along[60:] == pytest.approx(30.0, abs=1e-6)
+    assert np.allclose(ways[0], ways[1])
+
+
+@pytest.mark.parametrize(
+    "poses", [3, "nowhere.npy", [[0, 0]], [[0, 0, 0, 0]] * 3, [[0, np.nan]] * 3, [["a", 1]] * 2]
+)
+def test_poses_that_are_none(poses):
+    with pytest.raises(SmartsError):
+        make_agent("trajectory-v0", poses=poses)
+
+
+def test_boids_gather():
+    """Of two vehicles of one simulation in different lanes the one behind is drawn over and speeds up."""
+    agent = make_agent("boids-v0")[0]
+    seen = seen_of(2, speed=8.0, allowed=14.0)
+    seen.own[1, [Own.X, Own.Y, Own.SPEED]] = 30.0, 3.2, 10.0
+    seen.lanes[0, 1, Lane.OPEN] = 1.0
+    actions = agent.act(batch_of(seen))
+    assert actions[0].tolist()[1] == 1.0
+    assert actions[0, 0] > 8.0
+    assert actions[1, 0] < 10.0
+    alone = agent.act(batch_of(Seen(seen.own[:1], seen.lanes[:1])))
+    assert alone[0, 1] == 0.0
+
+
+def test_a_driver_has_to_decide():
+    with pytest.raises(NotImplementedError):
+        Driver().act(batch_of(seen_of()))
