@@ -120,7 +120,8 @@ class ExportedPolicy(BatchAgent):
         """Return what the network reads, shape (N, d): the observation, and which agent it is."""
         count, parts = len(obs.env_id), []
         for name in self._leaves:
-            leaf = obs.observations[name].reshape(count, -1).astype(np.float64)
+            given = obs.observations[name]
+            leaf = given.reshape(count, math.prod(given.shape[1:])).astype(np.float64)
             if name == VECTOR and self._index is not None:
                 number = np.zeros((count, self._index["size"]))
                 number[:, self._number] = 1.0

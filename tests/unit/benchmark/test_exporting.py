@@ -109,7 +109,7 @@ def test_the_actions_are_those_of_the_checkpoint(make, tmp_path, name, settings,
     agents = [make_spec_of(exported, f"agent-{k}").build_agent() for k in range(4)]
     index = feature_list("benchmark").layout(4)["agent_index"]
     compared = 0
-    for step, (vectors, masks, alive, reset, actions) in enumerate(recorded(run, folder, 40)):
+    for step, (vectors, masks, alive, reset, actions) in enumerate(recorded(run, folder, 80)):
         for k, agent in enumerate(agents):
             rows = np.flatnonzero(alive[:, k])
             own = np.delete(vectors[rows, k], np.arange(index.start, index.stop), axis=1)
