@@ -13,7 +13,6 @@ from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.arrays import Floats, Ints
 from smarts.zoo.driving import DRIVER, Driver, Seen
 
-
 FASTEST = 60.0
 """The largest target speed of the action space [m/s]."""
 
