@@ -302,7 +302,9 @@ def serve() -> None:
         try:
             for step, values in enumerate(PLAYERS[case["api"]](case, random)):
                 if wanted is None:
-                    print(json.dumps({name: digest(name, value) for name, value in values}))
+                    # A field that holds nothing may be there or not.
+                    kept = [(name, value) for name, value in values if any(True for _ in leaves(name, value))]
+                    print(json.dumps({name: digest(name, value) for name, value in kept}))
                 elif step == wanted:
                     print(json.dumps(dict(pair for each in values for pair in texts(*each))))
                     break

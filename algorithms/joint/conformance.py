@@ -87,7 +87,12 @@ def _check_ends(acted: Bools, step: JointStep, t: int) -> None:
     _require(not back.any(), t, "an agent that ended is alive, yet its last observation is not in `final`")
     left = acted & ~step.alive & ~ended & valid[:, None] & ~step.reset[:, None]
     _require(not left.any(), t, "an agent that acted is gone without having terminated or been truncated")
-    _require(bool(step.alive.any(1).all()), t, "no agent is active in an environment that was not reset")
+    may_be_empty = step.reset | ended.any(1) | ~valid
+    _require(
+        bool((step.alive.any(1) | may_be_empty).all()),
+        t,
+        "no agent is active in an environment that was not reset, and in which none has ended",
+    )
 
 
 def _check_final(step: JointStep, t: int) -> None:

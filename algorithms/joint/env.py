@@ -97,7 +97,9 @@ class JointStep(NamedTuple):
         terminated: Ended, not bootstrapped; shape (B, N).
         truncated: Cut short, value to be bootstrapped; shape (B, N).
         alive: Agents that act in the *next* step, shape (B, N). An agent that acted and no longer does has
-            terminated or was truncated, unless its environment was reset or failed.
+            terminated or was truncated, unless its environment was reset or failed. Where agents come and
+            go, an environment may be without any for a step in which one ended or which reset it; `step`
+            then goes on to the next one.
         reset: Environments that were reset in this step, shape (B,).
         final: Last observations of environments that were reset, or in which another agent took over a column
             in this step.

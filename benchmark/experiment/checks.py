@@ -40,6 +40,7 @@ def check_experiment(values: Values) -> Iterator[Fault]:
     yield from _actions(sound)
     yield from _tyres(_section(values, "environment"))
     yield from _observed(_section(values, "environment"))
+    yield from _social(_section(values, "environment"))
     yield from _scenarios(values)
 
 
@@ -279,6 +280,27 @@ def _observed(environment: Values) -> Iterator[Fault]:
         yield from _refused("reward", check_reward, environment)
 
 
+def _social(environment: Values) -> Iterator[Fault]:
+    """Yield what is wrong with agents of the zoo, and with learning in bubbles."""
+    given = environment.get("social_agents")
+    for number, entry in enumerate(given if isinstance(given, list) else ()):
+        if not isinstance(entry, dict) or not isinstance(entry.get("agent"), str):
+            continue  # the model says so
+        from smarts.env.casting import check_agent
+
+        try:
+            check_agent(entry["agent"], _section(entry, "options"))
+        except SmartsError as error:
+            yield Fault(("environment", "social_agents", number), *_message_and_remedy(error))
+    if environment.keys() & {"learn_in_bubbles", "episode_time"}:
+        from smarts.agents.social import bubble_learning
+
+        try:
+            bubble_learning(environment.get("learn_in_bubbles", False), environment.get("episode_time"))
+        except SmartsError as error:
+            yield Fault(("environment", error.place), error.problem, error.remedy)
+
+
 def _refused(key: str, check: Callable[[Any], object], environment: Values) -> Iterator[Fault]:
     try:
         check(environment[key])
@@ -291,7 +313,10 @@ def _scenarios(values: Values) -> Iterator[Fault]:
     from smarts.sstudio.build import read_scenario, suite  # here: reports need no builder
     from smarts.sstudio.episodes import check_egos
 
-    traffic, agents = values.get("traffic"), _names_of_agents(_section(values, "environment"))
+    environment = _section(values, "environment")
+    traffic, agents = values.get("traffic"), _names_of_agents(environment)
+    if environment.get("learn_in_bubbles"):
+        agents = ()
     for key, name in _places(values.get("tasks")):
         try:
             scenario = read_scenario(name)

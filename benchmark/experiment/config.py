@@ -204,6 +204,17 @@ def _agents(agents: Any) -> Any:
     return agents
 
 
+class SocialAgents(Section):
+    """Agents of the zoo beside the learning ones: they take the missions that these leave."""
+
+    agent: str
+    """A locator, as `smarts-bench zoo list` shows them: module:name-v0."""
+    count: Annotated[int, Field(ge=1, le=MOST_AGENTS)] | Literal["missions"] = 1
+    """How many; missions: as many as there are missions left."""
+    options: dict[str, Any] = Field(default_factory=dict)
+    """Arguments of the agent's policy, as `smarts-bench zoo describe` shows them."""
+
+
 class Environment(Driving):
     """How agents see, act and drive, and what their reward is; the same for all algorithms."""
 
@@ -232,11 +243,33 @@ class Environment(Driving):
     traffic_engine: Engine | None = None
     """What drives the traffic: SUMO, ConstantSpeed, or module:Class of one's own; null: what the scenario
     names."""
+    social_agents: Annotated[tuple[SocialAgents, ...], Field(strict=False)] = ()
+    """Agents of the zoo beside the learning ones, in training and test, such as
+    `[{agent: "smarts.zoo:idm-v0", count: 2}]`. They are not measured."""
+    learn_in_bubbles: bool | Annotated[tuple[str, ...], SEVERAL] = False
+    """true, or a list of ids of the scenarios' bubbles: the learning agents have no missions, but drive
+    vehicles of traffic in these bubbles, `agents` of them at a time."""
+    episode_time: Annotated[float, Field(gt=0, le=86_400)] | None = None
+    """Length of the episodes in which agents learn in bubbles [s]."""
+
+    @model_serializer(mode="wrap")
+    def _without_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        # A run without social agents is the same run as before there were any.
+        kept = serialize(self)
+        for name in ("social_agents", "learn_in_bubbles", "episode_time"):
+            if getattr(self, name) == type(self).model_fields[name].default:
+                kept.pop(name, None)
+        return kept
 
     @property
     def agent_count(self) -> int:
         """How many learning agents a simulation has."""
         return self.agents if isinstance(self.agents, int) else len(self.agents)
+
+    @property
+    def mission_count(self) -> int:
+        """How many missions the learning agents have."""
+        return 0 if self.learn_in_bubbles else self.agent_count
 
     def driving(self) -> dict[str, Driving]:
         """Return how each agent acts and drives, by its name."""

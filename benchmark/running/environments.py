@@ -56,6 +56,9 @@ def environment(
         adapter_options=given.adapter_options,
         simulation=Options(record=record, friction=given.friction, traffic_engine=given.traffic_engine),
         traffic=[task_setting.traffic],
+        social_agents=[each.model_dump() for each in given.social_agents],
+        learn_in_bubbles=given.learn_in_bubbles,
+        episode_time=given.episode_time,
     )
 
 

@@ -66,7 +66,7 @@ def evaluate_checkpoint(
     run = _with_test(trained, scenarios, traffic, episodes, modes, keep=out is not None)
     for scenario in run.task_setting.task.scenarios:
         build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
-            run.task_setting.environment.agent_count
+            run.task_setting.environment.mission_count
         )
     for what in _changes(folder, trained, run):
         print(f"note: {path}: {what} has changed since this run", file=sys.stderr)

@@ -14,7 +14,7 @@ import ray
 
 from algorithms.joint.spec import JointSpec
 from benchmark.experiment.algorithm_settings import CONFIGS
-from benchmark.experiment.config import Experiment
+from benchmark.experiment.config import Environment, Experiment
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import Run, task_settings_of
 from benchmark.results.commands import keep_command
@@ -26,7 +26,11 @@ from benchmark.running.jobs import JobScheduler, JobState, jobs_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
 from benchmark.running.played import held_out_of, scenario_digests
+from smarts.agents.social import bubble_learning, social_agents
+from smarts.sim.schedule import Schedule
 from smarts.sstudio.build import build_scenario
+from smarts.sstudio.built import BuiltScenario
+from smarts.types.agent_states import agent_names
 
 
 def interruptible(work: Callable[[], int], left: str) -> int:
@@ -91,12 +95,35 @@ def check_task_settings(experiment: Experiment) -> None:
         SmartsError: The first scenario that does not.
     """
     for task_setting in task_settings_of(experiment):
-        for scenario in task_setting.task.scenarios:
-            egos = task_setting.environment.agent_count
-            build_scenario(scenario, egos=egos).with_traffic([task_setting.traffic]).episodes(egos)
+        egos = task_setting.environment.mission_count
+        scenarios = [
+            build_scenario(scenario, egos=egos).with_traffic([task_setting.traffic])
+            for scenario in task_setting.task.scenarios
+        ]
+        for built in scenarios:
+            built.episodes(egos)
+        check_social(task_setting.environment, scenarios)
         for _ in held_out_of(task_setting):
             pass  # built now, not after hours of training
     _check_spaces(experiment)
+
+
+def check_social(environment: Environment, scenarios: Sequence[BuiltScenario]) -> None:
+    """Raise unless social agents and bubbles fit the scenarios.
+
+    Raises:
+        SmartsError: There is no such agent, there are more agents than missions, or no bubble to learn in.
+    """
+    described = any(built.scenario.bubbles or built.scenario.social_agent_missions for built in scenarios)
+    if not (described or environment.social_agents or environment.learn_in_bubbles):
+        return
+    # Only experiments with social agents wait for the zoo.
+    from smarts.env.casting import cast_of
+
+    added = social_agents([each.model_dump() for each in environment.social_agents])
+    learning = bubble_learning(environment.learn_in_bubbles, environment.episode_time)
+    names = agent_names(environment.agent_count)
+    Schedule(scenarios, names, cast=cast_of(scenarios, added, learning))
 
 
 def _check_spaces(experiment: Experiment) -> None:

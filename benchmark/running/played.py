@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from benchmark.experiment.runs import TaskSetting
 from smarts.sstudio.build import build_scenario
@@ -46,6 +47,10 @@ def digest_of(built: BuiltScenario, task_setting: TaskSetting) -> str:
     """
     files = built.traffic_files(task_setting.traffic)
     contents = [file.read_text(encoding="utf-8") for file in (files.net, *files.routes, *files.additional)]
-    plans = built.with_traffic([task_setting.traffic]).episodes(task_setting.environment.agent_count)
-    starts = encode(built.scenario.start_variation)
-    return digest([contents, files.warm_up, [encode(plan) for plan in plans], starts], size=8)
+    environment, scenario = task_setting.environment, built.scenario
+    plans = built.with_traffic([task_setting.traffic]).episodes(environment.mission_count)
+    if not environment.social_agents:
+        plans = [replace(plan, spare=()) for plan in plans]
+    described = [encode(plan) for plan in plans], encode(scenario.start_variation)
+    bubbles = [encode(scenario.bubbles)] if scenario.bubbles else []
+    return digest([contents, files.warm_up, *described, *bubbles], size=8)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Ints, Longs
 
-
 LONGEST_DECISION = 100
 """The most steps from one decision of an agent to the next."""
 

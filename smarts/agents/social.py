@@ -6,12 +6,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from smarts.agents.checks import InterfaceError, check_instance, check_whole
+from smarts.agents.checks import InterfaceError, check_instance, check_list, check_number, check_whole
 from smarts.agents.criteria import MOST_AGENTS
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.errors import nearest_names, shown
 
+LONGEST_EPISODE = 86_400.0
+"""[s]"""
 ALL_MISSIONS = "missions"
 """Of a count: as many agents as there are missions left."""
 
@@ -76,6 +78,64 @@ class SocialAgents:
             check_whole("count", self.count, 1, MOST_AGENTS, "social_agents")
 
 
+@dataclass(frozen=True)
+class BubbleLearning:
+    """Learning agents that drive the vehicles in bubbles: they have no missions, and come and go.
+
+    Raises:
+        InterfaceError: A value is not what it has to be.
+    """
+
+    episode_time: float
+    """Length of episodes [s]."""
+    bubbles: tuple[str, ...] = ()
+    """Ids of the bubbles; empty: all. In the others the scenario's actors drive."""
+
+    def __post_init__(self) -> None:
+        check_number("episode_time", self.episode_time, above=True, most=LONGEST_EPISODE)
+        check_list("learn_in_bubbles", self.bubbles, str, "['left-turn'], or True for all bubbles")
+        object.__setattr__(self, "bubbles", tuple(self.bubbles))
+
+    def has(self, bubble: str) -> bool:
+        """Return whether the learning agents drive in a bubble, given by its id."""
+        return not self.bubbles or bubble in self.bubbles
+
+
+def bubble_learning(bubbles: Any, episode_time: Any) -> BubbleLearning | None:
+    """Return how agents learn in bubbles, None if they do not.
+
+    Args:
+        bubbles: Ids, True for all, False for none.
+        episode_time: Length of episodes [s]; None: not given.
+
+    Raises:
+        InterfaceError: One of them is not what it has to be, or is given without the other.
+    """
+    if bubbles is False:
+        if episode_time is not None:
+            raise InterfaceError(
+                f"episode_time is {shown(episode_time)}, and no agent learns in bubbles",
+                place="episode_time",
+                remedy="leave it out, or give learn_in_bubbles=True; agents with missions have "
+                "AgentInterface(max_episode_steps=...)",
+            )
+        return None
+    if episode_time is None:
+        raise InterfaceError(
+            f"learn_in_bubbles is {shown(bubbles)}, and episode_time is not given",
+            place="episode_time",
+            remedy="give the length of episodes [s], such as episode_time=60",
+        )
+    if bubbles is True:
+        return BubbleLearning(episode_time)
+    check_list("learn_in_bubbles", bubbles, str, "['left-turn'], or True for all bubbles")
+    if not bubbles:
+        raise InterfaceError(
+            "learn_in_bubbles is empty", place="learn_in_bubbles", remedy="name bubbles, or give True for all"
+        )
+    return BubbleLearning(episode_time, tuple(bubbles))
+
+
 def social_agents(given: Any) -> tuple[SocialAgents, ...]:
     """Return the social agents of an environment, each given as itself or as a dict of its fields.
 
@@ -115,6 +175,12 @@ class Cast:
     """Number of each policy that was asked for."""
     extra: tuple[tuple[int, int | str], ...] = ()
     """Number and count of the policies that the environment adds."""
+    learning: BubbleLearning | None = None
+    """How the learning agents learn in bubbles; None: they have missions."""
+
+    def __bool__(self) -> bool:
+        """Return whether bubbles and social agents take part in the run."""
+        return bool(self.policies or self.learning)
 
     @property
     def interfaces(self) -> tuple[AgentInterface, ...]:

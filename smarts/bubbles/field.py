@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.arrays import Bools
-from smarts.bubbles.membranes import (
-    BubbleRows,
-    Membranes,
-    find_candidates,
-    move_bubbles,
-    place_vehicles,
-)
-from smarts.bubbles.outlines import bubble_table
+from smarts.arrays import Bools, Ints
+from smarts.bubbles.membranes import BubbleRows, Membranes, move_bubbles, place_vehicles
+from smarts.bubbles.outlines import BubbleTable, bubble_table
 from smarts.bubbles.phases import BubbleCounts, Holds, end_holds, judge_holds
 from smarts.geometry.binding import bind
+from smarts.geometry.compiling import kernel
 from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import BubbleStates, PlacedBubble
-from smarts.types.world import World
+from smarts.types.world import State, World
 
 
 class BubbleField:
@@ -52,6 +47,7 @@ class BubbleField:
         number = next((number for number, each in enumerate(self._known) if each is bubbles), 0)
         self.rows.first[row], self.rows.size[row] = sum(sizes[:number]), len(bubbles)
         self.rows.followed[row] = UNSET
+        self.rows.was_there[row] = False
         self.membranes.generation[row] = UNSET
         self.membranes.is_candidate[row] = False
         self.states.pose[row] = 0.0
@@ -66,12 +62,13 @@ class BubbleField:
         """Forget the holds of agents that have given up their vehicles."""
         self._end_holds(env_mask)
 
-    def update(self, env_mask: Bools) -> None:
-        """Move the bubbles, find the vehicles in them, and write which of those are to change hands."""
-        self._move(env_mask)
-        self._place(env_mask)
-        self._judge(env_mask, self.wishes)
-        self._find(env_mask, self.found)
+    def update(self, env_mask: Bools) -> bool:
+        """Move the bubbles, find the vehicles in them, and write which of those may change hands.
+
+        Returns:
+            Whether any may.
+        """
+        return self._update(env_mask) > 0
 
     def _add(self, bubbles: tuple[PlacedBubble, ...]) -> None:
         """Add the bubbles of a scenario, make room for them, and bind the kernels."""
@@ -82,11 +79,10 @@ class BubbleField:
                 column[tuple(map(slice, before.shape))] = before
         self.rows, self.membranes, self.states = made
         table, state = bubble_table(bubble for known in self._known for bubble in known), self._world.state
-        self._move = bind(move_bubbles, state, table, self.rows, self.states)
-        self._place = bind(place_vehicles, state, table, *made)
         self._end_holds = bind(end_holds, state, self.holds, self.membranes)
-        self._judge = bind(judge_holds, state, table, *made, self.holds, self.counts)
-        self._find = bind(find_candidates, state, *made)
+        self._update = bind(
+            update_bubbles, state, table, *made, self.holds, self.counts, self.found, self.wishes
+        )
 
     def _allocate(self, most: int) -> tuple[BubbleRows, Membranes, BubbleStates]:
         """Return arrays for at most so many bubbles in a simulation."""
@@ -94,3 +90,28 @@ class BubbleField:
         poses, active = np.zeros((worlds, most, 3)), np.zeros((worlds, most), np.bool_)
         rows = BubbleRows.allocate(worlds, most)
         return rows, Membranes.allocate(worlds, most, capacity), BubbleStates(poses, active)
+
+
+@kernel
+def update_bubbles(
+    state: State,
+    table: BubbleTable,
+    rows: BubbleRows,
+    membranes: Membranes,
+    states: BubbleStates,
+    holds: Holds,
+    counts: BubbleCounts,
+    found: Ints,
+    wishes: Ints,
+    env_mask: Bools,
+) -> int:
+    """Do all of `BubbleField.update`; return how many vehicles may change hands."""
+    move_bubbles(state, table, rows, states, env_mask)
+    end_holds(state, holds, membranes, env_mask)
+    place_vehicles(state, table, rows, membranes, states, env_mask, found)
+    judge_holds(state, table, rows, membranes, states, holds, counts, env_mask, wishes)
+    total = 0
+    for b in range(len(env_mask)):
+        if env_mask[b]:
+            total += found[b] + wishes[b]
+    return total

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Bools, Bytes, Ints
-from smarts.bubbles.outlines import BubbleTable, Place, bubble_pose, deepest_on, place_of, to_file
+from smarts.arrays import Bools, Bytes, Floats, Ints
+from smarts.bubbles.outlines import BubbleTable, Place, bubble_pose, deepest_on, distance_to, place_of
 from smarts.geometry.compiling import kernel
 from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import BubbleStates
@@ -17,6 +17,9 @@ from smarts.types.world import State
 
 _OUTSIDE, _MARGIN, _ZONE = int(Place.OUTSIDE), int(Place.MARGIN), int(Place.ZONE)
 _NOBODY, _AGENT = int(Owner.NOBODY), int(Owner.AGENT)
+
+ROUNDING = 1e-6
+"""By which distances are taken smaller [m]."""
 
 
 class BubbleRows(NamedTuple):
@@ -30,6 +33,8 @@ class BubbleRows(NamedTuple):
     """Slot of the vehicle that each bubble follows, -1 for none, shape (B, Z)."""
     followed_generation: Ints
     """That vehicle's generation, shape (B, Z)."""
+    was_there: Bools
+    """Whether it was there in the last step, shape (B, Z)."""
 
     @classmethod
     def allocate(cls, worlds: int, bubbles: int) -> BubbleRows:
@@ -39,6 +44,7 @@ class BubbleRows(NamedTuple):
             size=np.zeros(worlds, np.int32),
             followed=np.full((worlds, bubbles), UNSET, np.int32),
             followed_generation=np.full((worlds, bubbles), UNSET, np.int32),
+            was_there=np.zeros((worlds, bubbles), np.bool_),
         )
 
 
@@ -47,10 +53,18 @@ class Membranes(NamedTuple):
 
     generation: Ints
     """Of the vehicle that the columns are about, -1 for none, shape (B, V)."""
+    front: Floats
+    """Middle of its front bumper [m], shape (B, V, 2)."""
+    old_front: Floats
+    """The same one step ago; now, for a vehicle that has just appeared, shape (B, V, 2)."""
+    way: Floats
+    """Distance between the two [m], shape (B, V)."""
+    clear: Floats
+    """At most the distance to the margin [m]; 0 where it has to be found: near the bubble and inside."""
     here: Bytes
-    """The `Place` of its front bumper."""
+    """The `Place` of the bumper."""
     reached: Bytes
-    """The deepest `Place` on the bumper's way in this step."""
+    """The deepest `Place` on its way in this step."""
     entered: Ints
     """Last step in which the bumper came or was in the zone, -1 for none."""
     refused: Bools
@@ -64,6 +78,10 @@ class Membranes(NamedTuple):
         shape = (worlds, bubbles, capacity)
         return cls(
             generation=np.full((worlds, capacity), UNSET, np.int32),
+            front=np.zeros((worlds, capacity, 2)),
+            old_front=np.zeros((worlds, capacity, 2)),
+            way=np.zeros((worlds, capacity)),
+            clear=np.zeros(shape),
             here=np.zeros(shape, np.int8),
             reached=np.zeros(shape, np.int8),
             entered=np.full(shape, UNSET, np.int32),
@@ -95,73 +113,170 @@ def place_vehicles(
     membranes: Membranes,
     states: BubbleStates,
     env_mask: Bools,
+    found: Ints,
 ) -> None:
-    """Write where all vehicles are, and forget the refusals of those outside.
+    """Write where all vehicles are, which of them are candidates, and how many these are, shape (B,).
 
     A way leads from the place of the front bumper one step ago to its place now, both in the bubble's own
     frame of that time. Vehicles that have just appeared, and all vehicles in a step in which the followed
-    vehicle has appeared, are at a point.
-    """
-    vehicles, before = state.vehicles, state.before
-    for b in range(len(env_mask)):
-        if not env_mask[b] or rows.size[b] == 0:
-            continue
-        for v in range(vehicles.alive.shape[1]):
-            generation = vehicles.generation[b, v] if vehicles.alive[b, v] else -1
-            if generation != membranes.generation[b, v]:
-                _forget(membranes, b, v, rows.size[b])
-                membranes.generation[b, v] = generation
-            if generation < 0:
-                continue
-            x, y = _front(vehicles, b, v)
-            was_there = before.alive[b, v] and before.generation[b, v] == generation
-            old_x, old_y = _front(before, b, v) if was_there else (x, y)
-            for z in range(rows.size[b]):
-                n, slot = rows.first[b] + z, rows.followed[b, z]
-                pose = states.pose[b, z]
-                to_x, to_y, from_x, from_y = x, y, old_x, old_y
-                if table.moves[n]:
-                    to_x, to_y = to_file(x, y, pose[0], pose[1], pose[2])
-                    from_x, from_y = to_x, to_y
-                    was_followed = (
-                        slot >= 0
-                        and before.alive[b, slot]
-                        and before.generation[b, slot] == rows.followed_generation[b, z]
-                    )
-                    if was_there and was_followed:
-                        old_pose = _pose_in(before, table, n, b, slot)
-                        from_x, from_y = to_file(old_x, old_y, old_pose[0], old_pose[1], old_pose[2])
-                    if slot < 0:
-                        _write(membranes, b, z, v, _OUTSIDE, _OUTSIDE, state.step[b])
-                        continue
-                reached = deepest_on(table, n, from_x, from_y, to_x, to_y)
-                here = place_of(table, n, to_x, to_y) if reached > _OUTSIDE else _OUTSIDE
-                _write(membranes, b, z, v, here, reached, state.step[b])
-
-
-@kernel
-def find_candidates(
-    state: State, rows: BubbleRows, membranes: Membranes, states: BubbleStates, env_mask: Bools, found: Ints
-) -> None:
-    """Mark the vehicles that bubbles may begin to observe, and write their numbers, shape (B,).
+    vehicle has appeared, are at a point. A refusal ends outside the margin.
 
     A candidate is driven by traffic and held by no agent, and its front is in the margin, or has come into
     the zone in this step.
     """
-    vehicles = state.vehicles
     for b in range(len(env_mask)):
         found[b] = 0
-        if not env_mask[b]:
+        if not env_mask[b] or rows.size[b] == 0:
             continue
+        used = _find_fronts(state, membranes, b, rows.size[b])
         for z in range(rows.size[b]):
-            for v in range(vehicles.alive.shape[1]):
-                is_candidate = False
-                if vehicles.alive[b, v] and states.is_active[b, z] and not membranes.refused[b, z, v]:
-                    is_in = membranes.here[b, z, v] >= _MARGIN or membranes.reached[b, z, v] == _ZONE
-                    if is_in and v != rows.followed[b, z] and _is_free(state, b, v):
-                        is_candidate = True
-                        found[b] += 1
-                membranes.is_candidate[b, z, v] = is_candidate
+            if table.moves[rows.first[b] + z]:
+                found[b] += _place_in_moving(state, table, rows, membranes, states, used, b, z)
+            else:
+                found[b] += _place_in_fixed(state, table, rows, membranes, states, used, b, z)
+
+
+@kernel
+def _find_fronts(state: State, membranes: Membranes, b: int, size: int) -> int:
+    """Write the ways of all front bumpers, forget vehicles that are gone; return the number of used slots."""
+    used = 0
+    vehicles, front, old_front = state.vehicles, membranes.front, membranes.old_front
+    for v in range(vehicles.alive.shape[1]):
+        generation = vehicles.generation[b, v] if vehicles.alive[b, v] else -1
+        is_new = generation != membranes.generation[b, v]
+        if is_new:
+            membranes.generation[b, v] = generation
+            for z in range(size):
+                _write(membranes, b, z, v, _OUTSIDE, _OUTSIDE, -1)
+                membranes.entered[b, z, v] = -1
+                membranes.clear[b, z, v] = 0.0
+                membranes.is_candidate[b, z, v] = False
+        if generation < 0:
+            continue
+        used = v + 1
+        old_front[b, v, 0], old_front[b, v, 1] = front[b, v, 0], front[b, v, 1]
+        heading, half = vehicles.heading[b, v], 0.5 * vehicles.length[b, v]
+        front[b, v, 0] = vehicles.position[b, v, 0] + half * math.cos(heading)
+        front[b, v, 1] = vehicles.position[b, v, 1] + half * math.sin(heading)
+        if is_new:
+            old_front[b, v, 0], old_front[b, v, 1] = front[b, v, 0], front[b, v, 1]
+        way = math.hypot(front[b, v, 0] - old_front[b, v, 0], front[b, v, 1] - old_front[b, v, 1])
+        membranes.way[b, v] = way
+    return used
+
+
+@kernel
+def _place_in_fixed(
+    state: State,
+    table: BubbleTable,
+    rows: BubbleRows,
+    membranes: Membranes,
+    states: BubbleStates,
+    used: int,
+    b: int,
+    z: int,
+) -> int:
+    """Write where all vehicles are relative to a bubble that stays; return how many are candidates."""
+    found = 0
+    for v in range(used):
+        if membranes.generation[b, v] >= 0 and not _stays_clear(membranes, b, z, v, membranes.way[b, v]):
+            x, y = membranes.front[b, v]
+            old_x, old_y = membranes.old_front[b, v]
+            if _place(table, rows, membranes, b, z, v, old_x, old_y, x, y, state.step[b]):
+                found += _judge_candidate(state, rows, membranes, states, b, z, v)
+    return found
+
+
+@kernel
+def _place_in_moving(
+    state: State,
+    table: BubbleTable,
+    rows: BubbleRows,
+    membranes: Membranes,
+    states: BubbleStates,
+    used: int,
+    b: int,
+    z: int,
+) -> int:
+    """Write where all vehicles are relative to a bubble that travels; return how many are candidates."""
+    slot, pose, before = rows.followed[b, z], states.pose[b, z], state.before
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    was_followed = (
+        slot >= 0
+        and before.alive[b, slot]
+        and before.generation[b, slot] == rows.followed_generation[b, z]
+        and rows.was_there[b, z]
+    )
+    rows.was_there[b, z] = slot >= 0
+    old_x, old_y, old_turn = 0.0, 0.0, 0.0
+    if was_followed:
+        old_x, old_y, old_turn = _pose_in(before, table, rows.first[b] + z, b, slot)
+    old_cos, old_sin = math.cos(old_turn), math.sin(old_turn)
+    found = 0
+    for v in range(used):
+        if membranes.generation[b, v] < 0:
+            continue
+        if slot < 0:
+            _write(membranes, b, z, v, _OUTSIDE, _OUTSIDE, state.step[b])
+            membranes.clear[b, z, v], membranes.is_candidate[b, z, v] = 0.0, False
+            continue
+        dx, dy = membranes.front[b, v, 0] - pose[0], membranes.front[b, v, 1] - pose[1]
+        x, y = cos * dx + sin * dy, cos * dy - sin * dx
+        from_x, from_y = x, y
+        if was_followed:
+            dx, dy = membranes.old_front[b, v, 0] - old_x, membranes.old_front[b, v, 1] - old_y
+            from_x, from_y = old_cos * dx + old_sin * dy, old_cos * dy - old_sin * dx
+        else:
+            membranes.clear[b, z, v] = 0.0
+        if _stays_clear(membranes, b, z, v, math.hypot(x - from_x, y - from_y)):
+            continue
+        if _place(table, rows, membranes, b, z, v, from_x, from_y, x, y, state.step[b]):
+            found += _judge_candidate(state, rows, membranes, states, b, z, v)
+    return found
+
+
+@kernel
+def _stays_clear(membranes: Membranes, b: int, z: int, v: int, way: float) -> bool:
+    """Return whether a vehicle cannot have come to the margin on a way [m]; what is known stays true then."""
+    clear = membranes.clear[b, z, v] - way
+    if clear > 0.0:
+        membranes.clear[b, z, v] = clear
+    return clear > 0.0
+
+
+@kernel
+def _place(
+    table: BubbleTable,
+    rows: BubbleRows,
+    membranes: Membranes,
+    b: int,
+    z: int,
+    v: int,
+    from_x: float,
+    from_y: float,
+    x: float,
+    y: float,
+    step: int,
+) -> bool:
+    """Write where a vehicle is, its way given in the bubble's coordinates; return whether it may be taken."""
+    n = rows.first[b] + z
+    reached = deepest_on(table, n, from_x, from_y, x, y)
+    here = place_of(table, n, x, y) if reached > _OUTSIDE else _OUTSIDE
+    _write(membranes, b, z, v, here, reached, step)
+    membranes.is_candidate[b, z, v] = False
+    membranes.clear[b, z, v] = distance_to(table, n, x, y) - ROUNDING if reached == _OUTSIDE else 0.0
+    return here >= _MARGIN or reached == _ZONE
+
+
+@kernel
+def _judge_candidate(
+    state: State, rows: BubbleRows, membranes: Membranes, states: BubbleStates, b: int, z: int, v: int
+) -> bool:
+    """Write and return whether a bubble may begin to observe a vehicle that is where it should be."""
+    is_open = states.is_active[b, z] and not membranes.refused[b, z, v] and v != rows.followed[b, z]
+    is_candidate = is_open and _is_free(state, b, v)
+    membranes.is_candidate[b, z, v] = is_candidate
+    return is_candidate
 
 
 @kernel
@@ -173,14 +288,6 @@ def _is_free(state: State, b: int, v: int) -> bool:
     for a in range(state.agents.slot.shape[1]):
         holders += state.agents.slot[b, a] == v
     return holders == 0
-
-
-@kernel
-def _front(vehicles: VehicleStates, b: int, v: int) -> tuple[float, float]:
-    """Return the middle of a vehicle's front bumper [m]."""
-    heading, half = vehicles.heading[b, v], 0.5 * vehicles.length[b, v]
-    position = vehicles.position[b, v]
-    return position[0] + half * math.cos(heading), position[1] + half * math.sin(heading)
 
 
 @kernel
@@ -201,12 +308,3 @@ def _write(membranes: Membranes, b: int, z: int, v: int, here: int, reached: int
     if here == _OUTSIDE:
         membranes.refused[b, z, v] = False
     membranes.here[b, z, v], membranes.reached[b, z, v] = here, reached
-
-
-@kernel
-def _forget(membranes: Membranes, b: int, v: int, count: int) -> None:
-    """Forget what bubbles know of a slot's vehicle."""
-    for z in range(count):
-        membranes.here[b, z, v], membranes.reached[b, z, v] = _OUTSIDE, _OUTSIDE
-        membranes.entered[b, z, v] = -1
-        membranes.refused[b, z, v] = False

@@ -11,7 +11,7 @@ import numpy as np
 
 from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import inside_outline
+from smarts.geometry.segments import inside_outline, project
 from smarts.types.bubbles import PlacedBubble
 
 
@@ -28,6 +28,8 @@ _OUTSIDE, _MARGIN, _ZONE = int(Place.OUTSIDE), int(Place.MARGIN), int(Place.ZONE
 
 class BubbleTable(NamedTuple):
     """N bubbles; rings of each are consecutive, first those of the zone, then those of zone and margin.
+
+    Rings are closed: the last point is the first.
 
     Coordinates are those of the scenario's file. A bubble that moves has a pose (x, y, turn): it is turned
     about the origin, then shifted.
@@ -95,14 +97,6 @@ def bubble_pose(
 
 
 @kernel
-def to_file(x: float, y: float, pose_x: float, pose_y: float, turn: float) -> tuple[float, float]:
-    """Return a point of the map in the coordinates of a bubble of a pose."""
-    cos, sin = math.cos(turn), math.sin(turn)
-    dx, dy = x - pose_x, y - pose_y
-    return cos * dx + sin * dy, cos * dy - sin * dx
-
-
-@kernel
 def place_of(table: BubbleTable, number: int, x: float, y: float) -> int:
     """Return the `Place` of a point in a bubble's coordinates."""
     box = table.box[number]
@@ -129,6 +123,28 @@ def deepest_on(table: BubbleTable, number: int, x: float, y: float, to_x: float,
     if _inside(table, margin, last, x, y) or _inside(table, margin, last, to_x, to_y):
         return _MARGIN
     return _MARGIN if _crosses(table, margin, last, x, y, to_x, to_y) else _OUTSIDE
+
+
+@kernel
+def distance_to(table: BubbleTable, number: int, x: float, y: float) -> float:
+    """Return the distance from a point in a bubble's coordinates to the margin, or less; 0 inside [m].
+
+    Outside the bounds it is the distance to these.
+    """
+    box = table.box[number]
+    beside = math.hypot(max(box[0] - x, x - box[2], 0.0), max(box[1] - y, y - box[3], 0.0))
+    if beside > 0.0:
+        return beside
+    margin, last = table.first_margin[number], table.first_ring[number + 1]
+    if _inside(table, margin, last, x, y):
+        return 0.0
+    square = np.inf
+    for ring in range(margin, last):
+        for point in range(table.ring_start[ring] + 1, table.ring_start[ring + 1]):
+            ax, ay = table.points[point - 1]
+            bx, by = table.points[point]
+            square = min(square, project(x, y, ax, ay, bx, by)[1])
+    return math.sqrt(square)
 
 
 @kernel

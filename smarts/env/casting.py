@@ -10,10 +10,19 @@ from smarts.agents.acting import built_agent
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import LONGEST_DECISION, BatchAgent
-from smarts.agents.social import NO_CAST, Cast, SocialAgents, SocialPolicy, Wanted, distinct, wanted
+from smarts.agents.social import (
+    NO_CAST,
+    BubbleLearning,
+    Cast,
+    SocialAgents,
+    SocialPolicy,
+    Wanted,
+    distinct,
+    wanted,
+)
 from smarts.agents.spec import AgentSpec
 from smarts.bubbles.placing import agent_actor
-from smarts.errors import SmartsError
+from smarts.errors import SmartsError, nearest_names
 from smarts.observations.lists import feature_list
 from smarts.sim.social_starts import wanted_by
 from smarts.sstudio import sstypes as t
@@ -69,32 +78,73 @@ class Casting:
         return Cast(tuple(numbered), self.numbers, tuple(extra))
 
 
-def cast_of(scenarios: Sequence[BuiltScenario], added: Sequence[SocialAgents] = ()) -> Cast:
+def cast_of(
+    scenarios: Sequence[BuiltScenario],
+    added: Sequence[SocialAgents] = (),
+    learning: BubbleLearning | None = None,
+) -> Cast:
     """Return the social policies of a run.
 
     Args:
         scenarios: Their bubbles and social agents' missions ask for policies.
         added: What the environment asks for.
+        learning: In which bubbles the learning agents drive.
 
     Raises:
-        SmartsError: A locator or its arguments are unknown, or an agent cannot be made or does not act.
+        SmartsError: A locator or its arguments are unknown, or an agent cannot be made or does not act; or a
+            scenario has no bubble to learn in.
     """
     casting = Casting()
+    if learning:
+        _check_learning(scenarios, learning)
     for built in scenarios:
-        for part in _parts(built):
+        for part in _parts(built, learning):
             casting.add(part)
     extra = [
         (casting.add(Part(each.agent, each.agent, each.options, "social_agents")), each.count)
         for each in added
     ]
-    return casting.cast(extra) if casting.policies else NO_CAST
+    cast = casting.cast(extra) if casting.policies else NO_CAST
+    return replace(cast, learning=learning)
 
 
-def _parts(built: BuiltScenario) -> Iterator[Part]:
+def check_agent(locator: str, options: Mapping[str, Any]) -> None:
+    """Raise unless an agent of the zoo can be made and drive.
+
+    Raises:
+        SmartsError: It cannot; names the locator.
+    """
+    _policy(Part(locator, locator, options, ""))
+
+
+def _check_learning(scenarios: Sequence[BuiltScenario], learning: BubbleLearning) -> None:
+    """Raise unless every scenario has a bubble in which the learning agents drive, and every id is known."""
+    found = {
+        built.name: [bubble.id for bubble in built.scenario.bubbles or () if agent_actor(bubble)]
+        for built in scenarios
+    }
+    known = [*dict.fromkeys(bubble for ids in found.values() for bubble in ids)]
+    for bubble in learning.bubbles:
+        if bubble not in known:
+            raise InterfaceError(
+                f"there is no bubble {bubble!r}",
+                place="learn_in_bubbles",
+                remedy=nearest_names(bubble, known) if known else "use scenarios with bubbles",
+            )
+    for name, ids in found.items():
+        if not any(learning.has(bubble) for bubble in ids):
+            raise InterfaceError(
+                f"the scenario {name!r} has no bubble in which agents learn",
+                place="learn_in_bubbles",
+                remedy="use scenarios with bubbles, or name bubbles of each",
+            )
+
+
+def _parts(built: BuiltScenario, learning: BubbleLearning | None) -> Iterator[Part]:
     scenario = built.scenario
     for bubble in scenario.bubbles or ():
         actor = agent_actor(bubble)
-        if actor is not None:
+        if actor is not None and not (learning and learning.has(bubble.id)):
             place = f"{built.name}: bubble {bubble.id!r}"
             yield _part(actor, place, keep_alive=bubble.keep_alive)
     for group, (actors, _) in (scenario.social_agent_missions or {}).items():
@@ -117,7 +167,7 @@ def _policy(part: Part) -> SocialPolicy:
         if is_batch:
             feature_list(agent.observation)
     except SmartsError as error:
-        place = f"{part.place}, {error.place}" if error.place else part.place
+        place = ", ".join(filter(None, (part.place, error.place)))
         raise type(error)(error.problem, place=place, remedy=error.remedy) from error
     except Exception as error:
         raise InterfaceError(

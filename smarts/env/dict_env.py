@@ -17,10 +17,12 @@ from smarts.arrays import Bools
 from smarts.controllers.action_formats import rejection
 from smarts.env.actions import Own, Parsed
 from smarts.env.runner import EpisodeKey, SimulationRunner, Transition
-from smarts.errors import ActionError, nearest_names
+from smarts.errors import ActionError, ScenarioError, nearest_names
 from smarts.types.events import Event, Outcome
 from smarts.types.streams import check_seed
 
+MOST_EMPTY = 10
+"""Episodes in a row without any agent after which `reset` gives up."""
 _EVENTS = [(int(event), str(event.name).lower()) for event in Event if event]
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
@@ -81,11 +83,23 @@ class DictEnv:
         if seed is not None:
             check_seed(seed, "reset")
             self._seed, self._episode = seed, -1
-        self._episode += 1
-        self.runner.reset({0: EpisodeKey(0, self._episode, self._seed)})
+        self._begin()
         self.runner.dispatch()
         agents = self.agents
         return {name: self._observation(name) for name in agents}, self._first_infos(agents)
+
+    def _begin(self) -> None:
+        """Begin the next episode; where agents learn in bubbles, the next one in which there is an agent."""
+        for _ in range(MOST_EMPTY):
+            self._episode += 1
+            self.runner.reset({0: EpisodeKey(0, self._episode, self._seed)})
+            if self.runner.running[0] or not self.runner.learns_in_bubbles:
+                return
+        raise ScenarioError(
+            f"no agent has entered in {MOST_EMPTY} episodes",
+            place=f"episode {self._episode}",
+            remedy="give traffic that comes through the bubbles, or a longer episode_time",
+        )
 
     def step(self, actions: Mapping[str, Any]) -> StepResult:
         """Step until the next decision.

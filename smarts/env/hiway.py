@@ -46,6 +46,9 @@ class HiWayEnv(NotCopied, gym.Env):
         simulation: See `EnvSettings`.
         traffic: See `EnvSettings`.
         social_agents: See `EnvSettings`.
+        learn_in_bubbles: See `EnvSettings`. An agent ends where its vehicle leaves the bubble, and appears
+            again with another; there are steps without any agent.
+        episode_time: See `EnvSettings`.
 
     Raises:
         SmartsError: A scenario or an agent is invalid.
@@ -65,6 +68,8 @@ class HiWayEnv(NotCopied, gym.Env):
         simulation: Options | None = None,
         traffic: Sequence[str] | None = None,
         social_agents: Sequence[Any] = (),
+        learn_in_bubbles: bool | Sequence[str] = False,
+        episode_time: float | None = None,
     ) -> None:
         check_instance("agent_specs", agent_specs, Mapping, "a dict of specs by the agents' names")
         settings = EnvSettings(
@@ -75,6 +80,8 @@ class HiWayEnv(NotCopied, gym.Env):
             simulation=simulation,
             traffic=traffic,
             social_agents=social_agents,
+            learn_in_bubbles=learn_in_bubbles,
+            episode_time=episode_time,
         )
         self._env = ObjectDictEnv(settings)
         self._interfaces = settings.interfaces()

@@ -12,7 +12,7 @@ from pettingzoo import ParallelEnv
 
 from smarts.env.adapter_env import AdapterDictEnv
 from smarts.env.runner import NotCopied
-from smarts.env.settings import NO_RENDERING, Agents, EnvOptions, EnvSettings, make_settings
+from smarts.env.settings import NO_RENDERING, Agents, EnvOptions, EnvSettings, make_settings, refuse_bubbles
 
 
 class ParallelHiWayEnv(NotCopied, ParallelEnv):
@@ -90,4 +90,5 @@ def hiway_parallel_env(
     settings = make_settings(
         "hiway_parallel_env", scenarios, agents, options=options, action_mask=action_mask
     )
+    refuse_bubbles("hiway_parallel_env", settings)
     return ParallelHiWayEnv(settings)

@@ -13,7 +13,7 @@ from smarts.agents.checks import check_instance
 from smarts.env.adapter_env import AdapterDictEnv
 from smarts.env.dict_env import StepResult
 from smarts.env.runner import NotCopied
-from smarts.env.settings import ALL, EnvSettings
+from smarts.env.settings import ALL, EnvSettings, refuse_bubbles
 from smarts.errors import SmartsError, nearest_names
 from smarts.types.streams import check_seed
 
@@ -61,7 +61,9 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         super().__init__()
-        self._env = AdapterDictEnv(settings_of(config))
+        settings = settings_of(config)
+        refuse_bubbles("RLlibHiWayEnv", settings)
+        self._env = AdapterDictEnv(settings)
         self.possible_agents: list[AgentID] = [*self._env.columns]
         self.agents: list[AgentID] = []
         self.observation_spaces = {**self._env.observation_spaces}

@@ -93,7 +93,8 @@ class SimulationRunner:
 
     All egos decide every `period` steps, counted from the beginning of the episode. An ego that enters
     between decisions keeps its lane until the next one. A simulation without agents left is not stepped until
-    `reset`. A simulation whose egos have all yet to enter is stepped until one enters.
+    `reset`. A simulation whose egos have all yet to enter is stepped until one enters. So is one whose egos
+    learn in bubbles, while no vehicle is in a bubble, until its episode is over.
 
     Args:
         assembly: The simulations, and what belongs to them.
@@ -120,7 +121,8 @@ class SimulationRunner:
         self._schedule, self._recorder = assembly.schedule, assembly.recorder
         self._listeners = tuple(listeners)
         self._requests = SocialAgentRequests(assembly, self.encoder, host) if assembly.policies else None
-        self._pool = assembly.pool
+        self._pool, self.learns_in_bubbles = assembly.pool, assembly.learns_in_bubbles
+        """Whether the egos come and go with the vehicles in bubbles."""
         worlds, egos = self.world.worlds, self.world.egos
         shape = (worlds, egos)
         self.running = np.zeros(worlds, np.bool_)
@@ -293,6 +295,7 @@ class SimulationRunner:
         self._decided[env_mask] = self.world.step[env_mask]
         for sums in (self._events, self._terminated, self._truncated):
             sums[env_mask] = 0
+        self._pool.busy[env_mask] = False
         self._failures.clear()
         self._social_failures.clear()
         next_due = self.world.agents.next_due[:, : self.world.egos]
@@ -308,6 +311,8 @@ class SimulationRunner:
         self._failures.update(frame.failures)
         events = frame.events
         left = self._join(events.bits, events.terminated, events.truncated, events.finished, pending)
+        if self.learns_in_bubbles:
+            np.logical_or(self._terminated, self._truncated, out=self._pool.busy)
         if not is_last:
             self.dispatch()
         return left
@@ -333,6 +338,9 @@ class SimulationRunner:
             ScenarioError: They have waited too long.
         """
         waiting = env_mask & self.running & ~(self._state == _ACTIVE).any(axis=1)
+        if self.learns_in_bubbles:
+            # The decision in which agents have ended is returned first: their columns are free after it.
+            return waiting & ~(self._acted & (self._terminated | self._truncated)).any(axis=1)
         if waited >= MAX_ENTRY_WAIT and waiting.any():
             row = int(np.argmax(waiting))
             agents = np.flatnonzero(self._state[row] == AgentStatus.WAITING).tolist()

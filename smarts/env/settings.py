@@ -14,7 +14,15 @@ from smarts.agents.checks import check_instance, check_truth, check_whole
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import LONGEST_DECISION
-from smarts.agents.social import NO_CAST, Cast, SocialAgents, social_agents
+from smarts.agents.social import (
+    NO_CAST,
+    BubbleLearning,
+    Cast,
+    SocialAgents,
+    bubble_learning,
+    distinct,
+    social_agents,
+)
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
 from smarts.errors import ScenarioError, nearest_names
@@ -43,6 +51,8 @@ class SimulationOptions(TypedDict, total=False):
     simulation: Options | None
     traffic: Sequence[str] | None
     social_agents: Sequence[Any]
+    learn_in_bubbles: bool | Sequence[str]
+    episode_time: float | None
 
 
 class EnvOptions(SimulationOptions, total=False):
@@ -96,6 +106,11 @@ class EnvSettings:
     social_agents: Sequence[Any] = ()
     """Agents of the zoo that take the missions that the learning agents leave: `SocialAgents`, or dicts of
     their fields, such as {"agent": "smarts.zoo:idm-v0", "count": 2, "options": {}}."""
+    learn_in_bubbles: bool | Sequence[str] = False
+    """True, or ids of bubbles of the scenarios: the agents have no missions, but drive vehicles of traffic
+    in these bubbles. `agents` says how many at a time."""
+    episode_time: float | None = None
+    """Length of episodes in which agents learn in bubbles [s]."""
     action_mask: bool = False
     """Whether observations by name hold the mask of lane actions too; it is in the infos anyway."""
 
@@ -103,6 +118,7 @@ class EnvSettings:
         check_scenarios(self.scenarios)
         check_traffic(self.traffic)
         social_agents(self.social_agents)
+        bubble_learning(self.learn_in_bubbles, self.episode_time)
         check_agents(self.agents)
         check_whole("num_envs", self.num_envs, 1, MOST_ENVS)
         check_whole("decision_interval", self.decision_interval, 1, LONGEST_DECISION)
@@ -178,12 +194,20 @@ class EnvSettings:
             for agent_id, name in enumerate(interfaces)
             if sensors is not None and not specs[name].own_adapters
         }
-        scenarios = [self._build(scenario, len(interfaces)) for scenario in self.scenarios]
+        learning = bubble_learning(self.learn_in_bubbles, self.episode_time)
+        if learning and len(distinct(interfaces.values())) > 1:
+            raise InterfaceError(
+                "the agents that learn in bubbles have different interfaces",
+                place="learn_in_bubbles",
+                remedy="give all of them one interface: any of them drives any vehicle",
+            )
+        missions = 0 if learning else len(interfaces)
+        scenarios = [self._build(scenario, missions) for scenario in self.scenarios]
         return assemble(
             scenarios,
             list(interfaces.values()),
             agents=list(interfaces),
-            cast=_cast(scenarios, social_agents(self.social_agents)),
+            cast=_cast(scenarios, social_agents(self.social_agents), learning),
             looked_at=observed,
             worlds=self.num_envs,
             seed=self.seed,
@@ -195,14 +219,16 @@ class EnvSettings:
         return built if self.traffic is None else built.with_traffic(self.traffic)
 
 
-def _cast(scenarios: Sequence[BuiltScenario], added: Sequence[SocialAgents]) -> Cast:
+def _cast(
+    scenarios: Sequence[BuiltScenario], added: Sequence[SocialAgents], learning: BubbleLearning | None
+) -> Cast:
     described = any(built.scenario.bubbles or built.scenario.social_agent_missions for built in scenarios)
-    if not (described or added):
+    if not (described or added or learning):
         return NO_CAST
     # Only runs with social agents wait for the zoo.
     from smarts.env.casting import cast_of
 
-    return cast_of(scenarios, added)
+    return cast_of(scenarios, added, learning)
 
 
 def make_settings(environment: str, *values: Any, options: EnvOptions, **more: Any) -> EnvSettings:
@@ -224,6 +250,21 @@ def make_settings(environment: str, *values: Any, options: EnvOptions, **more: A
         raise TypeError(f"{environment} has no keyword {name!r}; {remedy}")
     given: dict[str, Any] = {**more, **options}
     return EnvSettings(*values, **given)
+
+
+def refuse_bubbles(environment: str, settings: EnvSettings) -> None:
+    """Raise if agents are to learn in bubbles: they end and begin again within an episode.
+
+    Raises:
+        InterfaceError: They are; names the environment.
+    """
+    if settings.learn_in_bubbles:
+        raise InterfaceError(
+            f"learn_in_bubbles is {settings.learn_in_bubbles!r}, and in {environment} no agent begins "
+            "again before the episode ends",
+            place=environment,
+            remedy="use VectorHiWayEnv or HiWayEnv",
+        )
 
 
 def check_scenarios(scenarios: Any) -> None:

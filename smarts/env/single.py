@@ -12,7 +12,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapter_env import AdapterDictEnv
 from smarts.env.runner import NotCopied
-from smarts.env.settings import EnvOptions, make_settings
+from smarts.env.settings import EnvOptions, make_settings, refuse_bubbles
 from smarts.errors import ActionError
 from smarts.types.streams import check_seed
 
@@ -49,6 +49,7 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         settings = make_settings(
             "SingleHiWayEnv", scenarios, agents, options=options, action_mask=action_mask
         )
+        refuse_bubbles("SingleHiWayEnv", settings)
         self._env = AdapterDictEnv(settings)
         self.observation_space = self._env.observation_spaces[AGENT]
         self.action_space = self._env.action_spaces[AGENT]

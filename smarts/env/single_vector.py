@@ -19,7 +19,7 @@ from smarts.arrays import Bools, Bytes, Floats
 from smarts.controllers.action_formats import rejection
 from smarts.env.groups import ALONE, assembled, space_of
 from smarts.env.runner import NotCopied
-from smarts.env.settings import EnvOptions
+from smarts.env.settings import EnvOptions, make_settings, refuse_bubbles
 from smarts.env.single import AGENT
 from smarts.env.vector import VectorHiWayEnv, VectorStep
 from smarts.errors import SmartsError
@@ -66,7 +66,11 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
     ) -> None:
         self.closed = True  # what `__del__` finds if the next lines raise
         check_truth("action_mask", action_mask)
-        self._env = VectorHiWayEnv(num_envs, scenarios, 1 if agent is None else {AGENT: agent}, **options)
+        agents = 1 if agent is None else {AGENT: agent}
+        refuse_bubbles(
+            "SingleHiWayVectorEnv", make_settings("SingleHiWayVectorEnv", scenarios, agents, options=options)
+        )
+        self._env = VectorHiWayEnv(num_envs, scenarios, agents, **options)
         self.num_envs = num_envs
         (block,) = self._env.spaces.blocks
         self._shows_mask = action_mask and block.masked

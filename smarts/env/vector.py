@@ -143,6 +143,8 @@ class VectorHiWayEnv(NotCopied):
         self._episodes = np.zeros(num_envs, int)
         self._stride = 0
         self._none = np.zeros((num_envs, len(self.agents)), np.bool_)
+        self._learns_in_bubbles = assembly.learns_in_bubbles
+        self._endings = np.zeros((num_envs, len(Outcome)), int)  # of the present episodes, by outcome
 
     @property
     def episodes(self) -> tuple[EpisodeStart, ...]:
@@ -205,6 +207,9 @@ class VectorHiWayEnv(NotCopied):
         for row in failed:
             rewards[row], terminated[row], truncated[row], ended[row] = 0.0, False, False, False
         rows = np.flatnonzero(ended)
+        if self._learns_in_bubbles:
+            env_ids, columns = np.nonzero(terminated | truncated)
+            np.add.at(self._endings, (env_ids, transition.outcome[env_ids, columns]), 1)
         final = self._final(rows) if len(rows) else None
         metrics = {row: self._metrics(row, transition) for row in rows.tolist()}
         # Before the next episodes begin: the rewards of these decisions belong to the last ones.
@@ -340,11 +345,15 @@ class VectorHiWayEnv(NotCopied):
         return Final(rows, observations, masks)
 
     def _metrics(self, row: int, transition: Transition) -> dict[str, float]:
-        outcomes = transition.outcome[row]
+        endings = np.bincount(transition.outcome[row], minlength=len(Outcome))
+        if self._learns_in_bubbles:
+            endings = self._endings[row].copy()
+            self._endings[row] = 0
+        count = max(1, int(endings.sum()))
         shares = {
-            outcome.name.lower(): float(np.count_nonzero(outcomes == outcome)) / len(outcomes)
+            outcome.name.lower(): float(endings[outcome]) / count
             for outcome in Outcome
-            if outcome != Outcome.NONE
+            if outcome != Outcome.NONE and (self._learns_in_bubbles or outcome != Outcome.LEFT_BUBBLE)
         }
         return {**shares, "steps": float(self._runner.world.step[row])}
 

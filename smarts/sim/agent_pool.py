@@ -58,6 +58,8 @@ class AgentPool:
         routes: The agents' routes; written.
         interfaces: Of the further agents, all different.
         capacities: Columns for each of them; they follow those of the egos.
+        pools_egos: Whether the egos' columns are a pool, too: agents without a number of an interface get the
+            lowest of them that is free.
     """
 
     def __init__(
@@ -66,9 +68,14 @@ class AgentPool:
         routes: AgentRoutes,
         interfaces: Sequence[AgentInterface] = (),
         capacities: Sequence[int] = (),
+        *,
+        pools_egos: bool = False,
     ) -> None:
         worlds, agents = world.agents.slot.shape
-        self._world, self._routes = world, routes
+        self._world, self._routes, self._pools_egos = world, routes, pools_egos
+        self.busy = np.zeros((worlds, world.egos), np.bool_)
+        """Columns of egos that have ended in a decision that has not been returned yet: they are not handed
+        out, since their last observation is still to be read."""
         self.interfaces = tuple(interfaces)
         """The interfaces of further agents, by number."""
         ends = world.egos + np.cumsum([0, *capacities])
@@ -159,6 +166,7 @@ class AgentPool:
         self.episodes[row] = start
         self.starts[row], self._names[row] = [*start.agents], set(names)
         self.policy[row] = UNSET
+        self.busy[row] = False
         self.holds[row] = []
         self._column_of[row].clear()
         self._refused[row].clear()
@@ -196,10 +204,13 @@ class AgentPool:
         agents, start = self._world.agents, self.starts[row][number]
         columns = self._open_columns(row, start.interface)
         is_free = (agents.state[row, columns] == AgentStatus.VACANT) & (agents.slot[row, columns] == UNSET)
+        if start.interface == UNSET:
+            is_free &= ~self.busy[row]
         if not is_free.any():
             if number not in self._refused[row]:
                 self._refused[row].add(number)
-                self.refused[row, start.interface] += 1
+                if start.interface != UNSET:
+                    self.refused[row, start.interface] += 1
             return UNSET
         agent_id = columns.start + int(is_free.argmax())
         for array, empty, place in self._cleared:
@@ -226,7 +237,9 @@ class AgentPool:
         return start.name if start else ""
 
     def _open_columns(self, row: int, interface: int) -> slice:
-        """Return the columns of an interface that an episode may use."""
+        """Return the columns of an interface that an episode may use; of -1, the egos'."""
+        if interface == UNSET:
+            return slice(0, self._world.egos)
         columns, episode = self._columns[interface], self.episodes[row]
         room = None if episode is None else episode.room
         if room is None or interface >= len(room):
@@ -251,6 +264,9 @@ class AgentPool:
 
     def _check(self, start: AgentStart, *, is_ego: bool) -> None:
         """Raise if an agent does not fit the pool, or its mission the arrays."""
+        is_pooled_ego = self._pools_egos and start.interface == UNSET and not is_ego
+        if is_pooled_ego:
+            is_ego = True
         if (start.interface == UNSET) != is_ego or not UNSET <= start.interface < len(self.interfaces):
             raise ScenarioError(
                 f"the agent {start.name!r} has interface {start.interface}",

@@ -27,15 +27,17 @@ from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
 from smarts.sensors.suite import SensorSuite
 from smarts.sim.agent_pool import AgentPool
+from smarts.sim.bubble_rules import BubbleRules
 from smarts.sim.contacts import FootprintContacts
 from smarts.sim.entries import Entries
-from smarts.sim.events import AgentEvents
+from smarts.sim.events import AgentEvents, LearningInBubbles
 from smarts.sim.interest import interest_of
 from smarts.sim.manoeuvres import Manoeuvres
 from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
 from smarts.sim.schedule import Schedule
 from smarts.sim.simulation import Simulation, Stages
+from smarts.sim.stages import NoBubbles
 from smarts.sim.starts import shape_of
 from smarts.sim.transfer_rules import HandoverRules
 from smarts.sstudio.built import BuiltScenario
@@ -113,6 +115,8 @@ class Assembly:
     """Takes annotations of the episodes that are recorded; None if none are."""
     policies: tuple[SocialPolicy, ...] = ()
     """Of the social agents, by number."""
+    learns_in_bubbles: bool = False
+    """Whether the egos' columns are a pool of agents that drive the vehicles in bubbles."""
 
 
 class NoRecorder:
@@ -179,7 +183,11 @@ def assemble(
     every = [*interfaces, *(each.interface for each in merged for _ in range(each.capacity))]
     scene = _scene(schedule, worlds, len(interfaces), len(every), options)
     agent_pool = AgentPool(
-        scene.world, scene.routes, [each.interface for each in merged], [each.capacity for each in merged]
+        scene.world,
+        scene.routes,
+        [each.interface for each in merged],
+        [each.capacity for each in merged],
+        pools_egos=cast.learning is not None,
     )
     with ExitStack() as on_failure:
         vehicles = _vehicles(scene, every, schedule, options)
@@ -253,7 +261,8 @@ def _assemble(
         interest_of(world, interfaces, schedule, entries),
     )
     contacts = FootprintContacts(world)
-    events = AgentEvents(scene, rules, alive, interest, entries.coming)
+    bubbles = BubbleRules(world, scene.routes, pool, vehicles.can_accept) if schedule.has_bubbles else None
+    events = AgentEvents(scene, rules, alive, interest, entries.coming, _learning(cast, bubbles, options))
     sensors = SensorSuite(scene, interfaces, looked_at)
     stages = Stages(
         ownership=ownership,
@@ -267,13 +276,31 @@ def _assemble(
         transfer_rules=HandoverRules(world, entries, pool, vehicles.can_accept),
         sensors=sensors,
         recorder=recorder or NoRecorder(),
+        bubbles=bubbles or NoBubbles(),
     )
     actions = _actions(rules, world.worlds, options)
     for columns in (actions, controllers.columns, vehicles.columns, contacts.contacts, events.columns):
         pool.clear_with(columns)
     pool.clear_readings_with(sensors.readings)
     simulation = Simulation(world, stages)
-    return Assembly(simulation, schedule, scene, rules, actions, pool, ownership, recorder, cast.policies)
+    return Assembly(
+        simulation,
+        schedule,
+        scene,
+        rules,
+        actions,
+        pool,
+        ownership,
+        recorder,
+        cast.policies,
+        cast.learning is not None,
+    )
+
+
+def _learning(cast: Cast, bubbles: BubbleRules | None, options: Options) -> LearningInBubbles | None:
+    if cast.learning is None or bubbles is None:
+        return None
+    return LearningInBubbles(bubbles, max(1, round(cast.learning.episode_time / options.dt)))
 
 
 def _unread(cast: Cast, pool: AgentPool) -> dict[int, Collection[str]]:

@@ -55,6 +55,9 @@ class BubbleRules:
         self._waiting: list[dict[Key, int]] = [{} for _ in range(world.worlds)]
         self._announced: list[dict[int, Key]] = [{} for _ in range(world.worlds)]
         self._without_column: list[set[int]] = [set() for _ in range(world.worlds)]
+        self._special: dict[int, list[tuple[int, PlacedBubble]]] = {}
+        """By simulation, the bubbles that follow a vehicle or have a condition."""
+        self._has_bubbles = self._is_busy = False
         self._noted = [0] * world.worlds
         """How many of the pool's holds have been looked at."""
         self._appeared: list[set[int]] = [set() for _ in range(world.worlds)]
@@ -80,6 +83,15 @@ class BubbleRules:
         if not (start.bubbles or self._field.bubbles[row]):
             return
         self._field.begin(row, start.bubbles)
+        self._has_bubbles = any(self._field.bubbles)
+        special = [
+            (number, bubble)
+            for number, bubble in enumerate(start.bubbles)
+            if bubble.followed or bubble.active_condition is not None
+        ]
+        self._special.pop(row, None)
+        if special:
+            self._special[row] = special
         self.counts.never_appeared[row] = sum(bool(bubble.followed) for bubble in start.bubbles)
         for known in (self._waiting, self._announced, self._without_column, self._appeared):
             known[row].clear()
@@ -89,22 +101,21 @@ class BubbleRules:
 
     def place(self, env_mask: Bools) -> None:
         """Move the bubbles, find the vehicles in them, and write which of those are to change hands."""
-        field = self._field
-        if not any(field.bubbles):
+        self._is_busy = False
+        if not self._has_bubbles:
             return
-        field.end_holds(env_mask)
-        for row in np.flatnonzero(env_mask & (field.rows.size > 0)).tolist():
-            self._note_holds(row)
-            for number, bubble in enumerate(field.bubbles[row]):
-                if bubble.followed or bubble.active_condition is not None:
-                    field.states.is_active[row, number] = self._is_active(row, number, bubble)
-        field.update(env_mask)
+        self._note_holds(env_mask)
+        for row, special in self._special.items():
+            if env_mask[row]:
+                for number, bubble in special:
+                    self._field.states.is_active[row, number] = self._is_active(row, number, bubble)
+        self._is_busy = self._field.update(env_mask)
 
     def propose(self, events: Events, env_mask: Bools) -> Transfers:
         """Return the vehicles that agents are to observe, to drive, or to observe no longer."""
-        is_busy = env_mask & (self._field.found + self._field.wishes > 0)
-        if not is_busy.any():
+        if not self._is_busy:
             return NO_TRANSFERS
+        is_busy = env_mask & (self._field.found + self._field.wishes > 0)
         proposed: list[Transfer] = []
         for row in np.flatnonzero(is_busy).tolist():
             proposed += self._drops(row)
@@ -112,19 +123,29 @@ class BubbleRules:
             proposed += self._shadows(row)
         return transfers(proposed)
 
-    def _note_holds(self, row: int) -> None:
+    def _note_holds(self, env_mask: Bools) -> None:
         """Note the vehicles that agents announced for bubbles have begun to observe."""
+        new = [
+            (row, hold)
+            for row, holds in enumerate(self._pool.holds)
+            if len(holds) > self._noted[row]
+            for hold in holds[self._noted[row] :]
+        ]
+        if not new:
+            return
+        # Another agent may have had the column until now.
+        self._field.end_holds(env_mask)
         agents, holds = self._world.agents, self._field.holds
-        for hold in self._pool.holds[row][self._noted[row] :]:
-            key, slot = self._announced[row].get(hold.number), int(agents.slot[row, hold.agent_id])
+        for row, hold in new:
+            self._noted[row] = len(self._pool.holds[row])
+            key, column = self._announced[row].get(hold.number), hold.agent_id
             if key is None:
                 continue
             self._waiting[row].pop(key, None)
-            if slot != UNSET:
-                holds.clear(row, hold.agent_id)
-                holds.bubble[row, hold.agent_id], holds.number[row, hold.agent_id] = key[0], hold.number
-                holds.slot[row, hold.agent_id], holds.generation[row, hold.agent_id] = key[1], key[2]
-        self._noted[row] = len(self._pool.holds[row])
+            if agents.slot[row, column] != UNSET:
+                holds.clear(row, column)
+                holds.bubble[row, column], holds.number[row, column] = key[0], hold.number
+                holds.slot[row, column], holds.generation[row, column] = key[1], key[2]
 
     def _is_active(self, row: int, number: int, bubble: PlacedBubble) -> bool:
         """Return whether a bubble takes vehicles; find the vehicle that it follows."""

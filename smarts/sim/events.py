@@ -23,6 +23,7 @@ from smarts.types.interface import AgentRules
 from smarts.types.world import State
 
 _COLLISION = int(Event.COLLISION)
+_LEFT_BUBBLE, _TIME_OUT = int(Event.LEFT_BUBBLE), int(Event.REACHED_MAX_EPISODE_STEPS)
 _AGENTS_ALIVE, _INTEREST = int(Event.AGENTS_ALIVE_DONE), int(Event.INTEREST_DONE)
 _INVALID = int(Outcome.INVALID)
 _VACANT, _WAITING = int(AgentStatus.VACANT), int(AgentStatus.WAITING)
@@ -49,6 +50,23 @@ class AliveColumns(NamedTuple):
     coming: Ints
 
 
+class LeftBubbles(Protocol):
+    """Knows which learning agents' vehicles have left their bubble."""
+
+    @property
+    def left(self) -> Bools:
+        """Which have, shape (B, A)."""
+        ...
+
+
+class LearningInBubbles(NamedTuple):
+    """Egos that drive the vehicles in bubbles: they end where those leave, the episode ends by its time."""
+
+    bubbles: LeftBubbles
+    end: int
+    """Step with which episodes end."""
+
+
 class AgentEvents:
     """Finds each agent's events, and ends episodes by the rules of the agents' interfaces.
 
@@ -62,6 +80,7 @@ class AgentEvents:
         interest: Finds vehicles of interest; needed if an agent ends by them.
         coming: How many agents get their column when they enter, shape (B,); they are left, too. None: all
             agents have one.
+        learning: Where agents learn in bubbles: who has left them, and when episodes end.
     """
 
     def __init__(
@@ -71,10 +90,11 @@ class AgentEvents:
         alive: Sequence[AliveRule] = (),
         interest: Interest | None = None,
         coming: Ints | None = None,
+        learning: LearningInBubbles | None = None,
     ) -> None:
         world = scene.world
         worlds, agents = world.agents.slot.shape
-        self._interest = interest
+        self._interest, self._learning = interest, learning
         self._nobody = np.zeros((worlds, agents), np.bool_)
         self.events = Events.allocate(worlds, agents)
         """Of the last step."""
@@ -87,7 +107,8 @@ class AgentEvents:
             np.array([rule.minimum for rule in alive], np.int32),
             np.zeros(worlds, np.int32) if coming is None else coming,
         )
-        given = world.state, scene.atlas.roads, scene.routes.current, world.egos, self.events
+        end = 0 if learning is None else learning.end
+        given = world.state, scene.atlas.roads, scene.routes.current, world.egos, end, self.events
         patience = round(OFF_ROUTE_TIME / world.dt)
         self._begin = LateBound(begin_episodes, *given)
         self._detect = LateBound(detect_events, *given, rules, counts, patience)
@@ -108,7 +129,8 @@ class AgentEvents:
     def detect(self, contacts: Contacts, env_mask: Bools) -> Events:
         """Return what happened to the agents in this step."""
         gone = self._nobody if self._interest is None else self._interest.is_gone(env_mask)
-        self._detect.to(contacts)(gone, env_mask)
+        left = self._nobody if self._learning is None else self._learning.bubbles.left
+        self._detect.to(contacts)(gone, left, env_mask)
         return self.events
 
 
@@ -128,6 +150,7 @@ def begin_episodes(
     roads: Roads,
     routes: RouteTable,
     egos: int,
+    end: int,
     out: Events,
     contacts: Contacts,
     env_mask: Bools,
@@ -149,7 +172,7 @@ def begin_episodes(
                 _close(state, row, agent_id, _INVALID, out)
         else:
             assign_arrival_order(state, roads, routes, row)
-        out.finished[row] = _is_finished(state, row, egos)
+        out.finished[row] = _is_finished(state, row, egos, end)
 
 
 @kernel
@@ -158,12 +181,14 @@ def detect_events(
     roads: Roads,
     routes: RouteTable,
     egos: int,
+    end: int,
     out: Events,
     rules: AgentRules,
     alive: AliveColumns,
     patience: int,
     contacts: Contacts,
     gone: Bools,
+    left: Bools,
     env_mask: Bools,
 ) -> None:
     """Write the events of all agents, and end episodes; see `AgentEvents`."""
@@ -179,11 +204,14 @@ def detect_events(
                 out.bits[row, agent_id] = bits | (_INTEREST if gone[row, agent_id] else 0)
             agents.lap_before[row, agent_id] = agents.lap[row, agent_id]
         _miss_others(state, rules, alive, row, out.bits)
+        is_over = 0 < end <= state.step[row]
         for agent_id in range(agents.slot.shape[1]):
             ended = out.bits[row, agent_id] & rules.ending[agent_id]
+            if end and agent_id < egos:
+                ended |= _end_in_bubble(out, left, is_over, row, agent_id)
             if ended and agents.state[row, agent_id] == _ACTIVE:
                 _close(state, row, agent_id, outcome_of(ended), out)
-        out.finished[row] = _is_finished(state, row, egos)
+        out.finished[row] = _is_finished(state, row, egos, end)
         assign_arrival_order(state, roads, routes, row)
 
 
@@ -222,8 +250,19 @@ def _close(state: State, row: int, agent_id: int, outcome: int, out: Events) -> 
 
 
 @kernel
-def _is_finished(state: State, row: int, egos: int) -> bool:
-    """Return whether no ego is active or waiting."""
+def _end_in_bubble(out: Events, left: Bools, is_over: bool, row: int, agent_id: int) -> int:
+    """Add and return the events that end an agent that learns in a bubble."""
+    bits = _LEFT_BUBBLE if left[row, agent_id] else 0
+    bits |= _TIME_OUT if is_over else 0
+    out.bits[row, agent_id] |= bits
+    return bits
+
+
+@kernel
+def _is_finished(state: State, row: int, egos: int, end: int) -> bool:
+    """Return whether no ego is active or waiting; where egos learn in bubbles, whether time is over."""
+    if end:
+        return bool(state.step[row] >= end)
     left = 0
     for agent_id in range(egos):
         left += state.agents.state[row, agent_id] in (_WAITING, _ACTIVE, _SHADOWING)

@@ -13,6 +13,7 @@ _BY_PRIORITY = (
     (Event.REACHED_GOAL, Outcome.GOAL),
     (Event.NOT_MOVING, Outcome.NOT_MOVING),
     (Event.REACHED_MAX_EPISODE_STEPS, Outcome.TIME_OUT),
+    (Event.LEFT_BUBBLE, Outcome.LEFT_BUBBLE),
     (Event.WRONG_WAY, Outcome.OTHER_TERMINAL),
     (Event.ON_SHOULDER, Outcome.OTHER_TERMINAL),
     (Event.VIA_HIT, Outcome.OTHER_TERMINAL),

@@ -21,6 +21,7 @@ from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import EpisodePlan
 from smarts.sstudio.sstypes.scenario import ScenarioMetadataFields
 from smarts.sstudio.sstypes.zone import RoadSurfacePatch
+from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import PlacedBubble
 from smarts.types.episode import EpisodeStart
 from smarts.types.streams import Purpose, check_seed, stream, traffic_seed
@@ -124,10 +125,13 @@ class Schedule:
         """Where each map has another friction than a dry road."""
         self.speeds = np.array([speed for _, _, speed in unique])
         """The largest speed of the discrete lane actions on each map [m/s]."""
+        # Agents that learn in bubbles have no missions.
+        self._egos = () if cast.learning else self.agents
+        missions = len(self._egos)
         self.combinations = tuple(
             combination
             for built, ground in zip(scenarios, grounds, strict=True)
-            for combination in _combinations(built, unique.index(ground), len(self.agents), engine)
+            for combination in _combinations(built, unique.index(ground), missions, engine)
         )
         """All combinations, in the order of the scenarios."""
         self.interests = _interests(scenarios)
@@ -146,6 +150,11 @@ class Schedule:
     def rooms(self) -> tuple[tuple[int, ...], ...]:
         """The most social agents of each interface in each scenario."""
         return tuple(self._rooms.values())
+
+    @property
+    def has_bubbles(self) -> bool:
+        """Whether a scenario has bubbles in which agents drive."""
+        return any(self._bubbles.values())
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -176,7 +185,8 @@ class Schedule:
         chosen = self.combination(world, episode, seed)
         built, plan = chosen.built, chosen.plan
         generator = stream(seed, Purpose.STARTS, world=world, episode=episode)
-        egos = draw_starts(built, plan.missions, self.agents, self._shapes, generator)
+        shapes = self._shapes[: len(self._egos)]
+        egos = draw_starts(built, plan.missions, self._egos, shapes, generator)
         # Of its own: social agents change nothing of the egos.
         generator = stream(seed, Purpose.SOCIAL, world=world, episode=episode)
         others = draw_social_starts(built, self._roles(chosen), egos, self._cast.policies, generator)
@@ -189,7 +199,7 @@ class Schedule:
             traffic=built.traffic_files(plan.traffic),
             traffic_name=plan.traffic,
             traffic_seed=traffic_seed(seed, world=world, episode=episode),
-            limit=self._limits[built.name] + len(self.agents),
+            limit=self._limits[built.name] + len(self._egos),
             agents=(*egos, *others),
             engine=chosen.engine,
             bubbles=self._bubbles[built.name],
@@ -200,12 +210,14 @@ class Schedule:
         return roles_of(chosen.plan, self._cast, chosen.built.name)
 
     def _placed(self, built: BuiltScenario) -> tuple[PlacedBubble, ...]:
-        if not self._cast.policies or not built.scenario.bubbles:
+        if not self._cast or not built.scenario.bubbles:
             return ()
         return place_bubbles(built.scenario.bubbles, built.roads(), self._driver_of, built.name)
 
     def _driver_of(self, bubble: t.Bubble) -> Driver:
-        actor = agent_actor(bubble)
+        learning, actor = self._cast.learning, agent_actor(bubble)
+        if learning and learning.has(bubble.id):
+            return Driver(UNSET, UNSET)
         assert actor is not None
         number = self._cast.numbers[wanted_by(actor)]
         policy = self._cast.policies[number]
@@ -219,4 +231,5 @@ class Schedule:
             for bubble in built.scenario.bubbles or ()
             if self._bubbles[built.name] and agent_actor(bubble)
         ]
+        bubbles = [each for each in bubbles if each[0] != UNSET]
         return room_of(plans, bubbles, self._cast)

@@ -27,6 +27,7 @@ class Event(enum.IntFlag):
     INTEREST_DONE = 1024
     VIA_HIT = 2048
     LAP_COMPLETED = 4096
+    LEFT_BUBBLE = 8192
 
 
 class Outcome(enum.IntEnum):
@@ -46,9 +47,11 @@ class Outcome(enum.IntEnum):
     """Ended for driving against the direction or on the shoulder."""
     INVALID = 10
     """The episode is to be discarded: vehicles overlapped at the start, or the traffic engine failed."""
+    LEFT_BUBBLE = 11
+    """The vehicle has left the bubble in which the agent learns."""
 
 
-TRUNCATING = (Outcome.TIME_OUT, Outcome.OTHER, Outcome.INVALID)
+TRUNCATING = (Outcome.TIME_OUT, Outcome.OTHER, Outcome.INVALID, Outcome.LEFT_BUBBLE)
 """Outcomes that truncate: the learner bootstraps. All others terminate."""
 
 

@@ -10,6 +10,7 @@ from tests.blocks import ROOT
 
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
 SMALLEST = {
+    "bubbles": ["--scenarios", "loop", "--worlds", "1", "--bubbles", "1", "--steps", "5"],
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
     "dynamics": ["--seconds", "0.01"],
     "energy": ["--sequences", "20", "--seconds", "0.1"],
@@ -17,6 +18,7 @@ SMALLEST = {
     "games": ["--games", "pg promise", "--seeds", "1"],
     "manoeuvres": [],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
+    "planners": ["--scenes", "4"],
     "roads": ["--poses", "50", "--repeats", "1"],
     "same_episodes": [str(ROOT), str(ROOT), "--scenarios", "loop", "--apis", "vector", "--steps", "5"],
     "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],

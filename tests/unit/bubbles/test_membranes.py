@@ -60,7 +60,7 @@ def test_random_motion_against_shapely(number):
     for slot, front in enumerate(fronts):
         ground.put(slot, *front, random.uniform(-3, 3))
     ground.begin()
-    for _ in range(8):
+    for _ in range(20):
         before, fronts = fronts, fronts + random.normal(size=(3, 2)) * 8
         ground.step({slot: (*front, random.uniform(-3, 3)) for slot, front in enumerate(fronts)})
         for slot in range(3):
@@ -95,7 +95,7 @@ def test_the_way_in_a_moving_bubble_is_the_way_in_its_own_frame(number):
     for slot, place in places().items():
         ground.put(slot, *place)
     ground.begin()
-    for _ in range(8):
+    for _ in range(20):
         before = own_frame()
         centre, heading = centre + random.normal(size=2) * 3, heading + random.normal() / 5
         front = front + random.normal(size=2) * 5

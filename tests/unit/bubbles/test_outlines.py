@@ -8,11 +8,17 @@ from hypothesis import given, settings
 from shapely import affinity
 from shapely.geometry import LineString, Point, box
 
-from smarts.bubbles.outlines import Place, bubble_pose, bubble_table, deepest_on, place_of, to_file
+from smarts.bubbles.outlines import Place, bubble_pose, bubble_table, deepest_on, distance_to, place_of
 from tests.unit.bubbles.shapes import NUMBERS, bubble, random_zone
 
 NEAR = 1e-7
 """Points this near to an outline may be on either side [m]."""
+
+
+def to_file(x, y, pose_x, pose_y, turn):
+    """Return a point of the map in the coordinates of a bubble of a pose."""
+    back = affinity.rotate(Point(x - pose_x, y - pose_y), -turn, origin=(0, 0), use_radians=True)
+    return back.x, back.y
 
 
 def wide(zone, margin):
@@ -55,6 +61,21 @@ def test_ways_reach_what_shapely_says_they_reach(number):
             if not expected and wide(zone, margin).intersects(way):
                 expected = Place.MARGIN
             assert deepest_on(table, 0, *begin, *end) == expected
+
+
+@given(NUMBERS)
+@settings(deadline=None, max_examples=60)
+def test_distances_are_at_most_those_of_shapely_and_0_inside_only(number):
+    random = np.random.default_rng(number)
+    zone, margin = random_zone(random), float(random.choice([0.0, 0.5, 5.0]))
+    table, area = bubble_table([bubble(zone, margin)]), wide(zone, margin)
+    for x, y in random.uniform(-90, 90, (40, 2)):
+        distance, expected = distance_to(table, 0, x, y), area.distance(Point(x, y))
+        assert distance <= expected + NEAR
+        assert (distance > 0) == (expected > 0)
+        left, low, right, high = area.bounds
+        if left <= x <= right and low <= y <= high:
+            assert distance == pytest.approx(expected, abs=NEAR)
 
 
 def test_a_way_across_a_thin_zone_reaches_it():

@@ -16,6 +16,7 @@ PRIORITY = [
     (Event.REACHED_GOAL, Outcome.GOAL),
     (Event.NOT_MOVING, Outcome.NOT_MOVING),
     (Event.REACHED_MAX_EPISODE_STEPS, Outcome.TIME_OUT),
+    (Event.LEFT_BUBBLE, Outcome.LEFT_BUBBLE),
 ]
 OTHERS = {
     Event.WRONG_WAY: Outcome.OTHER_TERMINAL,
@@ -49,4 +50,4 @@ def test_every_event_ends_somehow():
 
 def test_truncation():
     truncating = {outcome for outcome in Outcome if is_truncating(int(outcome))}
-    assert truncating == {Outcome.TIME_OUT, Outcome.OTHER, Outcome.INVALID}
+    assert truncating == {Outcome.TIME_OUT, Outcome.OTHER, Outcome.INVALID, Outcome.LEFT_BUBBLE}

@@ -3,6 +3,7 @@
 import pytest
 
 from smarts.errors import ScenarioError, SmartsError
+from smarts.sstudio import sstypes as t
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.collecting import collecting
 from smarts.sstudio.decoding import decode
@@ -210,6 +211,81 @@ WRONG = {
         "bubbles[0].zone",
         "lane 2",
     ),
+    "bubble off the map": (
+        "bubbles=[t.Bubble(t.PositionalZone((900, 0), (20, 20)), agent)]",
+        "bubbles[0].zone",
+        "890",
+    ),
+    "bubble without area": (
+        'bubbles=[t.Bubble(t.MapZone(("from_west", 0, 99.6), 10, n_lanes=1), agent)]',
+        "bubbles[0].zone",
+        "area",
+    ),
+    "bubble with a limit of 0": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, limit=t.BubbleLimits(0, 3))]",
+        "bubbles[0].limit.hijack_limit",
+        "0",
+    ),
+    "bubble with half a limit": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, limit=t.BubbleLimits(1, 1.5))]",
+        "bubbles[0].limit.shadow_limit",
+        "1.5",
+    ),
+    "bubble with a number as its limit": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, limit=3)]",
+        "bubbles[0].limit",
+        "3",
+    ),
+    "boid of a capacity of 0": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)),"
+        ' t.BoidAgentActor("b", "zoo:b-v0", capacity=t.BubbleLimits(0, 0)))]',
+        "bubbles[0].actor.capacity.hijack_limit",
+        "0",
+    ),
+    "bubble with a margin that is no number": (
+        'bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, margin=float("nan"))]',
+        "bubbles[0].margin",
+        "nan",
+    ),
+    "bubble with a margin as wide as the map": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, margin=9999)]",
+        "bubbles[0].margin",
+        "9999",
+    ),
+    "time of obstacles": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, collision_time=-1)]",
+        "bubbles[0].collision_time",
+        "-1",
+    ),
+    "condition on the simulation": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, airlock_condition=3)]",
+        "bubbles[0].airlock_condition",
+        "3",
+    ),
+    "unknown engine of a bubble": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)),"
+        ' t.TrafficEngineActor("x", traffic_provider="SMARTS"))]',
+        "bubbles[0].actor.traffic_provider",
+        "'SMARTS'",
+    ),
+    "headway of a bubble's engine": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), t.TrafficEngineActor('x', tau=0))]",
+        "bubbles[0].actor.tau",
+        "0",
+    ),
+    "social agent that a bubble follows": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, follow_offset=(0, 1),"
+        ' follow_actor_id="social-agent-all-agnt")],'
+        ' social_agent_missions={"all": ([agent], [t.Mission(south_north)])}',
+        "bubbles[0].follow_actor_id",
+        "'social-agent-all-agnt'",
+    ),
+    "offset of a bubble that travels": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, follow_offset=(0,),"
+        ' follow_vehicle_id="car")]',
+        "bubbles[0].follow_offset",
+        "(0,)",
+    ),
     "twin bubbles": (
         'bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, id="b") for _ in range(2)]',
         "bubbles[1].id",
@@ -376,6 +452,24 @@ def test_variations_are_checked_as_the_scenario_is(scenario_folder):
     assert "held_out['v']: ego_missions[0].begin" in error.place
     error = refusal(f"{folder}@w")
     assert str(error).endswith("there is no held-out variation 'w'\n  remedy: known: 'v'")
+
+
+def test_conditions_on_facts_that_bubbles_do_not_know(roads):
+    class Simulated(t.Condition):
+        requires = t.ConditionRequires.simulation | t.ConditionRequires.time
+
+    agent, zone = t.SocialAgentActor("agent", "zoo:agent-v0"), t.PositionalZone((0, 0), (9, 9))
+    for name in ("active_condition", "airlock_condition"):
+        with pytest.raises(ScenarioError) as caught:
+            validate(t.Scenario(bubbles=[t.Bubble(zone, agent, **{name: Simulated()})]), roads, "scenario.py")
+        assert caught.value.place == f"scenario.py: bubbles[0].{name}"
+        assert "simulation" in caught.value.problem
+
+
+def test_bubbles_that_travel_may_begin_beside_the_map(roads):
+    agent, zone = t.SocialAgentActor("agent", "zoo:agent-v0"), t.PositionalZone((5000, 0), (9, 9))
+    travelling = t.Bubble(zone, agent, follow_vehicle_id="any", follow_offset=(0, 9))
+    validate(t.Scenario(bubbles=[travelling]), roads, "scenario.py")
 
 
 def test_folders_without_anything(tmp_path):

@@ -1,0 +1,62 @@
+"""Paths as rows of time, x, y, heading, speed: their poses at given times."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from smarts.arrays import Floats
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import interpolate_angle, wrapped_half_open
+
+
+@kernel
+def resample(paths: Floats, times: Floats) -> Floats:
+    """Return paths at other times, as the controller of `TrajectoryWithTime` reads them.
+
+    Between two rows poses and speeds are interpolated linearly. Before the first row they are those of the
+    first row; after the last row the vehicle continues straight at the last speed.
+
+    Args:
+        paths: Rows of time [s], x, y [m], heading [rad], speed [m/s], shape (M, P, 5).
+        times: In seconds, shape (M, T).
+
+    Returns:
+        The rows at these times, with headings in (-pi, pi], shape (M, T, 5).
+    """
+    count = paths.shape[1]
+    found = np.empty((len(paths), times.shape[1], 5))
+    for m in range(len(paths)):
+        for t in range(times.shape[1]):
+            path, row, now = paths[m], found[m, t], times[m, t]
+            row[0] = now
+            last = path[count - 1]
+            if now >= last[0]:
+                way = (now - last[0]) * last[4]
+                row[1], row[2] = last[1] + way * math.cos(last[3]), last[2] + way * math.sin(last[3])
+                row[3], row[4] = wrapped_half_open(last[3]), last[4]
+                continue
+            i = 0
+            while i < count - 2 and path[i + 1, 0] <= now:
+                i += 1
+            a, b = path[i], path[i + 1]
+            share = min(max((now - a[0]) / max(b[0] - a[0], 1e-9), 0.0), 1.0)
+            row[1], row[2] = a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
+            row[3] = interpolate_angle(wrapped_half_open(a[3]), wrapped_half_open(b[3]), share)
+            row[4] = a[4] + share * (b[4] - a[4])
+    return found
+
+
+def as_actions(path: Floats, points: int, *, with_time: bool = True) -> Floats:
+    """Return paths as a batch of actions `TrajectoryWithTime` (or `Trajectory`), shape (N, 5 or 4, points).
+
+    The last row is repeated up to the number of points.
+
+    Args:
+        path: The paths, shape (N, P, 5), P <= points.
+        points: Of an action; `smarts.controllers.action_formats.PATH_POINTS` in the environments.
+        with_time: Whether the actions hold times.
+    """
+    padded = np.pad(path, ((0, 0), (0, points - path.shape[1]), (0, 0)), mode="edge")
+    return padded.transpose(0, 2, 1)[:, 0 if with_time else 1 :]

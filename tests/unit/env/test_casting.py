@@ -1,0 +1,199 @@
+"""Social agents of scenarios and environments: who is cast, where they start, what is refused."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from smarts.agents.benchmark import benchmark_interface
+from smarts.agents.options import InterfaceError
+from smarts.agents.social import SocialAgents
+from smarts.env import HiWayEnv, VectorHiWayEnv
+from smarts.env.casting import cast_of
+from smarts.errors import SmartsError
+from smarts.sim.schedule import Schedule
+from smarts.sstudio.build import build_scenario
+from smarts.types.agent_states import AgentStatus, agent_names
+
+KEEP_LANE, IDM = "smarts.zoo:keep-lane-v0", "smarts.zoo:idm-v0"
+SCENARIO = """
+from pathlib import Path
+from smarts.sstudio import gen_scenario, types as t
+
+def way(begin, end, time=0.0):
+    return t.Mission(t.Route(begin=begin, end=end), start_time=time)
+
+actor = t.SocialAgentActor
+gen_scenario(
+    t.Scenario(
+        ego_missions=[way(("south_in", 1, 40), ("west_out", 0, 60))],
+        social_agent_missions={
+            "pair": (
+                [
+                    actor("first", "LOCATOR", initial_speed=5.0),
+                    actor("second", "smarts.zoo:keep-lane-v0"),
+                ],
+                [
+                    way(("west_in", 1, 50), ("east_out", 0, 60)),
+                    way(("west_in", 1, 50), ("east_out", 0, 60), 3.0),
+                ],
+            ),
+            "turns": (
+                [actor("third", "LOCATOR")],
+                [
+                    t.Mission(
+                        t.Route(begin=("north_in", 0, 40), end=("south_out", 1, 40)),
+                        via=(t.Via("north_in", 0, 48, 5.0), t.Via("north_in", 0, 52, 5.0)),
+                    ),
+                    way(("east_in", 0, 50), ("west_out", 1, 40)),
+                    way(("south_in", 1, 41), ("north_out", 1, 40)),
+                ],
+            ),
+        },
+    ),
+    output_dir=Path(__file__).parent,
+)
+"""
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    return written(tmp_path_factory.mktemp("social") / "meeting")
+
+
+def written(folder, locator=IDM):
+    """Write the scenario; return its folder."""
+    folder.mkdir()
+    for source in build_scenario("intersection").source.glob("map.*.xml"):
+        shutil.copy(source, folder)
+    (folder / "scenario.py").write_text(SCENARIO.replace("LOCATOR", locator))
+    return folder
+
+
+def schedule_of(scenarios, egos, added=(), learning=None):
+    built = [build_scenario(scenario) for scenario in scenarios]
+    return Schedule(built, agent_names(egos), cast=cast_of(built, added, learning))
+
+
+def test_groups_enter_at_once_or_take_turns(scenario):
+    schedule = schedule_of([scenario], 1)
+    starts = [schedule.start(0, episode) for episode in range(3)]
+    for start in starts:
+        assert [agent.name for agent in start.agents] == [
+            "agent-0",
+            "social-agent-pair-first",
+            "social-agent-pair-second",
+            "social-agent-turns-third",
+        ]
+        assert [agent.policy for agent in start.agents] == [-1, 0, 1, 0]
+        assert [agent.entry_time for agent in start.agents[1:3]] == [0.0, 3.0]
+        assert [agent.speed for agent in start.agents[1:]] == [5.0, 0.0, 0.0]
+        assert start.room is not None
+        assert sum(start.room) == 3
+    begun = {start.agents[3].pose for start in starts}
+    assert len(begun) == 3, "each mission of the third in turn"
+    blocked = [start.agents[3] for start in starts if start.agents[3].entry_time > 0]
+    assert len(blocked) == 1, "the ego is in the way of one: it enters when it is free"
+    assert schedule.vias == 2
+
+
+def test_egos_are_as_without_social_agents(scenario):
+    built = [build_scenario(scenario)]
+    with_others, alone = schedule_of([scenario], 1), Schedule(built, agent_names(1))
+    for episode in range(3):
+        assert with_others.start(0, episode).agents[0] == alone.start(0, episode).agents[0]
+        assert len(alone.start(0, episode).agents) == 1
+
+
+def test_social_agents_of_a_scenario_drive_in_every_environment(scenario):
+    env = VectorHiWayEnv(2, [scenario], agents=1)
+    try:
+        env.reset(3)
+        for _ in range(10):
+            step = env.step([np.zeros((2, 1), int)])
+            assert not step.social_failures
+        agents = env._runner.world.agents
+        assert ((agents.state[:, 1:] == AgentStatus.ACTIVE).sum(axis=1) >= 2).all()
+        assert agents.distance_travelled[:, 1:].max() > 10
+    finally:
+        env.close()
+    env = HiWayEnv([scenario], {"me": benchmark_interface()})
+    try:
+        observations, _ = env.reset(seed=1)
+        assert [*observations] == ["me"]
+        infos = env.step({"me": "keep_lane"})[4]
+        assert "social_failures" not in infos["me"]
+    finally:
+        env.close()
+
+
+def test_agents_of_the_zoo_take_the_missions_that_the_egos_leave():
+    added = [SocialAgents(KEEP_LANE), SocialAgents(IDM, "missions", {"tau": 1.5})]
+    schedule = schedule_of(["intersection"], 1, added)
+    routes, every = set(), set()
+    for episode in range(len(schedule.combinations)):
+        start = schedule.start(0, episode)
+        assert [agent.policy for agent in start.agents] == [-1, 0, 1, 1]
+        ways = [(agent.mission.route[0], agent.mission.route[-1]) for agent in start.agents]
+        assert len(set(ways)) == 4, "each mission once"
+        routes.add(ways[0])
+        every |= set(ways)
+    assert routes == every, "the ego takes turns with all missions"
+
+
+def test_agents_of_the_zoo_have_random_routes_where_egos_have(tmp_path):
+    folder = written(tmp_path / "empty")
+    text = (folder / "scenario.py").read_text()
+    begin = text.index("        ego_missions")
+    (folder / "scenario.py").write_text(text[:begin] + text[text.index("    ),\n    output_dir") :])
+    start = schedule_of([folder], 1, [SocialAgents(KEEP_LANE, 2)]).start(0, 0)
+    assert [agent.name for agent in start.agents] == ["agent-0", "social-agent-0", "social-agent-1"]
+
+
+@pytest.mark.parametrize("count", [4, "missions"])
+def test_more_agents_than_missions(count):
+    added = [SocialAgents(KEEP_LANE, 4), SocialAgents(KEEP_LANE, "missions")]
+    given = added if count == "missions" else added[:1]
+    with pytest.raises(InterfaceError) as error:
+        schedule_of(["intersection"], 1, given)
+    assert error.value.place == "social_agents in intersection"
+    assert "3 missions" in error.value.problem
+
+
+@pytest.mark.parametrize(
+    ("added", "place"),
+    [
+        ([{"agent": "smarts.zoo:nobody-v0"}], "social_agents"),
+        ([{"agent": KEEP_LANE, "options": {"colour": "red"}}], "social_agents"),
+        ([{"agent": KEEP_LANE, "number": 2}], "social_agents"),
+        ([{"count": 2}], "social_agents"),
+        ([{"agent": KEEP_LANE, "count": 0}], "social_agents"),
+        ([{"agent": KEEP_LANE, "count": "all"}], "social_agents"),
+        ([KEEP_LANE], "social_agents"),
+        ({"agent": KEEP_LANE}, "social_agents"),
+    ],
+)
+def test_what_is_no_social_agent(added, place):
+    with pytest.raises(SmartsError) as error:
+        VectorHiWayEnv(1, ["intersection"], agents=1, social_agents=added)
+    assert place in error.value.place
+
+
+def test_an_unknown_locator_in_a_scenario_names_its_actor(tmp_path):
+    folder = written(tmp_path / "strange", "smarts.zoo:nobody-v0")
+    with pytest.raises(SmartsError) as error:
+        VectorHiWayEnv(1, [folder], agents=1)
+    assert "'pair'" in error.value.place
+    assert "'first'" in error.value.place
+    assert "nobody-v0" in error.value.problem
+
+
+def test_the_room_of_a_scenario_is_its_own(scenario):
+    crowd = Schedule(
+        [build_scenario(scenario), build_scenario("loop")],
+        agent_names(1),
+        cast=cast_of([build_scenario(scenario)]),
+    )
+    rooms = {crowd.start(0, episode).scenario: crowd.start(0, episode).room for episode in range(12)}
+    assert sum(rooms["loop"]) == 0
+    assert sum(rooms["meeting"]) == 3
