@@ -41,6 +41,3 @@ class Shadow:
     """Steps after its return to SUMO in which the vehicle begins no lane change."""
     reinsertion: Reinsertion | None = None
     """How to re-insert the vehicle in the next step, or None."""
-    own_type: str = ""
-    own_sideways: str = ""
-    """Type and lateral speed to restore after a lane change was completed; empty if there was none."""

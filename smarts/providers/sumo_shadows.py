@@ -19,8 +19,9 @@ two. SUMO needs these workarounds, found by experiment and shown by the tests in
   set explicitly.
 - Oncoming drivers do not see a shadow that crosses the centre line; `sumo_proxies` makes it visible.
 - SUMO takes a vehicle that moves against its lane for a leader that drives away; so its speed is set to 0.
-- SUMO continues a lane change that was in progress when a vehicle becomes a shadow, and crashes if the
-  vehicle is then on a lane without a neighbour. So the change is completed in SUMO within the first step.
+- SUMO continues a lane change that was in progress when a vehicle becomes a shadow, crashes if the vehicle is
+  then on a lane without a neighbour, and shows the vehicle turned when it drives it again. So such a vehicle
+  is replaced in SUMO by a new one of the same type.
 - SUMO would change a shadow's lane and make others cooperate, so lane changing is disabled for shadows.
 """
 
@@ -52,9 +53,6 @@ width.
 _NO_LANE_CHANGES = 0
 _SUMO_LANE_CHANGES = 0b011001010101
 """Lane-change modes: none, and SUMO's default."""
-_SIDEWAYS = "laneChangeModel.lcMaxSpeedLatStanding"
-_AT_ONCE = 1e4
-"""Lateral speed that completes a lane change in one step [m/s]; also the value of `_SIDEWAYS`."""
 _CENTRING = 0.03
 """Distance per step by which a vehicle handed back to SUMO moves to its centreline [m]."""
 _CALM_STEPS = 2
@@ -118,12 +116,23 @@ class SumoShadows:
         shadow = Shadow(name, route, lane, vehicle.getLanePosition(name))
         if slot in self._returned:
             shadow.noted_side = self._returned.pop(slot).noted_side
-        if vehicle.getLateralSpeed(name):
-            shadow.own_type = vehicle.getTypeID(name)
-            shadow.own_sideways = vehicle.getParameter(name, _SIDEWAYS)
-            vehicle.setMaxSpeedLat(name, _AT_ONCE)
-            vehicle.setParameter(name, _SIDEWAYS, str(_AT_ONCE))
         self._shadows[slot] = shadow
+
+    def replace(self, slot: int, name: str, new_name: str) -> None:
+        """Make a vehicle that changes lanes in SUMO a shadow, under a new name, from the next step on."""
+        vehicle, route = self._library.vehicle, self._library.route_ahead(name)
+        kind, factor = vehicle.getTypeID(name), vehicle.getSpeedFactor(name)
+        vehicle.remove(name)
+        vehicle.add(new_name, "", typeID=kind)
+        vehicle.setSpeedFactor(new_name, factor)
+        vehicle.setLaneChangeMode(new_name, _NO_LANE_CHANGES)
+        self._library.accepts(vehicle.setRoute, new_name, list(route))
+        self._returned.pop(slot, None)
+        self._shadows[slot] = Shadow(new_name, route)
+
+    def is_changing_lanes(self, name: str) -> bool:
+        """Return whether SUMO moves a vehicle sideways."""
+        return bool(self._library.vehicle.getLateralSpeed(name))
 
     def hand_back(self, slot: int) -> bool:
         """Hand a shadow back to SUMO; return whether SUMO can drive it, which requires a lane.
@@ -198,10 +207,6 @@ class SumoShadows:
                 shadow.lane, shadow.reinsertion, shadow.shift = "", None, 0.0
                 self.proxies.remove(shadow.id)
             vehicle.setPreviousSpeed(shadow.id, abs(speed))
-            if shadow.own_type:
-                vehicle.setType(shadow.id, shadow.own_type)
-                vehicle.setParameter(shadow.id, _SIDEWAYS, shadow.own_sideways)
-                shadow.own_type = ""
         self.proxies.settle()
 
     def _place_proxy(self, slot: int, shadow: Shadow) -> None:

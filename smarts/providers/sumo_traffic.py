@@ -265,8 +265,13 @@ class SumoTraffic:
     def _lead_shadow(self, slot: int, *, is_rerouted: bool) -> None:
         """Lead a slot's vehicle as a shadow, with the route in its row if another provider has changed it."""
         if slot not in self._shadows:
-            del self._driven[self._ids[slot]]
-            self._shadows.take_over(slot, self._ids[slot])
+            name = self._ids[slot]
+            del self._driven[name]
+            if self._shadows.is_changing_lanes(name):
+                self._ids[slot] = f"{name}-again-{self._world.step[self._row]}"
+                self._shadows.replace(slot, name, self._ids[slot])
+            else:
+                self._shadows.take_over(slot, name)
         if is_rerouted and (route := self._planned(slot)):
             self._shadows.set_route(slot, route)
 

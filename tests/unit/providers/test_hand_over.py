@@ -167,7 +167,8 @@ def test_take_over_during_a_lane_change(world, country, to):
     start, y = world.states.position[slot].tolist()
     y = y if to is None else to
     drive(world, slot, lambda t: (start + 2 * t, y, 0.0, 2.0), 50)
-    assert (vehicle.getTypeID("s1"), vehicle.getSpeedFactor("s1"), vehicle.getMaxSpeedLat("s1")) == before
+    name = world.traffic._ids[slot]
+    assert (vehicle.getTypeID(name), vehicle.getSpeedFactor(name), vehicle.getMaxSpeedLat(name)) == before
     # Without the slow vehicle ahead there is no reason to begin another change.
     world.registry.dismiss(0, world.slot("s0"))
     motion = MotionCheck(world, slot)
