@@ -258,6 +258,8 @@ class JointConfig(AlgorithmConfig):
         for fault in ignored_settings(self, type(self)(self.algo_class)):
             self._value_error(fault)
         self._fit_fragment()
+        if EPISODE_MEAN not in (self.stats_cls_lookup or {}):  # the user's own beside what runners need
+            self.stats_cls_lookup = {**(self.stats_cls_lookup or {}), EPISODE_MEAN: EpisodeMean}
         super().validate()
         self._check_settings()
         if self.seed is None:  # drawn once here, so that checkpoints and results hold it

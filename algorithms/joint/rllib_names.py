@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.policy.policy import PolicySpec
 
 from algorithms.errors import SpaceError, UnknownSettingError
-
-if TYPE_CHECKING:
-    from algorithms.joint.config import JointConfig
 
 DEFAULT_POLICIES = {"shared"}
 """Names of policies where the user gives none; they are never asked for."""
@@ -96,7 +93,7 @@ def network_settings(model_config: Any) -> dict[str, Any]:
     return {_NETWORK.get(name, name): value for name, value in given.items()}
 
 
-def policy_faults(config: JointConfig) -> Iterator[str]:
+def policy_faults(config: Any) -> Iterator[str]:
     """Yield what is wrong with settings of policies, as far as it is known without the environment."""
     for name, spec in config.policies.items():
         if isinstance(spec, PolicySpec) and any(vars(spec).values()):
@@ -116,7 +113,7 @@ def policy_faults(config: JointConfig) -> Iterator[str]:
         )
 
 
-def check_names(config: JointConfig, groups: set[str], modules: set[str]) -> None:
+def check_names(config: Any, groups: set[str], modules: set[str]) -> None:
     """Raise if RLlib's settings name policies or networks that do not exist.
 
     Args:
@@ -143,7 +140,7 @@ def check_names(config: JointConfig, groups: set[str], modules: set[str]) -> Non
             )
 
 
-def _chosen(config: JointConfig) -> tuple[str, ...]:
+def _chosen(config: Any) -> tuple[str, ...]:
     """Return the names in `policies_to_train`."""
     chosen: Any = config.policies_to_train
     return () if chosen is None or callable(chosen) else tuple(chosen)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.callbacks.callbacks import RLlibCallback
-
-if TYPE_CHECKING:
-    from algorithms.joint.config import JointConfig
 
 _CONNECTOR = "there are no connectors: wrap the environment, or override `adapt` of the config"
 _OLD = "it belongs to RLlib's old API stack: leave it out"
@@ -151,7 +148,7 @@ def attribute_of(config: AlgorithmConfig, keyword: str) -> str:
     return f"_{keyword}" if f"_{keyword}" in vars(config) else keyword
 
 
-def ignored_settings(config: JointConfig, default: JointConfig) -> Iterator[str]:
+def ignored_settings(config: Any, default: Any) -> Iterator[str]:
     """Yield what is wrong with settings that differ from the default and would change nothing."""
     own = {*config.setting_names, *(_BY_RLLIB if config.in_evaluation else ())}
     for name in REFUSED.keys() - own:

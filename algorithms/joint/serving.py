@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from gymnasium.spaces import Box
@@ -16,9 +16,6 @@ from algorithms.joint.spaces import MASK, WRAPPED
 from algorithms.joint.spec import Group
 from algorithms.parts.distributions import CategoricalHead, Exploration
 from algorithms.parts.masking import MASKED_LOGIT
-
-if TYPE_CHECKING:
-    from algorithms.joint.module import JointModule
 
 STATE = "memory"
 """Name of the memory in RLlib's columns of states."""
@@ -40,11 +37,11 @@ class Question(NamedTuple):
     shape: torch.Size
 
 
-def answer(module: JointModule, batch: Mapping[str, Any], exploration: Exploration) -> dict[str, Any]:
+def answer(module: Any, batch: Mapping[str, Any], exploration: Exploration) -> dict[str, Any]:
     """Return RLlib's columns for a batch: actions, and what the module has of densities and memory.
 
     Args:
-        module: The policy of a group of n agents.
+        module: The `JointModule`: the policy of a group of n agents.
         batch: `obs`, one observation a row, (M, *shape) or a dict of such leaves, with action masks in
             `action_mask`. A row is an agent alone, the group's first unless `agent_id` names M agents. With
             one more axis, (M, n, *shape), a row is all agents of the group; a recurrent policy takes that

@@ -21,7 +21,7 @@ LEARN = {"learning_starts": 32, "batch_size": 16, "capacity": 500}
 def build():
     built = []
 
-    def built_algo(name, env=Cues, runners=0, **settings):
+    def built_algo(name, env: type = Cues, runners=0, **settings):
         config = algorithms.config(name).environment(env).debugging(seed=3)
         config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
         replay = LEARN if issubclass(algorithms.entry(name).settings, OffPolicySettings) else {}
@@ -89,9 +89,10 @@ def test_memory_goes_through_rllibs_states(build, name):
     assert {k: tuple(v.shape) for k, v in module.get_initial_state().items()} == {"memory": (8,)}
     width = algo.spec.groups[0].observation[""].shape
     seen, agents = torch.randn(3, 5, *width), ["agent_0", "agent_1", "agent_0"]
-    state, found = None, []
+    state: dict[str, torch.Tensor] = {}
+    found = []
     for t in range(5):
-        given = {} if state is None else {"state_in": state}
+        given = {"state_in": state} if state else {}
         told = module.forward_inference({"obs": seen[:, t], "agent_id": agents, **given})
         state = told["state_out"]
         found.append(told["actions"])
