@@ -275,7 +275,7 @@ class Run:
                 continue
             elif owner == Owner.NOBODY:
                 harmed = bool(agents.harmed[0, hold.agent_id])
-                self.tally.ends["removed: collision" if harmed else "removed: no lane goes on"] += 1
+                self.tally.ends["removed: collision" if harmed else "arrived"] += 1
                 continue
             left.append(hold)
         self.holds = left
