@@ -54,7 +54,10 @@ pictures: $(INSTALLED)  ## draw the sheet of all scenarios and the film that the
 	episodes=$$(mktemp -d) && trap 'rm -rf "$$episodes"' EXIT && \
 	$(BIN)/smarts-bench scripted gap_acceptance --scenario intersection --episodes 1 --record "$$episodes" && \
 	$(BIN)/smarts-bench render "$$episodes"/gap_acceptance/intersection/seed42_world2000000_episode00000~2 \
-		--out docs/driving.gif --width 420 --every 5 --speed 2 --end 22
+		--out docs/driving.gif --width 420 --every 5 --speed 2 --end 22 && \
+	$(BIN)/python examples/bubbles.py "$$episodes"/bubbles && \
+	$(BIN)/smarts-bench render "$$episodes"/bubbles/seed42_world0_episode00000 --at 10 \
+		--out docs/bubble.png --width 800
 
 lock: ## write the exact versions of a fresh installation to constraints.txt
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock

@@ -22,6 +22,10 @@ class A2CLearner(PPOLearner):
         """Return the loss of each action, whose gradient is the policy gradient."""
         return -log_prob * advantages
 
+    def change(self, log_prob: Tensor, old_log_prob: Tensor) -> dict[str, Tensor]:
+        """Return nothing: the policy that learns is the one that acted."""
+        return {}
+
 
 class A2CConfig(PPOConfig):
     """RLlib config of independent A2C."""

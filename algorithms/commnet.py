@@ -106,7 +106,8 @@ class CommNetLearner(A2CLearner):
     def observe_targets(self, batch: OnPolicyBatch) -> None:
         """Adapt the scale of every baseline."""
         for group, own in batch.groups():
-            self.net(group.id).moments.observe(own.targets, own.alive)
+            if group.id not in self.frozen:
+                self.net(group.id).moments.observe(own.targets, own.alive)
 
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Take one step on the sum over groups of policy, baseline and entropy losses."""
@@ -118,8 +119,10 @@ class CommNetLearner(A2CLearner):
             error = (net.value(hidden) - net.moments.scaled(own.targets)).square()
             entropy = self.mean(policy.entropy(), own.alive)
             fit = self.mean(error, own.alive)
-            total = total + self.mean(loss, own.alive) + self.config.value_coeff * fit
+            mean_loss = self.mean(loss, own.alive)
+            total = total + mean_loss + self.config.value_coeff * fit
             total = total - self.schedule_value(self.config.entropy_coeff) * entropy
+            self.log(net.group.id, "policy_loss", mean_loss)
             self.log(net.group.id, "entropy", entropy)
             self.log(net.group.id, "value_loss", fit)
         absent = batch.absent()

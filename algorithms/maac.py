@@ -191,7 +191,9 @@ class MAACLearner(OffPolicyLearner):
             log_prob = policy.log_prob(actions)
             advantage = counterfactual_advantage(values[group.id], policy, actions)
             gain = (advantage - self.config.alpha * log_prob).detach()
-            self.step_optimizer(-self.mean(log_prob * gain, own.alive), group.id)
+            loss = -self.mean(log_prob * gain, own.alive)
+            self.step_optimizer(loss, group.id)
+            self.log(group.id, "policy_loss", loss)
             self.log(group.id, "entropy", self.mean(policy.entropy(), own.alive))
 
 

@@ -3,11 +3,11 @@
 Lowe et al. 2017, "Multi-Agent Actor-Critic for Mixed Cooperative-Competitive Environments". Each group has a
 critic Q_i(x, a_1, ..., a_N) of all agents' observations and actions, fitted by eq. 6 with all agents' target
 policies; its policy follows eq. 5, where only agent i's action comes from its policy and the others' come
-from replay. Discrete actions are straight-through Gumbel-softmax samples (as in the authors' code),
-continuous ones tanh with noise.
+from replay. Discrete actions are Gumbel-softmax samples, continuous ones tanh with noise.
 
-Deviations: target policies give hard samples instead of soft ones; finished agents count as zeros in x and a,
-with flags of which agents are active; agents of a group share networks, told apart by a learned bias.
+Deviations: discrete actions are straight-through, hard forwards and soft backwards, in policies and target
+policies, where the authors' code takes soft samples; finished agents count as zeros in x and a, with flags of
+which agents are active; agents of a group share networks, told apart by a learned bias.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ class MADDPGLearner(OffPolicyLearner):
             size = outputs.square() if own.action_mask is None else outputs.square() * own.action_mask
             penalty = self.config.logit_penalty * self.mean(size.mean(-1), own.alive)
             self.step_optimizer(penalty - self.mean(q, own.alive), group.id)
-            self.log(group.id, "policy_q", self.mean(q, own.alive))
+            self.log(group.id, "policy_loss", -self.mean(q, own.alive))
 
 
 class MADDPGConfig(JointConfig):

@@ -87,6 +87,7 @@ class MeanFieldACLearner(OffPolicyLearner):
             gain = self.mean((policy.log_probs.exp() * values).sum(-1), own.alive)
             entropy = self.mean(policy.entropy(), own.alive)
             self.step_optimizer(-gain - self.schedule_value(self.config.entropy_coeff) * entropy, group.id)
+            self.log(group.id, "policy_loss", -gain)
             self.log(group.id, "entropy", entropy)
 
 

@@ -11,7 +11,8 @@ name. What the others do enters an agent's value through the mean of its neighbo
 The update's m_i is of the same step as a_i. When agents act, the present one is not known yet: they use that
 of the step before, which is the m_i of the update's value too. It leaves out the agent's own action,
 inactive agents and agents that are not its neighbours; it is zero for an agent alone, and where a trajectory
-begins.
+begins. Where an agent acted on zero, it is updated at zero too: otherwise the values that its first action
+follows would never be learned.
 
 Deviations: agents see their own observations, not a global state; v_i takes one sample of m_i, the actual
 one, for its expectation; the temperature is constant; target networks follow by polyak averaging; agents that
@@ -98,14 +99,16 @@ class MeanFieldQLearner(OffPolicyLearner):
         """Step every Q network towards its bootstrapped target, then targets."""
         means = mean_actions(batch, self.neighbourhood)
         for group, own in batch.present():
-            net, mean = self.net(group.id), {MEAN_ACTION: means[:, group.columns]}
+            net, mean = self.net(group.id), means[:, group.columns]
+            known = own.observations[MEAN_ACTION].any(-1, keepdim=True)
             with torch.no_grad():
-                following = net.target_q({**own.next.observations, **mean})
+                following = net.target_q({**own.next.observations, MEAN_ACTION: mean})
                 policy = net.head.distribution(following, own.next.action_mask)
                 value = (policy.log_probs.exp() * following).sum(-1)
                 target = self.config.reward_scale * own.rewards
                 target = target + self.gamma * torch.where(own.bootstrap, value, 0)
-            chosen = of_actions(net.q({**own.observations, **mean}), own.actions)
+            seen = {**own.observations, MEAN_ACTION: torch.where(known, mean, 0)}
+            chosen = of_actions(net.q(seen), own.actions)
             loss = self.mean((chosen - target).square(), own.alive)
             self.step_optimizer(loss, group.id)
             self.log(group.id, "td_loss", loss)

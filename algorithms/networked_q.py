@@ -120,6 +120,19 @@ class JointActions:
         return torch.where(there, action_mask, torch.arange(size, device=there.device) == 0)
 
 
+def absent_view(group: Group, like: GroupView) -> GroupView:
+    """Return what a group sees whose agents are not there, in as many rows as another view."""
+    there = like.alive.new_zeros(len(like.alive), group.size)
+    return GroupView(
+        {
+            n: there.new_zeros(*there.shape, *s.shape, dtype=torch.float32)
+            for n, s in group.observation.items()
+        },
+        there,
+        None,
+    )
+
+
 class NetworkedQModule(JointModule):
     """A group's value of every joint action, and its target."""
 
@@ -138,8 +151,11 @@ class NetworkedQModule(JointModule):
         self.target_q = copy.deepcopy(self.q).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:
-        """Return the outputs of a group that is alone."""
-        return self.policies([self], [view])[0]
+        """Return the outputs of a group that is alone: the others' agents are not there."""
+        views = [
+            view if group.id == self.group.id else absent_view(group, view) for group in self.spec.groups
+        ]
+        return self.policies([self], views)[0]
 
     @classmethod
     def policies(cls, modules: Sequence[NetworkedQModule], views: Sequence[GroupView]) -> list[Tensor]:  # type: ignore[override]
@@ -241,6 +257,19 @@ class NetworkedQConfig(JointConfig):
     """RLlib config of networked fitted Q-iteration."""
 
     algorithm = "networked_q"
+
+    def validate(self) -> None:
+        """Check the settings; see `JointConfig.validate`.
+
+        Raises:
+            ValueError: Nodes are to be frozen, which exchange their parameters.
+        """
+        super().validate()
+        if self.policies_to_train is not None:
+            self._value_error(
+                f"policies_to_train={self.policies_to_train!r}: {self.algorithm!r} averages the parameters "
+                "of all agents, so that none can be frozen; use 'dqn'"
+            )
 
     def exploration(self, steps: int) -> Exploration:
         """Return epsilon-greedy exploration, annealed linearly."""

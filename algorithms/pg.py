@@ -76,6 +76,8 @@ class PGLearner(A2CLearner):
         alive, targets = now.alive, to_tensor(returns[t, b], device)
         with torch.no_grad():
             baseline = self.values(now) if self.config.baseline else torch.zeros_like(targets)
+            if self.config.baseline:
+                self.report_values(baseline, targets, alive)
         batch = OnPolicyBatch(
             self.spec,
             now.observations,

@@ -82,7 +82,8 @@ class PPOLearner(OnPolicyLearner):
     def observe_targets(self, batch: OnPolicyBatch) -> None:
         """Adapt the scale of every critic."""
         for group, own in batch.groups():
-            self.net(critic_of(group)).moments.observe(own.targets, own.alive)
+            if critic_of(group) not in self.frozen:
+                self.net(critic_of(group)).moments.observe(own.targets, own.alive)
 
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Step every policy, then every value function."""
@@ -91,12 +92,15 @@ class PPOLearner(OnPolicyLearner):
             own = batch.part(stack.whole)
             head = self.net(stack.groups[0].id).head
             policy = head.distribution(self._outputs(stack, own), own.action_mask)
-            loss = self.policy_loss(policy.log_prob(own.actions), own.log_prob, own.advantages)
+            log_prob = policy.log_prob(own.actions)
+            loss = self.policy_loss(log_prob, own.log_prob, own.advantages)
             entropy, weight = policy.entropy(), self.schedule_value(self.config.entropy_coeff)
             losses.append(stack.means(loss - weight * entropy, own.alive).sum())
             present = stack.present(own.alive)  # momentum would move the others all the same
             stepped += [group.id for group in present]
-            self._log_present(stack, present, "entropy", stack.means(entropy, own.alive))
+            reports = {"policy_loss": loss, "entropy": entropy, **self.change(log_prob, own.log_prob)}
+            for name, each in reports.items():
+                self._log_present(stack, present, name, stack.means(each.detach(), own.alive))
         if stepped:
             self.step_optimizer(torch.stack(losses).sum(), *stepped)
         self.fit_values(batch)
@@ -104,6 +108,18 @@ class PPOLearner(OnPolicyLearner):
     def policy_loss(self, log_prob: Tensor, old_log_prob: Tensor, advantages: Tensor) -> Tensor:
         """Return the loss of each action."""
         return clipped_surrogate(log_prob, old_log_prob, advantages, self.config.clip)
+
+    def change(self, log_prob: Tensor, old_log_prob: Tensor) -> dict[str, Tensor]:
+        """Return how far each action's policy is from the one that acted: divergence, and whether clipped.
+
+        The divergence is the estimate r - 1 - log r of the ratio r (Schulman 2020, "Approximating KL
+        Divergence"), which is never negative.
+        """
+        with torch.no_grad():
+            log_ratio = log_prob - old_log_prob
+            change = log_ratio.expm1()
+            clipped = (change.abs() > self.config.clip).float()
+            return {"kl": change - log_ratio, "clip_fraction": clipped}
 
     def fit_values(self, batch: OnPolicyBatch) -> None:
         """Regress values on their targets."""

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import ray
 from ray import cloudpickle
 from ray.rllib.algorithms.algorithm import Algorithm
-from ray.rllib.core import COMPONENT_LEARNER, COMPONENT_RL_MODULE
+from ray.rllib.core import COMPONENT_LEARNER, COMPONENT_RL_MODULE, DEFAULT_MODULE_ID
 from ray.rllib.utils.metrics import (
     ENV_RUNNER_RESULTS,
     LEARNER_RESULTS,
@@ -129,6 +129,11 @@ class JointAlgorithm(Algorithm):
             _stored_signature(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl")
         )
         super().restore_from_path(path, *args, **kwargs)
+
+    def get_module(self, module_id: str = DEFAULT_MODULE_ID) -> Any:
+        """Return a policy with the newest weights, as the local runner holds it, or None (RLlib)."""
+        self.env_runner_group.local_env_runner.set_state(self.runner_state())
+        return super().get_module(module_id)
 
     def restore_env_runners(self, env_runner_group: Any) -> list[int]:
         """Take runners that came back into the group again (RLlib); their next request brings all."""

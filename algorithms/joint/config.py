@@ -13,6 +13,7 @@ from gymnasium.spaces import Box, Discrete
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
+from ray.rllib.utils.from_config import NotProvided
 from ray.rllib.utils.metrics.metrics_logger import DEFAULT_STATS_CLS_LOOKUP
 from ray.util.debug import log_once
 
@@ -20,12 +21,24 @@ from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
 from algorithms.joint.env import MEMORY, AgentBlock, VectorJointEnv
 from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
 from algorithms.joint.module import JointModule, LearnerModule
+from algorithms.joint.rllib_names import (
+    DEFAULT_POLICIES,
+    MappedPolicies,
+    OtherName,
+    check_names,
+    network_settings,
+    policy_faults,
+)
+from algorithms.joint.rllib_settings import ignored_settings
 from algorithms.joint.spec import SPEC, Group, JointSpec, agent_spaces
 from algorithms.parts.distributions import Exploration
 from algorithms.registry import ALGORITHMS, ActionKind, Entry
 from algorithms.settings import faults
 
 logger = logging.getLogger(__name__)
+
+ALL_STEPS = 2**62
+"""More environment steps than any schedule has."""
 
 
 class JointConfig(AlgorithmConfig):
@@ -40,6 +53,8 @@ class JointConfig(AlgorithmConfig):
     """Returns the `JointAlgorithm` of which this is the config; set by that class."""
     interchangeable: ClassVar[tuple[str, ...]] = ()
     """Settings of networks that a checkpoint may be restored under another value of."""
+    num_epochs = OtherName("epochs")
+    _train_batch_size_per_learner = OtherName("batch_size")  # type: ignore[assignment]
 
     def __init__(self, algo_class: type | None = None) -> None:
         algorithm = self.algorithm_class()
@@ -47,7 +62,7 @@ class JointConfig(AlgorithmConfig):
         self.env_runner_cls = algorithm.runner_class
         self.env_runners(num_envs_per_env_runner=8, batch_mode="truncate_episodes")
         # RLlib's default mapping cannot be called without its own runner; ours lies in the JointSpec.
-        self.multi_agent(policies={"shared"}, policy_mapping_fn=_unused_mapping)  # type: ignore[arg-type]
+        self.multi_agent(policies=DEFAULT_POLICIES, policy_mapping_fn=_unused_mapping)  # type: ignore[arg-type]
         self.fault_tolerance(restart_failed_env_runners=True, delay_between_env_runner_restarts_s=0.1)
         self.evaluation(evaluation_duration_unit="episodes", evaluation_config={"explore": False})
         self.reporting(
@@ -96,6 +111,25 @@ class JointConfig(AlgorithmConfig):
             setattr(self, name, settings[name])
         return self
 
+    def multi_agent(self, **settings: Any) -> Self:  # type: ignore[override]
+        """Change RLlib's settings of several agents; a `policy_mapping_fn` becomes `sharing`."""
+        super().multi_agent(**settings)
+        if self.policy_mapping_fn not in (_unused_mapping, AlgorithmConfig.DEFAULT_POLICY_MAPPING_FN):
+            self.sharing = MappedPolicies(self.policy_mapping_fn)  # type: ignore[arg-type]
+            self.policy_mapping_fn = _unused_mapping
+        return self
+
+    def rl_module(self, *, model_config: Any = NotProvided, **settings: Any) -> Self:  # type: ignore[override]
+        """Change RLlib's settings of networks; `model_config` may hold `fcnet_hiddens`, `hidden` and `gru`.
+
+        Raises:
+            UnknownSettingError: It holds something else.
+        """
+        super().rl_module(**settings)
+        if model_config is not NotProvided:
+            self.training(**network_settings(model_config))
+        return self
+
     def modules(self, spec: JointSpec) -> dict[str, RLModuleSpec]:
         """Return the networks by module id: one policy per group, under the group's id, and critics.
 
@@ -136,7 +170,12 @@ class JointConfig(AlgorithmConfig):
             module_class=module,
             observation_space=observation,
             action_space=action,
-            model_config={"spec": spec, "group": group.id, "settings": self.module_settings()},
+            model_config={
+                "spec": spec,
+                "group": group.id,
+                "settings": self.module_settings(),
+                "exploration": self.exploration(ALL_STEPS),
+            },
         )
 
     def learner_spec(
@@ -191,6 +230,7 @@ class JointConfig(AlgorithmConfig):
         spec: JointSpec = spaces[SPEC][0]
         self.check(spec)
         modules = self.modules(spec)
+        check_names(self, {group.id for group in spec.groups}, set(modules))
         if inference_only:
             modules = {name: module for name, module in modules.items() if not module.learner_only}
             for module in modules.values():
@@ -215,24 +255,77 @@ class JointConfig(AlgorithmConfig):
         log_once(
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
         )  # there is no other stack to warn about
+        for fault in ignored_settings(self, type(self)(self.algo_class)):
+            self._value_error(fault)
+        self._fit_fragment()
+        if EPISODE_MEAN not in (self.stats_cls_lookup or {}):  # the user's own beside what runners need
+            self.stats_cls_lookup = {**(self.stats_cls_lookup or {}), EPISODE_MEAN: EpisodeMean}
         super().validate()
-        if not self.in_evaluation:  # RLlib's copy for evaluation has fragments of one step
-            self._check_settings()
+        self._check_settings()
         if self.seed is None:  # drawn once here, so that checkpoints and results hold it
             self.seed = secrets.randbits(31)
             logger.info("seed %d was drawn, since none was given", self.seed)
         if (self.num_learners or 0) > 1:
             self._value_error("joint algorithms learn in one process: set num_learners to 0 or 1")
+        self._check_learner()
         self._check_evaluation()
+
+    def trains(self, policy: str) -> bool:
+        """Return whether RLlib's `policies_to_train` has the policy learn; a frozen one only acts."""
+        chosen: Any = self.policies_to_train
+        if chosen is None:
+            return True
+        return bool(chosen(policy, None)) if callable(chosen) else policy in chosen
+
+    def _fit_fragment(self) -> None:
+        """Set the rollout's length to what RLlib's `train_batch_size_per_learner` asks for."""
+        size = vars(self).get("_train_batch_size_per_learner")
+        if size is None or self.in_evaluation:
+            return
+        count = int(self.num_envs_per_env_runner or 1) * max(int(self.num_env_runners or 0), 1)
+        default = type(self)(self.algo_class).rollout_fragment_length
+        given = self.rollout_fragment_length
+        if size % count or given not in ("auto", default, size // count):
+            self._value_error(
+                f"train_batch_size_per_learner={size} is not {count} environments times a whole number"
+                if size % count
+                else f"train_batch_size_per_learner={size} over {count} environments is not "
+                f"rollout_fragment_length={given}: leave one out"
+            )
+        self.rollout_fragment_length = size // count
 
     def _check_settings(self) -> None:
         values = {name: getattr(self, name) for name in self.setting_names}
         values = {name: v.item() if isinstance(v, np.generic) else v for name, v in values.items()}
+        if self.in_evaluation:  # RLlib's copy for evaluation has fragments of one step
+            values["rollout_fragment_length"] = values["sequence_length"]
         for fault in faults(self.entry.settings, values):
             self._value_error(str(fault))
         if self.gru and not self.entry.recurrent:
             fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.recurrent)
             self._value_error(f"gru={self.gru}: {self.algorithm!r} has no memory; use one of: {fitting}")
+
+    def _check_learner(self) -> None:
+        if self.grad_clip is None and self.grad_clip_by != "global_norm":
+            self._value_error(f"grad_clip_by={self.grad_clip_by!r} clips nothing: set grad_clip")
+        own = self._learner_class
+        if own is not None and not issubclass(own, self.get_default_learner_class()):
+            self._value_error(
+                f"learner_class={own.__name__} is no {self.get_default_learner_class().__name__}: subclass it"
+            )
+        if self.learner_config_dict and own is None:
+            self._value_error("learner_config_dict is read by own learners only: give learner_class, too")
+        for module_id, changes in self.algorithm_config_overrides_per_module.items():
+            for name in changes.keys() - {"lr"}:
+                self._value_error(
+                    f"algorithm_config_overrides_per_module of {module_id!r} holds {name!r}: networks have "
+                    "learning rates of their own only, 'lr'"
+                )
+
+    def _validate_multi_agent_settings(self) -> None:
+        """Check names of policies as far as they are known without the environment (RLlib)."""
+        for fault in policy_faults(self):
+            self._value_error(fault)
 
     def _check_evaluation(self) -> None:
         if not self.evaluation_interval:

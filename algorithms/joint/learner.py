@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from algorithms.joint.batch import JointView, OnPolicyBatch, ReplayBatch, to_tensor
 from algorithms.joint.config import JointConfig
+from algorithms.joint.module import critic_of
 from algorithms.joint.replay import JointReplay
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group, JointSpec
@@ -54,6 +55,9 @@ class JointTorchLearner(TorchLearner):
 
     RLlib adds all losses up and calls backward once, so that an actor's loss leaks into its critic;
     `step_optimizer` differentiates one loss with respect to the named modules and nothing else.
+
+    Attributes:
+        frozen: Networks of policies that RLlib's `policies_to_train` leaves out: nothing moves them.
     """
 
     config: JointConfig  # type: ignore[assignment]
@@ -68,6 +72,9 @@ class JointTorchLearner(TorchLearner):
         self.gamma = float(self.config.gamma or 0)
         self.updates = 0
         self.env_steps = 0
+        self.frozen = {
+            name for g in self.groups if not self.config.trains(g.id) for name in (g.id, critic_of(g))
+        }
         self._parameters = {mid: self.net(mid).trained_parameters() for mid in self.module.keys()}  # noqa: SIM118
         self._means: dict[tuple[str, str], list[Tensor]] = {}
 
@@ -96,8 +103,9 @@ class JointTorchLearner(TorchLearner):
         """Take one gradient step on `loss` with respect to these modules, and no others.
 
         The gradient of each module is clipped by its own norm. The caller leaves out modules
-        of groups without an active agent, see `JointView.absent`.
+        of groups without an active agent, see `JointView.absent`; frozen ones are left out here.
         """
+        module_ids = tuple(module_id for module_id in module_ids if module_id not in self.frozen)
         if not module_ids:
             return
         owned = [self._parameters[module_id] for module_id in module_ids]
@@ -106,11 +114,23 @@ class JointTorchLearner(TorchLearner):
             # The fused optimiser reads memory in order, whatever the gradient's strides say.
             p.grad = None if gradient is None else gradient.contiguous()
         for module_id, parameters in zip(module_ids, owned, strict=True):
-            if self.config.grad_clip is not None:
-                nn.utils.clip_grad_norm_(parameters, self.config.grad_clip, foreach=True)
+            self.log(module_id, "gradient_norm", self.clip_gradients_of(parameters))
             self.get_optimizer(module_id).step()
             for p in parameters:
                 p.grad = None
+
+    def clip_gradients_of(self, parameters: list[nn.Parameter]) -> Tensor:
+        """Clip a network's gradients by `grad_clip` and `grad_clip_by`; return their norm before."""
+        limit, way = self.config.grad_clip, self.config.grad_clip_by
+        if limit is not None and way == "global_norm":
+            return nn.utils.clip_grad_norm_(parameters, limit, foreach=True)
+        norm = nn.utils.get_total_norm([p.grad for p in parameters if p.grad is not None], foreach=True)
+        if limit is not None and way == "value":
+            nn.utils.clip_grad_value_(parameters, limit)
+        elif limit is not None:
+            for p in parameters:
+                nn.utils.clip_grad_norm_([p], limit)
+        return norm
 
     def schedule_value(self, schedule: Schedule) -> float:
         """Return the value of a setting at this update, which may be a schedule over environment steps."""
@@ -132,7 +152,7 @@ class JointTorchLearner(TorchLearner):
         with torch.no_grad():
             for module_id in module_ids:
                 net = self.net(module_id)
-                for name in net.targets:
+                for name in () if module_id in self.frozen else net.targets:
                     source = getattr(net, name.removeprefix("target_"))
                     for own, followed in zip(
                         getattr(net, name).parameters(), source.parameters(), strict=True
@@ -257,6 +277,7 @@ class OnPolicyLearner(JointTorchLearner):
             lambda_=self.config.lambda_,
         )
         rows = views[:-1].flat()
+        self.report_values(values[:-1], targets, alive)
         batch = OnPolicyBatch(
             self.spec,
             rows.observations,
@@ -277,6 +298,16 @@ class OnPolicyLearner(JointTorchLearner):
             if self.config.gru
             else batch
         )
+
+    def report_values(self, values: Tensor, targets: Tensor, alive: Tensor) -> None:
+        """Report the share of the variance of targets (..., N) that values explain, 0 where there is none."""
+        for group in self.groups:
+            there = alive[..., group.columns]
+            wanted, missed = (x[..., group.columns][there] for x in (targets, targets - values))
+            if len(wanted) > 1:
+                spread = wanted.var()
+                share = torch.where(spread > 0, 1 - missed.var() / spread, 0)
+                self.log(group.id, "explained_variance", share)
 
     def _log_prob(self, rollout: JointRollout, like: Tensor) -> Tensor:
         if rollout.log_prob is None:

@@ -7,13 +7,13 @@ from typing import Any, Self
 
 import numpy as np
 import torch
-from ray.rllib.core.columns import Columns
 from ray.rllib.core.rl_module.apis import InferenceOnlyAPI
 from ray.rllib.core.rl_module.torch import TorchRLModule
 from torch import Generator, Tensor, nn
 
 from algorithms.joint.batch import GroupView
 from algorithms.joint.env import MEMORY
+from algorithms.joint.serving import STATE, answer
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import Exploration, Head, SampledActions, stochastic_head
 from algorithms.parts.memory import GRUMemory
@@ -65,6 +65,7 @@ class JointModule(ConfiguredModule, InferenceOnlyAPI):
         communicates: Whether agents hear those of other groups, so that `policies` needs all groups at once.
         acts_jointly: Whether actions depend on other agents' actions of the same step: see `act_jointly`.
         memory_size: Width H of a recurrent policy's memory, 0 for a policy without.
+        exploration: How the runner explores, for those that ask the module itself.
     """
 
     communicates: bool = False
@@ -75,6 +76,7 @@ class JointModule(ConfiguredModule, InferenceOnlyAPI):
         """Read the model config and build the networks."""
         self.read_config()
         self.memory_size = int(np.prod(self.group.observation[MEMORY].shape)) if self.recurrent else 0
+        self.exploration: Exploration = self.model_config.get("exploration", Exploration())
         self.head = self.make_head()
         self.make_networks()
 
@@ -155,13 +157,19 @@ class JointModule(ConfiguredModule, InferenceOnlyAPI):
         """Return the attributes that runners do not hold (RLlib)."""
         return list(self.targets)
 
-    def _forward(self, batch: Mapping[str, Any], **kwargs: Any) -> dict[str, Any]:
-        """Return, for plain RLlib, greedy actions for observations (M, ...) of single agents."""
-        seen = batch[Columns.OBS]
-        leaves = {"": seen[:, None]} if isinstance(seen, Tensor) else {k: v[:, None] for k, v in seen.items()}
-        view = GroupView(leaves, torch.ones(len(next(iter(leaves.values()))), 1, dtype=torch.bool), None)
-        acting = self.head.act(self.policy(view), None, Exploration(explore=False), Generator())
-        return {Columns.ACTIONS: acting.actions[:, 0]}
+    def get_initial_state(self) -> dict[str, Tensor]:
+        """Return the empty memory (H,) of a recurrent policy, nothing of others (RLlib)."""
+        return {STATE: torch.zeros(self.memory_size)} if self.memory_size else {}
+
+    def _forward_inference(self, batch: Mapping[str, Any], **kwargs: Any) -> dict[str, Any]:
+        """Return greedy actions of single agents (RLlib); see `answer`."""
+        with torch.no_grad():
+            return answer(self, batch, Exploration(explore=False))
+
+    def _forward_exploration(self, batch: Mapping[str, Any], **kwargs: Any) -> dict[str, Any]:
+        """Return actions of single agents that explore as the runner does (RLlib); see `answer`."""
+        with torch.no_grad():
+            return answer(self, batch, self.exploration._replace(explore=True))
 
 
 class LearnerModule(ConfiguredModule):

@@ -48,6 +48,10 @@ logger = logging.getLogger(__name__)
 
 SAMPLERS = "samplers"
 """Key of the samplers' states; each belongs to one process, and others ignore it."""
+RECENT = "recent"
+"""Key of the episodes, within a sampler's state, over which results are smoothed."""
+GREEDY, SAMPLED = "greedy", "sampled"
+"""Names of both modes of play in an evaluation of both."""
 FAILED_ENVS = "num_failed_envs_lifetime"
 LARGEST_RESTART_ID = 2**63 - 1
 """Rollouts keep the number in an array of int64; steps never get there."""
@@ -188,7 +192,8 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             )
             state[WEIGHTS_SEQ_NO] = self._weights
         if components is None and self._sampler is not None:
-            state[SAMPLERS] = {self._key(): self._sampler.get_state()}
+            recent = {RECENT: list(self._recent)}
+            state[SAMPLERS] = {self._key(): self._sampler.get_state() | recent}
         return state
 
     def set_state(self, state: dict[str, Any]) -> None:
@@ -207,9 +212,12 @@ class JointEnvRunner(EnvRunner, Checkpointable):
                 self._policies.refresh()
         if NUM_ENV_STEPS_SAMPLED_LIFETIME in state:
             self.num_env_steps_sampled_lifetime = int(state[NUM_ENV_STEPS_SAMPLED_LIFETIME])
+            for module in self.module.values() if self.module is not None else ():
+                module.exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)
         own = state.get(SAMPLERS, {}).get(self._key())
         if own is not None and self._has_env():
             self._training_sampler().set_state(own)
+            self._recent = deque(own.get(RECENT, ()), maxlen=self._recent.maxlen)
 
     def get_ctor_args_and_kwargs(self) -> tuple[tuple, dict[str, Any]]:
         """Return how to build this runner again (RLlib)."""
@@ -331,7 +339,8 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         if self.config.evaluate_sampled and not explore:
             sampled = self.play(indices, explore=True)
             totals = [float(episode.returns.sum()) for episode in sampled]
-            self._log_mean(("sampled", EPISODE_RETURN_MEAN), totals)
+            self._log_mean((SAMPLED, EPISODE_RETURN_MEAN), totals)
+            self._log_mean((GREEDY, EPISODE_RETURN_MEAN), [float(e.returns.sum()) for e in episodes])
         self.metrics.log_value(NUM_ENV_STEPS_SAMPLED, sum(e.length for e in episodes), reduce="sum")
         return episodes
 

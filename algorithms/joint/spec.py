@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
 
 from algorithms.errors import SpaceError, nearest_names
-from algorithms.joint.env import Action, AgentBlock, Ints, JointSpaces
+from algorithms.joint.env import LATENT, MEMORY, Action, AgentBlock, Ints, JointSpaces
 from algorithms.settings import Sharing
 
 SPEC = "__joint__"
@@ -75,9 +75,16 @@ class JointSpec:
         returns the leaves that the sampler adds to the observations of a block.
 
         Raises:
-            SpaceError: A group names an unknown agent, leaves one out, or mixes agents with different spaces.
+            SpaceError: A group names an unknown agent, leaves one out, or mixes agents with different spaces;
+                a carried leaf is none that a sampler fills.
         """
         if carried is not None:
+            for name in {name for block in spaces.blocks for name in carried(block)} - {MEMORY, LATENT}:
+                raise SpaceError(
+                    f"the carried leaf {name!r} is never filled",
+                    place="carried() of the config",
+                    remedy=f"use {MEMORY!r} or {LATENT!r}, or add the leaf in `adapt`, as features.py does",
+                )
             blocks = (b._replace(observation={**b.observation, **carried(b)}) for b in spaces.blocks)
             spaces = spaces._replace(blocks=tuple(blocks))
         agents = tuple(agent for block in spaces.blocks for agent in block.agents)

@@ -34,11 +34,11 @@ _SOLVER = {
 class Weights(NamedTuple):
     """What the planner trades off. A deviation of 1 in its unit costs the square of its weight."""
 
-    along: float = 2.0
+    along: float = 0.5
     """Position at and after the target's time and at the horizon's end, along the target's heading [1/m]."""
-    across: float = 6.0
+    across: float = 10.0
     """The same, across it [1/m]."""
-    heading: float = 15.0
+    heading: float = 30.0
     """Heading there [1/rad]."""
     speed: float = 2.0
     """Speed there [s/m]."""
@@ -52,8 +52,8 @@ class Weights(NamedTuple):
     """Cost, not squared, of each metre by which a gap is below `margin`."""
     lateral: float = 100.0
     """Cost, not squared, of each m/s^2 of lateral acceleration above the limit."""
-    margin: float = 0.5
-    """Gap to keep from neighbours [m]."""
+    margin: float = 1.0
+    """Gap to keep from neighbours at the end of each step, between which both move on [m]."""
 
 
 class Solution(NamedTuple):

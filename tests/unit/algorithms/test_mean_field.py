@@ -136,7 +136,7 @@ def test_the_boltzmann_policy_is_the_papers():
 
 
 def test_mf_qs_target_is_the_written_out_one(monkeypatch):
-    """r + gamma sum_a pi(a | o', m) Q'(o', a, m), and Q(o, a_i, m) of the same step's m."""
+    """r + gamma sum_a pi(a | o', m) Q'(o', a, m), and Q(o, a_i, m) of the same step's m; of 0 after none."""
     rig = Rig("mf_q", Ragged, sharing="all", gamma=0.9, temperature=0.5, **REPLAY)
     batch, learner = replayed(rig, 60), rig.learner
     net, losses = learner.net("shared"), []
@@ -151,7 +151,11 @@ def test_mf_qs_target_is_the_written_out_one(monkeypatch):
         following = net.target_q({**batch.next.observations[0], **mean})
         value = (torch.softmax(following / 0.5, -1) * following).sum(-1)
         target = batch.rewards + 0.9 * batch.bootstrap * value
-        chosen = net.q({**batch.observations[0], **mean}).gather(-1, batch.actions[0][..., None])[..., 0]
+        known = batch.observations[0][MEAN_ACTION].sum(-1, keepdim=True) > 0
+        assert known.any()
+        assert (~known[..., 0] & batch.alive & mean[MEAN_ACTION].any(-1)).any()
+        seen = {**batch.observations[0], MEAN_ACTION: mean[MEAN_ACTION] * known}
+        chosen = net.q(seen).gather(-1, batch.actions[0][..., None])[..., 0]
         expected = (chosen - target).square()[batch.alive].mean().item()
     learner.update_minibatch(batch)
     assert losses == [pytest.approx(expected, rel=1e-4)]
@@ -204,6 +208,28 @@ class Follow(Game):
     def reward(self, actions):
         cue = self.cue
         return [float(actions[0] == cue), float(actions[1] == cue), float(actions[2] == cue), 0.0]
+
+
+def test_the_value_that_a_lifes_first_action_follows_is_learned():
+    """Lives of one step: all act on the mean 0, and are paid for their own action."""
+
+    class Once(Game):
+        length = 1
+
+        def reward(self, actions):
+            return [float(a == 0) for a in actions]
+
+    rig = Rig("mf_q", Once, sharing="all", **LEARN)
+    for _ in range(60):
+        rig.learner.update_joint(rig.rollout(8))
+    batch = rig.learner.replay.sample(np.random.default_rng(0), 200)
+    (group,) = rig.spec.groups
+    seen = batch.view(group).observations
+    assert not seen[MEAN_ACTION].any()
+    paid = torch.zeros(group.action.n)
+    paid[0] = 1
+    values = rig.learner.net("shared").policy(batch.view(group))
+    torch.testing.assert_close(values, paid.expand_as(values), rtol=0, atol=0.1)
 
 
 def follow_score(seed, graph):

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 import torch
+from gymnasium.spaces import Box
 
+from algorithms.errors import SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.env import LATENT
 from algorithms.joint.evaluation import evaluate
@@ -117,6 +119,15 @@ def test_a_sampler_is_restored_with_its_latents():
     assert np.array_equal(latents_of(first), latents_of(second))
     assert np.array_equal(first.actions[0], second.actions[0])
     assert first.reset.any()
+
+
+def test_leaves_that_no_sampler_fills_are_refused():
+    class Dead(PairConfig):
+        def carried(self, block):
+            return {"@message": Box(-1, 1, (2,))}
+
+    with pytest.raises(SpaceError, match=r"carried\(\).*'@message'"):
+        sampler(config=Dead())
 
 
 @pytest.fixture

@@ -1,0 +1,149 @@
+"""RLlib's settings that mean one of ours: policies and their mapping, widths of networks, other names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, is_dataclass
+from typing import TYPE_CHECKING, Any
+
+from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
+from ray.rllib.policy.policy import PolicySpec
+
+from algorithms.errors import SpaceError, UnknownSettingError
+
+if TYPE_CHECKING:
+    from algorithms.joint.config import JointConfig
+
+DEFAULT_POLICIES = {"shared"}
+"""Names of policies where the user gives none; they are never asked for."""
+_NETWORK = {"fcnet_hiddens": "hidden"}
+"""Our names of RLlib's settings of networks."""
+
+
+class OtherName:
+    """An RLlib setting that is another name of one of ours, for algorithms that have ours.
+
+    Args:
+        own: Our name.
+    """
+
+    def __init__(self, own: str) -> None:
+        self._own = own
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take note of RLlib's name."""
+        self._name = name
+
+    def __get__(self, config: Any, owner: type | None = None) -> Any:
+        """Return the value."""
+        if config is None:
+            return self
+        try:
+            return vars(config)[self._place(config)]
+        except KeyError:
+            raise AttributeError(self._name) from None
+
+    def __set__(self, config: Any, value: Any) -> None:
+        """Set the value."""
+        vars(config)[self._place(config)] = value
+
+    def _place(self, config: Any) -> str:
+        return self._own if self._own in config.setting_names else self._name
+
+
+@dataclass(frozen=True)
+class MappedPolicies:
+    """`sharing` as RLlib's `policy_mapping_fn` says: a function from agent to group.
+
+    Args:
+        mapping: RLlib's function of agent and episode.
+    """
+
+    mapping: Callable[..., str]
+
+    def __call__(self, agent: str) -> str:
+        """Return the agent's policy.
+
+        Raises:
+            SpaceError: The mapping asks for the episode.
+        """
+        try:
+            return self.mapping(agent, None)
+        except (AttributeError, TypeError) as error:
+            raise SpaceError(
+                f"the mapping of agent {agent!r} without an episode fails: {error}",
+                place="multi_agent(policy_mapping_fn=...)",
+                remedy="map agents by their names: a policy's agents are the same in all episodes",
+            ) from error
+
+
+def network_settings(model_config: Any) -> dict[str, Any]:
+    """Return the settings of ours that a model config, a dict or RLlib's dataclass, asks for.
+
+    Raises:
+        UnknownSettingError: It asks for something that networks do not have.
+    """
+    given = asdict(model_config) if is_dataclass(model_config) else dict(model_config)  # type: ignore[arg-type]
+    if isinstance(model_config, DefaultModelConfig):
+        unset = asdict(DefaultModelConfig())
+        given = {k: v for k, v in given.items() if k in _NETWORK or v != unset[k]}
+    for name in given.keys() - {*_NETWORK, "hidden", "gru"}:
+        raise UnknownSettingError(
+            f"networks have no setting {name!r}",
+            place="rl_module(model_config=...)",
+            remedy="use 'fcnet_hiddens', 'hidden' or 'gru'; own networks: docs/algorithms_inside.md",
+        )
+    return {_NETWORK.get(name, name): value for name, value in given.items()}
+
+
+def policy_faults(config: JointConfig) -> Iterator[str]:
+    """Yield what is wrong with settings of policies, as far as it is known without the environment."""
+    for name, spec in config.policies.items():
+        if isinstance(spec, PolicySpec) and any(vars(spec).values()):
+            yield f"policies[{name!r}] has settings of its own: use training(), for all policies"
+    groups = config.sharing if isinstance(config.sharing, Mapping) else {}
+    for name in _chosen(config):
+        if name in groups or not (groups or config.sharing == "all"):
+            continue
+        if config.sharing == "all" and name.startswith("shared"):
+            continue
+        sharing = next((group for group, agents in groups.items() if name in agents), None)
+        problem = f"an agent that shares the policy {sharing!r}" if sharing else "no policy"
+        known = sorted(groups) or ["shared"]
+        yield (
+            f"policies_to_train holds {name!r}, {problem}: sharing={config.sharing!r} makes {known}, "
+            "and a policy learns or is frozen as a whole"
+        )
+
+
+def check_names(config: JointConfig, groups: set[str], modules: set[str]) -> None:
+    """Raise if RLlib's settings name policies or networks that do not exist.
+
+    Args:
+        config: The config.
+        groups: Names of the policies.
+        modules: Names of all networks.
+
+    Raises:
+        SpaceError: They do.
+    """
+    named = set(config.policies) if set(config.policies) != DEFAULT_POLICIES else groups
+    overridden = set(config.algorithm_config_overrides_per_module)
+    for place, names, known in (
+        ("multi_agent(policies=...)", named, groups),
+        ("multi_agent(policies=...)", groups, named),
+        ("multi_agent(policies_to_train=...)", set(_chosen(config)), groups),
+        ("rl_module(algorithm_config_overrides_per_module=...)", overridden, modules),
+    ):
+        if unknown := sorted(names - known):
+            raise SpaceError(
+                f"{unknown} is none of {sorted(known)}",
+                place=place,
+                remedy="name the policies that `training(sharing=...)` or the mapping makes",
+            )
+
+
+def _chosen(config: JointConfig) -> tuple[str, ...]:
+    """Return the names in `policies_to_train`."""
+    chosen: Any = config.policies_to_train
+    return () if chosen is None or callable(chosen) else tuple(chosen)

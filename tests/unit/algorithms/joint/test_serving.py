@@ -1,0 +1,171 @@
+"""Policies asked as RLlib's users ask them: `algo.get_module(...)`, and a batch of single agents."""
+
+import numpy as np
+import pytest
+import torch
+
+import algorithms
+from algorithms.joint.env import MEMORY
+from algorithms.joint.features import MEAN_ACTION
+from algorithms.joint.rollout import View
+from algorithms.parts.distributions import Exploration
+from algorithms.settings import OffPolicySettings
+from tests.games.games import Cues, Ragged, Target
+from tests.games.recall import Recall
+
+pytestmark = pytest.mark.usefixtures("cluster")
+LEARN = {"learning_starts": 32, "batch_size": 16, "capacity": 500}
+
+
+@pytest.fixture
+def build():
+    built = []
+
+    def built_algo(name, env: type = Cues, runners=0, **settings):
+        config = algorithms.config(name).environment(env).debugging(seed=3)
+        config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
+        replay = LEARN if issubclass(algorithms.entry(name).settings, OffPolicySettings) else {}
+        built.append(config.training(**{"hidden": (16,), **replay, **settings}).build_algo())
+        return built[-1]
+
+    yield built_algo
+    for algo in built:
+        algo.stop()
+
+
+def policy_of(algo, agent):
+    group = next(group for group in algo.spec.groups if agent in group.agents)
+    return algo.get_module(group.id)
+
+
+@pytest.mark.parametrize("sharing", ["all", "none"])
+@pytest.mark.parametrize("name", algorithms.names())
+def test_every_algorithm_serves_observations_of_single_agents(build, name, sharing):
+    algo = build(name, sharing=sharing)
+    algo.train()
+    seen = np.eye(4, dtype=np.float32)
+    for agent in ("agent_0", "agent_1"):
+        module = policy_of(algo, agent)
+        batch = {"obs": torch.from_numpy(seen), "agent_id": [agent] * 4}
+        greedy = module.forward_inference(batch)["actions"]
+        assert greedy.shape == (4,)
+        assert torch.equal(greedy, module.forward_inference(batch)["actions"])
+        for k in range(4):
+            one = {"obs": torch.from_numpy(seen[k : k + 1]), "agent_id": [agent]}
+            assert torch.equal(module.forward_inference(one)["actions"], greedy[k : k + 1])
+        explored = {tuple(module.forward_exploration(batch)["actions"].tolist()) for _ in range(200)}
+        assert len(explored) > 1
+
+
+@pytest.mark.parametrize("name", ["ppo", "dqn", "maddpg", "maac", "mf_q", "networked_q"])
+def test_served_actions_are_those_that_the_runner_takes(build, name):
+    """Agents that share a network are told apart by their names."""
+    algo = build(name, Ragged, sharing={"odd": ["b"], "even": ["a", "c"]})
+    algo.train()
+    algo.get_module("odd")  # the runner acts with the newest weights from here on
+    runner = algo.env_runner_group.local_env_runner
+    view = runner._training_sampler()._view()
+    expected = runner._policies.act(view, Exploration(explore=False), torch.Generator())[0].actions
+    for column, agent in enumerate(algo.spec.agents):
+        module = policy_of(algo, agent)
+        leaves = view.observations[0]
+        rows = np.flatnonzero(view.alive[:, column])
+        if name == "networked_q":  # it sees the others, too
+            alone = view.alive.sum(1) == 1
+            rows = np.flatnonzero(view.alive[:, column] & alone)
+        batch = {"obs": torch.from_numpy(leaves[""][rows, column]), "agent_id": [agent] * len(rows)}
+        if MEAN_ACTION in leaves:
+            batch[MEAN_ACTION] = torch.from_numpy(leaves[MEAN_ACTION][rows, column])
+        if len(rows):
+            assert torch.equal(module.forward_inference(batch)["actions"], expected[rows, column])
+
+
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+def test_memory_goes_through_rllibs_states(build, name):
+    """Step by step as a sequence, and as the runner acts."""
+    algo = build(name, Recall, sharing="all", gru=8, sequence_length=8)
+    algo.train()
+    module = policy_of(algo, "agent_0")
+    assert {k: tuple(v.shape) for k, v in module.get_initial_state().items()} == {"memory": (8,)}
+    width = algo.spec.groups[0].observation[""].shape
+    seen, agents = torch.randn(3, 5, *width), ["agent_0", "agent_1", "agent_0"]
+    state: dict[str, torch.Tensor] = {}
+    found = []
+    for t in range(5):
+        given = {"state_in": state} if state else {}
+        told = module.forward_inference({"obs": seen[:, t], "agent_id": agents, **given})
+        state = told["state_out"]
+        found.append(told["actions"])
+    start = {"memory": torch.zeros(3, 8)}
+    whole = module.forward_inference({"obs": seen, "agent_id": agents, "state_in": start})
+    assert torch.equal(whole["actions"], torch.stack(found, 1))
+    torch.testing.assert_close(whole["state_out"]["memory"], state["memory"])
+    assert (state["memory"] != 0).all()
+    view = algo.env_runner_group.local_env_runner._training_sampler()._view()
+    runner = algo.env_runner_group.local_env_runner
+    acting = runner._policies.act(view, Exploration(explore=False), torch.Generator())[0]
+    leaves = {k: torch.from_numpy(x[:, 0]) for k, x in view.observations[0].items()}
+    told = module.forward_inference({"obs": leaves[""], "state_in": {"memory": leaves[MEMORY]}})
+    assert torch.equal(told["actions"], acting.actions[:, 0])
+    torch.testing.assert_close(told["state_out"]["memory"], acting.memory[:, 0])
+
+
+@pytest.mark.parametrize("name", ["commnet", "networked_q", "ppo"])
+def test_a_row_may_be_all_agents_of_a_group_who_hear_each_other(build, name):
+    algo = build(name, Ragged, sharing="all")
+    algo.train()
+    module = policy_of(algo, "a")
+    seen = torch.randn(6, 3, *algo.spec.groups[0].observation[""].shape)
+    together = module.forward_inference({"obs": seen})["actions"]
+    assert together.shape == (6, 3)
+    view = View(({"": seen.numpy()},), np.ones((6, 3), bool), (None,), None, None)
+    policies = algo.env_runner_group.local_env_runner._policies
+    expected = policies.act(view, Exploration(explore=False), torch.Generator())[0].actions
+    assert torch.equal(together, expected)
+
+
+def test_continuous_actions_are_served_in_the_shape_of_their_space(build):
+    for name in ("ppo", "maddpg"):
+        algo = build(name, Target, sharing="all")
+        algo.train()
+        group = algo.spec.groups[0]
+        seen = torch.zeros(5, *group.observation[""].shape)
+        told = algo.get_module(group.id).forward_inference({"obs": seen})
+        assert told["actions"].shape == (5, *group.action.shape)
+
+
+def test_masks_are_kept_and_densities_told(build):
+    algo = build("ppo", sharing="all")
+    module = algo.get_module("shared")
+    allowed = torch.tensor([[False, False, True, False]]).expand(50, 4)
+    batch = {"obs": {"observations": torch.randn(50, 4), "action_mask": allowed}}
+    told = module.forward_exploration(batch)
+    assert (told["actions"] == 2).all()
+    assert torch.equal(told["action_logp"], torch.zeros(50))
+    free = module.forward_exploration({"obs": torch.randn(50, 4)})
+    chosen = torch.log_softmax(free["action_dist_inputs"], -1).gather(-1, free["actions"][:, None])[:, 0]
+    torch.testing.assert_close(chosen, free["action_logp"])
+
+
+def test_exploration_is_the_runners(build):
+    """Epsilon falls from 1 to 0 within 64 steps; a module of a checkpoint explores as at the end."""
+    algo = build("dqn", sharing="all", epsilon=(1.0, 0.0), epsilon_steps=64)
+    batch = {"obs": torch.zeros(400, 4)}
+    assert len(algo.get_module("shared").forward_exploration(batch)["actions"].unique()) == 4
+    for _ in range(3):
+        algo.train()
+    module = algo.get_module("shared")
+    assert len(module.forward_exploration(batch)["actions"].unique()) == 1
+
+
+@pytest.mark.slow
+def test_served_weights_are_the_newest_with_remote_runners_too(build):
+    algo = build("ppo", runners=1, sharing="all")
+    first = {k: v.clone() for k, v in algo.get_module("shared").state_dict().items()}
+    algo.train()
+    newest = algo.learner_group.get_state()["learner"]["rl_module"]["shared"]
+    served = algo.get_module("shared").state_dict()
+    assert any(not torch.equal(first[k], served[k]) for k in served)
+    for k, v in served.items():
+        np.testing.assert_array_equal(v.numpy(), newest[k])
+    assert algo.get_module("nobody") is None

@@ -1,0 +1,119 @@
+"""Agents of the zoo, and learning in bubbles, in experiment files."""
+
+import json
+
+import pytest
+
+from benchmark.experiment.config import Environment, read_experiment
+from benchmark.experiment.runs import task_settings_of
+from benchmark.running.environments import environment
+from benchmark.running.experiment import check_task_settings
+from benchmark.running.played import digest_of
+from smarts.agents.options import InterfaceError
+from smarts.config import ConfigError
+from smarts.sstudio.build import build_scenario
+from tests.commands import begin, finish
+
+BASE = "algorithms: [ppo]\ntasks: [intersection]\ntraffic: [no_social_vehicles]\nseeds: [1]\n"
+SOCIAL = """environment:
+  agents: 1
+  social_agents:
+    - {agent: "smarts.zoo:idm-v0", count: 2, options: {tau: 1.5}}
+"""
+BUBBLE = """algorithms: [ppo]
+tasks: [{name: left_turn, scenarios: [examples/left_turn_bubble]}]
+traffic: [crossing]
+environment: {agents: 3, learn_in_bubbles: [left-turn], episode_time: 20}
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(text):
+        file = tmp_path / "mine.yaml"
+        file.write_text(text)
+        return read_experiment(file)
+
+    return read
+
+
+def test_social_agents_reach_the_environment(read):
+    experiment = read(BASE + SOCIAL)
+    check_task_settings(experiment)
+    (setting,) = task_settings_of(experiment)
+    env = environment(setting, num_envs=1)
+    try:
+        step = env.reset(1)
+        assert step.alive.shape == (1, 1), "they are no learners"
+        assert len(env.episodes[0].agents) == 3
+    finally:
+        env.close()
+
+
+def test_agents_that_learn_in_bubbles_reach_the_environment(read):
+    experiment = read(BUBBLE)
+    check_task_settings(experiment)
+    (setting,) = task_settings_of(experiment)
+    env = environment(setting, num_envs=1)
+    try:
+        env.reset(1)
+        assert env.episodes[0].agents == ()
+        assert env.episodes[0].bubbles[0].policy == -1
+    finally:
+        env.close()
+
+
+def test_they_are_part_of_what_a_run_is(read):
+    plain, social = (
+        task_settings_of(read(text))[0] for text in (BASE + "environment: {agents: 1}", BASE + SOCIAL)
+    )
+    assert plain.content() != social.content()
+    assert json.loads(json.dumps(social.content()))["environment"]["social_agents"][0]["count"] == 2
+    assert Environment(**social.content()["environment"]) == social.environment
+    built = build_scenario("intersection")
+    assert digest_of(built, plain) != digest_of(built, social), "their missions count"
+
+
+def test_without_them_a_run_is_the_same_as_before_there_were_any():
+    kept = Environment(agents=2).model_dump(mode="json")
+    assert not kept.keys() & {"social_agents", "learn_in_bubbles", "episode_time"}
+
+
+@pytest.mark.parametrize(
+    ("given", "key"),
+    [
+        ("social_agents: [{agent: 'smarts.zoo:nobody-v0'}]", "social_agents[0]"),
+        ("social_agents: [{agent: 'smarts.zoo:idm-v0', options: {colour: red}}]", "social_agents[0]"),
+        ("social_agents: [{agent: 'smarts.zoo:idm-v0', count: 0}]", "social_agents[0]"),
+        ("social_agents: [{agent: 'smarts.zoo:idm-v0', number: 2}]", "social_agents[0]"),
+        ("social_agents: [{count: 2}]", "social_agents[0]"),
+        ("learn_in_bubbles: true", "episode_time"),
+        ("episode_time: 20", "episode_time"),
+        ("learn_in_bubbles: []\n  episode_time: 20", "learn_in_bubbles"),
+    ],
+)
+def test_mistakes_are_found_in_the_file(read, given, key):
+    with pytest.raises(ConfigError) as error:
+        read(f"{BASE}environment:\n  {given}\n")
+    assert any(f"environment.{key}" in str(problem) for problem in error.value.problems)
+
+
+def test_more_agents_than_missions(read):
+    with pytest.raises(InterfaceError) as error:
+        check_task_settings(read(BASE + SOCIAL.replace("count: 2", "count: 4")))
+    assert error.value.place == "social_agents in intersection"
+
+
+def test_no_bubble_to_learn_in(read):
+    with pytest.raises(InterfaceError) as error:
+        check_task_settings(read(BASE + "environment: {learn_in_bubbles: true, episode_time: 20}"))
+    assert error.value.place == "learn_in_bubbles"
+
+
+def test_the_command_line_ends_with_code_2(tmp_path):
+    file = tmp_path / "mine.yaml"
+    for text in (SOCIAL.replace("count: 2", "count: 4"), SOCIAL.replace("idm-v0", "nobody-v0")):
+        file.write_text(BASE + text)
+        code, _, said = finish(begin("run", str(file), "--out", str(tmp_path)))
+        assert code == 2
+        assert "social_agents" in said
