@@ -207,19 +207,6 @@ class Run:
             elif hold.asked == UNSET and now >= hold.until:
                 hold.asked = now
                 self.world.agents.release_step[0, hold.agent_id] = now
-                agents = self.world.agents
-                proposed.append(
-                    Transfer(
-                        0,
-                        hold.slot,
-                        hold.generation,
-                        Owner.AGENT,
-                        int(agents.agent[0, hold.agent_id] >= 0) and hold.agent_id,
-                        Owner.TRAFFIC,
-                        UNSET,
-                        Reason.RELEASE,
-                    )
-                )
         self.parts.ownership.submit(transfers(proposed))
 
     def _measure(self, before: dict[str, NDArray]) -> int:
@@ -275,7 +262,7 @@ class Run:
                 continue
             elif owner == Owner.NOBODY:
                 harmed = bool(agents.harmed[0, hold.agent_id])
-                self.tally.ends["removed: collision" if harmed else "removed: no lane goes on"] += 1
+                self.tally.ends["removed: collision" if harmed else "arrived"] += 1
                 continue
             left.append(hold)
         self.holds = left

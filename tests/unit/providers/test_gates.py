@@ -1,0 +1,155 @@
+"""Gates: what each of them refuses, in cases computed by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.providers.gates import chord_pose, compare_with_chord, find_too_close
+from smarts.types.transfers import Refusal
+from smarts.types.vehicles import Owner, VehicleStates
+
+from .test_sumo_shadows import LEFT, RIGHT, begin, drivers, from_arm
+
+QUARTER = np.linspace(0.0, math.pi / 2, 400)
+"""Angles of a quarter circle."""
+
+
+def two_cars(dx, dy, speed=0.0, other_speed=0.0, turned=0.0):
+    """Return two cars of 5 x 2 m: the first at the origin, facing east."""
+    states = VehicleStates.allocate(1, 3)
+    for slot, (x, y, heading, v) in enumerate([(0.0, 0.0, 0.0, speed), (dx, dy, turned, other_speed)]):
+        states.alive[0, slot] = True
+        states.position[0, slot] = x, y
+        states.heading[0, slot], states.speed[0, slot] = heading, v
+        states.length[0, slot], states.width[0, slot] = 5.0, 2.0
+    return states
+
+
+@pytest.mark.parametrize(
+    ("case", "is_near"),
+    [
+        (two_cars(5.29, 0.0), True),
+        (two_cars(5.31, 0.0), False),
+        (two_cars(0.0, 2.29), True),
+        (two_cars(0.0, 2.31), False),
+        (two_cars(6.2, 0.0, speed=5.0), True),  # 1.2 m apart, 0.2 m after 0.2 s
+        (two_cars(6.4, 0.0, speed=5.0), False),
+        (two_cars(6.2, 0.0, speed=5.0, other_speed=5.0), False),
+        (two_cars(3.79, 0.0, turned=math.pi / 2), True),  # across: 2.5 m + 1 m
+        (two_cars(3.81, 0.0, turned=math.pi / 2), False),
+    ],
+)
+def test_vehicles_nearer_than_a_distance_are_too_close(case, is_near):
+    found = np.zeros(1, np.bool_)
+    find_too_close(case, np.zeros(1, np.int32), np.zeros(1, np.int32), 0.3, 0.2, found)
+    assert found[0] == is_near
+
+
+def test_a_vehicle_that_is_not_there_is_not_too_close():
+    case = two_cars(1.0, 0.0)
+    case.alive[0, 1] = False
+    found = np.ones(1, np.bool_)
+    find_too_close(case, np.zeros(1, np.int32), np.zeros(1, np.int32), 0.3, 0.2, found)
+    assert not found[0]
+
+
+def test_both_ends_of_a_vehicle_are_on_its_line():
+    """On a circle of 20 m, the middle of a chord of 12 m is sqrt(20^2 - 6^2) m from the circle's centre."""
+    xy = 20.0 * np.column_stack([np.cos(QUARTER), np.sin(QUARTER)])
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+    reach = 2 * 20.0 * math.asin(6.0 / 20.0)  # arc over the chord
+    x, y, heading = chord_pose(xy, s, 0, len(xy), reach, reach, 0.0)
+    ends = np.array([[20.0, 0.0], [20.0 * math.cos(reach / 20), 20.0 * math.sin(reach / 20)]])
+    along = ends[1] - ends[0]
+    assert heading == pytest.approx(math.atan2(along[1], along[0]), abs=1e-4)
+    # The vehicle is as long as the arc, so its centre is half an arc behind its front.
+    assert [x, y] == pytest.approx(ends[1] - 0.5 * reach * along / 12.0, abs=1e-3)
+
+
+def test_a_pose_is_compared_now_and_after_the_next_step():
+    """The car's front is 25 m along a straight line; offset and heading differ, then the yaw rate does."""
+    states = two_cars(50.0, 0.0, speed=10.0)
+    line, stations = np.array([[-22.5, 0.0], [77.5, 0.0]]), np.array([0.0, 100.0])
+
+    def compare():
+        return compare_with_chord(states, 0, line, stations, 0, 0, 2, 25.0, 0.0, 0.1)
+
+    assert compare() == pytest.approx((0.0, 0.0), abs=1e-12)
+    states.position[0, 0, 1] = 0.07
+    assert compare() == pytest.approx((0.0, 0.07), abs=1e-12)
+    states.position[0, 0, 1], states.yaw_rate[0, 0] = 0.0, 0.3
+    assert compare() == pytest.approx((0.03, math.sin(0.015)), abs=1e-9)
+    states.heading[0, 0] = 0.02
+    assert compare()[0] == pytest.approx(0.05, abs=1e-9)
+
+
+def after(world, slot, x, y, heading=0.0, speed=10.0, steps=10):
+    """Move an agent's vehicle straight to a pose; return the gate's answer there."""
+    world.states.owner[slot] = Owner.AGENT
+    for step in range(steps, -1, -1):
+        back = 0.1 * speed * step
+        world.put(slot, x - back * math.cos(heading), y - back * math.sin(heading), heading, speed)
+        world.step()
+    return world.traffic.can_accept(slot)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "heading", "refusal"),
+    [
+        (300.0, RIGHT, 0.0, Refusal.NONE),
+        (300.0, RIGHT + 0.08, 0.0, Refusal.NONE),
+        (300.0, RIGHT + 0.2, 0.0, Refusal.OFFSET),
+        (300.0, RIGHT - 0.2, 0.0, Refusal.OFFSET),
+        (300.0, RIGHT, 0.06, Refusal.HEADING),
+        (300.0, -40.0, 0.0, Refusal.OFF_LANES),
+        (999.0, RIGHT, 0.0, Refusal.IN_JUNCTION),  # the front is beyond the line at 1000 m
+        (996.9, RIGHT, 0.0, Refusal.IN_JUNCTION),  # 0.6 m before it, at 10 m/s
+    ],
+)
+def test_sumo_takes_a_vehicle_where_it_would_show_it(world, country, x, y, heading, refusal):
+    begin(world, country.road(drivers((0, 100, 10))), 3.0)
+    assert after(world, world.slot("s0"), x, y, heading) == refusal
+
+
+def test_an_overlap_is_too_close(world, country):
+    begin(world, country.road(drivers((0, 100, 0), (0, 60, 10))), 3.0)
+    slot, other = world.slot("s1"), world.slot("s0")
+    x, y = world.states.position[other]
+    world.states.owner[other] = Owner.AGENT
+    assert after(world, slot, float(x) - 4.9, float(y), speed=1.0) == Refusal.TOO_CLOSE
+
+
+@pytest.mark.parametrize(("gap", "refusal"), [(4.0, Refusal.SPEED), (60.0, Refusal.NONE)])
+def test_a_vehicle_that_would_have_to_brake_hard_is_refused(world, country, gap, refusal):
+    """A standing vehicle is ahead: at 15 m/s, 4 m are too short, 60 m are enough."""
+    begin(world, country.road(drivers((0, 100, 10))), 3.0)
+    standing = world.admit(500.0, RIGHT, 0.0, 0.0)
+    assert after(world, world.slot("s0"), 500.0 - 5.0 - gap, RIGHT, speed=15.0) == refusal
+    assert world.states.alive[standing]
+
+
+def test_a_vehicle_on_the_lane_of_its_turn_goes_on_elsewhere(world, country):
+    """An agent has left the route of the vehicle; the gate finds a way on, and SUMO drives it."""
+    begin(world, country.cross(from_arm("w", "e", 150)))
+    slot = world.slot("s0")
+    assert after(world, slot, 1.6, 40.0, math.pi / 2, speed=8.0) == Refusal.NONE
+    world.states.owner[slot] = Owner.TRAFFIC
+    world.step()
+    assert world.traffic.route(slot)[0] == "cn"
+    before = world.states.position[slot].copy()
+    world.step(20)
+    assert world.states.position[slot, 1] > before[1] + 10.0
+
+
+def test_what_is_left_of_the_offset_decays_without_a_jump(world, country):
+    begin(world, country.road(drivers((0, 100, 10))), 3.0)
+    slot = world.slot("s0")
+    assert after(world, slot, 300.0, RIGHT + 0.08) == Refusal.NONE
+    world.states.owner[slot] = Owner.TRAFFIC
+    offsets = [0.08]
+    for _ in range(6):
+        world.step()
+        offsets.append(float(world.states.position[slot, 1]) - RIGHT)
+    assert offsets == pytest.approx([0.08, 0.05, 0.02, 0.0, 0.0, 0.0, 0.0], abs=1e-6)
+    assert LEFT > RIGHT
