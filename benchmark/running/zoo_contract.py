@@ -187,7 +187,7 @@ class ZooDrive:
             action_mask=self.world.agents.action_mask[:, : self.egos][chosen],
             env_id=env_id,
             agent_id=agent_id,
-            hold=agent_id.copy(),
+            hold=agent_id.astype(np.int64),
             episode=episode,
             step=self.world.step[env_id].astype(np.int32),
             is_first=~self._was_asked[chosen],
