@@ -1,9 +1,9 @@
-"""`smarts-bench zoo`: list, describe, test and add policies of road users."""
+"""`smarts-bench zoo` and `smarts-bench export`: policies of road users."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -85,6 +85,28 @@ def add(
 
     for entry in add_folder(folder):
         typer.echo(f"added {entry.name} to {zoo_file()}")
+
+
+def export(
+    run: Annotated[
+        Path,
+        typer.Argument(metavar="RUN", help="A run's folder, results/NAME/.../seed_1.", show_default=False),
+    ],
+    name: Annotated[
+        str, typer.Option("--zoo", help="Name of the agent: NAME becomes NAME-v0.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Option(help="Parent of the new folder.")] = Path(),
+    checkpoint: Annotated[
+        Literal["best", "last"], typer.Option(help="The best in validation, or the last.")
+    ] = "best",
+    import_: Import = None,
+) -> None:
+    """Export the policy of a run as an agent of the zoo: a folder with weights and a plain module."""
+    from benchmark.running.exporting import export_policy
+
+    folder = export_policy(run, name, out, checkpoint=checkpoint, imports=import_ or ())
+    typer.echo(f"wrote {folder}")
+    typer.echo(f"smarts-bench zoo add {folder}   # makes {name}-v0 known everywhere")
 
 
 def options_of(given: list[str]) -> dict[str, Any]:

@@ -82,7 +82,7 @@ class Policy:
     def __init__(self, run: Run, checkpoint: Path, *, is_sampled: bool, seed: int) -> None:
         self._run, self._seed = run, seed
         self._config = config_of(run)
-        modules = _modules(checkpoint)
+        modules = policy_modules(checkpoint)
         self._spec: JointSpec = next(iter(modules.values())).spec
         self._policies = Policies(self._spec, modules)
         steps = int(unpickled(checkpoint / "env_runner" / "state.pkl").get(STEPS, 0))
@@ -312,8 +312,12 @@ def _fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
         row[...] = array
 
 
-def _modules(checkpoint: Path) -> dict[str, Any]:
-    """Return the policy networks of a checkpoint by group."""
+def policy_modules(checkpoint: Path) -> dict[str, Any]:
+    """Return the policy networks of a checkpoint by group.
+
+    Raises:
+        ResultsError: It is damaged.
+    """
     root = checkpoint / "learner_group" / "learner" / "rl_module"
     folders = sorted(root.glob("*/"))
     made = {folder.name: _module(folder) for folder in folders if "__" not in folder.name}  # no critics

@@ -28,7 +28,7 @@ from smarts.sim.social_starts import wanted_by
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import ActionSpaceType
-from smarts.zoo import make_spec
+from smarts.zoo import make_spec, search
 
 
 class Part(NamedTuple):
@@ -98,6 +98,7 @@ def cast_of(
     if learning:
         _check_learning(scenarios, learning)
     for built in scenarios:
+        search(built.source)
         for part in _parts(built, learning):
             casting.add(part)
     extra = [

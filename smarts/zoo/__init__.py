@@ -1,7 +1,16 @@
 """The zoo: policies of road users by name, imported only when one is asked for; docs/zoo.md."""
 
 from smarts.agents.spec import AgentSpec
-from smarts.zoo.registry import build_agent, entries, find_entry, make, make_agent, make_spec, register
+from smarts.zoo.registry import (
+    build_agent,
+    entries,
+    find_entry,
+    make,
+    make_agent,
+    make_spec,
+    register,
+    search,
+)
 
 __all__ = [
     "AgentSpec",
@@ -12,4 +21,5 @@ __all__ = [
     "make_agent",
     "make_spec",
     "register",
+    "search",
 ]

@@ -7,6 +7,8 @@ registers the agent itself.
 from __future__ import annotations
 
 import importlib.metadata
+import importlib.util
+import re
 import sys
 from dataclasses import replace
 from functools import cache
@@ -17,7 +19,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import Agent
 from smarts.agents.spec import AgentSpec
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names, shown
-from smarts.registry import is_own_name, load_own
+from smarts.registry import load_own, own_error
 from smarts.zoo import originals
 from smarts.zoo.agents import AGENTS
 from smarts.zoo.entry import EntryPoint, ZooEntry, check_name, entry_of
@@ -26,6 +28,11 @@ from smarts.zoo.folders import added_agents, import_folder, write_added
 GROUP = "smarts.zoo"
 """The group of a package's entry points that are agents."""
 
+MODULE = re.compile(r"\w+(\.\w+)*")
+"""The form of a module's name; folders of the original's scenarios begin with digits."""
+
+_SEARCHED: dict[Path, None] = {}
+"""Folders of scenarios whose modules locators may name; ordered."""
 _REGISTERED: dict[tuple[str, str], ZooEntry] = {}
 """(module that registered it, name) -> entry."""
 
@@ -127,14 +134,23 @@ def find_entry(locator: str) -> ZooEntry:
     check_name(name)
     if module in ("", __package__):
         return _named(name)
-    if not is_own_name(f"{module}:it"):
+    if MODULE.fullmatch(module) is None:
         raise UnknownNameError(
             f"{module!r} cannot be a module's name",
             place=f"agent {locator!r}",
             remedy="a locator is 'name-v0' or 'my_package.my_module:name-v0'",
         )
-    load_own(f"{module}:__name__", f"agent {name!r}, module")
+    _import(module, name)
     return _registered_by(module, name)
+
+
+def search(folder: str | Path) -> None:
+    """Let locators name modules of a scenario's folder by their path from its project's root.
+
+    The original's scenarios do: "scenarios.sumo.loop.agent_prefabs:my-agent-v0". A module that can be
+    imported by its name comes first.
+    """
+    _SEARCHED[Path(folder).absolute()] = None
 
 
 def add_folder(folder: str | Path) -> list[ZooEntry]:
@@ -165,6 +181,40 @@ def add_folder(folder: str | Path) -> list[ZooEntry]:
         entry.spec()
     write_added(found)
     return found
+
+
+def _import(module: str, name: str) -> None:
+    """Import a module, by its name or from a folder that is searched.
+
+    Raises:
+        OwnCodeError: There is no such module, or it raises.
+    """
+    if module in sys.modules:
+        return
+    parts = tuple(module.split("."))
+    files = (
+        folder / f"{parts[-1]}.py" for folder in _SEARCHED if folder.parts[1 - len(parts) :] == parts[:-1]
+    )
+    file = next((file for file in files if len(parts) > 1 and file.is_file()), None)
+    if file is None or _is_importable(module):
+        load_own(f"{module}:__name__", f"agent {name!r}, module")
+        return
+    spec = importlib.util.spec_from_file_location(module, file)
+    assert spec is not None
+    assert spec.loader is not None
+    sys.modules[module] = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(sys.modules[module])
+    except Exception as error:
+        del sys.modules[module]
+        raise own_error(error, f"importing the agent {name!r}", str(file)) from error
+
+
+def _is_importable(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):
+        return False
 
 
 def _named(name: str) -> ZooEntry:

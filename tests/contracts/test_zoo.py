@@ -132,3 +132,11 @@ def test_rows_of_simulations_side_by_side_equal_one_alone():
     both, alone = trajectories([3, 5]), trajectories([3])
     count = min(both.shape[1], alone.shape[1])
     assert np.array_equal(both[:, :count], alone[:, :count])
+
+
+def test_the_page_lists_all_agents():
+    from tests.blocks import ROOT
+
+    rows = [line.split("|") for line in (ROOT / "docs" / "zoo.md").read_text().splitlines()]
+    listed = {row[1].strip(" `"): row[2].strip() for row in rows if len(row) > 4 and "-v0" in row[1]}
+    assert listed == {name: entry.description() for name, entry in AGENTS.items()}

@@ -13,6 +13,9 @@ from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.arrays import Floats, Ints
 from smarts.zoo.driving import DRIVER, Driver, Seen
 
+FASTEST = 60.0
+"""The largest target speed of the action space [m/s]."""
+
 
 class KeepLane(Driver):
     """Keeps its lane, wherever that leads, at its distance from the vehicle ahead.
@@ -29,15 +32,16 @@ class NonInteractive(BatchAgent):
     """Keeps its lane at a constant speed and ignores lights and vehicles.
 
     Args:
-        speed: [m/s]
+        speed: [m/s], at most 60.
     """
 
     interface: ClassVar[AgentInterface] = DRIVER
     observation: ClassVar[Any] = ["speed"]
 
     def __init__(self, speed: float = 10.0) -> None:
-        check_number("speed", speed, most=60.0, place="NonInteractive")
-        self._speed = float(speed)
+        # The original's files ask for 80 m/s.
+        check_number("speed", speed, most=1000.0, place="NonInteractive")
+        self._speed = min(float(speed), FASTEST)
 
     def act(self, obs: ActionBatch) -> NDArray:
         """Return target speeds and no lane changes, shape (N, 2)."""

@@ -10,7 +10,7 @@ from smarts.agents.spec import AgentSpec
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError
 from smarts.registry import import_own
 from smarts.types.actions import ActionSpaceType
-from smarts.zoo import entries, find_entry, make, make_agent, make_spec, register
+from smarts.zoo import entries, find_entry, make, make_agent, make_spec, register, search
 from smarts.zoo.registry import add_folder, build_agent
 
 MODULE = """
@@ -186,3 +186,19 @@ def test_a_folder_without_an_agent(tmp_path):
         add_folder(folder)
     with pytest.raises(OwnCodeError):
         add_folder(tmp_path / "nowhere")
+
+
+def test_modules_beside_a_scenario_are_found_by_their_path(tmp_path):
+    folder = tmp_path / "scenarios" / "sumo" / "2lane"
+    folder.mkdir(parents=True)
+    (folder / "agent_prefabs.py").write_text(MODULE)
+    (folder / "raising.py").write_text("raise RuntimeError('no')")
+    with pytest.raises(OwnCodeError, match="scenarios"):
+        make_spec("scenarios.sumo.2lane.agent_prefabs:stopped-v0")
+    search(folder)
+    assert make_agent("scenarios.sumo.2lane.agent_prefabs:stopped-v0")[0].brake == 0.5
+    with pytest.raises(OwnCodeError) as caught:
+        make_spec("scenarios.sumo.2lane.raising:x-v0")
+    assert "raising.py" in caught.value.place
+    with pytest.raises(OwnCodeError):
+        make_spec("scenarios.sumo.3lane.agent_prefabs:stopped-v0")

@@ -1,0 +1,242 @@
+"""Exports the policy of a run as an agent of the zoo: a folder with weights and a plain module."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from gymnasium.spaces import Discrete
+from numpy.typing import NDArray
+from torch import nn
+
+from algorithms.joint.env import CARRIED, MEMORY
+from algorithms.joint.spec import Group
+from algorithms.parts.distributions import DeterministicHead, GaussianHead
+from algorithms.registry import ALGORITHMS
+from benchmark.experiment.runs import Run
+from benchmark.results.files import write_whole
+from benchmark.results.run_folder import RunFolder
+from benchmark.running.evaluate_checkpoint import read_run
+from benchmark.running.policy import policy_modules
+from smarts.errors import SmartsError
+from smarts.observations.agent_index import AgentIndex
+from smarts.observations.arrays import VECTOR
+from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
+from smarts.zoo.entry import check_name
+from smarts.zoo.exported import CONTENT, FORMAT, WEIGHTS
+
+NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+MODULE = '''"""{title}; written by `smarts-bench export`."""
+
+from functools import partial
+from pathlib import Path
+
+from smarts.zoo import register
+from smarts.zoo.exported import exported_spec
+
+register(
+    "{locator}",
+    partial(exported_spec, Path(__file__).parent),
+    m_level="{level}",
+    provenance="{provenance}",
+)
+'''
+_INDEX = "agent_index"
+
+
+def export_policy(
+    path: Path,
+    name: str,
+    out: Path = Path(),
+    *,
+    checkpoint: Literal["last", "best"] = "best",
+    imports: Sequence[str | Path] = (),
+) -> Path:
+    """Write the policy of a run as an agent of the zoo, and return its folder.
+
+    Args:
+        path: The run's folder.
+        name: Of the agent, without a version: "left-turner" becomes "left-turner-v0".
+        out: The parent of the new folder.
+        checkpoint: The last, or the best in validation.
+        imports: Files and folders of own code, by default the ones of the training.
+
+    Raises:
+        ResultsError: There is no run or no such checkpoint, or it is damaged.
+        SmartsError: The policy cannot act by itself, the name is none, or the folder exists.
+    """
+    if NAME.fullmatch(name) is None:
+        raise SmartsError(
+            f"{name!r} cannot be the agent's name",
+            place="--zoo",
+            remedy="use a-z, 0-9 and '-', as left-turner",
+        )
+    locator, folder = f"{name}-v0", out / name.replace("-", "_")
+    check_name(locator)
+    if folder.exists():
+        raise SmartsError(
+            "exists already", place=str(folder), remedy="remove it, or choose another --zoo or --out"
+        )
+    run_folder = RunFolder(path)
+    run = read_run(run_folder, imports)
+    content, weights = described(run, policy_modules(run_folder.kept(checkpoint)))
+    provenance = f"{run}, {checkpoint} checkpoint"
+    level = ALGORITHMS[run.algorithm].level if run.algorithm in ALGORITHMS else ""
+    folder.mkdir(parents=True)
+    write_whole(
+        folder / CONTENT, lambda file: file.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    )
+    with (folder / WEIGHTS).open("wb") as file:
+        np.savez(file, allow_pickle=False, **weights)
+    title = f"The agent {locator}: {provenance}".replace('"', "'").replace("\\", "/")
+    text = MODULE.format(
+        title=title, locator=locator, level=level.split("-")[0], provenance=title.partition(": ")[2]
+    )
+    write_whole(folder / "__init__.py", lambda file: file.write_text(text, encoding="utf-8"))
+    return folder
+
+
+def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray]]:
+    """Return what `policy.json` and `policy.npz` hold.
+
+    Args:
+        run: The trained run.
+        modules: Its policy networks by group.
+
+    Raises:
+        SmartsError: A policy cannot act by itself, or in the zoo.
+    """
+    spec = next(iter(modules.values())).spec
+    environment = run.task_setting.environment
+    if environment.adapter is not None:
+        raise _refusal(run, f"the run's own adapter {environment.adapter!r} makes its observations")
+    if len(spec.spaces.blocks) > 1:
+        raise _refusal(run, "its agents have different observations or actions")
+    (block,) = spec.spaces.blocks
+    observation, index = _without_index(run, feature_list(environment.observation), len(block.agents))
+    driving, content = environment.driving(), {"format": FORMAT, "run": str(run)}
+    agents: dict[str, Any] = {}
+    groups: dict[str, Any] = {}
+    weights: dict[str, NDArray] = {}
+    for group in spec.groups:
+        layers = _checked_layers(run, group, modules[group.id])
+        groups[group.id] = {
+            "places": group.size if group.size > 1 else 0,
+            "memory": modules[group.id].memory_size,
+            "layers": [kind for kind, _ in layers],
+        }
+        for number, (_, arrays) in enumerate(layers):
+            weights.update({f"{group.id}/{number}/{k}": array for k, array in enumerate(arrays)})
+        for place, name in enumerate(group.agents):
+            agents[name] = {"group": group.id, "place": place, "number": block.agents.index(name)} | {
+                key: getattr(driving[name], key)
+                for key in ("vehicle", "vehicle_model", "tyre_model", "flat_tyres")
+            }
+    content |= {
+        "observation": observation,
+        "index": index,
+        "leaves": [leaf or VECTOR for leaf in block.observation if not leaf.startswith(CARRIED)],
+        "period": environment.decision_interval,
+        "action": environment.action,
+        **_head(next(iter(modules.values())), block),
+        "agents": {name: agents[name] for name in block.agents},
+        "groups": groups,
+    }
+    return content, weights
+
+
+def _checked_layers(run: Run, group: Group, module: Any) -> list[tuple[str, list[NDArray]]]:
+    """Return a policy's layers, each a kind and its arrays.
+
+    Raises:
+        SmartsError: It reads more than its agent's own observation, or is no chain of known layers.
+    """
+    if module.communicates or module.acts_jointly:
+        raise _refusal(run, "its policies need messages or actions of other agents to act")
+    foreign = [name for name in group.observation if name.startswith(CARRIED) and name != MEMORY]
+    if foreign:
+        raise _refusal(run, f"its policies see what others do, or draw ({', '.join(foreign)})")
+    if any(len(space.shape) == 3 for space in group.observation.values()):
+        raise _refusal(run, "its policies see images, whose convolutions are not exported")
+    parts = module.feedforward_parts()
+    if parts is not None:
+        return _layers(run, list(parts[1]))
+    if module.memory_size and hasattr(module, "trunk"):
+        return _layers(run, [*module.trunk, module.memory.cell, *module.body])
+    if module.memory_size and hasattr(module, "q"):
+        return _layers(run, [*module.q.trunk, module.q.memory.cell, module.q.folded()[-1]])
+    raise _refusal(run, "its policy is no chain of layers")
+
+
+def _layers(run: Run, modules: Sequence[nn.Module]) -> list[tuple[str, list[NDArray]]]:
+    """Return networks as kinds and arrays; matrices have the shape (inputs, outputs)."""
+
+    def arrays(*tensors: Any) -> list[NDArray]:
+        return [np.ascontiguousarray(each.detach().cpu().numpy().T) for each in tensors]
+
+    found: list[tuple[str, list[NDArray]]] = []
+    for module in modules:
+        if isinstance(module, nn.Linear):
+            found.append(("linear", arrays(module.weight, module.bias)))
+        elif isinstance(module, nn.GRUCell):
+            given = module.weight_ih, module.bias_ih, module.weight_hh, module.bias_hh
+            found.append(("gru", arrays(*given)))
+        elif isinstance(module, nn.Tanh):
+            found.append(("tanh", []))
+        elif isinstance(module, nn.ReLU):
+            found.append(("relu", []))
+        else:
+            raise _refusal(run, f"its policy has a layer {type(module).__name__}, which is not exported")
+    return found
+
+
+def _head(module: Any, block: Any) -> dict[str, Any]:
+    """Return how outputs become greedy actions."""
+    if isinstance(block.action, Discrete):
+        return {"head": "best", "bounds": {"masked": block.masked, "start": int(block.action.start)}}
+    kinds = {GaussianHead: "mean", DeterministicHead: "tanh"}
+    bounds = {"low": block.action.low.tolist(), "high": block.action.high.tolist()}
+    return {"head": kinds[type(module.head)], "bounds": bounds}
+
+
+def _without_index(run: Run, features: FeatureList, agents: int) -> tuple[Any, dict[str, int] | None]:
+    """Return the observation without the feature `agent_index`, and where that was in the vector.
+
+    In the zoo there is another number of agents; the exported policy fills in which one it is.
+
+    Raises:
+        SmartsError: The feature is kept for several decisions, or another depends on the number of agents.
+    """
+    for each in (*features.stacked, *features.features):
+        kind = each.kind()
+        if not isinstance(each.source, str):
+            raise _refusal(run, f"it observes the class {each.name!r}, which has no name")
+        depends = kind.size_for(1) != kind.size_for(2)
+        if depends and (kind is not AgentIndex or each in features.stacked):
+            raise _refusal(run, f"its observation {each.name!r} depends on the number of agents")
+    kept = [each for each in features.features if each.name != _INDEX]
+    index = None
+    if len(kept) < len(features.features):
+        index = {"at": features.layout(agents)[_INDEX].start, "size": agents}
+    observation = {
+        "frames": features.frames,
+        "stacked": [*map(_plain, features.stacked)],
+        "features": [*map(_plain, kept)],
+    }
+    return observation, index
+
+
+def _plain(choice: FeatureChoice) -> Any:
+    return {choice.source: dict(choice.options)} if choice.options else choice.source
+
+
+def _refusal(run: Run, reason: str) -> SmartsError:
+    return SmartsError(
+        f"the policy cannot be exported: {reason}",
+        place=str(run),
+        remedy="export a run whose agents act on their own observation, such as ppo, dqn or maddpg",
+    )

@@ -1,0 +1,177 @@
+"""Exported policies act as their checkpoints do, greedily, on the observations that those see."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import ray
+
+from benchmark import load_policy
+from benchmark.experiment.config import Resources, read_experiment
+from benchmark.experiment.runs import runs_of
+from benchmark.results.run_folder import RunFolder
+from benchmark.running.cluster import start_ray
+from benchmark.running.environments import environment
+from benchmark.running.exporting import export_policy
+from benchmark.running.training import algorithm_of
+from benchmark.running.zoo_contract import check_entry
+from smarts.agents.policy import ActionBatch
+from smarts.errors import SmartsError, UnknownNameError
+from smarts.observations.lists import feature_list
+from smarts.registry import import_own
+from smarts.zoo import make_agent, make_spec
+
+pytestmark = pytest.mark.slow
+
+TINY = """
+algorithms: [{name}]
+tasks: [loop]
+seeds: [3]
+settings: {{{name}: {settings}}}
+environment: {environment}
+resources: {{num_envs_per_env_runner: 2}}
+"""
+ENVS = 16
+
+
+@pytest.fixture(scope="module")
+def make(tmp_path_factory):
+    """Return the run, and its folder, of an untrained policy."""
+    start_ray(Resources())
+
+    def make(name, settings="{}", environment="{agents: 4}"):
+        root = tmp_path_factory.mktemp(name)
+        (root / "tiny.yaml").write_text(TINY.format(name=name, settings=settings, environment=environment))
+        run = next(iter(runs_of(read_experiment(root / "tiny.yaml"))))
+        folder = RunFolder(root / "run")
+        folder.open(run.content())
+        with algorithm_of(run) as algo:
+            folder.save(folder.checkpoint, algo, {})
+        return run, folder
+
+    yield make
+    ray.shutdown()
+
+
+def recorded(run, folder, decisions):
+    """Yield observations, masks, active agents and the checkpoint's greedy actions in a simulation."""
+    policy = load_policy(folder.path)
+    env = environment(run.task_setting, num_envs=ENVS)
+    try:
+        now = env.reset(7, np.arange(ENVS), stride=ENVS)
+        for _ in range(decisions):
+            (actions,) = policy.act(now)
+            (observations,) = now.observations
+            (masks,) = now.masks
+            yield observations[""].copy(), masks, now.alive.copy(), now.reset.copy(), actions.copy()
+            now = env.step([actions])
+    finally:
+        env.close()
+
+
+def batch_of(vectors, mask, env_id, step, is_first):
+    count = len(vectors)
+    return ActionBatch(
+        {"observation": vectors},
+        np.ones((count, 4), bool) if mask is None else mask,
+        env_id.astype(np.int32),
+        np.zeros(count, np.int32),
+        np.zeros(count, np.int32),
+        np.zeros(count, np.int32),
+        np.full(count, step, np.int32),
+        is_first,
+        np.zeros(count, np.uint64),
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "more"),
+    [
+        ("ppo", "{}", ""),
+        ("ppo", "{sharing: all}", ""),
+        ("ppo", "{gru: 8}", ""),
+        ("ppo", "{}", ", action: Continuous"),
+        ("dqn", "{sharing: all}", ""),
+        ("dqn", "{gru: 8}", ""),
+        ("maddpg", "{}", ""),
+        ("maddpg", "{}", ", action: Continuous"),
+        ("maac", "{}", ""),
+        ("centralised_v", "{}", ""),
+        ("qmix", "{}", ""),
+        ("vdn", "{}", ""),
+    ],
+)
+def test_the_actions_are_those_of_the_checkpoint(make, tmp_path, name, settings, more):
+    """On 2,000 and more observations that it sees while it drives; bit for bit where actions are numbers."""
+    run, folder = make(name, settings, f"{{agents: 4{more}}}")
+    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    agents = [make_spec_of(exported, f"agent-{k}").build_agent() for k in range(4)]
+    index = feature_list("benchmark").layout(4)["agent_index"]
+    compared = 0
+    for step, (vectors, masks, alive, reset, actions) in enumerate(recorded(run, folder, 80)):
+        for k, agent in enumerate(agents):
+            rows = np.flatnonzero(alive[:, k])
+            own = np.delete(vectors[rows, k], np.arange(index.start, index.stop), axis=1)
+            mask = None if masks is None else masks[rows, k]
+            batch = batch_of(own, mask, rows, step, (step == 0) | reset[rows])
+            given = agent.act(batch)
+            compared += len(rows)
+            if given.ndim == 1:
+                np.testing.assert_array_equal(given, actions[rows, k])
+            else:
+                np.testing.assert_allclose(given, actions[rows, k], rtol=0, atol=2e-6)
+    assert compared >= 2000
+
+
+def make_spec_of(folder, agent=""):
+    """Return the spec of an exported folder, imported under a name that no other test uses."""
+    link = folder.parent / f"zoo_{abs(hash(str(folder)))}"
+    if not link.exists():
+        link.symlink_to(folder)
+    import_own([link])
+    return make_spec(f"{link.name}:own-one-v0", agent=agent)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "environment", "reason"),
+    [
+        ("commnet", "{}", "{agents: 2}", "messages"),
+        ("networked_q", "{}", "{agents: 2}", "other"),
+        ("mf_q", "{}", "{agents: 2}", "others"),
+        ("ppo", "{}", "{agents: 2, observation: paper}", "images"),
+    ],
+)
+def test_policies_that_cannot_act_alone_are_refused(make, tmp_path, name, settings, environment, reason):
+    _, folder = make(name, settings, environment)
+    with pytest.raises(SmartsError, match=reason):
+        export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    assert not (tmp_path / "own_one").exists()
+
+
+def test_an_exported_agent_keeps_the_contract_and_needs_no_learner(make, tmp_path):
+    _, folder = make("ppo", "{sharing: all}")
+    exported = export_policy(folder.path, "plain-driver", tmp_path, checkpoint="last")
+    assert {each.name for each in exported.iterdir()} == {"__init__.py", "policy.json", "policy.npz"}
+    import_own([exported])
+    assert len([*check_entry("plain_driver:plain-driver-v0", steps=60)]) == 5
+    spec = make_spec("plain_driver:plain-driver-v0", agent="agent-2")
+    assert spec.build_agent().period == 5
+    with pytest.raises(UnknownNameError):
+        make_agent("plain_driver:plain-driver-v0", agent="agent-9")
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r});"
+        "from smarts.zoo import build_agent; build_agent('plain_driver:plain-driver-v0');"
+        "assert not {'algorithms', 'benchmark', 'torch', 'ray'} & {*sys.modules}, 'imports a learner'"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    with pytest.raises(SmartsError, match="exists"):
+        export_policy(folder.path, "plain-driver", tmp_path, checkpoint="last")
+    with pytest.raises(SmartsError, match="Plain"):
+        export_policy(folder.path, "Plain", tmp_path, checkpoint="last")
+    (exported / "policy.npz").write_bytes(b"broken")
+    with pytest.raises(SmartsError, match="weights"):
+        make_agent("plain_driver:plain-driver-v0")
+    (exported / "policy.json").write_text("{}")
+    with pytest.raises(SmartsError, match="format"):
+        make_spec("plain_driver:plain-driver-v0")

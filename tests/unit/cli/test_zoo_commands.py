@@ -1,0 +1,71 @@
+"""`smarts-bench zoo`: what it prints, and what it refuses."""
+
+import pytest
+from typer.testing import CliRunner
+
+from benchmark.cli import app
+from benchmark.cli.zoo import options_of
+from smarts.errors import SmartsError, UnknownNameError
+from smarts.zoo.agents import AGENTS
+
+AGENT = """
+from smarts.zoo import register
+from smarts.zoo.agents.idm import IdmDriver
+register("{name}-v0", IdmDriver, author="me", m_level="M0", tau=0.9)
+"""
+
+
+def run(*words, code=0):
+    """Return what a command prints; its errors are raised."""
+    found = CliRunner().invoke(app, [*map(str, words)], catch_exceptions=False)
+    assert found.exit_code == code, found.output
+    return found.output
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("SMARTS_ZOO", str(tmp_path / "zoo.yaml"))
+    folder = tmp_path / "cli_zoo"
+    folder.mkdir()
+    (folder / "__init__.py").write_text(AGENT.format(name="added"))
+    return folder
+
+
+def test_all_agents_are_listed(folder):
+    lines = run("zoo", "list").splitlines()
+    assert lines[0].split() == ["locator", "level", "author", "provenance"]
+    assert {*AGENTS} <= {line.split()[0] for line in lines[1:]}
+
+
+def test_an_agent_is_described():
+    text = run("zoo", "describe", "idm-v0")
+    assert "M-level: M0" in text
+    assert "option tau: 1.2" in text
+    assert "option poses: needed" in run("zoo", "describe", "trajectory-v0")
+
+
+def test_a_folder_is_added(folder, tmp_path):
+    assert "added added-v0" in run("zoo", "add", folder)
+    assert "added-v0" in run("zoo", "list")
+    assert "option tau: 0.9" in run("zoo", "describe", "added-v0")
+    assert str(folder) in (tmp_path / "zoo.yaml").read_text()
+
+
+def test_bad_input_is_named(folder):
+    for words, error in (
+        (("describe", "idn-v0"), UnknownNameError),
+        (("test", "idm-v0", "--set", "tau"), SmartsError),
+        (("test", "idm-v0", "--set", "tua=1"), SmartsError),
+        (("test", "trajectory-v0"), SmartsError),
+        (("add", folder / "nowhere"), SmartsError),
+    ):
+        with pytest.raises(error):
+            run("zoo", *words)
+
+
+def test_options_are_yaml():
+    given = ["tau=2", "poses=[[0, 0], [1, 0]]", "relative=true", "name=x=y"]
+    wanted = {"tau": 2, "poses": [[0, 0], [1, 0]], "relative": True, "name": "x=y"}
+    assert options_of(given) == wanted
+    with pytest.raises(SmartsError):
+        options_of(["poses=[1"])
