@@ -26,7 +26,7 @@ from smarts.agents.options import (
     Vias,
     Waypoints,
 )
-from smarts.agents.policy import Agent, AgentPolicy
+from smarts.agents.policy import ActionBatch, Agent, AgentPolicy, BatchAgent
 from smarts.agents.pooled import PooledAgents
 from smarts.agents.spec import AgentSpec
 from smarts.agents.types import AgentType
@@ -36,6 +36,7 @@ __all__ = [
     "OGM",
     "RGB",
     "Accelerometer",
+    "ActionBatch",
     "ActionSpaceType",
     "Agent",
     "AgentInterface",
@@ -45,6 +46,7 @@ __all__ = [
     "AgentsAliveDoneCriteria",
     "AgentsListAlive",
     "BasicLidar",
+    "BatchAgent",
     "DoneCriteria",
     "DrivableAreaGridMap",
     "EventConfiguration",

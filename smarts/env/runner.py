@@ -16,17 +16,17 @@ from smarts.agents.acting import AgentHost
 from smarts.agents.checks import check_instance
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.env.actions import ActionEncoder
+from smarts.env.decisions import choose_observed, join_events
 from smarts.env.social_agents import SocialAgentRequests, names_of
 from smarts.errors import ScenarioError, SmartsError
 from smarts.geometry.binding import bind
-from smarts.geometry.compiling import kernel
 from smarts.sim.assembly import Assembly
 from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import EpisodeStart
 from smarts.types.frame import Frame
 
 # A number: to compare an array with a member of an enumeration takes three times as long.
-_ACTIVE, _SHADOWING = int(AgentStatus.ACTIVE), int(AgentStatus.SHADOWING)
+_ACTIVE = int(AgentStatus.ACTIVE)
 
 MAX_ENTRY_WAIT = 6000
 """Steps without any ego after which a simulation gives up."""
@@ -353,57 +353,3 @@ class SimulationRunner:
 
     def _find_alive(self) -> None:
         np.logical_and(self._state == _ACTIVE, self.running[:, None], out=self.alive)
-
-
-@kernel
-def choose_observed(
-    state: Bytes, next_due: Ints, step: Ints, egos: int, observe_mask: Bools, is_last: bool
-) -> None:
-    """Write which agents the coming step observes: egos after the last of a decision, others when due.
-
-    Agents that watch a vehicle in the air-lock are always observed: they may be asked in any step.
-    """
-    for b in range(observe_mask.shape[0]):
-        for a in range(observe_mask.shape[1]):
-            is_due = next_due[b, a] <= step[b] + 1 or state[b, a] == _SHADOWING
-            observe_mask[b, a] = is_last if a < egos else is_due
-
-
-@kernel
-def join_events(
-    bits: Ints,
-    terminated: Bools,
-    truncated: Bools,
-    running: Bools,
-    new_bits: Ints,
-    new_terminated: Bools,
-    new_truncated: Bools,
-    finished: Bools,
-    pending: Bools,
-) -> int:
-    """Add one step's events of the egos to the decision's.
-
-    Args:
-        bits: Of the decision, shape (B, E), written, as `terminated` and `truncated`.
-        terminated: See `Events`.
-        truncated: See `Events`.
-        running: Simulations whose episode is not over, shape (B,), written.
-        new_bits: Of the step, shape (B, A), as `new_terminated` and `new_truncated`.
-        new_terminated: See `Events`.
-        new_truncated: See `Events`.
-        finished: Simulations whose episode has ended with the step, shape (B,).
-        pending: Simulations that make the decision, shape (B,), written.
-
-    Returns:
-        How many simulations are to make the next step of it.
-    """
-    left = 0
-    for b in range(len(finished)):
-        for a in range(bits.shape[1]):
-            bits[b, a] |= new_bits[b, a]
-            terminated[b, a] |= new_terminated[b, a]
-            truncated[b, a] |= new_truncated[b, a]
-        if finished[b]:
-            running[b] = pending[b] = False
-        left += pending[b]
-    return left

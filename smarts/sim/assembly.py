@@ -113,10 +113,17 @@ class Assembly:
     """Carries out transfers of vehicles between owners."""
     recorder: EpisodeRecorder | None
     """Takes annotations of the episodes that are recorded; None if none are."""
-    policies: tuple[SocialPolicy, ...] = ()
-    """Of the social agents, by number."""
-    learns_in_bubbles: bool = False
-    """Whether the egos' columns are a pool of agents that drive the vehicles in bubbles."""
+    cast: Cast = NO_CAST
+
+    @property
+    def policies(self) -> tuple[SocialPolicy, ...]:
+        """The policies of the social agents, by number."""
+        return self.cast.policies
+
+    @property
+    def learns_in_bubbles(self) -> bool:
+        """Whether the egos' columns are a pool of agents that drive the vehicles in bubbles."""
+        return self.cast.learning is not None
 
 
 class NoRecorder:
@@ -176,19 +183,18 @@ def assemble(
     """
     options = options or Options()
     names = _names(agents, len(interfaces))
-    shapes = [shape_of(interface) for interface in interfaces]
-    engine = options.traffic_engine
-    schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=engine, cast=cast)
+    schedule = Schedule(
+        scenarios,
+        names,
+        shapes=[shape_of(interface) for interface in interfaces],
+        seed=seed,
+        engine=options.traffic_engine,
+        cast=cast,
+    )
     merged = merge_pools([*_pool_of(cast, schedule), *merge_pools(pool)])
     every = [*interfaces, *(each.interface for each in merged for _ in range(each.capacity))]
     scene = _scene(schedule, worlds, len(interfaces), len(every), options)
-    agent_pool = AgentPool(
-        scene.world,
-        scene.routes,
-        [each.interface for each in merged],
-        [each.capacity for each in merged],
-        pools_egos=cast.learning is not None,
-    )
+    agent_pool = _agent_pool(scene, merged, cast)
     with ExitStack() as on_failure:
         vehicles = _vehicles(scene, every, schedule, options)
         on_failure.callback(vehicles.close)
@@ -199,6 +205,11 @@ def assemble(
         )
         on_failure.pop_all()
     return parts
+
+
+def _agent_pool(scene: Scene, merged: Sequence[PooledAgents], cast: Cast) -> AgentPool:
+    interfaces, capacities = [each.interface for each in merged], [each.capacity for each in merged]
+    return AgentPool(scene.world, scene.routes, interfaces, capacities, pools_egos=cast.learning is not None)
 
 
 def _pool_of(cast: Cast, schedule: Schedule) -> list[PooledAgents]:
@@ -256,10 +267,8 @@ def _assemble(
     recorder = _recorder(scene, pool, options, [policy.name for policy in cast.policies])
     looked_at = {**looked_at, **_unread(cast, pool)}
     controllers = ControllerSet(scene, rules.action.tolist(), schedule.speeds)
-    alive, interest = (
-        alive_rules(interfaces, names, world.egos),
-        interest_of(world, interfaces, schedule, entries),
-    )
+    alive = alive_rules(interfaces, names, world.egos)
+    interest = interest_of(world, interfaces, schedule, entries)
     contacts = FootprintContacts(world)
     bubbles = BubbleRules(world, scene.routes, pool, vehicles.can_accept) if schedule.has_bubbles else None
     events = AgentEvents(scene, rules, alive, interest, entries.coming, _learning(cast, bubbles, options))
@@ -283,18 +292,7 @@ def _assemble(
         pool.clear_with(columns)
     pool.clear_readings_with(sensors.readings)
     simulation = Simulation(world, stages)
-    return Assembly(
-        simulation,
-        schedule,
-        scene,
-        rules,
-        actions,
-        pool,
-        ownership,
-        recorder,
-        cast.policies,
-        cast.learning is not None,
-    )
+    return Assembly(simulation, schedule, scene, rules, actions, pool, ownership, recorder, cast)
 
 
 def _learning(cast: Cast, bubbles: BubbleRules | None, options: Options) -> LearningInBubbles | None:

@@ -213,8 +213,11 @@ class EpisodeRecorder:
 
     def _take_agents(self, row: int, episode: _Episode) -> None:
         """Note the agents and the holds that are new: the pool forgets them before the episode is written."""
-        episode.agents += self._pool.starts[row][len(episode.agents) :]
-        episode.handovers.take_holds(self._pool.holds[row][len(episode.handovers.holds) :])
+        starts, holds, notes = self._pool.starts[row], self._pool.holds[row], episode.handovers
+        if len(starts) > len(episode.agents):
+            episode.agents += starts[len(episode.agents) :]
+        if len(holds) > len(notes.holds):
+            notes.take_holds(holds[len(notes.holds) :])
 
     def _take_handovers(self, frame: Frame) -> None:
         """Note the transfers, before the new holds, and which policies have failed."""

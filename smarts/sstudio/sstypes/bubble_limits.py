@@ -10,12 +10,12 @@ from smarts.sstudio.sstypes.identity import Described
 
 @dataclass(frozen=True, eq=False)
 class BubbleLimits(Described):
-    """The most vehicles that a bubble may hold."""
+    """The most vehicles that a bubble may hold; each limit is 1 or more."""
 
     hijack_limit: int = MAX
-    """Most vehicles that agents drive at a time."""
+    """Most vehicles at a time that agents drive, those included that are to go back to traffic."""
     shadow_limit: int = MAX
-    """Most vehicles that agents watch before they take over; not below `hijack_limit`."""
+    """Most vehicles at a time that agents drive or observe; not below `hijack_limit`."""
 
     def __post_init__(self) -> None:
         if self.hijack_limit is None or self.shadow_limit is None:

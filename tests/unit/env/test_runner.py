@@ -144,7 +144,7 @@ def test_final_observations_of_those_who_were_reset(new_env):
     assert now.final.observations[0][""].shape == (now.reset.sum(), 4, 203)
     assert set(now.metrics) == set(now.final.rows.tolist())
     shares = now.metrics[int(now.final.rows[0])]
-    assert sum(shares[outcome.name.lower()] for outcome in Outcome if outcome) == pytest.approx(1.0)
+    assert sum(shares.get(outcome.name.lower(), 0.0) for outcome in Outcome if outcome) == pytest.approx(1.0)
     row = int(now.final.rows[0])
     ended = (now.terminated | now.truncated)[row]
     assert now.final.observations[0][""][0, ended].any(axis=1).all()
