@@ -30,6 +30,10 @@ STARTED = 1.0
 """A faster vehicle has started [m/s]."""
 TURN_TIME = 4.0
 """How long it is one agent's turn, of two that stand at their lines [s]."""
+CLEARANCE = 1.0
+"""Inside a junction a vehicle waits this far before the others' way [m]..."""
+LEAST_GAP = 0.1
+"""...which then is at least so far ahead [m]."""
 STARTING = 2.0
 """Acceleration with which a vehicle crosses [m/s^2]."""
 STRAIGHT = 0.3
@@ -44,7 +48,7 @@ _AGENT = int(Owner.AGENT)
 def gap_to_junction(
     state: State, roads: Roads, routes: RouteTable, b: int, slot: int, row: int, s: float
 ) -> float:
-    """Return the distance of the front bumper to the line where a vehicle has to wait [m], or infinity.
+    """Return the distance of the front bumper to where a vehicle has to wait [m], or infinity.
 
     Another vehicle goes first if it is, or at its speed would be, where its lane overlaps the own way less
     than `MARGIN` before or after the own vehicle. With two green lights the one that goes straight goes
@@ -61,33 +65,93 @@ def gap_to_junction(
     """
     vehicles, m = state.vehicles, state.map[b]
     base, half = roads.lane_base[m], 0.5 * vehicles.length[b, slot]
+    is_inside = roads.lane_inside[routes.lane[row]]
     to_line = lane_length(roads, routes.lane[row]) - s - half
-    if roads.lane_inside[routes.lane[row]] or not 0.0 <= to_line < LOOK_AHEAD:
+    if not is_inside and not 0.0 <= to_line < LOOK_AHEAD:
         return np.inf
-    lanes, extents = np.empty(_MOST_MEETINGS, np.int32), np.empty((_MOST_MEETINGS, 4))
-    row = next_row(roads, routes, m, row, base)
+    begin = -s - half
+    if not is_inside:
+        row, begin = next_row(roads, routes, m, row, base), to_line
     if row < 0 or not roads.lane_inside[routes.lane[row]]:
         return np.inf
     entry = int(routes.lane[row])
-    count, begin = 0, to_line
+    lanes, extents = np.empty(_MOST_MEETINGS, np.int32), np.empty((_MOST_MEETINGS, 5))
+    count = _list_meetings(roads, routes, m, row, begin, half, is_inside, lanes, extents)
+    if not is_inside:
+        waits = _any_goes_first(state, roads, routes, b, slot, entry, lanes[:count], extents[:count])
+        return to_line if waits else np.inf
+    nearest = np.inf
+    for i in range(count):
+        gap = max(extents[i, 0] - CLEARANCE, LEAST_GAP)
+        if extents[i, 0] > 0.0 and gap < nearest:
+            one, its = lanes[i : i + 1], extents[i : i + 1]
+            if _any_goes_first(state, roads, routes, b, slot, entry, one, its):
+                nearest = gap
+    return nearest
+
+
+@kernel
+def _list_meetings(
+    roads: Roads,
+    routes: RouteTable,
+    m: int,
+    row: int,
+    begin: float,
+    half: float,
+    is_inside: bool,
+    lanes: Ints,
+    extents: Floats,
+) -> int:
+    """List where others' lanes meet the way through a junction; return how many.
+
+    Args:
+        roads: The maps' lanes.
+        routes: The agents' routes.
+        m: The map.
+        row: The first row inside the junction.
+        begin: From the front bumper to its begin [m]; negative behind.
+        half: Half of the vehicle's length [m].
+        is_inside: Whether the vehicle is inside the junction.
+        lanes: The others' lanes, written.
+        extents: Written: from and to along the own way, until the tail is past; from and to along the other
+            lane [m]; 1 if the vehicle is inside.
+    """
+    count, base = 0, roads.lane_base[m]
     while row >= 0 and roads.lane_inside[routes.lane[row]]:
         own = int(routes.lane[row])
         for place in range(roads.conflict_start[own], roads.conflict_start[own + 1]):
-            if count < _MOST_MEETINGS:
+            if count < len(lanes):
                 lanes[count] = roads.conflict_lane[place]
                 extents[count, 0] = begin + roads.conflict_extent[place, 0]
                 extents[count, 1] = begin + roads.conflict_extent[place, 1] + 2.0 * half
                 extents[count, 2] = roads.conflict_other_extent[place, 0]
                 extents[count, 3] = roads.conflict_other_extent[place, 1]
+                extents[count, 4] = 1.0 if is_inside else 0.0
                 count += 1
         begin += lane_length(roads, own)
         row = next_row(roads, routes, m, row, base)
+    return count
+
+
+@kernel
+def _any_goes_first(
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    b: int,
+    slot: int,
+    entry: int,
+    lanes: Ints,
+    extents: Floats,
+) -> bool:
+    """Return whether any vehicle is to be let by."""
+    vehicles = state.vehicles
     for other in range(vehicles.alive.shape[1]):
         if other == slot or not vehicles.alive[b, other] or vehicles.lane[b, other] < 0:
             continue
-        if _goes_first(state, roads, routes, b, slot, other, entry, lanes[:count], extents[:count]):
-            return to_line
-    return np.inf
+        if _goes_first(state, roads, routes, b, slot, other, entry, lanes, extents):
+            return True
+    return False
 
 
 @kernel
@@ -110,7 +174,7 @@ def _goes_first(
     if roads.lane_inside[lane]:
         if _meets(state, b, slot, other, lane, place, lanes, extents, True):
             return True
-    elif not _comes(state, b, slot, other, lane_length(roads, lane) - place):
+    elif not _comes(state, roads, b, slot, other, lane_length(roads, lane) - place):
         return False
     here = free + lane - base
     for first in range(routes.onward_start[here], routes.onward_start[here + 1]):
@@ -134,12 +198,21 @@ def _goes_first(
 
 
 @kernel
-def _comes(state: State, b: int, slot: int, other: int, left: float) -> bool:
+def _comes(state: State, roads: Roads, b: int, slot: int, other: int, left: float) -> bool:
     """Return whether a vehicle before a junction, with so much of its lane left [m], may go first."""
     vehicles = state.vehicles
     if vehicles.speed[b, other] >= STANDING:
         return left <= 2.0 * LOOK_AHEAD
+    if _is_inside(state, roads, b, slot):
+        return False
     return left - 0.5 * vehicles.length[b, other] <= NEAR_LINE and _lets_by(state, b, slot, other)
+
+
+@kernel
+def _is_inside(state: State, roads: Roads, b: int, slot: int) -> bool:
+    """Return whether a vehicle is inside a junction."""
+    lane = state.vehicles.lane[b, slot]
+    return lane >= 0 and bool(roads.lane_inside[roads.lane_base[state.map[b]] + lane])
 
 
 @kernel
@@ -204,7 +277,7 @@ def _meets(
         last = _time_to(beyond, speed) if is_agent else beyond / speed
         if first > own_last + MARGIN or last < own_first - MARGIN:
             continue
-        if is_inside or not is_agent:
+        if not is_agent or (is_inside and extents[i, 4] == 0.0):
             return True
         if first < own_first or (first == own_first and other < slot):
             return True

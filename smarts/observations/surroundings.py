@@ -59,7 +59,7 @@ class Own(enum.IntEnum):
     LIGHT_GAP = 11
     """Distance of the front bumper to its line [m], infinite for none."""
     YIELD_GAP = 12
-    """Distance of the front bumper to the line of a junction where others go first [m], infinite for none."""
+    """Distance of the front bumper to where others go first at a junction [m], infinite for none."""
     OFFSET = 13
     """To the left of the steered lane's centreline [m]."""
     TURN = 14

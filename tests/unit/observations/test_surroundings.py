@@ -169,8 +169,12 @@ def test_lights_that_stop(light):
     assert own[[Own.LIGHT, Own.LIGHT_GAP]] == pytest.approx([light, 17.5])
 
 
-def test_inside_the_junction_a_vehicle_goes_on():
-    assert wait_for(Car(-12.0, -1.6, 0.0, 8.0), own_y=-9.0)[Own.YIELD_GAP] == np.inf
+def test_inside_the_junction_a_vehicle_waits_before_the_others_way():
+    """The ways overlap from about y = -3 on, and its front is at y = -6.5."""
+    car = Car(-14.0, -1.6, 0.0, 8.0)
+    gap = wait_for(car, own_y=-9.0, own_speed=3.0)[Own.YIELD_GAP]
+    assert 1.0 < gap < 4.0
+    assert wait_for(own_y=-9.0, own_speed=3.0)[Own.YIELD_GAP] == np.inf
 
 
 def test_a_leader_beyond_the_junction():
