@@ -8,7 +8,7 @@ Axis letter: N agents of a request.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -18,6 +18,9 @@ from smarts.agents.options import InterfaceError
 from smarts.agents.policy import ActionBatch, Agent, BatchAgent
 from smarts.agents.social import SocialPolicy
 from smarts.agents.spec import AgentSpec
+
+FAILURES = (Exception, SystemExit)
+"""What an agent may raise that lets it fail: `sys.exit` in an agent does not end the run."""
 
 
 class Request(NamedTuple):
@@ -57,6 +60,10 @@ class AgentHost(Protocol):
         """Return the answers to all requests."""
         ...
 
+    def forget(self, rows: Collection[int]) -> None:
+        """Drop the requests of some simulations and what agents remember there: other episodes begin."""
+        ...
+
     def close(self) -> None:
         """End the policies; may be called again."""
         ...
@@ -85,6 +92,13 @@ class InProcess:
         asked, self._asked = self._asked, []
         return [Answer(number, request, self._players[number](request)) for number, request in asked]
 
+    def forget(self, rows: Collection[int]) -> None:
+        """Drop the requests and the agents of some simulations."""
+        left = [(number, _without(request, rows)) for number, request in self._asked]
+        self._asked = [(number, request) for number, request in left if len(request.batch.env_id)]
+        for player in self._players:
+            player.forget(rows)
+
     def close(self) -> None:
         """Forget the policies."""
         self._asked.clear()
@@ -96,6 +110,10 @@ class Player(Protocol):
 
     def __call__(self, request: Request) -> NDArray | Sequence[Any]:
         """Return the actions of all agents of a request."""
+        ...
+
+    def forget(self, rows: Collection[int]) -> None:
+        """Drop the agents of some simulations."""
         ...
 
 
@@ -120,10 +138,7 @@ def built_agent(spec: AgentSpec, place: str) -> Agent:
 
 
 class BatchPlayer:
-    """Asks a `BatchAgent`.
-
-    If it raises, it is asked once more for each agent alone, so that only those fail for which it raises.
-    """
+    """Asks a `BatchAgent`, once for each request: if it raises, all agents of the request fail."""
 
     def __init__(self, agent: Any) -> None:
         self._agent: BatchAgent = agent
@@ -134,22 +149,24 @@ class BatchPlayer:
         count = len(batch.env_id)
         try:
             actions: Any = np.asarray(self._agent.act(batch))
-        except Exception as error:
-            if count == 1:
-                return [failed_by(error)]
-            return [action for one in _each(batch) for action in self(Request(one))]
+        except FAILURES as error:
+            return [failed_by(error)] * count
         if actions.shape[:1] != (count,):
             return [Failed(f"answered {count} agents by an array of shape {actions.shape}")] * count
         return actions
 
+    def forget(self, rows: Collection[int]) -> None:
+        """Do nothing: what a `BatchAgent` remembers starts over where a hold begins."""
 
-def _each(batch: ActionBatch) -> Iterator[ActionBatch]:
-    """Yield the request of each agent alone."""
-    for place in range(len(batch.env_id)):
-        here = slice(place, place + 1)
-        observations = {name: array[here] for name, array in batch.observations.items()}
-        others: dict[str, Any] = {name: getattr(batch, name)[here] for name in ActionBatch._fields[1:]}
-        yield ActionBatch(observations, **others)
+
+def _without(request: Request, rows: Collection[int]) -> Request:
+    """Return a request without the agents of some simulations."""
+    batch = request.batch
+    places = np.flatnonzero(~np.isin(batch.env_id, [*rows]))
+    observations = {name: array[places] for name, array in batch.observations.items()}
+    others: dict[str, Any] = {name: getattr(batch, name)[places] for name in ActionBatch._fields[1:]}
+    seen, vehicles = ([each[place] for place in places.tolist()] if each else () for each in request[1:])
+    return Request(ActionBatch(observations, **others), seen, vehicles)
 
 
 class SinglePlayer:
@@ -165,6 +182,10 @@ class SinglePlayer:
         places = zip(batch.env_id.tolist(), batch.agent_id.tolist(), batch.hold.tolist(), strict=True)
         return [self._act(*place, seen) for place, seen in zip(places, request.seen, strict=True)]
 
+    def forget(self, rows: Collection[int]) -> None:
+        """Drop the agents of some simulations."""
+        self._agents = {place: agent for place, agent in self._agents.items() if place[0] not in rows}
+
     def _act(self, env_id: int, agent_id: int, hold: int, seen: Any) -> Any:
         spec, place = self._policy.spec, (env_id, agent_id)
         try:
@@ -172,7 +193,7 @@ class SinglePlayer:
                 self._agents[place] = hold, built_agent(spec, self._policy.name)
             agent = self._agents[place][1]
             return spec.action_adapter(agent.act(spec.observation_adapter(seen)))
-        except Exception as error:
+        except FAILURES as error:
             return failed_by(error)
 
 
@@ -181,8 +202,8 @@ class FlockPlayer:
 
     def __init__(self, policy: SocialPolicy) -> None:
         self._policy = policy
-        # By simulation: the episode, the holds of the last request, the agent.
-        self._flocks: dict[int, tuple[int, set[int], Agent]] = {}
+        # By simulation: the holds of the last request, the agent.
+        self._flocks: dict[int, tuple[set[int], Agent]] = {}
 
     def __call__(self, request: Request) -> Sequence[Any]:
         """Return the actions of all agents of a request."""
@@ -194,27 +215,31 @@ class FlockPlayer:
                 actions[place] = action
         return actions
 
+    def forget(self, rows: Collection[int]) -> None:
+        """Drop the agents of some simulations."""
+        self._flocks = {env_id: flock for env_id, flock in self._flocks.items() if env_id not in rows}
+
     def _act(self, env_id: int, places: Sequence[int], request: Request) -> list[Any]:
         """Return the actions of the agents of one simulation, which have these places in the request."""
         batch, spec = request.batch, self._policy.spec
         names = [request.vehicles[place] for place in places]
         try:
-            agent = self._agent(env_id, int(batch.episode[places[0]]), set(batch.hold[places].tolist()))
+            agent = self._agent(env_id, set(batch.hold[places].tolist()))
             seen = {
                 name: spec.observation_adapter(request.seen[place])
                 for name, place in zip(names, places, strict=True)
             }
             answer: Any = agent.act(seen)
             return [_of_flock(answer, name, spec) for name in names]
-        except Exception as error:
+        except FAILURES as error:
             return [failed_by(error)] * len(places)
 
-    def _agent(self, env_id: int, episode: int, holds: set[int]) -> Agent:
-        """Return the agent of a simulation: another in another episode, or if it had lost all vehicles."""
+    def _agent(self, env_id: int, holds: set[int]) -> Agent:
+        """Return the agent of a simulation's episode: a new one if the last has lost all vehicles."""
         last = self._flocks.get(env_id)
-        goes_on = last and last[0] == episode and (self._policy.keep_alive or last[1] & holds)
-        agent = last[2] if last and goes_on else built_agent(self._policy.spec, self._policy.name)
-        self._flocks[env_id] = episode, holds, agent
+        continues = last and (self._policy.keep_alive or last[0] & holds)
+        agent = last[1] if last and continues else built_agent(self._policy.spec, self._policy.name)
+        self._flocks[env_id] = holds, agent
         return agent
 
 
@@ -226,6 +251,6 @@ def _of_flock(answer: Any, name: str, spec: AgentSpec) -> Any:
     return spec.action_adapter(answer[name])
 
 
-def failed_by(error: Exception) -> Failed:
+def failed_by(error: BaseException) -> Failed:
     """Return the answer of an agent that has raised."""
     return Failed(f"raised {type(error).__name__}: {error}")

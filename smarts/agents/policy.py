@@ -79,7 +79,12 @@ class BatchAgent(Agent):
 
     What it remembers of a vehicle is keyed by (env_id, agent_id) and starts over where `batch.is_first`; what
     it draws at random comes from `batch.seed`: a run repeats bit for bit, whatever its number of simulations.
-    If `act` raises for several agents, it is called once more for each of them alone.
+
+    Finite numbers outside of the action's space are clipped, as those of learning agents are. An agent whose
+    action is NaN, or no action of the space's shape, fails alone. If `act` raises, all agents of the call
+    fail, in all simulations: it is not called again, since it may have remembered the step. So a simulation
+    of a batch equals the simulation alone as long as `act` does not raise; let it return NaN for the agents
+    that it cannot act for.
     """
 
     observation: ClassVar[Any] = "benchmark"

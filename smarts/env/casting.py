@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-from smarts.agents.acting import built_agent
+from smarts.agents.acting import FAILURES, built_agent
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import LONGEST_DECISION, BatchAgent
@@ -170,7 +170,7 @@ def _policy(part: Part) -> SocialPolicy:
     except SmartsError as error:
         place = ", ".join(filter(None, (part.place, error.place)))
         raise type(error)(error.problem, place=place, remedy=error.remedy) from error
-    except Exception as error:
+    except FAILURES as error:
         raise InterfaceError(
             f"{part.locator!r} cannot be made: {type(error).__name__}: {error}",
             place=part.place,

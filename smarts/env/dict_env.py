@@ -67,6 +67,8 @@ class DictEnv:
         """The egos' columns by name, in the order in which results list them."""
         self.specs = specs
         self._seed, self._episode = seed, -1
+        # By name, those that no info has named yet: infos belong to agents, and there may be none.
+        self._social_failures: dict[str, str] = {}
 
     @property
     def agents(self) -> list[str]:
@@ -86,7 +88,13 @@ class DictEnv:
         self._begin()
         self.runner.dispatch()
         agents = self.agents
-        return {name: self._observation(name) for name in agents}, self._first_infos(agents)
+        infos = self._first_infos(agents)
+        self._social_failures |= self.runner.take_social_failures().get(0, {})
+        for info in infos.values():
+            info |= self._failures_info()
+        if infos:
+            self._social_failures = {}
+        return {name: self._observation(name) for name in agents}, infos
 
     def _begin(self) -> None:
         """Begin the next episode; where agents learn in bubbles, the next one in which there is an agent."""
@@ -119,6 +127,7 @@ class DictEnv:
             return StepResult({}, {}, {}, {}, {}, [], True)
         self._encode(actions)
         transition = self.runner.step()
+        self._social_failures |= transition.social_failures.get(0, {})
         for error in transition.failures.values():
             raise error
         result = self._step_result(transition)
@@ -193,8 +202,7 @@ class DictEnv:
             if not (acted[column] or alive[column]):
                 continue
             info: dict[str, Any] = {"events": [*event_names(int(transition.events[0, column]))]}
-            if transition.social_failures:
-                info["social_failures"] = dict(transition.social_failures[0])
+            info |= self._failures_info()
             if terminated[column] or truncated[column]:
                 info["outcome"] = _OUTCOMES[int(transition.outcome[0, column])]
             result.observations[name] = self._observation(name)
@@ -202,7 +210,13 @@ class DictEnv:
             result.terminated[name], result.truncated[name] = terminated[column], truncated[column]
             if not acted[column]:
                 result.entered.append(name)
+        if result.infos:
+            self._social_failures = {}
         return result
+
+    def _failures_info(self) -> dict[str, Any]:
+        """Return what an info says of social agents that have failed."""
+        return {"social_failures": dict(self._social_failures)} if self._social_failures else {}
 
     def _as_row(self, rewards: Mapping[str, Any]) -> tuple[NDArray, Bools]:
         """Return rewards as an array, shape (1, E), and which are numbers: adapters may return anything."""

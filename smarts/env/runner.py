@@ -17,7 +17,7 @@ from smarts.agents.checks import check_instance
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.env.actions import ActionEncoder
 from smarts.env.decisions import choose_observed, join_events
-from smarts.env.social_agents import SocialAgentRequests, names_of
+from smarts.env.social_agents import SocialAgentRequests, add_by_name
 from smarts.errors import ScenarioError, SmartsError
 from smarts.geometry.binding import bind
 from smarts.sim.assembly import Assembly
@@ -84,7 +84,7 @@ class Transition:
     failures: Mapping[int, SmartsError]
     """Simulations whose traffic failed: their decision is invalid, and they are to be reset."""
     social_failures: Mapping[int, Mapping[str, str]]
-    """By simulation and name, the social agents that have failed in the decision, and why: the fallback
+    """By simulation and name, the social agents that have failed since the last result, and why: the fallback
     controller drives their vehicles."""
 
 
@@ -138,7 +138,7 @@ class SimulationRunner:
         self._terminated = np.zeros(shape, np.bool_)
         self._truncated = np.zeros(shape, np.bool_)
         self._failures: dict[int, SmartsError] = {}
-        self._social_failures: dict[tuple[int, int], str] = {}
+        self._social_failures: dict[int, dict[str, str]] = {}
         self._decided = np.zeros(worlds, np.int32)  # steps of the states that the last decisions were made on
         self._seen = np.zeros_like(self._observe_mask)  # agents whose readings are of now
         self._frame: Frame | None = None
@@ -170,6 +170,8 @@ class SimulationRunner:
         rows[list(episodes)] = True
         for mask in (self.running, self.alive, self._ended, self.actions.given, self.actions.fresh):
             mask[rows] = False
+        if self._requests is not None:
+            self._requests.forget(episodes)
         for listener in self._listeners:
             listener.reset(np.repeat(rows[:, None], self.world.egos, axis=1))
         frame = self._keep(self.simulation.reset(starts))
@@ -181,18 +183,33 @@ class SimulationRunner:
         waiting = rows & ~self.alive.any(axis=1)
         if waiting.any():
             self.dispatch()
-            self.step(waiting)
+            self._decide(waiting)
 
-    def step(self, env_mask: Bools | None = None) -> Transition:
+    def step(self) -> Transition:
         """Step the running simulations until the egos' next decision, with the actions in `actions`.
-
-        Args:
-            env_mask: Which of them make the step, shape (B,); by default all.
 
         Raises:
             ScenarioError: No ego enters.
         """
-        env_mask = self._every if env_mask is None else env_mask
+        self._decide(self._every)
+        return Transition(
+            self._acted,
+            self._events,
+            self.world.agents.outcome[:, : self.world.egos],
+            self._terminated & self._acted,
+            self._truncated & self._acted,
+            ~self.running,
+            dict(self._failures),
+            self.take_social_failures(),
+        )
+
+    def take_social_failures(self) -> dict[int, dict[str, str]]:
+        """Return the failures since the last result, as in `Transition`: after a reset, of its own steps."""
+        taken, self._social_failures = self._social_failures, {}
+        return taken
+
+    def _decide(self, env_mask: Bools) -> None:
+        """Step some simulations, shape (B,), until the egos' next decision."""
         pending, waited = env_mask & self.running, 0
         self._begin_decision(env_mask)
         while pending.any():
@@ -209,16 +226,6 @@ class SimulationRunner:
                 self.dispatch()
         self._find_alive()
         self._ended[env_mask] = (self._terminated | self._truncated)[env_mask]
-        return Transition(
-            self._acted,
-            self._events,
-            self.world.agents.outcome[:, : self.world.egos],
-            self._terminated & self._acted,
-            self._truncated & self._acted,
-            ~self.running,
-            dict(self._failures),
-            names_of(self._social_failures, self._pool),
-        )
 
     def check_begun(self) -> None:
         """Raise if there is nothing to step.
@@ -297,7 +304,6 @@ class SimulationRunner:
             sums[env_mask] = 0
         self._pool.busy[env_mask] = False
         self._failures.clear()
-        self._social_failures.clear()
         next_due = self.world.agents.next_due[:, : self.world.egos]
         due_then = np.broadcast_to((self.world.step + self.period)[:, None], next_due.shape)
         np.copyto(next_due, due_then, where=acts)
@@ -320,7 +326,7 @@ class SimulationRunner:
     def _gather(self) -> dict[tuple[int, int], str]:
         """Take the social agents' answers; return which agents have failed."""
         failed = {} if self._requests is None else self._requests.gather()
-        self._social_failures |= failed
+        add_by_name(self._social_failures, failed, self._pool)
         return failed
 
     def _keep(self, frame: Frame) -> Frame:

@@ -5,7 +5,7 @@ Axis letters: B simulations, A agents, C columns of an interface, N agents of a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cache
 from typing import Any
 
@@ -107,6 +107,10 @@ class SocialAgentRequests:
             for answer in self._host.gather():
                 self._take(answer, failures)
         return failures
+
+    def forget(self, rows: Collection[int]) -> None:
+        """Drop the requests of simulations in which other episodes begin."""
+        self._host.forget(rows)
 
     def close(self) -> None:
         """End the policies; may be called again."""
@@ -242,9 +246,9 @@ class _Observer:
         return {name: array[rows, places] for name, array in arrays.items()}
 
 
-def names_of(failures: Mapping[tuple[int, int], str], pool: AgentPool) -> dict[int, dict[str, str]]:
-    """Return failures by simulation and the agent's name."""
-    named: dict[int, dict[str, str]] = {}
+def add_by_name(
+    named: dict[int, dict[str, str]], failures: Mapping[tuple[int, int], str], pool: AgentPool
+) -> None:
+    """Add failures to `named`, which has them by simulation and the agent's name."""
     for (row, number), problem in failures.items():
         named.setdefault(row, {})[pool.starts[row][number].name] = problem
-    return named

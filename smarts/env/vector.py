@@ -96,8 +96,8 @@ class VectorStep(NamedTuple):
     metrics: Mapping[int, Mapping[str, float]] = {}
     """Of the simulations that were reset: shares of the agents by outcome, and steps."""
     social_failures: Mapping[int, Mapping[str, str]] = {}
-    """By simulation and name, the social agents that have failed in the decision, and why: the fallback
-    controller drives their vehicles."""
+    """By simulation and name, the social agents that have failed since the last result, also in the steps of
+    a reset, and why: the fallback controller drives their vehicles."""
 
 
 class VectorHiWayEnv(NotCopied):
@@ -216,8 +216,9 @@ class VectorHiWayEnv(NotCopied):
         runner.conclude(rewards, ~self._none)
         if over.any():
             self._next_episodes(np.flatnonzero(over))
-        result = self._result(rewards, terminated, truncated, ended, final, failed, metrics)
-        return result._replace(social_failures=transition.social_failures)
+        return self._result(
+            rewards, terminated, truncated, ended, final, failed, metrics, transition.social_failures
+        )
 
     def annotate(self, name: str, values: Sequence[NDArray | None]) -> None:
         """Add values to the record of the next step; without a record, a no-op.
@@ -280,8 +281,12 @@ class VectorHiWayEnv(NotCopied):
         final: Final | None = None,
         failed: Mapping[int, BaseException] | None = None,
         metrics: Mapping[int, Mapping[str, float]] | None = None,
+        social_failures: Mapping[int, Mapping[str, str]] | None = None,
     ) -> VectorStep:
         """Ask the social agents for their next actions, and return where the simulations stand."""
+        named = {row: dict(failures) for row, failures in (social_failures or {}).items()}
+        for row, failures in self._runner.take_social_failures().items():
+            named.setdefault(row, {}).update(failures)
         self._runner.dispatch()
         return VectorStep(
             self._observations(),
@@ -294,6 +299,7 @@ class VectorHiWayEnv(NotCopied):
             self._masks(),
             failed=failed or {},
             metrics=metrics or {},
+            social_failures=named,
         )
 
     def _next_episodes(self, rows: Ints) -> None:
@@ -308,6 +314,7 @@ class VectorHiWayEnv(NotCopied):
 
     def _begin(self, rows: Ints) -> None:
         """Begin episodes; if an episode fails, the next one."""
+        self._endings[rows] = 0
         try:
             self._runner.reset({int(row): self._key(row) for row in rows})
         except TrafficError:
@@ -347,8 +354,7 @@ class VectorHiWayEnv(NotCopied):
     def _metrics(self, row: int, transition: Transition) -> dict[str, float]:
         endings = np.bincount(transition.outcome[row], minlength=len(Outcome))
         if self._learns_in_bubbles:
-            endings = self._endings[row].copy()
-            self._endings[row] = 0
+            endings = self._endings[row]
         count = max(1, int(endings.sum()))
         shares = {
             outcome.name.lower(): float(endings[outcome]) / count

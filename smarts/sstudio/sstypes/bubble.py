@@ -57,7 +57,8 @@ class Bubble(Described):
         self._check_following()
         if self.keep_alive and not self.is_boid:
             raise ValueError(f"keep_alive of {self.id} is for boids, which drive several vehicles")
-        if self.active_condition.requires & ConditionRequires.any_current_actor_state:
+        is_condition = isinstance(self.active_condition, Condition)  # `validate` refuses others by place
+        if is_condition and self.active_condition.requires & ConditionRequires.any_current_actor_state:
             raise ValueError(
                 f"the active_condition of {self.id} is about a vehicle: put it into airlock_condition"
             )

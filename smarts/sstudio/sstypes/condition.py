@@ -155,6 +155,10 @@ class TimeWindowCondition(Condition):
     end: float
     """[s]; `sys.maxsize` makes it hold always."""
 
+    def __post_init__(self) -> None:
+        if not self.start <= self.end:
+            raise ValueError(f"the time window ends at {self.end} s, before its start at {self.start} s")
+
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Compare `time`."""
         time = facts["time"]

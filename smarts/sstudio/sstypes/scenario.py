@@ -144,8 +144,8 @@ class Scenario(Described):
 
     def _social_actors(self) -> Iterator[tuple[str, SocialAgentActor]]:
         for group, pair in (self.social_agent_missions or {}).items():
-            # The build refuses what is not a pair. A single actor instead of a sequence is what
+            # The build refuses what is not a pair of lists. A single actor instead of a sequence is what
             # gen_social_agent_missions accepts, too.
             actors = pair[0] if isinstance(pair, list | tuple) and pair else ()
-            for actor in [actors] if isinstance(actors, SocialAgentActor) else actors:
-                yield group, actor
+            actors = actors if isinstance(actors, list | tuple) else [actors]
+            yield from ((group, actor) for actor in actors if isinstance(actor, SocialAgentActor))

@@ -65,6 +65,21 @@ def played():
         env.close()
 
 
+def test_a_reset_in_mid_episode_forgets_how_agents_have_ended():
+    env = vector(1, 2)
+    try:
+        env.reset(5)
+        for _ in range(250):
+            step = env.step([np.zeros((1, 2), int)])
+            if env._endings.any() and not step.reset.any():
+                break
+        assert env._endings.any()
+        env.reset(5)
+        assert not env._endings.any()
+    finally:
+        env.close()
+
+
 def test_leaving_the_bubble_truncates_with_the_last_observation_in_place(played):
     left = 0
     for moment in played:

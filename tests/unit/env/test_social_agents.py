@@ -15,9 +15,9 @@ from smarts.agents import (
     DoneCriteria,
     PooledAgents,
 )
-from smarts.agents.acting import Answer
+from smarts.agents.acting import Answer, InProcess, Request
 from smarts.agents.options import InterfaceError
-from smarts.agents.policy import BatchAgent
+from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.agents.social import Cast, SocialPolicy
 from smarts.env.runner import EpisodeKey, SimulationRunner
 from smarts.errors import ScenarioError
@@ -57,6 +57,9 @@ class Answers:
     def gather(self):
         ready, self.ready = self.ready, []
         return ready
+
+    def forget(self, rows):
+        self.forgotten = [*rows]
 
     def close(self):
         self.ready = None
@@ -341,10 +344,112 @@ def test_what_a_batch_agent_answers_wrongly_fails_where_it_is_wrong(kind):
 
     _, transitions, _ = run_batches(Fails, 3, change=only)
     failed = transitions[0].social_failures
-    alone = kind in ("raises", "nan", "number")
+    alone = kind in ("nan", "number")
     assert [*failed] == ([1] if alone else [0, 1, 2])
     assert all([*names] == ["social"] for names in failed.values())
     assert not any(each.social_failures for each in transitions[1:])
+
+
+def test_a_batch_agent_that_raises_is_not_asked_again():
+    class Raises(Batches):
+        def act(self, batch):
+            self.batches.append(batch)
+            raise SystemExit(3)
+
+    def only(agents):
+        return beside(agents)
+
+    _, transitions, _ = run_batches(Raises, 3, change=only)
+    assert transitions[0].social_failures == {row: {"social": "raised SystemExit: 3"} for row in range(3)}
+    assert [batch.env_id.tolist() for batch in Raises.batches] == [[0, 1, 2]]
+
+
+def requests_of(*env_ids, hold=0):
+    """Return a request for one vehicle in each of some simulations."""
+    count = len(env_ids)
+    zeros = np.zeros(count, np.int32)
+    batch = ActionBatch(
+        {},
+        np.ones((count, 4), bool),
+        np.array(env_ids, np.int32),
+        zeros,
+        np.arange(hold, hold + count),
+        zeros,
+        zeros,
+        np.ones(count, bool),
+        np.zeros(count, np.uint64),
+    )
+    return Request(batch, [*env_ids], [f"car-{env_id}" for env_id in env_ids])
+
+
+@pytest.mark.parametrize("options", [{}, {"is_boid": True}, {"is_boid": True, "keep_alive": True}])
+def test_what_a_policy_remembers_ends_with_the_episode_whatever_its_number(options):
+    class Counts(Agent):
+        def __init__(self):
+            self.asked = 0
+
+        def act(self, obs):
+            self.asked += 1
+            return dict.fromkeys(obs, self.asked) if isinstance(obs, dict) else self.asked
+
+    host = InProcess([policy_of(Counts, **options)])
+
+    def asked(*env_ids, hold=0):
+        host.dispatch({0: requests_of(*env_ids, hold=hold)})
+        return [*host.gather()[0].actions]
+
+    assert asked(0, 1) == [1, 1]
+    assert asked(0, 1) == [2, 2]
+    host.forget([1])
+    assert asked(0, 1) == [3, 1], "the same hold and episode number"
+
+
+def test_requests_in_flight_are_dropped_where_other_episodes_begin():
+    seen = []
+    host = InProcess([policy_of(lambda obs: seen.append(obs) or "keep_lane")])
+    host.dispatch({0: requests_of(0, 1, 2)})
+    host.forget([1])
+    (answer,) = host.gather()
+    assert answer.request.batch.env_id.tolist() == [0, 2]
+    assert [*answer.request.vehicles] == ["car-0", "car-2"]
+    assert seen == [0, 2]
+    host.dispatch({0: requests_of(0)})
+    host.forget([0])
+    assert host.gather() == []
+
+
+def test_an_episode_that_is_broken_off_is_not_asked_about(play):
+    steps = []
+    played = play(lambda seen: steps.append(seen.step_count) or "keep_lane", beside)
+    played.reset()
+    played.step(3)
+    played.reset()
+    played.step(2)
+    assert steps == [0, 1, 2, 0, 1]
+
+
+def test_an_agent_that_exits_fails(play):
+    def act(seen):
+        raise SystemExit(3)
+
+    played = play(act, beside)
+    played.reset()
+    assert played.step().social_failures == {0: {"social": "raised SystemExit: 3"}}
+
+
+def test_failures_while_the_ego_waits_are_in_the_next_result(play):
+    def waiting(agents):
+        ego, social = beside(agents)
+        return dataclasses.replace(ego, entry_time=3.0), social
+
+    played = play(lambda seen: "fly", waiting)
+    played.reset()
+    assert played.world.step[0] >= 30
+    assert [*played.step().social_failures[0]] == ["social"]
+    assert played.step().social_failures == {}
+    played.reset(1)
+    assert [*played.runner.take_social_failures()[0]] == ["social"]
+    assert played.step().social_failures == {}
 
 
 def test_a_failed_policy_leaves_others_alone():
@@ -379,7 +484,8 @@ def test_a_failed_policy_leaves_others_alone():
         runner.close()
 
 
-def test_a_boid_gets_and_returns_dicts_by_the_vehicles_names():
+@pytest.mark.parametrize(("second", "keep_alive"), [(1, False), (1, True), (0, True)])
+def test_a_boid_gets_and_returns_dicts_by_the_vehicles_names(second, keep_alive):
     seen = []
 
     class Flock(Agent):
@@ -392,7 +498,7 @@ def test_a_boid_gets_and_returns_dicts_by_the_vehicles_names():
             seen.append({name: each.step_count for name, each in obs.items()})
             return {name: "keep_lane" for name in obs if name != "second" or len(seen) < 15}
 
-    policy = policy_of(Flock, is_boid=True)
+    policy = policy_of(Flock, is_boid=True, keep_alive=keep_alive)
     parts = assemble(
         [build_scenario("intersection")], [LANER], cast=Cast((policy,)), pool=[PooledAgents(LANER, 1)]
     )
@@ -400,7 +506,7 @@ def test_a_boid_gets_and_returns_dicts_by_the_vehicles_names():
     runner = SimulationRunner(parts, [])
     failed = {}
     try:
-        for episode in range(2):
+        for episode in (0, second):
             runner.reset({0: EpisodeKey(0, episode, 42)})
             runner.dispatch()
             for _ in range(20):

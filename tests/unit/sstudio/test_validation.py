@@ -301,6 +301,31 @@ WRONG = {
         "social_agent_missions['g']",
         "'b'",
     ),
+    "missions without actors": (
+        'social_agent_missions={"g": [t.Mission(south_north)]}',
+        "social_agent_missions['g']",
+        "Mission(",
+    ),
+    "social agents without actors": (
+        'social_agent_missions={"g": ([], [t.Mission(south_north)])}',
+        "social_agent_missions['g']",
+        "no actors",
+    ),
+    "missions for actors": (
+        'social_agent_missions={"g": ([t.Mission(south_north)], [agent])}',
+        "social_agent_missions['g'][0][0]",
+        "Mission(",
+    ),
+    "truth as a condition": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, active_condition=True)]",
+        "bubbles[0].active_condition",
+        "True",
+    ),
+    "truth as an air-lock's condition": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, airlock_condition=True)]",
+        "bubbles[0].airlock_condition",
+        "True",
+    ),
     "twin agents": (
         'social_agent_missions={"g": ([agent, agent], [t.Mission(south_north)])}',
         "social_agent_missions['g']",
@@ -422,6 +447,16 @@ def test_refused_by_the_build(case, scenario_folder):
             "from smarts.sstudio import types as t\nt.BubbleLimits(2, 1)\n",
             "scenario.py, line 2",
             "ValueError",
+        ),
+        (
+            "from smarts.sstudio import types as t\nt.TimeWindowCondition(50, 20)\n",
+            "scenario.py, line 2",
+            "50",
+        ),
+        (
+            "from smarts.sstudio import types as t\nt.ConfigurableZone([(0, 0), (9, 0)])\n",
+            "scenario.py, line 2",
+            "y = 0",
         ),
         (
             "from smarts.sstudio import *\ngen_traffic('.', None, 'missions')\n",
