@@ -91,7 +91,7 @@ class DictEnv:
         infos = self._first_infos(agents)
         self._social_failures |= self.runner.take_social_failures().get(0, {})
         for info in infos.values():
-            info |= self._failures_info()
+            info |= self._social_info()
         if infos:
             self._social_failures = {}
         return {name: self._observation(name) for name in agents}, infos
@@ -202,7 +202,7 @@ class DictEnv:
             if not (acted[column] or alive[column]):
                 continue
             info: dict[str, Any] = {"events": [*event_names(int(transition.events[0, column]))]}
-            info |= self._failures_info()
+            info |= self._social_info()
             if terminated[column] or truncated[column]:
                 info["outcome"] = _OUTCOMES[int(transition.outcome[0, column])]
             result.observations[name] = self._observation(name)
@@ -214,9 +214,10 @@ class DictEnv:
             self._social_failures = {}
         return result
 
-    def _failures_info(self) -> dict[str, Any]:
-        """Return what an info says of social agents that have failed."""
-        return {"social_failures": dict(self._social_failures)} if self._social_failures else {}
+    def _social_info(self) -> dict[str, Any]:
+        """Return what an info says of social agents that have failed, and of agents that cannot enter."""
+        said = {"social_failures": dict(self._social_failures), "kept_out": self.runner.kept_out(0)}
+        return {name: value for name, value in said.items() if value}
 
     def _as_row(self, rewards: Mapping[str, Any]) -> tuple[NDArray, Bools]:
         """Return rewards as an array, shape (1, E), and which are numbers: adapters may return anything."""

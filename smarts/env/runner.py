@@ -121,6 +121,8 @@ class SimulationRunner:
         self._schedule, self._recorder = assembly.schedule, assembly.recorder
         self._listeners = tuple(listeners)
         self._requests = SocialAgentRequests(assembly, self.encoder, host) if assembly.policies else None
+        self.kept_out = assembly.entries.kept_out
+        """Return the names of a simulation's agents whose time has come and that cannot enter yet."""
         self._pool, self.learns_in_bubbles = assembly.pool, assembly.learns_in_bubbles
         """Whether the egos come and go with the vehicles in bubbles."""
         worlds, egos = self.world.worlds, self.world.egos

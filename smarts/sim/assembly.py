@@ -111,6 +111,8 @@ class Assembly:
     """The agents of each episode, and the columns that they hold."""
     ownership: Ownership
     """Carries out transfers of vehicles between owners."""
+    entries: Entries
+    """Lets agents enter, and knows which cannot."""
     recorder: EpisodeRecorder | None
     """Takes annotations of the episodes that are recorded; None if none are."""
     cast: Cast = NO_CAST
@@ -292,7 +294,7 @@ def _assemble(
         pool.clear_with(columns)
     pool.clear_readings_with(sensors.readings)
     simulation = Simulation(world, stages)
-    return Assembly(simulation, schedule, scene, rules, actions, pool, ownership, recorder, cast)
+    return Assembly(simulation, schedule, scene, rules, actions, pool, ownership, entries, recorder, cast)
 
 
 def _learning(cast: Cast, bubbles: BubbleRules | None, options: Options) -> LearningInBubbles | None:

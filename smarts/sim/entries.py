@@ -42,7 +42,8 @@ class Entries:
         self.coming = np.zeros(worlds, np.int32)
         """How many of them get their column when they enter, shape (B,)."""
         self.crowded_out = np.zeros(worlds, np.int32)
-        """How many agents of the present episode have found no free vehicle slot, shape (B,)."""
+        """How many agents of the present episode could not enter when they were to, each once, shape (B,):
+        another agent's vehicle was at the start, or no column or vehicle slot was free."""
         self._crowded: list[set[int]] = [set() for _ in range(worlds)]
         self._world, self._ownership = world, ownership
         self._routes, self._pool = routes, pool
@@ -75,6 +76,13 @@ class Entries:
             if waiting and env_mask[row]:
                 self._wait(row, [number for number in waiting if not self._enters(row, number)])
 
+    def kept_out(self, row: int) -> list[str]:
+        """Return the names of the agents whose time has come and that cannot enter yet."""
+        crowded = self._crowded[row]
+        if not crowded:
+            return []
+        return [self._pool.starts[row][number].name for number in self.waiting[row] if number in crowded]
+
     def is_waiting(self, row: int, number: int) -> bool:
         """Return whether an agent that has not entered still can: it has no column, or waits in it."""
         agent_id = self._pool.column(row, number)
@@ -96,7 +104,10 @@ class Entries:
         # This is the beginning of the step: its number is already that of its end.
         now = (int(world.step[row]) - 1) * world.dt
         patience = start.take_over.patience if start.take_over else 0.0
-        if now < start.entry_time + patience - 1e-9 or self._is_occupied(row, start):
+        if now < start.entry_time + patience - 1e-9:
+            return False
+        if self._is_occupied(row, start):
+            self._keep_out(row, number)
             return False
         slot = self._admit(row, number, start)
         if slot is None:
@@ -112,6 +123,7 @@ class Entries:
     def _enters_at_once(self, row: int, number: int, start: AgentStart) -> bool:
         """Let an agent in at a reset; return whether it is in. An agent that is no ego needs a free place."""
         if start.interface != UNSET and self._is_occupied(row, start):
+            self._keep_out(row, number)
             return False
         return self._admit(row, number, start) is not None
 
@@ -122,13 +134,20 @@ class Entries:
             TrafficError: No slot is free for an ego.
         """
         if start.interface != UNSET and self._world.vehicles.alive[row].all():
-            self.crowded_out[row] += number not in self._crowded[row]
-            self._crowded[row].add(number)
+            self._keep_out(row, number)
             return None
         agent_id = self._pool.column(row, number)
         if agent_id == UNSET:
             agent_id = self._pool.take(row, number)
-        return None if agent_id == UNSET else self._ownership.admit(row, agent_id, start)
+        if agent_id == UNSET:
+            self._keep_out(row, number)
+            return None
+        return self._ownership.admit(row, agent_id, start)
+
+    def _keep_out(self, row: int, number: int) -> None:
+        """Count an agent that cannot enter now."""
+        self._crowded[row].add(number)
+        self.crowded_out[row] = len(self._crowded[row])
 
     def _is_occupied(self, row: int, start: AgentStart) -> bool:
         """Return whether another agent's vehicle is at the start."""

@@ -127,6 +127,25 @@ def test_social_agents_of_a_scenario_drive_in_every_environment(scenario):
         env.close()
 
 
+def test_a_social_agent_whose_start_is_occupied_is_named_until_it_enters(scenario, closing):
+    env, third = closing(HiWayEnv([scenario], {"me": benchmark_interface()})), "social-agent-turns-third"
+    kept = []
+    for _ in range(3):  # The mission of one of the turns begins a metre ahead of the ego.
+        env.reset()
+        for _ in range(3):
+            *_, infos = env.step({"me": "slow_down"})
+        kept.append(infos["me"].get("kept_out"))
+        if kept[-1]:
+            break
+    assert kept[-1] == [third]
+    assert not any(kept[:-1])
+    for _ in range(150):
+        *_, infos = env.step({"me": "keep_lane"})
+        if "kept_out" not in infos["me"]:
+            return
+    pytest.fail("the agent does not enter, though the ego has gone")
+
+
 def test_agents_of_the_zoo_take_the_missions_that_the_egos_leave():
     added = [SocialAgents(KEEP_LANE), SocialAgents(IDM, "missions", {"tau": 1.5})]
     schedule = schedule_of(["intersection"], 1, added)

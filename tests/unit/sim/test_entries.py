@@ -125,9 +125,15 @@ def test_an_agent_waits_for_another_to_leave_its_start():
     stage = Stage(straight(), ego(), ego("late", x=52.0, entry_time=0.5))
     stage.step(20)
     assert stage.world.agents.state[0, 1] == AgentStatus.WAITING
+    assert stage.entries.kept_out(0) == ["late"]
+    assert stage.entries.crowded_out.tolist() == [1], "counted once"
     stage.world.vehicles.position[0, 0] = 120.0, 0.0
     stage.step()
     assert stage.driven(1) == "late"
+    assert stage.entries.kept_out(0) == []
+    assert stage.entries.crowded_out.tolist() == [1]
+    stage.reset()
+    assert stage.entries.crowded_out.tolist() == [0]
 
 
 def test_room_is_made_by_the_difference_in_speed():
