@@ -216,3 +216,37 @@ def test_the_room_of_a_scenario_is_its_own(scenario):
     rooms = {crowd.start(0, episode).scenario: crowd.start(0, episode).room for episode in range(12)}
     assert sum(rooms["loop"]) == 0
     assert sum(rooms["meeting"]) == 3
+
+
+FAILING = """
+from smarts.agents import Agent, AgentInterface, AgentSpec, ActionSpaceType, DoneCriteria
+from smarts.zoo import register
+
+class Fails(Agent):
+    def act(self, obs):
+        raise SystemExit("no idea")
+
+def spec():
+    return AgentSpec(AgentInterface(action=ActionSpaceType.Lane, done_criteria=DoneCriteria()), Fails)
+
+register("fails-v0", spec)
+"""
+
+
+def test_failures_in_the_steps_of_a_reset_are_in_its_infos(tmp_path, monkeypatch):
+    (tmp_path / "failing_agents.py").write_text(FAILING)
+    monkeypatch.syspath_prepend(tmp_path)
+    folder = written(tmp_path / "waiting", "failing_agents:fails-v0")
+    script = (folder / "scenario.py").read_text()
+    ego = '("west_out", 0, 60)'
+    assert ego + ")]" in script
+    (folder / "scenario.py").write_text(script.replace(ego + ")]", ego + ", 2.0)]"))
+    env = HiWayEnv([folder], {"me": benchmark_interface()})
+    try:
+        _, infos = env.reset(seed=1)
+        failures = infos["me"]["social_failures"]
+        assert failures["social-agent-pair-first"] == "raised SystemExit: no idea"
+        *_, infos = env.step({"me": "keep_lane"})
+        assert "social-agent-pair-first" not in infos["me"].get("social_failures", {})
+    finally:
+        env.close()
