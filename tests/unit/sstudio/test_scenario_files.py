@@ -230,7 +230,10 @@ gen_scenario(
 def test_the_first_generation_as_a_whole(scenario_folder):
     built = build_scenario(scenario_folder(FIRST_WHOLE))
     assert list(built.traffic) == ["straight", "turns"]
-    assert [len(plan.missions) for plan in built.episodes(3)] == [3, 3]
+    plans = built.episodes(3)
+    assert [len(plan.missions) for plan in plans] == [3] * 4
+    played = sorted((plan.traffic, *(role.actor.name for role in plan.social)) for plan in plans)
+    assert played == [("straight", "one"), ("straight", "two"), ("turns", "one"), ("turns", "two")]
     (actors, _) = built.scenario.social_agent_missions["group"]
     assert actors[1].policy_kwargs == {"speed": 5}
 
