@@ -164,6 +164,19 @@ def load_own(name: str, kind: str = "part") -> Any:
     return found
 
 
+def load_module(module: str, kind: str) -> ModuleType:
+    """Import a module of the user's.
+
+    Args:
+        module: Its name.
+        kind: What it holds, for errors.
+
+    Raises:
+        OwnCodeError: There is no such module, or importing it raises.
+    """
+    return _import(module, kind, module)
+
+
 def _import(module: str, kind: str, name: str) -> ModuleType:
     _remember_root(module)
     try:

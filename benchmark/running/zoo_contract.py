@@ -75,7 +75,9 @@ def check_entry(
     _check_repeats(locator, spec, requests)
     yield "repeats bit for bit"
     _check_rows(locator, spec, [batch for batch, _ in requests])
-    yield f"a vehicle alone acts as one of {ROWS}, bit for bit"
+    yield f"a vehicle alone acts as among {ROWS}, bit for bit"
+    _check_restart(locator, spec, [batch for batch, _ in requests])
+    yield "forgets a vehicle when the next one comes"
 
 
 class ZooDrive:
@@ -192,6 +194,7 @@ class ZooDrive:
             step=self.world.step[env_id].astype(np.int32),
             is_first=~self._was_asked[chosen],
             seed=np.array(seeds, np.uint64),
+            drives=np.ones(len(env_id), np.bool_),
         )
 
 
@@ -267,26 +270,55 @@ def _check_repeats(locator: str, spec: AgentSpec, requests: Sequence[tuple[Actio
 
 
 def _check_rows(locator: str, spec: AgentSpec, batches: Sequence[ActionBatch]) -> None:
-    """Raise unless a vehicle alone gets the same actions as one in a batch of others."""
+    """Raise unless a vehicle alone gets the same actions as among others of other simulations."""
     alone, among = spec.build_agent(), spec.build_agent()
-    for batch in batches:
-        row = np.flatnonzero(
-            (batch.env_id == batches[0].env_id[0]) & (batch.agent_id == batches[0].agent_id[0])
-        )
-        if not len(row):
-            return
-        one = _rows(batch, row)
-        many = _rows(batch, np.repeat(row, ROWS))
-        many = many._replace(env_id=np.arange(ROWS, dtype=np.int32))
-        place = ROWS // 2
+    place, own = ROWS // 2, _of_first_vehicle(batches)
+    others = [_rows(batch, np.array([row])) for batch in batches for row in range(len(batch.env_id))]
+    for number, one in enumerate(own):
+        # Others' requests of any step, as of vehicles that have nothing to do with this one.
+        row = [others[(number * ROWS + k * k) % len(others)] for k in range(ROWS)]
+        row[place] = one
+        many = _joined(row)._replace(env_id=np.arange(ROWS, dtype=np.int32))
         one = one._replace(env_id=many.env_id[place : place + 1])
         if not np.array_equal(_act(alone, one)[0], _act(among, many)[place]):
             raise SmartsError(
-                f"a vehicle alone acts otherwise than among {ROWS} at step {int(batch.step[row[0]])}",
+                f"a vehicle alone acts otherwise than among {ROWS} at step {int(one.step[0])}",
                 place=f"agent {locator!r}",
-                remedy="key memories by (env_id, agent_id), and let no row depend on the number of rows: "
-                "matrix products of BLAS do in their last bits",
+                remedy="key memories by (env_id, agent_id), and let no row depend on others: "
+                "matrix products of BLAS depend on their number in the last bits",
             )
+
+
+def _check_restart(locator: str, spec: AgentSpec, batches: Sequence[ActionBatch]) -> None:
+    """Raise unless an agent forgets a vehicle when another one gets its column."""
+    agent, own = spec.build_agent(), _of_first_vehicle(batches)
+    first = [_act(agent, one) for one in own]
+    again = [_act(agent, one._replace(hold=one.hold + 1)) for one in own]
+    for one, before, after in zip(own, first, again, strict=True):
+        if not np.array_equal(before, after):
+            raise SmartsError(
+                f"the next vehicle in a column gets other actions at step {int(one.step[0])}",
+                place=f"agent {locator!r}",
+                remedy="let what is kept of (env_id, agent_id) start over where batch.is_first",
+            )
+
+
+def _of_first_vehicle(batches: Sequence[ActionBatch]) -> list[ActionBatch]:
+    """Return the requests of the vehicle that is asked first, alone."""
+    env_id, agent_id = batches[0].env_id[0], batches[0].agent_id[0]
+    rows = [np.flatnonzero((batch.env_id == env_id) & (batch.agent_id == agent_id)) for batch in batches]
+    return [_rows(batch, row) for batch, row in zip(batches, rows, strict=True) if len(row)]
+
+
+def _joined(batches: Sequence[ActionBatch]) -> ActionBatch:
+    """Return the rows of several requests as one request."""
+    names = [*batches[0].observations]
+    seen = {name: np.concatenate([each.observations[name] for each in batches]) for name in names}
+    fields = [name for name in ActionBatch._fields if name != SEEN]
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(each, name) for each in batches]) for name in fields
+    }
+    return ActionBatch(seen, **columns)
 
 
 def _rows(batch: ActionBatch, rows: NDArray) -> ActionBatch:

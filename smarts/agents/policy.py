@@ -68,6 +68,9 @@ class ActionBatch(NamedTuple):
     """Whether this is the first request for this agent."""
     seed: NDArray[np.uint64]
     """Of the agent's own random draws: a function of the run's seed, world, episode and agent alone."""
+    drives: Bools
+    """Whether the agent drives its vehicle; in a bubble's air-lock it only observes. Its last action there is
+    carried out when it takes the vehicle over."""
 
 
 class AgentPolicy(Agent):

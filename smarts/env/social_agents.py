@@ -128,6 +128,7 @@ class SocialAgentRequests:
             step=world.step[rows].astype(np.int32),
             is_first=is_first,
             seed=self._seed[rows, columns],
+            drives=world.agents.state[rows, columns] == _ACTIVE,
         )
         if policy.observation is not None:
             return Request(batch)

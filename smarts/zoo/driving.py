@@ -116,6 +116,8 @@ class Idm(NamedTuple):
 class Memory:
     """Numbers that a policy keeps of each vehicle between its decisions, zero at a vehicle's first.
 
+    In a bubble's air-lock, where the policy does not drive yet, nothing is kept.
+
     Args:
         width: Numbers of each vehicle.
     """
@@ -123,24 +125,30 @@ class Memory:
     def __init__(self, width: int) -> None:
         self._rows: dict[tuple[int, int], int] = {}
         self._values = np.zeros((16, width))
+        self._is_kept = np.zeros(16, np.bool_)
 
     def of(self, batch: ActionBatch) -> Floats:
         """Return a copy of what is kept of a batch's vehicles, shape (N, width)."""
         rows = self._rows_of(batch)
-        self._values[rows[batch.is_first]] = 0.0
-        return self._values[rows]
+        return np.where(self._is_kept[rows, None] & ~batch.is_first[:, None], self._values[rows], 0.0)
+
+    def is_new(self, batch: ActionBatch) -> Bools:
+        """Return of which vehicles nothing is kept, shape (N,)."""
+        return ~self._is_kept[self._rows_of(batch)] | batch.is_first
 
     def keep(self, batch: ActionBatch, values: Floats) -> None:
-        """Keep the numbers of a batch's vehicles, shape (N, width)."""
-        self._values[self._rows_of(batch)] = values
+        """Keep the numbers of those of a batch's vehicles that are driven, shape (N, width)."""
+        rows = self._rows_of(batch)
+        self._values[rows], self._is_kept[rows] = values, batch.drives
 
     def _rows_of(self, batch: ActionBatch) -> Ints:
         keys = zip(batch.env_id.tolist(), batch.agent_id.tolist(), strict=True)
         rows = [self._rows.setdefault(key, len(self._rows)) for key in keys]
-        if len(self._rows) > len(self._values):
-            more = np.zeros((2 * len(self._rows), self._values.shape[1]))
-            more[: len(self._values)] = self._values
-            self._values = more
+        missing = len(self._rows) - len(self._values)
+        if missing > 0:
+            more = np.zeros((missing + len(self._values), self._values.shape[1]))
+            self._values = np.concatenate([self._values, more])
+            self._is_kept = np.concatenate([self._is_kept, np.zeros(len(more), np.bool_)])
         return np.array(rows, np.int32)
 
 
@@ -184,7 +192,8 @@ class Driver(BatchAgent):
         seen = Seen.of(obs)
         acceleration, change = self.decide(obs, seen)
         last = self._last.of(obs)
-        acceleration -= np.where(obs.is_first, 0.0, excess(seen.speed, last[:, 0], last[:, 1]))
+        is_new = self._last.is_new(obs)
+        acceleration -= np.where(is_new, 0.0, excess(seen.speed, last[:, 0], last[:, 1]))
         actions = lane_actions(seen.speed, acceleration, change)
         self._last.keep(obs, np.column_stack([seen.speed, actions[:, 0]]))
         return actions

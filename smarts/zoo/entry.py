@@ -65,7 +65,8 @@ class ZooEntry:
 
     def description(self) -> str:
         """Return the first sentence of the entry point's docstring."""
-        text = inspect.getdoc(self.load()) or ""
+        # Not `getdoc`, which takes the docstring of a base class.
+        text = inspect.cleandoc(self.load().__doc__ or "")
         return " ".join(text.split("\n\n")[0].split())
 
     def options(self) -> dict[str, Any]:

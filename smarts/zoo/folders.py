@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from smarts.errors import SmartsError, shown
-from smarts.registry import import_own, load_own
+from smarts.registry import import_own, load_module
 from smarts.zoo.entry import ZooEntry
 
 PLACE = "SMARTS_ZOO"
@@ -60,7 +60,7 @@ def import_folder(folder: str | Path) -> str:
     """
     path = Path(folder).absolute()
     import_own([path])
-    load_own(f"{path.stem}:__name__", "folder with an agent")
+    load_module(path.stem, "folder")
     return path.stem
 
 

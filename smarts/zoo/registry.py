@@ -19,7 +19,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import Agent
 from smarts.agents.spec import AgentSpec
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names, shown
-from smarts.registry import load_own, own_error
+from smarts.registry import guarded, load_module, own_error
 from smarts.zoo import originals
 from smarts.zoo.agents import AGENTS
 from smarts.zoo.entry import EntryPoint, ZooEntry, check_name, entry_of
@@ -95,7 +95,7 @@ def make_agent(locator: str, **kwargs: Any) -> tuple[Agent, AgentInterface]:
         SmartsError: As `make_spec`; or what its spec builds has no method `act`.
     """
     spec = make_spec(locator, **kwargs)
-    agent = spec.build_agent()
+    agent = guarded(spec.build_agent, f"making the agent {locator!r}")()
     if not callable(getattr(agent, "act", None)):
         raise OwnCodeError(
             f"the agent {locator!r} is {shown(agent)}, which has no method act",
@@ -197,7 +197,7 @@ def _import(module: str, name: str) -> None:
     )
     file = next((file for file in files if len(parts) > 1 and file.is_file()), None)
     if file is None or _is_importable(module):
-        load_own(f"{module}:__name__", f"agent {name!r}, module")
+        load_module(module, f"agent {name!r}")
         return
     spec = importlib.util.spec_from_file_location(module, file)
     assert spec is not None

@@ -34,7 +34,7 @@ def test_entries_say_what_they_are(name):
 def test_every_agent_keeps_the_contract(name):
     found = [*check_entry(name, OPTIONS.get(name), steps=120)]
     agent, _ = make_agent(name, **OPTIONS.get(name, {}))
-    assert len(found) == (5 if isinstance(agent, BatchAgent) else 3), found
+    assert len(found) == (6 if isinstance(agent, BatchAgent) else 3), found
 
 
 @pytest.mark.parametrize("name", LIKE_DRIVERS)
@@ -87,13 +87,33 @@ class Rows(Right):
     def act(self, batch):
         return np.full((len(batch.env_id), 2), [float(len(batch.env_id)), 0.0])
 
+class Mixes(Right):
+    def act(self, batch):
+        actions = np.zeros((len(batch.env_id), 2))
+        actions[:, 0] = 30.0 * batch.observations["observation"].max()
+        return actions
+
+class Sticky(Right):
+    def __init__(self):
+        self.count = {}
+    def act(self, batch):
+        actions = np.zeros((len(batch.env_id), 2))
+        for row, key in enumerate(zip(batch.env_id.tolist(), batch.agent_id.tolist())):
+            self.count[key] = self.count.get(key, 0) + 1
+            actions[row, 0] = self.count[key] % 50
+        return actions
+
+class Init(Right):
+    def __init__(self):
+        raise RuntimeError("no weights")
+
 class Period(Right):
     period = 0
 
 class Observes(Right):
     observation = ["sped"]
 
-for kind in (Right, Shape, Nan, Bounds, Raises, Texts, Repeats, Rows, Period, Observes):
+for kind in (Right, Shape, Nan, Bounds, Raises, Texts, Repeats, Rows, Mixes, Sticky, Init, Period, Observes):
     register(kind.__name__.lower() + "-v0", kind)
 """
 
@@ -110,8 +130,21 @@ def broken(tmp_path):
 def test_agents_that_break_the_contract_are_named(broken, tmp_path):
     from smarts.errors import SmartsError
 
-    assert len([*check_entry(f"{broken}:right-v0", steps=20)]) == 5
-    for name in ("shape", "nan", "bounds", "raises", "texts", "repeats", "rows", "period", "observes"):
+    assert len([*check_entry(f"{broken}:right-v0", steps=20)]) == 6
+    for name in (
+        "shape",
+        "nan",
+        "bounds",
+        "raises",
+        "texts",
+        "repeats",
+        "rows",
+        "mixes",
+        "sticky",
+        "init",
+        "period",
+        "observes",
+    ):
         with pytest.raises(SmartsError):
             print(name, [*check_entry(f"{broken}:{name}-v0", steps=20)])
 
@@ -140,3 +173,21 @@ def test_the_page_lists_all_agents():
     rows = [line.split("|") for line in (ROOT / "docs" / "zoo.md").read_text().splitlines()]
     listed = {row[1].strip(" `"): row[2].strip() for row in rows if len(row) > 4 and "-v0" in row[1]}
     assert listed == {name: entry.description() for name, entry in AGENTS.items()}
+
+
+@pytest.mark.parametrize("name", [name for name in AGENTS if name != "chase-via-points-v0"])
+def test_nothing_begins_in_the_air_lock(name):
+    """What an agent sees while traffic drives its vehicle changes nothing of what it does when it drives."""
+    from benchmark.running.zoo_contract import ZooDrive
+
+    spec = make_spec(name, **OPTIONS.get(name, {}))
+    with ZooDrive(name, spec, spec.build_agent(), "loop", egos=1) as drive:
+        drive.reset(1)
+        batches = [asked[0] for _ in range(90) if (asked := drive.step())]
+    begin = len(batches) // 2
+    fresh, shadow = spec.build_agent(), spec.build_agent()
+    for batch in batches[:begin]:
+        shadow.act(batch._replace(drives=np.zeros(1, bool)))
+    for number, batch in enumerate(batches[begin:]):
+        wanted = fresh.act(batch._replace(is_first=np.full(1, number == 0)))
+        np.testing.assert_array_equal(wanted, shadow.act(batch._replace(is_first=np.zeros(1, bool))))

@@ -58,7 +58,7 @@ class MobilDriver(Driver):
     def decide(self, batch: ActionBatch, seen: Seen) -> tuple[Floats, Ints]:
         """Return accelerations and lane changes; see `Driver`."""
         last = self._last_change.of(batch)
-        last[batch.is_first] = -math.inf
+        last[self._last_change.is_new(batch)] = -math.inf
         demanded = self.demanded_change(batch, seen)
         is_free = (seen.own[:, Own.DEMANDED] == 0.0) & (batch.step - last[:, 0] > SETTLING / STEP)
         chosen = np.where(is_free, self._best_side(batch, seen), 0)

@@ -45,8 +45,9 @@ class TrajectoryPlayer(BatchAgent):
     def act(self, obs: ActionBatch) -> NDArray:
         """Return paths of time, x, y, heading, speed from now on, shape (N, 5, P)."""
         own, begin = obs.observations[OWN_VEHICLE], self._begin.of(obs)
-        begin[obs.is_first, 0] = obs.step[obs.is_first]
-        begin[obs.is_first, 1:] = own[obs.is_first][:, [Own.X, Own.Y, Own.HEADING]]
+        is_new = self._begin.is_new(obs)
+        begin[is_new, 0] = obs.step[is_new]
+        begin[is_new, 1:] = own[is_new][:, [Own.X, Own.Y, Own.HEADING]]
         self._begin.keep(obs, begin)
         ahead = np.arange(PATH_POINTS) * self._interval
         elapsed = (obs.step - begin[:, 0]) * STEP

@@ -52,7 +52,8 @@ class UTurn(Driver):
     def act(self, obs: ActionBatch) -> NDArray:
         """Return paths of x, y, heading, speed, shape (N, 4, P)."""
         seen, memory = Seen.of(obs), self._memory.of(obs)
-        memory[obs.is_first, 1] = obs.step[obs.is_first]
+        is_new = self._memory.is_new(obs)
+        memory[is_new, 1] = obs.step[is_new]
         phase, kept = memory[:, 0], memory[:, 2:].reshape(-1, POINTS, 3)
         pace, gap, its_speed = obs.observations[TURN_STATE].T
         may_turn = (phase == BEFORE) & (pace > 0.0) & (obs.step - memory[:, 1] >= self._after / STEP)

@@ -82,6 +82,7 @@ def batch_of(vectors, mask, env_id, step, is_first):
         np.full(count, step, np.int32),
         is_first,
         np.zeros(count, np.uint64),
+        np.ones(count, bool),
     )
 
 
@@ -154,7 +155,7 @@ def test_an_exported_agent_keeps_the_contract_and_needs_no_learner(make, tmp_pat
     exported = export_policy(folder.path, "plain-driver", tmp_path, checkpoint="last")
     assert {each.name for each in exported.iterdir()} == {"__init__.py", "policy.json", "policy.npz"}
     import_own([exported])
-    assert len([*check_entry("plain_driver:plain-driver-v0", steps=60)]) == 5
+    assert len([*check_entry("plain_driver:plain-driver-v0", steps=60)]) == 6
     spec = make_spec("plain_driver:plain-driver-v0", agent="agent-2")
     assert spec.build_agent().period == 5
     with pytest.raises(UnknownNameError):

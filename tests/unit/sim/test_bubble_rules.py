@@ -250,8 +250,9 @@ class TestLimits:
     def test_an_agent_that_has_waited_for_a_column_starts_where_its_vehicle_is_then(self):
         road = Road(gate(), columns=1)
         first, second = road.car(105), road.car(101, lane=0, speed=5.0)
-        road.reset().step(6)
+        road.reset().step(2)
         (_, announced) = road.pool.starts[0]
+        road.step(4)
         road.step(1, **{f"c{first}": 150.0})
         road.step(4)
         assert road.column(second) >= 0

@@ -31,7 +31,7 @@ class Fussy:
 class Keeping(Fussy):
     """A traffic engine that keeps some of its vehicles."""
 
-    kept = (1,)
+    kept: tuple[int, ...] = (1,)
 
     def can_give(self, rows, slots):
         return np.where(np.isin(slots, [*self.kept]), Refusal.IN_JUNCTION, Refusal.NONE)

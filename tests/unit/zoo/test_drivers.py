@@ -31,7 +31,7 @@ def seen_of(count=1, **own):
     return Seen(vehicle, lanes)
 
 
-def batch_of(seen, step=0, is_first=True, mask=True, env_id=0):
+def batch_of(seen, step=0, is_first=True, mask=True, env_id=0, drives=True):
     count = len(seen.own)
     return ActionBatch(
         {OWN_VEHICLE: seen.own, LANE_TRAFFIC: seen.lanes},
@@ -43,6 +43,7 @@ def batch_of(seen, step=0, is_first=True, mask=True, env_id=0):
         np.full(count, step, np.int32),
         np.full(count, is_first),
         np.arange(count, dtype=np.uint64),
+        np.full(count, drives),
     )
 
 
