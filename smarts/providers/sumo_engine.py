@@ -62,6 +62,11 @@ class SumoEngine(TrafficEngine):
         vehicles = zip(rows.tolist(), slots.tolist(), strict=True)
         return np.array([self._simulations[row].can_accept(slot) for row, slot in vehicles], np.int8)
 
+    def can_give(self, rows: Ints, slots: Ints) -> Bytes:
+        """See `Giver`; `SumoGate` decides."""
+        vehicles = zip(rows.tolist(), slots.tolist(), strict=True)
+        return np.array([self._simulations[row].can_give(slot) for row, slot in vehicles], np.int8)
+
     def close(self) -> None:
         """See `TrafficEngine`; failed copies are freed too."""
         for row, simulation in enumerate(self._simulations):

@@ -1,7 +1,11 @@
-"""The gate through which vehicles come back to SUMO: no jump, no overlap, a way ahead, no hard braking.
+"""The gate between SUMO and agents.
 
+Vehicles come back to SUMO with no jump, no overlap, a way ahead, and no hard braking.
 SUMO drives a vehicle on from the lane, the position and the offset at which it has the vehicle's shadow, and
 shows it along that lane. So the gate compares this pose with the vehicle's own, now and after the next step.
+
+Agents get no vehicle that is on its way through a junction without priority: it goes in a gap that SUMO has
+chosen. An agent that gets it where it can no longer stop could not choose another.
 """
 
 from __future__ import annotations
@@ -36,7 +40,7 @@ LOOK_AHEAD = 100.0
 
 
 class SumoGate:
-    """Decides which vehicles of one simulation SUMO can take back.
+    """Decides which vehicles of one simulation SUMO can take back, and which it gives to agents.
 
     Args:
         library: The copy of libsumo that runs the simulation.
@@ -79,6 +83,40 @@ class SumoGate:
             return Refusal.SPEED
         shadow.way = way
         return Refusal.NONE
+
+    def refusal_to_give(self, slot: int, name: str) -> Refusal:
+        """Return why an agent cannot take over a vehicle that SUMO drives.
+
+        That is IN_JUNCTION from where the vehicle can no longer stop before a junction that it enters without
+        priority, or against the light, until its front and its centre are out of the junction.
+        """
+        lane, roads = self._library.vehicle.getLaneID(name), self._roads
+        if not lane:
+            return Refusal.NONE
+        for number in {roads.lane_of_id(lane), int(self._states.lane[slot])}:
+            if number >= 0 and roads.is_internal[number] and not self._has_priority(number):
+                return Refusal.IN_JUNCTION
+        speed = float(self._states.speed[slot])
+        needed = self._dt * speed + 0.5 * speed * speed / MOST_BRAKING
+        left = self._library.lane.getLength(lane) - self._library.vehicle.getLanePosition(name)
+        if left < needed and not lane.startswith(":"):
+            for _, has_priority, *_ in self._library.vehicle.getNextLinks(name)[:1]:
+                if not has_priority:
+                    return Refusal.IN_JUNCTION
+        return Refusal.NONE
+
+    def _has_priority(self, lane: int) -> bool:
+        """Return whether vehicles that now enter a lane inside a junction have priority."""
+        roads = self._roads
+        for before in roads.predecessors(lane).tolist():
+            if roads.is_internal[before]:
+                if not self._has_priority(before):
+                    return False
+                continue
+            for link in self._library.lane.getLinks(roads.lane_ids[before]):
+                if link[4] == roads.lane_ids[lane] and not link[1]:
+                    return False
+        return True
 
     def _place(self, slot: int, shadow: Shadow) -> Refusal:
         """Return what is wrong with a vehicle's pose on SUMO's lane."""

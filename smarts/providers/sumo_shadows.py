@@ -30,6 +30,7 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -123,16 +124,33 @@ class SumoShadows:
         self._shadows[slot] = shadow
 
     def replace(self, slot: int, name: str, new_name: str) -> None:
-        """Make a vehicle that changes lanes in SUMO a shadow, under a new name, from the next step on."""
+        """Make a vehicle that changes lanes in SUMO a shadow, under a new name, from the next step on.
+
+        The new vehicle has the type, speed factor, colour, line, route, and stops ahead of the old one.
+        TraCI does not give the place and the speed of arrival: it arrives at the end of its route.
+        """
         vehicle, route = self._library.vehicle, self._library.route_ahead(name)
         kind, factor = vehicle.getTypeID(name), vehicle.getSpeedFactor(name)
+        colour, line, stops = vehicle.getColor(name), vehicle.getLine(name), vehicle.getStops(name)
         vehicle.remove(name)
         vehicle.add(new_name, "", typeID=kind)
         vehicle.setSpeedFactor(new_name, factor)
+        vehicle.setColor(new_name, colour)
+        vehicle.setLine(new_name, line)
         vehicle.setLaneChangeMode(new_name, _NO_LANE_CHANGES)
         self._library.accepts(vehicle.setRoute, new_name, list(route))
+        for stop in stops:
+            self._copy_stop(new_name, stop)
         self._returned.pop(slot, None)
         self._shadows[slot] = Shadow(new_name, route)
+
+    def _copy_stop(self, name: str, stop: Any) -> None:
+        """Give a vehicle a stop of another, unless SUMO does not accept it."""
+        edge, _, index = stop.lane.rpartition("_")
+        place = stop.stoppingPlaceID or edge
+        # The lowest bit says that the stop has been reached; the others are those that `setStop` takes.
+        times = stop.duration, stop.stopFlags >> 1, stop.startPos, stop.until
+        self._library.accepts(self._library.vehicle.setStop, name, place, stop.endPos, int(index), *times)
 
     def is_changing_lanes(self, name: str) -> bool:
         """Return whether SUMO moves a vehicle sideways."""

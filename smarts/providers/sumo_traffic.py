@@ -33,6 +33,9 @@ _KINDS = {kind.name.lower(): kind for kind in VehicleKind}
 _KINDS |= {"delivery": VehicleKind.TRUCK, "moped": VehicleKind.MOTORCYCLE}
 """`VehicleKind` of SUMO's vehicle classes; others are passenger cars."""
 
+_AGAIN = "-again-"
+"""Between the id of a vehicle that was replaced in SUMO and the step in which it was."""
+
 _LIGHTS = np.full(256, Signal.NONE, np.int8)
 _LIGHTS[list(b"rR")] = Signal.STOP
 _LIGHTS[list(b"yYuoOs")] = Signal.CAUTION
@@ -69,10 +72,12 @@ def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
 class SumoTraffic:
     """One simulation's traffic: SUMO drives the vehicles with its owner number and reacts to all others.
 
-    A vehicle keeps its SUMO id until it leaves. When another provider becomes its owner, it is led as a
-    shadow from the next step on; when SUMO becomes its owner again, SUMO drives it from its current pose and
-    speed. A vehicle that another provider admits is added to SUMO, and one that another provider dismisses is
-    removed. A vehicle that is handed to SUMO off all lanes leaves the world (`can_accept` refuses this).
+    When another provider becomes a vehicle's owner, the vehicle is led as a shadow from the next step on;
+    when SUMO becomes its owner again, SUMO drives it from its current pose and speed. A vehicle keeps its
+    SUMO id until it leaves, unless it is taken over during a lane change: it is then replaced in SUMO by a
+    copy with another id (`SumoShadows.replace`). Its name in the world stays. A vehicle that another provider
+    admits is added to SUMO, and one that another provider dismisses is removed. A vehicle that is handed to
+    SUMO off all lanes leaves the world (`can_accept` refuses this).
     SUMO's drivers expect another provider's vehicle to follow its `route`.
 
     At the vehicle limit, SUMO delays departures until a vehicle has left (`is_full`), so an episode depends
@@ -175,6 +180,14 @@ class SumoTraffic:
         with self._library.errors("failed to read a position"):
             return self._gate.refusal(slot, self._shadows[slot])
 
+    def can_give(self, slot: int) -> Refusal:
+        """Return whether an agent can take over a vehicle that SUMO drives; see `SumoGate`."""
+        name = self._ids.get(slot)
+        if name not in self._driven:
+            return Refusal.NONE
+        with self._library.errors("failed to read a position"):
+            return self._gate.refusal_to_give(slot, name)
+
     def route(self, slot: int) -> tuple[str, ...]:
         """Return the remaining edges of a vehicle's route in SUMO, the current one first."""
         self._check_begun()
@@ -268,7 +281,7 @@ class SumoTraffic:
             name = self._ids[slot]
             del self._driven[name]
             if self._shadows.is_changing_lanes(name):
-                self._ids[slot] = f"{name}-again-{self._world.step[self._row]}"
+                self._ids[slot] = f"{name.partition(_AGAIN)[0]}{_AGAIN}{self._world.step[self._row]}"
                 self._shadows.replace(slot, name, self._ids[slot])
             else:
                 self._shadows.take_over(slot, name)

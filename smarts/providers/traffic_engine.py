@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import TrafficError
@@ -64,4 +64,18 @@ class TrafficEngine(Protocol):
 
     def close(self) -> None:
         """Free the engine's resources; may be called repeatedly."""
+        ...
+
+
+@runtime_checkable
+class Giver(Protocol):
+    """A traffic engine that keeps some of its vehicles for a while; others give any vehicle at any time."""
+
+    def can_give(self, rows: Ints, slots: Ints) -> Bytes:
+        """Return for each vehicle whether an agent can take it from the engine, as a `Refusal`, shape (N,).
+
+        Args:
+            rows: Simulation of each vehicle, shape (N,).
+            slots: Slot of each vehicle, shape (N,).
+        """
         ...

@@ -9,7 +9,7 @@ import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import TrafficError
-from smarts.providers.traffic_engine import TrafficEngine
+from smarts.providers.traffic_engine import Giver, TrafficEngine
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
 from smarts.types.traffic import TRAFFIC_ENGINES
@@ -78,6 +78,15 @@ class EnginesByEpisode(TrafficEngine):
         for name, engine in self._engines.items():
             of_engine = self._driven[name][rows]
             refusals[of_engine] = engine.can_accept(rows[of_engine], slots[of_engine])
+        return refusals
+
+    def can_give(self, rows: Ints, slots: Ints) -> Bytes:
+        """See `Giver`."""
+        refusals = np.full(len(rows), Refusal.NONE, np.int8)
+        for name, engine in self._engines.items():
+            of_engine = self._driven[name][rows]
+            if isinstance(engine, Giver):
+                refusals[of_engine] = engine.can_give(rows[of_engine], slots[of_engine])
         return refusals
 
     def close(self) -> None:

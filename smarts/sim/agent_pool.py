@@ -193,6 +193,16 @@ class AgentPool:
         self.starts[row].append(replace(start, name=name))
         return len(self.starts[row]) - 1
 
+    def renew(self, row: int, number: int, start: AgentStart) -> None:
+        """Replace the start of an agent that has been announced and has had no column yet; its name stays.
+
+        Raises:
+            ScenarioError: The agent needs what the run has no room for.
+        """
+        self._check(start, is_ego=False)
+        if number not in self._column_of[row]:
+            self.starts[row][number] = replace(start, name=self.starts[row][number].name)
+
     def take(self, row: int, number: int) -> int:
         """Hand out a column to an agent of the episode; return it, -1 if all of its interface are held.
 

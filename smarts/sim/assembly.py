@@ -284,7 +284,7 @@ def _assemble(
         matcher=MatcherStage(scene),
         contacts=contacts,
         events=events,
-        transfer_rules=HandoverRules(world, entries, pool, vehicles.can_accept),
+        transfer_rules=HandoverRules(world, entries, pool, ownership.can_take),
         sensors=sensors,
         recorder=recorder or NoRecorder(),
         bubbles=bubbles or NoBubbles(),

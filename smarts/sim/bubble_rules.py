@@ -248,14 +248,19 @@ class BubbleRules:
         return int(answer[0]) == Refusal.KIND
 
     def _announce(self, row: int, key: Key) -> int:
-        """Return the number of the agent for a vehicle, a new one if there is none that waits."""
+        """Return the number of the agent for a vehicle, a new one if there is none that waits.
+
+        An agent that waits for a column starts where the vehicle is now.
+        """
+        start = self._start(row, self._field.bubbles[row][key[0]], key[1])
         if key in self._waiting[row]:
             number = self._waiting[row][key]
+            self._pool.renew(row, number, start)
             if number not in self._without_column[row]:
                 self._without_column[row].add(number)
                 self.counts.without_column[row] += 1
             return number
-        number = self._pool.announce(row, self._start(row, self._field.bubbles[row][key[0]], key[1]))
+        number = self._pool.announce(row, start)
         self._waiting[row][key], self._announced[row][number] = number, key
         return number
 

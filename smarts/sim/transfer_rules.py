@@ -49,7 +49,7 @@ class HandoverRules:
         world: The state; read.
         entries: Knows which agents wait.
         pool: Knows the episode's agents.
-        can_take: `can_accept` of the provider of agents' vehicles.
+        can_take: `Ownership.can_take`.
     """
 
     def __init__(

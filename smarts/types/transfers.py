@@ -43,7 +43,7 @@ class Refusal(enum.IntEnum):
     TOO_CLOSE = 6
     """Another vehicle is too near."""
     IN_JUNCTION = 7
-    """A part of the vehicle is inside a junction."""
+    """The vehicle is inside a junction; traffic keeps one also from where it can no longer stop before it."""
     HEADING = 8
     """The vehicle is not aligned with its lane."""
     OFFSET = 9

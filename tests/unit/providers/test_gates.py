@@ -153,3 +153,27 @@ def test_what_is_left_of_the_offset_decays_without_a_jump(world, country):
         offsets.append(float(world.states.position[slot, 1]) - RIGHT)
     assert offsets == pytest.approx([0.08, 0.05, 0.02, 0.0, 0.0, 0.0, 0.0], abs=1e-6)
     assert LEFT > RIGHT
+
+
+@pytest.mark.parametrize(
+    ("arm", "to", "front", "refusal"),
+    [
+        ("w", "e", -15.0, Refusal.NONE),  # the main road has priority
+        ("w", "e", 0.0, Refusal.NONE),
+        ("s", "n", -30.0, Refusal.NONE),  # 8 m/s: it needs 0.8 m and 8^2 / (2 * 4.5) m = 7.1 m to stop
+        ("s", "n", -13.0, Refusal.IN_JUNCTION),
+        ("s", "n", 0.0, Refusal.IN_JUNCTION),
+        ("s", "n", 20.0, Refusal.NONE),
+        ("w", "n", 0.0, Refusal.IN_JUNCTION),  # a left turn across the oncoming lane
+    ],
+)
+def test_sumo_keeps_a_vehicle_that_crosses_without_priority(world, country, arm, to, front, refusal):
+    """The vehicle is alone, so SUMO lets it cross without a stop."""
+    begin(world, country.cross(from_arm(arm, to, 150, 8).replace('id="calm"', 'id="calm" maxSpeed="8"')))
+    slot, states = world.slot("s0"), world.states
+    answer, gone = Refusal.NONE, -52.0
+    while gone < front:  # along its way, from the middle of the junction
+        world.step()
+        gone += 0.1 * float(states.speed[slot])
+        answer = world.traffic.can_give(slot)
+    assert answer == refusal

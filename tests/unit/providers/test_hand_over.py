@@ -162,12 +162,19 @@ def test_take_over_during_a_lane_change(world, country, to):
     """SUMO completes its lane change at once, wherever the agent drives; otherwise SUMO would crash."""
     slot = begin_lane_change(world, country)
     vehicle = world.traffic._library.vehicle
+    vehicle.setStop("s1", "bc", 800.0, 0, 7.0)
+    vehicle.setColor("s1", (1, 2, 3, 255))
     before = vehicle.getTypeID("s1"), vehicle.getSpeedFactor("s1"), vehicle.getMaxSpeedLat("s1")
     world.states.owner[slot] = Owner.AGENT
     start, y = world.states.position[slot].tolist()
     y = y if to is None else to
     drive(world, slot, lambda t: (start + 2 * t, y, 0.0, 2.0), 50)
     name = world.traffic._ids[slot]
+    assert name != "s1"
+    assert [(stop.lane, stop.endPos, stop.duration) for stop in vehicle.getStops(name)] == [
+        ("bc_0", 800.0, 7.0)
+    ]
+    assert vehicle.getColor(name) == (1, 2, 3, 255)
     assert (vehicle.getTypeID(name), vehicle.getSpeedFactor(name), vehicle.getMaxSpeedLat(name)) == before
     # Without the slow vehicle ahead there is no reason to begin another change.
     world.registry.dismiss(0, world.slot("s0"))

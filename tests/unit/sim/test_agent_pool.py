@@ -27,7 +27,7 @@ from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart, TakeOver
 from smarts.types.events import Outcome
 from smarts.types.mission import AgentMission, Via
-from smarts.types.transfers import Reason, Transfer, transfers
+from smarts.types.transfers import Reason, Refusal, Transfer, transfers
 from smarts.types.vehicles import Owner
 from tests.worlds import Willing
 
@@ -97,6 +97,12 @@ def open_gate(parts):
 
 def driven_by_traffic(parts, row):
     return np.flatnonzero(parts.simulation.world.vehicles.owner[row] == Owner.TRAFFIC).tolist()
+
+
+def free_to_take(parts, row):
+    """Return the vehicles of traffic that an agent can take now."""
+    slots = np.array(driven_by_traffic(parts, row), np.int32)
+    return slots[parts.ownership.can_take(np.full_like(slots, row), slots) == Refusal.NONE].tolist()
 
 
 # The layout of columns.
@@ -171,7 +177,7 @@ def test_a_full_pool_is_counted_and_the_vehicle_stays_traffic(make):
     parts = make(pool=[PooledAgents(LANER, 1), PooledAgents(BUS, 2)], worlds=2)
     parts.simulation.reset({row: first_start(parts, traffic=True, world=row) for row in range(2)})
     vehicles, pool = parts.simulation.world.vehicles, parts.pool
-    first, second, third = driven_by_traffic(parts, 1)[:3]
+    first, second, third = free_to_take(parts, 1)[:3]
     ownership, taken = parts.ownership, announced(parts, 1, first)
     refused = announced(parts, 1, second)
     ownership.submit(transfers([announced(parts, 1, third, interface=1), refused, taken]))

@@ -247,6 +247,21 @@ class TestLimits:
         assert road.phase(slots[1]) == DRIVEN
         assert len(road.pool.starts[0]) == 2
 
+    def test_an_agent_that_has_waited_for_a_column_starts_where_its_vehicle_is_then(self):
+        road = Road(gate(), columns=1)
+        first, second = road.car(105), road.car(101, lane=0, speed=5.0)
+        road.reset().step(2)
+        (_, announced) = road.pool.starts[0]
+        road.step(4)
+        road.step(1, **{f"c{first}": 150.0})
+        road.step(4)
+        assert road.column(second) >= 0
+        (_, start) = road.pool.starts[0]
+        moved = start.pose[0] - announced.pose[0]
+        assert (start.name, start.speed) == (announced.name, 5.0)
+        assert moved >= 1.0
+        assert start.mission.route_length == pytest.approx(announced.mission.route_length - moved)
+
     def test_random_traffic_keeps_all_limits(self):
         random = np.random.default_rng(3)
         road = Road(gate(hijack_limit=2, shadow_limit=3), gate(zone=box(110, -30, 150, 30), shadow_limit=2))

@@ -28,6 +28,15 @@ class Fussy:
         return np.where(np.isin(slots, [*self.slots]), Refusal.NONE, Refusal.KIND)
 
 
+class Keeping(Fussy):
+    """A traffic engine that keeps some of its vehicles."""
+
+    kept: tuple[int, ...] = (1,)
+
+    def can_give(self, rows, slots):
+        return np.where(np.isin(slots, [*self.kept]), Refusal.IN_JUNCTION, Refusal.NONE)
+
+
 class Case:
     """One simulation with social vehicles in the slots from 0 on."""
 
@@ -221,3 +230,16 @@ def test_any_transfers_keep_what_is_always_true(steps):
         driven = np.flatnonzero(vehicles.owner[0] == AGENT)
         active = agents.slot[0][agents.state[0] == AgentStatus.ACTIVE]
         assert sorted(active.tolist()) == driven.tolist()
+
+
+def test_a_vehicle_that_its_driver_keeps_is_taken_as_soon_as_it_is_given():
+    engine = Keeping()
+    case = Case(traffic=engine)
+    slots = np.arange(3, dtype=np.int32)
+    assert case.ownership.can_take(np.zeros_like(slots), slots).tolist() == [0, Refusal.IN_JUNCTION, 0]
+    assert case.apply(take(0, 0), take(1, 1)) == 1
+    assert (case.holder(0)[0], case.holder(1)[0]) == (AGENT, TRAFFIC)
+    assert case.ownership.refused[0, Refusal.IN_JUNCTION] == 1
+    engine.kept = ()
+    assert case.apply(take(1, 1)) == 0
+    assert case.holder(1)[0] == AGENT
