@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -85,6 +85,10 @@ class SumoShadows:
 
     def __contains__(self, slot: int) -> bool:
         return slot in self._shadows
+
+    def __iter__(self) -> Iterator[int]:
+        """Yield the slots of the vehicles that have shadows."""
+        return iter(self._shadows)
 
     def __getitem__(self, slot: int) -> Shadow:
         return self._shadows[slot]

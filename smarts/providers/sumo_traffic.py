@@ -321,7 +321,7 @@ class SumoTraffic:
                 self._world.registry.dismiss(self._row, slot)
 
     def _admit(self, departed: Iterable[str]) -> None:
-        """Admit departed vehicles to the world in order; remove those in positions that are kept clear."""
+        """Admit departed vehicles to the world in order; remove those that are too close to others'."""
         vehicle = self._library.vehicle
         present = set(vehicle.getIDList()).difference(self._ids.values())
         names = [name for name in departed if name in present and name not in self._shadows.proxies]
@@ -340,9 +340,15 @@ class SumoTraffic:
         self.is_full |= len(self._ids) >= self._limit
 
     def _blocking(self, names: Sequence[str]) -> list[str]:
-        """Return the SUMO vehicles `names` that are too close to vehicles to keep clear."""
+        """Return the departed vehicles `names` that are too close to vehicles of other providers.
+
+        Vehicles that enter now get a margin. SUMO keeps the others clear itself, but for the part of a
+        vehicle that leans out of its lane.
+        """
         states = self._states
-        slots = [slot for slot in self._kept_clear if states.alive[slot]]
+        entering = [slot for slot in self._kept_clear if states.alive[slot]]
+        others = [slot for slot in self._shadows if slot not in entering and states.alive[slot]]
+        slots = [*entering, *others]
         if not names or not slots:
             return []
         vehicle = self._library.vehicle
@@ -350,7 +356,8 @@ class SumoTraffic:
         front = np.array([*map(vehicle.getPosition, names)])
         heading = heading_from_compass(np.array([*map(vehicle.getAngle, names)]))
         position = centre_of(front, heading, size[:, 0])
-        kept = np.stack([states.length[slots], states.width[slots]], -1) + 2 * np.array(SPAWN_MARGIN)
+        kept = np.stack([states.length[slots], states.width[slots]], -1)
+        kept[: len(entering)] += 2 * np.array(SPAWN_MARGIN)
         overlap = boxes_overlap(
             position[:, None],
             heading[:, None],
