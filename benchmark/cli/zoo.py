@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from benchmark.cli.experiments import Import
 from smarts.errors import SmartsError
+
+if TYPE_CHECKING:
+    from smarts.zoo.entry import ZooEntry
 
 app = typer.Typer(help="List, describe, test and add policies of road users.", no_args_is_help=True)
 
@@ -30,7 +33,7 @@ def list_agents() -> None:
     """List the agents that are known: of this project, of installed packages, and added ones."""
     from smarts.zoo import entries
 
-    rows = [COLUMNS, *((e.locator, e.m_level, e.author, e.provenance) for e in entries())]
+    rows = [COLUMNS, *((e.locator, e.m_level, e.author, _source(e)) for e in entries())]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         typer.echo("  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip())
@@ -127,6 +130,13 @@ def options_of(given: list[str]) -> dict[str, Any]:
         except yaml.YAMLError as error:
             raise SmartsError(f"the value of {text!r} is no YAML", place="--set") from error
     return options
+
+
+def _source(entry: ZooEntry) -> str:
+    """Return where an entry comes from, or that its folder is gone."""
+    if entry.folder and not Path(entry.folder).exists():
+        return f"missing: {entry.folder}"
+    return entry.provenance
 
 
 def _shown(default: Any) -> str:

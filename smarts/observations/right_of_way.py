@@ -20,6 +20,10 @@ LOOK_AHEAD = 60.0
 """Distance to the line from which on others are looked for [m]."""
 MARGIN = 1.0
 """Time between two vehicles at a place where their lanes overlap [s]."""
+PRIORITY_MARGIN = 3.0
+"""The same before a vehicle that goes straight, to one that turns, and slows down for the curve [s]."""
+OPPOSITE = -0.7
+"""Cosine of the angle between two headings, up to which they are opposite."""
 STANDING = 0.5
 """A slower vehicle stands [m/s]."""
 WAITING_ROOM = 1.0
@@ -40,7 +44,7 @@ STRAIGHT = 0.3
 """Largest turn of a lane that goes straight on [rad]."""
 
 _MOST_MEETINGS = 128
-_STOP, _GO = int(Signal.STOP), int(Signal.GO)
+_NONE, _STOP, _GO = int(Signal.NONE), int(Signal.STOP), int(Signal.GO)
 _AGENT = int(Owner.AGENT)
 
 
@@ -51,8 +55,9 @@ def gap_to_junction(
     """Return the distance of the front bumper to where a vehicle has to wait [m], or infinity.
 
     Another vehicle goes first if it is, or at its speed would be, where its lane overlaps the own way less
-    than `MARGIN` before or after the own vehicle. With two green lights the one that goes straight goes
-    first. Of two agents the one that comes first goes first. A vehicle that is inside the junction goes on.
+    than `MARGIN` before or after the own vehicle. With two green lights, or from opposite directions without
+    lights, the one that goes straight goes first. Of two agents the one that comes first does; two that stand
+    take turns. Inside the junction a vehicle waits before the place where it would meet the other.
 
     Args:
         state: The state of the world.
@@ -172,7 +177,8 @@ def _goes_first(
     lane = base + vehicles.lane[b, other]
     place = vehicles.lane_position[b, other]
     if roads.lane_inside[lane]:
-        if _meets(state, b, slot, other, lane, place, lanes, extents, True):
+        goes_first = _has_priority(state, roads, b, lane, entry)
+        if _meets(state, b, slot, other, lane, place, lanes, extents, True, goes_first):
             return True
     elif not _comes(state, roads, b, slot, other, lane_length(roads, lane) - place):
         return False
@@ -185,13 +191,14 @@ def _goes_first(
         if not roads.lane_inside[lane] and _has_priority(state, roads, b, entry, way):
             continue
         before = place - lane_length(roads, lane)
-        if _meets(state, b, slot, other, way, before, lanes, extents, roads.lane_inside[lane]):
+        goes_first = _has_priority(state, roads, b, way, entry)
+        if _meets(state, b, slot, other, way, before, lanes, extents, roads.lane_inside[lane], goes_first):
             return True
         for second in range(routes.onward_start[following], routes.onward_start[following + 1]):
             last = int(routes.lane[routes.onward[second]])
             further = before - lane_length(roads, way)
             if roads.lane_inside[last] and _meets(
-                state, b, slot, other, last, further, lanes, extents, roads.lane_inside[lane]
+                state, b, slot, other, last, further, lanes, extents, roads.lane_inside[lane], False
             ):
                 return True
     return False
@@ -230,10 +237,19 @@ def _lets_by(state: State, b: int, slot: int, other: int) -> bool:
 
 @kernel
 def _has_priority(state: State, roads: Roads, b: int, own: int, other: int) -> bool:
-    """Return whether both lanes have green lights, and only the own one goes straight."""
+    """Return whether the own lane goes straight and the other turns, with equal rights otherwise.
+
+    That is with two green lights, or without lights from the opposite direction.
+    """
     base = roads.lane_base[state.map[b]]
-    is_green = state.signals[b, own - base] == _GO and state.signals[b, other - base] == _GO
-    return is_green and _turn(roads, own) < STRAIGHT and _turn(roads, other) >= STRAIGHT
+    if _turn(roads, own) >= STRAIGHT or _turn(roads, other) < STRAIGHT:
+        return False
+    light, its_light = state.signals[b, own - base], state.signals[b, other - base]
+    if light == _GO and its_light == _GO:
+        return True
+    heading = roads.point_heading[roads.point_start[own]]
+    its_heading = roads.point_heading[roads.point_start[other]]
+    return light == _NONE and its_light == _NONE and math.cos(heading - its_heading) < OPPOSITE
 
 
 @kernel
@@ -253,9 +269,11 @@ def _meets(
     lanes: Ints,
     extents: Floats,
     is_inside: bool,
+    goes_first: bool,
 ) -> bool:
     """Return whether another vehicle on, or before, a lane comes to the own way at about the same time."""
     vehicles = state.vehicles
+    margin = PRIORITY_MARGIN if goes_first else MARGIN
     half, speed = 0.5 * vehicles.length[b, other], vehicles.speed[b, other]
     for i in range(len(lanes)):
         if lanes[i] != lane or place - half > extents[i, 3]:
@@ -275,9 +293,9 @@ def _meets(
         # Agents are expected to drive on as the own vehicle does, others to keep their speeds.
         first = _time_to(to_meeting, speed) if is_agent else to_meeting / speed
         last = _time_to(beyond, speed) if is_agent else beyond / speed
-        if first > own_last + MARGIN or last < own_first - MARGIN:
+        if first > own_last + margin or last < own_first - MARGIN:
             continue
-        if not is_agent or (is_inside and extents[i, 4] == 0.0):
+        if goes_first or not is_agent or (is_inside and extents[i, 4] == 0.0):
             return True
         if first < own_first or (first == own_first and other < slot):
             return True

@@ -23,7 +23,9 @@ STEP = 0.1
 HARDEST = 8.0
 """Largest deceleration of a driver [m/s^2]."""
 LATE_BRAKING = 4.0
-"""A driver that would have to brake harder for a light or crossing traffic drives on [m/s^2]."""
+"""A driver that would have to brake harder for an amber light drives on [m/s^2]."""
+YIELD_BRAKING = 6.0
+"""The same for vehicles that go first at a junction [m/s^2]."""
 LEAST_SPEED = 0.1
 """Lower bound of desired speeds, so that IDM stays finite [m/s]."""
 HORIZON_TIME = 15.0
@@ -217,7 +219,9 @@ class Driver(BatchAgent):
         desired = self.desired(seen)
         lines = [
             _gap_if(own[:, Own.LIGHT_GAP], self._stops_at_light(own)),
-            _gap_if(own[:, Own.YIELD_GAP], _can_stop(own[:, Own.SPEED], own[:, Own.YIELD_GAP], LATE_BRAKING)),
+            _gap_if(
+                own[:, Own.YIELD_GAP], _can_stop(own[:, Own.SPEED], own[:, Own.YIELD_GAP], YIELD_BRAKING)
+            ),
             lane[:, Lane.LEFT if keeps_to_route else Lane.END],
         ]
         found = self.model.acceleration(seen.speed, desired, lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED])

@@ -23,7 +23,7 @@ from smarts.registry import guarded, load_module, own_error
 from smarts.zoo import originals
 from smarts.zoo.agents import AGENTS
 from smarts.zoo.entry import EntryPoint, ZooEntry, check_name, entry_of
-from smarts.zoo.folders import added_agents, import_folder, write_added
+from smarts.zoo.folders import added_agents, import_folder, write_added, zoo_file
 
 GROUP = "smarts.zoo"
 """The group of a package's entry points that are agents."""
@@ -222,7 +222,7 @@ def _named(name: str) -> ZooEntry:
     known = _known()
     if name in known:
         entry = known[name]
-        return _registered_by(import_folder(entry.folder), name) if entry.folder else entry
+        return _of_folder(entry) if entry.folder else entry
     of_process = [entry for (_, each), entry in _REGISTERED.items() if each == name]
     if len(of_process) == 1:
         return of_process[0]
@@ -238,6 +238,17 @@ def _named(name: str) -> ZooEntry:
         remedy=nearest_names(name, [entry.locator for entry in entries()])
         + "; `smarts-bench zoo list` lists them; an agent of your own is 'module:name-v0'",
     )
+
+
+def _of_folder(entry: ZooEntry) -> ZooEntry:
+    """Import an added folder and return the entry that it registers."""
+    if not Path(entry.folder).exists():
+        raise OwnCodeError(
+            f"the folder of the agent {entry.name!r} is gone: {entry.folder}",
+            place=str(zoo_file()),
+            remedy="`smarts-bench zoo add` it from its new place, or take it out of this file",
+        )
+    return _registered_by(import_folder(entry.folder), entry.name)
 
 
 def _registered_by(module: str, name: str) -> ZooEntry:

@@ -49,6 +49,10 @@ def test_a_folder_is_added(folder, tmp_path):
     assert "added-v0" in run("zoo", "list")
     assert "option tau: 0.9" in run("zoo", "describe", "added-v0")
     assert str(folder) in (tmp_path / "zoo.yaml").read_text()
+    folder.rename(tmp_path / "elsewhere")
+    assert f"missing: {folder}" in run("zoo", "list")
+    with pytest.raises(SmartsError, match="gone"):
+        run("zoo", "describe", "added-v0")
 
 
 def test_bad_input_is_named(folder):

@@ -138,6 +138,22 @@ def test_of_two_agents_the_first_goes():
         assert np.isfinite(own[Own.YIELD_GAP]) == waits
 
 
+def test_who_turns_left_lets_oncoming_vehicles_by():
+    """An agent or not, and also if it comes a little later; with lights that are green for both, too."""
+    left = AgentMission(route=("south_in", "west_out"), goal=GoalKind.POSITION, goal_position=(-80.0, 1.6))
+    on = AgentMission(route=("north_in", "south_out"), goal=GoalKind.POSITION, goal_position=(-1.6, -80.0))
+    for mission_of_other in (None, on):
+        cars = [
+            Car(1.6, -30.0, math.pi / 2, 8.0, left),
+            Car(-1.6, 40.0, -math.pi / 2, 8.0, mission_of_other),
+        ]
+        made = world_of(cars, maps=[crossing()])
+        assert look(made)[0][Own.YIELD_GAP] == pytest.approx(17.5)
+        if mission_of_other:
+            other = ArrayObservation(context_of(made, agents=2), ["surroundings"])
+            assert other.observe(np.ones((1, 2), bool))[OWN_VEHICLE][0, 1, Own.YIELD_GAP] == np.inf
+
+
 def test_two_agents_that_stand_take_turns():
     west = AgentMission(route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_position=(80.0, -1.6))
     cars = [Car(1.6, -14.0, math.pi / 2, 0.0, SOUTH), Car(-14.0, -1.6, 0.0, 0.0, west)]
@@ -156,7 +172,7 @@ def test_green_lights():
     """The vehicle from the north turns left, across the way, or is held by a red light."""
     straight_on, left = crossing_lane("south", "north"), crossing_lane("north", "east")
     car = Car(-1.6, 30.0, -math.pi / 2, 8.0)
-    assert np.isfinite(wait_for(car)[Own.YIELD_GAP])
+    assert wait_for(car)[Own.YIELD_GAP] == np.inf, "the one that turns waits"
     green = [(straight_on, Signal.GO), (left, Signal.GO)]
     assert wait_for(car, signals=green)[Own.YIELD_GAP] == np.inf
     red = [(straight_on, Signal.GO), (left, Signal.STOP)]
