@@ -378,6 +378,7 @@ def requests_of(*env_ids, hold=0):
         zeros,
         np.ones(count, bool),
         np.zeros(count, np.uint64),
+        np.ones(count, bool),
     )
     return Request(batch, [*env_ids], [f"car-{env_id}" for env_id in env_ids])
 
