@@ -34,7 +34,7 @@ _KINDS |= {"delivery": VehicleKind.TRUCK, "moped": VehicleKind.MOTORCYCLE}
 """`VehicleKind` of SUMO's vehicle classes; others are passenger cars."""
 
 _AGAIN = "-again-"
-"""Between the id of a vehicle that was replaced in SUMO and the step in which it was."""
+"""In a replaced vehicle's SUMO id, between its first id and the step."""
 
 _LIGHTS = np.full(256, Signal.NONE, np.int8)
 _LIGHTS[list(b"rR")] = Signal.STOP
@@ -73,12 +73,10 @@ class SumoTraffic:
     """One simulation's traffic: SUMO drives the vehicles with its owner number and reacts to all others.
 
     When another provider becomes a vehicle's owner, the vehicle is led as a shadow from the next step on;
-    when SUMO becomes its owner again, SUMO drives it from its current pose and speed. A vehicle keeps its
-    SUMO id until it leaves, unless it is taken over during a lane change: it is then replaced in SUMO by a
-    copy with another id (`SumoShadows.replace`). Its name in the world stays. A vehicle that another provider
-    admits is added to SUMO, and one that another provider dismisses is removed. A vehicle that is handed to
-    SUMO off all lanes leaves the world (`can_accept` refuses this).
-    SUMO's drivers expect another provider's vehicle to follow its `route`.
+    when SUMO becomes its owner again, SUMO drives it from its current pose and speed. It keeps its SUMO id
+    unless it is taken over during a lane change (`SumoShadows.replace`). A vehicle that another provider
+    admits is added to SUMO, and one that it dismisses is removed. A vehicle that is handed to SUMO off all
+    lanes leaves the world. SUMO's drivers expect another provider's vehicle to follow its `route`.
 
     At the vehicle limit, SUMO delays departures until a vehicle has left (`is_full`), so an episode depends
     on the limit only if the limit is too small.
@@ -182,8 +180,7 @@ class SumoTraffic:
 
     def can_give(self, slot: int) -> Refusal:
         """Return whether an agent can take over a vehicle that SUMO drives; see `SumoGate`."""
-        name = self._ids.get(slot)
-        if name not in self._driven:
+        if (name := self._ids.get(slot)) not in self._driven:
             return Refusal.NONE
         with self._library.errors("failed to read a position"):
             return self._gate.refusal_to_give(slot, name)
