@@ -167,9 +167,9 @@ class Run:
         now.begun = self._begun(set(np.flatnonzero(step.reset).tolist()), set(np.flatnonzero(over).tolist()))
         return now
 
-    def _watched(self, actions: Actions, env_mask: np.ndarray, observe_mask: np.ndarray) -> Frame:
+    def _watched(self, *given: Any, **more: Any) -> Frame:
         """Step and record all poses; recording is not timed."""
-        frame = self._advance(actions, env_mask, observe_mask)
+        frame, env_mask = self._advance(*given, **more), given[1]
         begin = time.process_time()
         self._now.poses.append([self._poses(row) for row in range(len(env_mask))])
         self._now.social.append(self._social())

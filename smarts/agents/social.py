@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from smarts.agents.checks import InterfaceError, check_instance, check_list, check_number, check_whole
 from smarts.agents.criteria import MOST_AGENTS
 from smarts.agents.interface import AgentInterface
@@ -53,7 +55,19 @@ class Wanted(NamedTuple):
 
 def wanted(locator: str, options: Mapping[str, Any], boid: str = "") -> Wanted:
     """Return the policy with some arguments."""
-    return Wanted(locator, repr(sorted(options.items())), boid)
+    return Wanted(locator, _canonical(options), boid)
+
+
+def _canonical(value: Any) -> str:
+    """Return a text that is equal for equal values; that of an array has all of its numbers."""
+    if isinstance(value, Mapping):
+        pairs = sorted((_canonical(key), _canonical(each)) for key, each in value.items())
+        return f"{{{', '.join(f'{key}: {each}' for key, each in pairs)}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_canonical, value))}]"
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}{value.shape}{_canonical(value.tolist())}"
+    return repr(value)
 
 
 @dataclass(frozen=True)
