@@ -35,7 +35,6 @@ from perf.scenes import BAND, scene
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import SmartsError, TrafficError
 from smarts.geometry.frames import compass_from_heading
-from smarts.types.actions import Actions
 from smarts.types.frame import Frame
 from smarts.types.vehicles import Owner
 
