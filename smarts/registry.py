@@ -315,6 +315,8 @@ def _check_free(name: str, path: Path) -> None:
 
 def _remember_root(module: str) -> None:
     top = module.partition(".")[0]
+    if top == __name__.partition(".")[0]:
+        return  # Of this package, such as a module of its zoo.
     try:
         spec = importlib.util.find_spec(top)
     except (ValueError, ImportError):

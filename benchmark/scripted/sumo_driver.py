@@ -82,8 +82,10 @@ def _episode(parts: Assembly, start: EpisodeStart) -> tuple[Counter[str], float]
     left = set(range(len(start.agents)))
     env_mask, observe_mask = np.ones(1, np.bool_), np.zeros(world.agents.state.shape, np.bool_)
     while left:
-        if world.step[0] == UNTIL_HANDED_OVER:
-            _hand_over(parts, left, Owner.TRAFFIC)
+        if world.step[0] >= UNTIL_HANDED_OVER:
+            # Again in each step until SUMO takes the vehicle.
+            driving = world.agents.state[0] == AgentStatus.ACTIVE
+            _hand_over(parts, (agent_id for agent_id in left if driving[agent_id]), Owner.TRAFFIC)
         frame = simulation.step(parts.actions, env_mask, observe_mask)
         for error in frame.failures.values():
             raise TrafficError("the traffic failed", place=f"world {start.world}") from error

@@ -1,8 +1,10 @@
 import subprocess
 import sys
 
+import pytest
+
 from smarts.errors import UnknownNameError
-from smarts.registry import Registry
+from smarts.registry import Registry, load_module, place_of
 from tests.raising import raises
 
 PLACES = {"fraction": "fractions:Fraction", "decimal": "decimal:Decimal"}
@@ -30,3 +32,10 @@ def test_listing_imports_nothing():
     )
     printed = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
     assert printed.stdout.strip() == "['a'] False"
+
+
+def test_errors_of_this_package_are_not_placed_in_own_code():
+    load_module("smarts.zoo", "agent")
+    with pytest.raises(UnknownNameError) as raised:
+        Registry("number", PLACES)["fractoin"]
+    assert place_of(raised.value) == ""
