@@ -2,8 +2,8 @@
 
 Claus & Boutilier 1998, "The Dynamics of Reinforcement Learning in Cooperative Multiagent Systems", and with
 networks He et al. 2016, "Opponent Modeling in Deep Reinforcement Learning": agent i learns the value
-Q_i(o_i, a_i, a_-i) of all agents' actions, and a model p_ij(a_j | o_i) of each other agent j, from the actions
-that j has taken (cross-entropy). The value of an own action is its expectation under the models,
+Q_i(o_i, a_i, a_-i) of all agents' actions, and a model p_ij(a_j | o_i) of each other agent j, from the
+actions that j has taken (cross-entropy). The value of an own action is its expectation under the models,
 
     Q_i(o_i, a_i) = E over a_j ~ p_ij(. | o_i) of Q_i(o_i, a_i, a_-i).
 

@@ -5,15 +5,15 @@ is factored as pi_i(a_i | s) rho(a_-i | s, a_i), with the others' conditional po
 
     rho(a_-i | s, a_i) = exp(Q_i(s, a_i, a_-i) - Q_i(s, a_i)),   Q_i(s, a_i) = log sum over a_-i of exp Q_i,
 
-the minimum of the paper's variational bound. The value of an own action is the mean of Q_i(s, a_i, a_-i) under
-rho. The agent takes the best action, and bootstraps with its value.
+the minimum of the paper's variational bound. The value of an own action is the mean of Q_i(s, a_i, a_-i)
+under rho. The agent takes the best action, and bootstraps with its value.
 
 Q_i, its loss and replay are those of `opponent_q`. Since this Q_i is a sum over the others, rho is a product
 of softmaxes over q_ij(o, a_i, .), and exact: no sampler (the paper's SVGD) is needed.
 
-Deviations: own observations instead of states; discrete actions only (the paper's PR2-AC is left out), chosen
-epsilon-greedily; a temperature `alpha` on Q, in scaled returns; Q_i is the sum of `opponent_q`, which is exact
-for two agents; an agent's answers count by the probability that it is present, from a model as in
+Deviations: own observations instead of states; discrete actions only (the paper's PR2-AC is left out),
+chosen epsilon-greedily; a temperature `alpha` on Q, in scaled returns; Q_i is the sum of `opponent_q`, which
+is exact for two agents; an agent's answers count by the probability that it is present, from a model as in
 `opponent_q`. The others' action masks are not known to an agent and are ignored.
 """
 
