@@ -1,0 +1,57 @@
+"""Makes agents of the zoo in other processes, for `smarts.agents.hosting`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from smarts.agents.hosting.facts import facts_of
+from smarts.agents.hosting.links import InChildProcess
+from smarts.agents.hosting.options import RAY, HostError, HostOptions, Starter
+from smarts.agents.policy import BatchAgent
+from smarts.registry import import_own, own_paths
+from smarts.zoo.registry import make_agent, search, searched
+
+
+def load(values: Mapping[str, Any]) -> tuple[Any, Mapping[str, Any]]:
+    """Return an agent of the zoo, and what its simulator has to know of it.
+
+    Args:
+        values: Its locator as `agent`, its `options`, and where own code is: `imports` and `searched`.
+
+    Raises:
+        SmartsError: There is no such agent, or it has no such option.
+        HostError: It does not act on arrays.
+    """
+    import_own(values.get("imports", ()))
+    for folder in values.get("searched", ()):
+        search(folder)
+    locator = values["agent"]
+    agent, interface = make_agent(locator, **values.get("options", {}))
+    if not isinstance(agent, BatchAgent):
+        raise HostError(
+            f"{locator!r} acts on Observation objects",
+            place=f"agent {locator!r}",
+            remedy="only a BatchAgent, which acts on arrays, acts in another process",
+        )
+    return agent, {"observation": agent.observation, "period": agent.period, "interface": facts_of(interface)}
+
+
+def start_values(locator: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what `load` needs to make an agent in another process as it would be made here."""
+    return {"agent": locator, "options": dict(options), "imports": own_paths(), "searched": searched()}
+
+
+def starter(locator: str, options: Mapping[str, Any], host: HostOptions) -> Starter:
+    """Return what starts an agent of this environment where `host` says.
+
+    Raises:
+        HostError: Ray is not running.
+    """
+    values, place = start_values(locator, options), f"agent {locator!r}"
+    if host.where == RAY:
+        # Only runs with such hosts wait for Ray.
+        from smarts.agents.hosting.ray_actor import AsRayActor
+
+        return AsRayActor(__name__, values, place)
+    return InChildProcess(__name__, values, place, host.memory)
