@@ -11,7 +11,6 @@ import ctypes
 import importlib
 import json
 import os
-import resource
 import select
 import shutil
 import signal
@@ -23,10 +22,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 _SET_DEATH_SIGNAL, _SET_CHILD_SUBREAPER = 1, 36  # of <sys/prctl.h>
-LARGEST_FILE = 2**28
-"""The most bytes of a file that an agent writes."""
-TIME = 60
-"""The most seconds of processor time of one request, on each core."""
 
 
 def command(
@@ -64,8 +59,7 @@ def main() -> NoReturn:
         os.close(lifeline)
         try:
             os.environ["TMPDIR"] = folder
-            _confine(supervisor, given["memory"])
-            _work(given)
+            _work(given, supervisor)
         except KeyboardInterrupt:
             os._exit(130)
         finally:
@@ -93,35 +87,14 @@ def end_children() -> None:
             return
 
 
-def allow_time() -> None:
-    """Allow this process `TIME` more processor time."""
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
-    limit = int(used.ru_utime + used.ru_stime) + TIME * (os.cpu_count() or 1)
-    resource.setrlimit(resource.RLIMIT_CPU, (limit, hard))
-
-
-def _work(given: Mapping[str, Any]) -> None:
-    """Serve the agent."""
-    if given["paths"] is not None:
-        sys.path[:] = given["paths"]
-    load, values = importlib.import_module(given["module"]).load, given["values"]
-    serve = importlib.import_module("smarts_agent_kit.server").serve_child
-    serve(given["fd"], load if values is None else lambda _: load(values))
-
-
-def _confine(supervisor: int, memory: int) -> None:
-    """Limit this process, and let it die with its supervisor."""
+def _work(given: Mapping[str, Any], supervisor: int) -> None:
+    """Serve the agent in this process, which dies with its supervisor."""
     _prctl(_SET_DEATH_SIGNAL, int(signal.SIGKILL))
     if os.getppid() != supervisor:
         os._exit(1)
-    _limit(resource.RLIMIT_DATA, memory)
-    _limit(resource.RLIMIT_FSIZE, LARGEST_FILE)
-    _limit(resource.RLIMIT_CORE, 0)
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a write beyond the limit raises an OSError
-    os.register_at_fork(after_in_child=allow_time)
-    with suppress(OSError):  # of two that have too little memory, the simulator stays
-        Path("/proc/self/oom_score_adj").write_text("1000")
+    if given["paths"] is not None:
+        sys.path[:] = given["paths"]
+    importlib.import_module("smarts_agent_kit.worker").work(given)
 
 
 def _children() -> list[int]:
@@ -130,12 +103,6 @@ def _children() -> list[int]:
 
 def _prctl(option: int, value: int) -> None:
     ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
-
-
-def _limit(which: int, value: int) -> None:
-    hard = resource.getrlimit(which)[1]
-    value = value if hard == resource.RLIM_INFINITY else min(value, hard)
-    resource.setrlimit(which, (value, hard))
 
 
 if __name__ == "__main__":

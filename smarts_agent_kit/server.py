@@ -1,4 +1,4 @@
-"""Serves agents to simulators: over the socket of a child process, or at an address."""
+"""Serves an agent to simulators at an address."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from contextlib import closing
 from typing import Any
 
 from smarts_agent_kit.channel import Channel, ClosedError
-from smarts_agent_kit.child import allow_time, command
+from smarts_agent_kit.child import command
 from smarts_agent_kit.handshake import SECRET, RefusedError, admit
-from smarts_agent_kit.service import Make, Service
 from smarts_agent_kit.wire import WireError
 
 MOST_CONNECTIONS = 64
@@ -53,23 +52,6 @@ def secret_for(host: str) -> str:
             f"{SECRET} to the same {SHORTEST_SECRET} or more characters on both sides"
         )
     return secret
-
-
-def serve_child(fd: int, make: Make) -> None:
-    """Answer the simulator's requests over a socket until it closes it."""
-    os.set_inheritable(fd, False)
-    with closing(Channel(socket.socket(fileno=fd))) as channel:
-        os.register_at_fork(after_in_child=channel.close)
-        service = Service(make)
-        try:
-            while True:
-                message = channel.wait()
-                allow_time()
-                channel.send(service.answer(message))
-        except ClosedError:
-            return
-        except WireError as error:
-            print(f"an agent's connection has ended: {error}", file=sys.stderr)
 
 
 def serve_address(

@@ -21,7 +21,7 @@ class Drawing(BatchAgent):
     """Draws lane actions, and keeps in mind how often it has been asked about a vehicle."""
 
     interface = LANER
-    observation = ["speed"]
+    observation = ("speed",)
 
     def __init__(self):
         self._asked = {}
@@ -41,7 +41,7 @@ class Misbehaving(BatchAgent):
     """
 
     interface = LANER
-    observation = ["speed"]
+    observation = ("speed",)
 
     def __init__(self, how):
         self._do, self._asked = getattr(self, how), 0

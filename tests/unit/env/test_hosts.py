@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import time
 from contextlib import closing
 from pathlib import Path
@@ -10,12 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smarts.agents.hosting import hosts as hosting
-from smarts.agents.hosting import options
 from smarts.agents.hosting.options import HostError, HostOptions
 from smarts.agents.options import InterfaceError
 from smarts.env.vector import VectorHiWayEnv
-from tests.raising import raises
 
 DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:misbehaving-v0"
 MIXED = [{"agent": "idm-v0", "count": 1}, {"agent": DRAWING, "count": 1}]
@@ -23,7 +19,7 @@ MIXED = [{"agent": "idm-v0", "count": 1}, {"agent": DRAWING, "count": 1}]
 
 def environment(social, hosts, num_envs=1, scenario="intersection", **more):
     return VectorHiWayEnv(
-        num_envs, [scenario], 2, social_agents=social, hosts=hosts, decision_interval=1, traffic=None, **more
+        num_envs, [scenario], 1, social_agents=social, hosts=hosts, decision_interval=1, traffic=None, **more
     )
 
 
@@ -118,8 +114,10 @@ def hosted(how, **host):
 
 @pytest.mark.parametrize(
     "how",
-    ["loop", "leave", "raise_error", "fill_the_disk", "fill_the_memory", "answer_texts", "answer_too_few"]
-    + ["answer_too_much", "answer_objects"],
+    [
+        *("loop", "leave", "raise_error", "fill_the_disk", "fill_the_memory"),
+        *("answer_texts", "answer_too_few", "answer_too_much", "answer_objects"),
+    ],
 )
 def test_an_agent_that_misbehaves_fails_alone(how):
     social, hosts = hosted(how, memory=1.0)
