@@ -15,7 +15,6 @@ import select
 import shutil
 import signal
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -29,6 +28,7 @@ def command(
     fd: int,
     module: str,
     *,
+    folder: str,
     memory: float,
     paths: Sequence[str] | None = None,
     **more: Any,
@@ -39,11 +39,19 @@ def command(
         python: The interpreter, with its options.
         fd: Its end of the connection to the simulator.
         module: Has the function `load`, which makes the agent.
+        folder: For its temporary files; it is removed when the process ends.
         memory: The most that it may write to [GB].
         paths: Its `sys.path`; None: the interpreter's own.
         more: `agent` and `options`, if they are fixed; else they come from the simulator.
     """
-    given = {"fd": fd, "module": module, "memory": int(memory * 1e9), "paths": paths, "values": more or None}
+    given = {
+        "fd": fd,
+        "module": module,
+        "memory": int(memory * 1e9),
+        "paths": paths,
+        "folder": folder,
+        "values": more or None,
+    }
     return [*python, str(Path(__file__).absolute()), json.dumps(given)]
 
 
@@ -51,14 +59,13 @@ def main() -> NoReturn:
     """Start the agent's process, wait until it or the simulator ends, and leave nothing behind."""
     given = json.loads(sys.argv[1])
     _prctl(_SET_CHILD_SUBREAPER, 1)
-    folder = tempfile.mkdtemp(prefix="smarts-agent-")
     lifeline, supervisor = os.dup(0), os.getpid()
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     worker = os.fork()
     if worker == 0:
         os.close(lifeline)
         try:
-            os.environ["TMPDIR"] = folder
+            os.environ["TMPDIR"] = given["folder"]
             _work(given, supervisor)
         except KeyboardInterrupt:
             os._exit(130)
@@ -71,7 +78,7 @@ def main() -> NoReturn:
         poll.register(each, select.POLLIN | select.POLLHUP)
     poll.poll()
     end_children()
-    shutil.rmtree(folder, ignore_errors=True)
+    shutil.rmtree(given["folder"], ignore_errors=True)
     os._exit(0)
 
 

@@ -7,6 +7,7 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -86,7 +87,8 @@ def serve_address(
     free = threading.BoundedSemaphore(MOST_CONNECTIONS)
 
     def start(fd: int) -> subprocess.Popen:
-        more = {"memory": memory, "paths": paths, **values}
+        folder = tempfile.mkdtemp(prefix="smarts-agent-")
+        more = {"folder": folder, "memory": memory, "paths": paths, **values}
         environment = {name: value for name, value in os.environ.items() if name != SECRET}
         return subprocess.Popen(
             command([sys.executable], fd, module, **more),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import sys
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from smarts.agents.hosting.facts import facts_of
@@ -11,6 +13,7 @@ from smarts.agents.hosting.options import RAY, HostError, HostOptions, Starter
 from smarts.agents.policy import BatchAgent
 from smarts.registry import import_own, own_paths
 from smarts.zoo.registry import make_agent, search, searched
+from smarts_agent_kit.server import AddressError, serve_address
 
 
 def load(values: Mapping[str, Any]) -> tuple[Any, Mapping[str, Any]]:
@@ -40,6 +43,29 @@ def load(values: Mapping[str, Any]) -> tuple[Any, Mapping[str, Any]]:
 def start_values(locator: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return what `load` needs to make an agent in another process as it would be made here."""
     return {"agent": locator, "options": dict(options), "imports": own_paths(), "searched": searched()}
+
+
+def serve(
+    locator: str, options: Mapping[str, Any], address: str, ready: Callable[[str], object] = print
+) -> None:
+    """Serve an agent of this environment at an address, until the process is interrupted.
+
+    Args:
+        locator: Of the agent.
+        options: Its options.
+        address: HOST:PORT; port 0: any free one.
+        ready: Is called with the address that is served.
+
+    Raises:
+        SmartsError: There is no such agent, or it cannot be served there.
+    """
+    values = start_values(locator, options)
+    load(values)  # what cannot be made is said now, not to the first simulator
+    paths = [os.path.abspath(path) for path in sys.path]
+    try:
+        serve_address(address, __name__, values, paths=paths, ready=ready)
+    except AddressError as error:
+        raise HostError(str(error), place="--address") from error
 
 
 def starter(locator: str, options: Mapping[str, Any], host: HostOptions) -> Starter:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -36,10 +38,11 @@ class SocketLink:
     Args:
         channel: To the agent.
         process: The child process behind it, if there is one, which `close` ends.
+        folder: Of its temporary files, which `close` removes.
     """
 
-    def __init__(self, channel: Channel, process: subprocess.Popen | None = None) -> None:
-        self.channel, self._process = channel, process
+    def __init__(self, channel: Channel, process: subprocess.Popen | None = None, folder: str = "") -> None:
+        self.channel, self._process, self._folder = channel, process, folder
         self._owner = os.getpid()
         self.send = channel.send
 
@@ -73,6 +76,8 @@ class SocketLink:
         except subprocess.TimeoutExpired:  # somebody has stopped it
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+        # The supervisor has done so, unless it was killed.
+        shutil.rmtree(self._folder, ignore_errors=True)
 
 
 @dataclass(frozen=True)
@@ -141,11 +146,13 @@ class InChildProcess:
         """Start a process; see `Starter`."""
         python = [self.python, "-I"] if self.python else [sys.executable]
         paths = None if self.python else [os.path.abspath(path) for path in sys.path]
+        folder = tempfile.mkdtemp(prefix="smarts-agent-")
         near, far = socket.socketpair()
+        given = {"folder": folder, "memory": self.memory, "paths": paths}
         with far:
             try:
                 process = subprocess.Popen(
-                    command(python, far.fileno(), self.module, memory=self.memory, paths=paths),
+                    command(python, far.fileno(), self.module, **given),
                     env=clean_environment(),
                     stdin=subprocess.PIPE,
                     stdout=2,
@@ -154,8 +161,9 @@ class InChildProcess:
                 )
             except OSError as error:
                 near.close()
+                os.rmdir(folder)
                 raise HostError(f"the process does not start: {error}", place=self.place) from error
-        link = SocketLink(Channel(near), process)
+        link = SocketLink(Channel(near), process, folder)
         try:
             link.send(Message("make", self.values))
         except WireError as error:
