@@ -5,9 +5,9 @@
 
 Plays the same episodes (starts, traffic, seeds) with and without the longer step, in turn in one process, and
 prints for each scenario and policy the rates of collision and completion with standard errors (the unit is
-the episode, of four agents), their difference in standard errors, the mean speed of the traffic, and the
-ratios of the processor time of a simulation step (resets in it) and of a reset. A trained policy plays its own
-scenario and acts as in training (sampled). Exit code 1: a rate differs by more than two standard errors.
+the episode, of four agents), their difference in standard errors, the mean speed of the traffic, the ratio
+of the processor times of a simulation step, resets in it, and the time of a reset. A trained policy plays its
+own scenario and acts as in training (sampled). Exit code 1: a rate differs by more than two standard errors.
 """
 
 from __future__ import annotations

@@ -103,18 +103,23 @@ def begin_legs(
 ) -> None:
     """Begin the next step of SUMO's vehicles, where their last one ended; `rows` and `values` as `fill_rows`.
 
-    New vehicles have no last step: they stand where they end, until this step is over.
+    Vehicles that another provider has moved begin at their poses. New vehicles stand where they end, until
+    this step is over.
     """
-    legs.generation[:] = -1
     for index in range(len(rows)):
         row = rows[index]
         motion = _motion(values, index, len(rows), states.length[row])
-        legs.generation[row] = states.generation[row]
         legs.begin[row] = legs.end[row]
+        if legs.generation[row] != states.generation[row]:
+            legs.begin[row, :2] = states.position[row]
+            legs.begin[row, 2], legs.begin[row, 3] = states.heading[row], states.speed[row]
         for column in range(6):
             legs.end[row, column] = motion[column]
         if is_new[row]:
             legs.begin[row] = legs.end[row]
+    legs.generation[:] = -1
+    for row in rows:
+        legs.generation[row] = states.generation[row]
 
 
 @kernel
