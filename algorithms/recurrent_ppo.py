@@ -131,7 +131,7 @@ class CriticMemories:
     def hold(self, rollout: JointRollout, memories: Tensor) -> None:
         """Take the memories (B, N, H) with which the next rollout begins."""
         ends = rollout.start + len(rollout.rewards)
-        self._held = dict(zip(_keys(rollout, ends), memories, strict=True))
+        self._held = dict(zip(_keys(rollout, ends), memories.clone(), strict=True))
 
     def get_state(self) -> dict[tuple[int, ...], np.ndarray]:
         """Return the memories by environment and step."""
