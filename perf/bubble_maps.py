@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from smarts.agents.benchmark import benchmark_interface
-from smarts.arrays import Bools
+from smarts.arrays import Bools, Ints
 from smarts.env.casting import cast_of
 from smarts.env.runner import EpisodeKey, SimulationRunner
 from smarts.errors import SmartsError
@@ -37,6 +37,10 @@ from smarts.types.vehicles import Owner
 
 FLOWS, RATE = 30, 60.0
 """Number of random routes, and vehicles an hour on each."""
+WARM_UP = 60.0
+"""[s]"""
+NEAR = 20.0
+"""A vehicle with less than this left of its route [m] may arrive in one step or two."""
 SIZE, MARGIN = 50.0, 12.0
 """Of bubbles [m]."""
 
@@ -72,11 +76,9 @@ class Watch:
                 self.left[Departure(int(transfer["departure"])).name.lower()] += 1
                 gone_from_agents.add((int(transfer["slot"]), int(transfer["generation"])))
         now = dict[tuple[int, int], tuple[str, int, bool]]()
-        roads = self.roads
         for slot in np.flatnonzero(vehicles.alive[0]).tolist():
             lane, route = int(vehicles.lane[0, slot]), int(vehicles.route[0, slot])
-            last = world.routes.edges(0, route)[-1] if route >= 0 else -1
-            is_near_end = lane < 0 or int(roads.lane_edge[lane]) == int(last)
+            is_near_end = lane < 0 or self._left(world.routes.edges(0, route), lane) < NEAR
             owner, name = int(vehicles.owner[0, slot]), world.registry.name(0, slot)
             now[slot, int(vehicles.generation[0, slot])] = name, owner, is_near_end
         for vehicle, (name, owner, is_near_end) in self._before.items():
@@ -84,6 +86,17 @@ class Watch:
                 self.lost.append(f"{name} ({Owner(owner).name}, step {int(world.step[0])})")
         self.vehicles += len(now.keys() - self._before.keys())
         self._before = now
+
+    def _left(self, route: Ints, lane: int) -> float:
+        """Return the length of the route behind a lane [m]."""
+        roads = self.roads
+        edge = int(roads.lane_edge[lane])
+        places = np.flatnonzero(route == edge)
+        if not len(places):  # Inside a junction: to the first edge behind it.
+            ahead = [int(roads.lane_edge[each]) for each in roads.successors(lane)]
+            places = np.flatnonzero(np.isin(route, ahead))
+        first = int(places[-1]) if len(places) else 0
+        return float(sum(roads.length[roads.edge_first_lane[edge]] for edge in route[first + 1 :].tolist()))
 
     roads: LaneGraph
 
@@ -140,10 +153,10 @@ def write_scenario(folder: Path, source: Path, agent: str, seconds: float) -> No
     roads = build_scenario(folder).roads()
     car, truck = t.TrafficActor("car"), t.TrafficActor("truck", vehicle_type="truck")
     flows = [t.Flow(t.RandomRoute(f"flow-{n}"), RATE, actors={car: 0.85, truck: 0.15}) for n in range(FLOWS)]
-    trips = [t.Trip("leader", t.RandomRoute("leader"), depart=1.0)]
+    trips = [t.Trip("leader", t.RandomRoute("leader"), depart=WARM_UP + 1.0)]
     first = t.SocialAgentActor("first", agent)
     scenario = t.Scenario(
-        traffic={"random": t.Traffic(flows, trips, warm_up=60)},
+        traffic={"random": t.Traffic(flows, trips, warm_up=WARM_UP)},
         ego_missions=plain.ego_missions,
         social_agent_missions={"group": ([first], [t.Mission(t.RandomRoute("first"))])},
         bubbles=bubbles_of(roads, agent),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from smarts.env.vector import VectorHiWayEnv
+from smarts.registry import import_own
 from smarts.sim.assembly import Options
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.sstudio.build import build_scenario
@@ -83,13 +84,16 @@ register("counting-v0", Counting)
 
 @pytest.fixture(scope="module")
 def scenario(tmp_path_factory):
+    module = tmp_path_factory.mktemp("agents") / "counting.py"
+    module.write_text(COUNTING)
+    import_own([module])
+
     def written(name, bubbles):
         folder = tmp_path_factory.mktemp("bubbles") / name
         folder.mkdir()
         for source in build_scenario("intersection").source.glob("map.*.xml"):
             shutil.copy(source, folder)
         (folder / "scenario.py").write_text(SCENARIO.replace("BUBBLES", bubbles))
-        (folder / "counting.py").write_text(COUNTING)
         return folder
 
     return written
