@@ -335,12 +335,7 @@ class SumoShadows:
         )
 
     def _lane_beside(self, shadow: Shadow) -> str:
-        """Return the lane that a shadow straddles, or else any neighbouring lane, or "".
-
-        Inside junctions there is none: SUMO crashes some steps after a vehicle was moved to another lane there.
-        """
-        if shadow.lane.startswith(":"):
-            return ""
+        """Return the lane that a shadow straddles, or else any neighbouring lane, or ""."""
         number = self._roads.lane_of_id(shadow.lane)
         left, right = int(self._roads.left[number]), int(self._roads.right[number])
         beside = left if shadow.side > 0 or right < 0 else right
