@@ -237,6 +237,12 @@ def _start(part: Part, agent: Agent, host: HostOptions, *, is_named: bool) -> St
         start = agent.start
         return replace(start, memory=host.memory) if isinstance(start, InChildProcess) else start
     if host.where == IN_PROCESS:
+        if is_named and not host.replay and (host.deadline_ms is not None or host.log):
+            raise HostError(
+                "deadline_ms or log is given, and the agent acts in process, where it is never late",
+                place=place,
+                remedy="give where: process, or delay_steps",
+            )
         return None
     if not isinstance(agent, BatchAgent):
         if not is_named:

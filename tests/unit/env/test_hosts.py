@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smarts.agents.hosting.log import messages_of
 from smarts.agents.hosting.options import HostError, HostOptions
 from smarts.agents.options import InterfaceError
 from smarts.env.vector import VectorHiWayEnv
@@ -188,18 +189,48 @@ def test_every_step_completes_whatever_is_killed():
             env.reset()
 
 
-def test_an_answer_after_the_deadline_is_dropped_and_the_next_one_counts():
-    social, hosts = hosted("sleep", deadline_ms=100.0)
-    with closing(environment(social, hosts)) as env:
+def decided(log):
+    """Return seeds and steps of the decisions in a log: those in time, and late ones."""
+    taken, late = set(), set()
+    for file in Path(log).glob("*.decisions"):
+        for message in messages_of(file):
+            keys = zip(message.arrays["seed"].tolist(), message.arrays["step"].tolist(), strict=True)
+            (late if message.values.get("late") else taken).update(keys)
+    return taken, late
+
+
+def test_late_answers_are_dropped_and_a_log_of_them_repeats_the_run_bit_by_bit(tmp_path):
+    """The agent sleeps for 0.3 s at its third request, and nothing else is slow."""
+    social = [{"agent": MISBEHAVING, "count": 1, "options": {"how": "sleep"}}, {"agent": DRAWING, "count": 1}]
+    timing = {"where": "process", "deadline_ms": 60.0, "log": str(tmp_path)}
+    with closing(environment(social, {MISBEHAVING: timing})) as env:
         env.reset()
-        given = env._runner.actions.fresh
-        column = env._runner._pool.columns(0).start
-        fresh = []
-        for result in steps(env, 30):
+        states = []
+        for result in steps(env, 60):
             assert not result.social_failures
-            fresh.append(bool(given[0, column]))
-            time.sleep(0.02)
-    assert fresh is not None
+            states.append(state(env))
+            time.sleep(0.01)
+    taken, late = decided(tmp_path)
+    assert {2, 3} <= {step for _, step in late}
+    assert len(taken) > len(late)
+    assert not taken & late
+    again, failures = played(social, {MISBEHAVING: {"replay": str(tmp_path)}})
+    assert again[1:] == states
+    assert failures == {}
+
+
+def test_a_replay_without_a_log_is_an_error(tmp_path):
+    with pytest.raises(HostError):
+        environment([{"agent": DRAWING}], {DRAWING: {"replay": str(tmp_path)}})
+    (tmp_path / "x.decisions").write_bytes(bytes([8, 0, 0, 0, 4, 0, 0, 0, 1, 2, 3, 4]))
+    with pytest.raises(HostError):
+        environment([{"agent": DRAWING}], {DRAWING: {"replay": str(tmp_path)}})
+
+
+def test_an_agent_of_this_process_is_never_late(tmp_path):
+    for given in ({"deadline_ms": 10.0}, {"log": str(tmp_path)}):
+        with pytest.raises(HostError):
+            environment([{"agent": DRAWING}], {DRAWING: given})
 
 
 @pytest.mark.parametrize("where", ["in_process", "process"])

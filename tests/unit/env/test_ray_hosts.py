@@ -35,7 +35,7 @@ def test_an_actor_that_is_killed_or_leaves_is_made_again(cluster):
         env.reset()
         [*steps(env, 3)]
         ray.kill(host_of(env).links[0]._actor)
-        assert any(result.social_failures for result in steps(env, 2))
+        assert any(result.social_failures for result in steps(env, 30))
         env.reset()
         assert not any(result.social_failures for result in steps(env, 3))
     social = [{"agent": MISBEHAVING, "options": {"how": "leave"}}]

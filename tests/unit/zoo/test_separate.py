@@ -125,7 +125,8 @@ def test_the_kit_runs_with_numpy_and_msgpack_alone(zoo, tmp_path):
     place, loaded = lines.splitlines()
     assert Path(place).is_relative_to(folder)
     assert loaded == "[]"
-    show = "from importlib.metadata import files; print(all(each.locate().exists() for each in files('smarts_agent_kit')))"
+    show = "from importlib.metadata import files; kit = files('smarts_agent_kit'); "
+    show += "print(all(each.locate().exists() for each in kit))"
     command = [python, "-I", "-c", show]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "True\n"
 
