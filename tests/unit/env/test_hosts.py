@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from contextlib import closing
 from pathlib import Path
@@ -299,3 +301,35 @@ def test_hosts_start_with_the_first_episode_and_only_if_they_are_needed():
     with closing(environment([], {"*": "process"})) as env:
         env.reset()
         assert env._runner._requests is None
+
+
+KILLED = """
+import sys, time
+from tests.unit.env.test_hosts import descendants, environment, hosted, steps
+env = environment(*hosted("fork"))
+env.reset()
+[*steps(env, 8)]
+print(*descendants(), flush=True)
+time.sleep(1000)
+"""
+
+
+def test_a_simulator_that_is_killed_leaves_no_process_and_no_file():
+    """The agent has started processes, in sessions of their own."""
+    command = [sys.executable, "-c", KILLED]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as simulator:
+        assert simulator.stdout is not None
+        started = [int(pid) for pid in simulator.stdout.readline().split()]
+        simulator.kill()
+    assert len(started) == 4, "a supervisor, an agent, and two processes that it has started"
+    until = time.monotonic() + 20.0
+    while any(map(is_running, started)) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not any(map(is_running, started))
+
+
+def is_running(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
