@@ -96,6 +96,8 @@ class Tally:
     """That came into a zone, or were taken over there."""
     passed: int = 0
     crashed: int = 0
+    by_agents: int = 0
+    """Crashes in which an agent, or the fallback controller, drove one of the two."""
     stands: list[float] = field(default_factory=list)
     """Longest time that each has stood [s]."""
     steps: int = 0
@@ -105,9 +107,10 @@ class Tally:
     def row(self) -> str:
         """Return the cells of a table."""
         share = self.crashed / max(self.vehicles, 1)
+        agents = self.by_agents / max(self.vehicles, 1)
         stands = np.array(self.stands or [0.0])
         return (
-            f"{self.vehicles:9}{self.crashed:9}{share:8.1%}{stands.max():9.1f}{(stands >= 20.0).sum():8}"
+            f"{self.vehicles:9}{self.crashed:9}{share:8.1%}{agents:10.1%}{stands.max():9.1f}{(stands >= 20.0).sum():8}"
             f"{stands.mean():8.1f}{self.passed:8}"
         )
 
@@ -182,6 +185,7 @@ class Watch:
             if not self._crashed[slot]:
                 self._crashed[slot] = True
                 self.tally.crashed += 1
+                self.tally.by_agents += bool((vehicles.owner[[slot, other]] == Owner.AGENT).any())
                 self.tally.lines.append(f"{self._line(slot)} | {self._line(other)}")
 
     def _line(self, slot: int) -> str:
@@ -271,7 +275,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=42)
     parser.add_argument("--each", action="store_true", help="print a line for each crash")
     given = parser.parse_args(arguments)
-    print(f"{'':50}vehicles  crashed   share   stands  >= 20 s    mean  passed", flush=True)
+    print(f"{'':50}vehicles  crashed   share by agents   stands  >= 20 s    mean  passed", flush=True)
     with TemporaryDirectory() as folder:
         for name in given.scenarios:
             for driver in given.drivers:
@@ -279,7 +283,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 tallies = measure(name, driver, given.takes, given.seed, given.mixed, Path(folder))
                 for what, tally in zip((driver, "without bubbles"), tallies, strict=True):
                     print(f"{name:15} {what:33}{tally.row()}", flush=True)
-                    if given.each:
+                    if given.each and tally.lines:
                         print("\n".join(tally.lines))
                 print(f"  {tallies[0].steps} steps each, {time.perf_counter() - begin:.0f} s", flush=True)
 

@@ -13,7 +13,6 @@ from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
 from smarts.observations.feature import Feature
-from smarts.observations.right_of_way import gap_to_junction
 from smarts.observations.way_ahead import (
     SIGHT,
     gap_behind,
@@ -23,6 +22,7 @@ from smarts.observations.way_ahead import (
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_ways import place_on_lane, row_of
+from smarts.roads.right_of_way import gap_to_wait
 from smarts.types.agent_states import ChangePhase
 from smarts.types.interface import Field
 from smarts.types.world import State
@@ -170,7 +170,7 @@ def _write(
     own[_OFFSET], own[_TURN] = t, math.atan2(math.sin(turn), math.cos(turn))
     light, light_gap = _write_lane(state, roads, routes, b, slot, row, s, route, lanes[0])
     own[_ALLOWED], own[_LIGHT], own[_LIGHT_GAP] = lanes[0, _LANE_ALLOWED], light, light_gap
-    own[_YIELD_GAP] = gap_to_junction(state, roads, routes, b, slot, row, s)
+    own[_YIELD_GAP] = gap_to_wait(state, roads, routes, b, slot, row, s)
     for side in range(1, 3):
         other = int(roads.lane_left[lane] if side == 1 else roads.lane_right[lane])
         if other < 0 or roads.lane_kind[other] != roads.lane_kind[lane] or roads.lane_inside[lane]:
