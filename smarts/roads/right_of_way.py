@@ -27,16 +27,20 @@ EASY_BRAKING = 2.0
 """Meetings are looked for from where a vehicle would brake this hard before the line, and `NEAR` before [m/s^2]."""
 FORESIGHT = 8.0
 """Vehicles that come to a meeting later than this are left aside [s]."""
-MARGIN_AFTER = 1.5
+MARGIN_AFTER = 1.0
 """Time from when the vehicle is out of a meeting until one with the right of way comes there [s]."""
 MARGIN_BEFORE = 0.5
 """Time from when the other is out of a meeting until the vehicle comes there [s]."""
 SHORT_MARGIN = 0.4
 """Both, towards vehicles that have to give way, and of a vehicle that is on its way through [s]."""
 SPEEDING_UP = 2.0
-"""Acceleration with which vehicles come to a meeting, at most [m/s^2]..."""
-CROSSING = 1.5
-"""...and with which they leave it, at least [m/s^2]."""
+"""Acceleration with which the vehicle comes to a meeting, at most [m/s^2]..."""
+CROSSING = 1.7
+"""...and with which it leaves the meeting, at least [m/s^2]."""
+OTHERS_SPEEDING_UP = 1.0
+"""Acceleration of others: who has the right of way lets vehicles by that are in the junction [m/s^2]."""
+SLACK = 0.2
+"""Between a vehicle and the side of its lane this much is left out of account [m]."""
 HARD_BRAKING = 6.0
 """A vehicle that would have to brake harder to stop before a line drives on [m/s^2]..."""
 OTHERS_BRAKING = 4.5
@@ -356,22 +360,26 @@ def _waits(
     half, its_speed = 0.5 * vehicles.length[b, other], max(vehicles.speed[b, other], 0.0)
     speed, yields = max(vehicles.speed[b, slot], 0.0), roads.conflict_yields[place]
     is_merge = roads.conflict_kind[place] == _MERGE
-    to_begin, to_end = meeting[_OTHER_BEGIN] - centre - half, meeting[_OTHER_END] - centre + half
-    end = meeting[_END]
+    its_lane = roads.conflict_lane[place]
+    # The lanes are wider than the vehicles on them.
+    own_room = max(0.5 * (roads.lane_width[its_lane] - vehicles.width[b, other]) - SLACK, 0.0)
+    its_room = max(0.5 * (roads.lane_width[its_lane] - vehicles.width[b, slot]) - SLACK, 0.0)
+    begin, end = meeting[_BEGIN] + own_room, meeting[_END] - own_room
+    to_begin = meeting[_OTHER_BEGIN] - centre - half + its_room
+    to_end = meeting[_OTHER_END] - centre + half - its_room
     if is_merge:
         # The one behind only needs its distance: it follows the other where the lanes have become one.
         to_end = meeting[_OTHER_BEGIN] - centre + half + MERGE_GAP
-        end = meeting[_BEGIN] + vehicles.length[b, slot] + MERGE_GAP
+        end = begin + vehicles.length[b, slot] + MERGE_GAP
     if to_end <= 0.0:
         return False
-    first = _soonest(meeting[_BEGIN], speed, SPEEDING_UP, np.inf)
-    its_last = _soonest(to_end, its_speed, CROSSING if its_speed < CREEPING else 0.0, np.inf)
+    first = _soonest(begin, speed, SPEEDING_UP, np.inf)
+    its_last = _soonest(to_end, its_speed, OTHERS_SPEEDING_UP if its_speed < CREEPING else 0.0, np.inf)
     if to_begin <= 0.0:
         return its_speed < STANDING or first < its_last + MARGIN_BEFORE
     is_past = not _can_stop(speed, meeting[_LINE], HARD_BRAKING)
     it_is_past = not _can_stop(its_speed, line, OTHERS_BRAKING)
-    top = max(roads.lane_speed[roads.conflict_lane[place]], its_speed)
-    its_first = _soonest(to_begin, its_speed, SPEEDING_UP, top)
+    its_first = _soonest(to_begin, its_speed, OTHERS_SPEEDING_UP, max(roads.lane_speed[its_lane], its_speed))
     cap = max(meeting[_CAP], 1.0)
     last = _soonest(end, min(speed, cap), CROSSING, cap)
     before = after = SHORT_MARGIN

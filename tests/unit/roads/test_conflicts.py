@@ -159,8 +159,6 @@ def test_right_of_way_is_that_of_sumo(graphs, sumo_nets):
         for lane, partner in zip(owner, graph.conflict_lane, strict=True):
             node, own = connections[graph.lane_ids[lane]]
             _, other = connections[graph.lane_ids[partner]]
-            expected.append(
-                Yields.THIS * node.forbids(other, own) + Yields.OTHER * node.forbids(own, other)
-            )
+            expected.append(Yields.THIS * node.forbids(other, own) + Yields.OTHER * node.forbids(own, other))
         np.testing.assert_array_equal(graph.conflict_yields, expected, err_msg=name)
         assert any(expected) or name == "curve"
