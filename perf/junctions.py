@@ -50,7 +50,7 @@ ZONES: dict[str, Zones] = {
 }
 """Middle and side of each bubble's zone [m]."""
 DRIVERS = ("idm-v0", "keep-lane-v0", "perf.junctions:fails-v0", "perf.junctions:fails-late-v0")
-STEPS = 900
+STEPS = 600
 """Steps of an episode."""
 COUNTED = 10.0
 """A vehicle counts so long after it has left the zone [s]."""

@@ -18,8 +18,9 @@ from smarts.geometry.segments import wrapped
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
 from smarts.roads.lane_graph import ConflictKind, Yields
-from smarts.roads.lane_ways import next_row, place_on_lane
+from smarts.roads.lane_ways import next_row, place_on_lane, row_of
 from smarts.types.traffic import Signal
+from smarts.types.vehicles import Owner
 from smarts.types.world import State
 
 NEAR = 10.0
@@ -77,6 +78,7 @@ ALONG = 0.8
 _BEGIN, _END, _OTHER_BEGIN, _OTHER_END, _LINE, _CAP = range(6)
 _MOST_MEETINGS, _MOST_LANES = 256, 48
 _STOP, _CAUTION = int(Signal.STOP), int(Signal.CAUTION)
+_AGENT = int(Owner.AGENT)
 _MERGE = int(ConflictKind.MERGE)
 _NEITHER, _THIS, _OTHER = int(Yields.NEITHER), int(Yields.THIS), int(Yields.OTHER)
 
@@ -261,7 +263,7 @@ def _gap_for(
         gap = _gap_inside(state, roads, b, slot, other, places, meetings)
     # Lanes that it may come to, and where its centre is on them: below 0 before they begin.
     rows, centres = np.empty(_MOST_LANES, np.int32), np.empty(_MOST_LANES)
-    rows[0], centres[0], left = free + here - base, place, 1
+    rows[0], centres[0], left = _row_of(state, roads, routes, b, other, here), place, 1
     reach = FORESIGHT * max(speed, STANDING) + 0.5 * SPEEDING_UP * FORESIGHT
     while left > 0:
         left -= 1
@@ -276,6 +278,9 @@ def _gap_for(
         centre -= lane_length(roads, lane)
         if -centre - half > reach:
             continue
+        if routes.onward_start[row] == routes.onward_start[row + 1]:
+            # Where its lane leaves its route it may go anywhere.
+            row = free + lane - base
         for entry in range(routes.onward_start[row], routes.onward_start[row + 1]):
             following = int(routes.lane[routes.onward[entry]])
             if left < len(rows) and not _is_held_back(
@@ -284,6 +289,18 @@ def _gap_for(
                 rows[left], centres[left] = routes.onward[entry], centre
                 left += 1
     return gap
+
+
+@kernel
+def _row_of(state: State, roads: Roads, routes: RouteTable, b: int, slot: int, lane: int) -> int:
+    """Return the row of a vehicle's lane on its route if it is an agent's, else in the map's free corridor."""
+    agents, base = state.agents, roads.lane_base[state.map[b]]
+    if state.vehicles.owner[b, slot] == _AGENT:
+        for a in range(agents.slot.shape[1]):
+            if agents.slot[b, a] == slot:
+                hint = agents.route_progress[b, a]
+                return row_of(routes, state.map[b], routes.number[b, a], lane, base, hint)
+    return int(routes.start[state.map[b]] + lane - base)
 
 
 @kernel
