@@ -36,10 +36,10 @@ SHORT_MARGIN = 0.4
 """Both, towards vehicles that have to give way, and of a vehicle that is on its way through [s]."""
 SPEEDING_UP = 2.0
 """Acceleration with which the vehicle comes to a meeting, at most [m/s^2]..."""
-CROSSING = 1.7
+CROSSING = 2.0
 """...and with which it leaves the meeting, at least [m/s^2]."""
 OTHERS_SPEEDING_UP = 1.0
-"""Acceleration of others: who has the right of way lets vehicles by that are in the junction [m/s^2]."""
+"""Acceleration of others that do not start just now: they let vehicles by that are in the junction [m/s^2]."""
 SLACK = 0.2
 """Between a vehicle and the side of its lane this much is left out of account [m]."""
 HARD_BRAKING = 6.0
@@ -260,7 +260,7 @@ def _gap_for(
     speed = max(vehicles.speed[b, other], 0.0)
     gap = np.inf
     if roads.lane_inside[here] or place < half:
-        gap = _gap_inside(state, roads, b, slot, other, places, meetings)
+        gap = _gap_inside(state, roads, routes, b, slot, other, places, meetings)
     # Lanes that it may come to, and where its centre is on them: below 0 before they begin.
     rows, centres = np.empty(_MOST_LANES, np.int32), np.empty(_MOST_LANES)
     rows[0], centres[0], left = _row_of(state, roads, routes, b, other, here), place, 1
@@ -321,16 +321,24 @@ def _can_stop(speed: float, room: float, braking: float) -> bool:
 
 @kernel
 def _gap_inside(
-    state: State, roads: Roads, b: int, slot: int, other: int, places: Ints, meetings: Floats
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    b: int,
+    slot: int,
+    other: int,
+    places: Ints,
+    meetings: Floats,
 ) -> float:
     """Return as `_gap_for`, for the lanes that a vehicle is on whose footprint is inside a junction.
 
-    It is on every lane that it drives along the middle of: where lanes diverge, it may take each.
+    It is on every lane of its route that it drives along the middle of: where lanes diverge, it may take each.
     """
     vehicles = state.vehicles
     x, y = vehicles.position[b, other]
     half, gap = 0.5 * vehicles.length[b, other], np.inf
     here = roads.lane_base[state.map[b]] + vehicles.lane[b, other]
+    is_on_route = _row_of(state, roads, routes, b, other, here) >= routes.start[routes.free]
     for i in range(len(places)):
         lane = int(roads.conflict_lane[places[i]])
         centre, aside = place_on_lane(roads, lane, x, y)
@@ -341,8 +349,11 @@ def _gap_inside(
             * min(centre / lane_length(roads, lane), 1.0)
         )
         is_along = math.cos(roads.point_heading[point] - vehicles.heading[b, other]) > ALONG
-        if lane != here and not (is_along and abs(aside) < ASIDE):
-            continue
+        if lane != here:
+            if not is_along or abs(aside) > ASIDE or vehicles.speed[b, other] < STANDING:
+                continue
+            if is_on_route and _row_of(state, roads, routes, b, other, lane) < routes.start[routes.free]:
+                continue
         if _waits(state, roads, b, slot, other, places[i], meetings[i], centre, -1.0):
             gap = min(gap, _stop_before(vehicles.speed[b, slot], meetings[i]))
     return gap
@@ -396,7 +407,9 @@ def _waits(
         return its_speed < STANDING or first < its_last + MARGIN_BEFORE
     is_past = not _can_stop(speed, meeting[_LINE], HARD_BRAKING)
     it_is_past = not _can_stop(its_speed, line, OTHERS_BRAKING)
-    its_first = _soonest(to_begin, its_speed, OTHERS_SPEEDING_UP, max(roads.lane_speed[its_lane], its_speed))
+    starts = its_speed < CREEPING and line <= NEAR_LINE
+    its_acceleration = SPEEDING_UP if starts else OTHERS_SPEEDING_UP
+    its_first = _soonest(to_begin, its_speed, its_acceleration, max(roads.lane_speed[its_lane], its_speed))
     cap = max(meeting[_CAP], 1.0)
     last = _soonest(end, min(speed, cap), CROSSING, cap)
     before = after = SHORT_MARGIN
@@ -431,7 +444,7 @@ def _waits_for_standing(
     is_past: bool,
 ) -> bool:
     """Return whether a vehicle waits for one that stands before a meeting, see `_waits`."""
-    if line < 0.0 and to_begin < NOSE:
+    if line < 0.0 and to_begin < NOSE and state.vehicles.speed[b, slot] >= CREEPING:
         return True
     if line > NEAR_LINE or (line >= 0.0 and (is_past or yields == _OTHER)):
         return False
