@@ -110,8 +110,8 @@ class Tally:
         agents = self.by_agents / max(self.vehicles, 1)
         stands = np.array(self.stands or [0.0])
         return (
-            f"{self.vehicles:9}{self.crashed:9}{share:8.1%}{agents:10.1%}{stands.max():9.1f}{(stands >= 20.0).sum():8}"
-            f"{stands.mean():8.1f}{self.passed:8}"
+            f"{self.vehicles:9}{self.crashed:9}{share:8.1%}{agents:10.1%}"
+            f"{stands.max():9.1f}{(stands >= 20.0).sum():8}{stands.mean():8.1f}{self.passed:8}"
         )
 
 
@@ -193,8 +193,9 @@ class Watch:
         x, y = vehicles.position[slot]
         return (
             f"{world.time[0]:.1f} s {world.registry.name(0, slot)} {Owner(int(vehicles.owner[slot])).name}"
-            f" {VehicleKind(int(vehicles.kind[slot])).name} ({x:.1f}, {y:.1f}) {vehicles.heading[slot]:.2f} rad"
-            f" {vehicles.speed[slot]:.1f} m/s lane {vehicles.lane[slot]} {vehicles.lane_position[slot]:.1f} m"
+            f" {VehicleKind(int(vehicles.kind[slot])).name} ({x:.1f}, {y:.1f})"
+            f" {vehicles.heading[slot]:.2f} rad {vehicles.speed[slot]:.1f} m/s"
+            f" lane {vehicles.lane[slot]} {vehicles.lane_position[slot]:.1f} m"
         )
 
 

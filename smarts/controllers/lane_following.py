@@ -138,7 +138,7 @@ def _stand_if_lost(state: State, commands: Commands, b: int, a: int, row: int) -
 def _limit_fallback(
     state: State, roads: Roads, routes: RouteTable, b: int, a: int, row: int, s: float, points: Floats
 ) -> None:
-    """Lower the speeds of a reference behind others and, if it comes from traffic, at lights and junctions."""
+    """Lower a reference's speeds behind others and, for a vehicle of traffic, at lights and junctions."""
     slot = state.agents.slot[b, a]
     limit_by_leaders(state, b, slot, points)
     if state.vehicles.home[b, slot] != _NOBODY:

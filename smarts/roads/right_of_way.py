@@ -25,7 +25,7 @@ from smarts.types.world import State
 
 NEAR = 10.0
 EASY_BRAKING = 2.0
-"""Meetings are looked for from where a vehicle would brake this hard before the line, and `NEAR` before [m/s^2]."""
+"""Meetings are looked for from `NEAR` [m] before where a vehicle brakes this hard to its line on [m/s^2]."""
 FORESIGHT = 8.0
 """Vehicles that come to a meeting later than this are left aside [s]."""
 MARGIN_AFTER = 1.0
@@ -39,7 +39,7 @@ SPEEDING_UP = 2.0
 CROSSING = 2.0
 """...and with which it leaves the meeting, at least [m/s^2]."""
 OTHERS_SPEEDING_UP = 1.0
-"""Acceleration of others that do not start just now: they let vehicles by that are in the junction [m/s^2]."""
+"""Acceleration of others but those that start: they let vehicles by that are in the junction [m/s^2]."""
 SLACK = 0.2
 """Between a vehicle and the side of its lane this much is left out of account [m]."""
 HARD_BRAKING = 6.0
@@ -112,9 +112,8 @@ def gap_to_wait(
     vehicles, m = state.vehicles, state.map[b]
     half, speed = 0.5 * vehicles.length[b, slot], max(vehicles.speed[b, slot], 0.0)
     horizon = NEAR + 0.5 * speed * speed / EASY_BRAKING
-    if not roads.lane_inside[routes.lane[row]]:
-        if lane_length(roads, routes.lane[row]) - s - half > horizon:
-            return np.inf
+    if not roads.lane_inside[routes.lane[row]] and lane_length(roads, routes.lane[row]) - s - half > horizon:
+        return np.inf
     places = np.empty(_MOST_MEETINGS, np.int32)
     meetings = np.empty((_MOST_MEETINGS, 6))
     lanes, begins = np.empty(_MOST_LANES, np.int32), np.empty(_MOST_LANES)
@@ -293,7 +292,7 @@ def _gap_for(
 
 @kernel
 def _row_of(state: State, roads: Roads, routes: RouteTable, b: int, slot: int, lane: int) -> int:
-    """Return the row of a vehicle's lane on its route if it is an agent's, else in the map's free corridor."""
+    """Return the row of a lane on the route of an agent's vehicle, of others in the map's free corridor."""
     agents, base = state.agents, roads.lane_base[state.map[b]]
     if state.vehicles.owner[b, slot] == _AGENT:
         for a in range(agents.slot.shape[1]):
@@ -311,7 +310,7 @@ def _is_held_back(
     if roads.lane_inside[lane] or not roads.lane_inside[following]:
         return False
     light = state.signals[b, following - roads.lane_base[state.map[b]]]
-    return (light == _STOP or light == _CAUTION) and _can_stop(speed, room, OTHERS_BRAKING)
+    return light in (_STOP, _CAUTION) and _can_stop(speed, room, OTHERS_BRAKING)
 
 
 @kernel
@@ -332,7 +331,7 @@ def _gap_inside(
 ) -> float:
     """Return as `_gap_for`, for the lanes that a vehicle is on whose footprint is inside a junction.
 
-    It is on every lane of its route that it drives along the middle of: where lanes diverge, it may take each.
+    It is on every lane of its route that it drives along the middle of: where lanes diverge, on each.
     """
     vehicles = state.vehicles
     x, y = vehicles.position[b, other]
@@ -422,13 +421,18 @@ def _waits(
         return False
     if its_speed < STANDING:
         return _waits_for_standing(state, b, slot, other, yields, meeting, to_begin, line, is_past)
+    comes_first = its_first < first or (its_first == first and other < slot)
+    return _lets_by(yields, is_past, it_is_past, comes_first)
+
+
+@kernel
+def _lets_by(yields: int, is_past: bool, it_is_past: bool, comes_first: bool) -> bool:
+    """Return whether a vehicle waits for one that moves and would be in a meeting at the same time."""
     if yields == _THIS:
         return True
     if yields == _OTHER and not it_is_past:
         return False
-    if is_past != it_is_past:
-        return it_is_past
-    return its_first < first or (its_first == first and other < slot)
+    return comes_first if is_past == it_is_past else it_is_past
 
 
 @kernel
