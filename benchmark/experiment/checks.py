@@ -293,6 +293,10 @@ def _social(environment: Values) -> Iterator[Fault]:
             check_agent(entry["agent"], _section(entry, "options"))
         except SmartsError as error:
             yield Fault(("environment", "social_agents", number), *_message_and_remedy(error))
+    if isinstance(environment.get("hosts"), dict):
+        from smarts.agents.hosting.options import hosts_of
+
+        yield from _refused("hosts", hosts_of, environment)
     if environment.keys() & {"learn_in_bubbles", "episode_time"}:
         from smarts.agents.social import bubble_learning
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmark.experiment.config import Driving
+from benchmark.experiment.config import Driving, Host
 from benchmark.experiment.runs import TaskSetting
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
@@ -64,9 +64,15 @@ def environment(
         ),
         traffic=[task_setting.traffic],
         social_agents=[each.model_dump() for each in given.social_agents],
+        hosts=given_hosts(given.hosts),
         learn_in_bubbles=given.learn_in_bubbles,
         episode_time=given.episode_time,
     )
+
+
+def given_hosts(given: Mapping[str, str | Host]) -> dict[str, Any]:
+    """Return the hosts of an experiment as environments take them."""
+    return {locator: each if isinstance(each, str) else each.model_dump() for locator, each in given.items()}
 
 
 def interface_of(given: Driving) -> AgentInterface:
