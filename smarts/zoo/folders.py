@@ -12,9 +12,12 @@ import yaml
 from smarts.errors import SmartsError, UnknownNameError, nearest_names, shown
 from smarts.registry import import_own, load_module
 from smarts.zoo.entry import ZooEntry
+from smarts.zoo.separate import SeparateEntry
 
 PLACE = "SMARTS_ZOO"
 """Environment variable that names another file than `~/.config/smarts-bench/zoo.yaml`."""
+AGENT = "agent"
+"""Key of the "module:Class" of an agent with an environment of its own."""
 _METADATA = ("author", "m_level", "provenance", "licence")
 
 
@@ -42,7 +45,10 @@ def write_added(entries: Sequence[ZooEntry]) -> None:
     content = dict(_content())
     for entry in entries:
         about = {name: getattr(entry, name) for name in _METADATA}
-        content[entry.name] = {"folder": entry.folder} | {key: text for key, text in about.items() if text}
+        own = {AGENT: str(entry.entry_point)} if isinstance(entry, SeparateEntry) else {}
+        content[entry.name] = (
+            {"folder": entry.folder} | own | {key: text for key, text in about.items() if text}
+        )
     _write(content)
 
 
@@ -101,14 +107,15 @@ def _content() -> Mapping[str, Any]:
 
 def _entry(name: str, about: Any) -> ZooEntry:
     is_valid = isinstance(about, dict) and isinstance(about.get("folder"), str)
-    if not is_valid or not all(key in ("folder", *_METADATA) for key in about):
+    if not is_valid or not all(key in ("folder", AGENT, *_METADATA) for key in about):
         raise SmartsError(
             f"{name!r} is {shown(about)}", place=str(zoo_file()), remedy="{folder: PATH}, or remove the line"
         )
     author, m_level, provenance, licence = (str(about.get(key, "")) for key in _METADATA)
-    return ZooEntry(
+    kind = SeparateEntry if AGENT in about else ZooEntry
+    return kind(
         name,
-        "",
+        str(about.get(AGENT, "")),
         author=author,
         m_level=m_level,
         provenance=provenance,

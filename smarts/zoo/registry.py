@@ -27,6 +27,7 @@ from smarts.zoo import originals
 from smarts.zoo.agents import AGENTS
 from smarts.zoo.entry import EntryPoint, ZooEntry, check_name, entry_of
 from smarts.zoo.folders import added_agents, import_folder, write_added, zoo_file
+from smarts.zoo.separate import SeparateEntry, has_project, read_entries
 
 GROUP = "smarts.zoo"
 """The group of a package's entry points that are agents."""
@@ -165,18 +166,13 @@ def search(folder: str | Path) -> None:
 
 
 def add_folder(folder: str | Path) -> list[ZooEntry]:
-    """Import a folder with a policy, and add the agents that it registers to the user's zoo.
+    """Add the agents that a folder registers, or that its project names, to the user's zoo.
 
     Raises:
         SmartsError: The folder is none, registers no agent, or takes a name of another.
         OwnCodeError: Its code cannot be imported or raises.
     """
-    module = import_folder(folder)
-    found = [
-        replace(entry, folder=str(Path(folder).absolute()))
-        for (owner, _), entry in _REGISTERED.items()
-        if owner == module or owner.startswith(f"{module}.")
-    ]
+    found: list[ZooEntry] = [*(read_entries if has_project(folder) else _registered_in)(folder)]
     if not found:
         raise SmartsError(
             "the folder registers no agent",
@@ -189,9 +185,20 @@ def add_folder(folder: str | Path) -> list[ZooEntry]:
             raise SmartsError(
                 f"the name {entry.name!r} is taken", place=str(folder), remedy="choose another name"
             )
-        entry.spec()
+        if not isinstance(entry, SeparateEntry):
+            entry.spec()
     write_added(found)
     return found
+
+
+def _registered_in(folder: str | Path) -> list[ZooEntry]:
+    """Import a folder and return the agents that it registers."""
+    module = import_folder(folder)
+    return [
+        replace(entry, folder=str(Path(folder).absolute()))
+        for (owner, _), entry in _REGISTERED.items()
+        if owner == module or owner.startswith(f"{module}.")
+    ]
 
 
 def searched() -> list[str]:
@@ -246,7 +253,7 @@ def _named(name: str) -> ZooEntry:
     known = _known()
     if name in known:
         entry = known[name]
-        return _of_folder(entry) if entry.folder else entry
+        return _of_folder(entry) if entry.folder and not isinstance(entry, SeparateEntry) else entry
     of_process = [entry for (_, each), entry in _REGISTERED.items() if each == name]
     if len(of_process) == 1:
         return of_process[0]

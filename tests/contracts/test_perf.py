@@ -18,6 +18,7 @@ SMALLEST = {
     "energy": ["--sequences", "20", "--seconds", "0.1"],
     "frames": [],
     "games": ["--games", "pg promise", "--seeds", "1"],
+    "hosts": ["--rounds", "20", "--steps", "10"],
     "handovers": ["--handovers", "4", "--scenarios", "intersection", "--models", "kinematic"],
     "manoeuvres": [],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
