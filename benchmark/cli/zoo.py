@@ -13,7 +13,7 @@ from smarts.errors import SmartsError
 if TYPE_CHECKING:
     from smarts.zoo.entry import ZooEntry
 
-app = typer.Typer(help="List, describe, test and add policies of road users.", no_args_is_help=True)
+app = typer.Typer(help="List, describe, test, add and remove policies of road users.", no_args_is_help=True)
 
 Locator = Annotated[
     str,
@@ -88,6 +88,17 @@ def add(
 
     for entry in add_folder(folder):
         typer.echo(f"added {entry.name} to {zoo_file()}")
+
+
+@app.command()
+def remove(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="An agent that was added.", show_default=False)],
+) -> None:
+    """Remove an added agent from the user's zoo; its folder stays."""
+    from smarts.zoo.folders import remove_added, zoo_file
+
+    remove_added(name)
+    typer.echo(f"removed {name} from {zoo_file()}")
 
 
 @app.command()

@@ -192,11 +192,7 @@ class SumoShadows:
             self._extend_route(shadow, shadow.lane)
 
     def place(self, ahead: float = 0.0) -> None:
-        """Set the pose of every shadow at the end of the next step.
-
-        Args:
-            ahead: Time from the vehicles' poses to the end of SUMO's step [s], for which they are predicted.
-        """
+        """Set the pose of every shadow at the end of the next step, `ahead` [s] after the vehicles' poses."""
         move = self._library.vehicle.moveToXY
         # Convert to Python numbers at once: access to an array element costs as much as a call to SUMO.
         self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows)), ahead).tolist()

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from smarts.errors import SmartsError, shown
+from smarts.errors import SmartsError, UnknownNameError, nearest_names, shown
 from smarts.registry import import_own, load_module
 from smarts.zoo.entry import ZooEntry
 from smarts.zoo.separate import SeparateEntry
@@ -42,20 +42,29 @@ def write_added(entries: Sequence[ZooEntry]) -> None:
     Raises:
         SmartsError: The file is not readable or cannot be written.
     """
-    content, file = dict(_content()), zoo_file()
+    content = dict(_content())
     for entry in entries:
         about = {name: getattr(entry, name) for name in _METADATA}
         own = {AGENT: str(entry.entry_point)} if isinstance(entry, SeparateEntry) else {}
         content[entry.name] = (
             {"folder": entry.folder} | own | {key: text for key, text in about.items() if text}
         )
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        written = file.with_name(f".{file.name}.{os.getpid()}")
-        written.write_text(yaml.safe_dump(content), encoding="utf-8")
-        written.replace(file)
-    except OSError as error:
-        raise SmartsError(f"cannot be written: {error.strerror}", place=str(file)) from error
+    _write(content)
+
+
+def remove_added(name: str) -> None:
+    """Remove an agent from the file; its folder stays.
+
+    Raises:
+        SmartsError: No such agent was added, or the file is not readable or cannot be written.
+    """
+    content = dict(_content())
+    if name not in content:
+        raise UnknownNameError(
+            f"no added agent is called {name!r}", place=str(zoo_file()), remedy=nearest_names(name, content)
+        )
+    del content[name]
+    _write(content)
 
 
 def import_folder(folder: str | Path) -> str:
@@ -68,6 +77,17 @@ def import_folder(folder: str | Path) -> str:
     import_own([path])
     load_module(path.stem, "folder")
     return path.stem
+
+
+def _write(content: Mapping[str, Any]) -> None:
+    file = zoo_file()
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        written = file.with_name(f".{file.name}.{os.getpid()}")
+        written.write_text(yaml.safe_dump(dict(content)), encoding="utf-8")
+        written.replace(file)
+    except OSError as error:
+        raise SmartsError(f"cannot be written: {error.strerror}", place=str(file)) from error
 
 
 def _content() -> Mapping[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import itertools
 import re
 import sys
 from dataclasses import replace
@@ -158,8 +159,8 @@ def find_entry(locator: str) -> ZooEntry:
 def search(folder: str | Path) -> None:
     """Let locators name modules of a scenario's folder by their path from its project's root.
 
-    The original's scenarios do: "scenarios.sumo.loop.agent_prefabs:my-agent-v0". A module that can be
-    imported by its name comes first.
+    The original's scenarios do: "scenarios.sumo.loop.agent_prefabs:my-agent-v0". The folder's own name has to
+    be that in the path. A module that can be imported by its name comes first.
     """
     _SEARCHED[Path(folder).absolute()] = None
 
@@ -213,11 +214,7 @@ def _import(module: str, name: str) -> None:
     """
     if module in sys.modules:
         return
-    parts = tuple(module.split("."))
-    files = (
-        folder / f"{parts[-1]}.py" for folder in _SEARCHED if folder.parts[1 - len(parts) :] == parts[:-1]
-    )
-    file = next((file for file in files if len(parts) > 1 and file.is_file()), None)
+    file = _beside_scenario(module)
     if file is None or _is_importable(module):
         load_module(module, f"agent {name!r}")
         return
@@ -230,6 +227,18 @@ def _import(module: str, name: str) -> None:
     except Exception as error:
         del sys.modules[module]
         raise own_error(error, f"importing the agent {name!r}", str(file)) from error
+
+
+def _beside_scenario(module: str) -> Path | None:
+    """Return the file of a module in the searched folder whose path ends most like the module's name."""
+    *packages, last = module.split(".")
+    found: dict[int, Path] = {}
+    for folder in _SEARCHED:
+        file, pairs = folder / f"{last}.py", zip(reversed(folder.parts), reversed(packages), strict=False)
+        alike = len([*itertools.takewhile(lambda pair: pair[0] == pair[1], pairs)])
+        if alike and file.is_file():
+            found.setdefault(alike, file)
+    return found[max(found)] if found else None
 
 
 def _is_importable(module: str) -> bool:

@@ -9,7 +9,9 @@ import pytest
 from tests.blocks import ROOT
 
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
+PLACE = "a new folder"
 SMALLEST = {
+    "bubble_kinds": [PLACE, "--kinds", "position", "--seconds", "2"],
     "bubbles": ["--scenarios", "loop", "--worlds", "1", "--bubbles", "1", "--steps", "5"],
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
     "dynamics": ["--seconds", "0.01"],
@@ -31,10 +33,11 @@ SMALLEST = {
 """Arguments of the scripts that run in the tests' process."""
 WITH_RAY = {
     "joint": ["--seconds", "0.01"],
+    "training": ["--algorithms", "ppo", "--seconds", "0.01"],
     "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
 }
 """Arguments of scripts that start Ray; these run in their own processes."""
-ELSEWHERE = {"endurance", "real_maps", "scenario_files", "scenario_traffic"}
+ELSEWHERE = {"bubble_maps", "endurance", "real_maps", "scenario_files", "scenario_traffic"}
 """Scripts that take minutes, or have their own tests."""
 
 
@@ -44,8 +47,9 @@ def test_every_script_is_tested():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", SMALLEST)
-def test_script(script, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", [script, *SMALLEST[script]])
+def test_script(script, monkeypatch, capsys, tmp_path):
+    arguments = [str(tmp_path) if each == PLACE else each for each in SMALLEST[script]]
+    monkeypatch.setattr(sys, "argv", [script, *arguments])
     try:
         code = importlib.import_module(f"perf.{script}").main()
     except SystemExit as ended:
