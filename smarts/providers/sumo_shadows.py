@@ -30,11 +30,11 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
 from smarts.geometry.binding import bind
+from smarts.providers.sumo_arrivals import Arrival
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_proxies import SumoProxies
 from smarts.providers.sumo_rows import lead
@@ -123,34 +123,33 @@ class SumoShadows:
             shadow.noted_side = self._returned.pop(slot).noted_side
         self._shadows[slot] = shadow
 
-    def replace(self, slot: int, name: str, new_name: str) -> None:
+    def replace(self, slot: int, name: str, new_name: str, arrival: Arrival) -> None:
         """Make a vehicle that changes lanes in SUMO a shadow, under a new name, from the next step on.
 
-        The new vehicle has the type, speed factor, colour, line, route, and stops ahead of the old one.
-        TraCI does not give the place and the speed of arrival: it arrives at the end of its route.
+        The new vehicle has the type, speed factor, colour, line, route, and stops ahead of the old one, and
+        its arrival. What TraCI neither gives nor takes is lost: its time of departure, and the parameters of
+        its devices.
+
+        Args:
+            slot: The vehicle's.
+            name: Its id in SUMO.
+            new_name: That of the new vehicle.
+            arrival: Where the vehicle arrives, see `SumoArrivals`.
         """
         vehicle, route = self._library.vehicle, self._library.route_ahead(name)
         kind, factor = vehicle.getTypeID(name), vehicle.getSpeedFactor(name)
         colour, line, stops = vehicle.getColor(name), vehicle.getLine(name), vehicle.getStops(name)
         vehicle.remove(name)
-        vehicle.add(new_name, "", typeID=kind)
+        vehicle.add(new_name, "", typeID=kind, **arrival)
         vehicle.setSpeedFactor(new_name, factor)
         vehicle.setColor(new_name, colour)
         vehicle.setLine(new_name, line)
         vehicle.setLaneChangeMode(new_name, _NO_LANE_CHANGES)
         self._library.accepts(vehicle.setRoute, new_name, list(route))
         for stop in stops:
-            self._copy_stop(new_name, stop)
+            self._library.copy_stop(new_name, stop)
         self._returned.pop(slot, None)
         self._shadows[slot] = Shadow(new_name, route)
-
-    def _copy_stop(self, name: str, stop: Any) -> None:
-        """Give a vehicle a stop of another, unless SUMO does not accept it."""
-        edge, _, index = stop.lane.rpartition("_")
-        place = stop.stoppingPlaceID or edge
-        # The lowest bit says that the stop has been reached; the others are those that `setStop` takes.
-        times = stop.duration, stop.stopFlags >> 1, stop.startPos, stop.until
-        self._library.accepts(self._library.vehicle.setStop, name, place, stop.endPos, int(index), *times)
 
     def is_changing_lanes(self, name: str) -> bool:
         """Return whether SUMO moves a vehicle sideways."""
@@ -167,7 +166,9 @@ class SumoShadows:
         vehicle = self._library.vehicle
         if not vehicle.getLaneID(shadow.id):
             return False
-        if shadow.shift:
+        if shadow.way:
+            shadow.offset = shadow.back
+        if vehicle.getLateralLanePosition(shadow.id) != shadow.offset:
             vehicle.setLateralLanePosition(shadow.id, shadow.offset)
         shadow.calm_steps = _CALM_STEPS
         if shadow.way and shadow.way[0] == vehicle.getRoadID(shadow.id):

@@ -184,15 +184,8 @@ def assemble(
         UnknownNameError: There is no such traffic engine.
     """
     options = options or Options()
-    names = _names(agents, len(interfaces))
-    schedule = Schedule(
-        scenarios,
-        names,
-        shapes=[shape_of(interface) for interface in interfaces],
-        seed=seed,
-        engine=options.traffic_engine,
-        cast=cast,
-    )
+    names, shapes = _names(agents, len(interfaces)), [shape_of(interface) for interface in interfaces]
+    schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=options.traffic_engine, cast=cast)
     merged = merge_pools([*_pool_of(cast, schedule), *merge_pools(pool)])
     every = [*interfaces, *(each.interface for each in merged for _ in range(each.capacity))]
     scene = _scene(schedule, worlds, len(interfaces), len(every), options)
