@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -74,7 +74,15 @@ def with_bubbles(built: BuiltScenario, driver: str, seed: int) -> BuiltScenario:
     ]
     never = t.TimeWindowCondition(1e6, 2e6)
     idle = t.Bubble(t.PositionalZone(places[0], (SIZE, SIZE)), actor, id=IDLE, active_condition=never)
-    return replace(built, scenario=replace(built.scenario, bubbles=(*bubbles, idle)))
+    return _with(built, [*bubbles, idle])
+
+
+def _with(built: BuiltScenario, bubbles: Sequence[t.Bubble]) -> BuiltScenario:
+    """Return a scenario with other bubbles, and the same artefacts."""
+    changed = replace(built)
+    # As if it had been read so.
+    vars(changed)["scenario"] = replace(built.scenario, bubbles=tuple(bubbles))
+    return changed
 
 
 def _place(roads: LaneGraph, generator: np.random.Generator) -> tuple[float, float]:
@@ -104,8 +112,7 @@ def _play(
 ) -> _Listener:
     """Play an episode, with or without the bubbles."""
     if not takes:
-        idle = tuple(bubble for bubble in built.scenario.bubbles or () if bubble.id == IDLE)
-        built = replace(built, scenario=replace(built.scenario, bubbles=idle))
+        built = _with(built, [bubble for bubble in built.scenario.bubbles or () if bubble.id == IDLE])
     learning = BubbleLearning(steps * 0.1, (IDLE,))
     cast = cast_of([built], (), learning) or replace(NO_CAST, learning=learning)
     parts = assemble([built], [benchmark_interface()], cast=cast, worlds=1, seed=seed)
