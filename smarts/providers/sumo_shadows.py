@@ -118,10 +118,9 @@ class SumoShadows:
         vehicle = self._library.vehicle
         vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
         route, lane = self._library.route_ahead(name), vehicle.getLaneID(name)
-        shadow = Shadow(name, route, lane, vehicle.getLanePosition(name))
+        self._shadows[slot] = shadow = Shadow(name, route, lane, vehicle.getLanePosition(name))
         if slot in self._returned:
             shadow.noted_side = self._returned.pop(slot).noted_side
-        self._shadows[slot] = shadow
 
     def replace(self, slot: int, name: str, new_name: str, arrival: Arrival) -> None:
         """Make a vehicle that changes lanes in SUMO a shadow, under a new name, from the next step on.
@@ -140,10 +139,9 @@ class SumoShadows:
         kind, factor = vehicle.getTypeID(name), vehicle.getSpeedFactor(name)
         colour, line, stops = vehicle.getColor(name), vehicle.getLine(name), vehicle.getStops(name)
         vehicle.remove(name)
-        vehicle.add(new_name, "", typeID=kind, **arrival)
+        vehicle.add(new_name, "", typeID=kind, line=line, **arrival)
         vehicle.setSpeedFactor(new_name, factor)
         vehicle.setColor(new_name, colour)
-        vehicle.setLine(new_name, line)
         vehicle.setLaneChangeMode(new_name, _NO_LANE_CHANGES)
         self._library.accepts(vehicle.setRoute, new_name, list(route))
         for stop in stops:
@@ -192,11 +190,15 @@ class SumoShadows:
         if shadow.lane:
             self._extend_route(shadow, shadow.lane)
 
-    def place(self) -> None:
-        """Set the pose of every shadow at the end of the next step."""
+    def place(self, ahead: float = 0.0) -> None:
+        """Set the pose of every shadow at the end of the next step.
+
+        Args:
+            ahead: Time from the vehicles' poses to the end of SUMO's step [s], for which they are predicted.
+        """
         move = self._library.vehicle.moveToXY
         # Convert to Python numbers at once: access to an array element costs as much as a call to SUMO.
-        self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows))).tolist()
+        self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows)), ahead).tolist()
         for (slot, shadow), (x, y, angle, *_) in zip(self._shadows.items(), self._poses, strict=True):
             if shadow.reinsertion and not self._reinsert(shadow):
                 shadow.reinsertion = Reinsertion.OFF_THE_NET
@@ -360,9 +362,9 @@ class SumoShadows:
     def _next_edge(self, lane: str) -> list[str]:
         """Return the edge after a lane, straight on if there are several; [] at the end of a road."""
         if lane not in self._next_edges:
-            links = self._library.lane.getLinks(lane)
+            links = [*self._library.lane.getLinks(lane)]
             straight = [link for link in links if link[6] == "s"]
-            self._next_edges[lane] = [link[0].rpartition("_")[0] for link in (straight or list(links))[:1]]
+            self._next_edges[lane] = [link[0].rpartition("_")[0] for link in (straight or links)[:1]]
         return self._next_edges[lane]
 
     def _restore_route(self, shadow: Shadow) -> None:
@@ -384,8 +386,7 @@ class SumoShadows:
 
     def _type_of(self, slot: int) -> str:
         """Return a SUMO vehicle type with the footprint of a slot's vehicle, created on first use."""
-        states = self._states
-        kind = VehicleKind(states.kind[slot])
+        states, kind = self._states, VehicleKind(self._states.kind[slot])
         length, width = float(states.length[slot]), float(states.width[slot])
         name = f"shadow-{kind.name.lower()}-{length!r}x{width!r}"
         if name not in self._types:

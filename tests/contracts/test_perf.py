@@ -25,6 +25,7 @@ SMALLEST = {
     "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],
     "stopping": [],
     "takeovers": ["--scenario", "intersection", "--agents", "8", "--vehicles", "20", "--steps", "10"],
+    "traffic_step": ["--scenarios", "two_way", "--policies", "keep_lane", "--episodes", "8"],
     "traffic": ["--scenarios", "loop", "--steps", "50", "--repeats", "1"],
 }
 """Arguments of the scripts that run in the tests' process."""
