@@ -57,14 +57,17 @@ class SumoGate:
         self._rows, self._slots = np.full(1, row, np.int32), np.zeros(1, np.int32)
         self._found = np.zeros(1, np.bool_)
         self._onward: dict[str, tuple[str, ...]] = {}
+        self._bound_to: LaneGraph | None = None
 
     def reset(self, roads: LaneGraph) -> None:
         """Begin an episode on a map."""
-        self._roads = roads
+        self._onward.clear()
+        if roads is self._bound_to:
+            return
+        self._roads = self._bound_to = roads
         lines = np.array(roads.point_xy), np.array(roads.point_s)
         self._compare = bind(compare_with_chord, self._vehicles, self._rows[0].item(), *lines)
         self._starts = roads.point_start.tolist()
-        self._onward.clear()
 
     def refusal(self, slot: int, shadow: Shadow) -> Refusal:
         """Return why SUMO cannot take a vehicle now; if it can, write the way ahead into its shadow."""
