@@ -98,11 +98,9 @@ class SumoShadows:
         """Clear all shadows; SUMO was restarted."""
         self._roads = roads
         self._half_widths = (roads.width / 2).tolist()
-        self._shadows.clear()
-        self._returned.clear()
-        self._types.clear()
-        self._next_edges.clear()
-        self._lane_headings.clear()
+        known = self._shadows, self._returned, self._types, self._next_edges, self._lane_headings
+        for each in known:
+            each.clear()
         self.proxies.reset(roads)
 
     def create(self, slot: int, name: str, route: Sequence[str]) -> None:
@@ -236,8 +234,8 @@ class SumoShadows:
 
     def _place_proxy(self, slot: int, shadow: Shadow) -> None:
         states, kind = self._states, self._type_of(slot)
-        x, y = states.position[slot].tolist()
-        heading, speed = float(states.heading[slot]), float(states.speed[slot])
+        (x, y), heading = states.position[slot].tolist(), float(states.heading[slot])
+        speed = float(states.speed[slot])
         self.proxies.place(shadow.id, kind, (x, y), heading, speed, float(states.length[slot]))
 
     def _settle_on_lane(
