@@ -26,6 +26,8 @@ LATE_BRAKING = 4.0
 """A driver that would have to brake harder for an amber light drives on [m/s^2]."""
 YIELD_BRAKING = 6.0
 """The same for vehicles that go first at a junction [m/s^2]."""
+LINE_OVERLAP = 1.0
+"""By so much nearer than to a leader a driver stops to a line where others go first [m]."""
 LEAST_SPEED = 0.1
 """Lower bound of desired speeds, so that IDM stays finite [m/s]."""
 HORIZON_TIME = 15.0
@@ -219,7 +221,8 @@ class Driver(BatchAgent):
         desired = self.desired(seen)
         lines = [
             _gap_if(own[:, Own.LIGHT_GAP], self._stops_at_light(own)),
-            _gap_if(
+            LINE_OVERLAP
+            + _gap_if(
                 own[:, Own.YIELD_GAP], _can_stop(own[:, Own.SPEED], own[:, Own.YIELD_GAP], YIELD_BRAKING)
             ),
             lane[:, Lane.LEFT if keeps_to_route else Lane.END],
