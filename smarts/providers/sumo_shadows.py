@@ -22,6 +22,8 @@ two. SUMO needs these workarounds, found by experiment and shown by the tests in
 - SUMO continues a lane change that was in progress when a vehicle becomes a shadow, crashes if the vehicle is
   then on a lane without a neighbour, and shows the vehicle turned when it drives it again. So such a vehicle
   is replaced in SUMO by a new one of the same type.
+- SUMO may keep a shadow that leaves the net in the list of a lane, and crash when others come by. So a
+  vehicle that SUMO has driven is replaced then, too.
 - SUMO would change a shadow's lane and make others cooperate, so lane changing is disabled for shadows.
 """
 
@@ -82,6 +84,8 @@ class SumoShadows:
         self._next_edges: dict[str, list[str]] = {}
         self._lane_headings: dict[str, tuple[list[float], list[float]]] = {}
         self._poses: list[list[float]] = []
+        self.lost: list[int] = []
+        """Slots of the shadows that have left SUMO's net in the last step."""
         self.proxies = SumoProxies(library)
 
     def __contains__(self, slot: int) -> bool:
@@ -121,7 +125,7 @@ class SumoShadows:
             shadow.noted_side = self._returned.pop(slot).noted_side
 
     def replace(self, slot: int, name: str, new_name: str, arrival: Arrival) -> None:
-        """Make a vehicle that changes lanes in SUMO a shadow, under a new name, from the next step on.
+        """Make a vehicle in SUMO a shadow, under a new name, from the next step on.
 
         The new vehicle has the type, speed factor, colour, line, route, and stops ahead of the old one, and
         its arrival. What TraCI neither gives nor takes is lost: its time of departure, and the parameters of
@@ -189,11 +193,7 @@ class SumoShadows:
             self._extend_route(shadow, shadow.lane)
 
     def place(self, ahead: float = 0.0) -> None:
-        """Set the pose of every shadow at the end of the next step.
-
-        Args:
-            ahead: Time from the vehicles' poses to the end of SUMO's step [s], for which they are predicted.
-        """
+        """Set the pose of every shadow at the end of the next step, `ahead` [s] after the vehicles' poses."""
         move = self._library.vehicle.moveToXY
         # Convert to Python numbers at once: access to an array element costs as much as a call to SUMO.
         self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows)), ahead).tolist()
@@ -217,7 +217,9 @@ class SumoShadows:
     def settle(self) -> None:
         """Read the shadows' positions in SUMO, correct their speeds, and find the shadows to re-insert."""
         vehicle = self._library.vehicle
-        for shadow, (_, _, _, heading, speed, *size) in zip(self._shadows.values(), self._poses, strict=True):
+        self.lost.clear()
+        for (slot, shadow), pose in zip(self._shadows.items(), self._poses, strict=True):
+            _, _, _, heading, speed, *size = pose
             lane = vehicle.getLaneID(shadow.id)
             if lane:
                 position = vehicle.getLanePosition(shadow.id)
@@ -227,6 +229,8 @@ class SumoShadows:
                     speed = 0.0
                 self._settle_on_lane(shadow, lane, position, lean, *size)
             else:
+                if shadow.lane:
+                    self.lost.append(slot)
                 shadow.lane, shadow.reinsertion, shadow.shift = "", None, 0.0
                 self.proxies.remove(shadow.id)
             vehicle.setPreviousSpeed(shadow.id, abs(speed))

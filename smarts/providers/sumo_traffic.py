@@ -182,6 +182,9 @@ class SumoTraffic:
         self._shadows.place((self._steps - 1) * self._world.dt)
         simulation.step(0.0)
         self._shadows.settle()
+        for slot in self._shadows.lost:
+            if self._states.home[slot] == self._owner:
+                self._replace(slot)
         if arrived := simulation.getArrivedIDList():
             self._dismiss(arrived)
         if departed := simulation.getDepartedIDList():
@@ -292,13 +295,18 @@ class SumoTraffic:
             del self._driven[name]
             self._fading.drop(slot)
             if self._shadows.is_changing_lanes(name):
-                first = name.partition(_AGAIN)[0]
-                self._ids[slot] = f"{first}{_AGAIN}{self._world.step[self._row]}"
-                self._shadows.replace(slot, name, self._ids[slot], self._arrivals.of(first))
+                self._replace(slot)
             else:
                 self._shadows.take_over(slot, name)
         if is_rerouted and (route := self._planned(slot)):
             self._shadows.set_route(slot, route)
+
+    def _replace(self, slot: int) -> None:
+        """Make a slot's vehicle a shadow under a new name in SUMO."""
+        name = self._ids[slot]
+        first = name.partition(_AGAIN)[0]
+        self._ids[slot] = f"{first}{_AGAIN}{self._world.step[self._row]}"
+        self._shadows.replace(slot, name, self._ids[slot], self._arrivals.of(first))
 
     def _planned(self, slot: int) -> tuple[str, ...]:
         """Return the edges of the route in a vehicle's row, or () if it has none."""
