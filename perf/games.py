@@ -20,6 +20,9 @@ from typing import Any
 import numpy as np
 import torch
 
+_PLAIN = ("opponent_q", "dqn")
+"""Baselines of PR2: agents that expect no answer to what they do."""
+
 ROOT = Path(__file__).resolve().parents[1]
 TESTS = ROOT / "tests" / "unit" / "algorithms"
 
@@ -30,6 +33,9 @@ def games() -> dict[str, Callable[[int], Any]]:
     names = ("games", "pg", "maac", "mean_field", "networked_q", "commnet", "recurrence", "replay_kinds")
     games, pg, maac, field, networked, commnet, recurrence, kinds = (
         importlib.import_module(f"test_{name}") for name in names
+    )
+    happo, memories, mat, opponents = (
+        importlib.import_module(f"test_{name}") for name in ("happo", "recurrent_ppo", "mat", "opponents")
     )
 
     return {
@@ -46,6 +52,14 @@ def games() -> dict[str, Callable[[int], Any]]:
         **{f"{name} recall": partial(recurrence.recalled, name) for name in ("ppo", "centralised_v")},
         **{f"{name} recall": partial(kinds.recalled, name) for name in ("dqn", "vdn", "qmix")},
         "commnet levers": commnet.levers_score,
+        **{f"{name} yielding": partial(happo.yielding_score, name) for name in ("happo", "ppo")},
+        **{f"{name} turncoat": partial(opponents.turncoat_score, name) for name in ("opponent_q", "dqn")},
+        **{f"{name} climbing": partial(opponents.climbing_score, name) for name in ("pr2", *_PLAIN)},
+        **{f"{name} hills": partial(opponents.hills_score, name) for name in ("pr2", *_PLAIN)},
+        **{f"{name} doors": partial(mat.doors_score, name) for name in ("mat", "ppo", "commnet")},
+        **{f"{name} recall": partial(recurrence.recalled, name) for name in memories.BOTH},
+        **{f"{name} luck": partial(memories.luck_error, name, gru=16) for name in memories.BOTH},
+        **{f"{name} luck": partial(memories.luck_error, name) for name in ("ppo", "centralised_v")},
     }
 
 
