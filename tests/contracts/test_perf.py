@@ -19,7 +19,7 @@ SMALLEST = {
     "frames": [],
     "games": ["--games", "pg promise", "--seeds", "1"],
     "hosts": ["--rounds", "20", "--steps", "10"],
-    "handovers": ["--handovers", "4", "--scenarios", "intersection", "--models", "kinematic"],
+    "handovers": "--handovers 4 --scenarios intersection --models kinematic --drivers fallback idm".split(),
     "manoeuvres": [],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
     "planners": ["--scenes", "4"],
