@@ -171,9 +171,14 @@ class DQNLearner(OffPolicyLearner):
         with torch.no_grad():
             values = net.target_q((target_view or view).observations)
             ranking = net.policy(view) if self.config.double else values
-            if view.action_mask is not None:
-                ranking = ranking.masked_fill(~view.action_mask, MASKED_LOGIT)
-            return values.gather(-1, ranking.argmax(-1, keepdim=True)).squeeze(-1)
+            return values.gather(-1, best_actions(ranking, view).unsqueeze(-1)).squeeze(-1)
+
+
+def best_actions(values: Tensor, view: GroupView) -> Tensor:
+    """Return the actions (M, n) of the highest values (M, n, A) that the mask allows."""
+    if view.action_mask is not None:
+        values = values.masked_fill(~view.action_mask, MASKED_LOGIT)
+    return values.argmax(-1)
 
 
 class DQNConfig(JointConfig):

@@ -106,6 +106,15 @@ ALGORITHMS: dict[str, Entry] = {
         "PPO with a central critic",
         recurrent=True,
     ),
+    "coma": Entry(
+        "algorithms.coma:COMAConfig",
+        settings.COMASettings,
+        _CTDE,
+        "M3",
+        _DISCRETE,
+        "policy gradient with counterfactual advantages",
+        recurrent=True,
+    ),
     "maddpg": Entry(
         "algorithms.maddpg:MADDPGConfig",
         settings.MADDPGSettings,
@@ -154,6 +163,15 @@ ALGORITHMS: dict[str, Entry] = {
         "M3",
         _DISCRETE,
         "team value as a monotone function of values",
+        recurrent=True,
+    ),
+    "qtran": Entry(
+        "algorithms.qtran:QTRANConfig",
+        settings.QTRANSettings,
+        _CTDE,
+        "M3",
+        _DISCRETE,
+        "any team value, with a sum that has its optimum",
         recurrent=True,
     ),
     "networked_q": Entry(

@@ -267,6 +267,25 @@ class CommNetSettings(A2CSettings):
     """Weight of the baseline's error."""
 
 
+class COMASettings(JointSettings):
+    """COMA."""
+
+    hidden: SomeWidths = (64, 64)
+    lr: ScheduledFraction = 5e-4
+    lambda_: Fraction = 0.8
+    """Weight of longer returns in the critic's targets, TD(lambda)."""
+    epsilon: FirstAndLast = (0.5, 0.02)
+    """First and last share of uniformly random actions in the policies."""
+    epsilon_steps: NotNegative = 10_000
+    """Environment steps from the first to the last."""
+    critic_steps: Count = 8
+    """Steps of the critic on each rollout, before the policies' one."""
+    tau: Annotated[float, Field(gt=0, le=1)] = 0.2
+    """Step of the target critic towards its original, each rollout (polyak averaging)."""
+    team_reward: Literal["sum", "mean"] = "sum"
+    """How rewards of the active agents are joined; "mean" where all get the same shared reward."""
+
+
 class EpsilonGreedySettings(OffPolicySettings):
     """Settings of algorithms that explore by random actions."""
 
@@ -311,6 +330,18 @@ class QMIXSettings(VDNSettings):
 
     mixer_width: Width = 32
     """Hidden units of the mixer."""
+
+
+class QTRANSettings(VDNSettings):
+    """QTRAN."""
+
+    hidden: SomeWidths = (64, 64)
+    variant: Literal["base", "alt"] = "base"
+    """"base": the sum bounds the joint value from above; "alt": tightly in one of each agent's actions."""
+    lambda_opt: NotNegative = 1.0
+    """Weight of the constraint at the agents' best actions."""
+    lambda_nopt: NotNegative = 1.0
+    """Weight of the constraint elsewhere."""
 
 
 class MADDPGSettings(OffPolicySettings):

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from algorithms.dqn import DQN, DQNConfig, DQNLearner
 from algorithms.joint.batch import JointView, ReplayBatch
+from algorithms.parts.masking import masked_mean_of_agents
 
 
 class VDNLearner(DQNLearner):
@@ -32,20 +33,14 @@ class VDNLearner(DQNLearner):
             # All agents that are active next count, late arrivals too, as when that moment is fitted.
             value = self.mix(torch.where(following.alive, batch.join(best), 0), following, target=True)
             value = torch.where(following.alive.any(-1), value, 0)
-            target = self.config.reward_scale * self.team_reward(batch) + self.gamma * value
+            reward = team_reward(batch.rewards, batch.alive, self.config.team_reward)
+            target = self.config.reward_scale * reward + self.gamma * value
         # Squared, not Huber's: a sum fits most games only on average, and it is the mean that is meant.
         loss = self.mean((total - target).square(), batch.alive.any(-1))
         absent = batch.absent()
         self.step_optimizer(loss, *(name for name in self.trained() if name not in absent))
         self.log(self.groups[0].id, "td_loss", loss)
         self.polyak_update(*self.trained(), tau=self.config.tau)
-
-    def team_reward(self, batch: ReplayBatch) -> Tensor:
-        """Return the team's reward (M,)."""
-        total = torch.where(batch.alive, batch.rewards, 0).sum(-1)
-        if self.config.team_reward == "mean":
-            return total / batch.alive.sum(-1).clamp(min=1)
-        return total
 
     def mix(self, values: Tensor, view: JointView, *, target: bool = False) -> Tensor:
         """Return the team's values (M,) of the agents' (M, N), zeros for the absent."""
@@ -54,6 +49,11 @@ class VDNLearner(DQNLearner):
     def trained(self) -> tuple[str, ...]:
         """Return the networks that the team's loss steps."""
         return tuple(group.id for group in self.groups)
+
+
+def team_reward(rewards: Tensor, alive: Tensor, kind: str) -> Tensor:
+    """Return the "sum" or "mean" (...) of the active agents' rewards (..., N)."""
+    return masked_mean_of_agents(rewards, alive) if kind == "mean" else torch.where(alive, rewards, 0).sum(-1)
 
 
 class VDNConfig(DQNConfig):

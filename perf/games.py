@@ -31,6 +31,7 @@ def games() -> dict[str, Callable[[int], Any]]:
     games, pg, maac, field, networked, commnet, recurrence, kinds = (
         importlib.import_module(f"test_{name}") for name in names
     )
+    coma, qtran = (importlib.import_module(f"test_{name}") for name in ("coma", "qtran"))
 
     return {
         "pg promise": partial(pg.promise_score, cut=False),
@@ -46,6 +47,10 @@ def games() -> dict[str, Callable[[int], Any]]:
         **{f"{name} recall": partial(recurrence.recalled, name) for name in ("ppo", "centralised_v")},
         **{f"{name} recall": partial(kinds.recalled, name) for name in ("dqn", "vdn", "qmix")},
         "commnet levers": commnet.levers_score,
+        **{f"{name} shares": partial(coma.shares_score, name=name) for name in ("coma", "centralised_v")},
+        "qtran matrix": qtran.matrix_score,
+        "qtran matrix, alt": partial(qtran.matrix_score, variant="alt"),
+        **{f"{name} matrix": partial(qtran.matrix_score, name=name) for name in ("vdn", "qmix")},
     }
 
 
