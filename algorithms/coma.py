@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -38,11 +39,12 @@ from algorithms.maac import counterfactual_advantage
 from algorithms.parts.advantages import generalised_advantages
 from algorithms.parts.distributions import Exploration, FlooredDistribution, FlooredHead, Head
 from algorithms.parts.masking import masked_mean_of_agents
-from algorithms.parts.networks import perceptron
 from algorithms.parts.schedule import value_at
 from algorithms.vdn import team_reward
 
 CRITIC = "team__critic"
+LINEAR = 64
+"""Width between the two linear maps of a critic without hidden layers."""
 
 
 class COMAModule(JointModule):
@@ -56,21 +58,23 @@ class COMAModule(JointModule):
 class CounterfactualQ(nn.Module):
     """Q(s, (u^-a, .)) of all agents and all own actions, (M, n, A) by group id.
 
-    The first layer is linear in the actions, so taking an agent's own out costs one small product.
+    The first layer is linear in the actions, so taking an agent's own out costs one small product. Without
+    hidden layers all of Q is linear.
     """
 
     def __init__(self, spec: JointSpec, hidden: tuple[int, ...]) -> None:
         super().__init__()
         self._groups = spec.groups
         self._sizes = [(group.size, action_size(group.action)) for group in spec.groups]
-        width = hidden[0]
+        width, *others = hidden or (LINEAR,)
         self.see = nn.Linear(spec.state_size, width)
         self.act = nn.Linear(sum(n * a for n, a in self._sizes), width, bias=False)
         self.place = nn.Parameter(torch.randn(len(spec.agents), width) * 0.1)
-        rest = perceptron(hidden, nn.ReLU)
-        self.rest = nn.Sequential(nn.ReLU(), *rest, *([nn.ReLU()] if len(rest) else []))
+        layers = [layer for size in pairwise((width, *others)) for layer in (nn.ReLU(), nn.Linear(*size))]
+        self.rest = nn.Sequential(*layers, *([nn.ReLU()] if hidden else []))
+        last = [width, *others][-1]
         self.values = nn.ModuleList(
-            nn.Linear(hidden[-1], action_size(block.action)) for block in spec.spaces.blocks
+            nn.Linear(last, action_size(block.action)) for block in spec.spaces.blocks
         )
 
     def forward(self, view: JointView, actions: Mapping[str, Tensor]) -> dict[str, Tensor]:

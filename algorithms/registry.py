@@ -97,6 +97,15 @@ ALGORITHMS: dict[str, Entry] = {
         "hidden layers broadcast when acting",
         communication=True,
     ),
+    "bicnet": Entry(
+        "algorithms.bicnet:BiCNetConfig",
+        settings.BiCNetSettings,
+        _CEN,
+        "M3",
+        _BOTH,
+        "deterministic actor-critic, recurrent over agents",
+        communication=True,
+    ),
     "centralised_v": Entry(
         "algorithms.centralised_v:CentralisedVConfig",
         settings.CentralisedVSettings,

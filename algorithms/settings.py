@@ -270,7 +270,6 @@ class CommNetSettings(A2CSettings):
 class COMASettings(JointSettings):
     """COMA."""
 
-    hidden: SomeWidths = (64, 64)
     lr: ScheduledFraction = 5e-4
     lambda_: Fraction = 0.8
     """Weight of longer returns in the critic's targets, TD(lambda)."""
@@ -335,7 +334,6 @@ class QMIXSettings(VDNSettings):
 class QTRANSettings(VDNSettings):
     """QTRAN."""
 
-    hidden: SomeWidths = (64, 64)
     variant: Literal["base", "alt"] = "base"
     """"base": the sum bounds the joint value from above; "alt": tightly in one of each agent's actions."""
     lambda_opt: NotNegative = 1.0
@@ -354,6 +352,14 @@ class MADDPGSettings(OffPolicySettings):
     """Standard deviation of exploration noise on continuous actions in [-1, 1]."""
     logit_penalty: NotNegative = 1e-3
     """Weight of the mean square of policy outputs, which keeps samples from freezing."""
+
+
+class BiCNetSettings(MADDPGSettings):
+    """BiCNet."""
+
+    sharing: Sharing = "all"
+    hidden: SomeWidths = (64, 64)
+    """Widths of hidden layers; the last is the width of what agents hand on."""
 
 
 class MAACSettings(OffPolicySettings):

@@ -31,7 +31,7 @@ def games() -> dict[str, Callable[[int], Any]]:
     games, pg, maac, field, networked, commnet, recurrence, kinds = (
         importlib.import_module(f"test_{name}") for name in names
     )
-    coma, qtran = (importlib.import_module(f"test_{name}") for name in ("coma", "qtran"))
+    coma, qtran, bicnet = (importlib.import_module(f"test_{name}") for name in ("coma", "qtran", "bicnet"))
 
     return {
         "pg promise": partial(pg.promise_score, cut=False),
@@ -48,6 +48,7 @@ def games() -> dict[str, Callable[[int], Any]]:
         **{f"{name} recall": partial(kinds.recalled, name) for name in ("dqn", "vdn", "qmix")},
         "commnet levers": commnet.levers_score,
         **{f"{name} shares": partial(coma.shares_score, name=name) for name in ("coma", "centralised_v")},
+        **{f"{name} mirror": partial(bicnet.mirror_score, name=name) for name in ("bicnet", "maddpg")},
         "qtran matrix": qtran.matrix_score,
         "qtran matrix, alt": partial(qtran.matrix_score, variant="alt"),
         **{f"{name} matrix": partial(qtran.matrix_score, name=name) for name in ("vdn", "qmix")},
