@@ -72,7 +72,7 @@ def coordinate(
         beside: What enters beside the observations, (M, n, k).
     """
     extras = beside or [None] * len(nets)
-    features = [net.features(*seen) for net, *seen in zip(nets, views, extras, strict=True)]
+    features = [net.features(view, own) for net, view, own in zip(nets, views, extras, strict=True)]
     chain = sorted(
         (column, k, place) for k, group in enumerate(groups) for place, column in enumerate(_columns(group))
     )
@@ -118,7 +118,7 @@ class BiCNetModule(MADDPGModule):
         """Return every group's outputs (M, n, P)."""
         return coordinate([module.actor for module in modules], [module.group for module in modules], views)
 
-    def feedforward_parts(self) -> None:
+    def feedforward_parts(self) -> None:  # type: ignore[override]
         """Return None: agents cannot be evaluated one by one."""
 
 
