@@ -266,6 +266,11 @@ class _GivenFinder(MetaPathFinder):
 _FINDER = _GivenFinder()
 
 
+def own_paths() -> list[str]:
+    """Return the files and folders that `import_own` has made importable."""
+    return [str(path) for path in _GIVEN.values()]
+
+
 def import_own(paths: Iterable[str | Path]) -> None:
     """Make Python files and folders importable: `x.py` as module `x`, a folder `x` as package `x`.
 

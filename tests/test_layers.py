@@ -2,6 +2,7 @@
 
 import ast
 import re
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -36,9 +37,14 @@ THIRD_PARTY = {
     "torch": ("algorithms/", "benchmark/", "smarts/zoo/"),
     "matplotlib": ("smarts/envision/", "benchmark/"),
     "typer": "benchmark/",
+    "msgpack": "smarts_agent_kit/",
 }
 
-FILES = sorted(file for top in ("smarts", "algorithms", "benchmark") for file in (ROOT / top).rglob("*.py"))
+FILES = sorted(
+    file
+    for top in ("smarts_agent_kit", "smarts", "algorithms", "benchmark")
+    for file in (ROOT / top).rglob("*.py")
+)
 
 
 def package_of(module: str) -> str:
@@ -96,6 +102,12 @@ def violations(file: Path, imports: set[str]) -> list[str]:
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ROOT)))
 def test_imports_only_lower_layers(file):
     assert violations(file, imports_of(file)) == []
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "smarts_agent_kit").glob("*.py")), ids=lambda file: file.name)
+def test_the_kit_needs_numpy_and_msgpack_only(file):
+    tops = {name.partition(".")[0] for name in imports_of(file)}
+    assert tops - sys.stdlib_module_names <= {"numpy", "msgpack", "smarts_agent_kit"}
 
 
 def test_every_package_has_a_layer():

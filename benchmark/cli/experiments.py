@@ -73,11 +73,19 @@ def sweep(config: Config, set_: Set = None, import_: Import = None, out: Out = P
 
 def evaluate(
     run: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
-            metavar="RUN", help="Folder of a run, with config.yaml and checkpoint/.", show_default=False
+            metavar="[RUN]", help="Folder of a run, with config.yaml and checkpoint/.", show_default=False
         ),
-    ],
+    ] = None,
+    agent: Annotated[
+        str | None,
+        typer.Option(
+            help="In place of a run: an agent of the zoo, or tcp://HOST:PORT of one that is served.",
+            show_default=False,
+        ),
+    ] = None,
+    agents: Annotated[int, typer.Option(help="Number of egos; with --agent.", min=1, max=64)] = 4,
     scenario: Annotated[
         list[str] | None,
         typer.Option(
@@ -102,8 +110,10 @@ def evaluate(
     ] = None,
     import_: Import = None,
 ) -> None:
-    """Evaluate a trained policy and print all metrics with 95% intervals."""
+    """Evaluate a trained policy, or an agent, and print all metrics with 95% intervals."""
     modes = _modes(mode)
+    if (run is None) == (agent is None):
+        raise typer.BadParameter("give the folder of a run, or --agent", param_hint="RUN")
     from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
     from benchmark.running.experiment import interruptible
 
@@ -111,6 +121,10 @@ def evaluate(
 
     def work() -> int:
         nonlocal table
+        if agent is not None:
+            table = _evaluate_agent(agent, scenario, traffic, episodes, agents, out, import_)
+            return 0
+        assert run is not None
         table = evaluate_checkpoint(
             run,
             scenarios=scenario or (),
@@ -128,6 +142,24 @@ def evaluate(
     if table is not None:
         show_metrics(table)
     raise typer.Exit(code)
+
+
+def _evaluate_agent(
+    agent: str,
+    scenario: list[str] | None,
+    traffic: str | None,
+    episodes: int,
+    agents: int,
+    out: Path | None,
+    import_: list[Path] | None,
+) -> pd.DataFrame:
+    """Return the table of a test of an agent; imported here, so that checkpoints do not wait for the zoo."""
+    from benchmark.running.evaluate_agent import evaluate_agent
+
+    if not scenario:
+        raise typer.BadParameter("give at least one scenario", param_hint="--scenario")
+    given = {"scenarios": scenario, "traffic": traffic, "episodes": episodes, "agents": agents}
+    return evaluate_agent(agent, **given, out=out, imports=import_ or ())
 
 
 def show_metrics(table: pd.DataFrame) -> None:

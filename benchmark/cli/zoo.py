@@ -112,6 +112,22 @@ def export(
     typer.echo(f"smarts-bench zoo add {folder}   # makes {name}-v0 known everywhere")
 
 
+def serve(
+    locator: Locator,
+    address: Annotated[
+        str, typer.Option(metavar="HOST:PORT", help="Where simulators find it; port 0: any free one.")
+    ],
+    set_: Options = None,
+    import_: Import = None,
+) -> None:
+    """Serve an agent to simulators on this and other machines, until the command is interrupted."""
+    from smarts.registry import import_own
+    from smarts.zoo.serving import serve as serve_agent
+
+    import_own(import_ or ())
+    serve_agent(locator, options_of(set_ or []), address, ready=lambda place: typer.echo(f"serving {place}"))
+
+
 def options_of(given: list[str]) -> dict[str, Any]:
     """Return options by name, from texts "KEY=VALUE" whose values are YAML.
 

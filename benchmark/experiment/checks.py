@@ -15,7 +15,7 @@ from smarts.config import Fault, shown
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names
 from smarts.registry import Registry, import_own, is_own_name
 from smarts.types.agent_states import agent_names
-from smarts.types.traffic import TRAFFIC_ENGINES
+from smarts.types.traffic import DEFAULT_ENGINE, TRAFFIC_ENGINES
 
 Values = Mapping[str, Any]
 MOST_AGENTS = 64
@@ -41,6 +41,7 @@ def check_experiment(values: Values) -> Iterator[Fault]:
     yield from _tyres(_section(values, "environment"))
     yield from _observed(_section(values, "environment"))
     yield from _social(_section(values, "environment"))
+    yield from _traffic_step(_section(values, "environment"))
     yield from _scenarios(values)
 
 
@@ -292,6 +293,10 @@ def _social(environment: Values) -> Iterator[Fault]:
             check_agent(entry["agent"], _section(entry, "options"))
         except SmartsError as error:
             yield Fault(("environment", "social_agents", number), *_message_and_remedy(error))
+    if isinstance(environment.get("hosts"), dict):
+        from smarts.agents.hosting.options import hosts_of
+
+        yield from _refused("hosts", hosts_of, environment)
     if environment.keys() & {"learn_in_bubbles", "episode_time"}:
         from smarts.agents.social import bubble_learning
 
@@ -299,6 +304,26 @@ def _social(environment: Values) -> Iterator[Fault]:
             bubble_learning(environment.get("learn_in_bubbles", False), environment.get("episode_time"))
         except SmartsError as error:
             yield Fault(("environment", error.place), error.problem, error.remedy)
+
+
+def _traffic_step(environment: Values) -> Iterator[Fault]:
+    """Yield what a longer step of the traffic does not go with; `_scenarios` looks at the scenarios."""
+    if environment.get("traffic_step") is None:
+        return
+    for key in ("social_agents", "learn_in_bubbles"):
+        if environment.get(key):
+            yield Fault(
+                ("environment", "traffic_step"),
+                f"traffic_step is set, and so is {key}",
+                f"leave out traffic_step or {key}: hand-overs need exact traffic",
+            )
+    engine = environment.get("traffic_engine") or DEFAULT_ENGINE
+    if engine != DEFAULT_ENGINE:
+        yield Fault(
+            ("environment", "traffic_step"),
+            f"traffic_step is set, and the traffic engine is {engine}",
+            f"leave out traffic_step, or use the traffic engine {DEFAULT_ENGINE}",
+        )
 
 
 def _refused(key: str, check: Callable[[Any], object], environment: Values) -> Iterator[Fault]:
@@ -311,7 +336,7 @@ def _refused(key: str, check: Callable[[Any], object], environment: Values) -> I
 
 def _scenarios(values: Values) -> Iterator[Fault]:
     from smarts.sstudio.build import read_scenario, suite  # here: reports need no builder
-    from smarts.sstudio.episodes import check_egos
+    from smarts.sstudio.episodes import check_egos, check_without_handovers
 
     environment = _section(values, "environment")
     traffic, agents = values.get("traffic"), _names_of_agents(environment)
@@ -322,6 +347,8 @@ def _scenarios(values: Values) -> Iterator[Fault]:
             scenario = read_scenario(name)
             if agents:
                 check_egos(scenario.ego_missions or (), len(agents), name)
+            if environment.get("traffic_step") is not None:
+                check_without_handovers(scenario, name)
         except UnknownNameError:
             continue  # the model says so
         except SmartsError as error:

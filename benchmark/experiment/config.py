@@ -215,6 +215,24 @@ class SocialAgents(Section):
     """Arguments of the agent's policy, as `smarts-bench zoo describe` shows them."""
 
 
+Where = Literal["in_process", "process", "ray"]
+
+
+class Host(Section):
+    """Where an agent of the zoo acts, and in what time."""
+
+    where: Where = "in_process"
+    """in_process, process (on the same machine) or ray (an actor)."""
+    patience: Annotated[float, Field(gt=0, le=3600)] = 10.0
+    """How long an answer is waited for before the agent's process is started again [s]."""
+    deadline_ms: Annotated[float, Field(gt=0)] | None = None
+    """Later answers are dropped [ms]; null: each is waited for."""
+    delay_steps: Annotated[int, Field(ge=0, le=100)] = 0
+    """Steps from an answer to when it is carried out."""
+    memory: Annotated[float, Field(gt=0)] = 8.0
+    """Of a process [GB]."""
+
+
 class Environment(Driving):
     """How agents see, act and drive, and what their reward is; the same for all algorithms."""
 
@@ -243,9 +261,15 @@ class Environment(Driving):
     traffic_engine: Engine | None = None
     """What drives the traffic: SUMO, ConstantSpeed, or module:Class of one's own; null: what the scenario
     names."""
+    traffic_step: Annotated[float, Field(ge=0.1, le=1.0, multiple_of=0.1)] | None = None
+    """Length of SUMO's step in training [s], a multiple of 0.1; null: 0.1. 0.5 makes training about twice as
+    fast. Validation and tests always run at 0.1 s."""
     social_agents: Annotated[tuple[SocialAgents, ...], Field(strict=False)] = ()
     """Agents of the zoo beside the learning ones, in training and test, such as
     `[{agent: "smarts.zoo:idm-v0", count: 2}]`. They are not measured."""
+    hosts: dict[str, Where | Host] = Field(default_factory=dict)
+    """Where agents of the zoo act, and in what time, by locator ("*": all others), such as
+    `{idm-v0: process, mobil-v0: {delay_steps: 3}}`; docs/hosts.md."""
     learn_in_bubbles: bool | Annotated[tuple[str, ...], SEVERAL] = False
     """true, or a list of ids of the scenarios' bubbles: the learning agents have no missions, but drive
     vehicles of traffic in these bubbles, `agents` of them at a time."""
@@ -254,12 +278,15 @@ class Environment(Driving):
 
     @model_serializer(mode="wrap")
     def _without_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        # A run without social agents is the same run as before there were any.
+        # A run without these is the same run as before there were any.
         kept = serialize(self)
-        for name in ("social_agents", "learn_in_bubbles", "episode_time"):
+        for name in ("traffic_step", "social_agents", "learn_in_bubbles", "episode_time"):
             if getattr(self, name) == type(self).model_fields[name].default:
                 kept.pop(name, None)
-        return kept
+        # Where an agent acts changes nothing in a run; in what time it acts does.
+        timing = {locator: given for locator, host in self.hosts.items() if (given := _timing(host))}
+        kept.pop("hosts", None)
+        return {**kept, "hosts": timing} if timing else kept
 
     @property
     def agent_count(self) -> int:
@@ -276,6 +303,14 @@ class Environment(Driving):
         if isinstance(self.agents, int):
             return dict.fromkeys(agent_names(self.agents), self)
         return {name: self.model_copy(update=agent.model_dump()) for name, agent in self.agents.items()}
+
+
+def _timing(host: str | Host) -> dict[str, Any]:
+    """Return the settings of a host that change its agents' actions."""
+    if isinstance(host, str):
+        return {}
+    names = ("deadline_ms", "delay_steps")
+    return {name: getattr(host, name) for name in names if getattr(host, name)}
 
 
 class Budget(Section):

@@ -114,7 +114,9 @@ def _check_extent(table: Frame, tested: Mapping[str, Any]) -> None:
     wanted: int = tested["episodes"]
     modes: Sequence[str] = tested.get("modes", [])
     counts = table.attrs[COUNTS]
-    lost = counts["incomplete"] + len(counts["corrupted"])
+    with_agents = table.loc[~table["is_invalid"], ["mode", "split", *EPISODE_KEYS]].drop_duplicates()
+    without_agents = counts["measured"] - len(with_agents)
+    lost = counts["incomplete"] + len(counts["corrupted"]) + without_agents
     plain = table[table["split"] == "train"]
     learned = (table["training_seed"] != SCRIPTED_SEED).any()
     for mode in sorted({*plain["mode"], *(modes if learned else [])}):

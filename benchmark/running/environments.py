@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmark.experiment.config import Driving
+from benchmark.experiment.config import Driving, Host
 from benchmark.experiment.runs import TaskSetting
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
@@ -27,6 +27,7 @@ def environment(
     record: Path | None = None,
     discount: float | None = None,
     max_episode_steps: int | None = None,
+    traffic_step: float | None = None,
 ) -> Any:
     """Return a task setting's environment, a `VectorHiWayEnv`.
 
@@ -37,6 +38,7 @@ def environment(
         record: Where episodes are written to.
         discount: Of the learner, which shaped rewards have to agree with; by default that of the weights.
         max_episode_steps: Of each agent, by default the benchmark's.
+        traffic_step: Of the training environment alone; see `Options`.
 
     Raises:
         SmartsError: A scenario cannot be built, or the agents' observation or reward.
@@ -54,12 +56,23 @@ def environment(
         discount=discount,
         adapter=given.adapter,
         adapter_options=given.adapter_options,
-        simulation=Options(record=record, friction=given.friction, traffic_engine=given.traffic_engine),
+        simulation=Options(
+            record=record,
+            friction=given.friction,
+            traffic_engine=given.traffic_engine,
+            traffic_step=traffic_step,
+        ),
         traffic=[task_setting.traffic],
         social_agents=[each.model_dump() for each in given.social_agents],
+        hosts=given_hosts(given.hosts),
         learn_in_bubbles=given.learn_in_bubbles,
         episode_time=given.episode_time,
     )
+
+
+def given_hosts(given: Mapping[str, str | Host]) -> dict[str, Any]:
+    """Return the hosts of an experiment as environments take them."""
+    return {locator: each if isinstance(each, str) else each.model_dump() for locator, each in given.items()}
 
 
 def interface_of(given: Driving) -> AgentInterface:
@@ -75,4 +88,10 @@ def interface_of(given: Driving) -> AgentInterface:
 
 def create(config: Any) -> Any:
     """Return the training environment for RLlib, made from the task setting and discount in `config`."""
-    return environment(config["task_setting"], num_envs=config["num_envs"], discount=config["discount"])
+    task_setting = config["task_setting"]
+    return environment(
+        task_setting,
+        num_envs=config["num_envs"],
+        discount=config["discount"],
+        traffic_step=task_setting.environment.traffic_step,
+    )

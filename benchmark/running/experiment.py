@@ -21,11 +21,13 @@ from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
 from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
 from benchmark.running.cluster import start_ray
+from benchmark.running.environments import given_hosts
 from benchmark.running.exit_codes import FAILED, INTERRUPTED
 from benchmark.running.jobs import JobScheduler, JobState, jobs_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
 from benchmark.running.played import held_out_of, scenario_digests
+from smarts.agents.hosting.options import hosts_of
 from smarts.agents.social import bubble_learning, social_agents
 from smarts.sim.schedule import Schedule
 from smarts.sstudio.build import build_scenario
@@ -115,15 +117,15 @@ def check_social(environment: Environment, scenarios: Sequence[BuiltScenario]) -
         SmartsError: There is no such agent, there are more agents than missions, or no bubble to learn in.
     """
     described = any(built.scenario.bubbles or built.scenario.social_agent_missions for built in scenarios)
-    if not (described or environment.social_agents or environment.learn_in_bubbles):
+    if not (described or environment.social_agents or environment.learn_in_bubbles or environment.hosts):
         return
     # Only experiments with social agents wait for the zoo.
     from smarts.env.casting import cast_of
 
     added = social_agents([each.model_dump() for each in environment.social_agents])
     learning = bubble_learning(environment.learn_in_bubbles, environment.episode_time)
-    names = agent_names(environment.agent_count)
-    Schedule(scenarios, names, cast=cast_of(scenarios, added, learning))
+    names, hosts = agent_names(environment.agent_count), hosts_of(given_hosts(environment.hosts))
+    Schedule(scenarios, names, cast=cast_of(scenarios, added, learning, hosts))
 
 
 def _check_spaces(experiment: Experiment) -> None:

@@ -77,7 +77,7 @@ def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
             )
 
     labels = {"algorithm": run.label, "training_seed": run.seed}
-    yield from _play(run.task_setting, folder, run.task_setting.evaluation.modes, labels, play_part)
+    yield from play_parts(run.task_setting, folder, run.task_setting.evaluation.modes, labels, play_part)
 
 
 def play_scripted(run: ScriptedRun, folder: RunFolder) -> Iterator[float]:
@@ -98,11 +98,11 @@ def play_scripted(run: ScriptedRun, folder: RunFolder) -> Iterator[float]:
                 pass
 
     labels = {"algorithm": run.label, "training_seed": SCRIPTED_SEED}
-    yield from _play(run.task_setting, folder, (SCRIPTED,), labels, play_part)
+    yield from play_parts(run.task_setting, folder, (SCRIPTED,), labels, play_part)
     folder.note(status=FINISHED, tested=tested)
 
 
-def _play(
+def play_parts(
     task_setting: TaskSetting,
     folder: RunFolder,
     modes: tuple[str, ...],

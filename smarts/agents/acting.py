@@ -1,7 +1,7 @@
-"""Hosts of social policies: `dispatch` sends requests, `gather` collects the answers.
+"""The host of social policies in this process: `dispatch` takes requests, `gather` returns the answers.
 
-Policies in other processes compute in between; in-process policies compute in `gather`. A request has all
-vehicles of one policy that decide now, in all simulations, so a host gets one message in a step.
+Policies elsewhere compute in between (`smarts.agents.hosting`); those here compute in `gather`. A request has
+all vehicles of one policy that decide now, in all simulations, so a policy gets one request in a step.
 
 Axis letter: N agents of a request.
 """
@@ -18,9 +18,8 @@ from smarts.agents.options import InterfaceError
 from smarts.agents.policy import ActionBatch, Agent, BatchAgent
 from smarts.agents.social import SocialPolicy
 from smarts.agents.spec import AgentSpec
-
-FAILURES = (Exception, SystemExit)
-"""What an agent may raise that lets it fail: `sys.exit` in an agent does not end the run."""
+from smarts.arrays import Bools
+from smarts_agent_kit.service import FAILURES, WrongActionsError, checked_actions, problem_of
 
 
 class Request(NamedTuple):
@@ -48,16 +47,33 @@ class Answer(NamedTuple):
     actions: NDArray | Sequence[Any]
     """An array of shape (N, ...), or N actions; a `Failed` in place of an action that there is not."""
 
+    def at(self, chosen: Bools) -> Answer:
+        """Return the answer to some of its agents, shape (N,)."""
+        if isinstance(self.actions, np.ndarray):
+            actions = self.actions[chosen]
+        else:
+            actions = [self.actions[place] for place in np.flatnonzero(chosen).tolist()]
+        return Answer(self.policy, part_of(self.request, chosen), actions)
+
+    def without(self, rows: Collection[int]) -> Answer | None:
+        """Return the answer without the agents of some simulations, None if no agent is left."""
+        kept = ~np.isin(self.request.batch.env_id, [*rows])
+        return self.at(kept) if kept.any() else None
+
 
 class AgentHost(Protocol):
     """Runs the social policies."""
+
+    def begin(self) -> None:
+        """Make the policies ready; called at each reset."""
+        ...
 
     def dispatch(self, requests: Mapping[int, Request]) -> None:
         """Send requests by the policy's number, without waiting."""
         ...
 
     def gather(self) -> Sequence[Answer]:
-        """Return the answers to all requests."""
+        """Return the answers to all requests but late ones; called in every step."""
         ...
 
     def forget(self, rows: Collection[int]) -> None:
@@ -73,15 +89,20 @@ class InProcess:
     """Runs the policies in this process: they decide when their actions are fetched, however long they take.
 
     Args:
-        policies: The policies of the run.
+        policies: The policies of the run; those that act elsewhere are left out.
 
     Raises:
         Exception: Whatever an agent raises when it is made.
     """
 
     def __init__(self, policies: Sequence[SocialPolicy]) -> None:
-        self._players: list[Player] = [_player(policy) for policy in policies]
+        self._players: dict[int, Player] = {
+            number: _player(policy) for number, policy in enumerate(policies) if policy.start is None
+        }
         self._asked: list[tuple[int, Request]] = []
+
+    def begin(self) -> None:
+        """Do nothing: the policies are there."""
 
     def dispatch(self, requests: Mapping[int, Request]) -> None:
         """Keep the requests."""
@@ -94,9 +115,12 @@ class InProcess:
 
     def forget(self, rows: Collection[int]) -> None:
         """Drop the requests and the agents of some simulations."""
-        left = [(number, _without(request, rows)) for number, request in self._asked]
+        left = [
+            (number, part_of(request, ~np.isin(request.batch.env_id, [*rows])))
+            for number, request in self._asked
+        ]
         self._asked = [(number, request) for number, request in left if len(request.batch.env_id)]
-        for player in self._players:
+        for player in self._players.values():
             player.forget(rows)
 
     def close(self) -> None:
@@ -148,21 +172,20 @@ class BatchPlayer:
         batch = request.batch
         count = len(batch.env_id)
         try:
-            actions: Any = np.asarray(self._agent.act(batch))
+            return checked_actions(self._agent.act(batch), count)
+        except WrongActionsError as error:
+            return [Failed(str(error))] * count
         except FAILURES as error:
             return [failed_by(error)] * count
-        if actions.shape[:1] != (count,):
-            return [Failed(f"answered {count} agents by an array of shape {actions.shape}")] * count
-        return actions
 
     def forget(self, rows: Collection[int]) -> None:
         """Do nothing: what a `BatchAgent` remembers starts over where a hold begins."""
 
 
-def _without(request: Request, rows: Collection[int]) -> Request:
-    """Return a request without the agents of some simulations."""
+def part_of(request: Request, chosen: Bools) -> Request:
+    """Return a request for some of its agents, shape (N,)."""
     batch = request.batch
-    places = np.flatnonzero(~np.isin(batch.env_id, [*rows]))
+    places = np.flatnonzero(chosen)
     observations = {name: array[places] for name, array in batch.observations.items()}
     others: dict[str, Any] = {name: getattr(batch, name)[places] for name in ActionBatch._fields[1:]}
     seen, vehicles = ([each[place] for place in places.tolist()] if each else () for each in request[1:])
@@ -253,4 +276,4 @@ def _of_flock(answer: Any, name: str, spec: AgentSpec) -> Any:
 
 def failed_by(error: BaseException) -> Failed:
     """Return the answer of an agent that has raised."""
-    return Failed(f"raised {type(error).__name__}: {error}")
+    return Failed(problem_of(error))

@@ -10,6 +10,7 @@ import numpy as np
 
 from smarts.agents.checks import InterfaceError, check_instance, check_list, check_number, check_whole
 from smarts.agents.criteria import MOST_AGENTS
+from smarts.agents.hosting.options import HERE, HostOptions, Starter
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.errors import nearest_names, shown
@@ -40,6 +41,10 @@ class SocialPolicy:
     """Whether that instance lives as long as the episode, and not only while it has vehicles."""
     observation: Any = None
     """What a `BatchAgent` observes; None for an agent that gets an `Observation` object for each vehicle."""
+    start: Starter | None = None
+    """Starts the agent elsewhere; None: it acts in this process."""
+    host: HostOptions = HERE
+    """In what time it acts."""
 
 
 class Wanted(NamedTuple):

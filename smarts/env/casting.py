@@ -7,9 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from smarts.agents.acting import FAILURES, built_agent
+from smarts.agents.hosting.facts import check_period
+from smarts.agents.hosting.options import IN_PROCESS, OTHERS, HostError, HostOptions, Hosts, Starter, host_of
+from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
-from smarts.agents.policy import LONGEST_DECISION, BatchAgent
+from smarts.agents.policy import Agent, BatchAgent
 from smarts.agents.social import (
     NO_CAST,
     BubbleLearning,
@@ -29,6 +32,10 @@ from smarts.sstudio import sstypes as t
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo import make_spec, search
+from smarts.zoo.serving import starter
+
+HOSTS_HERE: Hosts = {}
+"""All agents act in this process."""
 
 
 class Part(NamedTuple):
@@ -50,6 +57,8 @@ class Casting:
 
     policies: list[SocialPolicy] = field(default_factory=list)
     numbers: dict[Wanted, int] = field(default_factory=dict)
+    hosts: Hosts = field(default_factory=dict)
+    """Where agents act, by locator."""
 
     def add(self, part: Part) -> int:
         """Return the number of a policy, which is made if it is not there yet.
@@ -60,7 +69,7 @@ class Casting:
         key = wanted(part.locator, part.options, part.boid)
         if key not in self.numbers:
             self.numbers[key] = len(self.policies)
-            self.policies.append(_policy(part))
+            self.policies.append(_policy(part, self.hosts))
         number = self.numbers[key]
         if part.keep_alive:
             self.policies[number] = replace(self.policies[number], keep_alive=True)
@@ -82,6 +91,7 @@ def cast_of(
     scenarios: Sequence[BuiltScenario],
     added: Sequence[SocialAgents] = (),
     learning: BubbleLearning | None = None,
+    hosts: Hosts = HOSTS_HERE,
 ) -> Cast:
     """Return the social policies of a run.
 
@@ -89,12 +99,13 @@ def cast_of(
         scenarios: Their bubbles and social agents' missions ask for policies.
         added: What the environment asks for.
         learning: In which bubbles the learning agents drive.
+        hosts: Where agents act, by locator.
 
     Raises:
-        SmartsError: A locator or its arguments are unknown, or an agent cannot be made or does not act; or a
-            scenario has no bubble to learn in.
+        SmartsError: A locator or its arguments are unknown, or an agent cannot be made, does not act, or not
+            where it is to; or a scenario has no bubble to learn in.
     """
-    casting = Casting()
+    casting = Casting(hosts=hosts)
     if learning:
         _check_learning(scenarios, learning)
     for built in scenarios:
@@ -105,8 +116,19 @@ def cast_of(
         (casting.add(Part(each.agent, each.agent, each.options, "social_agents")), each.count)
         for each in added
     ]
+    _check_hosts(hosts, casting.policies)
     cast = casting.cast(extra) if casting.policies else NO_CAST
     return replace(cast, learning=learning)
+
+
+def _check_hosts(hosts: Hosts, policies: Sequence[SocialPolicy]) -> None:
+    """Raise if a place is given for an agent that is not in the run."""
+    known = [policy.locator for policy in policies]
+    for locator in hosts:
+        if locator not in (OTHERS, *known):
+            raise InterfaceError(
+                f"no agent of the run is {locator!r}", place="hosts", remedy=nearest_names(locator, known)
+            )
 
 
 def check_agent(locator: str, options: Mapping[str, Any]) -> None:
@@ -158,15 +180,19 @@ def _part(actor: t.SocialAgentActor, place: str, *, keep_alive: bool = False) ->
     return Part(actor.name, locator, actor.policy_kwargs, f"{place}, actor {actor.name!r}", boid, keep_alive)
 
 
-def _policy(part: Part) -> SocialPolicy:
+def _policy(part: Part, hosts: Hosts = HOSTS_HERE) -> SocialPolicy:
     """Make a policy once, to see what it observes; whoever runs it makes its own."""
+    agent: Any = None
     try:
         spec = make_spec(part.locator, **part.options)
-        _interface(spec, part.locator)
-        agent: Any = built_agent(spec, part.locator)
+        interface = _interface(spec, part.locator)
+        agent = built_agent(spec, part.locator)
         is_batch = isinstance(agent, BatchAgent)
         if is_batch:
             feature_list(agent.observation)
+        period = check_period(getattr(agent, "period", 1), f"agent {part.locator!r}")
+        host = host_of(hosts, part.locator)
+        start = _start(part, agent, host, is_named=part.locator in hosts)
     except SmartsError as error:
         place = ", ".join(filter(None, (part.place, error.place)))
         raise type(error)(error.problem, place=place, remedy=error.remedy) from error
@@ -176,26 +202,49 @@ def _policy(part: Part) -> SocialPolicy:
             place=part.place,
             remedy="see the agent's options: smarts-bench zoo describe",
         ) from error
+    finally:
+        if isinstance(agent, RemoteAgent):
+            agent.close()
     return SocialPolicy(
         name=part.name,
         locator=part.locator,
-        spec=spec,
+        spec=spec.replace(interface=interface),
         interface=0,
-        period=_period(getattr(agent, "period", 1), part),
+        period=period,
         is_boid=bool(part.boid),
         keep_alive=part.keep_alive,
         observation=agent.observation if is_batch else None,
+        start=start,
+        host=host,
     )
 
 
-def _period(period: Any, part: Part) -> int:
-    if isinstance(period, bool) or not isinstance(period, int) or not 1 <= period <= LONGEST_DECISION:
-        raise InterfaceError(
-            f"the period of {part.locator!r} is {period!r}",
-            place=part.place,
-            remedy=f"give a whole number of steps from 1 to {LONGEST_DECISION}",
+def _start(part: Part, agent: Agent, host: HostOptions, *, is_named: bool) -> Starter | None:
+    """Return what starts an agent elsewhere, None if it acts in this process.
+
+    Raises:
+        HostError: The agent cannot act where it is to.
+    """
+    place = f"agent {part.locator!r}"
+    if isinstance(agent, RemoteAgent):
+        if host.where != IN_PROCESS and is_named:
+            raise HostError(
+                f"where is {host.where!r}, and the agent has its own place",
+                place=place,
+                remedy="leave `where` out of its entry in hosts",
+            )
+        return agent.start
+    if host.where == IN_PROCESS:
+        return None
+    if not isinstance(agent, BatchAgent):
+        if not is_named:
+            return None  # "*" means those that can
+        raise HostError(
+            f"where is {host.where!r}, and the agent acts on Observation objects",
+            place=place,
+            remedy="derive it from BatchAgent, which acts on arrays, or let it act in process",
         )
-    return period
+    return starter(part.locator, part.options, host)
 
 
 def _interface(spec: AgentSpec, place: str) -> AgentInterface:

@@ -100,7 +100,7 @@ class SimulationRunner:
         assembly: The simulations, and what belongs to them.
         listeners: Get every step.
         period: Steps from one decision of the egos to the next.
-        host: Runs the social policies; by default this process.
+        host: Runs the social policies; by default each where it has its place.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class SimulationRunner:
         for mask in (self.running, self.alive, self._ended, self.actions.given, self.actions.fresh):
             mask[rows] = False
         if self._requests is not None:
-            self._requests.forget(episodes)
+            self._requests.begin(episodes)
         for listener in self._listeners:
             listener.reset(np.repeat(rows[:, None], self.world.egos, axis=1))
         frame = self._keep(self.simulation.reset(starts))

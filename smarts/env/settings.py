@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.checks import check_instance, check_truth, check_whole
+from smarts.agents.hosting.options import Hosts, hosts_of
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import LONGEST_DECISION
@@ -51,6 +52,7 @@ class SimulationOptions(TypedDict, total=False):
     simulation: Options | None
     traffic: Sequence[str] | None
     social_agents: Sequence[Any]
+    hosts: Mapping[str, Any]
     learn_in_bubbles: bool | Sequence[str]
     episode_time: float | None
 
@@ -106,6 +108,9 @@ class EnvSettings:
     social_agents: Sequence[Any] = ()
     """Agents of the zoo that take the missions that the learning agents leave: `SocialAgents`, or dicts of
     their fields, such as {"agent": "smarts.zoo:idm-v0", "count": 2, "options": {}}."""
+    hosts: Mapping[str, Any] = field(default_factory=dict)
+    """Where social agents act, and in what time, by locator ("*": all others): "process", "ray",
+    `HostOptions`, or a dict of its fields. By default in this process; docs/hosts.md."""
     learn_in_bubbles: bool | Sequence[str] = False
     """True, or ids of bubbles of the scenarios: the agents have no missions, but drive vehicles of traffic
     in these bubbles. `agents` says how many at a time."""
@@ -118,6 +123,7 @@ class EnvSettings:
         check_scenarios(self.scenarios)
         check_traffic(self.traffic)
         social_agents(self.social_agents)
+        hosts_of(self.hosts)
         bubble_learning(self.learn_in_bubbles, self.episode_time)
         check_agents(self.agents)
         check_whole("num_envs", self.num_envs, 1, MOST_ENVS)
@@ -207,7 +213,7 @@ class EnvSettings:
             scenarios,
             list(interfaces.values()),
             agents=list(interfaces),
-            cast=_cast(scenarios, social_agents(self.social_agents), learning),
+            cast=_cast(scenarios, social_agents(self.social_agents), learning, hosts_of(self.hosts)),
             looked_at=observed,
             worlds=self.num_envs,
             seed=self.seed,
@@ -220,15 +226,18 @@ class EnvSettings:
 
 
 def _cast(
-    scenarios: Sequence[BuiltScenario], added: Sequence[SocialAgents], learning: BubbleLearning | None
+    scenarios: Sequence[BuiltScenario],
+    added: Sequence[SocialAgents],
+    learning: BubbleLearning | None,
+    hosts: Hosts,
 ) -> Cast:
     described = any(built.scenario.bubbles or built.scenario.social_agent_missions for built in scenarios)
-    if not (described or added or learning):
+    if not (described or added or learning or hosts):
         return NO_CAST
     # Only runs with social agents wait for the zoo.
     from smarts.env.casting import cast_of
 
-    return cast_of(scenarios, added, learning)
+    return cast_of(scenarios, added, learning, hosts)
 
 
 def make_settings(environment: str, *values: Any, options: EnvOptions, **more: Any) -> EnvSettings:

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.acting import AgentHost, Answer, Failed, InProcess, Request
+from smarts.agents.acting import AgentHost, Answer, Failed, Request
+from smarts.agents.hosting.hosts import Hosts
 from smarts.agents.policy import ActionBatch
 from smarts.agents.social import SocialPolicy, interface_of
 from smarts.arrays import Bools
@@ -48,7 +49,7 @@ class SocialAgentRequests:
     Args:
         assembly: The simulations, their pool and their social policies.
         encoder: Takes the actions.
-        host: Runs the policies; by default this process.
+        host: Runs the policies; by default each where it has its place.
 
     Raises:
         Exception: Whatever an agent raises when it is made.
@@ -58,7 +59,7 @@ class SocialAgentRequests:
         self._world, self._pool = assembly.simulation.world, assembly.pool
         self._actions, self._encoder = assembly.actions, encoder
         self._policies = assembly.policies
-        self._host = InProcess(self._policies) if host is None else host
+        self._host = Hosts(self._policies) if host is None else host
         self._observers = [
             _Observer(assembly, number, policy) for number, policy in enumerate(self._policies)
         ]
@@ -70,7 +71,7 @@ class SocialAgentRequests:
         self._collects = any(policy.observation is None for policy in self._policies)
         assembly.pool.clear_with([self._events])
         self._make = ObservationMaker(assembly.scene)
-        self._is_open = False
+        self._delayed: list[Answer] = []
 
     def collect(self, frame: Frame) -> None:
         """Take in a step's or a reset's events, for agents that are told what happened since they decided."""
@@ -96,21 +97,29 @@ class SocialAgentRequests:
         np.copyto(agents.next_due, world.step[:, None] + agents.period, where=due)
         self._asked[due] = pool.serial[due]
         self._events[due] = 0
-        self._is_open = True
         self._host.dispatch(requests)
 
     def gather(self) -> dict[tuple[int, int], str]:
         """Write the answers; return the agents that have failed, by (row, number of the agent), and why."""
         failures: dict[tuple[int, int], str] = {}
-        if self._is_open:
-            self._is_open = False
-            for answer in self._host.gather():
+        for answer in self._host.gather():
+            if self._policies[answer.policy].host.delay_steps:
+                self._delayed.append(answer)
+            else:
                 self._take(answer, failures)
+        if self._delayed:
+            self._take_delayed(failures)
         return failures
 
-    def forget(self, rows: Collection[int]) -> None:
-        """Drop the requests of simulations in which other episodes begin."""
+    def begin(self, rows: Collection[int]) -> None:
+        """Drop the requests of simulations in which other episodes begin; before the first, start the hosts.
+
+        Raises:
+            HostError: A host does not start.
+        """
+        self._host.begin()
         self._host.forget(rows)
+        self._delayed = [left for each in self._delayed if (left := each.without(rows))]
 
     def close(self) -> None:
         """End the policies; may be called again."""
@@ -147,6 +156,16 @@ class SocialAgentRequests:
         assert episode is not None
         name = self._pool.name(row, column)
         return hold_seed(episode.seed, name, world=episode.world, episode=episode.episode)
+
+    def _take_delayed(self, failures: dict[tuple[int, int], str]) -> None:
+        """Take the answers whose time has come, in the order in which they were given."""
+        delayed, self._delayed = self._delayed, []
+        for answer in delayed:
+            batch, delay = answer.request.batch, self._policies[answer.policy].host.delay_steps
+            is_due = self._world.step[batch.env_id] >= batch.step + delay
+            self._take(answer.at(is_due), failures)
+            if not is_due.all():
+                self._delayed.append(answer.at(~is_due))
 
     def _take(self, answer: Answer, failures: dict[tuple[int, int], str]) -> None:
         """Write the actions of the holds that still are, and let those fail that have none."""

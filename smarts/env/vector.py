@@ -152,6 +152,11 @@ class VectorHiWayEnv(NotCopied):
         return tuple(start for start in self._runner.starts if start is not None)
 
     @property
+    def episode_steps(self) -> Ints:
+        """Steps of the present episodes, shape (B,)."""
+        return self._runner.world.step.copy()
+
+    @property
     def worlds(self) -> Ints:
         """The world that each simulation plays, shape (B,): where one fails, another one may be played."""
         return self._world_numbers.copy()

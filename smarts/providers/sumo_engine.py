@@ -23,13 +23,21 @@ class SumoEngine(TrafficEngine):
         world: The world.
         maps: The maps, by their number in the atlas.
         owner: The engine's owner number.
+        step: Duration of SUMO's step [s], see `SumoTraffic`.
     """
 
-    def __init__(self, world: World, maps: Sequence[LaneGraph], owner: int = Owner.TRAFFIC) -> None:
+    def __init__(
+        self,
+        world: World,
+        maps: Sequence[LaneGraph],
+        owner: int = Owner.TRAFFIC,
+        step: float | None = None,
+    ) -> None:
         self.failures: Mapping[int, TrafficError] = {}
         self.is_full = np.zeros(world.worlds, np.bool_)
         self._world, self._maps, self._owner = world, tuple(maps), owner
-        self._simulations = [SumoTraffic(world, row, owner) for row in range(world.worlds)]
+        self._step = step
+        self._simulations = [self._make(row) for row in range(world.worlds)]
         self._broken: set[int] = set()
 
     def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
@@ -37,7 +45,7 @@ class SumoEngine(TrafficEngine):
         for row, start in starts.items():
             if row in self._broken:
                 _close_failed(self._simulations[row])
-                self._simulations[row] = SumoTraffic(self._world, row, self._owner)
+                self._simulations[row] = self._make(row)
             self._broken.add(row)
             self._simulations[row].reset(
                 start.traffic, start.traffic_seed, self._maps[start.map], start.limit
@@ -74,6 +82,9 @@ class SumoEngine(TrafficEngine):
                 _close_failed(simulation)
             else:
                 simulation.close()
+
+    def _make(self, row: int) -> SumoTraffic:
+        return SumoTraffic(self._world, row, self._owner, step=self._step)
 
 
 def _close_failed(simulation: SumoTraffic) -> None:

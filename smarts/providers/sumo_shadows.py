@@ -191,11 +191,15 @@ class SumoShadows:
         if shadow.lane:
             self._extend_route(shadow, shadow.lane)
 
-    def place(self) -> None:
-        """Set the pose of every shadow at the end of the next step."""
+    def place(self, ahead: float = 0.0) -> None:
+        """Set the pose of every shadow at the end of the next step.
+
+        Args:
+            ahead: Time from the vehicles' poses to the end of SUMO's step [s], for which they are predicted.
+        """
         move = self._library.vehicle.moveToXY
         # Convert to Python numbers at once: access to an array element costs as much as a call to SUMO.
-        self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows))).tolist()
+        self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows)), ahead).tolist()
         for (slot, shadow), (x, y, angle, *_) in zip(self._shadows.items(), self._poses, strict=True):
             if shadow.reinsertion and not self._reinsert(shadow):
                 shadow.reinsertion = Reinsertion.OFF_THE_NET

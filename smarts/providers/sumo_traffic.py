@@ -7,21 +7,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
+from smarts.arrays import Bytes
 from smarts.errors import TrafficError
 from smarts.geometry.binding import bind
 from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
+from smarts.providers.sumo_driven import DrivenRows
 from smarts.providers.sumo_gate import SumoGate
 from smarts.providers.sumo_library import SumoLibrary
-from smarts.providers.sumo_rows import centre_of, fill_rows, next_unplanned
+from smarts.providers.sumo_rows import centre_of, next_unplanned
 from smarts.providers.sumo_shadows import SumoShadows
+from smarts.providers.sumo_signals import SumoSignals
 from smarts.roads.lane_graph import LaneGraph
-from smarts.types.traffic import Signal, TrafficFiles
+from smarts.types.traffic import TrafficFiles
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
 from smarts.types.world import World
@@ -35,13 +37,6 @@ _KINDS |= {"delivery": VehicleKind.TRUCK, "moped": VehicleKind.MOTORCYCLE}
 
 _AGAIN = "-again-"
 """In a replaced vehicle's SUMO id, between its first id and the step."""
-
-_LIGHTS = np.full(256, Signal.NONE, np.int8)
-_LIGHTS[list(b"rR")] = Signal.STOP
-_LIGHTS[list(b"yYuoOs")] = Signal.CAUTION
-_LIGHTS[list(b"gG")] = Signal.GO
-"""`Signal` of each letter of SUMO's signal states; lights that are off (o, O) and green right-turn arrows
-after a stop (s) mean caution."""
 
 
 class _Snapshot(NamedTuple):
@@ -86,9 +81,11 @@ class SumoTraffic:
         row: The simulation.
         owner: SUMO's owner number.
         library: Index of the copy of libsumo; by default any free one.
+        step: Duration of SUMO's step [s], a multiple of the world's, by default equal to it. Within a longer
+            one, vehicles move evenly between SUMO's poses. SUMO's drivers then get other vehicles' poses as
+            predicted for the end of its step.
 
     Attributes:
-        signals: Signals of the map's lanes, a view into the world.
         is_full: Whether the limit has delayed departures in this episode.
 
     Raises:
@@ -96,26 +93,38 @@ class SumoTraffic:
     """
 
     def __init__(
-        self, world: World, row: int, owner: int = Owner.TRAFFIC, library: int | None = None
+        self,
+        world: World,
+        row: int,
+        owner: int = Owner.TRAFFIC,
+        library: int | None = None,
+        step: float | None = None,
     ) -> None:
         if not (math.isfinite(world.dt) and 0.001 <= world.dt <= 10.0):
             raise TrafficError(f"a step of {world.dt} s", place="dt", remedy="give 0.001 to 10 s")
-        self.signals = world.signals[row]
         self.is_full = False
         self._world, self._row, self._owner = world, row, int(owner)
         # Create the views once: creating them takes as long as writing the vehicles.
         self._states = states = world.vehicles.of(row)
         self._library = SumoLibrary(library)
+        self._signals = SumoSignals(self._library, world.signals[row])
         self._shadows = SumoShadows(self._library, states)
         self._gate = SumoGate(self._library, world, row)
         self._ids: dict[int, str] = {}
         self._driven: dict[str, int] = {}
         self._kept_clear: list[int] = []
         self._limit = 0
-        self._is_new = np.zeros(states.capacity, np.bool_)
         self._has_begun = False
-        self._fill = bind(fill_rows, states, self._is_new, world.dt)
+        self._dt = world.dt if step is None else step
+        self._steps = round(self._dt / world.dt)
+        self._done = 0  # steps of the world in SUMO's present step
+        self._rows = DrivenRows(self._library, states, self._owner, world.dt, self._steps)
         self._next_unplanned = bind(next_unplanned, states)
+
+    @property
+    def signals(self) -> Bytes:
+        """Signals of the map's lanes, a view into the world."""
+        return self._signals.of_lanes
 
     def reset(self, files: TrafficFiles, seed: int, roads: LaneGraph, limit: int | None = None) -> None:
         """Begin an episode: load, warm up, and admit the traffic to the world.
@@ -137,15 +146,17 @@ class SumoTraffic:
         self._ids.clear()
         self._driven.clear()
         self._limit = states.capacity if limit is None else limit
-        self._is_new[:] = False
+        self._rows.reset()
+        self._done = 0
         self.is_full = False
-        self._read_map(roads)
+        self._signals.reset(roads)
         self._start(files, seed)
         with self._library.errors("failed while the traffic warmed up"):
             self._kept_clear = np.flatnonzero(states.alive).tolist()
             self._admit(self._warm_up(files.warm_up))
-            self._write()
-            self._read_signals()
+            self._rows.read(self._driven)
+            self._rows.write(self._steps)
+            self._signals.read()
             self._number_routes()
         # Vehicles that were in the world before the reset are not in SUMO yet.
         self._take_snapshot([slot for slot in self._kept_clear if slot not in self._ids])
@@ -153,21 +164,30 @@ class SumoTraffic:
 
     def step(self) -> None:
         """Advance by one step; other providers' vehicles have their poses of the step's end already."""
-        library = self._library
         self._check_begun()
-        with library.errors("failed in mid-run"):
-            entering = self._apply_changes() if _snapshot(self._states) != self._last_snapshot else []
-            self._shadows.place()
-            library.simulation.step(0.0)
-            self._shadows.settle()
-            if arrived := library.simulation.getArrivedIDList():
-                self._dismiss(arrived)
-            if departed := library.simulation.getDepartedIDList():
-                self._admit(departed)
-            self._kept_clear = []
-            self._write()
-            self._read_signals()
-            self._number_routes()
+        with self._library.errors("failed in mid-run"):
+            if not self._done:
+                self._step_sumo()
+            self._done += 1
+            self._rows.write(self._done)
+            if self._done == self._steps:
+                self._signals.read()
+                self._done = 0
+
+    def _step_sumo(self) -> None:
+        """Advance SUMO by one of its steps."""
+        simulation = self._library.simulation
+        entering = self._apply_changes() if _snapshot(self._states) != self._last_snapshot else []
+        self._shadows.place((self._steps - 1) * self._world.dt)
+        simulation.step(0.0)
+        self._shadows.settle()
+        if arrived := simulation.getArrivedIDList():
+            self._dismiss(arrived)
+        if departed := simulation.getDepartedIDList():
+            self._admit(departed)
+        self._kept_clear = []
+        self._rows.read(self._driven)
+        self._number_routes()
         # Entering vehicles are shadows in this step; SUMO drives them from the next step on.
         self._take_snapshot(entering)
 
@@ -208,7 +228,7 @@ class SumoTraffic:
         Vehicles that are already in the world are inserted in the last warm-up step, so that SUMO's drivers
         react to them from the first step of the episode.
         """
-        library, dt = self._library, self._world.dt
+        library, dt = self._library, self._dt
         entering = self._kept_clear if duration > dt else []
         departed: list[str] = []
         if duration > 0 and entering:
@@ -226,17 +246,8 @@ class SumoTraffic:
 
     def _start(self, files: TrafficFiles, seed: int) -> None:
         place = str((files.routes or (files.net,))[0])
-        options = [*sumo_options(files, seed, self._world.dt), "--max-num-vehicles", str(self._limit)]
+        options = [*sumo_options(files, seed, self._dt), "--max-num-vehicles", str(self._limit)]
         self._library.start(options, place)
-
-    def _read_map(self, roads: LaneGraph) -> None:
-        self.signals = self._world.signals[self._row, : len(roads.lane_ids)]
-        self.signals[:] = Signal.NONE
-        self._lights = [
-            (signal, lanes, roads.signal_link[lanes])
-            for number, signal in enumerate(roads.signal_ids)
-            if len(lanes := np.flatnonzero(roads.signal == number))
-        ]
 
     def _take_snapshot(self, unseen: Sequence[int] = ()) -> None:
         """Store the vehicles' columns, except for slots `unseen`, which count as changed in the next step."""
@@ -346,7 +357,7 @@ class SumoTraffic:
             slot = self._world.registry.admit(self._row, name, self._owner, kind, *size)
             self._driven[name] = slot
             self._ids[slot] = name
-            self._is_new[slot] = True
+            self._rows.note_new(slot)
         self.is_full |= len(self._ids) >= self._limit
 
     def _blocking(self, names: Sequence[str]) -> list[str]:
@@ -377,24 +388,3 @@ class SumoTraffic:
             kept,
         )
         return [names[row] for row in np.flatnonzero(overlap.any(axis=1)).tolist()]
-
-    def _write(self) -> None:
-        """Write the rows of the vehicles that SUMO drives.
-
-        One call per value and vehicle, in a pass without interpreted code, is faster than subscriptions,
-        which build a dictionary for every vehicle (`perf/traffic.py`).
-        """
-        driven, count = self._driven, len(self._driven)
-        if not count:
-            return
-        vehicle = self._library.vehicle
-        ones = (vehicle.getAngle, vehicle.getSpeed, vehicle.getAcceleration, vehicle.getAllowedSpeed)
-        pairs = chain.from_iterable(map(vehicle.getPosition, driven))
-        values = np.fromiter(chain(pairs, *(map(one, driven) for one in ones)), np.float64, 6 * count)
-        # The simulation matches all vehicles to lanes itself.
-        self._fill(np.fromiter(driven.values(), np.intp, count), values)
-
-    def _read_signals(self) -> None:
-        state_of = self._library.trafficlight.getRedYellowGreenState
-        for signal, lanes, links in self._lights:
-            self.signals[lanes] = _LIGHTS[np.frombuffer(state_of(signal).encode(), np.uint8)[links]]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 
 import numpy as np
 
@@ -12,24 +13,31 @@ from smarts.errors import TrafficError
 from smarts.providers.traffic_engine import Giver, TrafficEngine
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
-from smarts.types.traffic import TRAFFIC_ENGINES
+from smarts.types.traffic import DEFAULT_ENGINE, TRAFFIC_ENGINES
 from smarts.types.transfers import Refusal
 from smarts.types.world import World
 
 
-def traffic_of(names: Sequence[str], world: World, maps: Sequence[LaneGraph]) -> TrafficEngine:
+def traffic_of(
+    names: Sequence[str], world: World, maps: Sequence[LaneGraph], step: float | None = None
+) -> TrafficEngine:
     """Return the traffic of simulations whose episodes use these engines.
 
     Args:
         names: Names of the engines, keys of `TRAFFIC_ENGINES`.
         world: The world.
         maps: The maps, by their number in the atlas.
+        step: Duration of the engine's step [s], by default the world's.
 
     Raises:
         UnknownNameError: A name is not registered.
-        TrafficError: An engine cannot be constructed.
+        TrafficError: An engine cannot be constructed, or has no step of its own.
     """
-    kinds = {name: TRAFFIC_ENGINES[name] for name in names}
+    kinds: dict[str, Callable[..., TrafficEngine]] = {name: TRAFFIC_ENGINES[name] for name in names}
+    if step is not None:
+        for name in names:
+            check_has_step(name)
+        kinds = {name: partial(kind, step=step) for name, kind in kinds.items()}
     with ExitStack() as on_failure:
         engines: dict[str, TrafficEngine] = {}
         for name, kind in kinds.items():
@@ -37,6 +45,20 @@ def traffic_of(names: Sequence[str], world: World, maps: Sequence[LaneGraph]) ->
             on_failure.callback(engines[name].close)
         on_failure.pop_all()
     return next(iter(engines.values())) if len(engines) == 1 else EnginesByEpisode(engines, world.worlds)
+
+
+def check_has_step(name: str) -> None:
+    """Raise unless a traffic engine can have a longer step than the world.
+
+    Raises:
+        TrafficError: It has none.
+    """
+    if name != DEFAULT_ENGINE:
+        raise TrafficError(
+            f"the traffic engine {name} moves vehicles in the world's steps",
+            place="traffic_step",
+            remedy=f"leave out traffic_step, or use the traffic engine {DEFAULT_ENGINE}",
+        )
 
 
 class EnginesByEpisode(TrafficEngine):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from smarts.arrays import Bools
 from smarts.controllers import action_format
 from smarts.controllers.action_masks import ActionMasker
 from smarts.controllers.set import ControllerSet
-from smarts.errors import SmartsError
+from smarts.errors import ScenarioError, SmartsError
 from smarts.providers.traffic_engine import TrafficEngine
 from smarts.providers.traffic_engines import traffic_of
 from smarts.providers.vehicle import SUBSTEPS, FleetVehicles
@@ -41,6 +42,7 @@ from smarts.sim.stages import NoBubbles
 from smarts.sim.starts import shape_of
 from smarts.sim.transfer_rules import HandoverRules
 from smarts.sstudio.built import BuiltScenario
+from smarts.sstudio.episodes import check_without_handovers
 from smarts.types.actions import Actions
 from smarts.types.agent_states import agent_names
 from smarts.types.frame import Frame
@@ -53,6 +55,8 @@ if TYPE_CHECKING:
 
 LONGEST_SUBSTEP = 0.02
 """Of the vehicles' dynamics [s]; made for 0.01."""
+LONGEST_TRAFFIC_STEP = 1.0
+"""Reaction time of SUMO's drivers [s]."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,9 @@ class Options:
     """Where episodes are written to; None: nowhere."""
     traffic_engine: str | None = None
     """Which of `TRAFFIC_ENGINES` drives the traffic; None: the one that the scenario names."""
+    traffic_step: float | None = None
+    """Length of SUMO's step [s], a multiple of `dt` up to 1, for training: 0.5 halves the time of training.
+    Between SUMO's poses, vehicles move evenly. Such episodes cannot be recorded. None: `dt`."""
     friction: float | None = None
     """Of the road under agents' vehicles where the scenario has no patch, 0.05 to 2; None: dry, 0.9."""
 
@@ -82,6 +89,7 @@ class Options:
                 place="Options.dt",
                 remedy=f"give 0.001 to {LONGEST_SUBSTEP * SUBSTEPS} s, for which tyres are made",
             )
+        self._check_traffic_step()
         if self.friction is not None and not 0.05 <= self.friction <= 2.0:
             raise SmartsError(
                 f"a friction of {self.friction}",
@@ -91,6 +99,24 @@ class Options:
         if isinstance(self.path, bool) or not isinstance(self.path, int) or self.path < 1:
             raise InterfaceError(
                 f"path is {self.path!r}", place="Options", remedy="give a number of points, 1 or more"
+            )
+
+    def _check_traffic_step(self) -> None:
+        step = self.traffic_step
+        if step is None:
+            return
+        steps = round(step / self.dt) if math.isfinite(step) else 0
+        if steps < 1 or step > LONGEST_TRAFFIC_STEP or abs(steps * self.dt - step) > 1e-9:
+            raise SmartsError(
+                f"a traffic step of {step} s",
+                place="Options.traffic_step",
+                remedy=f"give a multiple of dt, {self.dt} s, up to {LONGEST_TRAFFIC_STEP} s",
+            )
+        if self.record is not None:
+            raise SmartsError(
+                f"traffic_step is {step}, and episodes are recorded, for tests",
+                place="Options.traffic_step",
+                remedy="leave out traffic_step: tests run with exact traffic",
             )
 
 
@@ -193,6 +219,15 @@ def assemble(
         engine=options.traffic_engine,
         cast=cast,
     )
+    if options.traffic_step is not None:
+        for built in scenarios:
+            check_without_handovers(built.scenario, built.name)
+        if cast or pool:
+            raise ScenarioError(
+                "traffic_step is set, and agents come and go beside the learning ones",
+                place="Options.traffic_step",
+                remedy="leave out traffic_step, or social agents and bubbles",
+            )
     merged = merge_pools([*_pool_of(cast, schedule), *merge_pools(pool)])
     every = [*interfaces, *(each.interface for each in merged for _ in range(each.capacity))]
     scene = _scene(schedule, worlds, len(interfaces), len(every), options)
@@ -200,7 +235,7 @@ def assemble(
     with ExitStack() as on_failure:
         vehicles = _vehicles(scene, every, schedule, options)
         on_failure.callback(vehicles.close)
-        traffic = traffic_of(schedule.engines, scene.world, schedule.maps)
+        traffic = traffic_of(schedule.engines, scene.world, schedule.maps, options.traffic_step)
         on_failure.callback(traffic.close)
         parts = _assemble(
             scene, every, names, schedule, agent_pool, vehicles, traffic, options, looked_at or {}, cast

@@ -37,6 +37,34 @@ class EpisodePlan:
     social: tuple[SocialRole, ...] = ()
 
 
+def check_without_handovers(scenario: t.Scenario, place: str) -> None:
+    """Raise if agents may take over vehicles of traffic: hand-overs need exact traffic.
+
+    Args:
+        scenario: The scenario.
+        place: The scenario's name, for the error.
+
+    Raises:
+        ScenarioError: There are bubbles, social agents, or missions that begin in a vehicle of traffic.
+    """
+    takes_over = t.TrapEntryTactic | t.IdEntryTactic
+    missions = scenario.ego_missions or ()
+    parts = {
+        "bubbles": scenario.bubbles,
+        "social agents": scenario.social_agent_missions,
+        "missions that begin in a vehicle of traffic": [
+            mission for mission in missions if isinstance(mission.entry_tactic, takes_over)
+        ],
+    }
+    for name, part in parts.items():
+        if part:
+            raise ScenarioError(
+                f"traffic_step is set, and the scenario has {name}",
+                place=place,
+                remedy="leave out traffic_step: hand-overs need exact traffic",
+            )
+
+
 def episode_plans(
     scenario: t.Scenario,
     egos: int,

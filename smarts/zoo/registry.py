@@ -15,6 +15,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from smarts.agents.hosting.links import AtAddress, is_address
+from smarts.agents.hosting.remote import remote_spec
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import Agent
 from smarts.agents.spec import AgentSpec
@@ -80,6 +82,14 @@ def make_spec(locator: str, **kwargs: Any) -> AgentSpec:
         OwnCodeError: Its module cannot be imported or raises, or the entry is no agent.
         SmartsError: It has no such option.
     """
+    if is_address(locator):
+        if kwargs:
+            raise SmartsError(
+                f"options are given: {', '.join(kwargs)}",
+                place=f"agent {locator!r}",
+                remedy="give them where the agent is served: smarts-bench serve AGENT --set KEY=VALUE",
+            )
+        return remote_spec(AtAddress(locator))
     return find_entry(locator).spec(**kwargs)
 
 
@@ -181,6 +191,11 @@ def add_folder(folder: str | Path) -> list[ZooEntry]:
         entry.spec()
     write_added(found)
     return found
+
+
+def searched() -> list[str]:
+    """Return the folders that `search` was given."""
+    return [str(folder) for folder in _SEARCHED]
 
 
 def _import(module: str, name: str) -> None:

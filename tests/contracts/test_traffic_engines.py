@@ -1,12 +1,14 @@
 """Every registered traffic engine fulfils the contract of `TrafficEngine`, alone and beside another one."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface
 from smarts.errors import UnknownNameError
+from smarts.providers.sumo_engine import SumoEngine
 from smarts.providers.traffic_engines import EnginesByEpisode, traffic_of
 from smarts.sim.assembly import Options, assemble
 from smarts.sstudio.build import build_scenario
@@ -21,6 +23,7 @@ from tests.unit.sstudio.sources import scenario, write_cross
 
 SCENARIO, TRAFFIC = "intersection", "random_social_vehicles"
 LIMIT, CAPACITY = 40, 48
+LONGER = "SUMO in steps of 0.5 s"
 OTHER = 3
 """Owner number of a second engine in the same simulation."""
 
@@ -30,9 +33,9 @@ def built():
     return build_scenario(SCENARIO)
 
 
-@pytest.fixture(params=TRAFFIC_ENGINES)
+@pytest.fixture(params=[*TRAFFIC_ENGINES, LONGER])
 def kind(request):
-    return TRAFFIC_ENGINES[request.param]
+    return partial(SumoEngine, step=0.5) if request.param == LONGER else TRAFFIC_ENGINES[request.param]
 
 
 class Case:
@@ -307,7 +310,7 @@ def test_a_vehicle_off_the_roads_is_refused(case):
     slots = [moving(one, row) for row in range(2)]
     one.vehicles.owner[[0, 1], slots] = Owner.AGENT
     one.vehicles.position[0, slots[0]] += 5_000.0
-    one.step(2)
+    one.step(6)
     refusals = one.engine.can_accept(np.arange(2, dtype=np.int32), np.array(slots, np.int32))
     assert refusals.dtype == np.int8
     assert refusals.tolist() == [Refusal.OFF_LANES, Refusal.NONE]

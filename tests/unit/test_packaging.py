@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = ("algorithms", "benchmark", "configs", "scenarios", "smarts")
+FOLDERS = ("algorithms", "benchmark", "configs", "scenarios", "smarts", "smarts_agent_kit")
 
 
 def git(*arguments):

@@ -82,6 +82,18 @@ def test_the_table_of_another_test_is_named(tmp_path, episodes, modes, fits):
     assert ("of another test" in said) is not fits
 
 
+@pytest.mark.parametrize(("measured", "fits"), [(2, False), (3, True)])
+def test_episodes_without_agents_belong_to_the_test(tmp_path, measured, fits):
+    (table,) = greedy(TWO)
+    table.attrs["episodes"]["measured"] = measured
+    write_experiment(tmp_path)
+    run = write_run(tmp_path, "ppo", [table])
+    facts = json.loads((run / "run.json").read_text())
+    tested = {"episodes": 3, "modes": ["greedy"], "held_out_episodes": 0}
+    (run / "run.json").write_text(json.dumps({**facts, "tested": tested}))
+    assert len(read_results(tmp_path).finished) == fits
+
+
 def test_without_a_whole_experiment_file_the_runs_count(tmp_path):
     write_run(tmp_path, "ppo", greedy())
     assert "missing" in read_results(tmp_path).problems["experiment.json"]

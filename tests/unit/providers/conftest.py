@@ -133,12 +133,12 @@ LANES = 100
 class World:
     """One simulation with SUMO traffic and vehicles that a test moves itself."""
 
-    def __init__(self, country: Country, capacity: int = 64) -> None:
+    def __init__(self, country: Country, capacity: int = 64, step: float | None = None) -> None:
         self.country = country
         self.state = State(worlds=1, capacity=capacity, agents=0, lanes=LANES)
         self.states = self.state.vehicles.of(0)
         self.registry = self.state.registry
-        self.traffic = SumoTraffic(self.state, 0)
+        self.traffic = SumoTraffic(self.state, 0, step=step)
 
     def reset(self, files: TrafficFiles, seed: int = 3, limit: int | None = None) -> None:
         self.roads = self.country.roads(files)
@@ -189,8 +189,8 @@ def new_world(country):
     """Return a factory of worlds, each with its own copy of libsumo; all are closed after the test."""
     worlds = []
 
-    def make(capacity: int = 64) -> World:
-        worlds.append(World(country, capacity))
+    def make(capacity: int = 64, step: float | None = None) -> World:
+        worlds.append(World(country, capacity, step))
         return worlds[-1]
 
     yield make

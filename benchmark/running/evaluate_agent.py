@@ -1,0 +1,196 @@
+"""Evaluates an agent of the zoo, or one at an address, as trained policies are: it drives all egos."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from benchmark.experiment.config import Environment, Evaluation, TrainingTask, name_of
+from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, TaskSetting
+from benchmark.metrics import read_table
+from benchmark.results.files import ResultsError
+from benchmark.results.run_folder import RunFolder
+from benchmark.running.environments import environment
+from benchmark.running.importing import named_own_code
+from benchmark.running.testing import EVALUATION_SEED, Part, play_parts
+from smarts.agents.hosting.remote import RemoteAgent
+from smarts.agents.policy import ActionBatch, BatchAgent
+from smarts.config import fitted
+from smarts.env.groups import ALONE
+from smarts.env.vector import Block, VectorHiWayEnv, VectorStep
+from smarts.errors import OwnCodeError, SmartsError, TrafficError
+from smarts.registry import file_name, import_own
+from smarts.types.actions import LaneAction
+from smarts.types.streams import hold_seed
+from smarts.zoo import make_agent
+from smarts_agent_kit.service import WrongActionsError, checked_actions
+
+TRAFFIC = "random_social_vehicles"
+
+
+def evaluate_agent(
+    locator: str,
+    *,
+    scenarios: Sequence[str],
+    traffic: str | None = None,
+    episodes: int = 50,
+    agents: int = 4,
+    options: Mapping[str, Any] | None = None,
+    out: Path | None = None,
+    imports: Sequence[str | Path] = (),
+) -> pd.DataFrame:
+    """Return the table of a test of an agent, for `benchmark.metrics.compute`.
+
+    Observation, action, vehicle and period are the agent's; all else is the benchmark's, so that agents are
+    judged alike. The episodes are those that trained policies are tested on.
+
+    Args:
+        locator: A name of the zoo, "module:name-v0", or "tcp://HOST:PORT".
+        scenarios: What is played.
+        traffic: Variation of their traffic.
+        episodes: How many.
+        agents: How many egos there are.
+        options: Of the agent.
+        out: Folder for the table and the recorded episodes; not a run's.
+        imports: Files and folders of own code.
+
+    Raises:
+        SmartsError: There is no such agent or scenario, or the agent fails, or answers what is no action: a
+            score of some of its actions would be none of the agent.
+    """
+    if out is not None and RunFolder(out).run.exists():
+        raise ResultsError("holds the results of a run", place=str(out), remedy="choose another --out")
+    import_own(imports)
+    agent, interface = make_agent(locator, **(options or {}))
+    try:
+        if not isinstance(agent, BatchAgent):
+            raise SmartsError(
+                "the agent acts on Observation objects",
+                place=f"agent {locator!r}",
+                remedy="derive it from BatchAgent, which acts on arrays",
+            )
+        given = {
+            "agents": agents,
+            "action": interface.action.name if interface.action is not None else None,
+            "vehicle": interface.vehicle_class,
+            "vehicle_model": interface.vehicle_model,
+            "tyre_model": interface.tyre_model,
+            "flat_tyres": [*interface.flat_tyres],
+            "decision_interval": agent.period,
+            "observation": _listed(agent.observation),
+        }
+        task_setting = TaskSetting(
+            fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario"),
+            traffic or TRAFFIC,
+            fitted(given, Environment, f"agent {locator!r}"),
+            Evaluation(episodes=episodes, keep_episodes=out is not None),
+            num_envs=1,
+            imports=tuple(str(Path(each).absolute()) for each in imports),
+        )
+        with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
+            folder = RunFolder(out or Path(temporary))
+            with named_own_code(f"the agent {locator!r}"):
+                _play(task_setting, folder, agent, locator)
+            return read_table(folder.table)
+    finally:
+        if isinstance(agent, RemoteAgent):
+            agent.close()
+
+
+def _play(task_setting: TaskSetting, folder: RunFolder, agent: BatchAgent, locator: str) -> None:
+    def play_part(part: Part, indices: range, record: Path) -> None:
+        with closing(environment(task_setting, num_envs=1, scenarios=part.scenarios, record=record)) as env:
+            for _ in islice(driven(env, agent, EVALUATION_SEED, indices.start), len(indices)):
+                pass
+
+    labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
+    for share in play_parts(task_setting, folder, (SCRIPTED,), labels, play_part):
+        print(f"{share:.0%}", file=sys.stderr)
+
+
+def driven(
+    env: VectorHiWayEnv, agent: BatchAgent, seed: int, first_episode: int
+) -> Generator[Mapping[str, float]]:
+    """Yield the outcomes of one episode of each world in turn, all egos driven by one agent.
+
+    Args:
+        env: One simulation whose agents have equal spaces, which fit the agent.
+        agent: Acts for all of them.
+        seed: Of the run.
+        first_episode: The world of the first episode.
+
+    Raises:
+        TrafficError: Traffic failed.
+        SmartsError: The agent's answer is no action.
+    """
+    now = env.reset(seed, np.array([first_episode]), stride=1)
+    count, episode = len(env.agents), 0
+    known = np.zeros(count, np.bool_)
+    while True:
+        alive = now.alive[0]
+        batch = _batch(env, now, np.flatnonzero(alive), ~known[alive], episode)
+        known |= alive
+        now = env.step([_actions(env.spaces.blocks[0], agent, batch)])
+        for error in now.failed.values():
+            raise TrafficError("the traffic failed", place=f"episode {first_episode + episode}") from error
+        for outcomes in now.metrics.values():
+            yield outcomes
+            known[:], episode = False, episode + 1
+
+
+def _batch(
+    env: VectorHiWayEnv, now: VectorStep, places: NDArray[np.intp], is_first: NDArray[np.bool_], episode: int
+) -> ActionBatch:
+    """Return the request for the actions of the active egos."""
+    (start,), count = env.episodes, len(places)
+    (leaves,), (masks,) = now.observations, now.masks
+    everything = np.ones((count, len(LaneAction)), np.bool_)
+    seeds = [
+        hold_seed(start.seed, env.agents[place], world=start.world, episode=start.episode)
+        for place in places.tolist()
+    ]
+    return ActionBatch(
+        observations={name or ALONE: array[0, places] for name, array in leaves.items()},
+        action_mask=everything if masks is None else masks[0, places],
+        env_id=np.zeros(count, np.int32),
+        agent_id=places.astype(np.int32),
+        hold=(episode * len(env.agents) + places).astype(np.int64),
+        episode=np.full(count, start.episode, np.int32),
+        step=np.full(count, env.episode_steps[0], np.int32),
+        is_first=is_first,
+        seed=np.array(seeds, np.uint64),
+        drives=np.ones(count, np.bool_),
+    )
+
+
+def _actions(block: Block, agent: BatchAgent, batch: ActionBatch) -> NDArray:
+    """Return the actions of all egos, shape (1, n, ...)."""
+    chosen = np.zeros((1, len(block.agents), *(block.action.shape or ())), block.action.dtype)
+    try:
+        answer = checked_actions(agent.act(batch), len(batch.env_id))
+    except WrongActionsError as error:
+        raise OwnCodeError(f"the agent {error}", place=type(agent).__name__) from error
+    is_right = answer.shape[1:] == chosen.shape[2:]
+    if not is_right or (
+        chosen.dtype.kind in "iu" and not np.array_equal(answer, answer.astype(chosen.dtype))
+    ):
+        raise OwnCodeError(
+            f"the agent answered by {answer.dtype} of shape {answer.shape}",
+            place=type(agent).__name__,
+            remedy=f"give {chosen.dtype} of shape (N, ...) for the action space {block.action}",
+        )
+    chosen[0, batch.agent_id] = answer
+    return chosen
+
+
+def _listed(observation: Any) -> Any:
+    return [*observation] if isinstance(observation, tuple) else observation

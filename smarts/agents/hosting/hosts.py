@@ -1,0 +1,305 @@
+"""The host of a run's social policies: some act in this process, others elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from smarts.agents.acting import Answer, Failed, InProcess, Request
+from smarts.agents.hosting.options import START_TIME, HostError, HostOptions, Link, Starter, about
+from smarts.agents.social import SocialPolicy
+from smarts_agent_kit.channel import wait_for
+from smarts_agent_kit.service import WrongActionsError, checked_actions, request_of
+from smarts_agent_kit.wire import Message, encode
+
+MOST_SKIPPED = 63
+"""Requests that a host fails at most before it is started again: 0, 1, 3, 7 ... after failures in a row."""
+
+Actions = NDArray | Sequence[Any]
+
+
+class Hosts:
+    """Runs the social policies of a run, each where it has its place.
+
+    All requests are sent before any answer is awaited; the policies of this process compute meanwhile. The
+    others start when the first episode begins.
+
+    Args:
+        policies: The policies of the run.
+
+    Raises:
+        Exception: Whatever an agent of this process raises when it is made.
+    """
+
+    def __init__(self, policies: Sequence[SocialPolicy]) -> None:
+        self._here = InProcess(policies)
+        self._away = {
+            number: _Away(policy.start, policy.host)
+            for number, policy in enumerate(policies)
+            if policy.start is not None
+        }
+        self._has_begun = False
+
+    @property
+    def links(self) -> dict[int, Link]:
+        """The links that are open, by the policy's number."""
+        return {number: away.link for number, away in self._away.items() if away.link is not None}
+
+    def begin(self) -> None:
+        """Start the agents that act elsewhere, all at once, unless they are there.
+
+        Raises:
+            HostError: One does not start.
+        """
+        if self._has_begun:
+            return
+        try:
+            for away in self._away.values():
+                away.open()
+            for away in self._away.values():
+                away.join()
+        except BaseException:
+            self.close()
+            raise
+        self._has_begun = True
+
+    def dispatch(self, requests: Mapping[int, Request]) -> None:
+        """Send all requests, without waiting."""
+        here = {}
+        for number, request in requests.items():
+            if number in self._away:
+                self._away[number].ask(request)
+            else:
+                here[number] = request
+        self._here.dispatch(here)
+
+    def gather(self) -> Sequence[Answer]:
+        """Return the answers to all requests but late ones, by the policy's number."""
+        answers, begun = [*self._here.gather()], time.monotonic()
+        while True:
+            # All are read before any is given up: this process may have been the one that was stopped.
+            waiting = [away for away in self._away.values() if away.is_asked and not away.has_settled()]
+            waiting = [away for away in waiting if not away.gives_up(begun)]
+            if not waiting:
+                break
+            _wait_for_any(waiting, begun)
+        for number, away in self._away.items():
+            answers += [Answer(number, *each) for each in away.take()]
+        return sorted(answers, key=lambda answer: answer.policy)
+
+    def forget(self, rows: Collection[int]) -> None:
+        """Drop the requests of some simulations, and the agents of this process there.
+
+        What an agent elsewhere is still answering counts for holds that are over.
+        """
+        self._here.forget(rows)
+
+    def close(self) -> None:
+        """End the policies and their processes; may be called again."""
+        self._here.close()
+        for away in self._away.values():
+            away.end()
+
+
+@dataclass
+class _Asked:
+    """A request in flight."""
+
+    number: int
+    request: Request
+    sent: float
+    """[s]"""
+    is_late: bool = False
+
+
+class _Away:
+    """A policy that acts elsewhere: asks it, takes its answers, and starts it again after a failure."""
+
+    def __init__(self, starter: Starter, options: HostOptions) -> None:
+        self._starter, self._options = starter, options
+        self.link: Link | None = None
+        self._is_made = self._has_answered = False  # since it was started
+        self._failures = self._skipped = 0  # failures in a row, requests since the last one
+        self._problem = ""
+        self._number = 0  # of the last request
+        self._asked: deque[_Asked] = deque()
+        self._answers: list[tuple[Request, Actions]] = []
+        # The holds that the agent knows, by (env_id, agent_id).
+        self._known: dict[tuple[int, int], int] = {}
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether an answer is awaited in this step."""
+        return any(not each.is_late for each in self._asked)
+
+    def open(self) -> None:
+        """Start the agent, without waiting for it.
+
+        Raises:
+            HostError: It does not start.
+        """
+        self._known.clear()
+        self._is_made = self._has_answered = False
+        self.link = self._starter.open()
+
+    def join(self) -> None:
+        """Wait until the agent is made.
+
+        Raises:
+            HostError: It is not.
+        """
+        assert self.link is not None
+        about(self.link, self._starter.place)
+        self._is_made = True
+
+    def ask(self, request: Request) -> None:
+        """Send a request; while an answer that is late is owed, the agents of this request are late, too."""
+        self._settle()
+        if any(each.is_late for each in self._asked):
+            return
+        if self.link is None and not self._restart():
+            self._answers.append((request, _failed(request, self._problem)))
+            return
+        self._number += 1
+        asked = _Asked(self._number, request, time.monotonic())
+        message = request_of(self._with_first(request).batch, self._number)
+        try:
+            frame = encode(message)
+        except Exception as error:
+            self._answers.append((request, _failed(request, f"cannot be asked: {error}")))
+            return
+        self._asked.append(asked)
+        try:
+            assert self.link is not None
+            self.link.send(frame)
+        except Exception as error:  # of a socket or of Ray
+            self._fail(error)
+
+    def has_settled(self) -> bool:
+        """Take what has arrived; return whether nothing more is awaited in this step."""
+        self._settle()
+        return not self.is_asked
+
+    def gives_up(self, begun: float) -> bool:
+        """Give up what is awaited no longer, in a step that began to wait at a time; return whether it is."""
+        now = time.monotonic()
+        if now < self.until(begun):
+            return False
+        if self._options.deadline_ms is None:
+            self._fail(TimeoutError(f"silent for {now - begun:.3g} s"))
+        for each in self._asked:
+            each.is_late = True
+        return True
+
+    def until(self, begun: float) -> float:
+        """Return until when answers are awaited, in a step that began to wait at a time."""
+        deadline = self._options.deadline_ms
+        if deadline is None:
+            return begun + self._patience
+        return min((each.sent for each in self._asked if not each.is_late), default=begun) + deadline / 1000.0
+
+    def take(self) -> list[tuple[Request, Actions]]:
+        """Return the answers that have come since the last call, with their requests."""
+        taken, self._answers = self._answers, []
+        return taken
+
+    def end(self) -> None:
+        """End the agent; may be called again."""
+        self._asked.clear()
+        link, self.link = self.link, None
+        if link is not None:
+            link.close()
+
+    @property
+    def _patience(self) -> float:
+        # The first answer takes longer: imports, compilation, memory.
+        return self._options.patience if self._has_answered else max(START_TIME, self._options.patience)
+
+    def _settle(self) -> None:
+        """Take the answers that are here, and drop those that are late."""
+        while self._asked and self.link is not None:
+            try:
+                message = self.link.receive()
+                if message is None:
+                    break
+                self._take(message)
+            except Exception as error:  # of a socket, of Ray, of the wire, or of the protocol
+                self._fail(error)
+        if self._asked and self._asked[0].is_late:
+            owed = time.monotonic() - self._asked[0].sent
+            if owed > self._patience:
+                self._fail(TimeoutError(f"silent for {owed:.3g} s"))
+
+    def _take(self, message: Message) -> None:
+        """Take one answer.
+
+        Raises:
+            HostError: It is none, or the agent could not be made.
+        """
+        if not self._is_made and message.kind == "about":
+            self._is_made = True
+            return
+        asked, values = self._asked[0], message.values
+        if message.kind not in ("acted", "failed") or values.get("number") != asked.number:
+            raise HostError(f"it has sent {message.kind!r}: {values.get('problem', 'no answer')}")
+        if message.kind == "failed":
+            actions = _failed(asked.request, str(values.get("problem")))
+        else:
+            try:
+                actions = checked_actions(message.arrays.get("actions"), len(asked.request.batch.env_id))
+            except WrongActionsError as error:
+                actions = _failed(asked.request, str(error))
+        self._has_answered, self._failures = True, 0
+        self._asked.popleft()
+        if not asked.is_late:
+            self._answers.append((asked.request, actions))
+
+    def _fail(self, error: Exception) -> None:
+        """End an agent that does not answer; all agents that it was asked for fail."""
+        self._problem = f"its host has failed: {type(error).__name__}: {error}"
+        asked = [*self._asked]
+        self.end()
+        self._answers += [(each.request, _failed(each.request, self._problem)) for each in asked]
+        self._failures, self._skipped = self._failures + 1, 0
+
+    def _restart(self) -> bool:
+        """Start the agent again, unless it has failed too often of late; return whether it is there."""
+        pause = min(2 ** (self._failures - 1) - 1, MOST_SKIPPED)
+        if self._skipped < pause:
+            self._skipped += 1
+            return False
+        try:
+            self.open()
+        except Exception as error:
+            self._fail(error)
+        return self.link is not None
+
+    def _with_first(self, request: Request) -> Request:
+        """Return a request in which the holds that the agent does not know are new ones."""
+        batch, known = request.batch, self._known
+        is_first = batch.is_first.copy()
+        places = zip(batch.env_id.tolist(), batch.agent_id.tolist(), batch.hold.tolist(), strict=True)
+        for place, (env_id, agent_id, hold) in enumerate(places):
+            is_first[place] |= known.get((env_id, agent_id)) != hold
+            known[env_id, agent_id] = hold
+        return request._replace(batch=batch._replace(is_first=is_first))
+
+
+def _failed(request: Request, problem: str) -> list[Failed]:
+    return [Failed(problem)] * len(request.batch.env_id)
+
+
+def _wait_for_any(waiting: Sequence[_Away], begun: float) -> None:
+    """Wait until one of several policies can answer, or until one has to have answered."""
+    until = min(away.until(begun) for away in waiting)
+    links: list[Any] = [away.link for away in waiting]
+    channels = [link.channel for link in links if hasattr(link, "channel")]
+    if channels:
+        wait_for(channels, until)
+    else:
+        links[0].wait_for(links, until)

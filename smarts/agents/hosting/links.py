@@ -1,0 +1,190 @@
+"""Links over sockets: to a child process, or to an address."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from smarts.agents.hosting.options import ADDRESS, HostError
+from smarts_agent_kit.channel import Channel, ClosedError
+from smarts_agent_kit.child import command
+from smarts_agent_kit.handshake import SECRET, RefusedError, greet
+from smarts_agent_kit.server import AddressError, parse_address, secret_for
+from smarts_agent_kit.wire import Message, WireError
+
+CONNECT_TIME = 5.0
+"""How long a connection may take [s]."""
+END_TIME = 5.0
+"""How long a child process may take to end [s]."""
+KEPT = ("PATH", "HOME", "USER", "LANG", "TZ", "TMPDIR", "LD_LIBRARY_PATH", "PYTHONHASHSEED", "SUMO_HOME")
+KEPT_PREFIXES = ("LC_", "XDG_", "SMARTS_", "NUMBA_", "CUDA_", "OMP_", "OPENBLAS_", "MKL_")
+"""The environment variables that a child process inherits, but for the secret."""
+BROKEN = (ClosedError, WireError, RefusedError, TimeoutError, OSError)
+"""What a link raises when there is no agent behind it any more."""
+
+
+class SocketLink:
+    """A link over a socket.
+
+    Args:
+        channel: To the agent.
+        process: The child process behind it, if there is one, which `close` ends.
+        folder: Of its temporary files, which `close` removes.
+    """
+
+    def __init__(self, channel: Channel, process: subprocess.Popen | None = None, folder: str = "") -> None:
+        self.channel, self._process, self._folder = channel, process, folder
+        self._owner = os.getpid()
+        self.send = channel.send
+
+    @property
+    def pid(self) -> int:
+        """Number of the child process, 0 without one."""
+        return self._process.pid if self._process else 0
+
+    def receive(self) -> Message | None:
+        """Return the next message; see `Link`."""
+        self.channel.flush()
+        return self.channel.receive()
+
+    def wait(self, until: float) -> Message:
+        """Return the next message; see `Link`."""
+        return self.channel.wait(until)
+
+    def close(self) -> None:
+        """Close the socket and end the child process; may be called again.
+
+        In a process that was forked off the owner, only the socket is closed.
+        """
+        self.channel.close()
+        process, self._process = self._process, None
+        if process is None or self._owner != os.getpid():
+            return
+        assert process.stdin is not None
+        process.stdin.close()  # the supervisor ends all that is there, and itself
+        try:
+            process.wait(END_TIME)
+        except subprocess.TimeoutExpired:  # somebody has stopped it
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        # The supervisor has done so, unless it was killed.
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class AtAddress:
+    """Connects to an agent that is served at an address.
+
+    Raises:
+        HostError: The address is none, or not of this machine and there is no secret.
+    """
+
+    locator: str
+    """"tcp://HOST:PORT"."""
+
+    def __post_init__(self) -> None:
+        try:
+            secret_for(parse_address(self.locator)[0])
+        except AddressError as error:
+            raise HostError(str(error), place=self.place) from error
+
+    @property
+    def place(self) -> str:
+        """For errors."""
+        return f"agent {self.locator!r}"
+
+    def open(self) -> SocketLink:
+        """Return a new connection; see `Starter`."""
+        host, port = parse_address(self.locator)
+        try:
+            channel = Channel(socket.create_connection((host, port), CONNECT_TIME))
+        except OSError as error:
+            raise HostError(
+                f"cannot be reached: {error}",
+                place=self.place,
+                remedy="start it there: smarts-bench serve AGENT --address HOST:PORT",
+            ) from error
+        try:
+            greet(channel, secret_for(host), time.monotonic() + CONNECT_TIME)
+        except BROKEN as error:
+            channel.close()
+            raise HostError(
+                f"the connection is refused: {error}",
+                place=self.place,
+                remedy=f"both sides need the same version and the same {SECRET}",
+            ) from error
+        link = SocketLink(channel)
+        link.send(Message("make"))
+        return link
+
+
+@dataclass(frozen=True)
+class InChildProcess:
+    """Starts a process of this machine."""
+
+    module: str
+    """Has the function `load`, which makes the agent."""
+    values: Mapping[str, Any]
+    """Say which agent it makes."""
+    place: str
+    """For errors."""
+    memory: float
+    """[GB]"""
+    python: str = ""
+    """Another interpreter, of an environment of its own; "": this one, with the modules of this process."""
+
+    def open(self) -> SocketLink:
+        """Start a process; see `Starter`."""
+        python = [self.python, "-I"] if self.python else [sys.executable]
+        paths = None if self.python else [os.path.abspath(path) for path in sys.path]
+        folder = tempfile.mkdtemp(prefix="smarts-agent-")
+        near, far = socket.socketpair()
+        given = {"folder": folder, "memory": self.memory, "paths": paths}
+        with far:
+            try:
+                process = subprocess.Popen(
+                    command(python, far.fileno(), self.module, **given),
+                    env=clean_environment(),
+                    stdin=subprocess.PIPE,
+                    stdout=2,
+                    pass_fds=[far.fileno()],
+                    start_new_session=True,
+                )
+            except OSError as error:
+                near.close()
+                os.rmdir(folder)
+                raise HostError(f"the process does not start: {error}", place=self.place) from error
+        link = SocketLink(Channel(near), process, folder)
+        try:
+            link.send(Message("make", self.values))
+        except WireError as error:
+            link.close()
+            raise HostError(
+                f"the agent's options cannot be sent: {error}",
+                place=self.place,
+                remedy="give texts, numbers, lists and dicts, or let the agent act in process",
+            ) from error
+        return link
+
+
+def clean_environment() -> dict[str, str]:
+    """Return the environment variables of child processes: no secrets of the user's among them."""
+    return {
+        name: value
+        for name, value in os.environ.items()
+        if (name in KEPT or name.startswith(KEPT_PREFIXES)) and name != SECRET
+    }
+
+
+def is_address(locator: Any) -> bool:
+    """Return whether a locator is the address of an agent."""
+    return isinstance(locator, str) and locator.startswith(ADDRESS)

@@ -1,0 +1,176 @@
+"""Where an agent acts, and in what time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from smarts.agents.checks import InterfaceError, check_instance, check_number, check_whole
+from smarts.errors import SmartsError, nearest_names, shown
+from smarts_agent_kit.wire import Message
+
+IN_PROCESS, PROCESS, RAY = "in_process", "process", "ray"
+WHERE = (IN_PROCESS, PROCESS, RAY)
+ADDRESS = "tcp://"
+"""Begins the locator of an agent that is served at an address."""
+OTHERS = "*"
+"""Stands for all agents that `hosts` does not name."""
+LONGEST_DELAY = 100
+"""Steps."""
+
+
+class HostError(SmartsError):
+    """An agent's process or address does not start, is refused, or has no agent that can act there."""
+
+
+class Link(Protocol):
+    """A connection to an agent elsewhere, which carries messages."""
+
+    def send(self, message: Message | bytes) -> None:
+        """Send a message, or its bytes, or as much of it as goes without waiting."""
+        ...
+
+    def receive(self) -> Message | None:
+        """Return the next message, None if it is not here yet; sends what is left.
+
+        Raises:
+            Exception: The agent is gone, or what it sends is no message.
+        """
+        ...
+
+    def wait(self, until: float) -> Message:
+        """Return the next message, waiting until a time of `time.monotonic()`.
+
+        Raises:
+            TimeoutError: There is none then.
+            Exception: As `receive`.
+        """
+        ...
+
+    def close(self) -> None:
+        """End the connection, and the process behind it if it is this one's; may be called again."""
+        ...
+
+
+class Starter(Protocol):
+    """Starts an agent elsewhere, or connects to it."""
+
+    @property
+    def place(self) -> str:
+        """What is started, for errors."""
+        ...
+
+    def open(self) -> Link:
+        """Return a link to an agent of this link's own; the first message from it is `about`, or `failed`.
+
+        Raises:
+            HostError: There is no such agent.
+        """
+        ...
+
+
+START_TIME = 60.0
+"""How long an agent may take to be made, and to answer for the first time [s]."""
+
+
+def about(link: Link, place: str) -> Mapping[str, Any]:
+    """Return what the agent behind a new link says about itself.
+
+    Raises:
+        HostError: It cannot be made, or is silent.
+    """
+    try:
+        message = link.wait(time.monotonic() + START_TIME)
+    except Exception as error:  # of a socket, of Ray, of the wire
+        raise HostError(
+            f"the agent does not start: {error}", place=place, remedy="see what it has printed"
+        ) from error
+    if message.kind != "about":
+        problem = message.values.get("problem", f"it has sent {message.kind!r}")
+        raise HostError(f"the agent cannot be made: {problem}", place=place)
+    return message.values
+
+
+@dataclass(frozen=True)
+class HostOptions:
+    """Where an agent's policy acts, and in what time.
+
+    Raises:
+        InterfaceError: A value is not what it has to be.
+    """
+
+    where: str = IN_PROCESS
+    """"in_process", "process" (on this machine) or "ray" (an actor). Agents at an address, and those with an
+    environment of their own, have their place: for them the default stands for it."""
+    patience: float = 10.0
+    """How long an answer is waited for before the agent's host is ended and started again [s]."""
+    deadline_ms: float | None = None
+    """Answers that come later than this after the question are dropped [ms]; None: each is waited for."""
+    delay_steps: int = 0
+    """Steps from an answer to when it is carried out."""
+    memory: float = 8.0
+    """Of a process [GB]."""
+
+    def __post_init__(self) -> None:
+        if self.where not in WHERE:
+            raise InterfaceError(
+                f"where is {shown(self.where)}", place="hosts", remedy=nearest_names(str(self.where), WHERE)
+            )
+        check_number("patience", self.patience, above=True, most=3600.0, place="hosts")
+        check_whole("delay_steps", self.delay_steps, 0, LONGEST_DELAY, "hosts")
+        check_number("memory", self.memory, above=True, most=1e6, place="hosts")
+        if self.deadline_ms is None:
+            return
+        if self.delay_steps:
+            raise InterfaceError(
+                f"deadline_ms is {shown(self.deadline_ms)}, and delay_steps is {self.delay_steps}",
+                place="hosts",
+                remedy="give one of them: a deadline in time, or a delay in steps",
+            )
+        check_number("deadline_ms", self.deadline_ms, above=True, most=3.6e6, place="hosts")
+        if self.deadline_ms > 1000.0 * self.patience:
+            raise InterfaceError(
+                f"deadline_ms is {self.deadline_ms:g}, longer than patience, {self.patience:g} s",
+                place="hosts",
+                remedy="give a longer patience or a shorter deadline_ms",
+            )
+
+
+HERE = HostOptions()
+
+Hosts = Mapping[str, HostOptions]
+"""By locator; `OTHERS` stands for all that are not named."""
+
+
+def hosts_of(given: Any) -> dict[str, HostOptions]:
+    """Return where agents act, by locator; each is given as itself, a dict of its fields or its `where`.
+
+    Raises:
+        InterfaceError: Something is not what it has to be; names the value.
+    """
+    check_instance("hosts", given, Mapping, "{'idm-v0': 'process'}")
+    for locator in given:
+        check_instance("a key of hosts", locator, str, f"a locator, or {OTHERS!r} for all others", "hosts")
+    return {locator: _read(entry) for locator, entry in given.items()}
+
+
+def _read(entry: Any) -> HostOptions:
+    if isinstance(entry, HostOptions):
+        return entry
+    if isinstance(entry, str):
+        return HostOptions(entry)
+    check_instance("an entry", entry, Mapping, "'process', or {'where': 'process', 'patience': 5}", "hosts")
+    fields = [*HostOptions.__dataclass_fields__]
+    for name in entry:
+        if name not in fields:
+            raise InterfaceError(
+                f"there is no field {shown(name)}", place="hosts", remedy=nearest_names(str(name), fields)
+            )
+    return HostOptions(**entry)
+
+
+def host_of(hosts: Hosts, locator: str) -> HostOptions:
+    """Return where an agent acts."""
+    return hosts.get(locator, hosts.get(OTHERS, HERE))

@@ -1,0 +1,49 @@
+"""The signals of one simulation's lanes, read from SUMO."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smarts.arrays import Bytes
+from smarts.providers.sumo_library import SumoLibrary
+from smarts.roads.lane_graph import LaneGraph
+from smarts.types.traffic import Signal
+
+_LIGHTS = np.full(256, Signal.NONE, np.int8)
+_LIGHTS[list(b"rR")] = Signal.STOP
+_LIGHTS[list(b"yYuoOs")] = Signal.CAUTION
+_LIGHTS[list(b"gG")] = Signal.GO
+"""`Signal` of each letter of SUMO's signal states; lights that are off (o, O) and green right-turn arrows
+after a stop (s) mean caution."""
+
+
+class SumoSignals:
+    """Writes the signals of a map's lanes.
+
+    Args:
+        library: The copy of libsumo that runs the simulation.
+        signals: The world's signals of the simulation.
+
+    Attributes:
+        of_lanes: Signals of the map's lanes, a view into the world.
+    """
+
+    def __init__(self, library: SumoLibrary, signals: Bytes) -> None:
+        self._library, self._signals = library, signals
+        self.of_lanes = signals
+
+    def reset(self, roads: LaneGraph) -> None:
+        """Begin an episode on a map."""
+        self.of_lanes = self._signals[: len(roads.lane_ids)]
+        self.of_lanes[:] = Signal.NONE
+        self._lights = [
+            (signal, lanes, roads.signal_link[lanes])
+            for number, signal in enumerate(roads.signal_ids)
+            if len(lanes := np.flatnonzero(roads.signal == number))
+        ]
+
+    def read(self) -> None:
+        """Write SUMO's present signals."""
+        state_of = self._library.trafficlight.getRedYellowGreenState
+        for signal, lanes, links in self._lights:
+            self.of_lanes[lanes] = _LIGHTS[np.frombuffer(state_of(signal).encode(), np.uint8)[links]]

@@ -1,0 +1,72 @@
+"""What an agent's process does below its supervisor: it limits itself, and answers the simulator."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import resource
+import signal
+import socket
+import sys
+from collections.abc import Mapping
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Any
+
+from smarts_agent_kit.channel import Channel, ClosedError
+from smarts_agent_kit.service import Make, Service
+from smarts_agent_kit.wire import WireError
+
+LARGEST_FILE = 2**28
+"""The most bytes of a file that an agent writes."""
+TIME = 60
+"""The most seconds of processor time of one request, on each core."""
+
+
+def work(given: Mapping[str, Any]) -> None:
+    """Serve an agent until the simulator closes the connection; `given` is made by `child.command`."""
+    confine(given["memory"])
+    load, values = importlib.import_module(given["module"]).load, given["values"]
+    serve(given["fd"], load if values is None else lambda _: load(values))
+
+
+def serve(fd: int, make: Make) -> None:
+    """Answer the simulator's requests over a socket until it closes it."""
+    os.set_inheritable(fd, False)
+    with closing(Channel(socket.socket(fileno=fd))) as channel:
+        os.register_at_fork(after_in_child=channel.close)
+        service = Service(make)
+        try:
+            while True:
+                message = channel.wait()
+                allow_time()
+                channel.send(service.answer(message))
+        except ClosedError:
+            return
+        except WireError as error:
+            print(f"an agent's connection has ended: {error}", file=sys.stderr)
+
+
+def confine(memory: int) -> None:
+    """Limit this process: its memory [bytes], its files, and the processor time of what it forks."""
+    _limit(resource.RLIMIT_DATA, memory)
+    _limit(resource.RLIMIT_FSIZE, LARGEST_FILE)
+    _limit(resource.RLIMIT_CORE, 0)
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a write beyond the limit raises an OSError
+    os.register_at_fork(after_in_child=allow_time)
+    with suppress(OSError):  # where memory runs out, the simulator stays
+        Path("/proc/self/oom_score_adj").write_text("1000")
+
+
+def allow_time() -> None:
+    """Allow this process `TIME` more processor time."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+    limit = int(used.ru_utime + used.ru_stime) + TIME * (os.cpu_count() or 1)
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, hard))
+
+
+def _limit(which: int, value: int) -> None:
+    hard = resource.getrlimit(which)[1]
+    value = value if hard == resource.RLIM_INFINITY else min(value, hard)
+    resource.setrlimit(which, (value, hard))

@@ -1,0 +1,120 @@
+"""Agents for tests of hosts: well-behaved ones, and some that do what agents should not."""
+
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+from smarts.agents import ActionSpaceType, AgentInterface, DoneCriteria
+from smarts.agents.policy import Agent, BatchAgent
+from smarts.zoo import register
+from smarts_agent_kit import uniform
+
+LANER = AgentInterface(
+    action=ActionSpaceType.Lane, vehicle_model="kinematic", done_criteria=DoneCriteria(off_route=False)
+)
+
+
+class Drawing(BatchAgent):
+    """Draws lane actions, and keeps in mind how often it has been asked about a vehicle."""
+
+    interface = LANER
+    observation = ("speed",)
+
+    def __init__(self):
+        self._asked = {}
+
+    def act(self, obs):
+        for row, key in enumerate(zip(obs.env_id.tolist(), obs.agent_id.tolist(), strict=True)):
+            self._asked[key] = 0 if obs.is_first[row] else self._asked[key] + 1
+        drawn = uniform(obs.seed, obs.step, 1)[:, 0]
+        return np.where(drawn < 0.3, 1, 0)
+
+
+class Misbehaving(BatchAgent):
+    """Does something it should not at its third request.
+
+    Args:
+        how: Name of one of the methods.
+    """
+
+    interface = LANER
+    observation = ("speed",)
+
+    def __init__(self, how):
+        self._do, self._asked = getattr(self, how), 0
+
+    def act(self, obs):
+        self._asked += 1
+        if self._asked == 3:
+            return self._do(len(obs.env_id))
+        return np.zeros(len(obs.env_id), int)
+
+    def loop(self, count):
+        while True:
+            pass
+
+    def sleep(self, count):
+        time.sleep(0.3)
+        return np.zeros(count, int)
+
+    def leave(self, count):
+        os._exit(7)
+
+    def raise_error(self, count):
+        raise ValueError("not today")
+
+    def fork(self, count):
+        if os.fork() == 0:
+            os.setsid()
+            time.sleep(1000)
+        subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"], start_new_session=True)
+        return np.zeros(count, int)
+
+    def print_much(self, count):
+        for _ in range(1000):
+            print("x" * 100, flush=True)
+        return np.zeros(count, int)
+
+    def read_input(self, count):
+        assert sys.stdin.read() == ""
+        return np.zeros(count, int)
+
+    def fill_the_disk(self, count):
+        with open(os.path.join(os.environ["TMPDIR"], "large"), "wb") as file:
+            for _ in range(400):
+                file.write(bytes(2**20))
+        return np.zeros(count, int)
+
+    def fill_the_memory(self, count):
+        held = []
+        while True:
+            held.append(np.ones(2**24))
+
+    def answer_texts(self, count):
+        return np.array(["keep_lane"] * count)
+
+    def answer_too_few(self, count):
+        return np.zeros(count + 1, int)
+
+    def answer_too_much(self, count):
+        return np.zeros((count, 2**21))
+
+    def answer_objects(self, count):
+        return np.array([object()] * count)
+
+
+class Describing(Agent):
+    """Acts on objects."""
+
+    interface = LANER
+
+    def act(self, obs):
+        return "keep_lane"
+
+
+register("drawing-v0", Drawing)
+register("misbehaving-v0", Misbehaving)
+register("describing-v0", Describing)

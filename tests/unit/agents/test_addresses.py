@@ -1,0 +1,290 @@
+"""Agents at addresses, and egos that they drive."""
+
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from contextlib import closing, contextmanager, suppress
+
+import numpy as np
+import pytest
+
+from smarts.agents.hosting.facts import check_observation, facts_of, interface_from
+from smarts.agents.hosting.links import AtAddress
+from smarts.agents.hosting.options import HostError
+from smarts.agents.hosting.remote import RemoteAgent
+from smarts.agents.interface import AgentInterface, DoneCriteria
+from smarts.agents.options import Waypoints
+from smarts.errors import SmartsError
+from smarts.types.actions import ActionSpaceType
+from smarts.zoo import make_agent, make_spec
+from smarts_agent_kit import ActionBatch
+from smarts_agent_kit.channel import Channel, ClosedError
+from smarts_agent_kit.handshake import SECRET, RefusedError, admit, greet
+from smarts_agent_kit.server import AddressError, parse_address, secret_for
+from smarts_agent_kit.wire import VERSION, Message, WireError, encode
+from tests.unit.agents.test_wire import fuzzed
+from tests.unit.env.test_hosts import nothing_is_left  # noqa: F401
+
+KIT_AGENT = """
+from smarts_agent_kit import BatchAgent, uniform
+
+class Drawing(BatchAgent):
+    interface = {"action": "Lane", "vehicle_model": "kinematic", "done_criteria": {"off_route": False}}
+    observation = ["speed"]
+
+    def act(self, batch):
+        return (uniform(batch.seed, batch.step, 1)[:, 0] < 0.3).astype(int)
+"""
+
+
+def soon():
+    return time.monotonic() + 10.0
+
+
+def batch(count=3, step=5):
+    return ActionBatch(
+        {"observation": np.ones((count, 1))},
+        np.ones((count, 4), bool),
+        np.zeros(count, np.int32),
+        np.arange(count, dtype=np.int32),
+        np.arange(count, dtype=np.int64),
+        np.zeros(count, np.int32),
+        np.full(count, step, np.int32),
+        np.ones(count, bool),
+        np.arange(count, dtype=np.uint64),
+        np.ones(count, bool),
+    )
+
+
+@contextmanager
+def served(*command, **environment):
+    """Serve an agent in a process of its own; yield its address."""
+    process = subprocess.Popen(
+        [sys.executable, *command], stdout=subprocess.PIPE, text=True, env={**os.environ, **environment}
+    )
+    try:
+        line = process.stdout.readline()
+        assert line.startswith("serving tcp://"), line
+        yield line.split()[1]
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(20)
+        process.stdout.close()
+
+
+@contextmanager
+def kit_agent(folder, **environment):
+    (folder / "drawing.py").write_text(KIT_AGENT)
+    command = ("-m", "smarts_agent_kit", "drawing:Drawing", "--address", "127.0.0.1:0")
+    with served(*command, PYTHONPATH=str(folder), **environment) as address:
+        yield address
+
+
+def test_each_connection_has_an_agent_of_its_own_that_acts_as_in_process(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with kit_agent(tmp_path) as address:
+        agents = [make_agent(address)[0] for _ in range(3)]
+        spec = make_spec(address)
+        assert spec.interface == AgentInterface(
+            action=ActionSpaceType.Lane,
+            vehicle_model="kinematic",
+            done_criteria=DoneCriteria(off_route=False),
+        )
+        from drawing import Drawing
+
+        for step in range(5):
+            expected = Drawing().act(batch(step=step))
+            for agent in agents:
+                assert np.array_equal(agent.act(batch(step=step)), expected)
+        for agent in agents:
+            agent.close()
+
+
+def test_what_simulators_send_to_an_address_names_no_code(tmp_path):
+    with kit_agent(tmp_path) as address:
+        with closing(AtAddress(address).open()) as link:
+            assert link.wait(soon()).kind == "about"
+            link.send(Message("make", {"agent": "os:system", "options": {"command": "touch /tmp/x"}}))
+            answer = link.wait(soon())
+            assert answer.values["observation"] == ["speed"]
+        with pytest.raises(SmartsError):
+            make_spec(address, command="touch /tmp/x")
+
+
+def test_10_000_fuzzed_messages_leave_the_server_as_it_was(tmp_path):
+    with kit_agent(tmp_path) as address:
+        frames = [*fuzzed(2, 10_000)]
+        for part in range(0, len(frames), 500):
+            with socket.create_connection(parse_address(address)) as connection:
+                connection.settimeout(5.0)
+                for frame in frames[part : part + 500]:
+                    try:
+                        connection.sendall(frame)
+                    except OSError:
+                        break
+        agent = make_agent(address)[0]
+        assert len(agent.act(batch())) == 3
+        agent.close()
+
+
+def test_10_000_fuzzed_answers_are_errors():
+    for frame in fuzzed(3, 10_000):
+        near, far = socket.socketpair()
+        with far:
+            far.sendall(frame)
+        with closing(Channel(near)) as channel, suppress(WireError, ClosedError):
+            channel.wait(soon())
+
+
+def handshake(server_secret, client_secret):
+    """Return what client and server raise."""
+    near, far = socket.socketpair()
+    raised = {}
+
+    def run(side, function, *arguments):
+        try:
+            function(*arguments)
+        except Exception as error:
+            raised[side] = type(error)
+
+    with closing(Channel(near)) as client, closing(Channel(far)) as server:
+        thread = threading.Thread(target=run, args=("server", admit, server, server_secret))
+        thread.start()
+        run("client", greet, client, client_secret, soon())
+        client.close()
+        thread.join()
+    return raised
+
+
+def test_both_sides_need_the_same_secret():
+    assert handshake("a" * 16, "a" * 16) == {}
+    assert handshake("a" * 16, "b" * 16) == {"client": RefusedError, "server": RefusedError}
+    assert handshake("a" * 16, "") == {"client": RefusedError, "server": RefusedError}
+
+
+@pytest.mark.parametrize(
+    "hello",
+    [
+        Message("hello", {"version": VERSION + 1, "nonce": "0" * 64}),
+        Message("hello", {"version": VERSION}),
+        Message("hello", {"version": VERSION, "nonce": "0" * 64, "proof": "0"}),
+        Message("act"),
+    ],
+)
+def test_a_wrong_greeting_is_refused_by_both_sides(hello):
+    near, far = socket.socketpair()
+    with closing(Channel(near)) as one, closing(Channel(far)) as two:
+        one.send(hello)
+        with pytest.raises(RefusedError):
+            admit(two, "")
+    near, far = socket.socketpair()
+    with closing(Channel(near)) as one, closing(Channel(far)) as two:
+        one.send(hello)
+        two.send(Message("proof", {"proof": "0"}))
+        one.send(Message("proof", {"proof": "0"}))
+        with pytest.raises(RefusedError):
+            greet(two, "", soon())
+
+
+def test_before_the_proof_messages_are_short():
+    near, far = socket.socketpair()
+    with closing(near), closing(Channel(far)) as channel:
+        near.sendall(struct.pack("<I", 2**20))
+        with pytest.raises(WireError):
+            admit(channel, "")
+
+
+def test_a_served_secret_is_needed(tmp_path, monkeypatch):
+    with kit_agent(tmp_path, **{SECRET: "0123456789abcdef"}) as address:
+        with pytest.raises(HostError):
+            make_agent(address)
+        monkeypatch.setenv(SECRET, "0123456789abcdef")
+        make_agent(address)[0].close()
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["tcp://", "tcp://somewhere", "tcp://127.0.0.1:x", "tcp://127.0.0.1:99999", "tcp://192.0.2.1:7007"],
+)
+def test_wrong_addresses_are_errors(address):
+    with pytest.raises(HostError) as raised:
+        make_spec(address)
+    assert address in raised.value.place
+
+
+def test_an_address_where_nobody_answers_is_an_error():
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        port = listening.getsockname()[1]
+    with pytest.raises(HostError):
+        make_spec(f"tcp://127.0.0.1:{port}")
+
+
+def test_secrets_are_needed_beyond_this_machine(monkeypatch):
+    monkeypatch.delenv(SECRET, raising=False)
+    assert secret_for("localhost") == secret_for("::1") == ""
+    for host in ("0.0.0.0", "192.0.2.1"):
+        with pytest.raises(AddressError):
+            secret_for(host)
+    monkeypatch.setenv(SECRET, "short")
+    with pytest.raises(AddressError):
+        secret_for("localhost")
+
+
+def test_interfaces_survive_the_way_over_plain_values():
+    for interface in (
+        AgentInterface(action=ActionSpaceType.Lane),
+        AgentInterface(
+            action=ActionSpaceType.Continuous,
+            waypoint_paths=Waypoints(lookahead=20),
+            signals=True,
+            done_criteria=DoneCriteria(off_route=False, not_moving=True),
+            max_episode_steps=100,
+            flat_tyres=(1, 2),
+            vehicle_class="truck",
+        ),
+    ):
+        facts = facts_of(interface)
+        encode(Message("about", {"interface": facts}))
+        assert interface_from(facts, "here") == interface
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        None,
+        ["Lane"],
+        {"action": "Fly"},
+        {"action": 3},
+        {"wings": True},
+        {"further_sensors": [["os:system", True]]},
+        {"os:system": True},
+        {"vehicle_class": "tank"},
+        {"done_criteria": {"wings": True}},
+        {"waypoint_paths": {"lookahead": "far"}},
+    ],
+)
+def test_interfaces_that_are_none_are_errors(facts):
+    with pytest.raises(SmartsError) as raised:
+        interface_from(facts, "there")
+    assert raised.value.place
+
+
+@pytest.mark.parametrize(
+    "observation",
+    ["os:system", ["os:system"], {"features": [{"name": "os:system"}]}, {"base": "a.b:c"}, [object()]],
+)
+def test_an_agent_elsewhere_names_no_code_of_this_machine(observation):
+    with pytest.raises(HostError):
+        check_observation(observation, "there")
+
+
+def test_an_agent_that_is_gone_is_an_error(tmp_path):
+    with kit_agent(tmp_path) as address:
+        agent = RemoteAgent(AtAddress(address))
+    with pytest.raises(HostError):
+        agent.act(batch())

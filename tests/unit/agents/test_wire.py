@@ -1,0 +1,187 @@
+"""Messages between the simulator and agents: what arrives is what was sent, or one error."""
+
+import socket
+import struct
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from smarts_agent_kit.channel import Channel, ClosedError
+from smarts_agent_kit.wire import DTYPES, LARGEST, LENGTHS, Message, WireError, decode, encode
+
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats(allow_nan=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=8,
+)
+ARRAYS = st.sampled_from([*DTYPES]).flatmap(
+    lambda name: hnp.arrays(np.dtype(name), hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4))
+)
+FUZZED = 10_000
+
+
+@settings(deadline=None)
+@given(st.dictionaries(st.text(), PLAIN, max_size=4), st.dictionaries(st.text(), ARRAYS, max_size=4))
+def test_what_is_decoded_is_what_was_encoded(values, arrays):
+    found = decode(encode(Message("act", values, arrays)))
+    assert found.kind == "act"
+    assert found.values == values
+    assert [*found.arrays] == [*arrays]
+    for name, array in arrays.items():
+        got = found.arrays[name]
+        assert (got.dtype, got.shape) == (array.dtype, array.shape)
+        assert got.tobytes() == array.tobytes()
+        assert got.flags.writeable
+        assert got.flags.aligned
+
+
+def test_arrays_in_any_order_of_memory_arrive_by_their_indices():
+    array = np.arange(24, dtype=">f8").reshape(2, 3, 4).transpose(2, 0, 1)[::2]
+    got = decode(encode(Message("act", {}, {"a": array}))).arrays["a"]
+    assert got.tolist() == array.tolist()
+    assert got.dtype == np.float64
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Message("act", {}, {"a": np.array(["text"])}),
+        Message("act", {}, {"a": np.array([object()])}),
+        Message("act", {}, {"a": np.array([1j])}),
+        Message("act", {"a": object()}),
+        Message("act", {"a": 2**65}),
+        Message("act", {"a": "x" * 2**19}),
+        Message("act", {}, {"a": np.zeros(LARGEST, np.int8)}),
+    ],
+    ids=["text", "object", "complex", "value", "whole number", "head", "size"],
+)
+def test_what_is_not_sent_is_an_error(message):
+    with pytest.raises(WireError):
+        encode(message)
+
+
+def framed(head, data=b""):
+    head = head if isinstance(head, bytes) else msgpack.packb(head)
+    return LENGTHS.pack(4 + len(head) + len(data), len(head)) + head + data
+
+
+NESTED = b"\x93\xa3act\x81\xa1a" + b"\x91" * 900 + b"\x90\x90"
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        b"",
+        b"\x01",
+        struct.pack("<II", 2**30, 4),
+        struct.pack("<II", 4, 2**31),
+        framed(b""),
+        framed(b"\xc1"),
+        framed(["act", {}]),
+        framed(["run", {}, []]),
+        framed(["act", [], []]),
+        framed(["act", {1: 2}, []]),
+        framed(["act", {"a": b"bytes"}, []]),
+        framed(["act", {"a": msgpack.ExtType(5, b"x")}, []]),
+        framed(["act", {"a": msgpack.Timestamp(1)}, []]),
+        framed(NESTED),
+        framed(["act", {}, {}]),
+        framed(["act", {}, [["a", "object", [1]]]], b"12345678"),
+        framed(["act", {}, [["a", "float64", [2]]]], b"12345678"),
+        framed(["act", {}, [["a", "float64", [1]]]], b"123456789"),
+        framed(["act", {}, [["a", "float64", [-1]]]], b"12345678"),
+        framed(["act", {}, [["a", "float64", [True]]]], b"12345678"),
+        framed(["act", {}, [["a", "int8", [0, *[2**23] * 7]]]]),
+        framed(["act", {}, [["a", "int8", [1] * 40]]], b"1"),
+        framed(["act", {}, [["a", "int8", [1]], ["a", "int8", [1]]]], b"12"),
+        framed(["act", {}, [[["a"], "int8", [1]]]], b"1"),
+    ],
+)
+def test_what_is_no_message_is_an_error(frame):
+    with pytest.raises(WireError):
+        decode(frame)
+
+
+def fuzzed(seed, count):
+    """Yield messages with some bytes changed, cut off, put in or drawn at random."""
+    draws = np.random.default_rng(seed)
+    whole = encode(
+        Message(
+            "act",
+            {"number": 7, "more": [1.5, "text", None]},
+            {"a": np.arange(12.0), "b": np.ones((2, 3), bool)},
+        )
+    )
+    for _ in range(count):
+        frame = bytearray(whole)
+        for place in draws.integers(0, len(frame), draws.integers(0, 6)):
+            frame[place] = draws.integers(256)
+        kind = draws.integers(4)
+        if kind == 1:
+            frame = frame[: draws.integers(len(frame))]
+        elif kind == 2:
+            place = draws.integers(len(frame))
+            frame[place:place] = draws.bytes(draws.integers(1, 40))
+        elif kind == 3:
+            frame = bytearray(draws.bytes(draws.integers(0, 200)))
+        yield bytes(frame)
+
+
+def test_10_000_fuzzed_frames_are_messages_or_errors():
+    messages = 0
+    for frame in fuzzed(1, FUZZED):
+        try:
+            message = decode(frame)
+        except WireError:
+            continue
+        assert sum(array.nbytes for array in message.arrays.values()) <= len(frame)
+        messages += 1
+    assert 0 < messages < FUZZED
+
+
+def pair():
+    return socket.socketpair()
+
+
+def test_messages_of_any_size_cross_a_socket_in_parts():
+    one, two = pair()
+    near, far = Channel(one), Channel(two)
+    large = Message("act", {"number": 1}, {"a": np.arange(900_000.0)})
+    near.send(large)
+    near.send(Message("act", {"number": 2}))
+    assert near.has_outgoing
+    found = []
+    while len(found) < 2:
+        near.flush()
+        message = far.receive()
+        if message is not None:
+            found.append(message)
+    assert [each.values["number"] for each in found] == [1, 2]
+    assert np.array_equal(found[0].arrays["a"], large.arrays["a"])
+    near.close()
+    with pytest.raises(ClosedError):
+        far.receive()
+    far.close()
+
+
+def test_a_message_of_1_gb_is_refused_by_its_length():
+    one, two = pair()
+    one.send(struct.pack("<I", 2**30))
+    channel = Channel(two)
+    with pytest.raises(WireError):
+        channel.receive()
+    one.close()
+    channel.close()
+
+
+def test_silence_ends_a_wait():
+    one, two = pair()
+    channel = Channel(two)
+    with pytest.raises(TimeoutError):
+        channel.wait(0.0)
+    one.close()
+    channel.close()
