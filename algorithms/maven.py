@@ -10,14 +10,15 @@ the mutual information between z and the behaviour sigma(tau): the state and the
 softmax over Q_i(o_i, .; z). The discriminator q and the agents' values ascend J_V together; pi_z ascends J_RL
 by the policy gradient grad log pi_z(z | s_0) R on whole episodes as they end.
 
-Deviations: QMIX's; z enters the agents' networks and the mixer's as a one-hot input instead of through a
-hypernetwork of its own; sigma is of single steps (the authors' code has this and a recurrent one); the logits
-of pi_z are sums over the agents' observations in s_0; its returns are standardised by running moments, and
-H(z) has a weight of its own, `latent_entropy`.
+Deviations: QMIX's; z is one-hot and enters the mixer's hypernetworks beside the state; sigma is of single
+steps (the authors' code has this and a recurrent one); the logits of pi_z are sums over the agents'
+observations in s_0; its returns are standardised by running moments, and H(z) has a weight of its own,
+`latent_entropy`.
 """
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -27,7 +28,7 @@ import torch
 from gymnasium.spaces import Box
 from torch import Generator, Tensor, nn
 
-from algorithms.dqn import DQNModule
+from algorithms.dqn import DQNModule, QNetwork
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch, to_tensor
 from algorithms.joint.env import CARRIED, LATENT, AgentBlock, Floats
 from algorithms.joint.module import LearnerModule
@@ -58,13 +59,39 @@ class LatentPolicy(nn.Module):
         return torch.where(view.alive[..., None], self.body(self.encoder(view.observations)), 0)
 
 
+class LatentQNetwork(QNetwork):
+    """Q(o_i, .; z): the latent chooses the last layer, as a linear hypernetwork of a one-hot z does."""
+
+    def __init__(
+        self, group: Group, hidden: tuple[int, ...], actions: int, latents: int, **kind: Any
+    ) -> None:
+        seen = {name: space for name, space in group.observation.items() if name != LATENT}
+        super().__init__(replace(group, observation=seen), hidden, latents * actions, **kind)
+        if self.value is not None:
+            self.value = nn.Linear(self.value.in_features, latents)
+
+    def values(self, features: Tensor, leaves: Mapping[str, Tensor]) -> Tensor:
+        """Return Q values of features, given the latent."""
+        chosen = leaves[LATENT].float()
+        every = self.advantage(features).unflatten(-1, (chosen.shape[-1], -1))
+        advantage = (every * chosen[..., None]).sum(-2)
+        value = None if self.value is None else (self.value(features) * chosen).sum(-1, keepdim=True)
+        return self.duel(advantage, value)
+
+
 class MAVENModule(DQNModule):
-    """A Q network that sees the latent, and a share of the policy that draws it."""
+    """A Q network given the latent, and a share of the policy that draws it."""
 
     def make_networks(self) -> None:
         """Create the Q network, its target and the latents' policy."""
-        super().make_networks()
-        self.latent = LatentPolicy(self.group, self.settings["hidden"], self.settings["latents"])
+        hidden, latents = self.settings["hidden"], self.settings["latents"]
+        kind = {"duelling": self.settings["duelling"], "memory": self.memory_size}
+        self.q = LatentQNetwork(self.group, hidden, self.head.outputs, latents, **kind)
+        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
+        self.latent = LatentPolicy(self.group, hidden, latents)
+
+    def feedforward_parts(self) -> None:
+        """Return None: last layers differ from episode to episode."""
 
     @classmethod
     def latents(cls, modules: Sequence[MAVENModule], views: Sequence[GroupView]) -> CategoricalDistribution:
