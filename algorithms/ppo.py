@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch
@@ -45,6 +45,10 @@ class LocalValue(LearnerModule):
     def value(self, view: GroupView) -> Tensor:
         """Return scaled values (M, n)."""
         return self.body(self.encoder(view.observations)).squeeze(-1)
+
+    def feedforward_parts(self) -> tuple[Encoder, nn.Module]:
+        """Return encoder and body, for stacked evaluation."""
+        return self.encoder, self.body
 
 
 def clipped_surrogate(log_prob: Tensor, old_log_prob: Tensor, advantages: Tensor, clip: float) -> Tensor:
@@ -87,8 +91,13 @@ class PPOLearner(OnPolicyLearner):
 
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Step every policy, then every value function."""
+        self.step_policies(batch, self.stacked_policies)
+        self.fit_values(batch)
+
+    def step_policies(self, batch: OnPolicyBatch, stacks: tuple[StackedGroups, ...]) -> None:
+        """Take one step of the policies of these groups."""
         losses, stepped = [], []
-        for stack in self.stacked_policies:
+        for stack in stacks:
             own = batch.part(stack.whole)
             head = self.net(stack.groups[0].id).head
             policy = head.distribution(self._outputs(stack, own), own.action_mask)
@@ -103,7 +112,6 @@ class PPOLearner(OnPolicyLearner):
                 self._log_present(stack, present, name, stack.means(each.detach(), own.alive))
         if stepped:
             self.step_optimizer(torch.stack(losses).sum(), *stepped)
-        self.fit_values(batch)
 
     def policy_loss(self, log_prob: Tensor, old_log_prob: Tensor, advantages: Tensor) -> Tensor:
         """Return the loss of each action."""
@@ -146,8 +154,7 @@ class PPOLearner(OnPolicyLearner):
     def _plain_value(self, group: Group):
         if critic_of(group) not in self.module:  # there are other critics, or none
             return None
-        critic = self.net(critic_of(group))
-        return critic.encoder, critic.body
+        return self.net(critic_of(group)).feedforward_parts()
 
     def _log_present(self, stack: StackedGroups, present: list[Group], name: str, means: Tensor) -> None:
         for group, mean in zip(stack.groups, means.unbind(), strict=True):

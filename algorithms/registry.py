@@ -79,6 +79,15 @@ ALGORITHMS: dict[str, Entry] = {
     "ppo": Entry(
         "algorithms.ppo:PPOConfig", settings.PPOSettings, _DEC, "M1", _BOTH, "independent PPO", recurrent=True
     ),
+    "recurrent_ippo": Entry(
+        "algorithms.recurrent_ppo:RecurrentIPPOConfig",
+        settings.RecurrentIPPOSettings,
+        _DEC,
+        "M1",
+        _BOTH,
+        "independent PPO, memories in policies and critics",
+        recurrent=True,
+    ),
     "dqn": Entry(
         "algorithms.dqn:DQNConfig",
         settings.DQNSettings,
@@ -87,6 +96,22 @@ ALGORITHMS: dict[str, Entry] = {
         _DISCRETE,
         "independent double duelling Q-learning",
         recurrent=True,
+    ),
+    "opponent_q": Entry(
+        "algorithms.opponent_q:OpponentQConfig",
+        settings.OpponentQSettings,
+        _DEC,
+        "M2",
+        _DISCRETE,
+        "Q-learning of joint actions, with models of the others",
+    ),
+    "pr2": Entry(
+        "algorithms.pr2:PR2Config",
+        settings.PR2Settings,
+        _DEC,
+        "M2",
+        _DISCRETE,
+        "Q-learning that expects the others to answer",
     ),
     "commnet": Entry(
         "algorithms.commnet:CommNetConfig",
@@ -106,6 +131,15 @@ ALGORITHMS: dict[str, Entry] = {
         "deterministic actor-critic, recurrent over agents",
         communication=True,
     ),
+    "mat": Entry(
+        "algorithms.mat:MATConfig",
+        settings.MATSettings,
+        _CEN,
+        "M3",
+        _BOTH,
+        "a transformer acts for all agents, one after another",
+        communication=True,
+    ),
     "centralised_v": Entry(
         "algorithms.centralised_v:CentralisedVConfig",
         settings.CentralisedVSettings,
@@ -122,6 +156,24 @@ ALGORITHMS: dict[str, Entry] = {
         "M3",
         _DISCRETE,
         "policy gradient with counterfactual advantages",
+        recurrent=True,
+    ),
+    "recurrent_mappo": Entry(
+        "algorithms.recurrent_ppo:RecurrentMAPPOConfig",
+        settings.RecurrentMAPPOSettings,
+        _CTDE,
+        "M3",
+        _BOTH,
+        "PPO with a central critic, memories in both",
+        recurrent=True,
+    ),
+    "happo": Entry(
+        "algorithms.happo:HAPPOConfig",
+        settings.HAPPOSettings,
+        _CTDE,
+        "M3",
+        _BOTH,
+        "PPO, agent after agent; no shared networks",
         recurrent=True,
     ),
     "maddpg": Entry(

@@ -108,6 +108,11 @@ Graph = Annotated[
 ]
 
 
+def _check_heads(heads: int, hidden: tuple[int, ...]) -> None:
+    if hidden[-1] % heads:
+        raise ValueError(f"attention_heads={heads} does not divide the last of hidden={hidden}")
+
+
 class JointSettings(BaseModel):
     """What every algorithm can be set to; keywords of its config's `training()`, keys of experiment files.
 
@@ -232,6 +237,49 @@ class CentralisedVSettings(PPOSettings):
     normalize_values: bool = True
 
 
+class HAPPOSettings(CentralisedVSettings):
+    """HAPPO."""
+
+    sharing: Literal["none"] = "none"  # type: ignore[reportIncompatibleVariableOverride]
+    """Always "none": a step of a shared network changes all agents at once; 'centralised_v' shares."""
+
+
+class RecurrentIPPOSettings(PPOSettings):
+    """Recurrent IPPO."""
+
+    gru: Annotated[int, Field(ge=1, le=WIDEST)] = 64
+    """Width of the memories of policies and critics."""
+    sequence_length: Count = 8
+    """Steps through which policies and critics are differentiated; divides `rollout_fragment_length`."""
+
+
+class RecurrentMAPPOSettings(RecurrentIPPOSettings):
+    """Recurrent MAPPO."""
+
+    normalize_values: bool = True
+
+
+class MATSettings(PPOSettings):
+    """MAT."""
+
+    sharing: Literal["all"] = "all"  # type: ignore[reportIncompatibleVariableOverride]
+    """Always "all": one network maps all observations to all actions."""
+    hidden: SomeWidths = (64, 64)
+    """Widths of hidden layers; only the last counts, the width of embeddings."""
+    normalize_values: bool = True
+    blocks: Count = 1
+    """Blocks of the encoder, and of the decoder."""
+    attention_heads: Count = 1
+    """Heads of the attention; they divide the last of `hidden`."""
+    value_coeff: NotNegative = 1.0
+    """Weight of the values' error."""
+
+    @model_validator(mode="after")
+    def _heads_fit(self) -> Self:
+        _check_heads(self.attention_heads, self.hidden)
+        return self
+
+
 class A2CSettings(PPOSettings):
     """Independent A2C."""
 
@@ -353,6 +401,21 @@ class QTRANSettings(VDNSettings):
     """Weight of the constraint elsewhere."""
 
 
+class OpponentQSettings(EpsilonGreedySettings):
+    """Q-learning with models of the other agents."""
+
+    lr: ScheduledFraction = 1e-3
+    model_steps: Count = 4
+    """Gradient steps of the models of the other agents on each rollout."""
+
+
+class PR2Settings(OpponentQSettings):
+    """PR2-Q."""
+
+    alpha: Positive = 0.1
+    """Temperature of the others' expected answers, in scaled returns: the smaller, the surer."""
+
+
 class MADDPGSettings(OffPolicySettings):
     """MADDPG."""
 
@@ -387,10 +450,7 @@ class MAACSettings(OffPolicySettings):
 
     @model_validator(mode="after")
     def _heads_fit(self) -> Self:
-        if self.hidden[-1] % self.attention_heads:
-            raise ValueError(
-                f"attention_heads={self.attention_heads} does not divide the last of hidden={self.hidden}"
-            )
+        _check_heads(self.attention_heads, self.hidden)
         return self
 
 

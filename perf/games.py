@@ -20,6 +20,9 @@ from typing import Any
 import numpy as np
 import torch
 
+_PLAIN = ("opponent_q", "dqn")
+"""Baselines of PR2: agents that expect no answer to what they do."""
+
 ROOT = Path(__file__).resolve().parents[1]
 TESTS = ROOT / "tests" / "unit" / "algorithms"
 
@@ -32,6 +35,9 @@ def games() -> dict[str, Callable[[int], Any]]:
         importlib.import_module(f"test_{name}") for name in names
     )
     coma, qtran, bicnet = (importlib.import_module(f"test_{name}") for name in ("coma", "qtran", "bicnet"))
+    happo, memories, mat, opponents = (
+        importlib.import_module(f"test_{name}") for name in ("happo", "recurrent_ppo", "mat", "opponents")
+    )
 
     return {
         "pg promise": partial(pg.promise_score, cut=False),
@@ -52,6 +58,14 @@ def games() -> dict[str, Callable[[int], Any]]:
         "qtran matrix": qtran.matrix_score,
         "qtran matrix, alt": partial(qtran.matrix_score, variant="alt"),
         **{f"{name} matrix": partial(qtran.matrix_score, name=name) for name in ("vdn", "qmix")},
+        **{f"{name} yielding": partial(happo.yielding_score, name) for name in ("happo", "ppo")},
+        **{f"{name} turncoat": partial(opponents.turncoat_score, name) for name in ("opponent_q", "dqn")},
+        **{f"{name} climbing": partial(opponents.climbing_score, name) for name in ("pr2", *_PLAIN)},
+        **{f"{name} hills": partial(opponents.hills_score, name) for name in ("pr2", *_PLAIN)},
+        **{f"{name} doors": partial(mat.doors_score, name) for name in ("mat", "ppo", "commnet")},
+        **{f"{name} recall": partial(recurrence.recalled, name) for name in memories.BOTH},
+        **{f"{name} luck": partial(memories.luck_error, name, gru=16) for name in memories.BOTH},
+        **{f"{name} luck": partial(memories.luck_error, name) for name in ("ppo", "centralised_v")},
     }
 
 

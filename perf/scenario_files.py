@@ -2,9 +2,10 @@
 
     python -m perf.scenario_files path/to/SMARTS/scenarios
 
-Every `scenario.py` below the folder is built, beside itself where that can be written, and reset once with an
-ego for every mission (with one, where missions start in one place). The table has a row for each: "plays",
-"plays, but" with the builder's warnings, or the error. It ends with how many of each there are.
+Every `scenario.py` below the folder is built, beside itself where that can be written, reset once with an ego
+for every mission (with one, where missions start in one place), and then played for 10 s with one ego, social
+agents and bubbles. The table has a row for each: "plays", "plays, but" with the builder's warnings, or the
+error. It ends with how many of each there are.
 """
 
 from __future__ import annotations
@@ -12,11 +13,18 @@ from __future__ import annotations
 import argparse
 import logging
 from collections import Counter
+from contextlib import closing
 from pathlib import Path
 
+import numpy as np
+
+from smarts.env import VectorHiWayEnv
 from smarts.errors import SmartsError
 from smarts.sim.moments import reset_moment
 from smarts.sstudio.build import build_scenario
+
+SEED, DECISIONS = 42, 20
+KEEP_LANE = np.zeros((1, 1), int)
 
 
 def outcome(folder: Path) -> tuple[str, str]:
@@ -24,9 +32,19 @@ def outcome(folder: Path) -> tuple[str, str]:
     try:
         built = build_scenario(folder)
         reset_moment(built, next(iter(built.traffic), None))
+        _play(folder)
     except SmartsError as error:
         return "refused", f"{error.problem} ({error.place})"
     return ("plays, but", "; ".join(built.warnings)) if built.warnings else ("plays", "")
+
+
+def _play(folder: Path) -> None:
+    with closing(VectorHiWayEnv(1, [folder], 1)) as env:
+        env.reset(SEED)
+        for _ in range(DECISIONS):
+            failures = env.step([KEEP_LANE]).social_failures
+            if failures:
+                raise SmartsError(f"social agents fail: {failures[0]}", place=str(folder))
 
 
 def main() -> None:

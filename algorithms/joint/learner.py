@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -238,21 +239,25 @@ class OnPolicyLearner(JointTorchLearner):
 
     def update_joint(self, rollout: JointRollout) -> None:
         """Run the epochs over the batch that `prepare` makes."""
-        batch = self.prepare(rollout)
+        for minibatch in self.minibatches(self.prepare(rollout)):
+            self.update_minibatch(minibatch)
+        self.updates += 1
+
+    def minibatches(self, batch: OnPolicyBatch) -> Iterator[OnPolicyBatch]:
+        """Yield the minibatches of all epochs."""
         size, count = self.config.minibatch_size, len(batch) // batch.length
         for _ in range(self.config.epochs):
             if size is None or size >= len(batch):
-                self.update_minibatch(batch)
+                yield batch
                 continue
             order = torch.randperm(count, generator=self.generator).to(batch.alive.device)
             if batch.length == 1:  # one gather, then views
                 shuffled = batch[order]
                 for start in range(0, count, size):
-                    self.update_minibatch(shuffled[start : start + size])
+                    yield shuffled[start : start + size]
                 continue
             for chosen in order.split(max(size // batch.length, 1)):
-                self.update_minibatch(batch.sequences(chosen))
-        self.updates += 1
+                yield batch.sequences(chosen)
 
     def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
         """Return all transitions of the rollout, T*B rows, with generalised advantages and value targets."""

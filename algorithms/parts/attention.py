@@ -1,9 +1,9 @@
-"""Attention of each agent to the other active agents."""
+"""Attention between agents."""
 
 from __future__ import annotations
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from algorithms.parts.communication import others
 from algorithms.parts.masking import MASKED_LOGIT
@@ -23,3 +23,27 @@ def attend(queries: Tensor, keys: Tensor, values: Tensor, alive: Tensor) -> Tens
     # An agent that is alone would otherwise attend equally to all absent agents.
     weights = torch.softmax(scores.masked_fill(~heard, MASKED_LOGIT), -1) * heard
     return torch.einsum("...hij,...jhd->...ihd", weights, values)
+
+
+class MultiHeadAttention(nn.Module):
+    """Vaswani et al. 2017's attention of queries to places, by several heads of equal width.
+
+    Args:
+        width: Width H of queries, places and results.
+        heads: Number of heads, which divides the width.
+    """
+
+    def __init__(self, width: int, heads: int) -> None:
+        super().__init__()
+        self._heads = heads, width // heads
+        self.query, self.key, self.value, self.join = (nn.Linear(width, width) for _ in range(4))
+
+    def forward(self, queries: Tensor, places: Tensor, heard: Tensor) -> Tensor:
+        """Return (M, n, H) what each query gathers from the places (M, n, H) that it hears, (M, n, n)."""
+        asked, found, given = (
+            x.unflatten(-1, self._heads).transpose(-2, -3)
+            for x in (self.query(queries), self.key(places), self.value(places))
+        )
+        scores = asked @ found.transpose(-1, -2) / self._heads[1] ** 0.5
+        weights = torch.softmax(scores.masked_fill(~heard.unsqueeze(-3), MASKED_LOGIT), -1)
+        return self.join((weights @ given).transpose(-2, -3).flatten(-2))

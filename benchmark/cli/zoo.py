@@ -13,7 +13,7 @@ from smarts.errors import SmartsError
 if TYPE_CHECKING:
     from smarts.zoo.entry import ZooEntry
 
-app = typer.Typer(help="List, describe, test and add policies of road users.", no_args_is_help=True)
+app = typer.Typer(help="List, describe, test, add and remove policies of road users.", no_args_is_help=True)
 
 Locator = Annotated[
     str,
@@ -88,6 +88,44 @@ def add(
 
     for entry in add_folder(folder):
         typer.echo(f"added {entry.name} to {zoo_file()}")
+
+
+@app.command()
+def remove(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="An agent that was added.", show_default=False)],
+) -> None:
+    """Remove an added agent from the user's zoo; its folder stays."""
+    from smarts.zoo.folders import remove_added, zoo_file
+
+    remove_added(name)
+    typer.echo(f"removed {name} from {zoo_file()}")
+
+
+@app.command()
+def install(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="An added agent with a pyproject.toml.")],
+    python: Annotated[
+        str | None, typer.Option(help="Interpreter of the environment.", show_default="this one")
+    ] = None,
+) -> None:
+    """Build the environment of an agent that has dependencies of its own."""
+    import sys
+
+    from smarts.zoo import find_entry
+    from smarts.zoo.separate import install as build
+
+    typer.echo(f"installed {build(find_entry(name), python or sys.executable)}")
+
+
+@app.command()
+def kit(
+    out: Annotated[Path, typer.Option(help="Folder of the wheel.")] = Path(),
+) -> None:
+    """Write the wheel of the agents' kit, which an agent needs on another machine."""
+    from smarts.zoo.kit_wheel import build_wheel
+
+    out.mkdir(parents=True, exist_ok=True)
+    typer.echo(f"wrote {build_wheel(out)}")
 
 
 def export(

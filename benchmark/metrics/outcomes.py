@@ -53,3 +53,6 @@ OTHER = outcome_share(Outcome.OTHER, "for another's sake: too few agents or vehi
 OTHER_TERMINAL = outcome_share(
     Outcome.OTHER_TERMINAL, "on the shoulder, against the direction, at a via point or after a lap"
 )
+LEFT_BUBBLE = outcome_share(
+    Outcome.LEFT_BUBBLE, "where the vehicle left the bubble in which the agent learns", better=None
+)

@@ -44,6 +44,7 @@ METRICS = Registry(
         "ended_time_out": "benchmark.metrics.outcomes:TIME_OUT",
         "ended_other": "benchmark.metrics.outcomes:OTHER",
         "ended_other_terminal": "benchmark.metrics.outcomes:OTHER_TERMINAL",
+        "ended_left_bubble": "benchmark.metrics.outcomes:LEFT_BUBBLE",
         "goal_distance": "benchmark.metrics.extras:GOAL_DISTANCE",
         "return": "benchmark.metrics.extras:RETURN",
         "least_time_to_collision": "benchmark.metrics.extras:LEAST_TIME_TO_COLLISION",

@@ -27,6 +27,7 @@ OUTCOME_COLOURS = {
     "ended_time_out": "#9a9a9a",
     "ended_other": "#c9c9c9",
     "ended_other_terminal": "#5d4a3a",
+    "ended_left_bubble": "#56b4a9",
 }
 TEXT: dict[Any, Any] = {
     "font.family": "sans-serif",

@@ -7,17 +7,17 @@ from smarts.sstudio import gen_scenario
 from smarts.sstudio import types as t
 
 flows = [
-    flow(("west_in", 1), ("north_out", 0), 200),
-    flow(("west_in", 0), ("east_out", 0), 300),
-    flow(("east_in", 0), ("west_out", 0), 300),
-    flow(("east_in", 1), ("west_out", 1), 300),
+    flow(("west_in", 1), ("north_out", 0), 240),
+    flow(("east_in", 1), ("west_out", 1), 700),
+    flow(("east_in", 0), ("west_out", 0), 250),
 ]
-# From 70 m before the junction, through it, and 30 m along the road on its left.
-corners = [(-80, -8), (10, -8), (10, 42), (-6, 42), (-6, 8), (-80, 8)]
+# From 50 m before the junction, through it, and 20 m along the road on its left.
+corners = [(-60, -8), (10, -8), (10, 30), (-6, 30), (-6, 8), (-60, 8)]
 left_turn = t.Bubble(
     id="left-turn",
     zone=t.ConfigurableZone(corners),
     margin=10,
+    limit=t.BubbleLimits(1, 1),  # one at a time, so that a crash is with oncoming traffic
     collision_time=1.0,  # else those behind pile up
     actor=t.SocialAgentActor("turner", agent_locator="smarts.zoo:idm-v0"),
     # Vehicles are named after their drivers and flow: those of the first one turn left.

@@ -97,7 +97,7 @@ class InProcess:
 
     def __init__(self, policies: Sequence[SocialPolicy]) -> None:
         self._players: dict[int, Player] = {
-            number: _player(policy) for number, policy in enumerate(policies) if policy.start is None
+            number: _player(policy) for number, policy in enumerate(policies) if policy.acts_here
         }
         self._asked: list[tuple[int, Request]] = []
 

@@ -46,6 +46,11 @@ class SocialPolicy:
     host: HostOptions = HERE
     """In what time it acts."""
 
+    @property
+    def acts_here(self) -> bool:
+        """Whether it acts in this process."""
+        return self.start is None and not self.host.replay
+
 
 class Wanted(NamedTuple):
     """A policy that a scenario or an environment asks for. Equal ones are one policy of the run."""

@@ -7,7 +7,7 @@ import numpy as np
 from smarts.arrays import Bools, Ints
 from smarts.bubbles.membranes import BubbleRows, Membranes, move_bubbles, place_vehicles
 from smarts.bubbles.outlines import BubbleTable, bubble_table
-from smarts.bubbles.phases import BubbleCounts, Holds, end_holds, judge_holds
+from smarts.bubbles.phases import Holds, end_holds, judge_holds
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.types.agent_states import UNSET
@@ -33,8 +33,6 @@ class BubbleField:
         """The bubbles of each simulation's present episode."""
         self.holds = Holds.allocate(worlds, agents)
         """The vehicles that agents hold in bubbles."""
-        self.counts = BubbleCounts.allocate(worlds)
-        """What happened in each simulation's present episode."""
         self.found, self.wishes = np.zeros(worlds, np.int32), np.zeros(worlds, np.int32)
         self.rows, self.membranes, self.states = self._allocate(0)
 
@@ -50,13 +48,11 @@ class BubbleField:
         self.rows.was_there[row] = False
         self.membranes.generation[row] = UNSET
         self.membranes.is_candidate[row] = False
-        self.states.pose[row] = 0.0
-        self.states.is_active[row] = False
+        self.states.clear(row)
         for place, bubble in enumerate(bubbles):
             self.states.is_active[row, place] = not bubble.followed and bubble.active_condition is None
         self.holds.clear(row)
-        for counts in (*self.counts, self.found, self.wishes):
-            counts[row] = 0
+        self.found[row] = self.wishes[row] = 0
 
     def end_holds(self, env_mask: Bools) -> None:
         """Forget the holds of agents that have given up their vehicles."""
@@ -80,16 +76,13 @@ class BubbleField:
         self.rows, self.membranes, self.states = made
         table, state = bubble_table(bubble for known in self._known for bubble in known), self._world.state
         self._end_holds = bind(end_holds, state, self.holds, self.membranes)
-        self._update = bind(
-            update_bubbles, state, table, *made, self.holds, self.counts, self.found, self.wishes
-        )
+        self._update = bind(update_bubbles, state, table, *made, self.holds, self.found, self.wishes)
 
     def _allocate(self, most: int) -> tuple[BubbleRows, Membranes, BubbleStates]:
         """Return arrays for at most so many bubbles in a simulation."""
         worlds, capacity = self._world.vehicles.alive.shape
-        poses, active = np.zeros((worlds, most, 3)), np.zeros((worlds, most), np.bool_)
-        rows = BubbleRows.allocate(worlds, most)
-        return rows, Membranes.allocate(worlds, most, capacity), BubbleStates(poses, active)
+        rows, membranes = BubbleRows.allocate(worlds, most), Membranes.allocate(worlds, most, capacity)
+        return rows, membranes, BubbleStates.allocate(worlds, most)
 
 
 @kernel
@@ -100,7 +93,6 @@ def update_bubbles(
     membranes: Membranes,
     states: BubbleStates,
     holds: Holds,
-    counts: BubbleCounts,
     found: Ints,
     wishes: Ints,
     env_mask: Bools,
@@ -109,7 +101,7 @@ def update_bubbles(
     move_bubbles(state, table, rows, states, env_mask)
     end_holds(state, holds, membranes, env_mask)
     place_vehicles(state, table, rows, membranes, states, env_mask, found)
-    judge_holds(state, table, rows, membranes, states, holds, counts, env_mask, wishes)
+    judge_holds(state, table, rows, membranes, states, holds, env_mask, wishes)
     total = 0
     for b in range(len(env_mask)):
         if env_mask[b]:

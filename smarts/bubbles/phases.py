@@ -87,28 +87,6 @@ class Holds(NamedTuple):
             column[row, agent_id] = UNSET if column.dtype == np.int32 else 0
 
 
-class BubbleCounts(NamedTuple):
-    """What happened in the bubbles of each simulation's present episode, shape (B,)."""
-
-    taken: Ints
-    """How often an agent began to drive a vehicle."""
-    at_limit: Ints
-    """How many vehicles a limit refused, each once for each time it came into a margin."""
-    without_column: Ints
-    """How many vehicles found all columns of the agents held."""
-    not_drivable: Ints
-    """How many vehicles are of a kind that agents cannot drive, counted as `at_limit`."""
-    collided: Ints
-    """How many vehicles have collided while an agent held them."""
-    never_appeared: Ints
-    """How many bubbles that follow a vehicle have not found it so far."""
-
-    @classmethod
-    def allocate(cls, worlds: int) -> BubbleCounts:
-        """Return counts of nothing."""
-        return cls(*(np.zeros(worlds, np.int32) for _ in cls._fields))
-
-
 @kernel
 def phase_of(status: int, release_step: int) -> int:
     """Return the phase of a vehicle that an agent of a status holds."""
@@ -152,7 +130,6 @@ def judge_holds(
     membranes: Membranes,
     states: BubbleStates,
     holds: Holds,
-    counts: BubbleCounts,
     env_mask: Bools,
     wishes: Ints,
 ) -> None:
@@ -169,7 +146,7 @@ def judge_holds(
         for a in range(holds.bubble.shape[1]):
             if holds.bubble[b, a] >= 0:
                 learns = table.learns[rows.first[b] + holds.bubble[b, a]]
-                _judge(state, membranes, states, holds, counts, learns, b, a)
+                _judge(state, membranes, states, holds, learns, b, a)
                 wishes[b] += holds.wants_take[b, a] + holds.wants_drop[b, a]
 
 
@@ -179,7 +156,6 @@ def _judge(
     membranes: Membranes,
     states: BubbleStates,
     holds: Holds,
-    counts: BubbleCounts,
     learns: bool,
     b: int,
     a: int,
@@ -190,7 +166,7 @@ def _judge(
     if status == _SHADOWING:
         wants_take, wants_drop = _judge_shadow(state, states, membranes, b, a, z, v)
     elif status == _ACTIVE:
-        counts.taken[b] += holds.phase[b, a] in (_NONE, _AIRLOCK)
+        states.taken[b, z] += holds.phase[b, a] in (_NONE, _AIRLOCK)
         is_inside = membranes.here[b, z, v] == _ZONE and states.is_active[b, z]
         if learns:
             left = not is_inside
@@ -198,7 +174,7 @@ def _judge(
             _judge_driver(state, holds, is_inside, b, a)
     if agents.harmed[b, a] and not holds.has_collided[b, a]:
         holds.has_collided[b, a] = True
-        counts.collided[b] += 1
+        states.collided[b, z] += 1
     if not wants_take:
         holds.waits_since[b, a] = -1
     elif holds.waits_since[b, a] < 0:

@@ -13,6 +13,7 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.bubble_checks import outline_of
 from smarts.sstudio.sstypes.actor.traffic_engine_actor import SUMO_TRAFFIC
+from smarts.sstudio.sstypes.condition import parts
 from smarts.sstudio.sstypes.drawing import fresh_drawing
 from smarts.types.bubbles import UNLIMITED, BubbleCondition, PlacedBubble
 
@@ -118,6 +119,7 @@ def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver, number: int, plac
         collision_time=float(bubble.collision_time),
         period=driver.period,
         number=number,
+        names=_names(bubble),
     )
 
 
@@ -125,6 +127,13 @@ def _condition(condition: t.Condition) -> BubbleCondition | None:
     """Return a condition that has to be evaluated, None for one that always holds."""
     always = isinstance(condition, t.LiteralCondition) and condition.literal == t.ConditionState.TRUE
     return None if always else condition
+
+
+def _names(bubble: t.Bubble) -> tuple[str, ...]:
+    """Return the names of vehicles that a bubble's conditions look for, each once."""
+    conditions = (*parts(bubble.active_condition), *parts(bubble.airlock_condition))
+    named = (part.actor_id for part in conditions if isinstance(part, t.DependeeActorCondition))
+    return tuple(dict.fromkeys(named))
 
 
 def _limits(bubble: t.Bubble) -> tuple[int, int]:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from smarts.agents.acting import FAILURES, built_agent
 from smarts.agents.hosting.facts import check_period
+from smarts.agents.hosting.links import InChildProcess
 from smarts.agents.hosting.options import IN_PROCESS, OTHERS, HostError, HostOptions, Hosts, Starter, host_of
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface
@@ -233,8 +234,15 @@ def _start(part: Part, agent: Agent, host: HostOptions, *, is_named: bool) -> St
                 place=place,
                 remedy="leave `where` out of its entry in hosts",
             )
-        return agent.start
+        start = agent.start
+        return replace(start, memory=host.memory) if isinstance(start, InChildProcess) else start
     if host.where == IN_PROCESS:
+        if is_named and not host.replay and (host.deadline_ms is not None or host.log):
+            raise HostError(
+                "deadline_ms or log is given, and the agent acts in process, where it is never late",
+                place=place,
+                remedy="give where: process, or delay_steps",
+            )
         return None
     if not isinstance(agent, BatchAgent):
         if not is_named:

@@ -215,9 +215,9 @@ class DictEnv:
         return result
 
     def _social_info(self) -> dict[str, Any]:
-        """Return what an info says of social agents that have failed, and of agents that cannot enter."""
-        said = {"social_failures": dict(self._social_failures), "kept_out": self.runner.kept_out(0)}
-        return {name: value for name, value in said.items() if value}
+        """Return what an info says of other agents: their failures and `SimulationRunner.social_info`."""
+        failures = {"social_failures": dict(self._social_failures)} if self._social_failures else {}
+        return failures | self.runner.social_info(0)
 
     def _as_row(self, rewards: Mapping[str, Any]) -> tuple[NDArray, Bools]:
         """Return rewards as an array, shape (1, E), and which are numbers: adapters may return anything."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, NoReturn, Protocol
+from typing import Any, NamedTuple, NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -121,8 +121,7 @@ class SimulationRunner:
         self._schedule, self._recorder = assembly.schedule, assembly.recorder
         self._listeners = tuple(listeners)
         self._requests = SocialAgentRequests(assembly, self.encoder, host) if assembly.policies else None
-        self.kept_out = assembly.entries.kept_out
-        """Return the names of a simulation's agents whose time has come and that cannot enter yet."""
+        self._entries = assembly.entries
         self._pool, self.learns_in_bubbles = assembly.pool, assembly.learns_in_bubbles
         """Whether the egos come and go with the vehicles in bubbles."""
         worlds, egos = self.world.worlds, self.world.egos
@@ -240,6 +239,23 @@ class SimulationRunner:
             if start is None:
                 problem = f"simulation {row} has no episode to step"
                 raise SmartsError(problem, place="step", remedy="call reset() first")
+
+    def social_info(self, row: int) -> dict[str, Any]:
+        """Return what users are to know of a simulation's other agents; empty where all is well.
+
+        `kept_out` are the names of agents whose time has come and that cannot enter yet, `bubbles` the counts
+        of the present episode by bubble, see `BubbleStates`.
+        """
+        start, kept_out = self.starts[row], self._entries.kept_out(row)
+        info: dict[str, Any] = {"kept_out": kept_out} if kept_out else {}
+        if (
+            start is not None
+            and start.bubbles
+            and self._frame is not None
+            and self._frame.bubbles is not None
+        ):
+            info["bubbles"] = self._frame.bubbles.counted(row, start.bubbles)
+        return info
 
     def annotate(self, name: str, values: ArrayLike, egos: Bools) -> None:
         """Add values to the record of the egos' next decision; without a record, a no-op.

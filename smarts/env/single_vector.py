@@ -105,7 +105,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         step = self._env.reset(seed, episode=first)
         self._seen = self._observations(step.observations[0], step.masks[0])
         self._mask = self._mask_of(step.masks[0])
-        return self._seen, self._infos()
+        return self._seen, self._infos() | self._social_infos(step, ~step.reset)
 
     def step(self, actions: ArrayLike) -> tuple[Any, Floats, Bools, Bools, dict[str, Any]]:
         """Step all simulations until the next decision; reset each simulation whose episode ends.
@@ -124,7 +124,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         final_infos = self._final_infos(step, failed) if is_over else {}
         self._seen = self._observations(step.observations[0], step.masks[0])
         self._mask = self._mask_of(step.masks[0])
-        infos = self._infos() | final_infos
+        infos = self._infos() | self._social_infos(step, ~(step.reset | failed)) | final_infos
         rewards = step.rewards[:, 0].astype(np.float64)
         return self._seen, rewards, step.terminated[:, 0].copy(), step.truncated[:, 0] | failed, infos
 
@@ -156,6 +156,17 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         everywhere = np.ones(self.num_envs, np.bool_)
         return {} if self._mask is None else {MASK: self._mask, f"_{MASK}": everywhere}
 
+    def _social_infos(self, step: VectorStep, rows: Bools) -> dict[str, Any]:
+        """Return what is to be known of other agents in some simulations, laid out by gymnasium's rules."""
+        infos: dict[str, Any] = {}
+        for row in np.flatnonzero(rows).tolist():
+            failures = {"social_failures": step.social_failures[row]} if row in step.social_failures else {}
+            for name, value in {**failures, **step.social_infos.get(row, {})}.items():
+                values = infos.setdefault(name, np.full(self.num_envs, None, object))
+                is_given = infos.setdefault(f"_{name}", np.zeros(self.num_envs, np.bool_))
+                values[row], is_given[row] = value, True
+        return infos
+
     def _final_infos(self, step: VectorStep, failed: Bools) -> dict[str, Any]:
         """Return last observations, masks and outcomes, laid out as by `gymnasium.vector.SyncVectorEnv`."""
         observations = np.full(self.num_envs, None, object)
@@ -173,7 +184,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
                 observations[row] = _pick(ended, place)
                 outcomes[row] = next(each for each in _OUTCOMES if shares[each])
         over = step.reset | failed
-        final_info = {"outcome": outcomes, "_outcome": over}
+        final_info = {"outcome": outcomes, "_outcome": over} | self._social_infos(step, over)
         if masks is not None:
             final_info |= {MASK: masks, f"_{MASK}": over.copy()}
         return {

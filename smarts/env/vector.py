@@ -98,6 +98,10 @@ class VectorStep(NamedTuple):
     social_failures: Mapping[int, Mapping[str, str]] = {}
     """By simulation and name, the social agents that have failed since the last result, also in the steps of
     a reset, and why: the fallback controller drives their vehicles."""
+    social_infos: Mapping[int, Mapping[str, Any]] = {}
+    """By simulation, what else is to be known of other agents, if anything: `kept_out`, the names of agents
+    that cannot enter, and `bubbles`, by id and count what happened in the episode so far; of simulations that
+    were reset, in the episode that has ended."""
 
 
 class VectorHiWayEnv(NotCopied):
@@ -217,12 +221,21 @@ class VectorHiWayEnv(NotCopied):
             np.add.at(self._endings, (env_ids, transition.outcome[env_ids, columns]), 1)
         final = self._final(rows) if len(rows) else None
         metrics = {row: self._metrics(row, transition) for row in rows.tolist()}
+        social_infos = self._social_infos()
         # Before the next episodes begin: the rewards of these decisions belong to the last ones.
         runner.conclude(rewards, ~self._none)
         if over.any():
             self._next_episodes(np.flatnonzero(over))
         return self._result(
-            rewards, terminated, truncated, ended, final, failed, metrics, transition.social_failures
+            rewards,
+            terminated,
+            truncated,
+            ended,
+            final,
+            failed,
+            metrics,
+            transition.social_failures,
+            social_infos,
         )
 
     def annotate(self, name: str, values: Sequence[NDArray | None]) -> None:
@@ -287,6 +300,7 @@ class VectorHiWayEnv(NotCopied):
         failed: Mapping[int, BaseException] | None = None,
         metrics: Mapping[int, Mapping[str, float]] | None = None,
         social_failures: Mapping[int, Mapping[str, str]] | None = None,
+        social_infos: Mapping[int, Mapping[str, Any]] | None = None,
     ) -> VectorStep:
         """Ask the social agents for their next actions, and return where the simulations stand."""
         named = {row: dict(failures) for row, failures in (social_failures or {}).items()}
@@ -305,7 +319,13 @@ class VectorHiWayEnv(NotCopied):
             failed=failed or {},
             metrics=metrics or {},
             social_failures=named,
+            social_infos=self._social_infos() if social_infos is None else social_infos,
         )
+
+    def _social_infos(self) -> dict[int, dict[str, Any]]:
+        """Return the simulations' `SimulationRunner.social_info` that are not empty."""
+        infos = {row: self._runner.social_info(row) for row in range(self.num_envs)}
+        return {row: info for row, info in infos.items() if info}
 
     def _next_episodes(self, rows: Ints) -> None:
         self._advance(rows)

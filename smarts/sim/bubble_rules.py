@@ -10,7 +10,7 @@ import numpy as np
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.bubbles.conditions import ConditionRunner
 from smarts.bubbles.field import BubbleField
-from smarts.bubbles.phases import BubbleCounts, Phase
+from smarts.bubbles.phases import Phase
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.followed import Followed
@@ -26,6 +26,8 @@ from smarts.types.world import World
 
 Key = tuple[int, int, int]
 """Number of a bubble in its simulation, slot and generation of a vehicle."""
+Sought = tuple[int, str, bool]
+"""Number of a bubble, name that it looks for, and whether it may be an agent's too."""
 
 
 class BubbleRules:
@@ -56,12 +58,12 @@ class BubbleRules:
         self._announced: list[dict[int, Key]] = [{} for _ in range(world.worlds)]
         self._without_column: list[set[int]] = [set() for _ in range(world.worlds)]
         self._special: dict[int, list[tuple[int, PlacedBubble]]] = {}
-        """By simulation, the bubbles that follow a vehicle or have a condition."""
+        """By simulation, the bubbles that follow a vehicle, have a condition or look for names."""
         self._has_bubbles = self._is_busy = False
         self._noted = [0] * world.worlds
         """How many of the pool's holds have been looked at."""
-        self._appeared: list[set[int]] = [set() for _ in range(world.worlds)]
-        """Numbers of the bubbles whose followed vehicle has appeared."""
+        self._missing: list[list[Sought]] = [[] for _ in range(world.worlds)]
+        """What bubbles look for and has not appeared in the present episode."""
 
     @property
     def left(self) -> Bools:
@@ -70,13 +72,8 @@ class BubbleRules:
 
     @property
     def states(self) -> BubbleStates:
-        """Where the bubbles are now; other arrays after a `begin`."""
+        """Where the bubbles are now, and what has happened in them; other arrays after a `begin`."""
         return self._field.states
-
-    @property
-    def counts(self) -> BubbleCounts:
-        """What happened in the bubbles of each simulation's present episode."""
-        return self._field.counts
 
     def begin(self, row: int, start: EpisodeStart) -> None:
         """Begin an episode of one simulation."""
@@ -87,14 +84,16 @@ class BubbleRules:
         special = [
             (number, bubble)
             for number, bubble in enumerate(start.bubbles)
-            if bubble.followed or bubble.active_condition is not None
+            if bubble.followed or bubble.active_condition is not None or bubble.names
         ]
         self._special.pop(row, None)
         if special:
             self._special[row] = special
-        self.counts.never_appeared[row] = sum(bool(bubble.followed) for bubble in start.bubbles)
-        for known in (self._waiting, self._announced, self._without_column, self._appeared):
+        for known in (self._waiting, self._announced, self._without_column):
             known[row].clear()
+        self._missing[row] = [
+            (number, bubble.followed, True) for number, bubble in enumerate(start.bubbles) if bubble.followed
+        ] + [(number, name, False) for number, bubble in enumerate(start.bubbles) for name in bubble.names]
         self._noted[row] = 0
         self._conditions.clear(row)
         self._followed.clear(row)
@@ -109,6 +108,8 @@ class BubbleRules:
             if env_mask[row]:
                 for number, bubble in special:
                     self._field.states.is_active[row, number] = self._is_active(row, number, bubble)
+                if self._missing[row]:
+                    self._look_for(row)
         self._is_busy = self._field.update(env_mask)
 
     def propose(self, events: Events, env_mask: Bools) -> Transfers:
@@ -156,17 +157,22 @@ class BubbleRules:
             rows.followed[row, number] = slot
             if is_there:
                 rows.followed_generation[row, number] = self._world.vehicles.generation[row, slot]
-                self._appear(row, number)
         condition = bubble.active_condition
         # In every step, also without the vehicle: clocks run from the first evaluation on.
         holds = condition is None or self._conditions.is_active(row, number, condition)
         return is_there and holds
 
-    def _appear(self, row: int, number: int) -> None:
-        """Count a bubble as one whose followed vehicle has appeared."""
-        if number not in self._appeared[row]:
-            self._appeared[row].add(number)
-            self.counts.never_appeared[row] -= 1
+    def _look_for(self, row: int) -> None:
+        """Count the names that have not appeared, by bubble."""
+        find, counts = self._followed, self._field.states.never_appeared[row]
+        self._missing[row] = [
+            sought
+            for sought in self._missing[row]
+            if (find.slot if sought[2] else find.vehicle)(row, sought[1]) == UNSET
+        ]
+        counts[:] = 0
+        for number, *_ in self._missing[row]:
+            counts[number] += 1
 
     def _drops(self, row: int) -> Iterator[Transfer]:
         """Yield the transfers of agents that are to stop to observe."""
@@ -225,12 +231,12 @@ class BubbleRules:
             slot: The vehicle's.
             observed: How many vehicles the bubble has.
         """
-        bubble, counts = self._field.bubbles[row][number], self.counts
+        bubble, states = self._field.bubbles[row][number], self._field.states
         name = self._world.registry.name(row, slot)
         is_refused = name.startswith(bubble.spared or ("\0",))
         if not is_refused and self._is_undrivable(row, slot):
             is_refused = True
-            counts.not_drivable[row] += 1
+            states.not_drivable[row, number] += 1
         if not is_refused and bubble.airlock_condition is not None:
             roads = self._atlas.graphs[self._world.map[row]]
             state = self._conditions.admits(row, number, slot, bubble.airlock_condition, roads)
@@ -239,7 +245,7 @@ class BubbleRules:
             is_refused = not state
         if not is_refused and observed >= bubble.shadow_limit:
             is_refused = True
-            counts.at_limit[row] += 1
+            states.at_limit[row, number] += 1
         self._field.membranes.refused[row, number, slot] = is_refused
         return not is_refused
 
@@ -258,7 +264,7 @@ class BubbleRules:
             self._pool.renew(row, number, start)
             if number not in self._without_column[row]:
                 self._without_column[row].add(number)
-                self.counts.without_column[row] += 1
+                self._field.states.without_column[row, key[0]] += 1
             return number
         number = self._pool.announce(row, start)
         self._waiting[row][key], self._announced[row][number] = number, key

@@ -38,9 +38,10 @@ class Followed:
             numbers[starts[number].name] = number
         column = self._pool.column(row, numbers[name]) if name in numbers else UNSET
         held = int(self._world.agents.slot[row, column]) if column != UNSET else UNSET
-        return held if held != UNSET else self._vehicle(row, name)
+        return held if held != UNSET else self.vehicle(row, name)
 
-    def _vehicle(self, row: int, name: str) -> int:
+    def vehicle(self, row: int, name: str) -> int:
+        """Return the slot of the vehicle of this name; -1 without one."""
         world, vehicles = self._world, self._world.vehicles
         slot, generation = self._found[row].get(name, (UNSET, UNSET))
         if slot != UNSET and vehicles.alive[row, slot] and vehicles.generation[row, slot] == generation:

@@ -133,7 +133,7 @@ class EpisodeRecorder:
                 self._take_notes(row, episode, is_busy)
                 if frame.bubbles is not None and episode.start.bubbles:
                     count = len(episode.start.bubbles)
-                    episode.handovers.take_poses(episode.steps, row, count, frame.bubbles)
+                    episode.handovers.take_bubbles(episode.steps, row, count, frame.bubbles)
         if events.just_done.any() or events.finished.any():
             self._take_endings(frame)
         for row, failure in frame.failures.items():

@@ -12,7 +12,7 @@ from smarts.arrays import Floats, Ints
 from smarts.sim.agent_pool import Hold
 from smarts.sim.episode_tables import Rows, rows_of_holds
 from smarts.types.agent_states import UNSET
-from smarts.types.bubbles import BubbleStates, PlacedBubble
+from smarts.types.bubbles import COUNTS, BubbleStates, PlacedBubble
 from smarts.types.episode import AgentStart
 from smarts.types.episode_schema import (
     AGENT_FAILURES,
@@ -38,6 +38,8 @@ class HandoverNotes:
     """Rows of the table, without the names of vehicles."""
     poses: list[tuple[float, ...]] = field(default_factory=list)
     """Rows of the table of bubbles' poses."""
+    counts: list[list[int]] = field(default_factory=list)
+    """By bubble, the counts of `COUNTS`."""
     failures: list[tuple[int, int, str]] = field(default_factory=list)
     """Step, number of the agent, and what failed."""
     _holder: dict[int, int] = field(default_factory=dict)
@@ -68,8 +70,9 @@ class HandoverNotes:
         why = int(transfer["reason"]), *refused, int(transfer["departure"])
         self.transfers.append((step, *vehicle, from_number, to_number, *why))
 
-    def take_poses(self, step: int, row: int, count: int, states: BubbleStates) -> None:
-        """Note the poses of a simulation's bubbles that have changed, all of them at the reset."""
+    def take_bubbles(self, step: int, row: int, count: int, states: BubbleStates) -> None:
+        """Note the counts of a simulation's bubbles, and the poses that have changed, at the reset all."""
+        self.counts = np.stack([getattr(states, name)[row, :count] for name in COUNTS], axis=1).tolist()
         now = np.empty((count, 4))
         now[:, :3], now[:, 3] = states.pose[row, :count], states.is_active[row, :count]
         before, self._poses_before = self._poses_before, now
@@ -99,7 +102,10 @@ def handover_tables(
         (step, slot, generation, names.get((slot, generation), ""), *others)
         for step, slot, generation, *others in notes.transfers
     ]
-    facts = [(number, each.id, each.actor, each.followed) for number, each in enumerate(bubbles)]
+    facts = [
+        (number, each.id, each.actor, each.followed, *notes.counts[number])
+        for number, each in enumerate(bubbles)
+    ]
     rows: dict[Table, Sequence[tuple]] = {
         HOLDS: [*_holds(notes, starts, states, policies)],
         TRANSFERS: transfers,

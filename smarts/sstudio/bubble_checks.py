@@ -14,11 +14,14 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import Checks, shown
 from smarts.sstudio.sstypes.actor.traffic_engine_actor import LOCAL_TRAFFIC, SUMO_TRAFFIC
+from smarts.sstudio.sstypes.condition import parts
+from smarts.types.vehicles import VehicleKind
 
 WIDEST = 1000.0
 """The widest margin [m]."""
 LONGEST = 1e9
 """The longest time [s]."""
+_KINDS = [kind.name.lower() for kind in VehicleKind]
 SOCIAL_AGENT = "social-agent-"
 """How the names of a scenario's social agents begin; see `Bubble.to_actor_id`."""
 _GENERAL = t.ConditionRequires.time | t.ConditionRequires.actor_ids
@@ -49,15 +52,20 @@ class BubbleChecks(Checks):
             self._follow_offset(bubble.follow_offset, f"{where}.follow_offset")
 
     def followed_agent(self, bubble: t.Bubble, names: Collection[str], where: str) -> None:
-        """Require that a bubble that follows a social agent names one of the scenario's.
+        """Require that a bubble that follows a social agent, or looks for one, names one of the scenario's.
 
         Names of other agents and of vehicles are known only when they enter.
         """
-        name = bubble.follow_actor_id
-        if name is not None and name.startswith(SOCIAL_AGENT) and name not in names:
-            remedy = nearest_names(name, names) if names else "add it to social_agent_missions"
-            problem = f"the scenario has no social agent {name!r}"
-            raise self.error(f"{where}.follow_actor_id", problem, remedy)
+        sought = [(bubble.follow_actor_id or "", "follow_actor_id")]
+        for field in ("active_condition", "airlock_condition"):
+            for part in parts(getattr(bubble, field)):
+                if isinstance(part, t.DependeeActorCondition):
+                    sought.append((part.actor_id, f"{field}.actor_id"))
+        for name, field in sought:
+            if name.startswith(SOCIAL_AGENT) and name not in names:
+                remedy = nearest_names(name, names) if names else "add it to social_agent_missions"
+                problem = f"the scenario has no social agent {name!r}"
+                raise self.error(f"{where}.{field}", problem, remedy)
 
     def _driver(self, actor: t.Actor, where: str) -> None:
         self.type(actor, (t.SocialAgentActor, t.TrafficEngineActor), where)
@@ -81,6 +89,9 @@ class BubbleChecks(Checks):
             problem = f"the condition needs {unknown.name}, which bubbles do not know"
             remedy = f"use conditions on {known.name}"
             self.require(not unknown, f"{where}.{name}", problem, remedy)
+            for part in parts(condition):
+                if isinstance(part, t.VehicleTypeCondition):
+                    self.choice(part.vehicle_type, _KINDS, f"{where}.{name}.vehicle_type")
 
     def _follow_offset(self, offset: object, where: str) -> None:
         is_pair = isinstance(offset, list | tuple) and len(offset) >= 2

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
-from smarts.arrays import Bools, Floats
+import numpy as np
+
+from smarts.arrays import Bools, Floats, Ints
 from smarts.types.agent_states import UNSET
 
 UNLIMITED = 2**31 - 1
@@ -70,14 +73,50 @@ class PlacedBubble:
     """Steps from one decision of its agents to the next."""
     number: int = UNSET
     """Of the bubble in its scenario."""
+    names: tuple[str, ...] = ()
+    """Names of vehicles that its conditions look for."""
 
 
 class BubbleStates(NamedTuple):
-    """Where the bubbles of B simulations are, Z at most in each."""
+    """The bubbles of B simulations, Z at most in each: where they are, and what has happened in them."""
 
     pose: Floats
     """x, y [m] and angle [rad], shape (B, Z, 3): a point p of the outline in `PlacedBubble` is at
     R(angle) p + (x, y). Zero for a bubble that stays."""
     is_active: Bools
     """Whether the bubble takes vehicles: its condition holds, and the vehicle that it follows is there;
-    shape (B, Z)."""
+    shape (B, Z). So are the counts that follow."""
+    taken: Ints
+    """How often an agent began to drive a vehicle."""
+    at_limit: Ints
+    """How many vehicles a limit refused, each once for each time it came into the margin."""
+    without_column: Ints
+    """How many vehicles found all columns of the agents held."""
+    not_drivable: Ints
+    """How many vehicles are of a kind that agents cannot drive, counted as `at_limit`."""
+    collided: Ints
+    """How many vehicles have collided while an agent held them."""
+    never_appeared: Ints
+    """How many names that the bubble follows or that its conditions look for have not appeared so far."""
+
+    @classmethod
+    def allocate(cls, worlds: int, most: int) -> BubbleStates:
+        """Return at most so many bubbles in each simulation, which rest."""
+        counts = (np.zeros((worlds, most), np.int32) for _ in COUNTS)
+        return cls(np.zeros((worlds, most, 3)), np.zeros((worlds, most), np.bool_), *counts)
+
+    def clear(self, row: int) -> None:
+        """Let the bubbles of one simulation rest, and forget what has happened."""
+        for column in self:
+            column[row] = 0
+
+    def counted(self, row: int, bubbles: Sequence[PlacedBubble]) -> dict[str, dict[str, int]]:
+        """Return the counts of one simulation by the id of the bubble and by name."""
+        return {
+            bubble.id: {name: int(getattr(self, name)[row, number]) for name in COUNTS}
+            for number, bubble in enumerate(bubbles)
+        }
+
+
+COUNTS = BubbleStates._fields[2:]
+"""Names of the counts of each bubble."""

@@ -281,6 +281,16 @@ BUBBLES = Table(
         Column("id", TEXT, "of the bubble"),
         Column("actor", TEXT, "name of the actor that drives its vehicles"),
         Column("followed", TEXT, "name of the vehicle or agent with which it travels, empty if it stays"),
+        Column("taken", "int32", "how often an agent began to drive a vehicle"),
+        Column("at_limit", "int32", "vehicles that a limit refused, once for each time in the margin"),
+        Column("without_column", "int32", "vehicles that found all columns of the agents held"),
+        Column("not_drivable", "int32", "vehicles of a kind that agents cannot drive, counted as at_limit"),
+        Column("collided", "int32", "vehicles that have collided while an agent held them"),
+        Column(
+            "never_appeared",
+            "int32",
+            "names that it follows or its conditions look for and that never appeared",
+        ),
     ),
     is_optional=True,
 )

@@ -9,12 +9,15 @@ from typing import Any
 
 import yaml
 
-from smarts.errors import SmartsError, shown
+from smarts.errors import SmartsError, UnknownNameError, nearest_names, shown
 from smarts.registry import import_own, load_module
 from smarts.zoo.entry import ZooEntry
+from smarts.zoo.separate import SeparateEntry
 
 PLACE = "SMARTS_ZOO"
 """Environment variable that names another file than `~/.config/smarts-bench/zoo.yaml`."""
+AGENT = "agent"
+"""Key of the "module:Class" of an agent with an environment of its own."""
 _METADATA = ("author", "m_level", "provenance", "licence")
 
 
@@ -39,17 +42,29 @@ def write_added(entries: Sequence[ZooEntry]) -> None:
     Raises:
         SmartsError: The file is not readable or cannot be written.
     """
-    content, file = dict(_content()), zoo_file()
+    content = dict(_content())
     for entry in entries:
         about = {name: getattr(entry, name) for name in _METADATA}
-        content[entry.name] = {"folder": entry.folder} | {key: text for key, text in about.items() if text}
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        written = file.with_name(f".{file.name}.{os.getpid()}")
-        written.write_text(yaml.safe_dump(content), encoding="utf-8")
-        written.replace(file)
-    except OSError as error:
-        raise SmartsError(f"cannot be written: {error.strerror}", place=str(file)) from error
+        own = {AGENT: str(entry.entry_point)} if isinstance(entry, SeparateEntry) else {}
+        content[entry.name] = (
+            {"folder": entry.folder} | own | {key: text for key, text in about.items() if text}
+        )
+    _write(content)
+
+
+def remove_added(name: str) -> None:
+    """Remove an agent from the file; its folder stays.
+
+    Raises:
+        SmartsError: No such agent was added, or the file is not readable or cannot be written.
+    """
+    content = dict(_content())
+    if name not in content:
+        raise UnknownNameError(
+            f"no added agent is called {name!r}", place=str(zoo_file()), remedy=nearest_names(name, content)
+        )
+    del content[name]
+    _write(content)
 
 
 def import_folder(folder: str | Path) -> str:
@@ -62,6 +77,17 @@ def import_folder(folder: str | Path) -> str:
     import_own([path])
     load_module(path.stem, "folder")
     return path.stem
+
+
+def _write(content: Mapping[str, Any]) -> None:
+    file = zoo_file()
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        written = file.with_name(f".{file.name}.{os.getpid()}")
+        written.write_text(yaml.safe_dump(dict(content)), encoding="utf-8")
+        written.replace(file)
+    except OSError as error:
+        raise SmartsError(f"cannot be written: {error.strerror}", place=str(file)) from error
 
 
 def _content() -> Mapping[str, Any]:
@@ -81,14 +107,15 @@ def _content() -> Mapping[str, Any]:
 
 def _entry(name: str, about: Any) -> ZooEntry:
     is_valid = isinstance(about, dict) and isinstance(about.get("folder"), str)
-    if not is_valid or not all(key in ("folder", *_METADATA) for key in about):
+    if not is_valid or not all(key in ("folder", AGENT, *_METADATA) for key in about):
         raise SmartsError(
             f"{name!r} is {shown(about)}", place=str(zoo_file()), remedy="{folder: PATH}, or remove the line"
         )
     author, m_level, provenance, licence = (str(about.get(key, "")) for key in _METADATA)
-    return ZooEntry(
+    kind = SeparateEntry if AGENT in about else ZooEntry
+    return kind(
         name,
-        "",
+        str(about.get(AGENT, "")),
         author=author,
         m_level=m_level,
         provenance=provenance,

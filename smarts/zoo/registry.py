@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import itertools
 import re
 import sys
 from dataclasses import replace
@@ -26,6 +27,7 @@ from smarts.zoo import originals
 from smarts.zoo.agents import AGENTS
 from smarts.zoo.entry import EntryPoint, ZooEntry, check_name, entry_of
 from smarts.zoo.folders import added_agents, import_folder, write_added, zoo_file
+from smarts.zoo.separate import SeparateEntry, has_project, read_entries
 
 GROUP = "smarts.zoo"
 """The group of a package's entry points that are agents."""
@@ -157,25 +159,20 @@ def find_entry(locator: str) -> ZooEntry:
 def search(folder: str | Path) -> None:
     """Let locators name modules of a scenario's folder by their path from its project's root.
 
-    The original's scenarios do: "scenarios.sumo.loop.agent_prefabs:my-agent-v0". A module that can be
-    imported by its name comes first.
+    The original's scenarios do: "scenarios.sumo.loop.agent_prefabs:my-agent-v0". The folder's own name has to
+    be that in the path. A module that can be imported by its name comes first.
     """
     _SEARCHED[Path(folder).absolute()] = None
 
 
 def add_folder(folder: str | Path) -> list[ZooEntry]:
-    """Import a folder with a policy, and add the agents that it registers to the user's zoo.
+    """Add the agents that a folder registers, or that its project names, to the user's zoo.
 
     Raises:
         SmartsError: The folder is none, registers no agent, or takes a name of another.
         OwnCodeError: Its code cannot be imported or raises.
     """
-    module = import_folder(folder)
-    found = [
-        replace(entry, folder=str(Path(folder).absolute()))
-        for (owner, _), entry in _REGISTERED.items()
-        if owner == module or owner.startswith(f"{module}.")
-    ]
+    found: list[ZooEntry] = [*(read_entries if has_project(folder) else _registered_in)(folder)]
     if not found:
         raise SmartsError(
             "the folder registers no agent",
@@ -188,9 +185,20 @@ def add_folder(folder: str | Path) -> list[ZooEntry]:
             raise SmartsError(
                 f"the name {entry.name!r} is taken", place=str(folder), remedy="choose another name"
             )
-        entry.spec()
+        if not isinstance(entry, SeparateEntry):
+            entry.spec()
     write_added(found)
     return found
+
+
+def _registered_in(folder: str | Path) -> list[ZooEntry]:
+    """Import a folder and return the agents that it registers."""
+    module = import_folder(folder)
+    return [
+        replace(entry, folder=str(Path(folder).absolute()))
+        for (owner, _), entry in _REGISTERED.items()
+        if owner == module or owner.startswith(f"{module}.")
+    ]
 
 
 def searched() -> list[str]:
@@ -206,11 +214,7 @@ def _import(module: str, name: str) -> None:
     """
     if module in sys.modules:
         return
-    parts = tuple(module.split("."))
-    files = (
-        folder / f"{parts[-1]}.py" for folder in _SEARCHED if folder.parts[1 - len(parts) :] == parts[:-1]
-    )
-    file = next((file for file in files if len(parts) > 1 and file.is_file()), None)
+    file = _beside_scenario(module)
     if file is None or _is_importable(module):
         load_module(module, f"agent {name!r}")
         return
@@ -225,6 +229,18 @@ def _import(module: str, name: str) -> None:
         raise own_error(error, f"importing the agent {name!r}", str(file)) from error
 
 
+def _beside_scenario(module: str) -> Path | None:
+    """Return the file of a module in the searched folder whose path ends most like the module's name."""
+    *packages, last = module.split(".")
+    found: dict[int, Path] = {}
+    for folder in _SEARCHED:
+        file, pairs = folder / f"{last}.py", zip(reversed(folder.parts), reversed(packages), strict=False)
+        alike = len([*itertools.takewhile(lambda pair: pair[0] == pair[1], pairs)])
+        if alike and file.is_file():
+            found.setdefault(alike, file)
+    return found[max(found)] if found else None
+
+
 def _is_importable(module: str) -> bool:
     try:
         return importlib.util.find_spec(module) is not None
@@ -237,7 +253,7 @@ def _named(name: str) -> ZooEntry:
     known = _known()
     if name in known:
         entry = known[name]
-        return _of_folder(entry) if entry.folder else entry
+        return _of_folder(entry) if entry.folder and not isinstance(entry, SeparateEntry) else entry
     of_process = [entry for (_, each), entry in _REGISTERED.items() if each == name]
     if len(of_process) == 1:
         return of_process[0]

@@ -1,4 +1,4 @@
-"""Bubbles in SUMO's traffic: they change nothing where they take no vehicle, and runs repeat bit for bit."""
+"""Bubbles in SUMO's traffic: unused ones change nothing; runs and records repeat bit for bit."""
 
 import hashlib
 import shutil
@@ -7,12 +7,18 @@ import numpy as np
 import pytest
 
 from smarts.env.vector import VectorHiWayEnv
+from smarts.registry import import_own
+from smarts.sim.assembly import Options
+from smarts.sim.episode_files import RecordedEpisode
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import LaneAction
 from smarts.types.agent_states import AgentStatus
+from smarts.types.episode_schema import AGENT_FAILURES, BUBBLE_POSES, BUBBLE_RINGS, BUBBLES, HOLDS, TRANSFERS
+from smarts.types.transfers import Reason
 from smarts.types.vehicles import Owner
 
 DECISIONS, PERIOD, SEED = 80, 5, 11
+HANDOVERS = (HOLDS, TRANSFERS, BUBBLES, BUBBLE_RINGS, BUBBLE_POSES, AGENT_FAILURES)
 SCENARIO = """
 from pathlib import Path
 from smarts.sstudio import gen_scenario, types as t
@@ -46,10 +52,42 @@ ALL_KINDS = """
     t.Bubble(middle, t.TrafficEngineActor("local"), margin=10),
     t.Bubble(t.PositionalZone((0, 0), (40, 20)), laner, follow_actor_id="agent-0", follow_offset=(0, 15)),
 """
+WITH_MEMORIES = """
+    t.Bubble(t.PositionalZone((0, 25), (90, 50)), t.BoidAgentActor("flock", "counting:counting-v0"),
+             margin=10, keep_alive=True),
+    t.Bubble(t.PositionalZone((0, -25), (90, 50)), t.BoidAgentActor("boids", "smarts.zoo:boids-v0"),
+             margin=10, keep_alive=True),
+    t.Bubble(t.MapZone(("west_in", 0, 10), 60, 2), t.SocialAgentActor("random", "smarts.zoo:random-v0")),
+    t.Bubble(t.MapZone(("east_in", 0, 10), 60, 2), t.SocialAgentActor("alone", "counting:counting-v0")),
+"""
+COUNTING = """
+from smarts.agents import Agent, AgentInterface
+from smarts.types.actions import ActionSpaceType
+from smarts.zoo import register
+
+
+class Counting(Agent):
+    interface = AgentInterface(action=ActionSpaceType.LaneWithContinuousSpeed, vehicle_model="kinematic")
+
+    def __init__(self):
+        self._asked = 0
+
+    def act(self, obs):
+        self._asked += 1
+        action = 3.0 + self._asked % 7, 0
+        return dict.fromkeys(obs, action) if isinstance(obs, dict) else action
+
+
+register("counting-v0", Counting)
+"""
 
 
 @pytest.fixture(scope="module")
 def scenario(tmp_path_factory):
+    module = tmp_path_factory.mktemp("agents") / "counting.py"
+    module.write_text(COUNTING)
+    import_own([module])
+
     def written(name, bubbles):
         folder = tmp_path_factory.mktemp("bubbles") / name
         folder.mkdir()
@@ -64,9 +102,10 @@ def scenario(tmp_path_factory):
 class Run:
     """Simulations of some worlds of a scenario, whose ego keeps its lane."""
 
-    def __init__(self, folder, worlds=(0,)):
-        self.env = VectorHiWayEnv(len(worlds), [folder], 1, decision_interval=PERIOD)
-        self.env.reset(SEED, np.array(worlds))
+    def __init__(self, folder, worlds=(0,), **options):
+        self.env = VectorHiWayEnv(len(worlds), [folder], 1, decision_interval=PERIOD, **options)
+        self.worlds = np.array(worlds)
+        self.env.reset(SEED, self.worlds)
         self.actions = [np.full((len(worlds), 1), LaneAction.keep_lane)]
 
     @property
@@ -76,15 +115,23 @@ class Run:
     def played(self):
         """Yield the world after each decision."""
         try:
-            for _ in range(DECISIONS):
-                self.env.step(self.actions)
-                yield self.world
+            yield from self.decisions()
         finally:
             self.env.close()
 
+    def decisions(self):
+        for _ in range(DECISIONS):
+            self.env.step(self.actions)
+            yield self.world
 
-def hashes(folder, worlds):
+
+def hashes(folder, worlds, before=0):
+    """Return a hash of each row's run, after `before` decisions and another reset of the same seed."""
     run, made = Run(folder, worlds), [hashlib.blake2b() for _ in worlds]
+    if before:
+        for _ in range(before):
+            run.env.step(run.actions)
+        run.env.reset(SEED, run.worlds)
     for world in run.played():
         for row, hashed in enumerate(made):
             for column in (*world.vehicles, *world.agents):
@@ -129,3 +176,33 @@ def test_a_row_of_a_batch_equals_the_run_alone_and_runs_repeat(scenario):
     assert len(set(together)) == 3
     assert [*hashes(folder, (0,)), *hashes(folder, (1,))] == together[1:]
     assert hashes(folder, (2,)) == together[:1]
+
+
+def test_agents_with_memories_repeat_alone_in_a_batch_and_after_another_reset(scenario):
+    folder = scenario("memories", WITH_MEMORIES)
+    together = hashes(folder, (2, 0, 1), before=30)
+    assert len(set(together)) == 3
+    assert hashes(folder, (2, 0, 1)) == together
+    assert [*hashes(folder, (0,)), *hashes(folder, (1,), before=11)] == together[1:]
+
+
+def test_the_record_of_a_replay_is_the_same(scenario, tmp_path):
+    folder, tables = scenario("recorded", ALL_KINDS + WITH_MEMORIES), []
+    for name, worlds in (("batch", (2, 0, 1)), ("alone", (0,))):
+        run = Run(folder, worlds, simulation=Options(record=tmp_path / name))
+        for _ in run.played():
+            pass
+        episode = RecordedEpisode(tmp_path / name / f"seed{SEED}_world0_episode00000")
+        tables.append({table.name: episode.table(table.name) for table in HANDOVERS})
+    one, other = tables
+    for name, columns in one.items():
+        for column, values in columns.items():
+            assert [*map(_plain, values)] == [*map(_plain, other[name][column])], (name, column)
+    assert len(one["holds"]["name"]) > 10
+    assert {Reason.SHADOW, Reason.TAKE, Reason.RELEASE} <= set(one["transfers"]["reason"].tolist())
+    assert one["bubbles"]["taken"].sum() > 10
+    assert len(one["bubble_poses"]["step"]) > len(one["bubbles"]["id"]), "one travels"
+
+
+def _plain(value):
+    return value.tolist() if isinstance(value, np.ndarray) else value

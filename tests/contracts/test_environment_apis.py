@@ -31,7 +31,7 @@ PARTS = {
     "Block": {"agents", "observation", "action", "masked"},
 }
 """The fields that learners use, as in `algorithms.joint.env`; neither side imports the other."""
-MORE = {"VectorStep": {"social_failures"}}
+MORE = {"VectorStep": {"social_failures", "social_infos"}}
 """The fields that they do not use."""
 
 

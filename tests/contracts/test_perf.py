@@ -9,13 +9,16 @@ import pytest
 from tests.blocks import ROOT
 
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
+PLACE = "a new folder"
 SMALLEST = {
+    "bubble_kinds": [PLACE, "--kinds", "position", "--seconds", "2"],
     "bubbles": ["--scenarios", "loop", "--worlds", "1", "--bubbles", "1", "--steps", "5"],
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
     "dynamics": ["--seconds", "0.01"],
     "energy": ["--sequences", "20", "--seconds", "0.1"],
     "frames": [],
     "games": ["--games", "pg promise", "--seeds", "1"],
+    "hosts": ["--rounds", "20", "--steps", "10"],
     "handovers": ["--handovers", "4", "--scenarios", "intersection", "--models", "kinematic"],
     "manoeuvres": [],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
@@ -33,7 +36,7 @@ WITH_RAY = {
     "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
 }
 """Arguments of scripts that start Ray; these run in their own processes."""
-ELSEWHERE = {"endurance", "real_maps", "scenario_files", "scenario_traffic"}
+ELSEWHERE = {"bubble_maps", "endurance", "real_maps", "scenario_files", "scenario_traffic"}
 """Scripts that take minutes, or have their own tests."""
 
 
@@ -43,8 +46,9 @@ def test_every_script_is_tested():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", SMALLEST)
-def test_script(script, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", [script, *SMALLEST[script]])
+def test_script(script, monkeypatch, capsys, tmp_path):
+    arguments = [str(tmp_path) if each == PLACE else each for each in SMALLEST[script]]
+    monkeypatch.setattr(sys, "argv", [script, *arguments])
     try:
         code = importlib.import_module(f"perf.{script}").main()
     except SystemExit as ended:

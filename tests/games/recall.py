@@ -30,3 +30,13 @@ class Recall(Game):
 
     def reward(self, actions):
         return [float(self.t == self.length - 1 and a == c) for a, c in zip(actions, self.cue, strict=True)]
+
+
+class Luck(Recall):
+    """As `Recall`, but the reward at the end is the cue itself, whatever the agents do.
+
+    Half of it is what a value without memory expects after the first step; its squared error is 1/4.
+    """
+
+    def reward(self, actions):
+        return [float(self.t == self.length - 1 and c) for c in self.cue]

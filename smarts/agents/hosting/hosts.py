@@ -11,6 +11,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from smarts.agents.acting import Answer, Failed, InProcess, Request
+from smarts.agents.hosting.log import DecisionLog, Replayed
 from smarts.agents.hosting.options import START_TIME, HostError, HostOptions, Link, Starter, about
 from smarts.agents.social import SocialPolicy
 from smarts_agent_kit.channel import wait_for
@@ -38,11 +39,7 @@ class Hosts:
 
     def __init__(self, policies: Sequence[SocialPolicy]) -> None:
         self._here = InProcess(policies)
-        self._away = {
-            number: _Away(policy.start, policy.host)
-            for number, policy in enumerate(policies)
-            if policy.start is not None
-        }
+        self._away = {number: _away(policy) for number, policy in enumerate(policies) if not policy.acts_here}
         self._has_begun = False
 
     @property
@@ -83,7 +80,11 @@ class Hosts:
         answers, begun = [*self._here.gather()], time.monotonic()
         while True:
             # All are read before any is given up: this process may have been the one that was stopped.
-            waiting = [away for away in self._away.values() if away.is_asked and not away.has_settled()]
+            waiting = [
+                away
+                for away in self._away.values()
+                if isinstance(away, _Away) and away.is_asked and not away.has_settled()
+            ]
             waiting = [away for away in waiting if not away.gives_up(begun)]
             if not waiting:
                 break
@@ -104,6 +105,13 @@ class Hosts:
         self._here.close()
         for away in self._away.values():
             away.end()
+
+
+def _away(policy: SocialPolicy) -> _Away | Replayed:
+    if policy.host.replay:
+        return Replayed(policy.host.replay)
+    assert policy.start is not None
+    return _Away(policy.start, policy.host)
 
 
 @dataclass
@@ -129,6 +137,7 @@ class _Away:
         self._number = 0  # of the last request
         self._asked: deque[_Asked] = deque()
         self._answers: list[tuple[Request, Actions]] = []
+        self._log = DecisionLog(options.log) if options.log else None
         # The holds that the agent knows, by (env_id, agent_id).
         self._known: dict[tuple[int, int], int] = {}
 
@@ -161,9 +170,10 @@ class _Away:
         """Send a request; while an answer that is late is owed, the agents of this request are late, too."""
         self._settle()
         if any(each.is_late for each in self._asked):
+            self._note_late(request)
             return
         if self.link is None and not self._restart():
-            self._answers.append((request, _failed(request, self._problem)))
+            self._answer(request, _failed(request, self._problem))
             return
         self._number += 1
         asked = _Asked(self._number, request, time.monotonic())
@@ -171,7 +181,7 @@ class _Away:
         try:
             frame = encode(message)
         except Exception as error:
-            self._answers.append((request, _failed(request, f"cannot be asked: {error}")))
+            self._answer(request, _failed(request, f"cannot be asked: {error}"))
             return
         self._asked.append(asked)
         try:
@@ -193,7 +203,9 @@ class _Away:
         if self._options.deadline_ms is None:
             self._fail(TimeoutError(f"silent for {now - begun:.3g} s"))
         for each in self._asked:
-            each.is_late = True
+            if not each.is_late:
+                each.is_late = True
+                self._note_late(each.request)
         return True
 
     def until(self, begun: float) -> float:
@@ -210,10 +222,24 @@ class _Away:
 
     def end(self) -> None:
         """End the agent; may be called again."""
+        self._close_link()
+        if self._log is not None:
+            self._log.close()
+
+    def _close_link(self) -> None:
         self._asked.clear()
         link, self.link = self.link, None
         if link is not None:
             link.close()
+
+    def _answer(self, request: Request, actions: Actions) -> None:
+        self._answers.append((request, actions))
+        if self._log is not None:
+            self._log.write(request, actions)
+
+    def _note_late(self, request: Request) -> None:
+        if self._log is not None:
+            self._log.write_late(request)
 
     @property
     def _patience(self) -> float:
@@ -257,14 +283,15 @@ class _Away:
         self._has_answered, self._failures = True, 0
         self._asked.popleft()
         if not asked.is_late:
-            self._answers.append((asked.request, actions))
+            self._answer(asked.request, actions)
 
     def _fail(self, error: Exception) -> None:
-        """End an agent that does not answer; all agents that it was asked for fail."""
+        """End an agent that does not answer; the agents of its requests fail, but for late ones."""
         self._problem = f"its host has failed: {type(error).__name__}: {error}"
-        asked = [*self._asked]
-        self.end()
-        self._answers += [(each.request, _failed(each.request, self._problem)) for each in asked]
+        asked = [each.request for each in self._asked if not each.is_late]
+        self._close_link()
+        for request in asked:
+            self._answer(request, _failed(request, self._problem))
         self._failures, self._skipped = self._failures + 1, 0
 
     def _restart(self) -> bool:

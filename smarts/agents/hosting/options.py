@@ -112,6 +112,10 @@ class HostOptions:
     """Steps from an answer to when it is carried out."""
     memory: float = 8.0
     """Of a process [GB]."""
+    log: str = ""
+    """Folder to which the decisions of an agent elsewhere are written, late ones too; "": none."""
+    replay: str = ""
+    """Folder of such a log, in place of the agent; "": none."""
 
     def __post_init__(self) -> None:
         if self.where not in WHERE:
@@ -121,6 +125,8 @@ class HostOptions:
         check_number("patience", self.patience, above=True, most=3600.0, place="hosts")
         check_whole("delay_steps", self.delay_steps, 0, LONGEST_DELAY, "hosts")
         check_number("memory", self.memory, above=True, most=1e6, place="hosts")
+        for name in ("log", "replay"):
+            check_instance(name, getattr(self, name), str, "the path of a folder", "hosts")
         if self.deadline_ms is None:
             return
         if self.delay_steps:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import enum
 import sys
-from collections.abc import MutableMapping
+from collections.abc import Iterator, MutableMapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -231,6 +231,10 @@ class VehicleSpeedCondition(SubjectCondition):
     high: float
     """[m/s]"""
 
+    def __post_init__(self) -> None:
+        if not self.low <= self.high:
+            raise ValueError(f"no speed is from {self.low} to {self.high} m/s: low must not be above high")
+
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Look at `current_actor_state.speed`."""
         return _truth(self.low <= facts["current_actor_state"].speed <= self.high)
@@ -241,12 +245,22 @@ class VehicleSpeedCondition(SubjectCondition):
         return cls(low=-abs_error, high=abs_error)
 
 
+def parts(condition: Condition) -> Iterator[Condition]:
+    """Yield a condition and all conditions that it is made of."""
+    yield condition
+    for part in vars(condition).values():
+        if isinstance(part, Condition):
+            yield from parts(part)
+
+
 def _truth(holds: bool) -> ConditionState:
     return ConditionState.TRUE if holds else ConditionState.FALSE
 
 
 def _check_evaluable(*conditions: Condition) -> None:
     for condition in conditions:
+        if not isinstance(condition, Condition):
+            raise TypeError(f"{condition!r} is no condition: combine conditions, such as TimeWindowCondition")
         if type(condition) in (Condition, SubjectCondition):
             raise TypeError(f"{type(condition).__name__} is abstract and cannot be combined or wrapped")
 

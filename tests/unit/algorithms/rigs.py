@@ -14,7 +14,7 @@ from algorithms.joint.runner import SPEC
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration
-from algorithms.settings import OffPolicySettings
+from algorithms.settings import OffPolicySettings, faults
 
 
 def cases(names):
@@ -27,6 +27,15 @@ EVERY = cases(algorithms.names())
 OFF_POLICY = [
     name for name in algorithms.names() if issubclass(algorithms.entry(name).settings, OffPolicySettings)
 ]
+
+
+def takes(name, **settings):
+    """Return whether an algorithm can be set so."""
+    return not faults(algorithms.entry(name).settings, settings)
+
+
+SHARED = cases([name for name in algorithms.names() if takes(name, sharing="all")])
+"""Algorithms whose agents may share a network."""
 
 
 def known(name, settings):

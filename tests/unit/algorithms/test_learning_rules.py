@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from rigs import EVERY, OFF_POLICY, Rig, cases, known, moved, replayed
+from rigs import EVERY, OFF_POLICY, SHARED, Rig, cases, known, moved, replayed, takes
 
 import algorithms
 from algorithms.joint.module import critic_of
 from algorithms.joint.stacking import StackedGroups
 from algorithms.maac import CRITIC
-from algorithms.settings import faults
 from tests.games.games import Constant, Cues, Game, Ragged, Target, TwoStep
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32, "updates_per_step": 0.05}
@@ -62,7 +61,7 @@ def test_independent_learners_feel_only_their_own_rewards(name):
     assert all(module.startswith("agent_1") for module in differing)
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", SHARED)
 def test_planted_numbers_in_dead_rows_change_no_weight(name):
     rig, other = (Rig(name, Ragged, sharing="all", **settings_of(name)) for _ in range(2))
     rollout = rig.rollout(48, epsilon=1.0)
@@ -241,8 +240,13 @@ def test_illegal_actions_are_never_taken(name):
 @pytest.mark.parametrize(
     ("name", "sharing"),
     [
-        # MAVEN's last layers are chosen by the latent.
-        *((n, "none") for n in algorithms.names() if not algorithms.entry(n).communication and n != "maven"),
+        *(
+            (n, "none")
+            for n in algorithms.names()
+            if not algorithms.entry(n).communication
+            and takes(n, gru=0)
+            and n not in ("opponent_q", "pr2", "maven")
+        ),
         ("ppo", "all"),
         ("dqn", "all"),
     ],
@@ -259,15 +263,20 @@ def test_stacked_policies_act_like_separate_ones(name, sharing):
     torch.testing.assert_close(stacked.distribution, separate.distribution, rtol=1e-5, atol=1e-6)
 
 
+PARTS = {"odd": ["b"], "even": ["a", "c"]}
+
+
 @pytest.mark.parametrize(
-    "sharing",
+    ("name", "sharing"),
     [
-        pytest.param("none", marks=pytest.mark.slow),
-        pytest.param("all", marks=pytest.mark.slow),
-        {"odd": ["b"], "even": ["a", "c"]},
+        pytest.param(
+            name, sharing, marks=() if sharing is PARTS and name in ("ppo", "dqn") else pytest.mark.slow
+        )
+        for sharing in ("none", "all", PARTS)
+        for name in algorithms.names()
+        if takes(name, sharing=sharing)
     ],
 )
-@pytest.mark.parametrize("name", EVERY)
 def test_every_kind_of_sharing_learns_on_ragged_games(name, sharing):
     rig = Rig(name, Ragged, sharing=sharing, **settings_of(name))
     before, after = update(rig, rig.rollout(40, epsilon=0.5))
@@ -279,11 +288,7 @@ def test_every_kind_of_sharing_learns_on_ragged_games(name, sharing):
 @pytest.mark.parametrize(
     ("name", "gru"),
     [
-        *(
-            (name, 0)
-            for name in algorithms.names()
-            if not faults(algorithms.entry(name).settings, {"hidden": ()})
-        ),
+        *((name, 0) for name in algorithms.names() if takes(name, hidden=(), gru=0)),
         *((name, 4) for name in algorithms.names() if algorithms.entry(name).recurrent),
     ],
 )
@@ -297,7 +302,7 @@ def test_without_hidden_layers_networks_are_linear_and_learn(name, gru):
         torch.testing.assert_close(halves, 2 * q.see.bias.expand(5, 1))
 
 
-@pytest.mark.parametrize("name", ["maac", "commnet"])
+@pytest.mark.parametrize("name", ["maac", "commnet", "mat"])
 def test_a_width_of_embeddings_is_asked_for(name):
     with pytest.raises(ValueError, match=r"^hidden=\(\): "):
         algorithms.config(name).training(hidden=()).validate()
@@ -342,7 +347,9 @@ def test_networks_evaluated_as_one_learn_like_separate_ones():
             torch.testing.assert_close(weight, second[module][name], rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", cases([n for n in algorithms.names() if n != "networked_q"]))
+@pytest.mark.parametrize(
+    "name", cases([n for n in algorithms.names() if n != "networked_q" and takes(n, sharing="none")])
+)
 def test_networks_of_groups_of_which_nobody_is_there_do_not_move(name):
     """Adam's momentum would move them; in networked Q every node takes part in every fit."""
     settings = {"sharing": "none", **settings_of(name)}
@@ -351,7 +358,7 @@ def test_networks_of_groups_of_which_nobody_is_there_do_not_move(name):
     rollout = rig.rollout(32, epsilon=1.0)
     batch = replayed(rig, 32, 200, epsilon=1.0) if name in OFF_POLICY else rig.learner.prepare(rollout)
     before = trained_weights(rig)
-    rig.learner.update_minibatch(batch[~batch.alive[:, 1]])
+    rig.learner.update_minibatch(without(1, batch))
     after = trained_weights(rig)
     for module in (m for m in before if m.split("__")[0] in "abc"):
         still = all(torch.equal(before[module][k], after[module][k]) for k in before[module])
@@ -359,6 +366,15 @@ def test_networks_of_groups_of_which_nobody_is_there_do_not_move(name):
     if name == "maac":
         kept = {k for k, v in after[CRITIC].items() if torch.equal(v, before[CRITIC][k])}
         assert kept == {k for k in after[CRITIC] if k.startswith("q.embeddings.1.")}
+
+
+def without(column, batch):
+    """Return the rows without an agent; of sequences all rows, in which it is not active."""
+    if batch.length == 1:
+        return batch[~batch.alive[:, column]]
+    alive = batch.alive.clone()
+    alive[:, column] = False
+    return replace(batch, alive=alive)
 
 
 def trained_weights(rig):

@@ -11,7 +11,7 @@ from algorithms.parts.distributions import Exploration
 from tests.games.games import Ragged
 from tests.games.recall import Recall
 
-RECURRENT = ["a2c", "ppo", "centralised_v"]
+RECURRENT = ["a2c", "ppo", "centralised_v", "happo", "recurrent_ippo", "recurrent_mappo"]
 GRU = {"gru": 8, "sequence_length": 8}
 
 
@@ -116,7 +116,7 @@ def recalled(name, seed, updates=50, gru=16):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("name", ["ppo", "centralised_v"])
+@pytest.mark.parametrize("name", ["ppo", "centralised_v", "recurrent_ippo", "recurrent_mappo"])
 def test_a_cue_is_remembered(name, seed):
     """1.0; 0.5 without memory."""
     assert recalled(name, seed) > 0.75

@@ -50,6 +50,51 @@ def test_social_agents_reach_the_environment(read):
         env.close()
 
 
+def test_hosts_reach_the_environment(read):
+    hosts = "  hosts: {idm-v0: {where: process, delay_steps: 3}}\n"
+    experiment = read(BASE + SOCIAL.replace("smarts.zoo:idm-v0", "idm-v0") + hosts)
+    check_task_settings(experiment)
+    (setting,) = task_settings_of(experiment)
+    env = environment(setting, num_envs=1)
+    try:
+        (policy,) = env._runner._requests._policies
+        assert policy.start is not None
+        assert policy.host.delay_steps == 3
+        env.reset()
+    finally:
+        env.close()
+
+
+def test_where_an_agent_acts_is_no_part_of_a_run_and_when_is():
+    def kept(**host):
+        return Environment(hosts={"idm-v0": host}).model_dump(mode="json")
+
+    plain = Environment().model_dump(mode="json")
+    assert (
+        kept(where="process", patience=3.0)
+        == plain
+        == Environment(hosts={"*": "ray"}).model_dump(mode="json")
+    )
+    late = kept(where="process", delay_steps=3)
+    assert late["hosts"] == {"idm-v0": {"delay_steps": 3}}
+    assert Environment(**late).model_dump(mode="json") == late
+
+
+@pytest.mark.parametrize(
+    "hosts",
+    [
+        "{idm-v0: elsewhere}",
+        "{idm-v0: {patiense: 3}}",
+        "{idm-v0: {patience: 0}}",
+        "{idm-v0: {deadline_ms: 20, delay_steps: 3}}",
+        "process",
+    ],
+)
+def test_hosts_that_cannot_be_are_errors_of_the_file(read, hosts):
+    with pytest.raises(ConfigError):
+        read(BASE + SOCIAL + f"  hosts: {hosts}\n")
+
+
 def test_agents_that_learn_in_bubbles_reach_the_environment(read):
     experiment = read(BUBBLE)
     check_task_settings(experiment)

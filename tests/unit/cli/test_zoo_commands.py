@@ -53,6 +53,8 @@ def test_a_folder_is_added(folder, tmp_path):
     assert f"missing: {folder}" in run("zoo", "list")
     with pytest.raises(SmartsError, match="gone"):
         run("zoo", "describe", "added-v0")
+    assert "removed added-v0" in run("zoo", "remove", "added-v0")
+    assert "added-v0" not in (tmp_path / "zoo.yaml").read_text()
 
 
 def test_bad_input_is_named(folder):
@@ -62,6 +64,7 @@ def test_bad_input_is_named(folder):
         (("test", "idm-v0", "--set", "tua=1"), SmartsError),
         (("test", "trajectory-v0"), SmartsError),
         (("add", folder / "nowhere"), SmartsError),
+        (("remove", "idm-v0"), UnknownNameError),
     ):
         with pytest.raises(error):
             run("zoo", *words)

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from contextlib import closing
 from pathlib import Path
@@ -9,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smarts.agents.hosting.log import messages_of
 from smarts.agents.hosting.options import HostError, HostOptions
 from smarts.agents.options import InterfaceError
 from smarts.env.vector import VectorHiWayEnv
@@ -188,18 +191,48 @@ def test_every_step_completes_whatever_is_killed():
             env.reset()
 
 
-def test_an_answer_after_the_deadline_is_dropped_and_the_next_one_counts():
-    social, hosts = hosted("sleep", deadline_ms=100.0)
-    with closing(environment(social, hosts)) as env:
+def decided(log):
+    """Return seeds and steps of the decisions in a log: those in time, and late ones."""
+    taken, late = set(), set()
+    for file in Path(log).glob("*.decisions"):
+        for message in messages_of(file):
+            keys = zip(message.arrays["seed"].tolist(), message.arrays["step"].tolist(), strict=True)
+            (late if message.values.get("late") else taken).update(keys)
+    return taken, late
+
+
+def test_late_answers_are_dropped_and_a_log_of_them_repeats_the_run_bit_by_bit(tmp_path):
+    """The agent sleeps for 0.3 s at its third request, and nothing else is slow."""
+    social = [{"agent": MISBEHAVING, "count": 1, "options": {"how": "sleep"}}, {"agent": DRAWING, "count": 1}]
+    timing = {"where": "process", "deadline_ms": 60.0, "log": str(tmp_path)}
+    with closing(environment(social, {MISBEHAVING: timing})) as env:
         env.reset()
-        given = env._runner.actions.fresh
-        column = env._runner._pool.columns(0).start
-        fresh = []
-        for result in steps(env, 30):
+        states = []
+        for result in steps(env, 60):
             assert not result.social_failures
-            fresh.append(bool(given[0, column]))
-            time.sleep(0.02)
-    assert fresh is not None
+            states.append(state(env))
+            time.sleep(0.01)
+    taken, late = decided(tmp_path)
+    assert {2, 3} <= {step for _, step in late}
+    assert len(taken) > len(late)
+    assert not taken & late
+    again, failures = played(social, {MISBEHAVING: {"replay": str(tmp_path)}})
+    assert again[1:] == states
+    assert failures == {}
+
+
+def test_a_replay_without_a_log_is_an_error(tmp_path):
+    with pytest.raises(HostError):
+        environment([{"agent": DRAWING}], {DRAWING: {"replay": str(tmp_path)}})
+    (tmp_path / "x.decisions").write_bytes(bytes([8, 0, 0, 0, 4, 0, 0, 0, 1, 2, 3, 4]))
+    with pytest.raises(HostError):
+        environment([{"agent": DRAWING}], {DRAWING: {"replay": str(tmp_path)}})
+
+
+def test_an_agent_of_this_process_is_never_late(tmp_path):
+    for given in ({"deadline_ms": 10.0}, {"log": str(tmp_path)}):
+        with pytest.raises(HostError):
+            environment([{"agent": DRAWING}], {DRAWING: given})
 
 
 @pytest.mark.parametrize("where", ["in_process", "process"])
@@ -268,3 +301,35 @@ def test_hosts_start_with_the_first_episode_and_only_if_they_are_needed():
     with closing(environment([], {"*": "process"})) as env:
         env.reset()
         assert env._runner._requests is None
+
+
+KILLED = """
+import sys, time
+from tests.unit.env.test_hosts import descendants, environment, hosted, steps
+env = environment(*hosted("fork"))
+env.reset()
+[*steps(env, 8)]
+print(*descendants(), flush=True)
+time.sleep(1000)
+"""
+
+
+def test_a_simulator_that_is_killed_leaves_no_process_and_no_file():
+    """The agent has started processes, in sessions of their own."""
+    command = [sys.executable, "-c", KILLED]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as simulator:
+        assert simulator.stdout is not None
+        started = [int(pid) for pid in simulator.stdout.readline().split()]
+        simulator.kill()
+    assert len(started) == 4, "a supervisor, an agent, and two processes that it has started"
+    until = time.monotonic() + 20.0
+    while any(map(is_running, started)) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not any(map(is_running, started))
+
+
+def is_running(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False

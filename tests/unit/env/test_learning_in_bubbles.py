@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shapely import Point, Polygon
 
 from algorithms.joint.conformance import check_vector_env
 from smarts.agents.benchmark import benchmark_interface
@@ -18,6 +19,7 @@ from smarts.env import (
 )
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Event, Outcome
+from smarts.types.vehicles import Owner
 
 LEFT_TURN = Path(__file__).parents[3] / "examples" / "left_turn_bubble"
 IN_BUBBLE = {"learn_in_bubbles": True, "episode_time": 40.0}
@@ -52,7 +54,7 @@ def played():
                     "reset": step.reset.copy(),
                     "seen": copied(step),
                     "outcome": agents.outcome[:, :2].copy(),
-                    "state": agents.state[:, :2].copy(),
+                    "drivers": drivers(env),
                     "holds": holds,
                     "holds_now": pool.serial[:, :2].copy(),
                     "step": env._runner.world.step.copy(),
@@ -128,14 +130,29 @@ def test_time_ends_episodes_and_an_empty_bubble_does_not(played):
     assert any(share["time_out"] > 0 for share in shares)
 
 
-def test_other_vehicles_stay_with_traffic(played):
-    assert {int(state) for moment in played for state in moment["state"].ravel()} <= {
-        AgentStatus.VACANT,
-        AgentStatus.SHADOWING,
-        AgentStatus.ACTIVE,
-        AgentStatus.LEAVING,
-        AgentStatus.DONE,
-    }
+def drivers(env):
+    """Return the owner, the state of its agent (-1: none) and the distance from the zone of each vehicle."""
+    runner, found = env._runner, []
+    world = runner.world
+    vehicles, agents = world.vehicles, world.agents
+    for row, slot in np.argwhere(vehicles.alive).tolist():
+        (zone,) = runner.starts[row].bubbles[0].zone
+        heading, half = vehicles.heading[row, slot], vehicles.length[row, slot] / 2
+        front = vehicles.position[row, slot] + half * np.array([np.cos(heading), np.sin(heading)])
+        holders = np.flatnonzero(agents.slot[row] == slot)
+        state = int(agents.state[row, holders[0]]) if len(holders) else -1
+        found.append((int(vehicles.owner[row, slot]), state, Polygon(zone).distance(Point(front))))
+    return found
+
+
+def test_agents_drive_the_vehicles_in_the_zone_and_traffic_all_others(played):
+    found = [each for moment in played for each in moment["drivers"]]
+    for owner, state, distance in found:
+        is_driven = state in (AgentStatus.ACTIVE, AgentStatus.DONE, AgentStatus.LEAVING)
+        assert owner == (Owner.AGENT if is_driven else Owner.TRAFFIC)
+        assert state != AgentStatus.ACTIVE or distance == 0
+    assert sum(owner == Owner.TRAFFIC and distance > 0 for owner, _, distance in found) > 100
+    assert sum(state == AgentStatus.ACTIVE for _, state, _ in found) > 100
 
 
 def test_the_contract_of_vector_environments():

@@ -46,7 +46,8 @@ def episode(tmp_path_factory):
         PlacedBubble("travels", "actor", 1, 0, (small,), (around,), followed="second"),
     )
     recording.start = dataclasses.replace(recording.start, bubbles=bubbles)
-    states = BubbleStates(np.zeros((1, 2, 3)), np.ones((1, 2), np.bool_))
+    states = BubbleStates.allocate(1, 2)
+    states.is_active[:] = True
     states.pose[0, TRAVELS] = 150.0, 12.0, 0.0
     recording.frame(starts={0: recording.start}, bubbles=states)
     agents, vehicles = recording.world.agents, recording.world.vehicles

@@ -137,4 +137,4 @@ class Road:
         return Owner(int(self.world.vehicles.owner[0, slot]))
 
     def count(self, name):
-        return int(getattr(self.rules.counts, name)[0])
+        return int(getattr(self.rules.states, name)[0].sum())

@@ -438,6 +438,19 @@ class TestMovingBubbles:
         road.step(4)
         assert (road.count("never_appeared"), road.phase(slot)) == (1, DRIVEN)
 
+    def test_names_that_conditions_look_for_are_counted_until_they_appear(self):
+        road = Road(gate(names=("late", "never")), gate(names=("late",)))
+        road.reset().step(2)
+        assert road.rules.states.never_appeared[0].tolist() == [2, 1]
+        late = road.car(300, lane=0, name="late")
+        road.step()
+        assert road.rules.states.never_appeared[0].tolist() == [1, 0]
+        road.world.registry.dismiss(0, late)
+        road.step(2)
+        assert road.rules.states.never_appeared[0].tolist() == [1, 0], "it has appeared"
+        road.begin(gate())
+        assert road.count("never_appeared") == 0
+
     def test_all_are_let_go_when_the_followed_vehicle_is_gone(self):
         road = Road(self.moving())
         leader, slot = road.car(42, lane=0, name="leader"), road.car(60)

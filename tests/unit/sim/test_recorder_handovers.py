@@ -10,7 +10,7 @@ from smarts.sim.episode_files import RecordedEpisode
 from smarts.sim.episode_tables import rows_of_holds
 from smarts.sim.recorder import EpisodeRecorder
 from smarts.types.agent_states import AgentStatus
-from smarts.types.bubbles import BubbleStates, PlacedBubble
+from smarts.types.bubbles import COUNTS, BubbleStates, PlacedBubble
 from smarts.types.episode import AgentStart
 from smarts.types.mission import AgentMission
 from smarts.types.transfers import CarriedOut, Reason, Refusal, Transfer, transfers
@@ -133,17 +133,20 @@ def test_bubbles_are_recorded_where_they_are_when_that_changes(tmp_path):
         PlacedBubble("travels", "boids", 0, 0, zone, margin, followed="bus"),
     )
     recording.start = dataclasses.replace(recording.start, bubbles=bubbles)
-    states = BubbleStates(np.zeros((1, 3, 3)), np.ones((1, 3), np.bool_))
+    states = BubbleStates.allocate(1, 3)
+    states.is_active[:] = True
     recording.frame(starts={0: recording.start}, bubbles=states)
     recording.step(2, bubbles=states)
     states.pose[0, 1] = 5.0, -2.0, 0.25
     recording.step(2, bubbles=states)
-    states.is_active[0, 0] = False
+    states.is_active[0, 0], states.at_limit[0, 1] = False, 2
     recording.step(2, bubbles=states)
     episode = recording.read()
     assert rows(episode, "bubbles") == [
-        {"bubble": 0, "id": "stays", "actor": "keeper", "followed": ""},
-        {"bubble": 1, "id": "travels", "actor": "boids", "followed": "bus"},
+        {"bubble": 0, "id": "stays", "actor": "keeper", "followed": ""} | dict.fromkeys(COUNTS, 0),
+        {"bubble": 1, "id": "travels", "actor": "boids", "followed": "bus"}
+        | dict.fromkeys(COUNTS, 0)
+        | {"at_limit": 2},
     ]
     rings = rows(episode, "bubble_rings")
     assert [(ring["bubble"], ring["is_margin"]) for ring in rings] == [

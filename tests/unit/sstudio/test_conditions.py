@@ -112,6 +112,24 @@ def test_abstract_conditions_do_not_combine(abstract):
             combine()
 
 
+@pytest.mark.parametrize("value", [True, None, "rush hour"])
+def test_what_is_no_condition_does_not_combine(value):
+    for combine in (
+        lambda: ALWAYS & value,
+        lambda: ALWAYS.implication(value),
+        lambda: t.NegatedCondition(value),
+        lambda: t.ConditionTrigger(value, 1),
+        lambda: t.ExpireTrigger(value, 1),
+    ):
+        with pytest.raises(TypeError, match=repr(value)):
+            combine()
+
+
+def test_speeds_in_order():
+    with pytest.raises(ValueError, match="5"):
+        t.VehicleSpeedCondition(5, 4)
+
+
 class TestTriggers:
     def test_holds_for_good_once_met(self):
         trigger = t.TimeWindowCondition(2, 5).trigger(delay_seconds=0)

@@ -280,6 +280,18 @@ WRONG = {
         "bubbles[0].follow_actor_id",
         "'social-agent-all-agnt'",
     ),
+    "social agent that a condition looks for": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent,"
+        ' active_condition=-t.DependeeActorCondition("social-agent-all-agnt"))]',
+        "bubbles[0].active_condition.actor_id",
+        "'social-agent-all-agnt'",
+    ),
+    "vehicle type of a condition": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent,"
+        ' airlock_condition=t.TimeWindowCondition(0, 9) & -t.VehicleTypeCondition("spaceship"))]',
+        "bubbles[0].airlock_condition.vehicle_type",
+        "'spaceship'",
+    ),
     "offset of a bubble that travels": (
         "bubbles=[t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent, follow_offset=(0,),"
         ' follow_vehicle_id="car")]',

@@ -202,3 +202,8 @@ def test_modules_beside_a_scenario_are_found_by_their_path(tmp_path):
     assert "raising.py" in caught.value.place
     with pytest.raises(OwnCodeError):
         make_spec("scenarios.sumo.3lane.agent_prefabs:stopped-v0")
+    copied = tmp_path / "copies" / "3lane"
+    copied.mkdir(parents=True)
+    (copied / "agent_prefabs.py").write_text(MODULE)
+    search(copied)
+    assert make_agent("scenarios.sumo.3lane.agent_prefabs:stopped-v0")[0].brake == 0.5

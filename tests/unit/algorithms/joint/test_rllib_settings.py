@@ -13,6 +13,7 @@ from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.callbacks.callbacks import RLlibCallback
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.utils.metrics.metrics_logger import DEFAULT_STATS_CLS_LOOKUP
+from rigs import takes
 
 import algorithms
 from algorithms.errors import SpaceError, UnknownSettingError
@@ -269,11 +270,14 @@ def test_recurrent_policies_are_built_and_evaluated_by_rllib(build, name):
 
 
 LEARN = {"learning_starts": 32, "batch_size": 16, "capacity": 500}
+CLIPPED = ["ppo", "centralised_v", "happo", "recurrent_ippo", "recurrent_mappo", "mat"]
 OFF_POLICY = [n for n in algorithms.names() if "capacity" in algorithms.entry(n).settings.model_fields]
 
 
 @pytest.mark.usefixtures("cluster")
-@pytest.mark.parametrize("name", [n for n in algorithms.names() if n != "networked_q"])
+@pytest.mark.parametrize(
+    "name", [n for n in algorithms.names() if n != "networked_q" and takes(n, sharing="none")]
+)
 def test_policies_that_are_not_to_be_trained_stay_as_they_are(build, name):
     config = small(name, Cues, sharing="none", **(LEARN if name in OFF_POLICY else {}))
     if "normalize_values" in config.setting_names:
@@ -400,8 +404,10 @@ def test_a_networks_own_learning_rate_counts_and_other_overrides_are_refused(bui
 @pytest.mark.usefixtures("cluster")
 def test_results_hold_what_users_look_for(build, name):
     config = small(name, Cues, **(LEARN if name in OFF_POLICY else {}))
-    results = train(build(config.training(sharing="none")), 4)["learners"]
-    clipped = name in ("ppo", "centralised_v")
+    apart = takes(name, sharing="none")
+    results = train(build(config.training(sharing="none" if apart else "all")), 4)["learners"]
+    policies = ("agent_0", "agent_1") if apart else ("shared",)
+    clipped = name in CLIPPED
     wanted = {"gradient_norm"}
     if name not in OFF_POLICY:
         wanted |= {"policy_loss", "entropy", "explained_variance"}
@@ -409,14 +415,14 @@ def test_results_hold_what_users_look_for(build, name):
         wanted |= {"kl", "clip_fraction"}
     if name in ("maac", "maddpg", "mf_ac"):
         wanted |= {"policy_loss"}
-    for agent in ("agent_0", "agent_1"):
+    for agent in policies:
         assert wanted <= results[agent].keys()
         assert clipped == ("kl" in results[agent])
         assert all(np.isfinite(results[agent][key]) for key in wanted)
     if clipped:
-        assert results["agent_0"]["kl"] >= 0
-        assert 0 <= results["agent_0"]["clip_fraction"] <= 1
-        assert results["agent_0"]["explained_variance"] <= 1
+        assert results[policies[0]]["kl"] >= 0
+        assert 0 <= results[policies[0]]["clip_fraction"] <= 1
+        assert results[policies[0]]["explained_variance"] <= 1
 
 
 @pytest.mark.usefixtures("cluster")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from rigs import takes
 
 import algorithms
 from algorithms.joint.env import MEMORY
@@ -38,8 +39,10 @@ def policy_of(algo, agent):
     return algo.get_module(group.id)
 
 
-@pytest.mark.parametrize("sharing", ["all", "none"])
-@pytest.mark.parametrize("name", algorithms.names())
+@pytest.mark.parametrize(
+    ("name", "sharing"),
+    [(name, kind) for name in algorithms.names() for kind in ("all", "none") if takes(name, sharing=kind)],
+)
 def test_every_algorithm_serves_observations_of_single_agents(build, name, sharing):
     algo = build(name, sharing=sharing)
     algo.train()

@@ -1,0 +1,176 @@
+"""MAT: what is heard, acting in turn equals learning at once, and thieves that choose the same door."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+import torch
+from gymnasium.spaces import Box
+from rigs import Rig
+
+import algorithms
+from algorithms.errors import SpaceError
+from algorithms.joint.batch import GroupView, encode
+from algorithms.parts.attention import MultiHeadAttention
+from algorithms.parts.distributions import Exploration
+from tests.games.doors import Doors
+from tests.games.games import Cues, Game, Ragged, Target
+
+GONE = 1
+
+
+def network(rows=6, agents=3):
+    """Return MAT's network for three agents, and what they see: one of them is gone in the first rows."""
+    net = Rig("mat", Ragged, blocks=2, attention_heads=4).learner.net("shared")
+    seen = torch.randn(rows, agents, 3, requires_grad=True)
+    alive = torch.ones(rows, agents, dtype=torch.bool)
+    alive[: rows // 2, GONE] = False
+    return net, seen, GroupView({"": seen}, alive, None)
+
+
+def felt(outputs, source):
+    """Return which of the agents j in `source` (M, n, d) change the outputs of agent i, (M, i, j)."""
+    columns = [
+        (torch.autograd.grad(outputs[:, i].square().sum(), source, retain_graph=True)[0] != 0).any(-1)
+        for i in range(outputs.shape[1])
+    ]
+    return torch.stack(columns, 1)
+
+
+def test_an_agents_action_depends_on_the_actions_of_earlier_active_agents_only():
+    net, _, view = network()
+    actions = torch.rand(6, 3, 3, requires_grad=True)
+    outputs = net.decide(net.represent(view).detach(), actions, view.alive)
+    earlier = torch.ones(3, 3, dtype=torch.bool).tril(-1)
+    assert torch.equal(felt(outputs, actions), earlier & view.alive[:, None])
+
+
+def test_values_and_actions_depend_on_the_own_and_all_active_agents_observations():
+    net, seen, view = network()
+    wanted = view.alive[:, None] | torch.eye(3, dtype=torch.bool)
+    represented = net.represent(view)
+    assert torch.equal(felt(net.value(represented)[..., None], seen), wanted)
+    outputs = net.decide(represented, torch.zeros(6, 3, 3), view.alive)
+    reached = felt(outputs, seen)
+    there = view.alive.nonzero().T
+    assert torch.equal(reached[there[0], there[1]], wanted[there[0], there[1]])
+
+
+class Walls(Target):
+    """`Target` for agents that share a network of one kind of space."""
+
+
+@pytest.mark.parametrize("game", [Ragged, Walls])
+def test_learning_at_once_gives_the_probabilities_of_acting_one_after_another(game):
+    rig = Rig("mat", game, blocks=2, attention_heads=4)
+    rig.learner.update_joint(rig.rollout(32))
+    batch = rig.learner.prepare(rig.rollout(32))
+    ((group, own),) = batch.groups()
+    net = rig.learner.net(group.id)
+    outputs = net.decide(net.represent(own), encode(group, own.actions), own.alive)
+    policy = net.head.distribution(outputs, own.action_mask)
+    found = policy.log_prob(own.actions)
+    torch.testing.assert_close(found[own.alive], own.log_prob[own.alive], rtol=0, atol=1e-5)
+
+
+def test_probabilities_of_all_joint_actions_add_up_to_one_and_are_those_that_are_drawn():
+    rig = Rig("mat", Cues)
+    net = rig.learner.net("shared")
+    with torch.no_grad():
+        net.last[-1].weight.normal_()
+    every = torch.tensor(list(product(range(4), repeat=2)))
+    view = GroupView({"": torch.eye(4)[:2].expand(16, 2, 4)}, torch.ones(16, 2, dtype=torch.bool), None)
+    with torch.no_grad():
+        outputs = net.decide(net.represent(view), encode(net.group, every), view.alive)
+        joint = net.head.distribution(outputs, None).log_prob(every).sum(1).exp()
+        count = 20_000
+        many = GroupView(
+            {"": torch.eye(4)[:2].expand(count, 2, 4)}, torch.ones(count, 2, dtype=torch.bool), None
+        )
+        generator = torch.Generator().manual_seed(0)
+        (drawn,) = type(net).act_jointly([net], [many], Exploration(), generator)
+    assert joint.sum().item() == pytest.approx(1, abs=1e-5)
+    shares = torch.bincount(drawn.actions @ torch.tensor([4, 1]), minlength=16) / count
+    assert ((shares - joint).abs() < 5 * (joint * (1 - joint) / count).sqrt() + 1e-4).all()
+
+
+def test_attention_is_that_of_torch():
+    ours, theirs = MultiHeadAttention(8, 2), torch.nn.MultiheadAttention(8, 2, batch_first=True)
+    with torch.no_grad():
+        theirs.in_proj_weight.copy_(torch.cat([x.weight for x in (ours.query, ours.key, ours.value)]))
+        theirs.in_proj_bias.copy_(torch.cat([x.bias for x in (ours.query, ours.key, ours.value)]))
+        theirs.out_proj.weight.copy_(ours.join.weight)
+        theirs.out_proj.bias.copy_(ours.join.bias)
+        queries, places = torch.randn(5, 4, 8), torch.randn(5, 4, 8)
+        heard = torch.ones(4, 4, dtype=torch.bool).tril()
+        expected = theirs(queries, places, places, attn_mask=~heard, need_weights=False)[0]
+        torch.testing.assert_close(ours(queries, places, heard), expected, rtol=1e-5, atol=1e-6)
+
+
+def test_the_loss_is_the_clipped_surrogate_the_values_error_and_the_entropy(monkeypatch):
+    settings = {"clip": 0.1, "entropy_coeff": 0.03, "value_coeff": 0.5, "normalize_values": False}
+    rig, losses = Rig("mat", Ragged, **settings), []
+    rig.learner.update_joint(rig.rollout(32))
+    batch = rig.learner.prepare(rig.rollout(32))
+    batch = type(batch)(
+        **{**vars(batch), "log_prob": batch.log_prob + 0.3 * torch.randn(batch.log_prob.shape)}
+    )
+    monkeypatch.setattr(rig.learner, "step_optimizer", lambda loss, *modules: losses.append((loss, modules)))
+    rig.learner.update_minibatch(batch)
+    ((group, own),) = batch.groups()
+    net, total, there = rig.learner.net("shared"), 0.0, 0
+    with torch.no_grad():
+        represented = net.represent(own)
+        outputs = net.decide(represented, encode(group, own.actions), own.alive)
+        shares, values = outputs.softmax(-1), net.value(represented)
+        for m, i in own.alive.nonzero().tolist():
+            ratio = (shares[m, i, own.actions[m, i]].log() - own.log_prob[m, i]).exp()
+            gain = own.advantages[m, i]
+            clipped = min(ratio * gain, ratio.clamp(0.9, 1.1) * gain)
+            entropy = -(shares[m, i] * shares[m, i].log()).sum()
+            total += -clipped - 0.03 * entropy + 0.5 * (values[m, i] - own.targets[m, i]) ** 2
+            there += 1
+    ((loss, modules),) = losses
+    assert modules == ("shared",)
+    assert loss.item() == pytest.approx((total / there).item(), rel=1e-4)
+
+
+class Two(Game):
+    """Agents with different observations."""
+
+    def __init__(self, config=None):
+        super().__init__()
+        self.observation_spaces["agent_1"] = Box(-1.0, 1.0, (2,), np.float32)
+
+
+def test_agents_with_different_spaces_and_separate_networks_are_refused():
+    with pytest.raises(SpaceError, match=r"'mat'.*'agent_0' and 'agent_1'"):
+        Rig("mat", Two)
+    with pytest.raises(ValueError, match=r"^sharing='none'"):
+        algorithms.config("mat").training(sharing="none").validate()
+    with pytest.raises(ValueError, match="attention_heads=5"):
+        algorithms.config("mat").training(attention_heads=5).validate()
+
+
+def doors_score(name, seed, updates=60):
+    """Return how often thieves that draw their actions choose the same new door."""
+    own = {"blocks": 1} if name == "mat" else {"sharing": "all"}
+    rig = Rig(name, Doors, seed=seed, gamma=0.0, lr=3e-3, entropy_coeff=0.03, minibatch_size=None, **own)
+    for _ in range(updates):
+        rig.learner.update_joint(rig.rollout(64))
+    return rig.rollout(1000).rewards.mean()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_thieves_that_see_the_firsts_choice_are_random_and_equal(seed):
+    """3/4; 1/4 where actions are independent."""
+    assert doors_score("mat", seed) > 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("name", ["ppo", "centralised_v", "commnet"])
+def test_thieves_that_choose_independently_are_not(name, seed):
+    """The baselines that must fail: 1/4 at most, plus three standard errors of 2,000 steps."""
+    assert doors_score(name, seed) < 0.25 + 3 * 0.43 / 2000**0.5

@@ -1,0 +1,65 @@
+"""Agents that drive the egos of the benchmark's test: in process and at an address."""
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from benchmark.cli import app
+from benchmark.running.evaluate_agent import evaluate_agent
+from smarts.agents.hosting.options import HostError
+from smarts.errors import SmartsError
+from tests.unit.agents.test_addresses import kit_agent, served
+
+DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:misbehaving-v0"
+TEST = {"scenarios": ["intersection"], "traffic": "no_social_vehicles", "episodes": 2, "agents": 2}
+
+
+@pytest.mark.slow
+def test_an_agent_at_an_address_scores_exactly_what_it_scores_in_process(tmp_path):
+    here = evaluate_agent(DRAWING, **TEST, out=tmp_path)
+    assert len(here) == 4
+    with served("-m", "benchmark.cli", "serve", DRAWING, "--address", "127.0.0.1:0") as address:
+        there = evaluate_agent(address, **TEST)
+    columns = [name for name in here.columns if name != "algorithm"]
+    pd.testing.assert_frame_equal(here[columns], there[columns], check_exact=True)
+
+
+@pytest.mark.slow
+def test_an_agent_of_the_kit_is_evaluated(tmp_path):
+    with kit_agent(tmp_path) as address:
+        assert len(evaluate_agent(address, **{**TEST, "episodes": 1})) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["leave", "raise_error", "answer_too_few"])
+def test_an_agent_that_fails_has_no_score(how):
+    command = ("-m", "benchmark.cli", "serve", MISBEHAVING, "--address", "127.0.0.1:0", "--set", f"how={how}")
+    with served(*command) as address, pytest.raises(HostError) as raised:
+        evaluate_agent(address, **TEST)
+    assert address in raised.value.place
+
+
+@pytest.mark.parametrize("locator", ["tests.hosted_agents:describing-v0", "no-such-v0", "tcp://127.0.0.1:1"])
+def test_agents_that_cannot_be_evaluated_are_errors(locator):
+    with pytest.raises(SmartsError):
+        evaluate_agent(locator, **TEST)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["evaluate"],
+        ["evaluate", "a_run", "--agent", "idm-v0"],
+        ["evaluate", "--agent", "idm-v0"],
+        ["serve", "idm-v0", "--address", "nowhere"],
+        ["serve", "idm-v0", "--address", "0.0.0.0:0"],
+        ["serve", "tests.hosted_agents:describing-v0", "--address", "127.0.0.1:0"],
+        ["zoo", "install", "idm-v0"],
+        ["zoo", "install", "no-such-v0"],
+    ],
+)
+def test_wrong_commands_end_with_exit_code_2(arguments):
+    ended = CliRunner().invoke(app, arguments)
+    assert ended.exit_code == 2 or (
+        isinstance(ended.exception, SmartsError) and ended.exception.exit_code == 2
+    )

@@ -1,0 +1,132 @@
+"""What infos and records say of bubbles that look for names that never appear, in every environment."""
+
+import numpy as np
+import pytest
+
+from smarts.agents.benchmark import benchmark_interface
+from smarts.env import (
+    HiWayEnv,
+    RLlibHiWayEnv,
+    SingleHiWayEnv,
+    SingleHiWayVectorEnv,
+    VectorHiWayEnv,
+    hiway_parallel_env,
+)
+from smarts.sim.assembly import Options
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+from smarts.types.bubbles import COUNTS
+from tests.unit.sstudio import sources
+
+SCENARIO = """
+bubbles=[
+    t.Bubble(t.PositionalZone((0, 0), (9, 9)), t.SocialAgentActor("idm", "smarts.zoo:idm-v0"), id="lost",
+        follow_actor_id="nobody", follow_offset=(0, 9)),
+    t.Bubble(t.PositionalZone((0, 0), (9, 9)), t.SocialAgentActor("idm", "smarts.zoo:idm-v0"), id="waits",
+        active_condition=-t.DependeeActorCondition("nothing"),
+        airlock_condition=t.DependeeActorCondition("nothing")),
+],
+ego_missions=[t.Mission(south_north)],
+"""
+MISSING = {"lost": 1, "waits": 1}
+ME = {"me": benchmark_interface(max_episode_steps=40)}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = sources.write_cross(tmp_path_factory.mktemp("names"))
+    (folder / "scenario.py").write_text(sources.scenario(SCENARIO))
+    return folder
+
+
+def missing(info):
+    """Return how many names each bubble misses; nothing else has happened in them."""
+    assert all({*counts} == {*COUNTS} for counts in info["bubbles"].values())
+    others = [counts[name] for counts in info["bubbles"].values() for name in COUNTS[:-1]]
+    assert not any(others)
+    return {bubble: counts["never_appeared"] for bubble, counts in info["bubbles"].items()}
+
+
+def by_name(make):
+    def infos(folder):
+        env = make([folder], ME)
+        try:
+            yield env.reset(seed=1)[1]["me"]
+            yield env.step({"me": 0})[-1]["me"]
+        finally:
+            env.close()
+
+    return infos
+
+
+def single(folder):
+    env = SingleHiWayEnv([folder], ME["me"])
+    try:
+        yield env.reset(seed=1)[1]
+        yield env.step(0)[-1]
+    finally:
+        env.close()
+
+
+def arrays(folder):
+    env = VectorHiWayEnv(2, [folder], ME)
+    try:
+        step = env.reset(1)
+        yield from step.social_infos.values()
+        was_reset = False
+        while not was_reset:
+            step = env.step([np.zeros((2, 1), int)])
+            was_reset = step.reset.all()
+            assert [*step.social_infos] == [0, 1]
+            yield from step.social_infos.values()
+    finally:
+        env.close()
+
+
+def single_arrays(folder):
+    env = SingleHiWayVectorEnv(2, [folder], ME["me"])
+    try:
+        infos = env.reset(seed=1)[1]
+        ended = 0
+        while not ended:
+            assert infos["_bubbles"].all()
+            yield from ({"bubbles": each} for each in infos["bubbles"])
+            infos = env.step(np.zeros(2, int))[-1]
+            ended = np.count_nonzero(infos.get("_final_info", ()))
+        assert ended == 2
+        assert "bubbles" not in infos
+        yield from ({"bubbles": each} for each in infos["final_info"]["bubbles"])
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize(
+    "play",
+    [
+        by_name(HiWayEnv),
+        by_name(hiway_parallel_env),
+        by_name(lambda scenarios, agents: RLlibHiWayEnv({"scenarios": scenarios, "agents": agents})),
+        single,
+        arrays,
+        single_arrays,
+    ],
+    ids=["HiWayEnv", "PettingZoo", "RLlib", "SingleHiWayEnv", "VectorHiWayEnv", "SingleHiWayVectorEnv"],
+)
+def test_infos_of_every_environment_count_what_never_appeared(folder, play):
+    infos = [*play(folder)]
+    assert len(infos) >= 2
+    assert all(missing(info) == MISSING for info in infos)
+
+
+def test_the_record_counts_what_never_appeared(folder, tmp_path):
+    env = SingleHiWayEnv([folder], ME["me"], simulation=Options(record=tmp_path / "episodes"))
+    try:
+        env.reset(seed=1)
+        is_over = False
+        while not is_over:
+            *_, terminated, truncated, _ = env.step(0)
+            is_over = terminated or truncated
+    finally:
+        env.close()
+    table = RecordedEpisode(episodes_in(tmp_path / "episodes")[0]).table("bubbles")
+    assert dict(zip(table["id"], table["never_appeared"].tolist(), strict=True)) == MISSING
+    assert not table["taken"].any()

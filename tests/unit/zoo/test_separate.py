@@ -1,0 +1,177 @@
+"""Agents with environments of their own, whose dependencies exclude each other."""
+
+import subprocess
+import sys
+import zipfile
+from contextlib import closing
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+
+from smarts.agents.hosting.options import HostError
+from smarts.env.vector import VectorHiWayEnv
+from smarts.errors import SmartsError
+from smarts.zoo import find_entry, make_agent, make_spec
+from smarts.zoo.kit_wheel import build_wheel
+from smarts.zoo.registry import add_folder
+from smarts.zoo.separate import install
+from tests.unit.env.test_hosts import nothing_is_left, steps  # noqa: F401
+
+MODULE = """
+import conflicted
+from smarts_agent_kit import BatchAgent
+
+class Conflicted(BatchAgent):
+    interface = {{"action": "Lane", "vehicle_model": "kinematic"}}
+    observation = ["speed"]
+
+    def __init__(self, wanted="{version}"):
+        assert conflicted.VERSION == wanted, conflicted.VERSION
+
+    def act(self, batch):
+        return [0] * len(batch.env_id)
+"""
+PROJECT = """
+[project]
+name = "conflicted-{version}"
+version = "1.0"
+description = "Needs version {version}."
+requires-python = "{python}"
+dependencies = ["conflicted=={version}"]
+[project.entry-points."smarts.zoo"]
+"conflicted-{version}-v0" = "conflicted_{version}:Conflicted"
+"""
+
+
+def write_wheel(folder, name, version, files):
+    """Write a wheel for the tests."""
+    about = {
+        "METADATA": f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n",
+        "WHEEL": "Wheel-Version: 1.0\nGenerator: tests\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        "RECORD": "",
+    }
+    files = {**files, **{f"{name}-{version}.dist-info/{file}": text for file, text in about.items()}}
+    with zipfile.ZipFile(folder / f"{name}-{version}-py3-none-any.whl", "w") as archive:
+        for file, text in files.items():
+            archive.writestr(file, text)
+
+
+@pytest.fixture
+def zoo(tmp_path, monkeypatch):
+    """An empty zoo, and an index of packages without a network."""
+    index = tmp_path / "index"
+    index.mkdir()
+    for version in "123":
+        write_wheel(index, "conflicted", version, {"conflicted.py": f"VERSION = {version!r}\n"})
+    for package in (np, msgpack):  # those of this environment, so that nothing is downloaded
+        place = Path(package.__file__).parents[1]
+        write_wheel(index, package.__name__, "9.9", {f"{package.__name__}_of_tests.pth": f"{place}\n"})
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(index))
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:/usr/bin:/bin")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("SMARTS_ZOO", str(tmp_path / "zoo.yaml"))
+    return tmp_path
+
+
+def project(zoo, version, python=">=3.10", dependency=None):
+    """Write an agent's project, add it to the zoo, and return its name."""
+    folder = zoo / f"agent_{version}"
+    folder.mkdir()
+    (folder / f"conflicted_{version}.py").write_text(MODULE.format(version=version))
+    text = PROJECT.format(version=version, python=python)
+    (folder / "pyproject.toml").write_text(text.replace("conflicted==", dependency or "conflicted=="))
+    (entry,) = add_folder(folder)
+    return entry.name
+
+
+def built(zoo):
+    root = zoo / "cache" / "smarts-bench" / "agents"
+    return {each.name for each in root.glob("*") if each.is_dir()}
+
+
+@pytest.mark.slow
+def test_three_agents_with_conflicting_dependencies_drive_in_one_scene(zoo):
+    names = [project(zoo, version) for version in "123"]
+    for name in names:
+        with pytest.raises(HostError):
+            make_spec(name)
+        folder = install(find_entry(name))
+        before = (folder / ".complete").stat().st_mtime_ns
+        assert install(find_entry(name)) == folder
+        assert (folder / ".complete").stat().st_mtime_ns == before
+    assert "conflicted" not in sys.modules
+    social = [{"agent": name} for name in names]
+    with closing(VectorHiWayEnv(1, ["intersection"], 1, social_agents=social)) as env:
+        env.reset()
+        assert len(env._runner._requests._host.links) == 3
+        for result in steps(env, 5):
+            assert not result.social_failures
+    with pytest.raises(HostError):
+        make_spec(names[0], wanted="2")
+    agent, _ = make_agent(names[0], wanted="1")
+    agent.close()
+
+
+@pytest.mark.slow
+def test_the_kit_runs_with_numpy_and_msgpack_alone(zoo, tmp_path):
+    folder = install(find_entry(project(zoo, "1")))
+    python = folder / "bin" / "python"
+    show = "import sys, smarts_agent_kit.service, smarts_agent_kit.server; print(smarts_agent_kit.__file__); "
+    show += "print([name for name in ('numba', 'ray', 'libsumo', 'smarts') if name in sys.modules])"
+    lines = subprocess.run([python, "-I", "-c", show], capture_output=True, text=True, check=True).stdout
+    place, loaded = lines.splitlines()
+    assert Path(place).is_relative_to(folder)
+    assert loaded == "[]"
+    show = "from importlib.metadata import files; kit = files('smarts_agent_kit'); "
+    show += "print(all(each.locate().exists() for each in kit))"
+    command = [python, "-I", "-c", show]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "True\n"
+
+
+def test_equal_kits_are_equal_wheels(tmp_path):
+    one, two = (build_wheel(folder).read_bytes() for folder in (tmp_path, tmp_path))
+    assert one == two
+
+
+@pytest.mark.slow
+def test_dependencies_that_cannot_be_had_leave_nothing(zoo):
+    name = project(zoo, "1", dependency="no-such-package==")
+    with pytest.raises(HostError) as raised:
+        install(find_entry(name))
+    assert "no-such-package" in raised.value.problem
+    assert built(zoo) == set()
+
+
+def test_a_python_that_does_not_fit_is_an_error_before_anything_is_built(zoo):
+    name = project(zoo, "1", python="<3.8")
+    with pytest.raises(HostError):
+        install(find_entry(name))
+    with pytest.raises(HostError):
+        install(find_entry(name), "/no/such/python")
+    assert built(zoo) == set()
+
+
+def test_an_agent_without_a_project_has_no_environment(zoo):
+    with pytest.raises(HostError):
+        install(find_entry("idm-v0"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[project",
+        "[project]\nname = 'x'",
+        "[project]\nname = 'x'\n[project.entry-points.'smarts.zoo']\n'x' = 'a:B'",
+        "[project]\nname = 'x'\n[project.entry-points.'smarts.zoo']\n'x-v0' = 'no place'",
+    ],
+)
+def test_projects_that_name_no_agent_are_errors(zoo, text):
+    folder = zoo / "broken"
+    folder.mkdir()
+    (folder / "pyproject.toml").write_text(text)
+    with pytest.raises(SmartsError):
+        add_folder(folder)
