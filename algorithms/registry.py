@@ -226,6 +226,15 @@ ALGORITHMS: dict[str, Entry] = {
         "team value as a monotone function of values",
         recurrent=True,
     ),
+    "maven": Entry(
+        "algorithms.maven:MAVENConfig",
+        settings.MAVENSettings,
+        _CTDE,
+        "M3",
+        _DISCRETE,
+        "QMIX committed to a latent for each episode",
+        recurrent=True,
+    ),
     "qtran": Entry(
         "algorithms.qtran:QTRANConfig",
         settings.QTRANSettings,
