@@ -34,7 +34,9 @@ def games() -> dict[str, Callable[[int], Any]]:
     games, pg, maac, field, networked, commnet, recurrence, kinds = (
         importlib.import_module(f"test_{name}") for name in names
     )
-    coma, qtran, bicnet = (importlib.import_module(f"test_{name}") for name in ("coma", "qtran", "bicnet"))
+    coma, qtran, bicnet, maven = (
+        importlib.import_module(f"test_{name}") for name in ("coma", "qtran", "bicnet", "maven")
+    )
     happo, memories, mat, opponents = (
         importlib.import_module(f"test_{name}") for name in ("happo", "recurrent_ppo", "mat", "opponents")
     )
@@ -55,6 +57,7 @@ def games() -> dict[str, Callable[[int], Any]]:
         "commnet levers": commnet.levers_score,
         **{f"{name} shares": partial(coma.shares_score, name=name) for name in ("coma", "centralised_v")},
         **{f"{name} mirror": partial(bicnet.mirror_score, name=name) for name in ("bicnet", "maddpg")},
+        **{f"{name} committed": partial(maven.committed_score, name=name) for name in ("maven", "qmix")},
         "qtran matrix": qtran.matrix_score,
         "qtran matrix, alt": partial(qtran.matrix_score, variant="alt"),
         **{f"{name} matrix": partial(qtran.matrix_score, name=name) for name in ("vdn", "qmix")},
