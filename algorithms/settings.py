@@ -384,7 +384,7 @@ class MAVENSettings(QMIXSettings):
 
     latents: Annotated[int, Field(ge=2, le=WIDEST)] = 16
     """Number of values of the latent that an episode commits to."""
-    lambda_mi: NotNegative = 0.1
+    lambda_mi: NotNegative = 0.5
     """Weight of the mutual information between latent and behaviour."""
     latent_entropy: NotNegative = 0.01
     """Weight of the entropy of the policy that draws latents, beside standardised returns."""
