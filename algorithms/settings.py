@@ -386,7 +386,7 @@ class MAVENSettings(QMIXSettings):
     """Number of values of the latent that an episode commits to."""
     lambda_mi: NotNegative = 0.5
     """Weight of the mutual information between latent and behaviour."""
-    latent_entropy: NotNegative = 0.01
+    latent_entropy: NotNegative = 0.2
     """Weight of the entropy of the policy that draws latents, beside standardised returns."""
 
 

@@ -196,7 +196,7 @@ COMMITTED = {
 COMMITTED |= {"epsilon": (1.0, 0.01), "epsilon_steps": 200, "tau": 0.02}
 
 
-def committed_score(seed, name="maven", steps=6_000, episodes=32, **settings):
+def committed_score(seed, name="maven", steps=8_000, episodes=32, **settings):
     """Return the team's mean return of greedy episodes."""
     rig = Rig(name, Committed, seed=seed, **{**COMMITTED, **settings})
     done = 0
