@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import shapely
@@ -14,6 +15,8 @@ from smarts.roads.lane_graph import LaneGraph, LaneKind
 Point = tuple[float, float]
 Link = tuple[tuple[str, int], tuple[str, int]]
 """A connection across the junction, from lane (edge, index) to lane (edge, index)."""
+Turn = tuple[str, str]
+"""A way across the junction of `crossing`, from arm to arm."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,9 @@ def bend(lanes: int = 2, radius: float = 30.0) -> LaneGraph:
     return graph_of({"bend": Road([(radius * math.cos(a), radius * math.sin(a)) for a in angles], lanes)})
 
 
-def crossing(length: float = 80.0, gap: float = 10.0) -> LaneGraph:
+def crossing(
+    length: float = 80.0, gap: float = 10.0, gives_way: Mapping[Turn, Sequence[Turn]] = MappingProxyType({})
+) -> LaneGraph:
     """Return a crossing of four arms with one lane per direction, 1.6 m off the axes, without U-turns.
 
     Arms are named by their position: "west_in" leads from the west to the junction at the origin, "east_out"
@@ -79,11 +84,20 @@ def crossing(length: float = 80.0, gap: float = 10.0) -> LaneGraph:
     links = [
         ((f"{begin}_in", 0), (f"{end}_out", 0)) for begin in directions for end in directions if begin != end
     ]
-    return graph_of(roads, links)
+    turns = [(begin, end) for begin in directions for end in directions if begin != end]
+    rules = {turns.index(turn): [*map(turns.index, first)] for turn, first in gives_way.items()}
+    return graph_of(roads, links, rules)
 
 
-def graph_of(roads: Mapping[str, Road], links: Sequence[Link] = ()) -> LaneGraph:
-    """Return the graph of some roads and of the connections across the junction between them."""
+def graph_of(
+    roads: Mapping[str, Road],
+    links: Sequence[Link] = (),
+    gives_way: Mapping[int, Sequence[int]] = MappingProxyType({}),
+) -> LaneGraph:
+    """Return the graph of some roads and of the connections across the junction between them.
+
+    `gives_way` lists, for connections by number, those that go first.
+    """
     lanes = [
         lane for number, (name, road) in enumerate(roads.items()) for lane in _lanes_of(name, number, road)
     ]
@@ -96,7 +110,9 @@ def graph_of(roads: Mapping[str, Road], links: Sequence[Link] = ()) -> LaneGraph
         lanes.append(_Lane(name, len(roads) + number, 0, way, 3.2, 10.0, LaneKind.CAR, inside=True))
         following[before].append(len(lanes) - 1)
         following[len(lanes) - 1].append(after)
-    return _graph(roads, lanes, following)
+    first = len(lanes) - len(links)
+    rules = {first + link: frozenset(first + other for other in others) for link, others in gives_way.items()}
+    return _graph(roads, lanes, following, rules)
 
 
 def _lanes_of(name: str, edge: int, road: Road) -> list[_Lane]:
@@ -138,7 +154,10 @@ def _connection(before: _Lane, after: _Lane) -> np.ndarray:
 
 
 def _graph(
-    roads: Mapping[str, Road], lanes: Sequence[_Lane], following: Sequence[Sequence[int]]
+    roads: Mapping[str, Road],
+    lanes: Sequence[_Lane],
+    following: Sequence[Sequence[int]],
+    gives_way: Mapping[int, frozenset[int]],
 ) -> LaneGraph:
     count = len(lanes)
     inside = np.array([lane.inside for lane in lanes])
@@ -161,6 +180,7 @@ def _graph(
             np.array([lane.kind for lane in lanes], np.int8),
             origin=_only(leading),
             target=_only(following),
+            gives_way=gives_way,
         )
     )
     outline = _outline([lane for lane in lanes if lane.inside])
@@ -196,6 +216,7 @@ def _graph(
         conflict_start=conflicts.start,
         conflict_lane=conflicts.lane,
         conflict_kind=conflicts.kind,
+        conflict_yields=conflicts.yields,
         conflict_extent=conflicts.extent,
         conflict_other_extent=conflicts.other_extent,
         edge_first_lane=first_lane,

@@ -222,6 +222,7 @@ def with_conflict(graph: LaneGraph, first: str, second: str, kind: ConflictKind)
         conflict_start=count,
         conflict_lane=np.array([high, low], np.int32),
         conflict_kind=np.full(2, int(kind), np.int8),
+        conflict_yields=np.zeros(2, np.int8),
         conflict_extent=np.array(whole),
         conflict_other_extent=np.array(whole[::-1]),
     )

@@ -14,7 +14,7 @@ from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_pa
 from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.lane_path import TRACKED_OFFSET, limit_speeds, write_reference
 from smarts.controllers.leaders import limit_by_leaders
-from smarts.controllers.stop_lines import limit_by_lights
+from smarts.controllers.stop_lines import limit_by_lights, limit_by_right_of_way
 from smarts.controllers.task_path import write_task_reference
 from smarts.controllers.tracking import SPEED_GAIN
 from smarts.geometry.binding import LateBound
@@ -119,7 +119,7 @@ def follow_lanes(
             if command_type == BY_NAME and int(values[b, a, 0]) == _SLOW:
                 _slow_down(points, speed)
             elif command_type == FALLBACK:
-                _limit_fallback(state, roads, b, a, routes.lane[row], s, points)
+                _limit_fallback(state, roads, routes, b, a, row, s, points)
             length[b, a] = len(points)
 
 
@@ -135,12 +135,15 @@ def _stand_if_lost(state: State, commands: Commands, b: int, a: int, row: int) -
 
 
 @kernel
-def _limit_fallback(state: State, roads: Roads, b: int, a: int, lane: int, s: float, points: Floats) -> None:
-    """Lower the speeds of a reference behind other vehicles and, if it comes from traffic, at red lights."""
+def _limit_fallback(
+    state: State, roads: Roads, routes: RouteTable, b: int, a: int, row: int, s: float, points: Floats
+) -> None:
+    """Lower a reference's speeds behind others and, for a vehicle of traffic, at lights and junctions."""
     slot = state.agents.slot[b, a]
     limit_by_leaders(state, b, slot, points)
     if state.vehicles.home[b, slot] != _NOBODY:
-        limit_by_lights(state, roads, b, slot, lane, s, points)
+        limit_by_lights(state, roads, b, slot, routes.lane[row], s, points)
+        limit_by_right_of_way(state, roads, routes, b, slot, row, s, points)
 
 
 @kernel

@@ -1,12 +1,13 @@
-"""Stops before red lights; used by `FallbackController`."""
+"""Stops before red lights and where others go first; used by `FallbackController`."""
 
 from __future__ import annotations
 
 from smarts.arrays import Floats
 from smarts.controllers.leaders import brake_to
 from smarts.geometry.compiling import kernel
-from smarts.roads.arrays import Roads
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
+from smarts.roads.right_of_way import gap_to_wait
 from smarts.types.traffic import Signal
 from smarts.types.world import State
 
@@ -40,3 +41,25 @@ def limit_by_lights(
     speed = max(vehicles.speed[b, slot], 0.0)
     if room >= 0.0 and speed * speed <= 2.0 * HARDEST * room:
         brake_to(points, room - GAP, 0.0)
+
+
+@kernel
+def limit_by_right_of_way(
+    state: State, roads: Roads, routes: RouteTable, b: int, slot: int, row: int, s: float, points: Floats
+) -> None:
+    """Lower a reference's speeds so that the vehicle waits at junctions for those that go first.
+
+    Args:
+        state: The state of the world.
+        roads: The maps' lanes.
+        routes: The agents' routes.
+        b: The simulation.
+        slot: The vehicle.
+        row: The row in `routes` of the lane that it steers for.
+        s: Position of its centre along the lane [m].
+        points: The reference, shape (R, 4), see `Commands`; its speeds are lowered.
+    """
+    room = gap_to_wait(state, roads, routes, b, slot, row, s)
+    speed = max(state.vehicles.speed[b, slot], 0.0)
+    if speed * speed <= 2.0 * HARDEST * room:
+        brake_to(points, room - min(GAP, 0.5 * room), 0.0)

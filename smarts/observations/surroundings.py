@@ -13,7 +13,6 @@ from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
 from smarts.observations.feature import Feature
-from smarts.observations.right_of_way import gap_to_junction
 from smarts.observations.way_ahead import (
     SIGHT,
     gap_behind,
@@ -23,8 +22,10 @@ from smarts.observations.way_ahead import (
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_ways import place_on_lane, row_of
+from smarts.roads.right_of_way import gap_to_wait
 from smarts.types.agent_states import ChangePhase
 from smarts.types.interface import Field
+from smarts.types.vehicles import Owner
 from smarts.types.world import State
 
 OWN_VEHICLE, LANE_TRAFFIC = "own_vehicle", "lane_traffic"
@@ -86,7 +87,8 @@ class Lane(enum.IntEnum):
     ALLOWED = 7
     """As `Own.ALLOWED` [m/s]."""
     END = 8
-    """Distance of the front bumper to where the lane ends and others do not [m], or infinite."""
+    """Distance of the front bumper to where the lane ends and others do not [m], or infinite; for a vehicle
+    that did not come from traffic also to where the road ends, unless its goal is before that."""
 
 
 # Numbers, for kernels.
@@ -95,7 +97,7 @@ _DEMANDED, _REMAINING, _LIGHT, _LIGHT_GAP, _YIELD_GAP, _OFFSET, _TURN = map(int,
 _OPEN, _AHEAD, _AHEAD_SPEED, _BEHIND, _BEHIND_SPEED, _BEHIND_DESIRED, _LEFT, _LANE_ALLOWED, _END = map(
     int, Lane
 )
-_ENDLESS = 0
+_ENDLESS, _NOBODY = 0, int(Owner.NOBODY)
 _NO_CHANGE = (int(ChangePhase.NONE), int(ChangePhase.SETTLED), int(ChangePhase.ABORTED))
 
 
@@ -168,16 +170,17 @@ def _write(
     point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
     turn = vehicles.heading[b, slot] - centre_at(roads, point, s)[2]
     own[_OFFSET], own[_TURN] = t, math.atan2(math.sin(turn), math.cos(turn))
-    light, light_gap = _write_lane(state, roads, routes, b, slot, row, s, route, lanes[0])
+    goal = _distance_to_goal(state, b, a)
+    light, light_gap = _write_lane(state, roads, routes, b, slot, row, s, route, goal, lanes[0])
     own[_ALLOWED], own[_LIGHT], own[_LIGHT_GAP] = lanes[0, _LANE_ALLOWED], light, light_gap
-    own[_YIELD_GAP] = gap_to_junction(state, roads, routes, b, slot, row, s)
+    own[_YIELD_GAP] = gap_to_wait(state, roads, routes, b, slot, row, s)
     for side in range(1, 3):
         other = int(roads.lane_left[lane] if side == 1 else roads.lane_right[lane])
         if other < 0 or roads.lane_kind[other] != roads.lane_kind[lane] or roads.lane_inside[lane]:
             continue
         other_row = row_of(routes, m, route, other, first_lane, hint)
         place, _ = place_on_lane(roads, other, x, y)
-        _write_lane(state, roads, routes, b, slot, other_row, place, route, lanes[side])
+        _write_lane(state, roads, routes, b, slot, other_row, place, route, goal, lanes[side])
     if own[_CHANGING] > 0.0 and here + first_lane != lane and not roads.lane_inside[here + first_lane]:
         # Until the change is complete, the leader in the lane that it leaves counts too.
         _keep_nearer(state, roads, routes, b, a, slot, here + first_lane, lanes[0])
@@ -198,6 +201,19 @@ def _write_vehicle(state: State, b: int, a: int, slot: int, own: Floats) -> None
 
 
 @kernel
+def _distance_to_goal(state: State, b: int, a: int) -> float:
+    """Return how far a vehicle may drive on its road [m]: to its goal, or infinitely off its route.
+
+    A vehicle from traffic leaves where the road ends: 0.
+    """
+    agents = state.agents
+    if state.vehicles.home[b, agents.slot[b, a]] != _NOBODY:
+        return 0.0
+    has_goal = state.missions.goal[b, a] != _ENDLESS and agents.on_route[b, a]
+    return agents.remaining[b, a] if has_goal else np.inf
+
+
+@kernel
 def _clear(lane: Floats) -> None:
     lane[:] = 0.0
     lane[_AHEAD] = lane[_BEHIND] = lane[_LEFT] = lane[_END] = np.inf
@@ -213,6 +229,7 @@ def _write_lane(
     row: int,
     s: float,
     route: int,
+    goal: float,
     out: Floats,
 ) -> tuple[int, float]:
     """Write a lane's numbers; return the next light on it and the gap to its line."""
@@ -220,7 +237,8 @@ def _write_lane(
     half = 0.5 * state.vehicles.length[b, slot]
     way = write_way(state, roads, routes, b, row, s, route, points)
     out[_OPEN] = 1.0
-    out[_LEFT], out[_END], out[_LANE_ALLOWED] = way.left - half, way.end - half, way.allowed
+    end = way.end if goal <= way.over else min(way.end, way.over)
+    out[_LEFT], out[_END], out[_LANE_ALLOWED] = way.left - half, end - half, way.allowed
     out[_AHEAD], out[_AHEAD_SPEED] = leader_on(state.vehicles, b, slot, points[: way.points])
     behind = gap_behind(
         state.vehicles, roads, b, slot, int(routes.lane[row]), s, state.vehicles.heading[b, slot]

@@ -17,7 +17,7 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.curves import curve_into, pose_along, sharpest_bend, stations_of
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_ways import place_on_lane, row_of
-from smarts.roads.turning import is_opposite, is_over_road
+from smarts.roads.turning import is_footprint_over_road, is_opposite
 from smarts.types.interface import Field
 from smarts.types.world import State
 
@@ -31,15 +31,17 @@ SHARPEST = 0.25
 """Largest curvature of a way round that cars can steer [1/m]."""
 LATERAL = 2.0
 """Lateral acceleration in the turn [m/s^2]."""
+SPARE = 0.4
+"""Added to the vehicle's width where the road has to be wide enough [m]."""
 
 
 class UTurnWays(Feature):
     """Points x, y, heading of the way along the lane and of the way round into the other direction.
 
     `lane_way`: every 2 m. `turn_way`: along a curve into the nearest lane of the other direction that cars
-    can steer into, and 20 m on in it; zeros where there is none. `turn_state`: speed in the turn [m/s], 0
-    where it cannot turn; gap to the next vehicle that comes in that lane [m], infinite for none; its speed
-    [m/s].
+    can steer into with their whole footprint on the road, and 20 m on in it; zeros where there is none.
+    `turn_state`: speed in the turn [m/s], 0 where it cannot turn; gap to the next vehicle that comes in that
+    lane [m], infinite for none; its speed [m/s].
     """
 
     in_vector = False
@@ -123,7 +125,8 @@ def _write_turn(state: State, roads: Roads, b: int, a: int, way: Floats, turn: F
         if s > 0.0 and room > SPACING and is_opposite(roads, begin[2], back, s):
             control = curve_into(roads, begin, back, s)
             bend = sharpest_bend(control, stations_of(control))
-            if bend <= SHARPEST and is_over_road(roads, m, control):
+            length, width = vehicles.length[b, slot], vehicles.width[b, slot] + SPARE
+            if bend <= SHARPEST and is_footprint_over_road(roads, m, control, length, width):
                 turn[0] = math.sqrt(LATERAL / bend)
                 _write_turn_way(roads, back, s, control, way)
                 heading = way[len(way) - LAST, 2]

@@ -49,6 +49,8 @@ class Way(NamedTuple):
     """The first red or amber light, a `Signal`; NONE for none."""
     light_distance: float
     """To its line; infinite for none."""
+    over: float
+    """To where the road ends; infinite if that is out of sight."""
 
 
 @kernel
@@ -89,7 +91,7 @@ def write_way(
                 left, end = min(left, begin + length), begin + length
             row = next_row(roads, routes, m, row, base)
             if row < 0:
-                return Way(i, left, end, allowed, light, light_distance)
+                return Way(i, left, end, allowed, light, light_distance, begin + length)
             begin += length
             lane = int(routes.lane[row])
             length = lane_length(roads, lane)
@@ -98,7 +100,7 @@ def write_way(
         while point < last and roads.point_s[point + 1] <= place - begin:
             point += 1
         points[i, 0], points[i, 1], points[i, 2] = centre_at(roads, point, place - begin)
-    return Way(len(points), left, end, allowed, light, light_distance)
+    return Way(len(points), left, end, allowed, light, light_distance, np.inf)
 
 
 @kernel

@@ -59,8 +59,10 @@ class AgentRoutes:
             MapError: A route has an unknown edge or a gap.
         """
         agents = self.number.shape[1]
-        self._maps[row] = map_number
-        self._routes[row] = [*map(tuple, routes), *[()] * (agents - len(routes))]
+        given = [*map(tuple, routes), *[()] * (agents - len(routes))]
+        if not self._spare and (map_number, given) == (self._maps[row], self._routes[row]):
+            return
+        self._maps[row], self._routes[row] = map_number, given
         self._tabulate()
 
     def assign_agent(self, row: int, agent_id: int, route: Sequence[str]) -> None:

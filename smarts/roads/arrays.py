@@ -45,6 +45,10 @@ class Roads(NamedTuple):
     """CSR of the conflicts of each lane, shape (L + 1,); see `LaneGraph.conflict_start`."""
     conflict_lane: Ints
     """The other lane, shape (C,)."""
+    conflict_kind: Bytes
+    """A `ConflictKind`, shape (C,)."""
+    conflict_yields: Bytes
+    """A `Yields`, shape (C,)."""
     conflict_extent: Floats
     """Extent of the overlap along the lane, from and to [m], shape (C, 2)."""
     conflict_other_extent: Floats

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from smarts.arrays import Bytes, Floats, Ints
-from smarts.roads.lane_graph import ConflictKind, LaneKind
+from smarts.roads.lane_graph import ConflictKind, LaneKind, Yields
 
 LEAST_OVERLAP = 0.25
 """Lanes that share less area than this only touch, as neighbours in a bend do [m^2]."""
@@ -32,6 +33,8 @@ class LaneAreas:
     """Road lane from which the junction is entered on this lane, -1 where there is none or several."""
     target: Ints
     """Road lane into which this lane leads in the end."""
+    gives_way: Mapping[int, frozenset[int]]
+    """The lanes to whose traffic a lane's has to give way; lanes that give way to none may be left out."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,7 @@ class Conflicts:
     start: Ints
     lane: Ints
     kind: Bytes
+    yields: Bytes
     extent: Floats
     other_extent: Floats
 
@@ -90,10 +94,20 @@ def _both_directions(a: NDArray, b: NDArray, extent: Floats, other: Floats, area
     lane, partner = np.concatenate((a, b)), np.concatenate((b, a))
     order = np.lexsort((partner, lane))
     counts = np.bincount(lane, minlength=len(areas.width))
+    yields = [
+        _yields(areas, *pair) for pair in zip(lane[order].tolist(), partner[order].tolist(), strict=True)
+    ]
     return Conflicts(
         start=np.concatenate(([0], np.cumsum(counts))).astype(np.int32),
         lane=partner[order].astype(np.int32),
         kind=np.tile(kind, 2)[order],
+        yields=np.array(yields, np.int8),
         extent=np.concatenate((extent, other))[order],
         other_extent=np.concatenate((other, extent))[order],
     )
+
+
+def _yields(areas: LaneAreas, lane: int, other: int) -> int:
+    this_waits = other in areas.gives_way.get(lane, ())
+    other_waits = lane in areas.gives_way.get(other, ())
+    return Yields.THIS * this_waits + Yields.OTHER * other_waits

@@ -23,7 +23,7 @@ from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import MapError, nearest_names
 from smarts.geometry.frames import wrap_angle
 
-FORMAT = 1
+FORMAT = 2
 """Format of the saved file; files of another format are rebuilt."""
 OPPOSITE = -0.7
 """Cosine of the angle between two lanes that lead in other directions, at most."""
@@ -53,6 +53,19 @@ class ConflictKind(enum.IntEnum):
     """They lead into different lanes."""
     MERGE = 1
     """They lead into the same lane."""
+
+
+class Yields(enum.IntEnum):
+    """Which traffic of two lanes that conflict has to give way, by signs and rules; lights come on top."""
+
+    NEITHER = 0
+    """The map does not say, as where two lanes merge like a zip."""
+    THIS = 1
+    """This lane's."""
+    OTHER = 2
+    """The other lane's."""
+    BOTH = 3
+    """Each to the other: all have to stop, the first to come goes first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +135,8 @@ class LaneGraph:
     """The other lane, shape (C,)."""
     conflict_kind: Bytes
     """A `ConflictKind`, shape (C,)."""
+    conflict_yields: Bytes
+    """A `Yields`, shape (C,)."""
     conflict_extent: Floats
     """Extent of the overlap along this lane, from and to [m], shape (C, 2)."""
     conflict_other_extent: Floats

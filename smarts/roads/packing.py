@@ -60,6 +60,8 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
         lane_dead_end=np.diff(stacked("successor_start")) == 0,
         conflict_start=stacked("conflict_start"),
         conflict_lane=raised("conflict_lane", lane_base),
+        conflict_kind=joined("conflict_kind"),
+        conflict_yields=joined("conflict_yields"),
         conflict_extent=joined("conflict_extent"),
         conflict_other_extent=joined("conflict_other_extent"),
         point_start=stacked("point_start"),

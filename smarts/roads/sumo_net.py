@@ -99,6 +99,7 @@ class _NetReader:
                 kind,
                 origin=_outside(inside, predecessor_start, predecessor),
                 target=_outside(inside, successor_start, successor),
+                gives_way=self._right_of_way(lane_junction, predecessor_start, predecessor),
             )
         )
         outlines = [*map(_outline, self.junctions)]
@@ -132,6 +133,7 @@ class _NetReader:
             conflict_start=conflicts.start,
             conflict_lane=conflicts.lane,
             conflict_kind=conflicts.kind,
+            conflict_yields=conflicts.yields,
             conflict_extent=conflicts.extent,
             conflict_other_extent=conflicts.other_extent,
             edge_first_lane=self.first_lane.astype(np.int32),
@@ -163,6 +165,31 @@ class _NetReader:
                 signal[target] = numbers[connection.attrib["tl"]]
                 signal_link[target] = int(connection.attrib["linkIndex"])
         return sorted(links), signal, signal_link, tuple(signal_ids)
+
+    def _right_of_way(self, inside: Ints, start: Ints, before: Ints) -> dict[int, frozenset[int]]:
+        """Return, for each lane in a junction, the lanes to whose traffic its own has to give way.
+
+        A junction numbers its links in the order of `intLanes`. A link with a waiting point has two lanes in
+        a row, of which the second one is listed.
+
+        Args:
+            inside: Junction of each lane, -1 for road lanes.
+            start: CSR of the lanes before each lane.
+            before: See `start`.
+        """
+        found: dict[int, frozenset[int]] = {}
+        for junction in self.junctions:
+            links = [
+                _with_first(self.lane_number[name], inside, start, before)
+                for name in junction.get("intLanes", "").split()
+            ]
+            for request in junction.iterfind("request"):
+                # The rightmost bit is that of link 0.
+                bits = reversed(request.attrib["response"])
+                others = [lanes for lanes, bit in zip(links, bits, strict=False) if bit == "1"]
+                for lane in links[int(request.attrib["index"])]:
+                    found[lane] = frozenset(each for lanes in others for each in lanes)
+        return found
 
     def _lane_at(self, edge: str, index: str) -> int:
         return int(self.first_lane[self.edge_number[edge]]) + int(index)
@@ -212,6 +239,15 @@ class _NetReader:
         return np.array(
             [self.junction_number.get(edge.element.get(end, ""), -1) for edge in self.edges], np.int32
         )
+
+
+def _with_first(lane: int, inside: Ints, start: Ints, before: Ints) -> list[int]:
+    """Return a lane inside a junction and those before it in the junction."""
+    lanes = [lane]
+    for each in lanes:
+        earlier = before[start[each] : start[each + 1]]
+        lanes += [int(one) for one in earlier if inside[one] >= 0 and int(one) not in lanes]
+    return lanes
 
 
 def _edge(element: ElementTree.Element) -> _Edge:

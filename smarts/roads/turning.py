@@ -12,7 +12,7 @@ from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.curves import PIECES, curve_into, pose_on
-from smarts.roads.footprints import is_on_road
+from smarts.roads.footprints import count_corners_on_road, is_on_road
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_graph import OPPOSITE
 from smarts.roads.waypoints import foot
@@ -35,6 +35,16 @@ def is_over_road(roads: Roads, world: int, control: Floats) -> bool:
     for i in range(PIECES + 1):
         x, y, _ = pose_on(control, i / PIECES)
         if not is_on_road(roads, world, x, y, _ROAD, True):
+            return False
+    return True
+
+
+@kernel
+def is_footprint_over_road(roads: Roads, world: int, control: Floats, length: float, width: float) -> bool:
+    """Return whether a footprint whose centre follows a curve stays on lanes and junctions of a map."""
+    for i in range(PIECES + 1):
+        x, y, heading = pose_on(control, i / PIECES)
+        if count_corners_on_road(roads, world, x, y, heading, length, width, _ROAD, True) < 4:
             return False
     return True
 

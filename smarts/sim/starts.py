@@ -124,7 +124,10 @@ def is_ahead(start: AgentStart) -> bool:
 def overlap(first: AgentStart, second: AgentStart) -> bool:
     """Return whether two agents' vehicles overlap when the episode begins."""
     are_there = all(start.entry_time <= 0 and not start.take_over for start in (first, second))
-    return are_there and bool(boxes_overlap(*_box(first), *_box(second)).any())
+    reach = 0.5 * (math.hypot(first.length, first.width) + math.hypot(second.length, second.width))
+    if not are_there or math.dist(first.pose[:2], second.pose[:2]) > reach:
+        return False
+    return bool(boxes_overlap(*_box(first), *_box(second)).any())
 
 
 def _box(start: AgentStart) -> tuple[NDArray, NDArray, NDArray]:

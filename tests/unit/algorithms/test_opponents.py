@@ -147,11 +147,11 @@ def test_agents_with_unequal_actions_model_each_other(name):
         assert (rho[..., other, count:] == 0).all()
 
 
-def known_rig(seed, steps=8_000):
+def known_rig(seed, steps=8_192):
     """Return a follower that has watched the leader for so many steps."""
-    rig = Rig("opponent_q", Known, seed=seed, **{**LEARN, "lr": 1e-3, "updates_per_step": 0.01})
-    for _ in range(steps // 256):
-        rig.learner.update_joint(rig.rollout(128, epsilon=1.0))
+    rig = Rig("opponent_q", Known, seed=seed, **{**LEARN, "updates_per_step": 0.01, "model_steps": 80})
+    for _ in range(steps // 1_024):
+        rig.learner.update_joint(rig.rollout(512, epsilon=1.0))
     return rig
 
 

@@ -10,6 +10,7 @@ from smarts.observations.surroundings import LANE_TRAFFIC, LEFT, OWN, OWN_VEHICL
 from smarts.types.agent_states import ChangePhase
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
+from smarts.types.vehicles import Owner
 from tests.maps import crossing, straight
 from tests.unit.observations.test_features import context_of
 from tests.worlds import Car, world_of
@@ -103,10 +104,11 @@ SOUTH = AgentMission(route=("south_in", "north_out"), goal=GoalKind.POSITION, go
 
 
 def wait_for(*cars, own_speed=8.0, own_y=-30.0, signals=()):
-    """Return what a vehicle sees that comes from the south."""
-    made = world_of([Car(1.6, own_y, math.pi / 2, own_speed, SOUTH), *cars], maps=[crossing()])
+    """Return what a vehicle sees that comes from the south and gives way to the west."""
+    graph = crossing(gives_way={("south", "north"): [("west", "east")]})
+    made = world_of([Car(1.6, own_y, math.pi / 2, own_speed, SOUTH), *cars], maps=[graph])
     for lane, light in signals:
-        made.world.signals[0, made.atlas.graphs[0].lane_ids.index(lane)] = light
+        made.world.signals[0, graph.lane_ids.index(lane)] = light
     return look(made)[0]
 
 
@@ -117,66 +119,10 @@ def crossing_lane(begin, end):
     return f":junction_{pairs.index((begin, end))}_0"
 
 
-def test_nobody_waits_at_an_empty_junction():
+def test_where_others_go_first():
+    """See tests/unit/roads/test_right_of_way.py."""
     assert wait_for()[Own.YIELD_GAP] == np.inf
-
-
-@pytest.mark.parametrize(
-    ("x", "speed", "waits"),
-    [(-30.0, 8.0, True), (-30.0, 0.2, False), (-89.0, 3.0, False), (-6.0, 0.0, False), (-0.5, 0.0, True)],
-)
-def test_a_vehicle_that_comes_at_the_same_time_goes_first(x, speed, waits):
-    """It comes from the west; not one that stands at its line or is far, but one that stands in the way."""
-    own = wait_for(Car(x, -1.6, 0.0, speed))
-    assert own[Own.YIELD_GAP] == (pytest.approx(17.5) if waits else np.inf)
-
-
-def test_of_two_agents_the_first_goes():
-    west = AgentMission(route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_position=(80.0, -1.6))
-    for x, waits in ((-25.0, True), (-35.0, False)):
-        own = wait_for(Car(x, -1.6, 0.0, 8.0, west))
-        assert np.isfinite(own[Own.YIELD_GAP]) == waits
-
-
-def test_who_turns_left_lets_oncoming_vehicles_by():
-    """An agent or not, and also if it comes a little later; with lights that are green for both, too."""
-    left = AgentMission(route=("south_in", "west_out"), goal=GoalKind.POSITION, goal_position=(-80.0, 1.6))
-    on = AgentMission(route=("north_in", "south_out"), goal=GoalKind.POSITION, goal_position=(-1.6, -80.0))
-    for mission_of_other in (None, on):
-        cars = [
-            Car(1.6, -30.0, math.pi / 2, 8.0, left),
-            Car(-1.6, 40.0, -math.pi / 2, 8.0, mission_of_other),
-        ]
-        made = world_of(cars, maps=[crossing()])
-        assert look(made)[0][Own.YIELD_GAP] == pytest.approx(17.5)
-        if mission_of_other:
-            other = ArrayObservation(context_of(made, agents=2), ["surroundings"])
-            assert other.observe(np.ones((1, 2), bool))[OWN_VEHICLE][0, 1, Own.YIELD_GAP] == np.inf
-
-
-def test_two_agents_that_stand_take_turns():
-    west = AgentMission(route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_position=(80.0, -1.6))
-    cars = [Car(1.6, -14.0, math.pi / 2, 0.0, SOUTH), Car(-14.0, -1.6, 0.0, 0.0, west)]
-    goes = []
-    for step in (0, 40, 80):
-        made = world_of(cars, maps=[crossing()])
-        made.world.step[:] = step
-        observation = ArrayObservation(context_of(made, agents=2), ["surroundings"])
-        seen = observation.observe(np.ones((1, 2), bool))[OWN_VEHICLE][0]
-        goes.append(np.isinf(seen[:, Own.YIELD_GAP]).tolist())
-    assert goes == [goes[0], goes[0][::-1], goes[0]]
-    assert sum(goes[0]) == 1
-
-
-def test_green_lights():
-    """The vehicle from the north turns left, across the way, or is held by a red light."""
-    straight_on, left = crossing_lane("south", "north"), crossing_lane("north", "east")
-    car = Car(-1.6, 30.0, -math.pi / 2, 8.0)
-    assert wait_for(car)[Own.YIELD_GAP] == np.inf, "the one that turns waits"
-    green = [(straight_on, Signal.GO), (left, Signal.GO)]
-    assert wait_for(car, signals=green)[Own.YIELD_GAP] == np.inf
-    red = [(straight_on, Signal.GO), (left, Signal.STOP)]
-    assert wait_for(car, signals=red)[Own.YIELD_GAP] == np.inf
+    assert wait_for(Car(-40.0, -1.6, 0.0, 10.0))[Own.YIELD_GAP] == pytest.approx(17.5)
 
 
 @pytest.mark.parametrize("light", [Signal.STOP, Signal.CAUTION])
@@ -185,12 +131,14 @@ def test_lights_that_stop(light):
     assert own[[Own.LIGHT, Own.LIGHT_GAP]] == pytest.approx([light, 17.5])
 
 
-def test_inside_the_junction_a_vehicle_waits_before_the_others_way():
-    """The ways overlap from about y = -3 on, and its front is at y = -6.5."""
-    car = Car(-14.0, -1.6, 0.0, 8.0)
-    gap = wait_for(car, own_y=-9.0, own_speed=3.0)[Own.YIELD_GAP]
-    assert 1.0 < gap < 4.0
-    assert wait_for(own_y=-9.0, own_speed=3.0)[Own.YIELD_GAP] == np.inf
+def test_a_road_that_ends():
+    """Traffic leaves there; an agent's own vehicle sees the end, unless its goal is before it."""
+    for goal, gap in (((190.0, 0.0), np.inf), ((10.0, 0.0), 200.0 - 150.0 - 2.5)):
+        made = world_of([Car(150.0, width(), 0.0, 7.0, mission("road", goal=goal))], maps=[straight()])
+        made.world.agents.on_route[0, 0] &= np.isinf(gap)
+        assert look(made)[1][OWN, Lane.END] == pytest.approx(gap)
+        made.world.vehicles.home[0, 0] = Owner.TRAFFIC
+        assert look(made)[1][OWN, Lane.END] == np.inf
 
 
 def test_a_leader_beyond_the_junction():

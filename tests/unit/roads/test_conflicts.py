@@ -5,7 +5,7 @@ import pytest
 import shapely
 import shapely.ops
 
-from smarts.roads.lane_graph import ConflictKind
+from smarts.roads.lane_graph import ConflictKind, Yields
 
 
 def through(graph, origin, target):
@@ -111,3 +111,54 @@ def test_ring_of_a_roundabout(graphs):
     ring = through(graph, "ring_south_0", "ring_east_0")
     kinds = {found[0] for a in entry for b in ring if (found := conflict(graph, a, b))}
     assert ConflictKind.MERGE in kinds
+
+
+def rules(graph, lane, other):
+    """Return the `Yields` of two lanes."""
+    rows = range(graph.conflict_start[lane], graph.conflict_start[lane + 1])
+    (row,) = [row for row in rows if graph.conflict_lane[row] == other]
+    return Yields(graph.conflict_yields[row])
+
+
+def test_a_turn_to_the_left_gives_way_to_oncoming_traffic(cross):
+    before, after = through(cross, "west_in_1", "north_out_1")
+    (oncoming,) = through(cross, "east_in_0", "west_out_0")
+    lane = after if conflict(cross, after, oncoming) else before
+    assert rules(cross, lane, oncoming) is Yields.THIS
+    assert rules(cross, oncoming, lane) is Yields.OTHER
+
+
+def test_entries_of_a_roundabout_give_way_to_the_ring(graphs):
+    graph = graphs["roundabout"]
+    entry = through(graph, "east_in_0", "ring_east_0")
+    ring = through(graph, "ring_south_0", "ring_east_0")
+    found = {rules(graph, a, b) for a in entry for b in ring if conflict(graph, a, b)}
+    assert found == {Yields.THIS}
+
+
+def connections_by_lane(net):
+    """Return, for each lane inside junctions, sumolib's connection whose traffic it carries, and its node."""
+    found = {}
+    for node in net.getNodes():
+        for edge in node.getIncoming():
+            for lane in edge.getLanes():
+                for connection in lane.getOutgoing():
+                    via = connection.getViaLaneID()
+                    while via:
+                        found[via] = node, connection
+                        via = net.getLane(via).getOutgoing()[0].getViaLaneID()
+    return found
+
+
+def test_right_of_way_is_that_of_sumo(graphs, sumo_nets):
+    """sumolib numbers the links of a junction in its own way, from the lanes that come in."""
+    for name, graph in graphs.items():
+        connections = connections_by_lane(sumo_nets[name])
+        owner = np.repeat(np.arange(len(graph.length)), np.diff(graph.conflict_start))
+        expected = []
+        for lane, partner in zip(owner, graph.conflict_lane, strict=True):
+            node, own = connections[graph.lane_ids[lane]]
+            _, other = connections[graph.lane_ids[partner]]
+            expected.append(Yields.THIS * node.forbids(other, own) + Yields.OTHER * node.forbids(own, other))
+        np.testing.assert_array_equal(graph.conflict_yields, expected, err_msg=name)
+        assert any(expected) or name == "curve"

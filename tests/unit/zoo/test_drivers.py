@@ -16,7 +16,7 @@ from smarts.zoo import make_agent, make_spec
 from smarts.zoo.agents.idm import IdmDriver
 from smarts.zoo.agents.keep_lane import NonInteractive
 from smarts.zoo.agents.mobil import MobilDriver
-from smarts.zoo.driving import DRIVER, HARDEST, Driver, Idm, Seen
+from smarts.zoo.driving import DRIVER, HARDEST, LINE_OVERLAP, Driver, Idm, Seen
 
 
 def seen_of(count=1, **own):
@@ -122,7 +122,7 @@ def test_red_lights_ends_of_lanes_and_others_at_junctions_stop_a_driver():
     driver = IdmDriver()
     wanted = driver.model.acceleration(8.0, 14.0, 20.0, 0.0)
     free = driver.model.acceleration(8.0, 14.0, np.inf, 0.0)
-    for changes in ({"light": Signal.STOP, "light_gap": 20.0}, {"yield_gap": 20.0}):
+    for changes in ({"light": Signal.STOP, "light_gap": 20.0}, {"yield_gap": 20.0 - LINE_OVERLAP}):
         assert driver.follow(seen_of(speed=8.0, allowed=14.0, **changes)) == pytest.approx(wanted)
     for light in (Signal.GO, Signal.NONE):
         seen = seen_of(speed=8.0, allowed=14.0, light=light, light_gap=20.0)

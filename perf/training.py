@@ -1,0 +1,121 @@
+"""Speed of training with and without a longer step of the traffic, and where its time goes.
+
+    python -m perf.training [--algorithms ppo maddpg] [--seconds 60] [--traffic-step 0.5]
+
+Trains the algorithms of the paper's table at the intersection with traffic, with the table's settings, in one
+process: with exact traffic and with `environment: {traffic_step: ...}` in turn, iteration by iteration, until
+each has had its time. Prints agent-steps (simulation steps of 0.1 s x agents on the road) for each second of
+this process' processor time, the share of sampling (simulation and policy) in it, and the ratio.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import ray
+
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.runs import Run, runs_of
+from benchmark.running.training import algorithm_of
+
+FILE = """extends: paper_table.yaml
+tasks: [{scenario}]
+traffic: [random_social_vehicles]
+algorithms: [{algorithm}]
+seeds: [1]
+environment: {{traffic_step: {step}}}
+"""
+
+
+def run_of(algorithm: str, scenario: str, step: float | None) -> Run:
+    """Return the run of the paper's table, with another step of the traffic."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "speed.yaml")
+        file.write_text(FILE.format(algorithm=algorithm, scenario=scenario, step=step or "null"))
+        (run,) = runs_of(read_experiment(file))
+    return run
+
+
+class Timed:
+    """An algorithm whose iterations are timed.
+
+    Args:
+        algo: The built algorithm.
+        interval: Simulation steps of a decision.
+    """
+
+    def __init__(self, algo: Any, interval: int) -> None:
+        self._algo, self._interval = algo, interval
+        self._runner = algo.env_runner_group.local_env_runner
+        self._sample, self._runner.sample = self._runner.sample, self._watched
+        self.steps, self.seconds, self.sampling = 0, 0.0, 0.0
+
+    def train(self) -> None:
+        """Make one iteration."""
+        begin = time.process_time()
+        self._algo.train()
+        self.seconds += time.process_time() - begin
+
+    def forget(self) -> None:
+        """Begin to count again: the first iteration compiles, loads and fills buffers."""
+        self.steps, self.seconds, self.sampling = 0, 0.0, 0.0
+
+    @property
+    def rate(self) -> float:
+        """Agent-steps per second."""
+        return self.steps / self.seconds
+
+    def _watched(self, *arguments: Any, **more: Any) -> Any:
+        begin = time.process_time()
+        found = self._sample(*arguments, **more)
+        self.sampling += time.process_time() - begin
+        self.steps += self._interval * sum(rollout.agent_steps() for rollout in found)
+        return found
+
+
+def measure(algorithm: str, scenario: str, step: float, seconds: float) -> None:
+    """Train in both ways in turn, and print a line for each."""
+    ways: dict[str, Timed] = {}
+    with ExitStack() as algorithms:
+        for name, each in (("exact", None), (f"traffic_step {step}", step)):
+            run = run_of(algorithm, scenario, each)
+            algo = algorithms.enter_context(algorithm_of(run))
+            ways[name] = Timed(algo, run.task_setting.environment.decision_interval)
+            ways[name].train()
+            ways[name].forget()
+        while any(way.seconds < seconds for way in ways.values()):
+            min(ways.values(), key=lambda way: way.seconds).train()
+        base = ways["exact"].rate
+        for name, way in ways.items():
+            share = f"{100 * way.sampling / way.seconds:.0f}%"
+            cells = algorithm, name, f"{way.rate:,.0f}", share, f"{way.rate / base:.2f}"
+            print("| " + " | ".join(cells) + " |", flush=True)
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--algorithms", nargs="+", default=["ppo", "maddpg"])
+    parser.add_argument("--scenario", default="intersection")
+    parser.add_argument("--traffic-step", type=float, default=0.5, help="[s] (default 0.5)")
+    parser.add_argument("--seconds", type=float, default=60.0, help="of processor time for each (default 60)")
+    options = parser.parse_args()
+    logging.getLogger("ray").setLevel(logging.ERROR)
+    ray.init(num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
+    header = "algorithm", "traffic", "agent-steps per CPU second", "sampling", "ratio"
+    print("| " + " | ".join(header) + " |", "|---" * len(header) + "|", sep="\n")
+    for algorithm in options.algorithms:
+        measure(algorithm, options.scenario, options.traffic_step, options.seconds)
+    ray.shutdown()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""Who waits for whom at a crossing of two roads, by hand; the line of the south is at y = -10."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.roads.right_of_way import gap_to_wait
+from smarts.types.mission import AgentMission, GoalKind
+from smarts.types.traffic import Signal
+from tests.maps import crossing
+from tests.worlds import Car, world_of
+
+ARMS = ("west", "south", "east", "north")
+TURNS = [(a, b) for a in ARMS for b in ARMS if a != b]
+LINE = 17.5
+"""From the front bumper of the vehicle to its line [m]."""
+
+
+def minor(arms):
+    """Return rules by which all ways from some arms give way to all others."""
+    others = [turn for turn in TURNS if turn[0] not in arms]
+    return {turn: others for turn in TURNS if turn[0] in arms}
+
+
+SOUTH_WAITS, WEST_WAITS = minor(["south"]), minor(["west"])
+TO_THE_NORTH = AgentMission(
+    route=("south_in", "north_out"), goal=GoalKind.POSITION, goal_position=(1.6, 80.0)
+)
+TO_THE_WEST = AgentMission(route=("south_in", "west_out"), goal=GoalKind.POSITION, goal_position=(-80.0, 1.6))
+TO_THE_EAST = AgentMission(route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_position=(80.0, -1.6))
+
+
+def gap_of(made, agent=0):
+    """Return what the kernel finds for an agent."""
+    state, roads, routes = made.world.state, made.atlas.roads, made.routes.current.value
+    slot = made.world.agents.slot[0, agent]
+    lane = made.world.vehicles.lane[0, slot]
+    route = routes.free + routes.number[0, agent]
+    rows = range(routes.start[route], routes.start[route + 1])
+    (row,) = [row for row in rows if routes.lane[row] == lane]
+    return gap_to_wait(state, roads, routes, 0, slot, row, made.world.vehicles.lane_position[0, slot])
+
+
+def wait_for(*cars, rules, speed=8.0, y=-30.0, mission=TO_THE_NORTH, signals=(), step=0):
+    """Return how far a vehicle from the south drives at most [m]."""
+    graph = crossing(gives_way=rules)
+    made = world_of([Car(1.6, y, math.pi / 2, speed, mission), *cars], maps=[graph])
+    made.world.step[:] = step
+    for turn, light in signals:
+        made.world.signals[0, graph.lane_ids.index(f":junction_{TURNS.index(turn)}_0")] = light
+    return gap_of(made)
+
+
+def from_the_west(x, speed, **more):
+    return Car(x, -1.6, 0.0, speed, **more)
+
+
+def test_an_empty_junction():
+    assert wait_for(rules=SOUTH_WAITS) == np.inf
+
+
+@pytest.mark.parametrize(
+    ("x", "speed", "waits"),
+    [(-40.0, 10.0, True), (-89.0, 3.0, False), (-60.0, 0.0, False), (-0.5, 0.0, True)],
+)
+def test_a_vehicle_without_priority_waits_for_those_that_come(x, speed, waits):
+    """Not for those that come later, nor for those that stand in a queue; but for what stands in the way."""
+    assert wait_for(from_the_west(x, speed), rules=SOUTH_WAITS) == (LINE if waits else np.inf)
+
+
+@pytest.mark.parametrize(
+    ("x", "speed", "waits"),
+    [(-40.0, 10.0, False), (-20.0, 10.0, True), (-0.5, 0.0, True), (-14.0, 0.0, False)],
+)
+def test_a_vehicle_with_priority_waits_for_those_that_cannot_stop(x, speed, waits):
+    assert wait_for(from_the_west(x, speed), rules=WEST_WAITS) == (LINE if waits else np.inf)
+
+
+def test_a_turn_to_the_left_waits_for_oncoming_traffic_only():
+    rules = {("south", "west"): [("north", "south")]}
+    oncoming, following = Car(-1.6, 45.0, -math.pi / 2, 10.0), Car(1.6, -45.0, math.pi / 2, 10.0)
+    assert wait_for(oncoming, rules=rules, mission=TO_THE_WEST) == LINE
+    assert wait_for(oncoming, rules=rules) == np.inf
+    assert wait_for(following, rules=rules, mission=TO_THE_WEST) == np.inf
+
+
+def test_a_red_light_holds_others_back():
+    car = from_the_west(-40.0, 10.0)
+    held = [(turn, Signal.STOP) for turn in TURNS if turn[0] == "west"]
+    assert wait_for(car, rules=SOUTH_WAITS, signals=held) == np.inf
+    late = [(turn, Signal.STOP) for turn in TURNS if turn[0] == "west"]
+    assert wait_for(from_the_west(-20.0, 12.0), rules=SOUTH_WAITS, signals=late) == LINE
+
+
+def test_of_two_without_rules_the_first_goes():
+    for x, waits in ((-25.0, True), (-35.0, False)):
+        assert (wait_for(from_the_west(x, 8.0), rules={}) == LINE) == waits
+
+
+def test_a_longer_vehicle_needs_a_longer_gap():
+    gaps = [
+        wait_for(from_the_west(-61.0, 10.0), rules=SOUTH_WAITS, speed=8.0),
+        wait_for(from_the_west(-55.0, 10.0, length=18.0), rules=SOUTH_WAITS, speed=8.0),
+    ]
+    assert gaps == [np.inf, LINE]
+
+
+def test_inside_the_junction_a_vehicle_waits_before_the_meeting():
+    """The ways overlap from about y = -3.2 on, and its front is at y = -6.5."""
+    gap = wait_for(from_the_west(-11.0, 8.0), rules=SOUTH_WAITS, speed=1.0, y=-9.0)
+    assert 1.0 < gap < 4.0
+
+
+def test_a_vehicle_does_not_stop_in_the_way_of_others():
+    """The queue behind the junction leaves no room for it, unless it moves on."""
+    for speed, gap in ((0.0, LINE), (5.0, np.inf)):
+        assert wait_for(Car(1.6, 13.0, math.pi / 2, speed), rules={}) == gap
+    assert wait_for(Car(1.6, 25.0, math.pi / 2, 0.0), rules={}) == np.inf
+
+
+def test_of_those_that_stand_one_goes_and_all_in_turn():
+    """Right before left from four sides: each waits for one that waits."""
+    ring = dict(zip(ARMS, (*ARMS[1:], ARMS[0]), strict=True))  # arm -> the arm to its right
+    straight = {arm: ARMS[(i + 2) % 4] for i, arm in enumerate(ARMS)}
+    rules = {(arm, straight[arm]): [(ring[arm], straight[ring[arm]])] for arm in ARMS}
+    places = {"west": (-14.0, -1.6, 0.0), "south": (1.6, -14.0, 0.5), "east": (14.0, 1.6, 1.0)}
+    places["north"] = (-1.6, 14.0, -0.5)
+    cars = []
+    for arm in ARMS:
+        x, y, turn = places[arm]
+        end = f"{straight[arm]}_out"
+        goal = -5.0 * x if abs(x) > 2 else x, -5.0 * y if abs(y) > 2 else y
+        mission = AgentMission(route=(f"{arm}_in", end), goal=GoalKind.POSITION, goal_position=goal)
+        cars.append(Car(x, y, turn * math.pi, 0.0, mission))
+    went = set()
+    for step in range(0, 4000, 40):
+        made = world_of(cars, maps=[crossing(gives_way=rules)])
+        made.world.step[:] = step
+        goes = [agent for agent in range(4) if gap_of(made, agent) == np.inf]
+        assert goes
+        went |= set(goes)
+    assert went == {0, 1, 2, 3}
