@@ -1,7 +1,7 @@
 """What becomes of vehicles in a run with hand-overs, and of the same vehicles in the same run without.
 
-Vehicles have the same names in both runs. A crash is two footprints that begin to overlap. A stop is a
-vehicle that comes to a stand, or loses more than 4.5 m/s^2 in a step.
+Vehicles have the same names in both runs. A crash is two footprints that begin to overlap, a hard braking a
+step with more than 4.5 m/s^2, a stop a vehicle that moved and comes to a stand.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from smarts.types.world import World
 
 STANDING = 0.1
 """Below this speed a vehicle stands [m/s]."""
+MOVING = 2.0
+"""Above this speed it moves [m/s]."""
 HARD = 4.5
-"""Deceleration above which a vehicle stops hard [m/s^2]."""
+"""Deceleration above which a vehicle brakes hard [m/s^2]."""
 SOON = 10.0
 """So long after a transfer a crash or a stop counts as one of it [s]."""
 FARTHEST = 12.1
@@ -36,6 +38,7 @@ class Watch:
     seen: set[str] = field(default_factory=set)
     crashes: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
     """Steps in which a vehicle's footprint begins to overlap another."""
+    brakings: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
     stops: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
     transfers: list[tuple[str, int]] = field(default_factory=list)
     stand: Counter[str] = field(default_factory=Counter)
@@ -48,6 +51,8 @@ class Watch:
     """Vehicles that agents have not given back."""
     _now: dict[str, tuple[float, int, int]] = field(default_factory=dict)
     """Speed, owner, and steps of standing of the vehicles of the last step."""
+    _moving: set[str] = field(default_factory=set)
+    """Vehicles that have moved since their last stop."""
     _overlapping: set[tuple[str, str]] = field(default_factory=set)
 
     def take(self, world: World) -> None:
@@ -66,7 +71,12 @@ class Watch:
                 self.transfers.append((name, step))
             elif owner == Owner.TRAFFIC:
                 self.hardest = max(self.hardest, was - speed)
-            if stood == 1 or was - speed > HARD * self.dt + 1e-6:
+            if was - speed > HARD * self.dt + 1e-6:
+                self.brakings[name].append(step)
+            if speed > MOVING:
+                self._moving.add(name)
+            elif stood == 1 and name in self._moving:
+                self._moving.remove(name)
                 self.stops[name].append(step)
         self.seen.update(names)
         pairs = {(names[one], names[other]) for one, other in _overlaps(vehicles, slots)}
@@ -104,12 +114,12 @@ class Safety:
         vehicles = [sum(len(watch.seen) for watch in run) for run in (self.driven, self.plain)]
         yield "vehicles", str(vehicles[0]), str(vehicles[1]), ""
         yield "hand-overs", str(sum(len(watch.transfers) for watch in self.driven)), "0", ""
-        for what in ("crashes", "stops"):
+        for what in ("crashes", "brakings", "stops"):
             total = [
                 1e3 * sum(map(len, [each for watch in run for each in getattr(watch, what).values()])) / count
                 for run, count in zip((self.driven, self.plain), vehicles, strict=True)
             ]
-            yield f"vehicles in {what}, per 1,000", f"{total[0]:.1f}", f"{total[1]:.1f}", ""
+            yield f"{what}, per 1,000 vehicles", f"{total[0]:.1f}", f"{total[1]:.1f}", ""
             soon = [self._soon(what, self.driven), self._soon(what, self.plain)]
             yield f"{what} within {SOON:.0f} s after a transfer", str(soon[0]), str(soon[1]), "no more"
         hardest = [max((watch.hardest for watch in run), default=0.0) for run in (self.driven, self.plain)]

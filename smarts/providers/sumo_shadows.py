@@ -151,10 +151,6 @@ class SumoShadows:
         self._returned.pop(slot, None)
         self._shadows[slot] = Shadow(new_name, route)
 
-    def is_changing_lanes(self, name: str) -> bool:
-        """Return whether SUMO moves a vehicle sideways."""
-        return bool(self._library.vehicle.getLateralSpeed(name))
-
     def hand_back(self, slot: int) -> bool:
         """Hand a shadow back to SUMO; return whether SUMO can drive it, which requires a lane.
 

@@ -294,7 +294,8 @@ class SumoTraffic:
             name = self._ids[slot]
             del self._driven[name]
             self._fading.drop(slot)
-            if self._shadows.is_changing_lanes(name):
+            if self._library.vehicle.getLateralSpeed(name):
+                # It changes lanes.
                 self._replace(slot)
             else:
                 self._shadows.take_over(slot, name)
