@@ -54,7 +54,7 @@ class Timed:
     def __init__(self, algo: Any, interval: int) -> None:
         self._algo, self._interval = algo, interval
         self._runner = algo.env_runner_group.local_env_runner
-        self._sample, self._runner.sample = self._runner.sample, self._watched
+        self._sample, self._runner._sample_fragment = self._runner._sample_fragment, self._watched
         self.steps, self.seconds, self.sampling = 0, 0.0, 0.0
 
     def train(self) -> None:
@@ -72,12 +72,12 @@ class Timed:
         """Agent-steps per second."""
         return self.steps / self.seconds
 
-    def _watched(self, *arguments: Any, **more: Any) -> Any:
+    def _watched(self, steps: int) -> Any:
         begin = time.process_time()
-        found = self._sample(*arguments, **more)
+        rollout = self._sample(steps)
         self.sampling += time.process_time() - begin
-        self.steps += self._interval * sum(rollout.agent_steps() for rollout in found)
-        return found
+        self.steps += self._interval * rollout.agent_steps()
+        return rollout
 
 
 def measure(algorithm: str, scenario: str, step: float, seconds: float, overrides: Sequence[str]) -> None:
