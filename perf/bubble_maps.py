@@ -46,13 +46,14 @@ SIZE, MARGIN = 50.0, 12.0
 
 
 class Watch:
-    """Counts what happens to vehicles.
+    """Counts what happens to vehicles, until an ego enters, for which traffic is cleared away.
 
     Args:
-        end: Return the last edge of a route by its number, and the edge of a lane.
+        roads: The map.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, roads: LaneGraph) -> None:
+        self.roads = roads
         self.left = Counter[str]()
         self.changed = Counter[Reason]()
         self.failed: list[str] = []
@@ -66,6 +67,8 @@ class Watch:
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Take in one step."""
         world, vehicles = frame.world, frame.world.vehicles
+        if world.agents.entry_step[0, 0] == world.step[0]:
+            return
         self.failed += frame.social_failures.values()
         gone_from_agents = set[tuple[int, int]]()
         for carried_out in frame.transfers:
@@ -97,8 +100,6 @@ class Watch:
             places = np.flatnonzero(np.isin(route, ahead))
         first = int(places[-1]) if len(places) else 0
         return float(sum(roads.length[roads.edge_first_lane[edge]] for edge in route[first + 1 :].tolist()))
-
-    roads: LaneGraph
 
 
 def junctions(roads: LaneGraph) -> list[int]:
@@ -166,8 +167,8 @@ def write_scenario(folder: Path, source: Path, agent: str, seconds: float) -> No
 
 def play(folder: Path, seed: int) -> tuple[Watch, dict[str, dict[str, int]]]:
     """Play one episode until its ego enters; return what happened to vehicles and in bubbles."""
-    built, watch = build_scenario(folder), Watch()
-    watch.roads = built.roads()
+    built = build_scenario(folder)
+    watch = Watch(built.roads())
     parts = assemble([built], [benchmark_interface()], seed=seed, cast=cast_of([built]))
     runner = SimulationRunner(parts, [watch])
     try:

@@ -141,7 +141,7 @@ def _step(env: VectorHiWayEnv, steps: int) -> None:
 
 def main(echo: Callable[[str], object] = print) -> None:
     """Print the times beside their targets."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--rounds", type=int, default=2000)
     parser.add_argument("--steps", type=int, default=1000)
     parser.add_argument("--ray", action="store_true", help="measure a Ray actor too")

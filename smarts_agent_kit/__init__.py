@@ -2,6 +2,7 @@
 
 from smarts_agent_kit.agents import LONGEST_DECISION, ActionBatch, Agent, AgentPolicy, BatchAgent
 from smarts_agent_kit.draws import uniform
+from smarts_agent_kit.memory import Memory
 
 __version__ = "1.0.0"
 
@@ -11,5 +12,6 @@ __all__ = [
     "Agent",
     "AgentPolicy",
     "BatchAgent",
+    "Memory",
     "uniform",
 ]

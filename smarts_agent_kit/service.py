@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts_agent_kit.agents import ActionBatch
-from smarts_agent_kit.wire import DTYPES, Message, WireError, encode
+from smarts_agent_kit.wire import Message, WireError, encode, is_sent
 
 FAILURES = (Exception, SystemExit)
 """What an agent may raise that lets it fail: `sys.exit` in an agent does not end the run."""
@@ -34,7 +34,7 @@ def checked_actions(answer: Any, count: int) -> NDArray:
         WrongActionsError: It is none.
     """
     actions = np.asarray(answer)
-    if actions.dtype.name not in DTYPES:
+    if not is_sent(actions.dtype):
         raise WrongActionsError(f"answered by an array of type {actions.dtype}: give numbers")
     if actions.shape[:1] != (count,):
         raise WrongActionsError(f"answered {count} agents by an array of shape {actions.shape}")

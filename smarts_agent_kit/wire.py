@@ -1,7 +1,7 @@
 """Messages between the simulator and agents, and their bytes.
 
 A message is a frame: its length, the length of its head, the head, then the bytes of its arrays. The head is
-msgpack of plain values, which lists name, dtype and shape of each array; arrays are little-endian and
+msgpack of plain values, and of a list of name, dtype and shape of each array; arrays are little-endian and
 C-contiguous. Whatever else arrives is a `WireError`: nothing is executed or allocated.
 """
 
@@ -11,7 +11,8 @@ import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import msgpack
 import numpy as np
@@ -37,6 +38,9 @@ DTYPES = {
     )
 }
 """The types of arrays that are sent."""
+_NAMES = {each: name for name, dtype in DTYPES.items() for each in (dtype, dtype.newbyteorder(">"))}
+"""Name by type, as `dtype.name` takes a microsecond."""
+_NATIVE = {dtype: dtype.newbyteorder("=") for dtype in DTYPES.values()}
 KINDS = ("hello", "proof", "make", "about", "act", "acted", "failed", "refused")
 """The kinds of messages."""
 
@@ -68,18 +72,24 @@ def encode(message: Message) -> bytes:
     """
     listed, parts = [], []
     for name, array in message.arrays.items():
-        if array.dtype.name not in DTYPES:
+        dtype = _NAMES.get(array.dtype)
+        if dtype is None:
             raise WireError(f"the array {name!r} is of type {array.dtype}, not of {', '.join(DTYPES)}")
-        listed.append((name, array.dtype.name, array.shape))
-        parts.append(array.astype(DTYPES[array.dtype.name], "C", copy=False).tobytes())
+        listed.append((name, dtype, array.shape))
+        parts.append(array.astype(DTYPES[dtype], "C", copy=False).tobytes())
     try:
-        head: Any = msgpack.packb([message.kind, message.values, listed])
+        head: Any = msgpack.packb([message.kind, message.values, msgpack.packb(listed)])
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
         raise WireError(f"a value cannot be sent: {error}") from error
     size = 4 + len(head) + sum(map(len, parts))
     if len(head) > LARGEST_HEAD or size > LARGEST:
         raise WireError(f"the message has {size} bytes, {len(head)} of them values: more than is sent")
     return b"".join((LENGTHS.pack(size, len(head)), head, *parts))
+
+
+def is_sent(dtype: np.dtype) -> bool:
+    """Return whether arrays of a type are sent."""
+    return dtype in _NAMES
 
 
 def frame_size(start: bytes | bytearray, largest: int = LARGEST) -> int:
@@ -106,46 +116,66 @@ def decode(frame: bytes) -> Message:
     if size != len(frame) - 4 or head_size > min(LARGEST_HEAD, size - 4):
         raise WireError("the lengths of a message do not agree")
     body = LENGTHS.size + head_size
-    try:
-        head = msgpack.unpackb(frame[LENGTHS.size : body], ext_hook=_refuse, strict_map_key=True)
-    except Exception as error:  # of several types, some of them msgpack's own
-        raise WireError(f"the head of a message is no msgpack: {error}") from error
+    head = _unpacked(frame[LENGTHS.size : body])
     if not (isinstance(head, list) and len(head) == 3 and head[0] in KINDS):
         raise WireError("the head of a message is not [kind, values, arrays]")
-    kind, values, listed = head
-    if not isinstance(values, dict) or not _is_plain(values):
+    kind, values, layout = head
+    if not isinstance(values, dict) or not _is_plain(values) or not isinstance(layout, bytes):
         raise WireError("the values of a message are no dict of plain values")
-    return Message(kind, values, _arrays(listed, frame, body))
+    places, end = _places(layout)
+    if body + end != len(frame):
+        raise WireError("the bytes of a message are not those of its arrays")
+    return Message(kind, values, {each.name: _array(frame, body, each) for each in places})
 
 
-def _arrays(listed: Any, frame: bytes, place: int) -> dict[str, NDArray]:
-    """Return the arrays that a head lists, which begin at a place of the frame."""
+class _Place(NamedTuple):
+    """Where an array is in a message."""
+
+    name: str
+    dtype: np.dtype
+    shape: tuple[int, ...]
+    size: int
+    begin: int
+
+
+@lru_cache(maxsize=64)
+def _places(layout: bytes) -> tuple[tuple[_Place, ...], int]:
+    """Return where a message's arrays are behind its head, and where they end.
+
+    They are the same from message to message, as long as the number of agents is.
+    """
+    listed = _unpacked(layout)
     if not isinstance(listed, list) or len(listed) > MOST_ARRAYS:
         raise WireError("the arrays of a message are no short list")
-    arrays: dict[str, NDArray] = {}
+    places, end = {}, 0
     for each in listed:
         name, dtype, shape = _listed(each)
         count = math.prod(shape)
-        end = place + count * dtype.itemsize
-        if end > len(frame) or name in arrays:
-            raise WireError(f"the array {name[:100]!r} is longer than the message, or is there twice")
-        arrays[name] = _array(frame[place:end], dtype, shape)
-        place = end
-    if place != len(frame):
-        raise WireError(f"{len(frame) - place} bytes of a message belong to no array")
-    return arrays
+        if name in places or count > LARGEST or math.prod(max(size, 1) for size in shape) > LARGEST:
+            raise WireError(f"the array {name[:100]!r} is too large, or is there twice")
+        places[name] = _Place(name, dtype, shape, count, end)
+        end += count * dtype.itemsize
+    return (*places.values(),), end
 
 
-def _array(data: bytes, dtype: np.dtype, shape: tuple[int, ...]) -> NDArray:
+def _array(frame: bytes, body: int, place: _Place) -> NDArray:
     """Return a new array, with its numbers where the processor wants them."""
+    dtype, begin = place.dtype, body + place.begin
+    if dtype.kind == "b":
+        return (np.frombuffer(frame, np.uint8, place.size, begin) != 0).reshape(place.shape)
+    return np.frombuffer(frame, dtype, place.size, begin).reshape(place.shape).astype(_NATIVE[dtype])
+
+
+def _unpacked(data: bytes) -> Any:
+    """Return what some bytes are in msgpack.
+
+    Raises:
+        WireError: They are none.
+    """
     try:
-        array = np.empty(shape, dtype.newbyteorder("="))
-    except ValueError as error:  # no number of elements, but too many along other axes
-        raise WireError(f"an array of shape {shape}") from error
-    array.reshape(-1)[:] = (
-        np.frombuffer(data, np.uint8) != 0 if dtype.kind == "b" else np.frombuffer(data, dtype)
-    )
-    return array
+        return msgpack.unpackb(data, ext_hook=_refuse, strict_map_key=True)
+    except Exception as error:  # of several types, some of them msgpack's own
+        raise WireError(f"the head of a message is no msgpack: {error}") from error
 
 
 def _listed(each: Any) -> tuple[str, np.dtype, tuple[int, ...]]:

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -106,6 +107,12 @@ class Misbehaving(BatchAgent):
         return np.array([object()] * count)
 
 
+class Large(Drawing):
+    """Observes more than a message holds."""
+
+    observation: ClassVar[Any] = {"stacked": [{"image": {"size": 512}}], "frames": 50}
+
+
 class Describing(Agent):
     """Acts on objects."""
 
@@ -117,4 +124,5 @@ class Describing(Agent):
 
 register("drawing-v0", Drawing)
 register("misbehaving-v0", Misbehaving)
+register("large-v0", Large)
 register("describing-v0", Describing)

@@ -9,7 +9,15 @@ from typing import Any, NamedTuple
 from smarts.agents.acting import FAILURES, built_agent
 from smarts.agents.hosting.facts import check_period
 from smarts.agents.hosting.links import InChildProcess
-from smarts.agents.hosting.options import IN_PROCESS, OTHERS, HostError, HostOptions, Hosts, Starter, host_of
+from smarts.agents.hosting.options import (
+    IN_PROCESS,
+    OTHERS,
+    HostError,
+    HostOptions,
+    HostsByLocator,
+    Starter,
+    host_of,
+)
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
@@ -35,7 +43,7 @@ from smarts.types.actions import ActionSpaceType
 from smarts.zoo import make_spec, search
 from smarts.zoo.serving import starter
 
-HOSTS_HERE: Hosts = {}
+HOSTS_HERE: HostsByLocator = {}
 """All agents act in this process."""
 
 
@@ -58,7 +66,7 @@ class Casting:
 
     policies: list[SocialPolicy] = field(default_factory=list)
     numbers: dict[Wanted, int] = field(default_factory=dict)
-    hosts: Hosts = field(default_factory=dict)
+    hosts: HostsByLocator = field(default_factory=dict)
     """Where agents act, by locator."""
 
     def add(self, part: Part) -> int:
@@ -92,7 +100,7 @@ def cast_of(
     scenarios: Sequence[BuiltScenario],
     added: Sequence[SocialAgents] = (),
     learning: BubbleLearning | None = None,
-    hosts: Hosts = HOSTS_HERE,
+    hosts: HostsByLocator = HOSTS_HERE,
 ) -> Cast:
     """Return the social policies of a run.
 
@@ -122,7 +130,7 @@ def cast_of(
     return replace(cast, learning=learning)
 
 
-def _check_hosts(hosts: Hosts, policies: Sequence[SocialPolicy]) -> None:
+def _check_hosts(hosts: HostsByLocator, policies: Sequence[SocialPolicy]) -> None:
     """Raise if a place is given for an agent that is not in the run."""
     known = [policy.locator for policy in policies]
     for locator in hosts:
@@ -181,7 +189,7 @@ def _part(actor: t.SocialAgentActor, place: str, *, keep_alive: bool = False) ->
     return Part(actor.name, locator, actor.policy_kwargs, f"{place}, actor {actor.name!r}", boid, keep_alive)
 
 
-def _policy(part: Part, hosts: Hosts = HOSTS_HERE) -> SocialPolicy:
+def _policy(part: Part, hosts: HostsByLocator = HOSTS_HERE) -> SocialPolicy:
     """Make a policy once, to see what it observes; whoever runs it makes its own."""
     agent: Any = None
     try:

@@ -11,7 +11,7 @@ import numpy as np
 
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.checks import check_instance, check_truth, check_whole
-from smarts.agents.hosting.options import Hosts, hosts_of
+from smarts.agents.hosting.options import HostsByLocator, hosts_of
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import LONGEST_DECISION
@@ -229,7 +229,7 @@ def _cast(
     scenarios: Sequence[BuiltScenario],
     added: Sequence[SocialAgents],
     learning: BubbleLearning | None,
-    hosts: Hosts,
+    hosts: HostsByLocator,
 ) -> Cast:
     described = any(built.scenario.bubbles or built.scenario.social_agent_missions for built in scenarios)
     if not (described or added or learning or hosts):

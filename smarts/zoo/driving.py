@@ -17,6 +17,7 @@ from smarts.controllers.tracking import ACCELERATION_TRIM, SPEED_GAIN
 from smarts.observations.surroundings import LANE_TRAFFIC, OWN_VEHICLE, Lane, Own
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.traffic import Signal
+from smarts_agent_kit.memory import Memory as Memory
 
 STEP = 0.1
 """Length of a step, by which policies count time [s]."""
@@ -115,45 +116,6 @@ class Idm(NamedTuple):
         for name in ("tau", "min_gap"):
             check_number(name, getattr(self, name), most=100.0, place=place)
         return Idm(*map(float, self))
-
-
-class Memory:
-    """Numbers that a policy keeps of each vehicle between its decisions, zero at a vehicle's first.
-
-    In a bubble's air-lock, where the policy does not drive yet, nothing is kept.
-
-    Args:
-        width: Numbers of each vehicle.
-    """
-
-    def __init__(self, width: int) -> None:
-        self._rows: dict[tuple[int, int], int] = {}
-        self._values = np.zeros((16, width))
-        self._is_kept = np.zeros(16, np.bool_)
-
-    def of(self, batch: ActionBatch) -> Floats:
-        """Return a copy of what is kept of a batch's vehicles, shape (N, width)."""
-        rows = self._rows_of(batch)
-        return np.where(self._is_kept[rows, None] & ~batch.is_first[:, None], self._values[rows], 0.0)
-
-    def is_new(self, batch: ActionBatch) -> Bools:
-        """Return of which vehicles nothing is kept, shape (N,)."""
-        return ~self._is_kept[self._rows_of(batch)] | batch.is_first
-
-    def keep(self, batch: ActionBatch, values: Floats) -> None:
-        """Keep the numbers of those of a batch's vehicles that are driven, shape (N, width)."""
-        rows = self._rows_of(batch)
-        self._values[rows], self._is_kept[rows] = values, batch.drives
-
-    def _rows_of(self, batch: ActionBatch) -> Ints:
-        keys = zip(batch.env_id.tolist(), batch.agent_id.tolist(), strict=True)
-        rows = [self._rows.setdefault(key, len(self._rows)) for key in keys]
-        missing = len(self._rows) - len(self._values)
-        if missing > 0:
-            more = np.zeros((missing + len(self._values), self._values.shape[1]))
-            self._values = np.concatenate([self._values, more])
-            self._is_kept = np.concatenate([self._is_kept, np.zeros(len(more), np.bool_)])
-        return np.array(rows, np.int32)
 
 
 class Driver(BatchAgent):

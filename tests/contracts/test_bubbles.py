@@ -200,7 +200,7 @@ def test_the_record_of_a_replay_is_the_same(scenario, tmp_path):
             assert [*map(_plain, values)] == [*map(_plain, other[name][column])], (name, column)
     assert len(one["holds"]["name"]) > 10
     assert {Reason.SHADOW, Reason.TAKE, Reason.RELEASE} <= set(one["transfers"]["reason"].tolist())
-    assert one["bubbles"]["taken"].sum() > 10
+    assert one["bubbles"]["taken"].sum() > 5
     assert len(one["bubble_poses"]["step"]) > len(one["bubbles"]["id"]), "one travels"
 
 

@@ -146,7 +146,7 @@ class HostOptions:
 
 HERE = HostOptions()
 
-Hosts = Mapping[str, HostOptions]
+HostsByLocator = Mapping[str, HostOptions]
 """By locator; `OTHERS` stands for all that are not named."""
 
 
@@ -177,6 +177,6 @@ def _read(entry: Any) -> HostOptions:
     return HostOptions(**entry)
 
 
-def host_of(hosts: Hosts, locator: str) -> HostOptions:
+def host_of(hosts: HostsByLocator, locator: str) -> HostOptions:
     """Return where an agent acts."""
     return hosts.get(locator, hosts.get(OTHERS, HERE))

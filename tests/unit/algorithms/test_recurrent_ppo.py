@@ -9,7 +9,8 @@ from rigs import Rig
 
 import algorithms
 from algorithms.centralised_v import CRITIC
-from algorithms.recurrent_ppo import CRITIC_MEMORY
+from algorithms.joint.rollout import JointRollout
+from algorithms.recurrent_ppo import CRITIC_MEMORY, CriticMemories
 from tests.games.games import Ragged
 from tests.games.recall import Luck
 
@@ -127,6 +128,21 @@ def test_a_rollout_that_does_not_continue_the_last_begins_with_empty_memories(na
     memories = rig.learner.remember(rollout).views.observations[0][CRITIC_MEMORY]
     assert not memories[0].any()
     assert memories[1].any()
+
+
+def test_each_runners_environments_have_memories_of_their_own():
+    """Runners whose order changes from one rollout to the next."""
+    rig, alone = (Rig("recurrent_ippo", Ragged, **GRU) for _ in range(2))
+    first, second = [rig.rollout(16) for _ in range(2)], [rig.rollout(16) for _ in range(2)]
+    for k, rollout in enumerate(second):
+        rollout.source[:, 0], rollout.start[:] = 1, first[k].start
+    rig.learner.remember(JointRollout.concat([first[0], second[0]]))
+    both = rig.learner.remember(JointRollout.concat([second[1], first[1]])).views.observations[0]
+    for columns, rollouts in ((slice(2, 4), first), (slice(0, 2), second)):
+        alone.learner.memories = CriticMemories()
+        alone.learner.remember(rollouts[0])
+        expected = alone.learner.remember(rollouts[1]).views.observations[0][CRITIC_MEMORY]
+        np.testing.assert_allclose(both[CRITIC_MEMORY][:, columns], expected, rtol=0, atol=1e-6)
 
 
 def test_presets_without_memory_are_refused():

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from contextlib import closing
 from pathlib import Path
@@ -77,12 +78,12 @@ def descendants():
 def resources():
     """Return what a host may leave behind: processes, files of its own, open sockets."""
     sockets = sum(Path(f"/proc/self/fd/{fd}").is_socket() for fd in os.listdir("/proc/self/fd"))
-    folder = Path(os.environ.get("TMPDIR", "/tmp"))
-    return descendants(), {each.name for each in folder.glob("smarts-agent-*")}, sockets
+    return descendants(), {each.name for each in Path(tempfile.gettempdir()).iterdir()}, sockets
 
 
 @pytest.fixture(autouse=True)
-def nothing_is_left():
+def nothing_is_left(tmp_path_factory, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path_factory.mktemp("temporary")))
     before = resources()
     yield
     until = time.monotonic() + 5.0
@@ -112,7 +113,7 @@ def test_a_reset_in_mid_episode_changes_nothing():
 def hosted(how, **host):
     """Return one agent that misbehaves at its third request, and where it acts."""
     social = [{"agent": MISBEHAVING, "count": 2, "options": {"how": how}}, {"agent": DRAWING, "count": 1}]
-    return social, {MISBEHAVING: {"where": "process", "patience": 1.0, **host}}
+    return social, {MISBEHAVING: {"where": "process", "patience": 30.0, **host}}
 
 
 @pytest.mark.parametrize(
@@ -123,7 +124,7 @@ def hosted(how, **host):
     ],
 )
 def test_an_agent_that_misbehaves_fails_alone(how):
-    social, hosts = hosted(how, memory=1.0)
+    social, hosts = hosted(how, memory=1.0, patience=2.0 if how == "loop" else 60.0)
     _, failures = played(social, hosts, count=12)
     (named,) = failures.values()
     assert len(named) == 2
@@ -282,6 +283,13 @@ def test_an_agent_of_objects_acts_in_this_process_alone():
     with closing(environment([{"agent": describing}], {"*": "process"})) as env:
         env.reset()
         assert not host_of(env).links
+
+
+def test_requests_that_no_message_holds_are_an_error_before_the_first_step():
+    large = "tests.hosted_agents:large-v0"
+    with pytest.raises(HostError) as raised:
+        environment([{"agent": large}], {large: "process"})
+    assert large in raised.value.place
 
 
 def test_an_agent_that_cannot_be_made_elsewhere_is_one_error(monkeypatch):

@@ -70,6 +70,25 @@ def test_there_and_back_on_the_road(world, country):
     assert "s0" not in world.names()
 
 
+def test_a_vehicle_that_leaves_the_road_is_replaced_and_drivers_see_it_again(world, country):
+    """SUMO may keep the one that has left in the list of a lane, and crash when another vehicle comes by."""
+    begin(world, country.road(drivers((0, 100, 10), (0, 20, 10))), 3.0)
+    slot, route = world.slot("s0"), world.traffic.route(world.slot("s0"))
+    world.states.owner[slot] = Owner.AGENT
+    place = float(world.states.position[slot, 0])
+    drive(world, slot, lambda t: (place, (RIGHT + LEFT) / 2, 0.0, 0.0), 10)
+    drive(world, slot, lambda t: (place, RIGHT - 20, 0.5, 0.0), 30)
+    name = world.traffic._ids[slot]
+    assert name != "s0"
+    assert "s0" not in world.traffic._library.vehicle.getIDList()
+    assert speed(world, "s1") > 8
+    back = x(world, "s1") + 90
+    drive(world, slot, lambda t: (back, RIGHT, 0.0, 0.0), 200)
+    assert speed(world, "s1") < 0.1
+    assert world.traffic._ids[slot] == name
+    assert world.traffic.route(slot) == route
+
+
 def test_sumo_changes_lanes_only_of_the_vehicles_that_it_drives(world, country):
     """An agent's vehicle keeps its lane behind a slow vehicle; after the hand-over, SUMO overtakes."""
     slow = '<vType id="slow" vClass="truck" maxSpeed="3"/><vehicle id="slow" type="slow" depart="0" '
@@ -129,7 +148,9 @@ def test_return_with_the_tail_in_the_next_lane(world, country):
     assert world.traffic._library.vehicle.getLateralLanePosition("s0") > 0.7
     world.states.owner[slot] = Owner.TRAFFIC
     world.step()
-    assert front_of(world.states, [slot])[0, 1] == pytest.approx(RIGHT, abs=0.05)
+    assert front_of(world.states, [slot])[0, 1] == pytest.approx(RIGHT + 0.3 * np.sin(lean), abs=0.05)
+    world.step(40)
+    assert front_of(world.states, [slot])[0, 1] == pytest.approx(RIGHT, abs=0.01)
 
 
 def test_return_across_the_line_leaves_no_ghost(world, country):

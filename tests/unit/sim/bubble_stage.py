@@ -1,6 +1,7 @@
 """A road on which vehicles are put where a test wants them, with the real rules of bubbles and hand-overs."""
 
 import numpy as np
+from shapely.geometry import box
 
 from smarts.agents import AgentInterface, PooledAgents
 from smarts.agents.pooled import merge_pools
@@ -23,9 +24,12 @@ from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 from tests import maps
+from tests.unit.bubbles.shapes import bubble
 
 LANER = AgentInterface(action=ActionSpaceType.Lane, vehicle_model="kinematic")
 ALL = np.ones(1, np.bool_)
+NONE, AIRLOCK, DRIVEN, RELEASING = Phase
+ZONE = box(100, -30, 120, 30)
 
 
 class Gate:
@@ -138,3 +142,17 @@ class Road:
 
     def count(self, name):
         return int(getattr(self.rules.states, name)[0].sum())
+
+
+def gate(margin=10.0, zone=ZONE, **more):
+    return bubble(zone, margin, **more)
+
+
+def phases(road, slot, steps):
+    """Return the phase after each step, joined where equal."""
+    seen = []
+    for _ in range(steps):
+        road.step()
+        if not seen or seen[-1] != road.phase(slot):
+            seen.append(road.phase(slot))
+    return seen
