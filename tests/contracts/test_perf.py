@@ -44,7 +44,10 @@ SMALLEST = {
 """Arguments of the scripts that run in the tests' process."""
 WITH_RAY = {
     "joint": ["--seconds", "0.01"],
-    "training": ["--algorithms", "ppo", "--seconds", "0.01"],
+    "training": [
+        *("--algorithms", "ppo", "--scenario", "two_way", "--seconds", "0.01"),
+        *("--set", "settings.ppo.rollout_fragment_length=32"),
+    ],
     "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
 }
 """Arguments of scripts that start Ray; these run in their own processes."""
