@@ -14,6 +14,7 @@ Deviations: target networks follow by polyak averaging instead of periodic copie
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import torch
@@ -55,21 +56,23 @@ class QNetwork(nn.Module):
         features = self.trunk(self.encoder(leaves))
         if self.memory is not None:
             features = self.memory(features, leaves[MEMORY], None, 1)
-        return self.values(features)
+        return self.values(features, leaves)
 
     def forward_recurrent(self, view: GroupView) -> tuple[Tensor, Tensor]:
         """Return (Q values, memory afterwards) of moments or sequences; without memory, (Q, features)."""
         features = self.trunk(self.encoder(view.observations))
         if self.memory is not None:
             features = self.memory(features, view.observations[MEMORY], view.fresh, view.length)
-        return self.values(features), features
+        return self.values(features, view.observations), features
 
-    def values(self, features: Tensor) -> Tensor:
+    def values(self, features: Tensor, leaves: Mapping[str, Tensor]) -> Tensor:
+        """Return Q values of features."""
+        return self.duel(self.advantage(features), None if self.value is None else self.value(features))
+
+    @staticmethod
+    def duel(advantage: Tensor, value: Tensor | None) -> Tensor:
         """Return Q values; duelling as V + A - mean A."""
-        advantage = self.advantage(features)
-        if self.value is None:
-            return advantage
-        return self.value(features) + advantage - advantage.mean(-1, keepdim=True)
+        return advantage if value is None else value + advantage - advantage.mean(-1, keepdim=True)
 
     def folded(self) -> nn.Sequential:
         """Return an equal perceptron: both streams are linear in the same features."""
@@ -171,9 +174,14 @@ class DQNLearner(OffPolicyLearner):
         with torch.no_grad():
             values = net.target_q((target_view or view).observations)
             ranking = net.policy(view) if self.config.double else values
-            if view.action_mask is not None:
-                ranking = ranking.masked_fill(~view.action_mask, MASKED_LOGIT)
-            return values.gather(-1, ranking.argmax(-1, keepdim=True)).squeeze(-1)
+            return values.gather(-1, best_actions(ranking, view).unsqueeze(-1)).squeeze(-1)
+
+
+def best_actions(values: Tensor, view: GroupView) -> Tensor:
+    """Return the actions (M, n) of the highest values (M, n, A) that the mask allows."""
+    if view.action_mask is not None:
+        values = values.masked_fill(~view.action_mask, MASKED_LOGIT)
+    return values.argmax(-1)
 
 
 class DQNConfig(JointConfig):

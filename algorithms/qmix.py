@@ -47,9 +47,14 @@ class QMIXMixer(LearnerModule):
 
     targets = ("target_mixer",)
 
+    @property
+    def state_size(self) -> int:
+        """Width of the state that the weights depend on."""
+        return self.spec.state_size
+
     def make_networks(self) -> None:
         """Create mixer and target mixer."""
-        self.mixer = MonotoneMixer(self.spec.state_size, len(self.spec.agents), self.settings["mixer_width"])
+        self.mixer = MonotoneMixer(self.state_size, len(self.spec.agents), self.settings["mixer_width"])
         self.target_mixer = copy.deepcopy(self.mixer).requires_grad_(False)
 
 
@@ -59,7 +64,11 @@ class QMIXLearner(VDNLearner):
     def mix(self, values: Tensor, view: JointView, *, target: bool = False) -> Tensor:
         """Return the team's values (M,)."""
         net = self.net(MIXER)
-        return (net.target_mixer if target else net.mixer)(values, view.global_state())
+        return (net.target_mixer if target else net.mixer)(values, self.state(view))
+
+    def state(self, view: JointView) -> Tensor:
+        """Return the state (M, S) that the mixer's weights depend on."""
+        return view.global_state()
 
     def trained(self) -> tuple[str, ...]:
         """Return the networks that the team's loss steps."""

@@ -315,6 +315,24 @@ class CommNetSettings(A2CSettings):
     """Weight of the baseline's error."""
 
 
+class COMASettings(JointSettings):
+    """COMA."""
+
+    lr: ScheduledFraction = 5e-4
+    lambda_: Fraction = 0.8
+    """Weight of longer returns in the critic's targets, TD(lambda)."""
+    epsilon: FirstAndLast = (0.5, 0.02)
+    """First and last share of uniformly random actions in the policies."""
+    epsilon_steps: NotNegative = 10_000
+    """Environment steps from the first to the last."""
+    critic_steps: Count = 8
+    """Steps of the critic on each rollout, before the policies' one."""
+    tau: Annotated[float, Field(gt=0, le=1)] = 0.2
+    """Step of the target critic towards its original, each rollout (polyak averaging)."""
+    team_reward: Literal["sum", "mean"] = "sum"
+    """How rewards of the active agents are joined; "mean" where all get the same shared reward."""
+
+
 class EpsilonGreedySettings(OffPolicySettings):
     """Settings of algorithms that explore by random actions."""
 
@@ -361,6 +379,28 @@ class QMIXSettings(VDNSettings):
     """Hidden units of the mixer."""
 
 
+class MAVENSettings(QMIXSettings):
+    """MAVEN."""
+
+    latents: Annotated[int, Field(ge=2, le=WIDEST)] = 16
+    """Number of values of the latent that an episode commits to."""
+    lambda_mi: NotNegative = 0.5
+    """Weight of the mutual information between latent and behaviour."""
+    latent_entropy: NotNegative = 0.2
+    """Weight of the entropy of the policy that draws latents, beside standardised returns."""
+
+
+class QTRANSettings(VDNSettings):
+    """QTRAN."""
+
+    variant: Literal["base", "alt"] = "base"
+    """"base": the sum bounds the joint value from above; "alt": tightly in one of each agent's actions."""
+    lambda_opt: NotNegative = 1.0
+    """Weight of the constraint at the agents' best actions."""
+    lambda_nopt: NotNegative = 1.0
+    """Weight of the constraint elsewhere."""
+
+
 class OpponentQSettings(EpsilonGreedySettings):
     """Q-learning with models of the other agents."""
 
@@ -386,6 +426,14 @@ class MADDPGSettings(OffPolicySettings):
     """Standard deviation of exploration noise on continuous actions in [-1, 1]."""
     logit_penalty: NotNegative = 1e-3
     """Weight of the mean square of policy outputs, which keeps samples from freezing."""
+
+
+class BiCNetSettings(MADDPGSettings):
+    """BiCNet."""
+
+    sharing: Sharing = "all"
+    hidden: SomeWidths = (64, 64)
+    """Widths of hidden layers; the last is the width of what agents hand on."""
 
 
 class MAACSettings(OffPolicySettings):

@@ -9,51 +9,59 @@ Deviations: recurrence is optional (`gru`); absent agents contribute zero, and t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import torch
 from torch import Tensor
 
 from algorithms.dqn import DQN, DQNConfig, DQNLearner
 from algorithms.joint.batch import JointView, ReplayBatch
+from algorithms.parts.masking import masked_mean_of_agents
 
 
 class VDNLearner(DQNLearner):
-    """One temporal difference for the whole team. Mixers override `mix` and `trained`."""
+    """One temporal difference for the whole team. Others override `mix`, `penalty` and `trained`."""
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step all networks together towards the team's target."""
         following = batch.next
-        chosen, best = {}, {}
+        values, chosen, best = {}, {}, {}
         for group, own in batch.groups():
             net = self.net(group.id)
-            chosen[group.id] = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
+            values[group.id] = net.policy(own)
+            chosen[group.id] = values[group.id].gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
             best[group.id] = self.next_value(net, *self.following(net, own))
         total = self.mix(torch.where(batch.alive, batch.join(chosen), 0), batch)
         with torch.no_grad():
             # All agents that are active next count, late arrivals too, as when that moment is fitted.
             value = self.mix(torch.where(following.alive, batch.join(best), 0), following, target=True)
             value = torch.where(following.alive.any(-1), value, 0)
-            target = self.config.reward_scale * self.team_reward(batch) + self.gamma * value
+            reward = team_reward(batch.rewards, batch.alive, self.config.team_reward)
+            target = self.config.reward_scale * reward + self.gamma * value
         # Squared, not Huber's: a sum fits most games only on average, and it is the mean that is meant.
         loss = self.mean((total - target).square(), batch.alive.any(-1))
         absent = batch.absent()
-        self.step_optimizer(loss, *(name for name in self.trained() if name not in absent))
+        total_loss = loss + self.penalty(batch, values)
+        self.step_optimizer(total_loss, *(name for name in self.trained() if name not in absent))
         self.log(self.groups[0].id, "td_loss", loss)
         self.polyak_update(*self.trained(), tau=self.config.tau)
-
-    def team_reward(self, batch: ReplayBatch) -> Tensor:
-        """Return the team's reward (M,)."""
-        total = torch.where(batch.alive, batch.rewards, 0).sum(-1)
-        if self.config.team_reward == "mean":
-            return total / batch.alive.sum(-1).clamp(min=1)
-        return total
 
     def mix(self, values: Tensor, view: JointView, *, target: bool = False) -> Tensor:
         """Return the team's values (M,) of the agents' (M, N), zeros for the absent."""
         return values.sum(-1)
 
+    def penalty(self, batch: ReplayBatch, values: Mapping[str, Tensor]) -> Tensor | float:
+        """Return what is added to the loss, given the agents' values (M, n, A) by group id."""
+        return 0.0
+
     def trained(self) -> tuple[str, ...]:
         """Return the networks that the team's loss steps."""
         return tuple(group.id for group in self.groups)
+
+
+def team_reward(rewards: Tensor, alive: Tensor, kind: str) -> Tensor:
+    """Return the "sum" or "mean" (...) of the active agents' rewards (..., N)."""
+    return masked_mean_of_agents(rewards, alive) if kind == "mean" else torch.where(alive, rewards, 0).sum(-1)
 
 
 class VDNConfig(DQNConfig):

@@ -34,6 +34,9 @@ def games() -> dict[str, Callable[[int], Any]]:
     games, pg, maac, field, networked, commnet, recurrence, kinds = (
         importlib.import_module(f"test_{name}") for name in names
     )
+    coma, qtran, bicnet, maven = (
+        importlib.import_module(f"test_{name}") for name in ("coma", "qtran", "bicnet", "maven")
+    )
     happo, memories, mat, opponents = (
         importlib.import_module(f"test_{name}") for name in ("happo", "recurrent_ppo", "mat", "opponents")
     )
@@ -52,6 +55,12 @@ def games() -> dict[str, Callable[[int], Any]]:
         **{f"{name} recall": partial(recurrence.recalled, name) for name in ("ppo", "centralised_v")},
         **{f"{name} recall": partial(kinds.recalled, name) for name in ("dqn", "vdn", "qmix")},
         "commnet levers": commnet.levers_score,
+        **{f"{name} shares": partial(coma.shares_score, name=name) for name in ("coma", "centralised_v")},
+        **{f"{name} mirror": partial(bicnet.mirror_score, name=name) for name in ("bicnet", "maddpg")},
+        **{f"{name} committed": partial(maven.committed_score, name=name) for name in ("maven", "qmix")},
+        "qtran matrix": qtran.matrix_score,
+        "qtran matrix, alt": partial(qtran.matrix_score, variant="alt"),
+        **{f"{name} matrix": partial(qtran.matrix_score, name=name) for name in ("vdn", "qmix")},
         **{f"{name} yielding": partial(happo.yielding_score, name) for name in ("happo", "ppo")},
         **{f"{name} turncoat": partial(opponents.turncoat_score, name) for name in ("opponent_q", "dqn")},
         **{f"{name} climbing": partial(opponents.climbing_score, name) for name in ("pr2", *_PLAIN)},

@@ -1,22 +1,24 @@
 """What hand-overs of vehicles between SUMO and agents do to the vehicles, and what they cost.
 
     python -m perf.handovers                                     # 10,000 hand-overs, all scenarios and models
-    python -m perf.handovers --handovers 200 --scenarios city --models kinematic
+    python -m perf.handovers --handovers 200 --scenarios city --models kinematic --drivers fallback
+    python -m perf.handovers --drivers keep-lane idm             # by agents of the zoo in bubbles
 
 Vehicles of mixed traffic (cars, buses, trucks) are taken over wherever they are, driven by the fallback
-controller for 1 to 8 s, and handed back as soon as the gate opens. Beside each run plays another with the
-same seed and no hand-over. Errors are differences of a step from a steady continuation of the step before:
-along and across the vehicle's course [m], of its heading [rad], and of its speed [m/s]; beside them those of
-traffic that no agent has touched.
+controller for 1 to 8 s, and handed back as soon as the gate opens; or agents of the zoo drive them in bubbles
+at random places. Beside each run plays another with the same seed and no hand-over. Errors are differences of
+a step from a steady continuation of the step before: along and across the vehicle's course [m], of its
+heading [rad], and of its speed [m/s]; beside them those of traffic that no agent has touched. The last table
+has all runs of each driver, with hand-overs / without.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -24,27 +26,30 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from perf.handover_drivers import run_driven
+from perf.handover_errors import Tally, print_tally, step_errors
+from perf.handover_safety import Safety, Watch, print_safety
 from smarts.agents import AgentInterface, DoneCriteria, PooledAgents
-from smarts.geometry.frames import wrap_angle
 from smarts.sim.assembly import Assembly, assemble
 from smarts.sstudio import build_scenario
 from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.mission import AgentMission
-from smarts.types.transfers import Departure, Reason, Refusal, Transfer, transfers
+from smarts.types.transfers import Reason, Transfer, transfers
 from smarts.types.vehicles import Owner, VehicleKind
 
 SCENARIOS = ("city", "intersection", "roundabout", "on_ramp_merge", "off_ramp_merge")
 Model = Literal["kinematic", "bullet"]
 MODELS: tuple[Model, ...] = ("kinematic", "bullet")
+FALLBACK = "fallback"
+DRIVERS = (FALLBACK, "keep-lane", "idm")
 STEPS = 600
 """Steps of an episode."""
 HELD = 16
 """Most vehicles at a time that agents drive."""
 LONGEST_WAIT = 5.0
 """A vehicle that cannot be taken over for so long is left alone [s]."""
-ERRORS = ("along", "across", "heading", "speed")
 BIG = """<vType id="a-bus" vClass="bus" length="12" width="2.5" accel="1.2" decel="4" emergencyDecel="4.5"/>
     <vType id="a-truck" vClass="truck" length="7.1" width="2.4" accel="1.3" decel="4" emergencyDecel="4.5"/>
     <vTypeDistribution """
@@ -72,32 +77,6 @@ def with_big_vehicles(start: EpisodeStart, folder: Path) -> EpisodeStart:
 
 
 @dataclass
-class Tally:
-    """What was measured in some runs."""
-
-    steps: int = 0
-    errors: dict[str, list[NDArray]] = field(default_factory=lambda: defaultdict(list))
-    """Rows of (along, across, heading, speed) by what happened."""
-    places: Counter[str] = field(default_factory=Counter)
-    """Where vehicles were taken over."""
-    kinds: Counter[str] = field(default_factory=Counter)
-    ends: Counter[str] = field(default_factory=Counter)
-    """How the holds ended."""
-    waits: list[float] = field(default_factory=list)
-    """From the wish to release to the release [s]; infinite if it never came."""
-    refused: NDArray = field(default_factory=lambda: np.zeros(len(Refusal), np.int64))
-    departed: NDArray = field(default_factory=lambda: np.zeros(len(Departure), np.int64))
-    stops: list[tuple[float, str]] = field(default_factory=list)
-    """Hardest loss of speed of a traffic vehicle in a step of each run [m/s], and where."""
-    plain_stops: list[float] = field(default_factory=list)
-    """The same without hand-overs."""
-
-    def add(self, what: str, errors: NDArray) -> None:
-        """Add errors, shape (N, 4)."""
-        self.errors[what].append(errors)
-
-
-@dataclass
 class Hold:
     """A vehicle in the hands of an agent, or on its way there."""
 
@@ -118,12 +97,12 @@ class Run:
     def __init__(self, parts: Assembly, generator: np.random.Generator, tally: Tally) -> None:
         self.parts, self.tally = parts, tally
         self.world = parts.simulation.world
+        self.watch = Watch(self.world.dt)
         self.generator = generator
         self.holds: list[Hold] = []
         self.touched: set[tuple[int, int]] = set()
         """Vehicles (slot, generation) that an agent has driven."""
         self._given_back: dict[int, int] = {}
-        self._hardest, self._where = 0.0, ""
         self._mask = np.ones(1, np.bool_)
         self._nobody = np.zeros(self.world.agents.slot.shape, np.bool_)
 
@@ -146,6 +125,7 @@ class Run:
         if frame.failures:
             raise next(iter(frame.failures.values()))
         self.tally.steps += 1
+        self.watch.take(self.world)
         return self._measure(before)
 
     def _copy(self) -> dict[str, NDArray]:
@@ -211,11 +191,10 @@ class Run:
 
     def _measure(self, before: dict[str, NDArray]) -> int:
         now = self._copy()
-        errors = _errors(before, now, self.world.dt)
+        errors = step_errors(before, now, self.world.dt)
         same = before["alive"] & now["alive"] & (before["generation"] == now["generation"])
         changed = self._follow_holds(before, now, errors)
         is_traffic = same & (now["owner"] == Owner.TRAFFIC) & (before["owner"] == Owner.TRAFFIC)
-        self._note_stops(is_traffic, before, now)
         untouched = [
             slot
             for slot in np.flatnonzero(is_traffic).tolist()
@@ -227,15 +206,6 @@ class Run:
                 self.tally.add("release, step after", errors[[slot]])
         self._given_back = self._just_back
         return changed
-
-    def _note_stops(self, chosen: NDArray, before: dict[str, NDArray], now: dict[str, NDArray]) -> None:
-        loss = np.where(chosen, before["speed"] - now["speed"], 0.0)
-        slot = int(loss.argmax())
-        if loss[slot] > self._hardest:
-            self._hardest = float(loss[slot])
-            touched = (slot, int(now["generation"][slot])) in self.touched
-            name = self.world.registry.name(0, slot)
-            self._where = f"{name}{' (handed back)' if touched else ''} at step {self.world.step[0]}"
 
     def _follow_holds(self, before: dict[str, NDArray], now: dict[str, NDArray], errors: NDArray) -> int:
         """Note which vehicles have changed hands in the step; return how many."""
@@ -293,31 +263,20 @@ class Run:
                     self.tally.waits.append(np.inf)
         self.tally.refused += self.parts.ownership.refused[0]
         self.tally.departed += self.parts.ownership.departed[0]
-        self.tally.stops.append((self._hardest, self._where))
+        self.watch.end(self.parts.ownership.departed[0])
 
 
-def _errors(before: dict[str, NDArray], now: dict[str, NDArray], dt: float) -> NDArray:
-    """Return by slot how far a step is off a steady continuation: along, across, heading, speed, (V, 4)."""
-    turn = wrap_angle(now["heading"] - before["heading"])
-    course = before["heading"] + 0.5 * before["yaw_rate"] * dt
-    moved = now["position"] - before["position"]
-    along = moved[:, 0] * np.cos(course) + moved[:, 1] * np.sin(course)
-    across = moved[:, 1] * np.cos(course) - moved[:, 0] * np.sin(course)
-    mean = 0.5 * (before["speed"] + now["speed"])
-    return np.abs(
-        np.column_stack(
-            [
-                along - mean * dt,
-                across - before["lateral_speed"] * dt,
-                turn - before["yaw_rate"] * dt,
-                now["speed"] - before["speed"],
-            ]
-        )
-    )
-
-
-def run_scenario(name: str, model: Model, handovers: int, seed: int, tally: Tally, folder: Path) -> int:
+def run_scenario(
+    name: str,
+    model: Model,
+    handovers: int,
+    seed: int,
+    tally: Tally,
+    folder: Path,
+    safety: Safety | None = None,
+) -> int:
     """Make hand-overs in one scenario, and the same runs without; return how many were made."""
+    safety = safety or Safety()
     interface = AgentInterface(action=ActionSpaceType.Lane, vehicle_model=model, done_criteria=NO_ENDS)
     made, episode = 0, 0
     built = build_scenario(name).with_traffic(["random_social_vehicles"])
@@ -327,11 +286,14 @@ def run_scenario(name: str, model: Model, handovers: int, seed: int, tally: Tall
             start = with_big_vehicles(parts.schedule.start(0, episode), folder)
             parts.simulation.reset({0: start})
             generator = np.random.Generator(np.random.Philox(seed + 1000 * episode))
-            made += Run(parts, generator, tally).play(STEPS, handovers - made)
+            run = Run(parts, generator, tally)
+            made += run.play(STEPS, handovers - made)
+            safety.driven.append(run.watch)
             plain = Tally()
             parts.simulation.reset({0: start})
-            Run(parts, generator, plain).play(STEPS, 0)
-            tally.plain_stops.append(plain.stops[0][0])
+            run = Run(parts, generator, plain)
+            run.play(STEPS, 0)
+            safety.plain.append(run.watch)
             tally.errors["traffic, no hand-overs"] += plain.errors["traffic"]
             episode += 1
     finally:
@@ -339,49 +301,49 @@ def run_scenario(name: str, model: Model, handovers: int, seed: int, tally: Tall
     return made
 
 
-def print_tally(tally: Tally) -> None:
-    """Print a table of what was measured."""
-    print(
-        f"{'':24}{'count':>8}" + "".join(f"{name + suffix:>14}" for name in ERRORS for suffix in ("", " 99%"))
-    )
-    for what, rows in sorted(tally.errors.items()):
-        table = np.concatenate(rows)
-        cells = "".join(
-            f"{value:14.3f}"
-            for column in table.T
-            for value in (column.max(initial=0.0), np.quantile(column, 0.99) if len(column) else 0.0)
-        )
-        print(f"{what:24}{len(table):8}{cells}")
-    waits = np.array(tally.waits)
-    print(f"taken: {dict(tally.places)}, {dict(tally.kinds)}")
-    print(f"ends of holds: {dict(tally.ends)}")
-    print(
-        f"released within 10 s: {np.mean(waits <= 10.0):.1%} of {len(waits)}, median {np.median(waits):.1f} s"
-    )
-    print("refused, vehicles:", {r.name: int(n) for r, n in zip(Refusal, tally.refused, strict=True) if n})
-    print("departed:", {d.name: int(n) for d, n in zip(Departure, tally.departed, strict=True) if n})
-    (hardest, where), plain = max(tally.stops), max(tally.plain_stops)
-    print(f"hardest stop in a step: {hardest:.2f} m/s ({where}), without hand-overs {plain:.2f}")
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the measurements that the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--handovers", type=int, default=10_000)
     parser.add_argument("--scenarios", nargs="+", default=SCENARIOS)
-    parser.add_argument("--models", nargs="+", default=MODELS, choices=MODELS)
+    parser.add_argument(
+        "--models", nargs="+", default=MODELS, choices=MODELS, help="of the fallback's vehicles"
+    )
+    parser.add_argument("--drivers", nargs="+", default=DRIVERS, choices=DRIVERS)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args(arguments)
-    each = -(-given.handovers // (len(given.scenarios) * len(given.models)))
+    tables = {driver: Safety() for driver in given.drivers}
     with TemporaryDirectory() as folder:
-        for model in given.models:
+        for driver, safety in tables.items():
+            if driver == FALLBACK:
+                _run_fallback(given, safety, Path(folder))
+                continue
+            each = -(-given.handovers // len(given.scenarios))
             for scenario in given.scenarios:
-                tally = Tally()
                 begin = time.perf_counter()
-                made = run_scenario(scenario, model, each, given.seed, tally, Path(folder))
-                seconds = time.perf_counter() - begin
-                print(f"\n{scenario}, {model}: {made} hand-overs in {tally.steps} steps, {seconds:.0f} s")
-                print_tally(tally)
+                change = partial(with_big_vehicles, folder=Path(folder))
+                made = run_driven(scenario, driver, each, given.seed, STEPS, change, safety)
+                print(
+                    f"{scenario}, {driver}: {made} hand-overs, {time.perf_counter() - begin:.0f} s",
+                    flush=True,
+                )
+    print_safety(tables)
+
+
+def _run_fallback(given: argparse.Namespace, safety: Safety, folder: Path) -> None:
+    """Make the hand-overs in which the fallback controller drives, and print their errors."""
+    each = -(-given.handovers // (len(given.scenarios) * len(given.models)))
+    whole = Tally()
+    for model in given.models:
+        for scenario in given.scenarios:
+            tally, begin = Tally(), time.perf_counter()
+            made = run_scenario(scenario, model, each, given.seed, tally, folder, safety)
+            seconds = time.perf_counter() - begin
+            print(f"\n{scenario}, {model}: {made} hand-overs in {tally.steps} steps, {seconds:.0f} s")
+            print_tally(tally)
+            whole.join(tally)
+    print("\nall of them; worst allowed: take 0.05, 0.25, -, 0.8; release 0.05, 0.15, 0.05, 0.6")
+    print_tally(whole)
 
 
 if __name__ == "__main__":

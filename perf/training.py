@@ -14,6 +14,7 @@ import argparse
 import logging
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -33,12 +34,12 @@ environment: {{traffic_step: {step}}}
 """
 
 
-def run_of(algorithm: str, scenario: str, step: float | None) -> Run:
-    """Return the run of the paper's table, with another step of the traffic."""
+def run_of(algorithm: str, scenario: str, step: float | None, overrides: Sequence[str]) -> Run:
+    """Return the run of the paper's table, with another step of the traffic and changed values."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "speed.yaml")
         file.write_text(FILE.format(algorithm=algorithm, scenario=scenario, step=step or "null"))
-        (run,) = runs_of(read_experiment(file))
+        (run,) = runs_of(read_experiment(file, overrides))
     return run
 
 
@@ -53,7 +54,7 @@ class Timed:
     def __init__(self, algo: Any, interval: int) -> None:
         self._algo, self._interval = algo, interval
         self._runner = algo.env_runner_group.local_env_runner
-        self._sample, self._runner.sample = self._runner.sample, self._watched
+        self._sample, self._runner._sample_fragment = self._runner._sample_fragment, self._watched
         self.steps, self.seconds, self.sampling = 0, 0.0, 0.0
 
     def train(self) -> None:
@@ -71,20 +72,20 @@ class Timed:
         """Agent-steps per second."""
         return self.steps / self.seconds
 
-    def _watched(self, *arguments: Any, **more: Any) -> Any:
+    def _watched(self, steps: int) -> Any:
         begin = time.process_time()
-        found = self._sample(*arguments, **more)
+        rollout = self._sample(steps)
         self.sampling += time.process_time() - begin
-        self.steps += self._interval * sum(rollout.agent_steps() for rollout in found)
-        return found
+        self.steps += self._interval * rollout.agent_steps()
+        return rollout
 
 
-def measure(algorithm: str, scenario: str, step: float, seconds: float) -> None:
+def measure(algorithm: str, scenario: str, step: float, seconds: float, overrides: Sequence[str]) -> None:
     """Train in both ways in turn, and print a line for each."""
     ways: dict[str, Timed] = {}
     with ExitStack() as algorithms:
         for name, each in (("exact", None), (f"traffic_step {step}", step)):
-            run = run_of(algorithm, scenario, each)
+            run = run_of(algorithm, scenario, each, overrides)
             algo = algorithms.enter_context(algorithm_of(run))
             ways[name] = Timed(algo, run.task_setting.environment.decision_interval)
             ways[name].train()
@@ -107,13 +108,14 @@ def main() -> None:
     parser.add_argument("--scenario", default="intersection")
     parser.add_argument("--traffic-step", type=float, default=0.5, help="[s] (default 0.5)")
     parser.add_argument("--seconds", type=float, default=60.0, help="of processor time for each (default 60)")
+    parser.add_argument("--set", nargs="*", default=(), metavar="KEY=VALUE", help="of the experiment")
     options = parser.parse_args()
     logging.getLogger("ray").setLevel(logging.ERROR)
     ray.init(num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
     header = "algorithm", "traffic", "agent-steps per CPU second", "sampling", "ratio"
     print("| " + " | ".join(header) + " |", "|---" * len(header) + "|", sep="\n")
     for algorithm in options.algorithms:
-        measure(algorithm, options.scenario, options.traffic_step, options.seconds)
+        measure(algorithm, options.scenario, options.traffic_step, options.seconds, options.set)
     ray.shutdown()
 
 

@@ -281,8 +281,14 @@ class OnPolicyLearner(JointTorchLearner):
             gamma=self.gamma,
             lambda_=self.config.lambda_,
         )
-        rows = views[:-1].flat()
         self.report_values(values[:-1], targets, alive)
+        return self.batch(rollout, views, self._scaled(advantages, alive), targets)
+
+    def batch(
+        self, rollout: JointRollout, views: JointView, advantages: Tensor, targets: Tensor
+    ) -> OnPolicyBatch:
+        """Return all transitions of the rollout, T*B rows or whole sequences, with scores (T, B, N)."""
+        device, masks, rows = self._device, rollout.masks(), views[:-1].flat()
         batch = OnPolicyBatch(
             self.spec,
             rows.observations,
@@ -291,11 +297,11 @@ class OnPolicyLearner(JointTorchLearner):
             rows.state,
             rows.graph,
             actions=tuple(to_tensor(a, device).flatten(0, 1) for a in rollout.actions),
-            rewards=rewards.flatten(0, 1),
-            bootstrap=bootstrap.flatten(0, 1),
-            log_prob=self._log_prob(rollout, rewards),
-            advantages=self._scaled(advantages, alive).flatten(0, 1),
-            targets=torch.where(alive, targets, 0).flatten(0, 1),
+            rewards=to_tensor(rollout.rewards, device).flatten(0, 1),
+            bootstrap=to_tensor(masks.bootstrap, device).flatten(0, 1),
+            log_prob=self._log_prob(rollout, targets),
+            advantages=advantages.flatten(0, 1),
+            targets=torch.where(rows.alive, targets.flatten(0, 1), 0),
             fresh=to_tensor(masks.fresh[:-1], device).flatten(0, 1) if self.config.gru else None,
         )
         return (

@@ -69,6 +69,19 @@ class CategoricalDistribution:
         return self.log_probs.argmax(-1)
 
 
+class FlooredDistribution(CategoricalDistribution):
+    """(1 - epsilon) times a choice by logits plus epsilon times a uniform one among the allowed actions."""
+
+    def __init__(self, logits: Tensor, action_mask: Tensor | None, epsilon: float) -> None:
+        super().__init__(logits, action_mask)
+        if not epsilon:
+            return
+        allowed = torch.ones_like(logits) if action_mask is None else action_mask.to(logits.dtype)
+        uniform = allowed / allowed.sum(-1, keepdim=True).clamp(min=1)
+        mixed = ((1 - epsilon) * self.log_probs.exp() + epsilon * uniform).clamp(min=1e-30).log()
+        self.log_probs = mixed.masked_fill(allowed == 0, MASKED_LOGIT)
+
+
 class GaussianDistribution:
     """Independent normal action components; mean and log standard deviation (..., k)."""
 
@@ -124,6 +137,18 @@ class CategoricalHead:
     ) -> SampledActions:
         """Return sampled, or most probable, actions."""
         policy = self.distribution(outputs, action_mask)
+        actions = policy.sample(generator) if exploration.explore else policy.mode()
+        return SampledActions(actions, policy.log_prob(actions), policy.log_probs.exp())
+
+
+class FlooredHead(CategoricalHead):
+    """Samples each of A allowed actions with probability `epsilon` / A at least; greedy: the mode."""
+
+    def act(
+        self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> SampledActions:
+        """Return sampled, or most probable, actions."""
+        policy = FlooredDistribution(outputs, action_mask, exploration.epsilon)
         actions = policy.sample(generator) if exploration.explore else policy.mode()
         return SampledActions(actions, policy.log_prob(actions), policy.log_probs.exp())
 

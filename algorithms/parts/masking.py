@@ -14,6 +14,11 @@ def masked_mean(x: Tensor, mask: Tensor) -> Tensor:
     return torch.where(mask, x, 0).sum() / mask.sum().clamp(min=1)
 
 
+def masked_mean_of_agents(x: Tensor, mask: Tensor) -> Tensor:
+    """Return the means (...) of `x` (..., N) where `mask`; 0 where it is nowhere."""
+    return torch.where(mask, x, 0).sum(-1) / mask.sum(-1).clamp(min=1)
+
+
 def standardised(x: Tensor, mask: Tensor, epsilon: float = 1e-8) -> Tensor:
     """Return `x` with mean 0 and standard deviation 1 over `mask`, and 0 elsewhere."""
     mean = masked_mean(x, mask)

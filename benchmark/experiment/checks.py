@@ -345,14 +345,17 @@ def _scenarios(values: Values) -> Iterator[Fault]:
     for key, name in _places(values.get("tasks")):
         try:
             scenario = read_scenario(name)
-            if agents:
-                check_egos(scenario.ego_missions or (), len(agents), name)
             if environment.get("traffic_step") is not None:
                 check_without_handovers(scenario, name)
         except UnknownNameError:
             continue  # the model says so
         except SmartsError as error:
             yield Fault(key, error.problem, error.remedy)
+            continue
+        try:
+            check_egos(scenario.ego_missions or (), len(agents), name)
+        except SmartsError as error:
+            yield Fault(("environment", "agents"), f"{name}: {error.problem}", error.remedy)
             continue
         known = scenario.traffic or {}
         if not known:

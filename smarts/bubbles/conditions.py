@@ -10,6 +10,7 @@ import numpy as np
 
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio.sstypes.condition import ConditionRequires
+from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import BubbleCondition
 from smarts.types.condition_state import ConditionState
 from smarts.types.vehicles import VehicleKind
@@ -58,10 +59,13 @@ class ConditionRunner:
     def __init__(self, world: World) -> None:
         self._world = world
         self._memory = [defaultdict[Any, dict[Any, float]](dict) for _ in range(world.worlds)]
+        self._names: list[tuple[int, frozenset[str]]] = [(UNSET, frozenset())] * world.worlds
+        """The names of each simulation's vehicles, and the step that they are of."""
 
     def clear(self, row: int) -> None:
         """Forget the episode of one simulation."""
         self._memory[row].clear()
+        self._names[row] = UNSET, frozenset()
 
     def is_active(self, row: int, bubble: int, condition: BubbleCondition) -> bool:
         """Return whether a bubble's `active_condition` holds; call it in every step, for its clocks."""
@@ -85,9 +89,15 @@ class ConditionRunner:
         world = self._world
         facts: dict[str, Any] = {"time": float(world.step[row]) * world.dt}
         if condition.requires & _NAMES:
-            slots = np.flatnonzero(world.vehicles.alive[row]).tolist()
-            facts["actor_ids"] = {world.registry.name(row, slot) for slot in slots}
+            facts["actor_ids"] = self._names_at(row, int(world.step[row]))
         return facts
+
+    def _names_at(self, row: int, step: int) -> frozenset[str]:
+        """Return the names of the vehicles in a simulation, which are read once a step."""
+        if self._names[row][0] != step:
+            slots = np.flatnonzero(self._world.vehicles.alive[row]).tolist()
+            self._names[row] = step, frozenset(self._world.registry.name(row, slot) for slot in slots)
+        return self._names[row][1]
 
     def _state(self, row: int, slot: int) -> ActorState:
         world = self._world

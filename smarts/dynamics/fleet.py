@@ -61,6 +61,8 @@ class Fleet:
         self._cars, self._states, self._bodies = arrays.cars, arrays.states, arrays.bodies
         self._model = np.full(rows, -1)
         self._rows = [np.zeros(0, np.int64) for _ in MODELS]
+        self._is_changed = False
+        """Whether vehicles have come or gone since `_rows` was written."""
         self._bullet = BulletWorlds(arrays, simulations)
         self.road = Road(arrays.road[:, 0:4], arrays.road[:, 4:7], arrays.road[:, 7])
         self._level(slice(None))
@@ -113,7 +115,7 @@ class Fleet:
         self._bullet.clear(simulation)
         self._model[rows] = -1
         self._level(rows)
-        self._index()
+        self._arrays.active[rows], self._is_changed = False, True
 
     def spawn(
         self,
@@ -156,11 +158,11 @@ class Fleet:
                 "the row is taken", place=f"vehicle in row {row}", remedy="despawn its vehicle first"
             )
         checks.check_start(row, position, heading, speed, steering, size)
-        car = layout.pack(name, tyres).copy()
+        self._cars[row] = layout.pack(name, tyres)
+        car = self._cars[row]
         if size is not None:
             # Contacts use the footprint that other vehicles see, whatever the type.
             car["half_size"][:2] = 0.5 * size[0], 0.5 * size[1]
-        self._cars[row] = car
         steering = min(max(steering, -float(car["max_steering"])), float(car["max_steering"]))
         yaw_rate = speed * math.tan(steering) / float(car["cog_to_front_axle"] + car["cog_to_rear_axle"])
         self._states[row] = layout.fresh_state(car, speed, steering)
@@ -169,7 +171,7 @@ class Fleet:
         self._model[row] = MODELS.index(model)
         if model == "bullet":
             self._bullet.add(row)
-        self._index()
+        self._arrays.active[row] = self._is_changed = True
         self._arrays.poses[row] = *position, heading
         self._motion.velocity[row] = speed, yaw_rate * car["cog_to_rear_axle"]
         self._motion.yaw_rate[row] = yaw_rate
@@ -186,7 +188,7 @@ class Fleet:
         if self._model[row] == MODELS.index("bullet"):
             self._bullet.remove(row)
         self._model[row] = -1
-        self._index()
+        self._arrays.active[row], self._is_changed = False, True
 
     def set_fault(self, row: int, wheel: int, fault: TyreFault = FLAT_TYRE) -> None:
         """Set the fault of one tyre until the vehicle despawns; `SOUND_TYRE` removes it.
@@ -313,6 +315,9 @@ class Fleet:
 
     def _chosen(self, simulations: Bools | None) -> tuple[Bools, list[Longs]]:
         """Return which rows are to move, shape (E,), and the rows of each model."""
+        if self._is_changed:
+            self._rows = [np.flatnonzero(self._model == number) for number in range(len(MODELS))]
+            self._is_changed = False
         if simulations is None or simulations.all():
             return self._arrays.active, self._rows
         chosen = np.repeat(simulations, self._egos)
@@ -339,10 +344,6 @@ class Fleet:
         self.road.friction[rows] = DRY_ASPHALT
         self.road.normal[rows] = 0.0, 0.0, 1.0
         self.road.offset[rows] = 0.0
-
-    def _index(self) -> None:
-        self._rows = [np.flatnonzero(self._model == number) for number in range(len(MODELS))]
-        self._arrays.active[:] = self._model >= 0
 
 
 def _view(array: NDArray) -> NDArray:

@@ -21,7 +21,8 @@ from smarts.env.groups import ALONE, assembled, space_of
 from smarts.env.runner import NotCopied
 from smarts.env.settings import EnvOptions, make_settings, refuse_bubbles
 from smarts.env.single import AGENT
-from smarts.env.vector import VectorHiWayEnv, VectorStep
+from smarts.env.vector import VectorHiWayEnv
+from smarts.env.vector_step import VectorStep
 from smarts.errors import SmartsError
 from smarts.observations.action_mask import MASK
 from smarts.types.events import Outcome

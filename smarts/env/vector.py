@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete
@@ -17,91 +17,17 @@ from smarts.env.actions import Own, arrays_of
 from smarts.env.groups import ALONE, AgentGroup, box_of, make_groups, rewards_of
 from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
 from smarts.env.settings import Agents, EnvOptions, make_settings
+from smarts.env.vector_step import Block, Final, Ints, Leaves, Spaces, VectorStep
 from smarts.errors import SmartsError, TrafficError
 from smarts.observations.action_mask import MASK
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Outcome
 from smarts.types.streams import check_seed
 
-Ints = NDArray[np.integer]
-Leaves = Mapping[str, NDArray]
-
 MOST_EPISODES = 2**31 - 1
 """Largest number of an episode."""
 MOST_TRIES = 10
 """Episodes in a row that a simulation may fail to begin."""
-
-
-class Block(NamedTuple):
-    """Agents with equal spaces; they occupy contiguous columns."""
-
-    agents: tuple[str, ...]
-    """Names, in column order."""
-    observation: Mapping[str, Box]
-    """Space of each array of the observation: its path, such as "ego_vehicle_state/speed"; "" if there is
-    only one."""
-    action: Box | Discrete
-    masked: bool
-    """Whether there are action masks."""
-
-
-class Spaces(NamedTuple):
-    """The spaces of all agents."""
-
-    blocks: tuple[Block, ...]
-    """In column order."""
-    state: int = 0
-    """Size of a global state; 0: there is none."""
-    has_graph: bool = False
-
-
-class Final(NamedTuple):
-    """The last observations of simulations that were reset in a step."""
-
-    rows: Ints
-    """Of these simulations, shape (K,)."""
-    observations: tuple[Leaves, ...]
-    """Per block, shape (K, n, ...)."""
-    masks: tuple[Bools | None, ...]
-    """Per block, shape (K, n, actions)."""
-    state: None = None
-    graph: None = None
-
-
-class VectorStep(NamedTuple):
-    """The result of one decision of all simulations, after resets; valid until the next."""
-
-    observations: tuple[Leaves, ...]
-    """Per block, shape (B, n, ...), after resets. If an agent ends before its simulation, this is its last
-    observation; later ones are zero."""
-    rewards: Singles
-    """0 for agents that did not act, shape (B, N)."""
-    terminated: Bools
-    """The agent's episode terminated, shape (B, N)."""
-    truncated: Bools
-    """The agent's episode was truncated, shape (B, N)."""
-    alive: Bools
-    """Agents that act in the next step, shape (B, N)."""
-    reset: Bools
-    """Simulations that were reset in this step, shape (B,)."""
-    final: Final | None = None
-    """Of the simulations that were reset."""
-    masks: tuple[Bools | None, ...] = ()
-    """Per block, which actions are allowed, shape (B, n, actions). Agents that do not act get a mask with
-    only action 0 allowed, so that masked logits are not all infinite."""
-    state: None = None
-    graph: None = None
-    failed: Mapping[int, BaseException] = {}
-    """Simulations whose traffic failed and that were reset: the rest of their step is invalid."""
-    metrics: Mapping[int, Mapping[str, float]] = {}
-    """Of the simulations that were reset: shares of the agents by outcome, and steps."""
-    social_failures: Mapping[int, Mapping[str, str]] = {}
-    """By simulation and name, the social agents that have failed since the last result, also in the steps of
-    a reset, and why: the fallback controller drives their vehicles."""
-    social_infos: Mapping[int, Mapping[str, Any]] = {}
-    """By simulation, what else is to be known of other agents, if anything: `kept_out`, the names of agents
-    that cannot enter, and `bubbles`, by id and count what happened in the episode so far; of simulations that
-    were reset, in the episode that has ended."""
 
 
 class VectorHiWayEnv(NotCopied):

@@ -9,7 +9,7 @@ import numpy as np
 
 from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at
+from smarts.geometry.segments import segment_at, wrapped
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_ways import next_row
@@ -28,6 +28,16 @@ SIDE_GAP = 0.2
 """A vehicle with more lateral clearance than this is not on the way [m]."""
 SLOWING = 1.5
 """Deceleration to lower speed limits ahead [m/s^2]."""
+TURNING_RADIUS = 1.4
+"""Least radius at which the centre of a vehicle turns, in lengths of the vehicle."""
+TILT = 0.13
+"""By so much a vehicle is turned against its lane while it swings out [rad]."""
+BEFORE_TURN = 4.0
+"""A vehicle begins to swing out its length and this far before a turn [m]."""
+MIRROR_TIME = 3.0
+"""A vehicle does not swing out before one that comes from behind sooner [s]..."""
+BESIDE = 5.0
+"""...nearer than this to the side [m]."""
 SAME_WAY = 0.5
 """Cosine of the angle between two headings, from which on vehicles drive the same way."""
 
@@ -149,25 +159,68 @@ def _leads_on(routes: RouteTable, free: int, lane: int) -> bool:
 def leader_on(vehicles: VehicleStates, b: int, slot: int, points: Floats) -> tuple[float, float]:
     """Return the gap to the first vehicle on a way, bumper to bumper [m], and its speed along it [m/s].
 
-    The gap is infinite if there is none.
+    The gap is infinite if there is none. Where the vehicle is going to swing out before a turn, vehicles in
+    the lane beside are on its way, too; for one that comes from behind it waits before that.
     """
     nearest, speed = np.inf, 0.0
     if len(points) == 0:
         return nearest, speed
     reach = SPACING * len(points) + 10.0
+    swing = _swing(points, vehicles.length[b, slot])
     for other in range(vehicles.alive.shape[1]):
         if other == slot or not vehicles.alive[b, other]:
             continue
         station, aside, turn = _place_on(vehicles, b, other, points, reach)
-        if station <= 0.0:
-            continue
         along, across = _extents(vehicles, b, other, turn)
-        if abs(aside) - across - 0.5 * vehicles.width[b, slot] > SIDE_GAP:
+        is_outside = aside * swing.side > 0.0 and swing.begin - along < station < swing.end
+        if station <= 0.0:
+            comes = station + along + MIRROR_TIME * vehicles.speed[b, other] * math.cos(turn)
+            if aside * swing.side > 0.0 and abs(aside) < BESIDE and 0.0 < swing.begin < min(comes, nearest):
+                nearest, speed = swing.begin, 0.0
+            continue
+        room = SIDE_GAP + (swing.room if is_outside else 0.0)
+        if abs(aside) - across - 0.5 * vehicles.width[b, slot] > room:
             continue
         gap = station - along - 0.5 * vehicles.length[b, slot]
         if gap < nearest:
             nearest, speed = gap, max(vehicles.speed[b, other] * math.cos(turn), 0.0)
     return nearest, speed
+
+
+class Swing(NamedTuple):
+    """Where a long vehicle swings out of its lane before a turn that is tighter than it turns."""
+
+    begin: float
+    """From the vehicle's centre, as `end` [m]."""
+    end: float
+    side: float
+    """1 to the left, -1 to the right, 0: nowhere."""
+    room: float
+    """How far beyond its lane's path [m]."""
+
+
+@kernel
+def _swing(points: Floats, length: float) -> Swing:
+    """Return where a vehicle swings out before the first tight turn of a way.
+
+    Two straights and an arc of radius r that turns by phi are followed at radius R with an offset of at least
+    (R - r) tan(phi / 4)^2; see docs/control.md.
+    """
+    radius, turned, sharpest, begin, end = TURNING_RADIUS * length, 0.0, 0.0, -1, -1
+    for i in range(len(points) - 2):
+        bend = wrapped(points[i + 2, 2] - points[i, 2]) / (2.0 * SPACING)
+        if abs(bend) * radius <= 1.0:
+            if begin >= 0:
+                break
+            continue
+        begin, end = i if begin < 0 else begin, i + 2
+        turned += bend * SPACING
+        sharpest = max(sharpest, abs(bend))
+    if begin < 0:
+        return Swing(0.0, 0.0, 0.0, 0.0)
+    room = max(radius - 1.0 / sharpest, 0.0) * math.tan(0.25 * min(abs(turned), math.pi)) ** 2
+    first = begin * SPACING - length - BEFORE_TURN
+    return Swing(first, end * SPACING, -math.copysign(1.0, turned), room + 0.5 * TILT * length)
 
 
 @kernel

@@ -1,8 +1,9 @@
 """The gate between SUMO and agents.
 
 Vehicles come back to SUMO with no jump, no overlap, a way ahead, and no hard braking.
-SUMO drives a vehicle on from the lane, the position and the offset at which it has the vehicle's shadow, and
-shows it along that lane. So the gate compares this pose with the vehicle's own, now and after the next step.
+SUMO drives a vehicle on from the lane and the position at which it has the vehicle's shadow, and from nearly
+its offset, with both ends on that lane. So the gate compares this pose with the vehicle's own, now and after
+the next step. What they differ by fades (`sumo_fading`).
 
 Agents get no vehicle that is on its way through a junction without priority: it goes in a gap that SUMO has
 chosen. An agent that gets it where it can no longer stop could not choose another.
@@ -28,11 +29,11 @@ LEAST_TAIL = 0.1
 STEPS_BEFORE = 2
 """A vehicle whose front is inside a junction after so many steps is not taken any more."""
 MOST_OFFSET = 0.15
-"""Of the front from the lane's centreline [m]."""
-MOST_TURN = 0.04
-"""Between the vehicle's heading and the one that SUMO shows [rad]."""
-MOST_SHIFT = 0.1
-"""Between the vehicle's centre and the one that SUMO shows [m]."""
+"""From the lane's centreline at which SUMO gets a vehicle's front [m]."""
+MOST_TURN = 0.1
+"""Between the vehicle's heading and the one that SUMO has for it [rad]; `sumo_fading` lets it fade."""
+MOST_SHIFT = 0.5
+"""Between the vehicle's centre and the one that SUMO has for it [m]."""
 MOST_BRAKING = 4.5
 """Deceleration that traffic ahead, a light or right of way may demand [m/s^2]."""
 LOOK_AHEAD = 100.0
@@ -132,11 +133,12 @@ class SumoGate:
             return Refusal.IN_JUNCTION
         if shadow.shift or shadow.reinsertion or states.lane[slot] not in (lane, -1):
             return Refusal.OTHER_LANE
+        shadow.back = min(max(shadow.offset, -MOST_OFFSET), MOST_OFFSET)
         begin, end = self._starts[lane], self._starts[lane + 1]
-        turn, aside = self._compare(slot, begin, end, front, shadow.offset, self._dt)
+        turn, aside = self._compare(slot, begin, end, front, shadow.back, self._dt)
         if turn > MOST_TURN:
             return Refusal.HEADING
-        return Refusal.OFFSET if abs(shadow.offset) > MOST_OFFSET or aside > MOST_SHIFT else Refusal.NONE
+        return Refusal.OFFSET if aside > MOST_SHIFT else Refusal.NONE
 
     def _is_smooth(self, slot: int, shadow: Shadow) -> bool:
         """Return whether SUMO's driver would not brake the vehicle hard."""

@@ -133,6 +133,14 @@ class SumoLibrary:
         # The index is -1 before departure.
         return self.vehicle.getRoute(name)[max(self.vehicle.getRouteIndex(name), 0) :]
 
+    def copy_stop(self, name: str, stop: Any) -> None:
+        """Give a vehicle a stop of another, unless SUMO does not accept it."""
+        edge, _, index = stop.lane.rpartition("_")
+        place = stop.stoppingPlaceID or edge
+        # The lowest bit says that the stop has been reached; the others are those that `setStop` takes.
+        times = stop.duration, stop.stopFlags >> 1, stop.startPos, stop.until
+        self.accepts(self.vehicle.setStop, name, place, stop.endPos, int(index), *times)
+
     def is_out_of_order(self, name: str, lane: str, own: float) -> bool:
         """Return whether SUMO's order on a lane contradicts a vehicle's (`own` [m]) and others' positions."""
         order = self.lane.getLastStepVehicleIDs(lane)

@@ -37,6 +37,8 @@ class Shadow:
     """The side that SUMO has detected."""
     way: tuple[str, ...] = ()
     """Edges that SUMO is to drive on from `lane` when it gets the vehicle back; empty: not settled yet."""
+    back: float = 0.0
+    """Offset at which SUMO is to get it back, with `way` [m]."""
     calm_steps: int = 0
     """Steps after its return to SUMO in which the vehicle begins no lane change."""
     reinsertion: Reinsertion | None = None

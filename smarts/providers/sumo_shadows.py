@@ -32,11 +32,11 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
 from smarts.geometry.binding import bind
+from smarts.providers.sumo_arrivals import Arrival
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_proxies import SumoProxies
 from smarts.providers.sumo_rows import lead
@@ -102,11 +102,9 @@ class SumoShadows:
         """Clear all shadows; SUMO was restarted."""
         self._roads = roads
         self._half_widths = (roads.width / 2).tolist()
-        self._shadows.clear()
-        self._returned.clear()
-        self._types.clear()
-        self._next_edges.clear()
-        self._lane_headings.clear()
+        known = self._shadows, self._returned, self._types, self._next_edges, self._lane_headings
+        for each in known:
+            each.clear()
         self.proxies.reset(roads)
 
     def create(self, slot: int, name: str, route: Sequence[str]) -> None:
@@ -122,43 +120,36 @@ class SumoShadows:
         vehicle = self._library.vehicle
         vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
         route, lane = self._library.route_ahead(name), vehicle.getLaneID(name)
-        shadow = Shadow(name, route, lane, vehicle.getLanePosition(name))
+        self._shadows[slot] = shadow = Shadow(name, route, lane, vehicle.getLanePosition(name))
         if slot in self._returned:
             shadow.noted_side = self._returned.pop(slot).noted_side
-        self._shadows[slot] = shadow
 
-    def replace(self, slot: int, name: str, new_name: str) -> None:
+    def replace(self, slot: int, name: str, new_name: str, arrival: Arrival) -> None:
         """Make a vehicle in SUMO a shadow, under a new name, from the next step on.
 
-        The new vehicle has the type, speed factor, colour, line, route, and stops ahead of the old one.
-        TraCI does not give the place and the speed of arrival: it arrives at the end of its route.
+        The new vehicle has the type, speed factor, colour, line, route, and stops ahead of the old one, and
+        its arrival. What TraCI neither gives nor takes is lost: its time of departure, and the parameters of
+        its devices.
+
+        Args:
+            slot: The vehicle's.
+            name: Its id in SUMO.
+            new_name: That of the new vehicle.
+            arrival: Where the vehicle arrives, see `SumoArrivals`.
         """
         vehicle, route = self._library.vehicle, self._library.route_ahead(name)
         kind, factor = vehicle.getTypeID(name), vehicle.getSpeedFactor(name)
         colour, line, stops = vehicle.getColor(name), vehicle.getLine(name), vehicle.getStops(name)
         vehicle.remove(name)
-        vehicle.add(new_name, "", typeID=kind)
+        vehicle.add(new_name, "", typeID=kind, line=line, **arrival)
         vehicle.setSpeedFactor(new_name, factor)
         vehicle.setColor(new_name, colour)
-        vehicle.setLine(new_name, line)
         vehicle.setLaneChangeMode(new_name, _NO_LANE_CHANGES)
         self._library.accepts(vehicle.setRoute, new_name, list(route))
         for stop in stops:
-            self._copy_stop(new_name, stop)
+            self._library.copy_stop(new_name, stop)
         self._returned.pop(slot, None)
         self._shadows[slot] = Shadow(new_name, route)
-
-    def _copy_stop(self, name: str, stop: Any) -> None:
-        """Give a vehicle a stop of another, unless SUMO does not accept it."""
-        edge, _, index = stop.lane.rpartition("_")
-        place = stop.stoppingPlaceID or edge
-        # The lowest bit says that the stop has been reached; the others are those that `setStop` takes.
-        times = stop.duration, stop.stopFlags >> 1, stop.startPos, stop.until
-        self._library.accepts(self._library.vehicle.setStop, name, place, stop.endPos, int(index), *times)
-
-    def is_changing_lanes(self, name: str) -> bool:
-        """Return whether SUMO moves a vehicle sideways."""
-        return bool(self._library.vehicle.getLateralSpeed(name))
 
     def hand_back(self, slot: int) -> bool:
         """Hand a shadow back to SUMO; return whether SUMO can drive it, which requires a lane.
@@ -171,7 +162,9 @@ class SumoShadows:
         vehicle = self._library.vehicle
         if not vehicle.getLaneID(shadow.id):
             return False
-        if shadow.shift:
+        if shadow.way:
+            shadow.offset = shadow.back
+        if vehicle.getLateralLanePosition(shadow.id) != shadow.offset:
             vehicle.setLateralLanePosition(shadow.id, shadow.offset)
         shadow.calm_steps = _CALM_STEPS
         if shadow.way and shadow.way[0] == vehicle.getRoadID(shadow.id):
@@ -241,8 +234,8 @@ class SumoShadows:
 
     def _place_proxy(self, slot: int, shadow: Shadow) -> None:
         states, kind = self._states, self._type_of(slot)
-        x, y = states.position[slot].tolist()
-        heading, speed = float(states.heading[slot]), float(states.speed[slot])
+        (x, y), heading = states.position[slot].tolist(), float(states.heading[slot])
+        speed = float(states.speed[slot])
         self.proxies.place(shadow.id, kind, (x, y), heading, speed, float(states.length[slot]))
 
     def _settle_on_lane(
@@ -367,9 +360,9 @@ class SumoShadows:
     def _next_edge(self, lane: str) -> list[str]:
         """Return the edge after a lane, straight on if there are several; [] at the end of a road."""
         if lane not in self._next_edges:
-            links = self._library.lane.getLinks(lane)
+            links = [*self._library.lane.getLinks(lane)]
             straight = [link for link in links if link[6] == "s"]
-            self._next_edges[lane] = [link[0].rpartition("_")[0] for link in (straight or list(links))[:1]]
+            self._next_edges[lane] = [link[0].rpartition("_")[0] for link in (straight or links)[:1]]
         return self._next_edges[lane]
 
     def _restore_route(self, shadow: Shadow) -> None:
@@ -391,8 +384,7 @@ class SumoShadows:
 
     def _type_of(self, slot: int) -> str:
         """Return a SUMO vehicle type with the footprint of a slot's vehicle, created on first use."""
-        states = self._states
-        kind = VehicleKind(states.kind[slot])
+        states, kind = self._states, VehicleKind(self._states.kind[slot])
         length, width = float(states.length[slot]), float(states.width[slot])
         name = f"shadow-{kind.name.lower()}-{length!r}x{width!r}"
         if name not in self._types:

@@ -14,12 +14,13 @@ import numpy as np
 from smarts.arrays import Bytes
 from smarts.errors import TrafficError
 from smarts.geometry.binding import bind
-from smarts.geometry.boxes import boxes_overlap
-from smarts.geometry.frames import heading_from_compass
+from smarts.providers.sumo_arrivals import SumoArrivals
+from smarts.providers.sumo_departures import find_blocking
 from smarts.providers.sumo_driven import DrivenRows
+from smarts.providers.sumo_fading import FadingPoses
 from smarts.providers.sumo_gate import SumoGate
 from smarts.providers.sumo_library import SumoLibrary
-from smarts.providers.sumo_rows import centre_of, next_unplanned
+from smarts.providers.sumo_rows import next_unplanned
 from smarts.providers.sumo_shadows import SumoShadows
 from smarts.providers.sumo_signals import SumoSignals
 from smarts.roads.lane_graph import LaneGraph
@@ -27,9 +28,6 @@ from smarts.types.traffic import TrafficFiles
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
 from smarts.types.world import World
-
-SPAWN_MARGIN = (10.0, 1.0)
-"""Margin around an entering vehicle that is cleared of traffic: in front and behind, on either side [m]."""
 
 _KINDS = {kind.name.lower(): kind for kind in VehicleKind}
 _KINDS |= {"delivery": VehicleKind.TRUCK, "moped": VehicleKind.MOTORCYCLE}
@@ -110,6 +108,7 @@ class SumoTraffic:
         self._signals = SumoSignals(self._library, world.signals[row])
         self._shadows = SumoShadows(self._library, states)
         self._gate = SumoGate(self._library, world, row)
+        self._arrivals, self._fading = SumoArrivals(), FadingPoses(world, row)
         self._ids: dict[int, str] = {}
         self._driven: dict[str, int] = {}
         self._kept_clear: list[int] = []
@@ -143,6 +142,8 @@ class SumoTraffic:
         self._roads, states = roads, self._states
         self._shadows.reset(roads)
         self._gate.reset(roads)
+        self._arrivals = SumoArrivals(files.routes)
+        self._fading.clear()
         self._ids.clear()
         self._driven.clear()
         self._limit = states.capacity if limit is None else limit
@@ -190,6 +191,7 @@ class SumoTraffic:
             self._admit(departed)
         self._kept_clear = []
         self._rows.read(self._driven)
+        self._fading.apply()
         self._number_routes()
         # Entering vehicles are shadows in this step; SUMO drives them from the next step on.
         self._take_snapshot(entering)
@@ -291,7 +293,9 @@ class SumoTraffic:
         if slot not in self._shadows:
             name = self._ids[slot]
             del self._driven[name]
-            if self._shadows.is_changing_lanes(name):
+            self._fading.drop(slot)
+            if self._library.vehicle.getLateralSpeed(name):
+                # It changes lanes.
                 self._replace(slot)
             else:
                 self._shadows.take_over(slot, name)
@@ -301,8 +305,9 @@ class SumoTraffic:
     def _replace(self, slot: int) -> None:
         """Make a slot's vehicle a shadow under a new name in SUMO."""
         name = self._ids[slot]
-        self._ids[slot] = f"{name.partition(_AGAIN)[0]}{_AGAIN}{self._world.step[self._row]}"
-        self._shadows.replace(slot, name, self._ids[slot])
+        first = name.partition(_AGAIN)[0]
+        self._ids[slot] = f"{first}{_AGAIN}{self._world.step[self._row]}"
+        self._shadows.replace(slot, name, self._ids[slot], self._arrivals.of(first))
 
     def _planned(self, slot: int) -> tuple[str, ...]:
         """Return the edges of the route in a vehicle's row, or () if it has none."""
@@ -324,6 +329,7 @@ class SumoTraffic:
     def _take_back(self, slot: int) -> None:
         if self._shadows.hand_back(slot):
             self._driven[self._ids[slot]] = slot
+            self._fading.begin(slot)
         else:
             self._remove(slot)
             self._world.registry.dismiss(self._row, slot)
@@ -338,6 +344,7 @@ class SumoTraffic:
         name = self._ids.pop(slot)
         self._library.vehicle.remove(name)
         self._shadows.forget(slot)
+        self._fading.drop(slot)
         self._driven.pop(name, None)
 
     def _dismiss(self, names: Iterable[str]) -> None:
@@ -347,6 +354,7 @@ class SumoTraffic:
             if (slot := self._driven.pop(name, None)) is not None:
                 del self._ids[slot]
                 self._shadows.forget(slot)
+                self._fading.drop(slot)
                 self._world.registry.dismiss(self._row, slot)
 
     def _admit(self, departed: Iterable[str]) -> None:
@@ -374,25 +382,7 @@ class SumoTraffic:
         Vehicles that enter now get a margin. SUMO keeps the others clear itself, but for the part of a
         vehicle that leans out of its lane.
         """
-        states = self._states
-        entering = [slot for slot in self._kept_clear if states.alive[slot]]
-        others = [slot for slot in self._shadows if slot not in entering and states.alive[slot]]
-        slots = [*entering, *others]
-        if not names or not slots:
-            return []
-        vehicle = self._library.vehicle
-        size = np.array([(vehicle.getLength(name), vehicle.getWidth(name)) for name in names])
-        front = np.array([*map(vehicle.getPosition, names)])
-        heading = heading_from_compass(np.array([*map(vehicle.getAngle, names)]))
-        position = centre_of(front, heading, size[:, 0])
-        kept = np.stack([states.length[slots], states.width[slots]], -1)
-        kept[: len(entering)] += 2 * np.array(SPAWN_MARGIN)
-        overlap = boxes_overlap(
-            position[:, None],
-            heading[:, None],
-            size[:, None],
-            states.position[slots],
-            states.heading[slots],
-            kept,
-        )
-        return [names[row] for row in np.flatnonzero(overlap.any(axis=1)).tolist()]
+        alive = self._states.alive
+        entering = [slot for slot in self._kept_clear if alive[slot]]
+        others = [slot for slot in self._shadows if slot not in entering and alive[slot]]
+        return find_blocking(self._library, self._states, names, entering, others)

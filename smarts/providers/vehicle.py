@@ -36,6 +36,8 @@ SUBSTEPS = 10
 TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.TRAILER}
 """Vehicle type of `smarts.dynamics` of each kind; trailers have none."""
 _IS_DRIVABLE = np.array([kind in TYPES for kind in VehicleKind])
+FASTEST_SIDEWAYS = 1.5
+"""Lateral speed above which a vehicle is not taken over; SUMO's lane changes are slower [m/s]."""
 
 
 class FleetVehicles:
@@ -158,6 +160,7 @@ class FleetVehicles:
         """Return for each vehicle whether an agent can drive it from now on, as a `Refusal`, shape (N,).
 
         KIND: there is no model of such vehicles. TOO_CLOSE: another vehicle is within `NEAR`, now or `SOON`.
+        SIDEWAYS: traffic moves it sideways as no vehicle drives, faster than `FASTEST_SIDEWAYS`.
 
         Args:
             rows: Simulation of each vehicle, shape (N,).
@@ -166,6 +169,7 @@ class FleetVehicles:
         found = np.zeros(len(rows), np.bool_)
         self._find_too_close(rows, slots, NEAR, SOON, found)
         answers = np.where(found, Refusal.TOO_CLOSE, Refusal.NONE)
+        answers[np.abs(self._world.vehicles.lateral_speed[rows, slots]) > FASTEST_SIDEWAYS] = Refusal.SIDEWAYS
         answers[~_IS_DRIVABLE[self._world.vehicles.kind[rows, slots]]] = Refusal.KIND
         return answers.astype(np.int8)
 

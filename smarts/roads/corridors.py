@@ -6,11 +6,13 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import MapError
+from smarts.geometry.compiling import kernel
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.memory import remembered
 from smarts.roads.routes import CARS, edge_graph, names_of
@@ -67,18 +69,8 @@ class Corridor:
         count = len(self.lane)
         if not count or np.isnan(self.end).any():
             return np.zeros((count, 1), np.int8)
-        last = np.flatnonzero(self.group == self.group[-1])
-        needed = np.full((count, len(last)), FAR, np.int8)
-        needed[last[::-1], np.arange(len(last))] = 0
-        for group in range(int(self.group[-1]), -1, -1):
-            rows = np.flatnonzero(self.group == group)
-            # Within a junction a way may lead through several rows: as often as there are rows.
-            for _ in range(len(rows) if group % 2 else 1):
-                for row in rows:
-                    for following in self.onward[self.onward_start[row] : self.onward_start[row + 1]]:
-                        needed[row] = _nearer(needed[row], needed[following])
-            if group % 2 == 0:
-                needed[rows] = _from_aside(needed[rows])
+        needed = np.empty((count, np.count_nonzero(self.group == self.group[-1])), np.int8)
+        count_changes(self.group, self.onward_start, self.onward, needed, FAR)
         return needed
 
     @property
@@ -87,29 +79,76 @@ class Corridor:
         return float(self.end[-1]) if len(self.end) else 0.0
 
 
-@dataclass
-class _Row:
-    lane: int
-    group: int
-    begin: float
-    end: float
-    onward: list[int]
-    """Lanes of the rows that follow."""
+class _Leg(NamedTuple):
+    """The rows of one edge of a route, and of the junction behind it."""
+
+    lane: Ints
+    """Those of the edge first, then those of the junction, each in their order in the map, shape (R,)."""
+    edges: int
+    """How many of them are of the edge."""
+    begin: Floats
+    """Distance from the end of the edge to the begin of the junction's rows [m]; 0 of others, shape (R,)."""
+    end: Floats
+    """Distance from the end of the edge to their end [m], shape (R,)."""
+    onward_count: Ints
+    """How many rows follow each row, shape (R,)."""
+    onward: Ints
+    """The rows that follow, counted from the leg's first; behind the leg's own come the next edge's."""
+    length: float
+    """Of the edge [m]."""
+    between: float
+    """Of the way through the junction [m]."""
 
 
-def _nearer(one: Counts, other: Counts) -> Counts:
-    return np.where(np.abs(other) < np.abs(one), other, one)
+@kernel
+def count_changes(group: Ints, onward_start: Ints, onward: Ints, needed: Counts, far: int) -> None:
+    """Write `Corridor.changes` of a route.
+
+    Args:
+        group: See `Corridor`, shape (R,).
+        onward_start: See `Corridor`, shape (R + 1,).
+        onward: See `Corridor`.
+        needed: Written, shape (R, K).
+        far: Stands for the number of lane changes where none lead on.
+    """
+    rows, lasts = needed.shape
+    needed[:] = far
+    for column in range(lasts):
+        needed[rows - 1 - column, column] = 0
+    end = rows
+    while end > 0:
+        begin = end - 1
+        while begin > 0 and group[begin - 1] == group[end - 1]:
+            begin -= 1
+        # Within a junction a way may lead through several rows: as often as there are rows.
+        for _ in range(end - begin if group[begin] % 2 else 1):
+            _look_onward(begin, end, onward_start, onward, needed)
+        if group[begin] % 2 == 0:
+            _look_aside(begin, end, needed, far)
+        end = begin
 
 
-def _from_aside(ahead: Counts) -> Counts:
-    """Return the changes that lanes side by side, rightmost first, demand, given those ahead of each."""
-    needed = ahead.copy()
-    for own in range(len(ahead)):
-        for other in range(len(ahead)):
-            aside = other - own
-            by_other = np.minimum(np.abs(ahead[other]) + abs(aside), FAR) * np.sign(aside)
-            needed[own] = _nearer(needed[own], by_other.astype(np.int8)) if aside else needed[own]
-    return needed
+@kernel
+def _look_onward(begin: int, end: int, onward_start: Ints, onward: Ints, needed: Counts) -> None:
+    """Write the changes that the rows behind those of a group demand, if they are fewer."""
+    for row in range(begin, end):
+        for place in range(onward_start[row], onward_start[row + 1]):
+            for column in range(needed.shape[1]):
+                count = needed[onward[place], column]
+                if abs(count) < abs(needed[row, column]):
+                    needed[row, column] = count
+
+
+@kernel
+def _look_aside(begin: int, end: int, needed: Counts, far: int) -> None:
+    """Write the changes of lanes side by side, rightmost first, if changing to another demands fewer."""
+    ahead = np.abs(needed[begin:end].astype(np.int64))
+    for row in range(begin, end):
+        for other in range(begin, end):
+            for column in range(needed.shape[1]):
+                count = min(ahead[other - begin, column] + abs(other - row), far)
+                if other != row and count < abs(needed[row, column]):
+                    needed[row, column] = count if other > row else -count
 
 
 @remembered(most=1024)
@@ -124,26 +163,71 @@ def route_corridor(graph: LaneGraph, route: tuple[str, ...], kinds: frozenset[La
     Raises:
         MapError: An edge does not exist, has no lane of these kinds, or does not lead into the one after it.
     """
-    edges = edge_graph(graph, kinds, "length")
     numbers = [graph.edge_number(name) for name in route]
-    usable = np.isin(graph.kind, list(kinds))
-    rows: list[_Row] = []
-    station = 0.0
-    for leg, (edge, following) in enumerate(zip(numbers, [*numbers[1:], None], strict=True)):
-        if not np.isfinite(edges.cost[edge]):
-            problem = f"edge '{route[leg]}' has no lane of kind {names_of(kinds)}"
-            raise MapError(problem, remedy="choose an edge that is open to the route's vehicles")
-        between = 0.0 if following is None else edges.onward[edge].get(following)
-        if between is None:
-            problem = f"edge '{route[leg]}' does not lead into edge '{route[leg + 1]}'"
-            raise MapError(problem, remedy="complete the route with the edges in between")
-        end = station + edges.cost[edge]
-        lanes = [lane for lane in graph.edge_lanes(edge) if usable[lane]]
-        chains = [] if following is None else _chains(graph, lanes, following, usable)
-        rows += [_Row(lane, 2 * leg, station, end, [c[1] for c in chains if c[0] == lane]) for lane in lanes]
-        rows += sorted(_junction_rows(graph, chains, 2 * leg + 1, end, between), key=lambda row: row.lane)
-        station = end + between
-    return _corridor(rows)
+    legs = [_leg(graph, kinds, *pair) for pair in zip(numbers, [*numbers[1:], -1], strict=True)]
+    begins, ends, counts, firsts = [], [], [], []
+    station, first = 0.0, 0
+    for leg in legs:
+        end = station + leg.length
+        begins += [station, end]
+        ends += [end, end]
+        counts += [leg.edges, len(leg.lane) - leg.edges]
+        firsts.append(first)
+        station, first = end + leg.between, first + len(leg.lane)
+    onward = np.concatenate([leg.onward for leg in legs])
+    return Corridor(
+        lane=np.concatenate([leg.lane for leg in legs]),
+        group=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
+        begin=np.repeat(begins, counts) + np.concatenate([leg.begin for leg in legs]),
+        end=np.repeat(ends, counts) + np.concatenate([leg.end for leg in legs]),
+        onward_start=_offsets(np.concatenate([leg.onward_count for leg in legs])),
+        onward=onward + np.repeat(np.array(firsts, np.int32), [len(leg.onward) for leg in legs]),
+    )
+
+
+@remembered(most=4096)
+def _leg(graph: LaneGraph, kinds: frozenset[LaneKind], edge: int, following: int) -> _Leg:
+    """Return the rows of an edge, and of the junction between it and the edge that follows, -1 for none."""
+    edges, usable = edge_graph(graph, kinds, "length"), _usable(graph, kinds)
+    if not np.isfinite(edges.cost[edge]):
+        problem = f"edge '{graph.edge_ids[edge]}' has no lane of kind {names_of(kinds)}"
+        raise MapError(problem, remedy="choose an edge that is open to the route's vehicles")
+    between = 0.0 if following < 0 else edges.onward[edge].get(following)
+    if between is None:
+        problem = f"edge '{graph.edge_ids[edge]}' does not lead into edge '{graph.edge_ids[following]}'"
+        raise MapError(problem, remedy="complete the route with the edges in between")
+    lanes = [lane for lane in graph.edge_lanes(edge) if usable[lane]]
+    chains = [] if following < 0 else _chains(graph, lanes, following, usable)
+    inside = _junction_rows(graph, chains, between)
+    rows = [*lanes, *sorted(inside)]
+    ahead = [] if following < 0 else [lane for lane in graph.edge_lanes(following) if usable[lane]]
+    numbers = {lane: number for number, lane in enumerate([*rows, *ahead])}
+    # A lane of the edge leads into what is behind it, also if the edge follows itself.
+    numbers |= {lane: len(rows) + number for number, lane in enumerate(ahead)}
+    onward = [{chain[1] for chain in chains if chain[0] == lane} for lane in lanes]
+    onward += [inside[lane].onward for lane in rows[len(lanes) :]]
+    following_rows = [sorted(numbers[lane] for lane in each) for each in onward]
+    return _Leg(
+        lane=np.array(rows, np.int32),
+        edges=len(lanes),
+        begin=np.array([0.0] * len(lanes) + [inside[lane].begin for lane in rows[len(lanes) :]]),
+        end=np.array([0.0] * len(lanes) + [inside[lane].end for lane in rows[len(lanes) :]]),
+        onward_count=np.array([len(each) for each in following_rows], np.int32),
+        onward=np.array([*itertools.chain(*following_rows)], np.int32),
+        length=edges.cost[edge],
+        between=between,
+    )
+
+
+@remembered(most=8)
+def _usable(graph: LaneGraph, kinds: frozenset[LaneKind]) -> Bools:
+    return np.isin(graph.kind, list(kinds))
+
+
+def _offsets(counts: Ints) -> Ints:
+    offsets = np.zeros(len(counts) + 1, np.int32)
+    np.cumsum(counts, out=offsets[1:])
+    return offsets
 
 
 @remembered(most=8)
@@ -177,35 +261,30 @@ def _chains(graph: LaneGraph, lanes: Sequence[int], edge: int, usable: Bools) ->
     return chains
 
 
-def _junction_rows(
-    graph: LaneGraph, chains: Sequence[Sequence[int]], group: int, begin: float, span: float
-) -> list[_Row]:
-    rows: dict[int, _Row] = {}
+class _Inside(NamedTuple):
+    """A lane inside a junction."""
+
+    begin: float
+    """Distance from the junction's begin, on its shortest way [m]."""
+    end: float
+    onward: set[int]
+    """Lanes that follow."""
+
+
+def _junction_rows(graph: LaneGraph, chains: Sequence[Sequence[int]], span: float) -> dict[int, _Inside]:
+    """Return the lanes inside a junction that some ways through it use.
+
+    Args:
+        graph: The map.
+        chains: The ways: lanes, those before and after the junction included.
+        span: Length that every way counts with [m].
+    """
+    rows: dict[int, _Inside] = {}
     for chain in chains:
         inside = chain[1:-1]
         stations = np.concatenate(([0.0], np.cumsum(graph.length[list(inside)])))
-        stations = begin + stations * (span / max(stations[-1], 1e-9))
+        stations = stations * (span / max(stations[-1], 1e-9))
         for place, (lane, following) in enumerate(itertools.pairwise(chain[1:])):
-            row = rows.setdefault(lane, _Row(lane, group, stations[place], stations[place + 1], []))
-            if following not in row.onward:
-                row.onward.append(following)
-    return list(rows.values())
-
-
-def _corridor(rows: Sequence[_Row]) -> Corridor:
-    numbers = {(row.lane, row.group): number for number, row in enumerate(rows)}
-
-    def numbers_onward(row: _Row) -> list[int]:
-        # A lane's successor is in the same junction, or else in the group after.
-        places = {(lane, (row.group | 1) + ahead) for lane in row.onward for ahead in (0, 1)}
-        return sorted(numbers[place] for place in places & numbers.keys())
-
-    onward = [*map(numbers_onward, rows)]
-    return Corridor(
-        lane=np.array([row.lane for row in rows], np.int32),
-        group=np.array([row.group for row in rows], np.int32),
-        begin=np.array([row.begin for row in rows], np.float64),
-        end=np.array([row.end for row in rows], np.float64),
-        onward_start=np.cumsum([0, *(len(numbers) for numbers in onward)]).astype(np.int32),
-        onward=np.array([number for numbers in onward for number in numbers], np.int32),
-    )
+            row = rows.setdefault(lane, _Inside(stations[place], stations[place + 1], set()))
+            row.onward.add(following)
+    return rows

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +35,10 @@ class _Cleared(NamedTuple):
 
     array: NDArray
     """Shape (B, A, ...)."""
-    empty: NDArray
-    """The value of each column of a fresh agent, shape (A,)."""
-    place: Ints
-    """Index of each agent_id on the second axis, -1 for none, shape (A,)."""
+    empty: list[Any]
+    """The value of each column of a fresh agent, by its place on the second axis."""
+    place: list[int]
+    """Index of each agent_id on the second axis, -1 for none."""
 
 
 class AgentPool:
@@ -134,7 +134,8 @@ class AgentPool:
         place[held] = np.arange(len(held))
         for array in arrays:
             if array.size:
-                self._cleared.append(_Cleared(array, array[0].reshape(len(held), -1)[:, 0].copy(), place))
+                empty = array[0].reshape(len(held), -1)[:, 0].tolist()
+                self._cleared.append(_Cleared(array, empty, place.tolist()))
 
     def clear_readings_with(self, readings: Readings) -> None:
         """Clear sensors' readings, too, whenever a column is handed out."""
@@ -224,8 +225,8 @@ class AgentPool:
             return UNSET
         agent_id = columns.start + int(is_free.argmax())
         for array, empty, place in self._cleared:
-            if place[agent_id] != UNSET:
-                array[row, place[agent_id]] = empty[place[agent_id]]
+            if (here := place[agent_id]) != UNSET:
+                array[row, here] = empty[here]
         self._routes.assign_agent(row, agent_id, start.mission.route)
         self._hold(row, number, agent_id)
         return agent_id

@@ -210,24 +210,10 @@ def assemble(
         UnknownNameError: There is no such traffic engine.
     """
     options = options or Options()
-    names = _names(agents, len(interfaces))
-    schedule = Schedule(
-        scenarios,
-        names,
-        shapes=[shape_of(interface) for interface in interfaces],
-        seed=seed,
-        engine=options.traffic_engine,
-        cast=cast,
-    )
+    names, shapes = _names(agents, len(interfaces)), [shape_of(interface) for interface in interfaces]
+    schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=options.traffic_engine, cast=cast)
     if options.traffic_step is not None:
-        for built in scenarios:
-            check_without_handovers(built.scenario, built.name)
-        if cast or pool:
-            raise ScenarioError(
-                "traffic_step is set, and agents come and go beside the learning ones",
-                place="Options.traffic_step",
-                remedy="leave out traffic_step, or social agents and bubbles",
-            )
+        _check_without_handovers(scenarios, cast, pool)
     merged = merge_pools([*_pool_of(cast, schedule), *merge_pools(pool)])
     every = [*interfaces, *(each.interface for each in merged for _ in range(each.capacity))]
     scene = _scene(schedule, worlds, len(interfaces), len(every), options)
@@ -242,6 +228,20 @@ def assemble(
         )
         on_failure.pop_all()
     return parts
+
+
+def _check_without_handovers(
+    scenarios: Sequence[BuiltScenario], cast: Cast, pool: Sequence[PooledAgents]
+) -> None:
+    """Raise if agents may come and go, which needs traffic that makes every step."""
+    for built in scenarios:
+        check_without_handovers(built.scenario, built.name)
+    if cast or pool:
+        raise ScenarioError(
+            "traffic_step is set, and agents come and go beside the learning ones",
+            place="Options.traffic_step",
+            remedy="leave out traffic_step, or social agents and bubbles",
+        )
 
 
 def _agent_pool(scene: Scene, merged: Sequence[PooledAgents], cast: Cast) -> AgentPool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -138,20 +139,8 @@ class Simulation:
         self._propose(events, env_mask)
         seen = self._see(env_mask, observe_mask, events.just_done)
         readings = stages.sensors.observe(seen)
-        frame = Frame(
-            world,
-            env_mask,
-            actions,
-            commands,
-            contacts,
-            events,
-            seen,
-            readings,
-            failures,
-            transfers=stages.ownership.carried_out,
-            bubbles=stages.bubbles.states,
-            social_failures=social_failures or {},
-        )
+        happened = commands, contacts, events, seen, readings, failures
+        frame = Frame(world, env_mask, actions, *happened, **self._of_others(social_failures or {}))
         stages.recorder.record(frame)
         return frame
 
@@ -199,6 +188,15 @@ class Simulation:
         self._stages.vehicles.close()
         # The last, since it may raise that the disk is full.
         self._stages.recorder.close()
+
+    def _of_others(self, failures: Mapping[tuple[int, int], str]) -> dict[str, Any]:
+        """Return what a frame has of social agents and bubbles."""
+        stages = self._stages
+        return {
+            "transfers": stages.ownership.carried_out,
+            "bubbles": stages.bubbles.states,
+            "social_failures": failures,
+        }
 
     def _propose(self, events: Events, env_mask: Bools) -> None:
         """Submit the transfers for the beginning of the next step."""

@@ -54,6 +54,8 @@ class Refusal(enum.IntEnum):
     """No route goes on from the vehicle's lane."""
     SPEED = 12
     """Traffic would have to brake the vehicle hard."""
+    SIDEWAYS = 13
+    """The vehicle moves sideways faster than a vehicle drives."""
 
 
 class Departure(enum.IntEnum):

@@ -19,7 +19,17 @@ SMALLEST = {
     "frames": [],
     "games": ["--games", "pg promise", "--seeds", "1"],
     "hosts": ["--rounds", "20", "--steps", "10"],
-    "handovers": ["--handovers", "4", "--scenarios", "intersection", "--models", "kinematic"],
+    "handovers": [
+        "--handovers",
+        "4",
+        "--scenarios",
+        "intersection",
+        "--models",
+        "kinematic",
+        "--drivers",
+        "fallback",
+        "idm",
+    ],
     "manoeuvres": [],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
     "planners": ["--scenes", "4"],
@@ -27,13 +37,17 @@ SMALLEST = {
     "same_episodes": [str(ROOT), str(ROOT), "--scenarios", "loop", "--apis", "vector", "--steps", "5"],
     "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],
     "stopping": [],
+    "takeovers": ["--scenario", "intersection", "--agents", "8", "--vehicles", "20", "--steps", "10"],
     "traffic_step": ["--scenarios", "two_way", "--policies", "keep_lane", "--episodes", "8"],
     "traffic": ["--scenarios", "loop", "--steps", "50", "--repeats", "1"],
 }
 """Arguments of the scripts that run in the tests' process."""
 WITH_RAY = {
     "joint": ["--seconds", "0.01"],
-    "training": ["--algorithms", "ppo", "--seconds", "0.01"],
+    "training": [
+        *("--algorithms", "ppo", "--scenario", "two_way", "--seconds", "0.01"),
+        *("--set", "settings.ppo.rollout_fragment_length=32"),
+    ],
     "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
 }
 """Arguments of scripts that start Ray; these run in their own processes."""

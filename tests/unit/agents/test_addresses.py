@@ -283,9 +283,13 @@ def test_an_agent_elsewhere_names_no_code_of_this_machine(observation):
         check_observation(observation, "there")
 
 
+def ask_for_ever(agent):
+    while True:
+        agent.act(batch())
+
+
 def test_an_agent_that_is_gone_is_an_error(tmp_path):
     with kit_agent(tmp_path) as address:
         agent = RemoteAgent(AtAddress(address))
     with pytest.raises(HostError):
-        while True:  # its process ends soon after that of the server
-            agent.act(batch())
+        ask_for_ever(agent)  # its process ends soon after that of the server

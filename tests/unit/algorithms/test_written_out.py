@@ -56,7 +56,7 @@ def test_dqns_loss(double, monkeypatch):
 def test_duelling_values_are_the_value_plus_centred_advantages():
     net = Rig("dqn", Constant).learner.net("agent_0").q
     features = torch.randn(5, 1, 16)
-    torch.testing.assert_close(net.values(features).mean(-1, keepdim=True), net.value(features))
+    torch.testing.assert_close(net.values(features, {}).mean(-1, keepdim=True), net.value(features))
 
 
 @pytest.mark.parametrize("reward", ["sum", "mean"])

@@ -158,7 +158,7 @@ def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
         ("environment={reward: paper, observation: {base: benchmark, stacked: [image]}}", ""),
         ("environment={observation: raw, reward: {goal: 1, collision: -1.5}}", ""),
         ("traffic=[random_social_vehicle]", "loop has no traffic 'random_social_vehicle'; did you mean"),
-        ("environment.agents=5", "5 egos, but only 4 missions"),
+        ("environment.agents=5", "environment.agents: loop: 5 egos, but only 4 missions"),
         ("tasks=[intersection@nope]", "nope"),
         ("tasks=[{name: a, scenarios: [intersection@dense]}]", ""),
         ("tasks=[/etc/passwd]", "tasks[0]: /etc/passwd is no scenario with traffic to choose from"),

@@ -2,6 +2,8 @@
 
 import pytest
 
+from tests.unit.env.social_stage import Played
+
 
 @pytest.fixture
 def closing():
@@ -15,3 +17,16 @@ def closing():
     yield keep
     for env in made:
         env.close()
+
+
+@pytest.fixture
+def play():
+    made = []
+
+    def make(*arguments, **options):
+        made.append(Played(*arguments, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.runner.close()

@@ -10,7 +10,7 @@ from smarts.observations.surroundings import LANE_TRAFFIC, LEFT, OWN, OWN_VEHICL
 from smarts.types.agent_states import ChangePhase
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
-from smarts.types.vehicles import Owner
+from smarts.types.vehicles import Owner, VehicleKind
 from tests.maps import crossing, straight
 from tests.unit.observations.test_features import context_of
 from tests.worlds import Car, world_of
@@ -83,6 +83,22 @@ def test_a_vehicle_across_the_lane_is_a_leader_that_stands():
     _, lanes = look(world_of(cars, maps=[straight()]))
     assert lanes[OWN, Lane.AHEAD] == pytest.approx(20.0 - 2.5 - 0.9)
     assert lanes[OWN, Lane.AHEAD_SPEED] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "length", "y", "gap"),
+    [
+        (VehicleKind.PASSENGER, 5.0, -20.0, np.inf),
+        (VehicleKind.BUS, 12.0, -20.0, 20.0 - 6.0 - 2.5),
+        (VehicleKind.BUS, 12.0, -35.0, np.inf),
+    ],
+)
+def test_a_long_vehicle_needs_the_lane_beside_before_a_turn(kind, length, y, gap):
+    """The turn begins at y = -10; a vehicle that stands 2.9 m to the left is in the way from 16 m before."""
+    right = AgentMission(route=("south_in", "east_out"), goal=GoalKind.POSITION, goal_position=(80.0, -1.6))
+    own = Car(1.6, -40.0, math.pi / 2, 5.0, right, kind=kind, length=length, width=1.8)
+    made = world_of([own, Car(-1.3, y, math.pi / 2, 0.0)], maps=[crossing()])
+    assert look(made)[1][OWN, Lane.AHEAD] == pytest.approx(gap)
 
 
 def test_during_a_change_both_lanes_count():

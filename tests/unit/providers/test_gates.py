@@ -9,7 +9,7 @@ from smarts.providers.gates import chord_pose, compare_with_chord, find_too_clos
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleStates
 
-from .test_sumo_shadows import LEFT, RIGHT, begin, drivers, from_arm
+from .test_sumo_shadows import RIGHT, begin, drivers, from_arm
 
 QUARTER = np.linspace(0.0, math.pi / 2, 400)
 """Angles of a quarter circle."""
@@ -99,9 +99,10 @@ def after(world, slot, x, y, heading=0.0, speed=10.0, steps=10):
     [
         (300.0, RIGHT, 0.0, Refusal.NONE),
         (300.0, RIGHT + 0.08, 0.0, Refusal.NONE),
-        (300.0, RIGHT + 0.2, 0.0, Refusal.OFFSET),
-        (300.0, RIGHT - 0.2, 0.0, Refusal.OFFSET),
-        (300.0, RIGHT, 0.06, Refusal.HEADING),
+        (300.0, RIGHT + 0.4, 0.0, Refusal.NONE),
+        (300.0, RIGHT - 0.7, 0.0, Refusal.OFFSET),
+        (300.0, RIGHT, 0.06, Refusal.NONE),
+        (300.0, RIGHT, 0.12, Refusal.HEADING),
         (300.0, -40.0, 0.0, Refusal.OFF_LANES),
         (999.0, RIGHT, 0.0, Refusal.IN_JUNCTION),  # the front is beyond the line at 1000 m
         (996.9, RIGHT, 0.0, Refusal.IN_JUNCTION),  # 0.6 m before it, at 10 m/s
@@ -142,17 +143,28 @@ def test_a_vehicle_on_the_lane_of_its_turn_goes_on_elsewhere(world, country):
     assert world.states.position[slot, 1] > before[1] + 10.0
 
 
-def test_what_is_left_of_the_offset_decays_without_a_jump(world, country):
+@pytest.mark.parametrize(("offset", "heading"), [(0.08, 0.0), (-0.35, 0.0), (0.1, 0.07), (0.0, -0.09)])
+def test_what_is_left_of_the_pose_decays_without_a_jump(world, country, offset, heading):
     begin(world, country.road(drivers((0, 100, 10))), 3.0)
-    slot = world.slot("s0")
-    assert after(world, slot, 300.0, RIGHT + 0.08) == Refusal.NONE
-    world.states.owner[slot] = Owner.TRAFFIC
-    offsets = [0.08]
-    for _ in range(6):
+    slot, states = world.slot("s0"), world.states
+    assert after(world, slot, 300.0, RIGHT + offset, heading) == Refusal.NONE
+    states.owner[slot] = Owner.TRAFFIC
+    aside, turns = [offset], [heading]
+    for _ in range(20):
+        y, ahead = float(states.position[slot, 1]), 0.1 * float(states.speed[slot])
         world.step()
-        offsets.append(float(world.states.position[slot, 1]) - RIGHT)
-    assert offsets == pytest.approx([0.08, 0.05, 0.02, 0.0, 0.0, 0.0, 0.0], abs=1e-6)
-    assert LEFT > RIGHT
+        aside.append(float(states.position[slot, 1]) - RIGHT)
+        turns.append(float(states.heading[slot]))
+        moved = float(states.position[slot, 1]) - y
+        assert states.yaw_rate[slot] == pytest.approx((turns[-1] - turns[-2]) / 0.1, abs=1e-6)
+        along = ahead * math.sin(turns[-1] - 0.5 * (turns[-1] - turns[-2]))
+        assert 0.1 * states.lateral_speed[slot] == pytest.approx(moved - along, abs=0.02)
+    steady = 0.1 * 10.0 * math.sin(heading)
+    assert aside[1] - aside[0] == pytest.approx(steady, abs=0.08)
+    assert np.abs(np.diff(aside[1:])).max() < 0.08
+    assert np.abs(np.diff(turns)).max() < 0.02
+    assert aside[-1] == pytest.approx(0.0, abs=1e-6)
+    assert turns[-1] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -120,6 +120,14 @@ class TestHandOver:
         refusals = driven.vehicles.can_accept(np.zeros(2, np.int32), np.arange(2, dtype=np.int32))
         assert refusals.tolist() == [Refusal.KIND, Refusal.NONE]
 
+    @pytest.mark.parametrize(
+        ("sideways", "refusal"), [(-1.1, Refusal.NONE), (2.1, Refusal.SIDEWAYS), (-2.1, Refusal.SIDEWAYS)]
+    )
+    def test_a_vehicle_that_traffic_swings_cannot_be_accepted(self, stage, sideways, refusal):
+        driven = stage([Car(50.0, 0.0)])
+        driven.world.vehicles.lateral_speed[0, 0] = sideways
+        assert driven.vehicles.can_accept(np.zeros(1, np.int32), np.zeros(1, np.int32)).tolist() == [refusal]
+
 
 def test_masked_simulations_do_not_change(stage):
     driven = stage([ego()], [ego()])

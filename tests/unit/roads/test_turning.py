@@ -1,9 +1,11 @@
 """Places to turn round, on maps made by hand."""
 
+import numpy as np
 import pytest
 
 from smarts.roads.atlas import RoadAtlas
-from smarts.roads.turning import can_turn_round
+from smarts.roads.curves import curve_into
+from smarts.roads.turning import can_turn_round, is_footprint_over_road, is_over_road
 from tests.maps import Road, graph_of
 
 
@@ -30,3 +32,18 @@ def test_turns_are_over_road_all_the_way(middle, begin, can):
 def test_a_road_of_the_same_direction_is_none_to_turn_into():
     roads = {"there": Road([(0, 0), (200, 0)], 3), "along": Road([(0, 9.6), (200, 9.6)])}
     assert not can_turn_round(RoadAtlas([graph_of(roads)]).roads, 0, 0, 3, 0.0)
+
+
+@pytest.mark.parametrize(("lanes", "fits"), [(3, True), (1, False)])
+def test_the_whole_footprint_has_to_be_over_road(lanes, fits):
+    """From the rightmost lane it turns by a half circle of radius 4.8 or 1.6 m; the road ends 1.6 m beyond.
+
+    The outer front corner is at hypot(4.8 + 0.9, 2.25) = 6.1 m, or 3.4 m, from the middle.
+    """
+    back = 3.2 * lanes
+    graph = graph_of({"there": Road([(0, 0), (200, 0)], lanes), "back": Road([(200, back), (0, back)])})
+    roads = RoadAtlas([graph]).roads
+    control = curve_into(roads, np.array([100.0, 0.0, 0.0]), lanes, 100.0)
+    assert is_over_road(roads, 0, control)
+    assert is_footprint_over_road(roads, 0, control, 1.0, 0.5)
+    assert is_footprint_over_road(roads, 0, control, 4.5, 1.8) is fits

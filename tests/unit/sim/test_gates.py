@@ -5,7 +5,9 @@ import hashlib
 import numpy as np
 import pytest
 
-from perf.handovers import HELD, NO_ENDS, Run, Tally, run_scenario, with_big_vehicles
+from perf.handover_errors import Tally
+from perf.handover_safety import Safety
+from perf.handovers import HELD, NO_ENDS, Run, run_scenario, with_big_vehicles
 from smarts.agents import AgentInterface, PooledAgents
 from smarts.sim.assembly import assemble
 from smarts.sstudio import build_scenario
@@ -20,8 +22,8 @@ KINEMATIC = AgentInterface(
 
 @pytest.mark.parametrize("scenario", ["intersection", "roundabout", "on_ramp_merge"])
 def test_hand_overs_lose_no_vehicle_and_make_none_jump(scenario, tmp_path):
-    tally = Tally()
-    made = run_scenario(scenario, "kinematic", 100, 3, tally, tmp_path)
+    tally, safety = Tally(), Safety()
+    made = run_scenario(scenario, "kinematic", 100, 3, tally, tmp_path, safety)
     assert made >= 100
     taken, released = (sum(map(len, tally.errors[what])) for what in ("take", "release"))
     assert taken + released == made
@@ -43,7 +45,7 @@ def test_hand_overs_lose_no_vehicle_and_make_none_jump(scenario, tmp_path):
         assert across < 0.15, what
         assert heading < 0.05, what
         assert speed < 0.6, what
-    assert max(tally.stops)[0] < 0.5
+    assert 0.0 < max(watch.hardest for watch in safety.driven) < 0.5
 
 
 def test_equal_seeds_give_equal_hand_overs(tmp_path):

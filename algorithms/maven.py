@@ -1,0 +1,287 @@
+"""MAVEN: QMIX whose agents commit to a shared latent for a whole episode, so that a team explores jointly.
+
+Mahajan et al. 2019, "MAVEN: Multi-Agent Variational Exploration". A policy pi_z(z | s_0) draws a latent z at
+the start of an episode; agents and mixer are conditioned on it until the end. The paper maximises
+
+    J_RL + lambda_MI J_V - L_QL,    J_V = H(z) + E[log q(z | sigma(tau))],
+
+where L_QL is QMIX's loss given z, J_RL the return of the episodes that z leads to, and J_V a lower bound on
+the mutual information between z and the behaviour sigma(tau): the state and the agents' Boltzmann policies,
+softmax over Q_i(o_i, .; z). The discriminator q and the agents' values ascend J_V together; pi_z ascends J_RL
+by the policy gradient grad log pi_z(z | s_0) R on whole episodes as they end.
+
+Deviations: QMIX's; z is one-hot and enters the mixer's hypernetworks beside the state; sigma is of single
+steps (the authors' code has this and a recurrent one); the logits of pi_z are sums over the agents'
+observations in s_0; its returns are standardised by running moments, and H(z) has a weight of its own,
+`latent_entropy`.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium.spaces import Box
+from torch import Generator, Tensor, nn
+
+from algorithms.dqn import DQNModule, QNetwork
+from algorithms.joint.batch import GroupView, JointView, ReplayBatch, to_tensor
+from algorithms.joint.env import CARRIED, LATENT, AgentBlock, Floats
+from algorithms.joint.module import LearnerModule
+from algorithms.joint.rollout import JointRollout, View
+from algorithms.joint.serving import ask
+from algorithms.joint.spec import Group, JointSpec, action_size
+from algorithms.parts.distributions import CategoricalDistribution
+from algorithms.parts.masking import MASKED_LOGIT
+from algorithms.parts.moments import RunningMoments
+from algorithms.parts.networks import Encoder, perceptron
+from algorithms.qmix import MIXER, QMIX, QMIXConfig, QMIXLearner, QMIXMixer
+from algorithms.vdn import team_reward
+
+DISCRIMINATOR = "team__discriminator"
+
+
+class LatentPolicy(nn.Module):
+    """Each agent's share (M, n, Z) of the logits of pi_z(z | s_0)."""
+
+    def __init__(self, group: Group, hidden: Sequence[int], latents: int) -> None:
+        super().__init__()
+        own = {name: space for name, space in group.observation.items() if not name.startswith(CARRIED)}
+        self.encoder = Encoder(own, group.size)
+        self.body = perceptron([self.encoder.size, *hidden, latents], nn.ReLU)
+
+    def forward(self, view: GroupView) -> Tensor:
+        """Return the shares, zeros for inactive agents."""
+        return torch.where(view.alive[..., None], self.body(self.encoder(view.observations)), 0)
+
+
+class LatentQNetwork(QNetwork):
+    """Q(o_i, .; z): the latent chooses the last layer, as a linear hypernetwork of a one-hot z does."""
+
+    def __init__(
+        self, group: Group, hidden: tuple[int, ...], actions: int, latents: int, **kind: Any
+    ) -> None:
+        seen = {name: space for name, space in group.observation.items() if name != LATENT}
+        super().__init__(replace(group, observation=seen), hidden, latents * actions, **kind)
+        if self.value is not None:
+            self.value = nn.Linear(self.value.in_features, latents)
+
+    def values(self, features: Tensor, leaves: Mapping[str, Tensor]) -> Tensor:
+        """Return Q values of features, given the latent."""
+        chosen = leaves[LATENT].float()
+        every = self.advantage(features).unflatten(-1, (chosen.shape[-1], -1))
+        advantage = (every * chosen[..., None]).sum(-2)
+        value = None if self.value is None else (self.value(features) * chosen).sum(-1, keepdim=True)
+        return self.duel(advantage, value)
+
+
+class MAVENModule(DQNModule):
+    """A Q network given the latent, and a share of the policy that draws it."""
+
+    def make_networks(self) -> None:
+        """Create the Q network, its target and the latents' policy."""
+        hidden, latents = self.settings["hidden"], self.settings["latents"]
+        kind = {"duelling": self.settings["duelling"], "memory": self.memory_size}
+        self.q = LatentQNetwork(self.group, hidden, self.head.outputs, latents, **kind)
+        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
+        self.latent = LatentPolicy(self.group, hidden, latents)
+
+    def feedforward_parts(self) -> None:
+        """Return None: last layers differ from episode to episode."""
+
+    @classmethod
+    def latents(cls, modules: Sequence[MAVENModule], views: Sequence[GroupView]) -> CategoricalDistribution:
+        """Return pi_z(z | s_0) for K first moments."""
+        shares = [module.latent(view).sum(-2) for module, view in zip(modules, views, strict=True)]
+        return CategoricalDistribution(torch.stack(shares).sum(0))
+
+    @classmethod
+    def begin_episode(  # type: ignore[override]
+        cls, modules: Sequence[MAVENModule], views: Sequence[GroupView], generator: Generator
+    ) -> list[Tensor]:
+        """Draw one latent for each episode, the same for all agents, (K, n, Z)."""
+        policy = cls.latents(modules, views)
+        drawn = one_hot(policy.sample(generator), policy)
+        return [drawn[:, None].expand(*view.alive.shape, -1) for view in views]
+
+    def _forward_inference(self, batch: Mapping[str, Any], **kwargs: Any) -> dict[str, Any]:
+        return super()._forward_inference(self._with_latent(batch), **kwargs)
+
+    def _forward_exploration(self, batch: Mapping[str, Any], **kwargs: Any) -> dict[str, Any]:
+        return super()._forward_exploration(self._with_latent(batch), **kwargs)
+
+    def _with_latent(self, batch: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the batch with each row's most probable latent, where the caller gives none."""
+        if LATENT in batch:
+            return batch
+        question = ask(self.group, batch, recurrent=self.recurrent)
+        with torch.no_grad():
+            policy = self.latents([self], [question.view])
+        likely = one_hot(policy.mode(), policy)[question.rows]
+        return {**batch, LATENT: likely.unflatten(0, question.shape)}
+
+
+def one_hot(drawn: Tensor, policy: CategoricalDistribution) -> Tensor:
+    """Return latents (K,) as agents see them, (K, Z)."""
+    return nn.functional.one_hot(drawn, policy.log_probs.shape[-1]).float()
+
+
+def latent_of(view: JointView) -> Tensor:
+    """Return the latents (M, Z), which are those of every agent."""
+    return view.observations[0][LATENT][:, 0]
+
+
+def state_without_latent(view: JointView) -> Tensor:
+    """Return the global state (M, S)."""
+    seen = tuple({k: x for k, x in leaves.items() if k != LATENT} for leaves in view.observations)
+    return replace(view, observations=seen).global_state()
+
+
+def state_size_without_latent(spec: JointSpec, latents: int) -> int:
+    """Return S of `state_without_latent`."""
+    return spec.spaces.state or spec.state_size - len(spec.agents) * latents
+
+
+class MAVENMixer(QMIXMixer):
+    """QMIX's mixer, whose weights depend on the latent too."""
+
+    @property
+    def state_size(self) -> int:
+        """Width of state and latent."""
+        latents = self.settings["latents"]
+        return state_size_without_latent(self.spec, latents) + latents
+
+
+class Discriminator(LearnerModule):
+    """q(z | sigma(tau)) from state and policies of a step, and the scale of the episodes' returns."""
+
+    def make_networks(self) -> None:
+        """Create all parts."""
+        latents = self.settings["latents"]
+        policies = sum(group.size * action_size(group.action) for group in self.spec.groups)
+        sizes = [state_size_without_latent(self.spec, latents) + policies, *self.settings["hidden"], latents]
+        self.body = perceptron(sizes, nn.ReLU)
+        self.moments = RunningMoments(enabled=True)
+
+
+class EpisodeReturns:
+    """The team's returns of whole episodes, with the moments in which they began.
+
+    An episode that a failure breaks off, or of whose beginning nothing is known, has no return.
+    """
+
+    def __init__(self) -> None:
+        self.open: dict[tuple[int, ...], tuple[int, View | None, float]] = {}
+        """By environment: the steps it has made, its episode's first moment, and the return so far."""
+
+    def add(self, rollout: JointRollout, rewards: Floats) -> tuple[list[View], list[float]]:
+        """Return first moments and returns of the episodes that end, given the team's rewards (T, B)."""
+        starts, returns, still_open = [], [], {}
+        for b, (source, made) in enumerate(
+            zip(map(tuple, rollout.source.tolist()), rollout.start, strict=True)
+        ):
+            reached, first, total = self.open.get(source, (-1, None, 0.0))
+            if reached != made:
+                first, total = (rollout.views[[0], [b]] if made == 0 else None), 0.0
+            begin = 0
+            for t in np.flatnonzero(rollout.reset[:, b]).tolist():
+                if first is not None and not rollout.failed[t, b]:
+                    starts.append(first)
+                    returns.append(total + float(rewards[begin : t + 1, b].sum()))
+                first, total, begin = rollout.views[[t + 1], [b]], 0.0, t + 1
+            still_open[source] = int(made) + len(rewards), first, total + float(rewards[begin:, b].sum())
+        self.open = still_open
+        return starts, returns
+
+
+class MAVENLearner(QMIXLearner):
+    """QMIX's step with a mutual information, and a policy gradient of the latents."""
+
+    def build(self) -> None:
+        """Build modules, with no episode open."""
+        super().build()
+        self.episodes = EpisodeReturns()
+
+    def update_joint(self, rollout: JointRollout) -> None:
+        """Learn which latents pay from the episodes that ended, and values from replay."""
+        alive, rewards = (to_tensor(x) for x in (rollout.views.alive[:-1], rollout.rewards))
+        paid = self.config.reward_scale * team_reward(rewards, alive, self.config.team_reward)
+        starts, returns = self.episodes.add(rollout, paid.numpy())
+        if starts:
+            first = JointView.of(self.spec, View.concat(starts, 0), self._device)
+            self.improve_latents(first, torch.tensor(returns, device=self._device))
+        super().update_joint(rollout)
+
+    def improve_latents(self, first: JointView, returns: Tensor) -> None:
+        """Follow grad log pi_z(z | s_0) R, and the entropy of z."""
+        every = torch.ones_like(returns, dtype=torch.bool)
+        moments = self.net(DISCRIMINATOR).moments
+        moments.observe(returns, every)
+        nets, views = [self.net(g.id) for g in self.groups], [first.view(g) for g in self.groups]
+        policy = MAVENModule.latents(nets, views)
+        log_prob = policy.log_prob(latent_of(first).argmax(-1))
+        gain = self.mean(log_prob * moments.scaled(returns), every)
+        entropy = self.mean(policy.entropy(), every)
+        absent = first.absent()
+        present = [group.id for group in self.groups if group.id not in absent]
+        self.step_optimizer(-gain - self.config.latent_entropy * entropy, *present)
+        self.log(DISCRIMINATOR, "latent_entropy", entropy)
+
+    def penalty(self, batch: ReplayBatch, values: Mapping[str, Tensor]) -> Tensor:
+        """Return -lambda_MI log q(z | sigma(tau)), which the discriminator and the agents' values descend."""
+        seen = [state_without_latent(batch)]
+        for group, own in batch.groups():
+            ranked = values[group.id]
+            if own.action_mask is not None:
+                ranked = ranked.masked_fill(~own.action_mask, MASKED_LOGIT)
+            seen.append((ranked.softmax(-1) * own.alive[..., None]).flatten(1))
+        guess = self.net(DISCRIMINATOR).body(torch.cat(seen, -1)).log_softmax(-1)
+        surprise = self.mean(-(guess * latent_of(batch)).sum(-1), batch.alive.any(-1))
+        self.log(DISCRIMINATOR, "latent_surprise", surprise)
+        return self.config.lambda_mi * surprise
+
+    def state(self, view: JointView) -> Tensor:
+        """Return state and latent."""
+        return torch.cat([state_without_latent(view), latent_of(view)], -1)
+
+    def trained(self) -> tuple[str, ...]:
+        """Return the networks that the loss steps."""
+        return (*super().trained(), DISCRIMINATOR)
+
+    def _own_state(self) -> dict[str, Any]:
+        return {**super()._own_state(), "episodes": self.episodes.open}
+
+    def _set_own_state(self, state: dict[str, Any]) -> None:
+        super()._set_own_state(state)
+        self.episodes.open = dict(state["episodes"])
+
+
+class MAVENConfig(QMIXConfig):
+    """RLlib config of MAVEN."""
+
+    algorithm = "maven"
+
+    def carried(self, block: AgentBlock) -> dict[str, Box]:
+        """Return the leaves that the sampler adds: the episode's latent."""
+        return {**super().carried(block), LATENT: Box(0.0, 1.0, (self.latents,), np.float32)}
+
+    def module_settings(self):
+        """Return the settings that networks are built from."""
+        return super().module_settings() | {"latents": self.latents}
+
+    def modules(self, spec: JointSpec):
+        """Return a Q network for each group, the mixer and the discriminator."""
+        policies = {g.id: self.policy_spec(spec, g, MAVENModule) for g in spec.groups}
+        team = {MIXER: MAVENMixer, DISCRIMINATOR: Discriminator}
+        return super().modules(spec) | policies | {k: self.learner_spec(spec, net) for k, net in team.items()}
+
+
+class MAVEN(QMIX):
+    """MAVEN."""
+
+    config_class = MAVENConfig
+    learner_class = MAVENLearner
