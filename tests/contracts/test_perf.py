@@ -30,6 +30,7 @@ SMALLEST = {
         "fallback",
         "idm",
     ],
+    "junctions": ["--scenarios", "intersection", "--drivers", "idm-v0", "--takes", "1"],
     "manoeuvres": [],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
     "planners": ["--scenes", "4"],
