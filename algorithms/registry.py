@@ -38,6 +38,8 @@ class Entry(NamedTuple):
         summary: One line for the table.
         communication: Whether agents exchange messages when they act.
         recurrent: Whether its policy may carry memory.
+        least_agents: Fewest agents that it can learn with.
+        equal_spaces: Whether all agents must have the same spaces.
     """
 
     target: str
@@ -48,6 +50,8 @@ class Entry(NamedTuple):
     summary: str = ""
     communication: bool = False
     recurrent: bool = False
+    least_agents: int = 1
+    equal_spaces: bool = False
 
     def acts_in(self, kind: ActionKind) -> bool:
         """Return whether the algorithm can handle a space of this kind."""
@@ -104,6 +108,7 @@ ALGORITHMS: dict[str, Entry] = {
         "M2",
         _DISCRETE,
         "Q-learning of joint actions, with models of the others",
+        least_agents=2,
     ),
     "pr2": Entry(
         "algorithms.pr2:PR2Config",
@@ -112,6 +117,7 @@ ALGORITHMS: dict[str, Entry] = {
         "M2",
         _DISCRETE,
         "Q-learning that expects the others to answer",
+        least_agents=2,
     ),
     "commnet": Entry(
         "algorithms.commnet:CommNetConfig",
@@ -139,6 +145,7 @@ ALGORITHMS: dict[str, Entry] = {
         _BOTH,
         "a transformer acts for all agents, one after another",
         communication=True,
+        equal_spaces=True,
     ),
     "centralised_v": Entry(
         "algorithms.centralised_v:CentralisedVConfig",

@@ -138,6 +138,7 @@ def _actions(values: Values) -> Iterator[Fault]:
     }
     if environment.get("adapter") is None:  # actions of an own adapter are known when it is made
         yield from _unfit_algorithms(_known_algorithms(values), actions)
+    yield from _unfit_groups(_known_algorithms(values), environment, actions)
     other = next((action for action in actions if action != "Lane"), None)
     for number, name in enumerate(_strings(values.get("scripted"))):
         if name in SCRIPTED_POLICIES and not is_own_name(name) and other:
@@ -168,6 +169,22 @@ def _unfit_algorithms(algorithms: Sequence[str], actions: Mapping[Any, str]) -> 
                 fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
                 text = f"{name!r} needs {entry.actions} actions, and {key} is {action!r}"
                 yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
+
+
+def _unfit_groups(
+    algorithms: Sequence[str], environment: Values, actions: Mapping[Any, str]
+) -> Iterator[Fault]:
+    """Yield algorithms that need more agents, or agents with equal actions."""
+    agents = environment.get("agents", 4)
+    count = len(agents) if isinstance(agents, dict) else agents
+    for number, name in enumerate(algorithms):
+        entry, place = entry_of(name), ("algorithms", number)
+        if isinstance(count, int) and 0 < count < entry.least_agents:
+            text = f"{name!r} needs {entry.least_agents} agents, and there are {count}"
+            yield Fault(place, text, "use another algorithm, or more agents")
+        if entry.equal_spaces and len(actions) > 1:
+            text = f"{name!r} needs agents with equal actions, and they have {', '.join(actions)}"
+            yield Fault(place, text, "use another algorithm, or one action for all agents")
 
 
 def _tyres(environment: Values) -> Iterator[Fault]:

@@ -54,6 +54,20 @@ def test_what_an_agent_does_not_say_is_the_environments(file):
     }
 
 
+def test_one_network_of_all_agents_needs_equal_actions(file):
+    with pytest.raises(ConfigError) as error:
+        read_experiment(file, ["algorithms=['mat']"])
+    assert "algorithms[0]" in str(error.value) and "Continuous" in str(error.value)
+
+
+@pytest.mark.parametrize("algorithm", ["opponent_q", "pr2"])
+@pytest.mark.parametrize("agents", ["1", "{car: {}}"])
+def test_models_of_others_need_others(file, algorithm, agents):
+    with pytest.raises(ConfigError) as error:
+        read_experiment(file, [f"algorithms=['{algorithm}']", f"environment.agents={agents}"])
+    assert "algorithms[0]" in str(error.value)
+
+
 def test_a_run_with_them_is_recognised_by_its_content(file):
     content = next(runs_of(read_experiment(file))).content()
     assert content["environment"]["agents"]["truck"] == {"vehicle": "truck", "action": "Continuous"}
@@ -91,7 +105,7 @@ def test_the_environment_has_them_by_name(file):
         ("car: {vehicle: tank}", "environment.agents.car.vehicle", "tank"),
         ("car: {flat_tyres: [4]}", "environment.agents.car.flat_tyres[0]", "4"),
         ("car: {tyre_model: linear}", "environment.agents.car.tyre_model", "linear"),
-        ("d: {}, e: {}", "tasks[0]", "5 egos"),
+        ("d: {}, e: {}", "environment.agents", "5 egos"),
     ],
 )
 def test_mistakes_are_named(file, change, place, value):
