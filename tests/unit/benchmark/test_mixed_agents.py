@@ -57,7 +57,8 @@ def test_what_an_agent_does_not_say_is_the_environments(file):
 def test_one_network_of_all_agents_needs_equal_actions(file):
     with pytest.raises(ConfigError) as error:
         read_experiment(file, ["algorithms=['mat']"])
-    assert "algorithms[0]" in str(error.value) and "Continuous" in str(error.value)
+    assert "algorithms[0]" in str(error.value)
+    assert "Continuous" in str(error.value)
 
 
 @pytest.mark.parametrize("algorithm", ["opponent_q", "pr2"])
