@@ -94,7 +94,7 @@ def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("algorithms=[pppo]", "there is no algorithm 'pppo'; did you mean 'ppo'?"),
+        ("algorithms=[pppo]", "there is no algorithm 'pppo'; did you mean 'ppo'"),
         ("tasks=[intersecton]", "there is no scenario 'intersecton'"),
         ("tasks=[loop, loop]", "there twice"),
         ("seeds=[]", "seeds is []; input should be at least 1 entry"),
