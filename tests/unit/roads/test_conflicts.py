@@ -156,12 +156,6 @@ def test_lanes_that_merge_like_a_zip_have_no_rule(compile_to):
     assert rules(graph, right, left) is Yields.NEITHER
 
 
-def test_at_lights_only_turns_have_rules(graphs, nets):
-    """SUMO's file lets traffic of crossing roads give way to each other there."""
-    assert 'type="traffic_light"' in nets["cross"].read_text()
-    assert Yields.BOTH not in graphs["cross"].conflict_yields
-
-
 def connections_by_lane(net):
     """Return, for each lane inside junctions, sumolib's connection whose traffic it carries, and its node."""
     found = {}
@@ -174,6 +168,14 @@ def connections_by_lane(net):
                         found[via] = node, connection
                         via = net.getLane(via).getOutgoing()[0].getViaLaneID()
     return found
+
+
+def test_at_lights_no_two_lanes_give_way_to_each_other(graphs, sumo_nets):
+    """In SUMO's file some do."""
+    links = [connection for _, connection in connections_by_lane(sumo_nets["cross"]).values()]
+    node = sumo_nets["cross"].getNode("centre")
+    assert any(node.forbids(a, b) and node.forbids(b, a) for a in links for b in links)
+    assert Yields.BOTH not in graphs["cross"].conflict_yields
 
 
 def test_right_of_way_is_that_of_sumo(graphs, sumo_nets):

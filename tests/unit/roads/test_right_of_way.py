@@ -234,9 +234,14 @@ def test_an_empty_junction_of_sumo(compile_to, kind, stops):
 
 def test_four_vehicles_stop_and_cross_an_all_way_stop():
     """Two whose ways cross are never in the middle at the same time."""
-    model, dt, cars = Idm(), 0.1, []
-    straight = {"west": (1, 0), "south": (0, 1), "east": (-1, 0), "north": (0, -1)}
-    across = dict(zip(ARMS, (*ARMS[2:], *ARMS[:2]), strict=True))
+    model, dt, cars, place = Idm(), 0.1, [], np.full(4, -40.0)
+    straight: dict[str, tuple[int, int]] = {
+        "west": (1, 0),
+        "south": (0, 1),
+        "east": (-1, 0),
+        "north": (0, -1),
+    }
+    across: dict[str, str] = dict(zip(ARMS, (*ARMS[2:], *ARMS[:2]), strict=True))
     for arm, (x, y) in straight.items():
         mission = AgentMission(
             route=(f"{arm}_in", f"{across[arm]}_out"),
