@@ -66,12 +66,16 @@ def bend(lanes: int = 2, radius: float = 30.0) -> LaneGraph:
 
 
 def crossing(
-    length: float = 80.0, gap: float = 10.0, gives_way: Mapping[Turn, Sequence[Turn]] = MappingProxyType({})
+    length: float = 80.0,
+    gap: float = 10.0,
+    gives_way: Mapping[Turn, Sequence[Turn]] = MappingProxyType({}),
+    widths: Mapping[str, float] = MappingProxyType({}),
 ) -> LaneGraph:
     """Return a crossing of four arms with one lane per direction, 1.6 m off the axes, without U-turns.
 
     Arms are named by their position: "west_in" leads from the west to the junction at the origin, "east_out"
-    leads away to the east. The junction begins `gap` metres from the origin.
+    leads away to the east. The junction begins `gap` metres from the origin. Lanes are 3.2 m wide but for
+    those of the arms in `widths`; ways across the junction are as wide as the lanes that they come from.
     """
     directions = {"west": (-1, 0), "south": (0, -1), "east": (1, 0), "north": (0, 1)}
     roads: dict[str, Road] = {}
@@ -79,8 +83,9 @@ def crossing(
         # To the right of the outward direction.
         aside = np.array([y, -x]) * 1.6
         near, far = np.array([x, y]) * gap, np.array([x, y]) * (gap + length)
-        roads[f"{arm}_out"] = Road([tuple(near + aside), tuple(far + aside)])
-        roads[f"{arm}_in"] = Road([tuple(far - aside), tuple(near - aside)])
+        width = widths.get(arm, 3.2)
+        roads[f"{arm}_out"] = Road([tuple(near + aside), tuple(far + aside)], width=width)
+        roads[f"{arm}_in"] = Road([tuple(far - aside), tuple(near - aside)], width=width)
     links = [
         ((f"{begin}_in", 0), (f"{end}_out", 0)) for begin in directions for end in directions if begin != end
     ]
@@ -107,7 +112,8 @@ def graph_of(
         before, after = place[f"{begin}_{begin_index}"], place[f"{end}_{end_index}"]
         way = _connection(lanes[before], lanes[after])
         name = f":junction_{number}_0"
-        lanes.append(_Lane(name, len(roads) + number, 0, way, 3.2, 10.0, LaneKind.CAR, inside=True))
+        edge, width = len(roads) + number, lanes[before].width
+        lanes.append(_Lane(name, edge, 0, way, width, 10.0, LaneKind.CAR, inside=True))
         following[before].append(len(lanes) - 1)
         following[len(lanes) - 1].append(after)
     first = len(lanes) - len(links)

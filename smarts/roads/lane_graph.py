@@ -59,13 +59,13 @@ class Yields(enum.IntEnum):
     """Which traffic of two lanes that conflict has to give way, by signs and rules; lights come on top."""
 
     NEITHER = 0
-    """The map does not say, as where two lanes merge like a zip."""
+    """The map does not say, as where two lanes merge like a zip, or where lights decide."""
     THIS = 1
     """This lane's."""
     OTHER = 2
     """The other lane's."""
     BOTH = 3
-    """Each to the other: all have to stop, the first to come goes first."""
+    """Each to the other, at all-way stops: all have to stop, then they take turns."""
 
 
 @dataclass(frozen=True, eq=False)

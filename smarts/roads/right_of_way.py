@@ -2,8 +2,7 @@
 
 A meeting is a place where another lane inside a junction overlaps the own way (`LaneGraph.conflict_lane`).
 Two vehicles must not be in it at the same time: by their footprints, their speeds and what they may do
-next, each is there from a first to a last time. Who goes first is said by the map (`Yields`), unless a
-vehicle cannot stop any more, or stands in the way.
+next, each is there from a first to a last time. `precedence` decides which of them waits.
 """
 
 from __future__ import annotations
@@ -17,8 +16,23 @@ from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
-from smarts.roads.lane_graph import ConflictKind, Yields
 from smarts.roads.lane_ways import next_row, place_on_lane, row_of
+from smarts.roads.precedence import (
+    BEGIN,
+    CAP,
+    END,
+    LINE,
+    OTHER_BEGIN,
+    OTHER_END,
+    OTHERS_BRAKING,
+    SPEEDING_UP,
+    STANDING,
+    WIDTH,
+    can_stop,
+    gap_to_stop,
+    stop_before,
+    waits,
+)
 from smarts.types.traffic import Signal
 from smarts.types.vehicles import Owner
 from smarts.types.world import State
@@ -28,44 +42,8 @@ EASY_BRAKING = 2.0
 """Meetings are looked for from `NEAR` [m] before where a vehicle brakes this hard to its line on [m/s^2]."""
 FORESIGHT = 8.0
 """Vehicles that come to a meeting later than this are left aside [s]."""
-MARGIN_AFTER = 1.0
-"""Time from when the vehicle is out of a meeting until one with the right of way comes there [s]."""
-MARGIN_BEFORE = 0.5
-"""Time from when the other is out of a meeting until the vehicle comes there [s]."""
-SHORT_MARGIN = 0.4
-"""Both, towards vehicles that have to give way, and of a vehicle that is on its way through [s]."""
-SPEEDING_UP = 2.0
-"""Acceleration with which the vehicle comes to a meeting, at most [m/s^2]..."""
-CROSSING = 2.0
-"""...and with which it leaves the meeting, at least [m/s^2]."""
-OTHERS_SPEEDING_UP = 1.0
-"""Acceleration of others but those that start: they let vehicles by that are in the junction [m/s^2]."""
-SLACK = 0.2
-"""Between a vehicle and the side of its lane this much is left out of account [m]."""
-HARD_BRAKING = 6.0
-"""A vehicle that would have to brake harder to stop before a line drives on [m/s^2]..."""
-OTHERS_BRAKING = 4.5
-"""...and so do others [m/s^2]."""
-MERGE_BRAKING = 2.5
-"""How hard the one behind may have to brake where two lanes merge [m/s^2]."""
-MERGE_GAP = 2.0
-"""To the vehicle ahead where two lanes merge [m]."""
 LATERAL = 3.0
 """Lateral acceleration in turns [m/s^2]."""
-STANDING = 0.5
-"""A slower vehicle stands [m/s]."""
-CREEPING = 4.0
-"""A slower vehicle at its line may take its turn [m/s]."""
-NEAR_LINE = 8.0
-"""A vehicle that stands farther from its line is in a queue [m]."""
-NOSE = 1.0
-"""A vehicle that stands nearer to a meeting is in the way [m]."""
-TURN_TIME = 4.0
-"""How long it is one vehicle's turn, of several that stand and wait for each other [s]."""
-CLEARANCE = 1.0
-"""A vehicle that is past its line stops this far before a meeting [m]..."""
-LEAST_GAP = 0.1
-"""...which then is at least so far ahead [m]."""
 STUCK = 1.0
 """A vehicle behind a slower one, with which it cannot clear a meeting, does not enter it [m/s]."""
 ROOM = 1.5
@@ -75,12 +53,9 @@ ASIDE = 1.2
 ALONG = 0.8
 """Cosine of the angle to a lane, above which a vehicle may be on it."""
 
-_BEGIN, _END, _OTHER_BEGIN, _OTHER_END, _LINE, _CAP = range(6)
 _MOST_MEETINGS, _MOST_LANES = 256, 48
 _STOP, _CAUTION = int(Signal.STOP), int(Signal.CAUTION)
 _AGENT = int(Owner.AGENT)
-_MERGE = int(ConflictKind.MERGE)
-_NEITHER, _THIS, _OTHER = int(Yields.NEITHER), int(Yields.THIS), int(Yields.OTHER)
 
 
 @kernel
@@ -92,13 +67,15 @@ def gap_to_wait(
     That is the line of the junction, the waiting point of a turn inside it, or, past both, the meeting. The
     vehicle waits
 
-    - for vehicles with the right of way that would be in a meeting within `MARGIN_AFTER` of it;
+    - for vehicles with the right of way that would be in a meeting within `precedence.MARGIN_AFTER` of it;
     - for vehicles that have to give way, but are past their line or can no longer stop there;
     - where the map does not say, for the one that comes first;
+    - at a junction where all have to stop, until it has stopped at its line, and then for those that have
+      stopped at theirs and go;
     - where it could not leave a meeting, because a vehicle stands behind it on its way.
 
     A vehicle that stands at its line has the right of way over one that stands, too, only in its turn: the
-    order of all that stand changes every `TURN_TIME`, so that one of them goes.
+    order of all that stand changes every `precedence.TURN_TIME`, so that one of them goes.
 
     Args:
         state: The state of the world.
@@ -115,7 +92,7 @@ def gap_to_wait(
     if not roads.lane_inside[routes.lane[row]] and lane_length(roads, routes.lane[row]) - s - half > horizon:
         return np.inf
     places = np.empty(_MOST_MEETINGS, np.int32)
-    meetings = np.empty((_MOST_MEETINGS, 6))
+    meetings = np.empty((_MOST_MEETINGS, 7))
     lanes, begins = np.empty(_MOST_LANES, np.int32), np.empty(_MOST_LANES)
     count, length = _list_meetings(
         roads, routes, m, row, -s - half, half, horizon, places, meetings, lanes, begins
@@ -123,7 +100,11 @@ def gap_to_wait(
     if count == 0:
         return np.inf
     places, meetings = places[:count], meetings[:count]
-    gap = _gap_to_blocked(state, roads, b, slot, places, meetings, lanes[:length], begins[:length])
+    lanes, begins = lanes[:length], begins[:length]
+    gap = min(
+        gap_to_stop(state, roads, b, slot, lanes, begins),
+        _gap_to_blocked(state, roads, b, slot, places, meetings, lanes, begins),
+    )
     reach = horizon + 100.0
     x, y = vehicles.position[b, slot]
     for other in range(vehicles.alive.shape[1]):
@@ -160,9 +141,7 @@ def _list_meetings(
         half: Half of the vehicle's length [m].
         horizon: Lines that are farther are left aside [m].
         places: Written: rows of `Roads.conflict_lane`.
-        meetings: Written: from and to, until the tail is past, along the own way; from and to along the other
-            lane; distance to the last point before it at which to wait, negative behind it [m]; highest speed
-            up to the meeting [m/s].
+        meetings: Written: their columns, see `BEGIN`.
         lanes: Written: the lanes of the way.
         begins: Written: distance of the front bumper to their begins [m].
     """
@@ -185,12 +164,13 @@ def _list_meetings(
             for place in range(roads.conflict_start[lane], roads.conflict_start[lane + 1]):
                 if count < len(places) and begin + roads.conflict_extent[place, 0] > 0.0:
                     places[count] = place
-                    meetings[count, _BEGIN] = begin + roads.conflict_extent[place, 0]
-                    meetings[count, _END] = begin + roads.conflict_extent[place, 1] + 2.0 * half
-                    meetings[count, _OTHER_BEGIN] = roads.conflict_other_extent[place, 0]
-                    meetings[count, _OTHER_END] = roads.conflict_other_extent[place, 1]
-                    meetings[count, _LINE] = begin
-                    meetings[count, _CAP] = cap
+                    meetings[count, BEGIN] = begin + roads.conflict_extent[place, 0]
+                    meetings[count, END] = begin + roads.conflict_extent[place, 1] + 2.0 * half
+                    meetings[count, OTHER_BEGIN] = roads.conflict_other_extent[place, 0]
+                    meetings[count, OTHER_END] = roads.conflict_other_extent[place, 1]
+                    meetings[count, LINE] = begin
+                    meetings[count, CAP] = cap
+                    meetings[count, WIDTH] = roads.lane_width[lane]
                     count += 1
         begin += lane_length(roads, lane)
         row = next_row(roads, routes, m, row, base)
@@ -225,19 +205,10 @@ def _gap_to_blocked(
     if front == np.inf:
         return gap
     for i in range(len(meetings)):
-        begin, end = meetings[i, _BEGIN], meetings[i, _END] - length
-        if begin < front and end > front - length and meetings[i, _LINE] >= 0.0:
-            gap = min(gap, _stop_before(vehicles.speed[b, slot], meetings[i]))
+        begin, end = meetings[i, BEGIN], meetings[i, END] - length
+        if begin < front and end > front - length and meetings[i, LINE] >= 0.0:
+            gap = min(gap, stop_before(vehicles.speed[b, slot], meetings[i]))
     return gap
-
-
-@kernel
-def _stop_before(speed: float, meeting: Floats) -> float:
-    """Return the distance to where a vehicle stops before a meeting [m]."""
-    line = meeting[_LINE]
-    if line >= 0.0 and speed * speed <= 2.0 * HARD_BRAKING * line + 0.01:
-        return line
-    return max(meeting[_BEGIN] - CLEARANCE, LEAST_GAP)
 
 
 @kernel
@@ -270,10 +241,10 @@ def _gap_for(
         lane = int(routes.lane[row])
         if centre <= 0.0 and roads.lane_inside[lane]:
             for i in range(len(places)):
-                if roads.conflict_lane[places[i]] == lane and _waits(
+                if roads.conflict_lane[places[i]] == lane and waits(
                     state, roads, b, slot, other, places[i], meetings[i], centre, -centre - half
                 ):
-                    gap = min(gap, _stop_before(vehicles.speed[b, slot], meetings[i]))
+                    gap = min(gap, stop_before(vehicles.speed[b, slot], meetings[i]))
         centre -= lane_length(roads, lane)
         if -centre - half > reach:
             continue
@@ -310,12 +281,7 @@ def _is_held_back(
     if roads.lane_inside[lane] or not roads.lane_inside[following]:
         return False
     light = state.signals[b, following - roads.lane_base[state.map[b]]]
-    return light in (_STOP, _CAUTION) and _can_stop(speed, room, OTHERS_BRAKING)
-
-
-@kernel
-def _can_stop(speed: float, room: float, braking: float) -> bool:
-    return room >= 0.0 and speed * speed <= 2.0 * braking * room + 0.01
+    return light in (_STOP, _CAUTION) and can_stop(speed, room, OTHERS_BRAKING)
 
 
 @kernel
@@ -353,128 +319,6 @@ def _gap_inside(
                 continue
             if is_on_route and _row_of(state, roads, routes, b, other, lane) < routes.start[routes.free]:
                 continue
-        if _waits(state, roads, b, slot, other, places[i], meetings[i], centre, -1.0):
-            gap = min(gap, _stop_before(vehicles.speed[b, slot], meetings[i]))
+        if waits(state, roads, b, slot, other, places[i], meetings[i], centre, -1.0):
+            gap = min(gap, stop_before(vehicles.speed[b, slot], meetings[i]))
     return gap
-
-
-@kernel
-def _waits(
-    state: State,
-    roads: Roads,
-    b: int,
-    slot: int,
-    other: int,
-    place: int,
-    meeting: Floats,
-    centre: float,
-    line: float,
-) -> bool:
-    """Return whether a vehicle waits for another one at a meeting.
-
-    Args:
-        state: The state of the world.
-        roads: The maps' lanes.
-        b: The simulation.
-        slot: The vehicle.
-        other: The other one.
-        place: Row of the meeting in `Roads.conflict_lane`.
-        meeting: See `_list_meetings`.
-        centre: Where the other's centre is on its lane there [m].
-        line: Distance of its front bumper to where it would wait, negative behind it [m].
-    """
-    vehicles = state.vehicles
-    half, its_speed = 0.5 * vehicles.length[b, other], max(vehicles.speed[b, other], 0.0)
-    speed, yields = max(vehicles.speed[b, slot], 0.0), roads.conflict_yields[place]
-    is_merge = roads.conflict_kind[place] == _MERGE
-    its_lane = roads.conflict_lane[place]
-    # The lanes are wider than the vehicles on them.
-    own_room = max(0.5 * (roads.lane_width[its_lane] - vehicles.width[b, other]) - SLACK, 0.0)
-    its_room = max(0.5 * (roads.lane_width[its_lane] - vehicles.width[b, slot]) - SLACK, 0.0)
-    begin, end = meeting[_BEGIN] + own_room, meeting[_END] - own_room
-    to_begin = meeting[_OTHER_BEGIN] - centre - half + its_room
-    to_end = meeting[_OTHER_END] - centre + half - its_room
-    if is_merge:
-        # The one behind only needs its distance: it follows the other where the lanes have become one.
-        to_end = meeting[_OTHER_BEGIN] - centre + half + MERGE_GAP
-        end = begin + vehicles.length[b, slot] + MERGE_GAP
-    if to_end <= 0.0:
-        return False
-    first = _soonest(begin, speed, SPEEDING_UP, np.inf)
-    its_last = _soonest(to_end, its_speed, OTHERS_SPEEDING_UP if its_speed < CREEPING else 0.0, np.inf)
-    if to_begin <= 0.0:
-        return its_speed < STANDING or first < its_last + MARGIN_BEFORE
-    is_past = not _can_stop(speed, meeting[_LINE], HARD_BRAKING)
-    it_is_past = not _can_stop(its_speed, line, OTHERS_BRAKING)
-    starts = its_speed < CREEPING and line <= NEAR_LINE
-    its_acceleration = SPEEDING_UP if starts else OTHERS_SPEEDING_UP
-    its_first = _soonest(to_begin, its_speed, its_acceleration, max(roads.lane_speed[its_lane], its_speed))
-    cap = max(meeting[_CAP], 1.0)
-    last = _soonest(end, min(speed, cap), CROSSING, cap)
-    before = after = SHORT_MARGIN
-    if yields == _THIS and not is_past:
-        before, after = MARGIN_BEFORE, MARGIN_AFTER
-    if is_merge:
-        slower = max(its_speed - min(cap, speed + CROSSING * last), 0.0)
-        after += 0.5 * slower * slower / MERGE_BRAKING / max(its_speed, 1.0)
-    if its_first > last + after or its_last < first - before:
-        return False
-    if its_speed < STANDING:
-        return _waits_for_standing(state, b, slot, other, yields, meeting, to_begin, line, is_past)
-    comes_first = its_first < first or (its_first == first and other < slot)
-    return _lets_by(yields, is_past, it_is_past, comes_first)
-
-
-@kernel
-def _lets_by(yields: int, is_past: bool, it_is_past: bool, comes_first: bool) -> bool:
-    """Return whether a vehicle waits for one that moves and would be in a meeting at the same time."""
-    if yields == _THIS:
-        return True
-    if yields == _OTHER and not it_is_past:
-        return False
-    return comes_first if is_past == it_is_past else it_is_past
-
-
-@kernel
-def _waits_for_standing(
-    state: State,
-    b: int,
-    slot: int,
-    other: int,
-    yields: int,
-    meeting: Floats,
-    to_begin: float,
-    line: float,
-    is_past: bool,
-) -> bool:
-    """Return whether a vehicle waits for one that stands before a meeting, see `_waits`."""
-    if line < 0.0 and to_begin < NOSE and state.vehicles.speed[b, slot] >= CREEPING:
-        return True
-    if line > NEAR_LINE or (line >= 0.0 and (is_past or yields == _OTHER)):
-        return False
-    speed = state.vehicles.speed[b, slot]
-    if line < 0.0 and speed >= CREEPING:
-        return yields == _THIS and not is_past
-    if yields != _THIS and speed >= STANDING:
-        return False
-    is_waiting = speed < CREEPING and (is_past or meeting[_LINE] <= NEAR_LINE)
-    return not (is_waiting and _goes_before(state, b, slot, other))
-
-
-@kernel
-def _goes_before(state: State, b: int, slot: int, other: int) -> bool:
-    """Return whether it is one vehicle's turn before another's: an order of all that changes with time."""
-    turn = 2 * int(state.step[b] * state.dt / TURN_TIME) + 1
-    return (slot + 1) * turn * 40503 % 65536 < (other + 1) * turn * 40503 % 65536
-
-
-@kernel
-def _soonest(distance: float, speed: float, acceleration: float, top: float) -> float:
-    """Return how long a vehicle takes for a distance that speeds up to a highest speed [s]."""
-    distance = max(distance, 0.0)
-    if acceleration <= 0.0 or speed >= top:
-        return distance / max(min(speed, top), 1e-3)
-    until_top = 0.5 * (top * top - speed * speed) / acceleration
-    if distance > until_top:
-        return (top - speed) / acceleration + (distance - until_top) / top
-    return (math.sqrt(speed * speed + 2.0 * acceleration * distance) - speed) / acceleration

@@ -170,7 +170,8 @@ class _NetReader:
         """Return, for each lane in a junction, the lanes to whose traffic its own has to give way.
 
         A junction numbers its links in the order of `intLanes`. A link with a waiting point has two lanes in
-        a row, of which the second one is listed.
+        a row, of which the second one is listed. SUMO lets two links give way to each other at all-way stops,
+        where traffic merges like a zip, and where lights decide; only at all-way stops that is a rule.
 
         Args:
             inside: Junction of each lane, -1 for road lanes.
@@ -183,12 +184,18 @@ class _NetReader:
                 _with_first(self.lane_number[name], inside, start, before)
                 for name in junction.get("intLanes", "").split()
             ]
-            for request in junction.iterfind("request"):
-                # The rightmost bit is that of link 0.
-                bits = reversed(request.attrib["response"])
-                others = [lanes for lanes, bit in zip(links, bits, strict=False) if bit == "1"]
-                for lane in links[int(request.attrib["index"])]:
-                    found[lane] = frozenset(each for lanes in others for each in lanes)
+            # The rightmost bit is that of link 0.
+            waits = {
+                int(request.attrib["index"]): {
+                    other for other, bit in enumerate(reversed(request.attrib["response"])) if bit == "1"
+                }
+                for request in junction.iterfind("request")
+            }
+            all_stop = junction.get("type") == "allway_stop"
+            for link, others in waits.items():
+                first = [links[other] for other in others if all_stop or link not in waits.get(other, ())]
+                for lane in links[link]:
+                    found[lane] = frozenset(each for lanes in first for each in lanes)
         return found
 
     def _lane_at(self, edge: str, index: str) -> int:

@@ -26,6 +26,31 @@ def cross() -> dict[str, str]:
     return {"nod": f"<nodes>{''.join(nodes)}</nodes>", "edg": f"<edges>{''.join(edges)}</edges>"}
 
 
+def junction(kind: str) -> dict[str, str]:
+    """Four arms of one lane each way that meet at a junction of some type at the origin."""
+    sources = cross()
+    return {
+        "nod": sources["nod"].replace("traffic_light", kind),
+        "edg": sources["edg"].replace('numLanes="2"', 'numLanes="1"'),
+    }
+
+
+def zipper() -> dict[str, str]:
+    """Two lanes that merge into one, like a zip."""
+    return {
+        "nod": """<nodes>
+            <node id="a" x="0" y="0"/> <node id="b" x="100" y="0" type="zipper"/> <node id="c" x="200" y="0"/>
+        </nodes>""",
+        "edg": """<edges>
+            <edge id="two" from="a" to="b" numLanes="2"/> <edge id="one" from="b" to="c" numLanes="1"/>
+        </edges>""",
+        "con": """<connections>
+            <connection from="two" to="one" fromLane="0" toLane="0"/>
+            <connection from="two" to="one" fromLane="1" toLane="0"/>
+        </connections>""",
+    }
+
+
 def roundabout() -> dict[str, str]:
     """Four arms of one lane each way at a ring of radius 20 m with two lanes."""
     nodes, edges = [], []

@@ -6,6 +6,9 @@ import shapely
 import shapely.ops
 
 from smarts.roads.lane_graph import ConflictKind, Yields
+from smarts.roads.sumo_net import read_net
+
+from . import maps
 
 
 def through(graph, origin, target):
@@ -21,7 +24,9 @@ def through(graph, origin, target):
                 return found
         return None
 
-    return search(chain[0], [])
+    found = search(chain[0], [])
+    assert found is not None
+    return found
 
 
 def conflict(graph, lane, other):
@@ -136,6 +141,21 @@ def test_entries_of_a_roundabout_give_way_to_the_ring(graphs):
     assert found == {Yields.THIS}
 
 
+def test_at_an_all_way_stop_each_gives_way_to_each(compile_to):
+    graph = read_net(compile_to("all_way_stop", maps.junction("allway_stop")))
+    (eastbound,) = through(graph, "west_in_0", "east_out_0")
+    (northbound,) = through(graph, "south_in_0", "north_out_0")
+    assert rules(graph, eastbound, northbound) is Yields.BOTH
+    assert rules(graph, northbound, eastbound) is Yields.BOTH
+
+
+def test_lanes_that_merge_like_a_zip_have_no_rule(compile_to):
+    graph = read_net(compile_to("zipper", maps.zipper()))
+    (right,) = through(graph, "two_0", "one_0")
+    (left,) = through(graph, "two_1", "one_0")
+    assert rules(graph, right, left) is Yields.NEITHER
+
+
 def connections_by_lane(net):
     """Return, for each lane inside junctions, sumolib's connection whose traffic it carries, and its node."""
     found = {}
@@ -150,6 +170,14 @@ def connections_by_lane(net):
     return found
 
 
+def test_at_lights_no_two_lanes_give_way_to_each_other(graphs, sumo_nets):
+    """In SUMO's file some do."""
+    links = [connection for _, connection in connections_by_lane(sumo_nets["cross"]).values()]
+    node = sumo_nets["cross"].getNode("centre")
+    assert any(node.forbids(a, b) and node.forbids(b, a) for a in links for b in links)
+    assert Yields.BOTH not in graphs["cross"].conflict_yields
+
+
 def test_right_of_way_is_that_of_sumo(graphs, sumo_nets):
     """sumolib numbers the links of a junction in its own way, from the lanes that come in."""
     for name, graph in graphs.items():
@@ -159,6 +187,8 @@ def test_right_of_way_is_that_of_sumo(graphs, sumo_nets):
         for lane, partner in zip(owner, graph.conflict_lane, strict=True):
             node, own = connections[graph.lane_ids[lane]]
             _, other = connections[graph.lane_ids[partner]]
-            expected.append(Yields.THIS * node.forbids(other, own) + Yields.OTHER * node.forbids(own, other))
+            this_waits, other_waits = node.forbids(other, own), node.forbids(own, other)
+            is_rule = node.getType() == "allway_stop" or this_waits != other_waits
+            expected.append(is_rule * (Yields.THIS * this_waits + Yields.OTHER * other_waits))
         np.testing.assert_array_equal(graph.conflict_yields, expected, err_msg=name)
         assert any(expected) or name == "curve"

@@ -1,4 +1,4 @@
-"""Who waits for whom at a crossing of two roads, by hand; the line of the south is at y = -10."""
+"""Which vehicle waits at a crossing of two roads, by hand; the line of the south is at y = -10."""
 
 import math
 
@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from smarts.roads.right_of_way import gap_to_wait
+from smarts.roads.sumo_net import read_net
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
+from smarts.zoo.driving import LINE_OVERLAP, Idm
 from tests.maps import crossing
 from tests.worlds import Car, world_of
+
+from . import maps
 
 ARMS = ("west", "south", "east", "north")
 TURNS = [(a, b) for a in ARMS for b in ARMS if a != b]
@@ -23,6 +27,7 @@ def minor(arms):
     return {turn: others for turn in TURNS if turn[0] in arms}
 
 
+ALL_STOP = {turn: [other for other in TURNS if other[0] != turn[0]] for turn in TURNS}
 SOUTH_WAITS, WEST_WAITS = minor(["south"]), minor(["west"])
 TO_THE_NORTH = AgentMission(
     route=("south_in", "north_out"), goal=GoalKind.POSITION, goal_position=(1.6, 80.0)
@@ -42,11 +47,14 @@ def gap_of(made, agent=0):
     return gap_to_wait(state, roads, routes, 0, slot, row, made.world.vehicles.lane_position[0, slot])
 
 
-def wait_for(*cars, rules, speed=8.0, y=-30.0, mission=TO_THE_NORTH, signals=(), step=0):
-    """Return how far a vehicle from the south drives at most [m]."""
-    graph = crossing(gives_way=rules)
+def wait_for(
+    *cars, rules, speed=8.0, y=-30.0, mission=TO_THE_NORTH, signals=(), step=0, accelerations=(), widths=None
+):
+    """Return how far a vehicle from the south drives at most [m]; `accelerations` are those of the cars."""
+    graph = crossing(gives_way=rules, widths=widths or {})
     made = world_of([Car(1.6, y, math.pi / 2, speed, mission), *cars], maps=[graph])
     made.world.step[:] = step
+    made.world.vehicles.acceleration[0, : len(accelerations)] = accelerations
     for turn, light in signals:
         made.world.signals[0, graph.lane_ids.index(f":junction_{TURNS.index(turn)}_0")] = light
     return gap_of(made)
@@ -141,3 +149,125 @@ def test_of_those_that_stand_one_goes_and_all_in_turn():
         assert goes
         went |= set(goes)
     assert went == {0, 1, 2, 3}
+
+
+@pytest.mark.parametrize(("south", "west"), [(3.2, 3.2), (5.0, 3.2), (3.2, 5.0)])
+@pytest.mark.parametrize(("x", "waits"), [(-3.2, False), (-2.8, True), (5.0, True), (5.4, False)])
+def test_the_room_that_vehicles_need_does_not_depend_on_their_lanes(south, west, x, waits):
+    """The own way covers x = 1.6 +- (0.9 + 0.2): the vehicle's half width and the slack.
+
+    A vehicle of 5 m stands in the way if its front is less than 1 m before that, or its tail not behind it.
+    """
+    gap = wait_for(from_the_west(x, 0.0), rules=WEST_WAITS, widths={"south": south, "west": west})
+    assert gap == (LINE if waits else np.inf)
+
+
+@pytest.mark.parametrize(
+    ("y", "speed", "acceleration", "stops"),
+    [
+        (-30.0, 8.0, 0.0, True),
+        (-14.5, 2.0, -2.0, True),
+        (-14.5, 2.0, 2.0, False),
+        (-13.5, 0.0, 0.0, False),
+        (-20.0, 0.0, 0.0, True),
+        (-14.5, 8.0, 0.0, False),
+        (-9.0, 3.0, 0.0, False),
+    ],
+)
+def test_where_all_have_to_stop_a_vehicle_stops_at_its_line(y, speed, acceleration, stops):
+    """Unless it has stopped there, can no longer stop, or is past it; its front is 2.5 m ahead."""
+    gap = wait_for(rules=ALL_STOP, y=y, speed=speed, accelerations=[acceleration])
+    assert gap == pytest.approx(-10.0 - 2.5 - y if stops else np.inf)
+
+
+@pytest.mark.parametrize(
+    ("x", "speed", "acceleration", "waits"),
+    [
+        (-30.0, 8.0, 0.0, False),
+        (-14.0, 1.0, -1.0, False),
+        (-13.0, 1.0, 1.5, True),
+        (-6.0, 3.0, 1.5, True),
+        (-19.0, 8.0, 0.0, True),
+    ],
+)
+def test_where_all_have_to_stop_a_vehicle_waits_for_one_that_goes(x, speed, acceleration, waits):
+    """Not for one that comes or brakes; but for one that starts, is in the junction, or cannot stop."""
+    car = from_the_west(x, speed)
+    gap = wait_for(car, rules=ALL_STOP, y=-13.5, speed=0.0, accelerations=[0.0, acceleration])
+    assert gap == pytest.approx(1.0 if waits else np.inf)
+
+
+def test_where_all_have_to_stop_one_that_comes_lets_one_that_stands_go_first():
+    for step in range(0, 400, 40):
+        standing = from_the_west(-13.5, 0.0, mission=TO_THE_EAST)
+        made = world_of(
+            [Car(1.6, -30.0, math.pi / 2, 8.0, TO_THE_NORTH), standing], maps=[crossing(gives_way=ALL_STOP)]
+        )
+        made.world.step[:] = step
+        assert gap_of(made, 0) == LINE
+        assert gap_of(made, 1) == np.inf
+
+
+def test_where_all_have_to_stop_one_at_a_time_goes():
+    went = set()
+    for step in range(0, 4000, 40):
+        made = world_of(
+            [
+                Car(1.6, -13.5, math.pi / 2, 0.0, TO_THE_NORTH),
+                from_the_west(-13.5, 0.0, mission=TO_THE_EAST),
+            ],
+            maps=[crossing(gives_way=ALL_STOP)],
+        )
+        made.world.step[:] = step
+        (goes,) = [agent for agent in range(2) if gap_of(made, agent) == np.inf]
+        went.add(goes)
+    assert went == {0, 1}
+
+
+@pytest.mark.parametrize(("kind", "stops"), [("allway_stop", True), ("right_before_left", False)])
+def test_an_empty_junction_of_sumo(compile_to, kind, stops):
+    graph = read_net(compile_to(kind, maps.junction(kind)))
+    made = world_of([Car(1.6, -30.0, math.pi / 2, 8.0, TO_THE_NORTH)], maps=[graph])
+    line = graph.centreline(graph.lane_of_id("south_in_0"))[-1, 1]
+    assert gap_of(made) == pytest.approx(line - (-30.0 + 2.5) if stops else np.inf, abs=0.01)
+
+
+def test_four_vehicles_stop_and_cross_an_all_way_stop():
+    """Two whose ways cross are never in the middle at the same time."""
+    model, dt, cars, place = Idm(), 0.1, [], np.full(4, -40.0)
+    straight: dict[str, tuple[int, int]] = {
+        "west": (1, 0),
+        "south": (0, 1),
+        "east": (-1, 0),
+        "north": (0, -1),
+    }
+    across: dict[str, str] = dict(zip(ARMS, (*ARMS[2:], *ARMS[:2]), strict=True))
+    for arm, (x, y) in straight.items():
+        mission = AgentMission(
+            route=(f"{arm}_in", f"{across[arm]}_out"),
+            goal=GoalKind.POSITION,
+            goal_position=(80.0 * x, 80.0 * y),
+        )
+        cars.append(Car(1.6 * y - 40.0 * x, -1.6 * x - 40.0 * y, math.atan2(y, x), 8.0, mission))
+    made = world_of(cars, maps=[crossing(gives_way=ALL_STOP)])
+    vehicles, slots = made.world.vehicles, made.world.agents.slot[0, :4]
+    along = np.array([*straight.values()], float)
+    slowest = np.full(4, np.inf)
+    for _ in range(600):
+        gaps = np.array([gap_of(made, agent) for agent in range(4)])
+        speed = vehicles.speed[0, slots]
+        acceleration = model.acceleration(speed, np.full(4, 10.0), gaps + LINE_OVERLAP, np.zeros(4))
+        faster = np.maximum(speed + acceleration * dt, 0.0)
+        vehicles.acceleration[0, slots], vehicles.speed[0, slots] = (faster - speed) / dt, faster
+        vehicles.position[0, slots] += along * (faster * dt)[:, None]
+        made.world.step += 1
+        made.match()
+        place = (vehicles.position[0, slots] * along).sum(1)
+        at_line = (place > -17.0) & (place < -12.5)
+        slowest[at_line] = np.minimum(slowest, faster)[at_line]
+        is_in_the_middle = np.abs(place) < 4.0
+        assert not (is_in_the_middle[[0, 2]].any() and is_in_the_middle[[1, 3]].any())
+        if (place > 20.0).all():
+            break
+    assert (place > 20.0).all()
+    assert (slowest < 0.5).all()
