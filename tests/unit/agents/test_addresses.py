@@ -105,6 +105,33 @@ def test_each_connection_has_an_agent_of_its_own_that_acts_as_in_process(tmp_pat
             agent.close()
 
 
+SEEING = """
+import os
+import numpy as np
+from smarts_agent_kit import BatchAgent
+
+class Seeing(BatchAgent):
+    interface = {"action": "Lane"}
+    observation = ["speed"]
+
+    def act(self, batch):
+        kept = [name in os.environ for name in ("PATH", "OMP_FOR_A_TEST", "MY_TOKEN", "SMARTS_AGENT_SECRET")]
+        return np.tile(kept, (len(batch.env_id), 1))
+"""
+
+
+def test_a_served_agent_sees_the_same_few_environment_variables(tmp_path, monkeypatch):
+    given = {SECRET: "0123456789abcdef", "OMP_FOR_A_TEST": "1", "MY_TOKEN": "mine"}
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    (tmp_path / "seeing.py").write_text(SEEING)
+    command = ("-m", "smarts_agent_kit", "seeing:Seeing", "--address", "127.0.0.1:0")
+    with served(*command, PYTHONPATH=str(tmp_path)) as address:
+        agent = make_agent(address)[0]
+        assert agent.act(batch(1)).tolist() == [[True, True, False, False]]
+        agent.close()
+
+
 def test_what_simulators_send_to_an_address_names_no_code(tmp_path):
     with kit_agent(tmp_path) as address:
         with closing(AtAddress(address).open()) as link:
