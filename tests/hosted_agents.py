@@ -79,6 +79,10 @@ class Misbehaving(BatchAgent):
             print("x" * 100, flush=True)
         return np.zeros(count, int)
 
+    def print_once(self, count):
+        print("a line that an agent prints")
+        return np.zeros(count, int)
+
     def read_input(self, count):
         assert sys.stdin.read() == ""
         return np.zeros(count, int)

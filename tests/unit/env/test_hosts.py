@@ -140,6 +140,12 @@ def test_an_agent_may_do_what_changes_nothing(how, capfd):
     assert "x" * 100 not in capfd.readouterr().out
 
 
+def test_what_an_agent_prints_in_its_process_is_seen(capfd):
+    social, hosts = hosted("print_once")
+    played(social, hosts, count=4)
+    assert "a line that an agent prints" in capfd.readouterr().err
+
+
 def test_what_an_agent_raises_is_said_in_the_same_words_everywhere():
     social, hosts = hosted("raise_error")
     assert played(social, hosts, count=6) == played(social, {}, count=6)
