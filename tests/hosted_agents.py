@@ -67,6 +67,9 @@ class Misbehaving(BatchAgent):
     def raise_error(self, count):
         raise ValueError("not today")
 
+    def raise_lines(self, count):
+        raise ValueError("not\ntoday \x1b[31m red\udc80" + 2000 * " x\t")
+
     def fork(self, count):
         if os.fork() == 0:
             os.setsid()

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -13,11 +14,15 @@ import numpy as np
 import pytest
 
 from smarts.agents.acting import Failed, Request
+from smarts.agents.hosting.links import SocketLink
 from smarts.agents.hosting.log import DecisionLog, Replayed, messages_of
-from smarts.agents.hosting.options import HostError, HostOptions
+from smarts.agents.hosting.options import HostError, HostOptions, about
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import ActionBatch
 from smarts.env.vector import VectorHiWayEnv
+from smarts_agent_kit.channel import Channel
+from smarts_agent_kit.service import LONGEST_PROBLEM
+from smarts_agent_kit.wire import Message
 
 DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:misbehaving-v0"
 MIXED = [{"agent": "idm-v0", "count": 1}, {"agent": DRAWING, "count": 1}]
@@ -146,9 +151,24 @@ def test_what_an_agent_prints_in_its_process_is_seen(capfd):
     assert "a line that an agent prints" in capfd.readouterr().err
 
 
-def test_what_an_agent_raises_is_said_in_the_same_words_everywhere():
-    social, hosts = hosted("raise_error")
-    assert played(social, hosts, count=6) == played(social, {}, count=6)
+@pytest.mark.parametrize("how", ["raise_error", "raise_lines"])
+def test_what_an_agent_raises_is_said_in_the_same_words_everywhere(how):
+    social, hosts = hosted(how)
+    states, failures = played(social, hosts, count=6)
+    assert (states, failures) == played(social, {}, count=6)
+    (named,) = failures.values()
+    assert all(each.isprintable() and len(each) <= LONGEST_PROBLEM for each in named.values())
+    assert all("ValueError: not today" in each for each in named.values())
+
+
+def test_a_failure_that_an_address_sends_is_one_line():
+    near, far = socket.socketpair()
+    with closing(Channel(far)) as agent, closing(SocketLink(Channel(near))) as link:
+        agent.send(Message("failed", {"problem": "no\nagent \x1b[31m"}))
+        with pytest.raises(HostError) as raised:
+            about(link, "there")
+    assert raised.value.problem.isprintable()
+    assert "no agent" in raised.value.problem
 
 
 def workers_of(link):
