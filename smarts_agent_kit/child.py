@@ -37,7 +37,7 @@ def command(
 
     Args:
         python: The interpreter, with its options.
-        fd: Its end of the connection to the simulator.
+        fd: Its end of the connection to the simulator; when the simulator closes the other, it ends.
         module: Has the function `load`, which makes the agent.
         folder: For its temporary files; it is removed when the process ends.
         memory: The most that it may write to [GB].
@@ -72,11 +72,13 @@ def main() -> NoReturn:
         finally:
             sys.stderr.flush()
             os._exit(1)
-    os.close(given["fd"])
     poll = select.poll()
     for each in (lifeline, os.pidfd_open(worker)):
         poll.register(each, select.POLLIN | select.POLLHUP)
+    # The agent may be busy or blocked, and read nothing; the simulator is heard here all the same.
+    poll.register(given["fd"], select.POLLRDHUP | select.POLLHUP)
     poll.poll()
+    os.close(given["fd"])
     end_children()
     shutil.rmtree(given["folder"], ignore_errors=True)
     os._exit(0)

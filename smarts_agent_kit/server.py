@@ -15,6 +15,7 @@ from typing import Any
 
 from smarts_agent_kit.channel import Channel, ClosedError
 from smarts_agent_kit.child import command
+from smarts_agent_kit.environment import clean_environment
 from smarts_agent_kit.handshake import SECRET, RefusedError, admit
 from smarts_agent_kit.wire import WireError
 
@@ -89,10 +90,9 @@ def serve_address(
     def start(fd: int) -> subprocess.Popen:
         folder = tempfile.mkdtemp(prefix="smarts-agent-")
         more = {"folder": folder, "memory": memory, "paths": paths, **values}
-        environment = {name: value for name, value in os.environ.items() if name != SECRET}
         return subprocess.Popen(
             command([sys.executable], fd, module, **more),
-            env=environment,
+            env=clean_environment(),
             stdin=subprocess.PIPE,
             pass_fds=[fd],
             start_new_session=True,

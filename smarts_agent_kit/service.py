@@ -14,6 +14,8 @@ from smarts_agent_kit.wire import Message, WireError, encode, is_sent
 
 FAILURES = (Exception, SystemExit)
 """What an agent may raise that lets it fail: `sys.exit` in an agent does not end the run."""
+LONGEST_PROBLEM = 1000
+"""Characters of a failure that are shown."""
 SEEN = "observations/"
 """Begins the names of observations among the arrays of a request."""
 FIELDS = ActionBatch._fields[1:]
@@ -43,7 +45,16 @@ def checked_actions(answer: Any, count: int) -> NDArray:
 
 def problem_of(error: BaseException) -> str:
     """Return what an agent has raised, as failures name it."""
-    return f"raised {type(error).__name__}: {error}"[:1000]
+    return one_line(f"raised {type(error).__name__}: {error}")
+
+
+def one_line(text: str) -> str:
+    """Return an agent's text as one line of `LONGEST_PROBLEM` printable characters at most."""
+    words = " ".join(text[:LONGEST_PROBLEM].split())
+    escaped = (
+        each if each.isprintable() else each.encode("unicode_escape").decode("ascii") for each in words
+    )
+    return "".join(escaped)[:LONGEST_PROBLEM].strip()
 
 
 class Service:

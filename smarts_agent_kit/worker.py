@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import resource
 import signal
@@ -26,6 +27,8 @@ TIME = 60
 def work(given: Mapping[str, Any]) -> None:
     """Serve an agent until the simulator closes the connection; `given` is made by `child.command`."""
     confine(given["memory"])
+    if isinstance(sys.stdout, io.TextIOWrapper):  # what an agent prints is seen at once, however it ends
+        sys.stdout.reconfigure(line_buffering=True)
     load, values = importlib.import_module(given["module"]).load, given["values"]
     serve(given["fd"], load if values is None else lambda _: load(values))
 

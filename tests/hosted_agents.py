@@ -67,6 +67,9 @@ class Misbehaving(BatchAgent):
     def raise_error(self, count):
         raise ValueError("not today")
 
+    def raise_lines(self, count):
+        raise ValueError("not\ntoday \x1b[31m red\udc80" + 2000 * " x\t")
+
     def fork(self, count):
         if os.fork() == 0:
             os.setsid()
@@ -77,6 +80,10 @@ class Misbehaving(BatchAgent):
     def print_much(self, count):
         for _ in range(1000):
             print("x" * 100, flush=True)
+        return np.zeros(count, int)
+
+    def print_once(self, count):
+        print("a line that an agent prints")
         return np.zeros(count, int)
 
     def read_input(self, count):

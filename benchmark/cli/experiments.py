@@ -140,7 +140,7 @@ def evaluate(
     left = "nothing was written" if out is None else f"no table was written to {out}"
     code = interruptible(work, left)
     if table is not None:
-        show_metrics(table)
+        show_metrics(table, agent)
     raise typer.Exit(code)
 
 
@@ -162,14 +162,14 @@ def _evaluate_agent(
     return evaluate_agent(agent, **given, out=out, imports=import_ or ())
 
 
-def show_metrics(table: pd.DataFrame) -> None:
-    """Print all metrics of a test."""
+def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
+    """Print all metrics of a test, headed by each mode, or by the locator of the agent that drove."""
     from benchmark.metrics import compute
 
     found = compute(table, ["mode"])
     for name, group in found.groupby("mode"):
         rows = group.to_dict("records")
-        typer.echo(f"{name}: {rows[0]['n']} agent-episodes")
+        typer.echo(f"{agent or name}: {rows[0]['n']} agent-episodes")
         for row in rows:
             interval = f"[{row['low']:z.3f}, {row['high']:z.3f}]" if row["low"] == row["low"] else ""
             value = f"{row['value']:z.3f}" if row["value"] == row["value"] else "n/a"

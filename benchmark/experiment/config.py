@@ -287,7 +287,13 @@ class Environment(Driving):
         for name in ("traffic_step", "social_agents", "learn_in_bubbles", "episode_time"):
             if getattr(self, name) == type(self).model_fields[name].default:
                 kept.pop(name, None)
-        # Where an agent acts changes nothing in a run; in what time it acts does.
+        if not self.hosts:
+            kept.pop("hosts", None)
+        return kept
+
+    def content(self) -> dict[str, Any]:
+        """Return what determines a run: where an agent acts changes nothing, in what time it acts does."""
+        kept = self.model_dump(mode="json")
         timing = {locator: given for locator, host in self.hosts.items() if (given := _timing(host))}
         kept.pop("hosts", None)
         return {**kept, "hosts": timing} if timing else kept

@@ -74,7 +74,7 @@ class TaskSetting:
         Args:
             names: What else may name own code.
         """
-        environment = self.environment.model_dump(mode="json")
+        environment = self.environment.content()
         return {
             "scenarios": list(self.task.scenarios),
             "traffic": self.traffic,
@@ -189,9 +189,10 @@ def with_defaults(content: Mapping[str, Any]) -> dict[str, Any]:
     Sections that do not fit their model stay as they are.
     """
     found = json.loads(json.dumps(content))  # tuples as the lists that files have
-    for name, model in (("environment", Environment), ("budget", Budget)):
-        with suppress(ConfigError, TypeError):
-            found |= {name: fitted(found[name], model).model_dump(mode="json")} if name in found else {}
+    with suppress(ConfigError, TypeError, KeyError):
+        found["environment"] = fitted(found["environment"], Environment).content()
+    with suppress(ConfigError, TypeError, KeyError):
+        found["budget"] = fitted(found["budget"], Budget).model_dump(mode="json")
     if isinstance(names := found.get("scenarios"), list):
         # Earlier versions wrote paths as the user gave them.
         found["scenarios"] = [resolved(name) if os.sep in str(name) else name for name in names]

@@ -172,6 +172,12 @@ def add_folder(folder: str | Path) -> list[ZooEntry]:
         SmartsError: The folder is none, registers no agent, or takes a name of another.
         OwnCodeError: Its code cannot be imported or raises.
     """
+    if not Path(folder).exists():
+        raise OwnCodeError(
+            "there is no such folder",
+            place=str(folder),
+            remedy="give the path of a folder with agents, from where you are or absolute",
+        )
     found: list[ZooEntry] = [*(read_entries if has_project(folder) else _registered_in)(folder)]
     if not found:
         raise SmartsError(

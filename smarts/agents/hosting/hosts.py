@@ -15,7 +15,7 @@ from smarts.agents.hosting.log import DecisionLog, Replayed
 from smarts.agents.hosting.options import START_TIME, HostError, HostOptions, Link, Starter, about
 from smarts.agents.social import SocialPolicy
 from smarts_agent_kit.channel import wait_for
-from smarts_agent_kit.service import WrongActionsError, checked_actions, request_of
+from smarts_agent_kit.service import WrongActionsError, checked_actions, one_line, request_of
 from smarts_agent_kit.wire import Message, encode
 
 MOST_SKIPPED = 63
@@ -318,7 +318,7 @@ class _Away:
 
 
 def _failed(request: Request, problem: str) -> list[Failed]:
-    return [Failed(problem)] * len(request.batch.env_id)
+    return [Failed(one_line(problem))] * len(request.batch.env_id)
 
 
 def _wait_for_any(waiting: Sequence[_Away], begun: float) -> None:

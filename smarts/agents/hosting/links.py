@@ -17,6 +17,7 @@ from typing import Any
 from smarts.agents.hosting.options import ADDRESS, HostError
 from smarts_agent_kit.channel import Channel, ClosedError
 from smarts_agent_kit.child import command
+from smarts_agent_kit.environment import clean_environment
 from smarts_agent_kit.handshake import SECRET, RefusedError, greet
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
 from smarts_agent_kit.wire import Message, WireError
@@ -25,9 +26,6 @@ CONNECT_TIME = 5.0
 """How long a connection may take [s]."""
 END_TIME = 5.0
 """How long a child process may take to end [s]."""
-KEPT = ("PATH", "HOME", "USER", "LANG", "TZ", "TMPDIR", "LD_LIBRARY_PATH", "PYTHONHASHSEED", "SUMO_HOME")
-KEPT_PREFIXES = ("LC_", "XDG_", "SMARTS_", "NUMBA_", "CUDA_", "OMP_", "OPENBLAS_", "MKL_")
-"""The environment variables that a child process inherits, but for the secret."""
 BROKEN = (ClosedError, WireError, RefusedError, TimeoutError, OSError)
 """What a link raises when there is no agent behind it any more."""
 
@@ -174,15 +172,6 @@ class InChildProcess:
                 remedy="give texts, numbers, lists and dicts, or let the agent act in process",
             ) from error
         return link
-
-
-def clean_environment() -> dict[str, str]:
-    """Return the environment variables of child processes: no secrets of the user's among them."""
-    return {
-        name: value
-        for name, value in os.environ.items()
-        if (name in KEPT or name.startswith(KEPT_PREFIXES)) and name != SECRET
-    }
 
 
 def is_address(locator: Any) -> bool:

@@ -1,7 +1,8 @@
 """Logs of what agents elsewhere have decided, and in time: from one, a run is repeated exactly without them.
 
 A decision is found by the agent's seed, which is a function of the run's seed, the world, the episode and the
-agent's name, and by the step: so a log fits any number of simulations and processes.
+agent's name, and by the step: so a log fits any number of simulations and processes. Runs that play the same
+episodes need a folder each: a folder with two answers to one question is refused.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class DecisionLog:
     """Writes the decisions of one policy.
 
     Args:
-        folder: Several logs may share one.
+        folder: The logs of one run's processes and policies share one.
 
     Raises:
         HostError: It cannot be written.
@@ -74,17 +75,19 @@ class Replayed:
         folder: Of the log.
 
     Raises:
-        HostError: There is none.
+        HostError: There is none, or it holds two answers to one question.
     """
 
     link = None
 
     def __init__(self, folder: str | Path) -> None:
+        self._place = f"replay {str(folder)!r}"
         self._found: dict[tuple[int, int], Any] = {}
         self._answers: list[tuple[Request, Actions]] = []
         files = sorted(Path(folder).glob(f"*{SUFFIX}"))
         if not files:
-            raise HostError("holds no decisions", place=f"replay {str(folder)!r}", remedy="name a `log`")
+            remedy = "name the folder of a `log`"
+            raise HostError("holds no decisions", place=self._place, remedy=remedy)
         for file in files:
             for message in messages_of(file):
                 self._add(message)
@@ -121,7 +124,20 @@ class Replayed:
         else:
             problem = values.get("problem")
             results = [LATE if values.get(LATE) else Failed(str(problem))] * len(seeds)
-        self._found.update(zip(zip(seeds, steps, strict=True), results, strict=True))
+        for key, result in zip(zip(seeds, steps, strict=True), results, strict=True):
+            if not _is_same(self._found.setdefault(key, result), result):
+                raise HostError(
+                    f"holds two decisions of the agent's seed {key[0]} at step {key[1]}",
+                    place=self._place,
+                    remedy="log each run, and each test of an experiment, into a folder of its own",
+                )
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Return whether two decisions are the same, bit by bit."""
+    if isinstance(one, np.ndarray | np.generic) and isinstance(other, np.ndarray | np.generic):
+        return (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
+    return type(one) is type(other) and one == other
 
 
 def messages_of(file: Path) -> Iterator[Message]:

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from smarts.agents.checks import InterfaceError, check_instance, check_number, check_whole
 from smarts.errors import SmartsError, nearest_names, shown
+from smarts_agent_kit.service import one_line
 from smarts_agent_kit.wire import Message
 
 IN_PROCESS, PROCESS, RAY = "in_process", "process", "ray"
@@ -88,7 +89,7 @@ def about(link: Link, place: str) -> Mapping[str, Any]:
             f"the agent does not start: {error}", place=place, remedy="see what it has printed"
         ) from error
     if message.kind != "about":
-        problem = message.values.get("problem", f"it has sent {message.kind!r}")
+        problem = one_line(str(message.values.get("problem", f"it has sent {message.kind!r}")))
         raise HostError(f"the agent cannot be made: {problem}", place=place)
     return message.values
 

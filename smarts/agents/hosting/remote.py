@@ -11,7 +11,7 @@ from smarts.agents.hosting.facts import check_observation, check_period, interfa
 from smarts.agents.hosting.options import START_TIME, HostError, Link, Starter, about
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.agents.spec import AgentSpec
-from smarts_agent_kit.service import checked_actions, request_of
+from smarts_agent_kit.service import checked_actions, one_line, request_of
 
 
 class RemoteAgent(BatchAgent):
@@ -60,7 +60,7 @@ class RemoteAgent(BatchAgent):
         except Exception as error:  # of a socket, of Ray, of the wire or of the agent
             self.close()
             problem = error.problem if isinstance(error, HostError) else f"{type(error).__name__}: {error}"
-            raise HostError(problem, place=self.start.place) from error
+            raise HostError(one_line(problem), place=self.start.place) from error
 
     def close(self) -> None:
         """End the connection; may be called again."""

@@ -26,6 +26,7 @@ from smarts_agent_kit import ActionBatch
 from smarts_agent_kit.channel import Channel, ClosedError
 from smarts_agent_kit.handshake import SECRET, RefusedError, admit, greet
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
+from smarts_agent_kit.service import request_of
 from smarts_agent_kit.wire import VERSION, Message, WireError, encode
 from tests.unit.agents.test_wire import fuzzed
 from tests.unit.env.test_hosts import nothing_is_left  # noqa: F401
@@ -103,6 +104,69 @@ def test_each_connection_has_an_agent_of_its_own_that_acts_as_in_process(tmp_pat
                 assert np.array_equal(agent.act(batch(step=step)), expected)
         for agent in agents:
             agent.close()
+
+
+SEEING = """
+import os
+import numpy as np
+from smarts_agent_kit import BatchAgent
+
+class Seeing(BatchAgent):
+    interface = {"action": "Lane"}
+    observation = ["speed"]
+
+    def act(self, batch):
+        kept = [name in os.environ for name in ("PATH", "OMP_FOR_A_TEST", "MY_TOKEN", "SMARTS_AGENT_SECRET")]
+        return np.tile(kept, (len(batch.env_id), 1))
+"""
+
+
+def test_a_served_agent_sees_the_same_few_environment_variables(tmp_path, monkeypatch):
+    given = {SECRET: "0123456789abcdef", "OMP_FOR_A_TEST": "1", "MY_TOKEN": "mine"}
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    (tmp_path / "seeing.py").write_text(SEEING)
+    command = ("-m", "smarts_agent_kit", "seeing:Seeing", "--address", "127.0.0.1:0")
+    with served(*command, PYTHONPATH=str(tmp_path)) as address:
+        agent = make_agent(address)[0]
+        assert agent.act(batch(1)).tolist() == [[True, True, False, False]]
+        agent.close()
+
+
+STUCK = """
+import os, time
+from smarts_agent_kit import BatchAgent
+
+class Stuck(BatchAgent):
+    interface = {"action": "Lane"}
+    observation = ["speed"]
+
+    def act(self, batch):
+        with open(os.path.join(os.path.dirname(__file__), "pid"), "w") as file:
+            file.write(f"{os.getpid()}\\n")
+        time.sleep(1000)
+"""
+
+
+def appeared(file):
+    """Return a line of a file that another process writes."""
+    while not (file.exists() and file.read_text().endswith("\n")):
+        time.sleep(0.01)
+    return file.read_text()
+
+
+def test_a_served_agent_that_blocks_ends_when_its_simulator_is_gone(tmp_path):
+    (tmp_path / "stuck.py").write_text(STUCK)
+    command = ("-m", "smarts_agent_kit", "stuck:Stuck", "--address", "127.0.0.1:0")
+    with served(*command, PYTHONPATH=str(tmp_path)) as address:
+        with closing(AtAddress(address).open()) as link:
+            assert link.wait(soon()).kind == "about"
+            link.send(request_of(batch(), 1))
+            agent = int(appeared(tmp_path / "pid"))
+        until = soon()
+        while os.path.exists(f"/proc/{agent}"):
+            assert time.monotonic() < until, "the agent's process is there still"
+            time.sleep(0.01)
 
 
 def test_what_simulators_send_to_an_address_names_no_code(tmp_path):

@@ -7,7 +7,8 @@ from typer.testing import CliRunner
 from benchmark.cli import app
 from benchmark.running.evaluate_agent import evaluate_agent
 from smarts.agents.hosting.options import HostError
-from smarts.errors import SmartsError
+from smarts.errors import OwnCodeError, SmartsError
+from smarts.zoo.registry import add_folder
 from tests.unit.agents.test_addresses import kit_agent, served
 
 DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:misbehaving-v0"
@@ -63,3 +64,17 @@ def test_wrong_commands_end_with_exit_code_2(arguments):
     assert ended.exit_code == 2 or (
         isinstance(ended.exception, SmartsError) and ended.exception.exit_code == 2
     )
+
+
+@pytest.mark.slow
+def test_an_evaluation_names_its_agent():
+    given = ["--scenario", "intersection", "--traffic", "no_social_vehicles", "--episodes", "1"]
+    ended = CliRunner().invoke(app, ["evaluate", "--agent", DRAWING, "--agents", "1", *given])
+    assert f"{DRAWING}: 1 agent-episodes" in ended.stdout
+
+
+def test_a_folder_that_is_not_there_is_not_added(tmp_path):
+    with pytest.raises(OwnCodeError) as raised:
+        add_folder(tmp_path / "nothere")
+    assert raised.value.place == str(tmp_path / "nothere")
+    assert "--import" not in raised.value.remedy

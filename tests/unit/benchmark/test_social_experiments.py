@@ -5,7 +5,7 @@ import json
 import pytest
 
 from benchmark.experiment.config import Environment, read_experiment
-from benchmark.experiment.runs import task_settings_of
+from benchmark.experiment.runs import task_settings_of, with_defaults
 from benchmark.running.environments import environment
 from benchmark.running.experiment import check_task_settings
 from benchmark.running.played import digest_of
@@ -67,17 +67,23 @@ def test_hosts_reach_the_environment(read):
 
 def test_where_an_agent_acts_is_no_part_of_a_run_and_when_is():
     def kept(**host):
-        return Environment(hosts={"idm-v0": host}).model_dump(mode="json")
+        return Environment(hosts={"idm-v0": host}).content()
 
-    plain = Environment().model_dump(mode="json")
-    assert (
-        kept(where="process", patience=3.0)
-        == plain
-        == Environment(hosts={"*": "ray"}).model_dump(mode="json")
-    )
+    plain = Environment().content()
+    assert kept(where="process", patience=3.0) == plain == Environment(hosts={"*": "ray"}).content()
     late = kept(where="process", delay_steps=3)
     assert late["hosts"] == {"idm-v0": {"delay_steps": 3}}
-    assert Environment(**late).model_dump(mode="json") == late
+    assert Environment(**late).content() == late
+    assert with_defaults({"environment": late}) == {"environment": late}
+
+
+def test_an_experiment_is_kept_with_all_that_its_hosts_say():
+    hosts = {"idm-v0": "process", "mobil-v0": {"where": "process", "deadline_ms": 50.0, "patience": 3.0}}
+    environment = Environment(hosts={**hosts, "*": {"where": "ray", "log": "decisions"}})
+    for unset in (False, True):
+        written = environment.model_dump(mode="json", exclude_unset=unset)
+        assert Environment(**written).hosts == environment.hosts
+    assert "hosts" not in Environment().model_dump(mode="json")
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def test_all_commands_end_so():
 
 
 def test_a_table_that_is_written_is_not_said_to_be_missing(monkeypatch, tmp_path):
-    def interrupted(table):
+    def interrupted(table, agent):
         raise KeyboardInterrupt
 
     place = "benchmark.running.evaluate_checkpoint.evaluate_checkpoint"

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -12,10 +13,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smarts.agents.hosting.log import messages_of
-from smarts.agents.hosting.options import HostError, HostOptions
+from smarts.agents.acting import Failed, Request
+from smarts.agents.hosting.links import SocketLink
+from smarts.agents.hosting.log import DecisionLog, Replayed, messages_of
+from smarts.agents.hosting.options import HostError, HostOptions, about
 from smarts.agents.options import InterfaceError
+from smarts.agents.policy import ActionBatch
 from smarts.env.vector import VectorHiWayEnv
+from smarts_agent_kit.channel import Channel
+from smarts_agent_kit.service import LONGEST_PROBLEM
+from smarts_agent_kit.wire import Message
 
 DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:misbehaving-v0"
 MIXED = [{"agent": "idm-v0", "count": 1}, {"agent": DRAWING, "count": 1}]
@@ -138,9 +145,30 @@ def test_an_agent_may_do_what_changes_nothing(how, capfd):
     assert "x" * 100 not in capfd.readouterr().out
 
 
-def test_what_an_agent_raises_is_said_in_the_same_words_everywhere():
-    social, hosts = hosted("raise_error")
-    assert played(social, hosts, count=6) == played(social, {}, count=6)
+def test_what_an_agent_prints_in_its_process_is_seen(capfd):
+    social, hosts = hosted("print_once")
+    played(social, hosts, count=4)
+    assert "a line that an agent prints" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("how", ["raise_error", "raise_lines"])
+def test_what_an_agent_raises_is_said_in_the_same_words_everywhere(how):
+    social, hosts = hosted(how)
+    states, failures = played(social, hosts, count=6)
+    assert (states, failures) == played(social, {}, count=6)
+    (named,) = failures.values()
+    assert all(each.isprintable() and len(each) <= LONGEST_PROBLEM for each in named.values())
+    assert all("ValueError: not today" in each for each in named.values())
+
+
+def test_a_failure_that_an_address_sends_is_one_line():
+    near, far = socket.socketpair()
+    with closing(Channel(far)) as agent, closing(SocketLink(Channel(near))) as link:
+        agent.send(Message("failed", {"problem": "no\nagent \x1b[31m"}))
+        with pytest.raises(HostError) as raised:
+            about(link, "there")
+    assert raised.value.problem.isprintable()
+    assert "no agent" in raised.value.problem
 
 
 def workers_of(link):
@@ -228,6 +256,39 @@ def test_a_replay_without_a_log_is_an_error(tmp_path):
     (tmp_path / "x.decisions").write_bytes(bytes([8, 0, 0, 0, 4, 0, 0, 0, 1, 2, 3, 4]))
     with pytest.raises(HostError):
         environment([{"agent": DRAWING}], {DRAWING: {"replay": str(tmp_path)}})
+
+
+def logged(folder, *answers):
+    """Write a log with the answers to one question, each as another run's."""
+    zeros, ones = np.zeros(1, np.int32), np.ones(1, np.bool_)
+    seed, step = np.array([7], np.uint64), np.array([3], np.int32)
+    batch = ActionBatch(
+        {}, ones[:, None], zeros, zeros, zeros.astype(np.int64), zeros, step, ones, seed, ones
+    )
+    for answer in answers:
+        with closing(DecisionLog(folder)) as log:
+            if answer is None:
+                log.write_late(Request(batch))
+            else:
+                log.write(Request(batch), answer)
+    return Request(batch)
+
+
+@pytest.mark.parametrize(
+    "other", [np.array([2]), np.array([1.0]), np.array([[1]]), [Failed("raised ValueError")], None]
+)
+def test_a_log_with_two_answers_to_one_question_is_no_replay(tmp_path, other):
+    request = logged(tmp_path / "once", np.array([1]), np.array([1]))
+    replayed = Replayed(tmp_path / "once")
+    replayed.ask(request)
+    ((_, actions),) = replayed.take()
+    assert [*actions] == [1]
+    logged(tmp_path / "twice", np.array([1]), other)
+    with pytest.raises(HostError) as raised:
+        Replayed(tmp_path / "twice")
+    assert str(tmp_path / "twice") in raised.value.place
+    assert "7" in raised.value.problem
+    assert "3" in raised.value.problem
 
 
 def test_an_agent_of_this_process_is_never_late(tmp_path):
