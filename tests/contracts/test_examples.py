@@ -39,5 +39,5 @@ def test_an_example_is_short_and_has_a_docstring(example):
     assert text.startswith('"""')
 
 
-def test_there_are_eleven_examples():
-    assert len(EXAMPLES) == 11
+def test_there_are_twelve_examples():
+    assert len(EXAMPLES) == 12
