@@ -41,8 +41,12 @@ def load(values: Mapping[str, Any]) -> tuple[Any, Mapping[str, Any]]:
 
 
 def start_values(locator: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what `load` needs to make an agent in another process as it would be made here."""
-    return {"agent": locator, "options": dict(options), "imports": own_paths(), "searched": searched()}
+    """Return what `load` needs to make an agent in another process as it would be made here.
+
+    Own code that has been removed since it was imported is left out: another agent may not need it.
+    """
+    imports, folders = ([*filter(os.path.exists, paths)] for paths in (own_paths(), searched()))
+    return {"agent": locator, "options": dict(options), "imports": imports, "searched": folders}
 
 
 def serve(
