@@ -13,7 +13,7 @@ SYSTEM := $(VENV)/.system
 LIBRARIES := libGL.so.1 libX11.so.6 libXext.so.6 libXrender.so.1 libexpat.so.1 libatomic.so.1
 DEBIAN := libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1
 
-.PHONY: help install run traffic test test-fast check format build-scenario docs pictures lock clean
+.PHONY: help install run traffic test test-fast check format build-scenario docs pictures page lock clean
 
 help:  ## list the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -58,6 +58,11 @@ pictures: $(INSTALLED)  ## draw the sheet of all scenarios and the film that the
 	$(BIN)/python examples/bubbles.py "$$episodes"/bubbles && \
 	$(BIN)/smarts-bench render "$$episodes"/bubbles/seed42_world0_episode00000 --at 10 \
 		--out docs/bubble.png --width 800
+	$(BIN)/python -m tests.envision.screenshots docs
+
+page:  ## build the page that shows episodes, smarts/envision/viewer.html, from its sources (needs Node 20)
+	cd smarts/envision/page && npm ci --no-audit --no-fund && npm run build
+	cp smarts/envision/page/dist/index.html smarts/envision/viewer.html
 
 lock: ## write the exact versions of a fresh installation to constraints.txt
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
@@ -76,6 +81,11 @@ $(SYSTEM):
 		{ $$sudo apt-get update -qq && $$sudo apt-get install -qq -y --no-install-recommends $(DEBIAN); } \
 		|| { echo "SUMO needs $(LIBRARIES): install $(DEBIAN) and run make again" >&2; exit 2; }; \
 	fi
+	@command -v chromium >/dev/null || { \
+		sudo=; [ "$$(id -u)" = 0 ] || sudo=sudo; \
+		{ $$sudo apt-get update -qq && $$sudo apt-get install -qq -y --no-install-recommends chromium; } \
+		|| echo "tests in a browser (tests/envision) need chromium, which could not be installed" >&2; \
+	}
 	$(PYTHON) -m venv $(VENV)
 	@touch $@
 
@@ -84,10 +94,6 @@ $(INSTALLED): pyproject.toml constraints.txt | $(SYSTEM)
 	$(BIN)/smarts-bench compile
 	@touch $@
 
-# TorchRL is tied to versions of torch and brings five more packages: it is not in the constraints.
-TORCHRL := torchrl==0.14.1 tensordict==0.14.3
-
 .PHONY: nightly
 nightly: $(INSTALLED)  ## run what trains: the pages' blocks, examples/nightly; the output is results/nightly.txt
-	$(BIN)/pip install --quiet --constraint constraints.txt $(TORCHRL)
 	$(BIN)/python -m tests.nightly > results/nightly.txt

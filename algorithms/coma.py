@@ -114,7 +114,8 @@ class COMALearner(OnPolicyLearner):
 
     def update_joint(self, rollout: JointRollout) -> None:
         """Learn from one rollout."""
-        self.update_minibatch(self.prepare(rollout))
+        with self.parallel.own_rows(self.prepare(rollout)) as own:
+            self.update_minibatch(own)
         self.polyak_update(CRITIC, tau=self.config.tau)
         self.updates += 1
 
@@ -174,7 +175,7 @@ class COMALearner(OnPolicyLearner):
 
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Fit the critic, then step every policy."""
-        if not batch.alive.any():
+        if len(batch.absent()) == len(self.groups):
             return
         taken = batch.encoded_actions()
         for _ in range(self.config.critic_steps):
@@ -193,16 +194,16 @@ class COMALearner(OnPolicyLearner):
         """Follow grad log pi^a(u^a) A^a(s, u) of every policy (eq. 4)."""
         with torch.no_grad():
             values = self.net(CRITIC).q(batch, taken)
-        absent = batch.absent()
+        absent, losses = batch.absent(), {}
         for group, own in batch.groups():
             if group.id in absent:
                 continue
             policy = self.distribution(group.id, own)
             advantage = counterfactual_advantage(values[group.id], policy, own.actions).detach()
-            loss = -self.mean(policy.log_prob(own.actions) * advantage, own.alive)
-            self.step_optimizer(loss, group.id)
-            self.log(group.id, "policy_loss", loss)
+            losses[group.id] = -self.mean(policy.log_prob(own.actions) * advantage, own.alive)
+            self.log(group.id, "policy_loss", losses[group.id])
             self.log(group.id, "entropy", self.mean(policy.entropy(), own.alive))
+        self.step_each(losses)
 
 
 def team_masks(rollout: JointRollout) -> tuple[np.ndarray, np.ndarray]:

@@ -124,7 +124,7 @@ class DQNLearner(OffPolicyLearner):
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target."""
-        surprise, absent = {}, batch.absent()
+        losses, surprise, absent = {}, {}, batch.absent()
         for group, own in batch.groups():
             net = self.net(group.id)
             chosen = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
@@ -133,9 +133,10 @@ class DQNLearner(OffPolicyLearner):
             error = nn.functional.smooth_l1_loss(chosen, target, reduction="none")
             loss = self.mean(error if batch.weights is None else error * batch.weights[:, None], own.alive)
             if group.id not in absent:
-                self.step_optimizer(loss, group.id)
+                losses[group.id] = loss
                 self.log(group.id, "td_loss", loss)
             surprise[group.id] = (chosen - target).detach().abs()
+        self.step_each(losses)
         self.reprioritise(batch, batch.join(surprise))
         self.polyak_update(*(g.id for g in self.groups), tau=self.config.tau)
 
@@ -150,7 +151,8 @@ class DQNLearner(OffPolicyLearner):
         """Set priorities to the mean over active agents of absolute differences (M, N)."""
         if isinstance(self.replay, PrioritisedReplay) and batch.rows is not None:
             total = torch.where(batch.alive, surprise, 0).sum(-1)
-            self.replay.reprioritise(batch.rows, total / batch.alive.sum(-1).clamp(min=1))
+            mean = total / batch.alive.sum(-1).clamp(min=1)
+            self.replay.reprioritise(self.parallel.whole(batch.rows), self.parallel.whole(mean))
 
     def following(self, net: DQNModule, own: ReplayGroup) -> tuple[GroupView, GroupView]:
         """Return what the agents see next, with the online and with the target network's own memory."""

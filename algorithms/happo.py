@@ -1,8 +1,8 @@
 """Heterogeneous-agent PPO (HAPPO): agents improve one after another, each given what the earlier ones became.
 
-Kuba et al. 2022, "Trust Region Policy Optimisation in Multi-Agent Reinforcement Learning", section 4.2: in
-each iteration the agents are put in a random order i_1, ..., i_n. Agent i_m takes the clipped steps of PPO on
-M^{i_1..i_m} instead of the advantage A, where
+Kuba et al. 2022, "Trust Region Policy Optimisation in Multi-Agent Reinforcement Learning": in each iteration
+the agents are put in a random order i_1, ..., i_n. Agent i_m takes the clipped steps of PPO on M^{i_1..i_m}
+instead of the advantage A, where
 
     M^{i_1} = A,    M^{i_1..i_{m+1}} = M^{i_1..i_m} * pi_new(a_{i_m} | o_{i_m}) / pi_old(a_{i_m} | o_{i_m}),
 

@@ -57,7 +57,7 @@ class MAACModule(JointModule):
     def distribution(self, view: GroupView, *, target: bool = False) -> CategoricalDistribution:
         """Return the policy or the target policy."""
         actor = self.target_actor if target else self.actor
-        return CategoricalDistribution(actor(view.observations), view.action_mask)
+        return CategoricalDistribution(actor.of_active(view), view.action_mask)
 
 
 class AgentEmbedding(nn.Module):
@@ -186,15 +186,16 @@ class MAACLearner(OffPolicyLearner):
         policies, chosen, encoded = self.play(batch)
         with torch.no_grad():
             values = self.net(CRITIC).q(batch, encoded)
+        losses = {}
         for group, own in batch.present():
             policy, actions = policies[group.id], chosen[group.id]
             log_prob = policy.log_prob(actions)
             advantage = counterfactual_advantage(values[group.id], policy, actions)
             gain = (advantage - self.config.alpha * log_prob).detach()
-            loss = -self.mean(log_prob * gain, own.alive)
-            self.step_optimizer(loss, group.id)
-            self.log(group.id, "policy_loss", loss)
+            losses[group.id] = -self.mean(log_prob * gain, own.alive)
+            self.log(group.id, "policy_loss", losses[group.id])
             self.log(group.id, "entropy", self.mean(policy.entropy(), own.alive))
+        self.step_each(losses)
 
 
 class MAACConfig(JointConfig):

@@ -27,7 +27,7 @@ from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule, critic_of
 from algorithms.joint.spec import Group, JointSpec, action_size
 from algorithms.parts.distributions import CategoricalHead, DeterministicHead, Exploration, Head
-from algorithms.parts.networks import Encoder, perceptron
+from algorithms.parts.networks import Encoder, outputs_where, perceptron
 from algorithms.parts.relaxation import straight_through_gumbel
 
 
@@ -42,6 +42,10 @@ class PolicyNetwork(nn.Module):
     def forward(self, leaves) -> Tensor:
         """Return logits, or actions before tanh."""
         return self.body(self.encoder(leaves))
+
+    def of_active(self, view: GroupView) -> Tensor:
+        """Return outputs (M, n, P), zeros for inactive agents."""
+        return outputs_where(view.alive, self.encoder, self.body, view.observations)
 
 
 class MADDPGModule(JointModule):
@@ -110,9 +114,8 @@ class JointQ(nn.Module):
             actions: All agents' actions by group id, each (M, n, A).
             replaced: Own actions (M, n, A): row i takes these for agent i, and `actions` for all others.
         """
-        joint = torch.cat([view.joint_observations(), view.alive.float()], -1)
         flat = torch.cat([actions[g.id].flatten(1) for g in view.spec.groups], -1)
-        first = (self.see(joint) + self.act(flat)).unsqueeze(1) + self.place
+        first = (self.see(view.everything) + self.act(flat)).unsqueeze(1) + self.place
         if replaced is not None:
             agents, width = self._shape
             weight = self.act.weight[:, self._own].T.reshape(agents, width, -1)
@@ -151,26 +154,30 @@ class MADDPGLearner(OffPolicyLearner):
             chosen = {}
             for group in self.groups:
                 net, view = self.net(group.id), following.view(group)
-                chosen[group.id] = net.relax(net.target_actor(view.observations), view, self.generator)
+                chosen[group.id] = net.relax(net.target_actor.of_active(view), view, self.generator)
+        losses = {}
         for group, own in batch.present():
             critic = self.net(critic_of(group))
             with torch.no_grad():
                 value = torch.where(own.bootstrap, critic.target_q(following, chosen), 0)
                 target = self.config.reward_scale * own.rewards + self.gamma * value
-            loss = self.mean((critic.q(batch, taken) - target).square(), own.alive)
-            self.step_optimizer(loss, critic_of(group))
-            self.log(group.id, "critic_loss", loss)
+            losses[critic_of(group)] = self.mean((critic.q(batch, taken) - target).square(), own.alive)
+            self.log(group.id, "critic_loss", losses[critic_of(group)])
+        self.step_each(losses)
 
     def improve_policies(self, batch: ReplayBatch, taken: dict[str, Tensor]) -> None:
         """Follow the gradient of Q_i(x, a_1, .., pi_i(o_i), .., a_N) in agent i's own action only (eq. 5)."""
+        losses = {}
         for group, own in batch.present():
             net = self.net(group.id)
-            outputs = net.policy(own)
-            q = self.net(critic_of(group)).q(batch, taken, net.relax(outputs, own, self.generator))
+            outputs = net.actor.of_active(own)
+            values = self.net(critic_of(group)).q(batch, taken, net.relax(outputs, own, self.generator))
             size = outputs.square() if own.action_mask is None else outputs.square() * own.action_mask
             penalty = self.config.logit_penalty * self.mean(size.mean(-1), own.alive)
-            self.step_optimizer(penalty - self.mean(q, own.alive), group.id)
-            self.log(group.id, "policy_loss", -self.mean(q, own.alive))
+            q = self.mean(values, own.alive)
+            losses[group.id] = penalty - q
+            self.log(group.id, "policy_loss", -q)
+        self.step_each(losses)
 
 
 class MADDPGConfig(JointConfig):

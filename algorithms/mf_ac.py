@@ -64,6 +64,7 @@ class MeanFieldACLearner(OffPolicyLearner):
 
     def fit_critics(self, batch: ReplayBatch, means: Tensor) -> None:
         """Regress Q_i(o, a_i, m_i) on r_i + gamma * E_a Q'_i(o', a, m_i), a from the target policy."""
+        losses = {}
         for group, own in batch.present():
             critic, mean = self.net(critic_of(group)), {MEAN_ACTION: means[:, group.columns]}
             with torch.no_grad():
@@ -73,12 +74,13 @@ class MeanFieldACLearner(OffPolicyLearner):
                 target = self.config.reward_scale * own.rewards
                 target = target + self.gamma * torch.where(own.bootstrap, value, 0)
             chosen = of_actions(critic.q({**own.observations, **mean}), own.actions)
-            loss = self.mean((chosen - target).square(), own.alive)
-            self.step_optimizer(loss, critic_of(group))
-            self.log(group.id, "critic_loss", loss)
+            losses[critic_of(group)] = self.mean((chosen - target).square(), own.alive)
+            self.log(group.id, "critic_loss", losses[critic_of(group)])
+        self.step_each(losses)
 
     def improve_policies(self, batch: ReplayBatch, means: Tensor) -> None:
         """Follow the gradient of E_a Q_i(o, a, m_i), a from the own policy, m_i as replayed."""
+        losses, weight = {}, self.schedule_value(self.config.entropy_coeff)
         for group, own in batch.present():
             policy = self.net(group.id).distribution(own)
             with torch.no_grad():
@@ -86,9 +88,10 @@ class MeanFieldACLearner(OffPolicyLearner):
                 values = self.net(critic_of(group)).q(seen)
             gain = self.mean((policy.log_probs.exp() * values).sum(-1), own.alive)
             entropy = self.mean(policy.entropy(), own.alive)
-            self.step_optimizer(-gain - self.schedule_value(self.config.entropy_coeff) * entropy, group.id)
+            losses[group.id] = -gain - weight * entropy
             self.log(group.id, "policy_loss", -gain)
             self.log(group.id, "entropy", entropy)
+        self.step_each(losses)
 
 
 class MeanFieldACConfig(MeanFieldConfig):

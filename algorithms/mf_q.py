@@ -97,7 +97,7 @@ class MeanFieldQLearner(OffPolicyLearner):
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target, then targets."""
-        means = mean_actions(batch, self.neighbourhood)
+        means, losses = mean_actions(batch, self.neighbourhood), {}
         for group, own in batch.present():
             net, mean = self.net(group.id), means[:, group.columns]
             known = own.observations[MEAN_ACTION].any(-1, keepdim=True)
@@ -109,9 +109,9 @@ class MeanFieldQLearner(OffPolicyLearner):
                 target = target + self.gamma * torch.where(own.bootstrap, value, 0)
             seen = {**own.observations, MEAN_ACTION: torch.where(known, mean, 0)}
             chosen = of_actions(net.q(seen), own.actions)
-            loss = self.mean((chosen - target).square(), own.alive)
-            self.step_optimizer(loss, group.id)
-            self.log(group.id, "td_loss", loss)
+            losses[group.id] = self.mean((chosen - target).square(), own.alive)
+            self.log(group.id, "td_loss", losses[group.id])
+        self.step_each(losses)
         self.polyak_update(*(g.id for g in self.groups), tau=self.config.tau)
 
 

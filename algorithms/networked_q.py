@@ -212,11 +212,12 @@ class NetworkedQLearner(OffPolicyLearner):
                 targets = rewards + self.gamma * torch.where(goes_on, best, 0).unsqueeze(-1)
             error = (of_actions(net.q(state), number).unsqueeze(-1) - targets).square()
             # The mean over nodes of these losses is the mean over agents of their errors.
-            loss = error.sum(-1).mean() * len(self.groups) / len(self.spec.agents)
+            mean = self.mean(error.sum(-1), torch.ones_like(goes_on))
+            loss = mean * len(self.groups) / len(self.spec.agents)
             own_gradient = torch.autograd.grad(loss, self._fitted[group.id])
             gradients.append(torch.cat([g.flatten() for g in own_gradient]))
             self.log(group.id, "fit_loss", loss)
-        return torch.stack(gradients)
+        return self.parallel.average([torch.stack(gradients)])[0]
 
     def mixing(self, batch: ReplayBatch) -> Tensor:
         """Return the weights (G, G) of one exchange: Metropolis' on the graph of one of the moments."""
@@ -224,7 +225,9 @@ class NetworkedQLearner(OffPolicyLearner):
             return torch.eye(len(self.groups), device=self._device)
         if self.neighbourhood.fixed is not None:
             return metropolis(node_links(self.neighbourhood.fixed, self.groups)).to(self._device)
-        return metropolis(node_links(self.neighbourhood.of(batch[:1])[0], self.groups))
+        links = self.neighbourhood.of(batch[:1])[0]
+        self.parallel.broadcast(links)
+        return metropolis(node_links(links, self.groups))
 
     def average(self, mixing: Tensor) -> None:
         """Replace every node's parameters by the weighted mean of its neighbours' and its own."""

@@ -162,22 +162,22 @@ class OpponentQLearner(OffPolicyLearner):
 
     def fit_models(self, view: JointView, deeds: Tensor) -> None:
         """Take a step on the cross-entropy of what the others did."""
-        absent = view.absent()
+        absent, losses = view.absent(), {}
         for group in (group for group in self.groups if group.id not in absent):
             own, net = view.view(group), self.net(group.id)
             expected = net.model(own.observations)
             did = deeds[:, None, :, None].expand(*expected.shape[:-1], 1)
             surprise = -expected.gather(-1, did).squeeze(-1)
             others = net.q.others.bool() & own.alive[..., None]
-            loss = self.mean(surprise, others)
-            self.step_optimizer(loss, group.id)
-            self.log(group.id, "opponent_loss", loss)
+            losses[group.id] = self.mean(surprise, others)
+            self.log(group.id, "opponent_loss", losses[group.id])
             hit = (expected.argmax(-1) == did.squeeze(-1)).float()
             self.log(group.id, "opponent_accuracy", self.mean(hit, others))
+        self.step_each(losses)
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target."""
-        taken = self.one_hot(batch)
+        taken, losses = self.one_hot(batch), {}
         for group, own in batch.present():
             net = self.net(group.id)
             alone, pairs = net.q(own.observations)
@@ -185,9 +185,10 @@ class OpponentQLearner(OffPolicyLearner):
             chosen = values.gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
             following = torch.where(own.bootstrap, self.next_value(net, own.next), 0)
             target = self.config.reward_scale * own.rewards + self.gamma * following
-            loss = self.mean(nn.functional.smooth_l1_loss(chosen, target, reduction="none"), own.alive)
-            self.step_optimizer(loss, group.id)
-            self.log(group.id, "td_loss", loss)
+            error = nn.functional.smooth_l1_loss(chosen, target, reduction="none")
+            losses[group.id] = self.mean(error, own.alive)
+            self.log(group.id, "td_loss", losses[group.id])
+        self.step_each(losses)
         self.polyak_update(*(group.id for group in self.groups), tau=self.config.tau)
 
     def one_hot(self, batch: JointBatch) -> Tensor:

@@ -58,7 +58,8 @@ class PGLearner(A2CLearner):
         """Learn from the trajectories that ended in this fragment."""
         batch = self.prepare(rollout)
         if len(batch):
-            self.update_minibatch(batch)
+            with self.parallel.own_rows(batch) as own:
+                self.update_minibatch(own)
             self.updates += 1
 
     def prepare(self, rollout: JointRollout) -> OnPolicyBatch:

@@ -24,7 +24,7 @@ from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group, JointSpec
-from algorithms.joint.stacking import StackedGroups, stack_groups
+from algorithms.joint.stacking import StackedGroups, outputs_where, stack_groups
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
 
@@ -96,20 +96,21 @@ class PPOLearner(OnPolicyLearner):
 
     def step_policies(self, batch: OnPolicyBatch, stacks: tuple[StackedGroups, ...]) -> None:
         """Take one step of the policies of these groups."""
-        losses, stepped = [], []
+        losses, stepped, absent = [], [], batch.absent()  # momentum would move absent ones all the same
         for stack in stacks:
             own = batch.part(stack.whole)
+            count = self.parallel.count(stack.counts(own.alive))
             head = self.net(stack.groups[0].id).head
             policy = head.distribution(self._outputs(stack, own), own.action_mask)
             log_prob = policy.log_prob(own.actions)
             loss = self.policy_loss(log_prob, own.log_prob, own.advantages)
             entropy, weight = policy.entropy(), self.schedule_value(self.config.entropy_coeff)
-            losses.append(stack.means(loss - weight * entropy, own.alive).sum())
-            present = stack.present(own.alive)  # momentum would move the others all the same
+            losses.append((stack.sums(loss - weight * entropy, own.alive) / count).sum())
+            present = stack.present(absent)
             stepped += [group.id for group in present]
             reports = {"policy_loss": loss, "entropy": entropy, **self.change(log_prob, own.log_prob)}
             for name, each in reports.items():
-                self._log_present(stack, present, name, stack.means(each.detach(), own.alive))
+                self._log_present(stack, present, name, stack.sums(each.detach(), own.alive) / count)
         if stepped:
             self.step_optimizer(torch.stack(losses).sum(), *stepped)
 
@@ -131,7 +132,7 @@ class PPOLearner(OnPolicyLearner):
 
     def fit_values(self, batch: OnPolicyBatch) -> None:
         """Regress values on their targets."""
-        losses, stepped = [], []
+        losses, stepped, absent = [], [], batch.absent()
         for stack in self.stacked_values:
             own = batch.part(stack.whole)
             targets = own.targets.split([group.size for group in stack.groups], -1)
@@ -140,9 +141,9 @@ class PPOLearner(OnPolicyLearner):
                 for group, target in zip(stack.groups, targets, strict=True)
             ]
             error = (self._scaled_values(stack, own) - torch.cat(scaled, -1)).square()
-            means = stack.means(error, own.alive)
+            means = stack.sums(error, own.alive) / self.parallel.count(stack.counts(own.alive))
             losses.append(means.sum())
-            present = stack.present(own.alive)
+            present = stack.present(absent)
             stepped += [critic_of(group) for group in present]
             self._log_present(stack, present, "value_loss", means)
         if stepped:
@@ -164,11 +165,17 @@ class PPOLearner(OnPolicyLearner):
     def _outputs(self, stack: StackedGroups, view: GroupView) -> Tensor:
         if stack.is_stacked:
             return stack.outputs(view, self._plain_policy)
+        if plain := self._plain_policy(stack.whole):
+            encoder, body = plain
+            return outputs_where(view.alive, encoder(view.observations), body)
         return self.net(stack.whole.id).policy(view)
 
     def _scaled_values(self, stack: StackedGroups, view: GroupView) -> Tensor:
         if stack.is_stacked:
             return stack.outputs(view, self._plain_value).squeeze(-1)
+        if plain := self._plain_value(stack.whole):
+            encoder, body = plain
+            return outputs_where(view.alive, encoder(view.observations), body).squeeze(-1)
         return self.net(critic_of(stack.whole)).value(view)
 
 

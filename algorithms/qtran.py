@@ -7,9 +7,9 @@ next joint action consists of the agents' own best ones. The agents' values Q_i 
     D(s, u) = sum of Q_i(o_i, u_i) - Q_jt(s, u) + V_jt(s)   is 0 at the agents' best actions, >= 0 elsewhere,
 
 so that their best actions are the team's. "base" penalises (D at the best actions)^2 and min(D, 0)^2 at
-the actions taken. "alt" follows theorem 3: for each agent, the smallest D over its own actions, the others'
-as taken, is 0; it takes Q_jt(s, ., u_-i) from COMA's counterfactual network, and has the losses of "base" for
-each agent's output. No gradient of the constraints reaches Q_jt.
+the actions taken. "alt" strengthens the second condition: for each agent, the smallest D over its own
+actions, the others' as taken, is 0. It takes Q_jt(s, ., u_-i) from COMA's counterfactual network, and has the
+losses of "base" for each agent's output. No gradient of the constraints reaches Q_jt.
 
 Deviations: Q_jt and V_jt read the global state instead of sums of the agents' hidden features; double
 Q-learning and duelling values as `dqn` (`double=False`: the paper's targets); the team's reward is the sum

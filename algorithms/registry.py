@@ -119,6 +119,15 @@ ALGORITHMS: dict[str, Entry] = {
         "Q-learning that expects the others to answer",
         least_agents=2,
     ),
+    "rommeo": Entry(
+        "algorithms.rommeo:ROMMEOConfig",
+        settings.ROMMEOSettings,
+        _DEC,
+        "M2",
+        _DISCRETE,
+        "Q-learning with an optimistic model of the others, regularised by what they did",
+        least_agents=2,
+    ),
     "commnet": Entry(
         "algorithms.commnet:CommNetConfig",
         settings.CommNetSettings,
@@ -250,6 +259,14 @@ ALGORITHMS: dict[str, Entry] = {
         _DISCRETE,
         "any team value, with a sum that has its optimum",
         recurrent=True,
+    ),
+    "qdpp": Entry(
+        "algorithms.qdpp:QDPPConfig",
+        settings.QDPPSettings,
+        _CTDE,
+        "M3",
+        _DISCRETE,
+        "team value as a determinant of qualities and diversity",
     ),
     "networked_q": Entry(
         "algorithms.networked_q:NetworkedQConfig",

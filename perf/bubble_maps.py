@@ -6,7 +6,7 @@ Bubbles lie on the junctions with the most lanes inside: a rectangle, a polygon,
 into a junction, boids, a `TrafficEngineActor`, one that follows a vehicle and one that follows a social
 agent. SUMO's traffic drives on random routes. A map is any file that a scenario may name.
 
-Columns: vehicles in all; those that agents began to drive; those given back; those that left the simulation
+Columns: vehicles in all; taken by agents; given back; vehicles that left the simulation
 from an agent, by `Departure`; those of traffic that vanished before the end of their route ("lost");
 collisions of agents' vehicles; social agents that failed; names that never appeared.
 """

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import torch
 
-_PLAIN = ("opponent_q", "dqn")
-"""Baselines of PR2: agents that expect no answer to what they do."""
+_HOPING, _PLAIN = ("pr2", "rommeo"), ("opponent_q", "dqn")
+"""Agents that expect answers to what they do, and their baselines, that expect none."""
 
 ROOT = Path(__file__).resolve().parents[1]
 TESTS = ROOT / "tests" / "unit" / "algorithms"
@@ -61,10 +61,12 @@ def games() -> dict[str, Callable[[int], Any]]:
         "qtran matrix": qtran.matrix_score,
         "qtran matrix, alt": partial(qtran.matrix_score, variant="alt"),
         **{f"{name} matrix": partial(qtran.matrix_score, name=name) for name in ("vdn", "qmix")},
+        "qdpp matrix": partial(qtran.matrix_score, name="qdpp", reward_scale=0.1),
+        "qdpp matrix, own_share=1": partial(qtran.matrix_score, name="qdpp", reward_scale=0.1, own_share=1.0),
         **{f"{name} yielding": partial(happo.yielding_score, name) for name in ("happo", "ppo")},
-        **{f"{name} turncoat": partial(opponents.turncoat_score, name) for name in ("opponent_q", "dqn")},
-        **{f"{name} climbing": partial(opponents.climbing_score, name) for name in ("pr2", *_PLAIN)},
-        **{f"{name} hills": partial(opponents.hills_score, name) for name in ("pr2", *_PLAIN)},
+        **{f"{name} turncoat": partial(opponents.turncoat_score, name) for name in (*_PLAIN, *_HOPING)},
+        **{f"{name} climbing": partial(opponents.climbing_score, name) for name in (*_HOPING, *_PLAIN)},
+        **{f"{name} hills": partial(opponents.hills_score, name) for name in (*_HOPING, *_PLAIN)},
         **{f"{name} doors": partial(mat.doors_score, name) for name in ("mat", "ppo", "commnet")},
         **{f"{name} recall": partial(recurrence.recalled, name) for name in memories.BOTH},
         **{f"{name} luck": partial(memories.luck_error, name, gru=16) for name in memories.BOTH},

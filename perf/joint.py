@@ -3,8 +3,8 @@
     python perf/joint.py [--seconds 5] [--epochs 1]
 
 4 agents, observations of 200 floats, 5 actions, 8 environments, networks [64, 64], fragments of 64 steps.
-Prints agent-steps/s of sampling alone and of whole training iterations (independent PPO), and the ratios to
-RLlib's PPO measured in the same run.
+Prints agent-steps per second of this process' processor time, of sampling and of whole training iterations
+(independent PPO), and the ratios to RLlib's PPO measured in the same run.
 """
 
 from __future__ import annotations
@@ -95,12 +95,12 @@ class NullVector:
 
 
 def rate(run: Callable[[], int], seconds: float) -> float:
-    """Return units per second of calls that return units done, after one call to warm up."""
+    """Return units per second of processor time of calls that return units done; the first call warms up."""
     run()
-    done, start = 0, time.perf_counter()
-    while time.perf_counter() - start < seconds:
+    done, start = 0, time.process_time()
+    while time.process_time() - start < seconds:
         done += run()
-    return done / (time.perf_counter() - start)
+    return done / (time.process_time() - start)
 
 
 def local_runner(algo: Algorithm) -> Any:
@@ -178,7 +178,7 @@ def main() -> None:
     # One thread for both sides: with more, either is slowed tenfold by whatever else runs on the machine.
     torch.set_num_threads(1)
     ray.init(num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
-    print(f"agent-steps/s, {arguments.epochs} epoch(s)      sampling   ratio   training   ratio")
+    print(f"agent-steps/CPU s, {arguments.epochs} epoch(s)  sampling   ratio   training   ratio")
     for sharing in ("all", "none"):
         base = stock(sharing, arguments.epochs, arguments.seconds)
         rows = {

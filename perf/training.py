@@ -5,16 +5,19 @@
 Trains the algorithms of the paper's table at the intersection with traffic, with the table's settings, in one
 process: with exact traffic and with `environment: {traffic_step: ...}` in turn, iteration by iteration, until
 each has had its time. Prints agent-steps (simulation steps of 0.1 s x agents on the road) for each second of
-this process' processor time, the share of sampling (simulation and policy) in it, and the ratio.
+this process' processor time, the share of sampling (simulation and policy) in it, and the ratio. With
+`--stages`, a second table has the time of each stage for a step of one simulation; the clocks take some, too.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import logging
 import tempfile
 import time
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -24,6 +27,7 @@ import ray
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import Run, runs_of
 from benchmark.running.training import algorithm_of
+from perf.step import Clock
 
 FILE = """extends: paper_table.yaml
 tasks: [{scenario}]
@@ -56,6 +60,19 @@ class Timed:
         self._runner = algo.env_runner_group.local_env_runner
         self._sample, self._runner._sample_fragment = self._runner._sample_fragment, self._watched
         self.steps, self.seconds, self.sampling = 0, 0.0, 0.0
+        self.env_steps = 0
+        """Steps of all simulations."""
+        self.spent: dict[str, float] = defaultdict(float)
+        """Time of each stage [s], after `watch_stages`."""
+
+    def watch_stages(self) -> None:
+        """Time the stages of the simulation and the policy, after the first iteration."""
+        simulation, sampler = self._runner.env._runner.simulation, self._runner._sampler
+        plain = simulation._stages
+        parts = {part.name: getattr(plain, part.name) for part in dataclasses.fields(plain)}
+        clocks = {name: Clock(part, name, self.spent) for name, part in parts.items()}
+        simulation._stages = dataclasses.replace(plain, **clocks)
+        sampler.policies = Clock(sampler.policies, "policy", self.spent)
 
     def train(self) -> None:
         """Make one iteration."""
@@ -65,7 +82,8 @@ class Timed:
 
     def forget(self) -> None:
         """Begin to count again: the first iteration compiles, loads and fills buffers."""
-        self.steps, self.seconds, self.sampling = 0, 0.0, 0.0
+        self.steps, self.seconds, self.sampling, self.env_steps = 0, 0.0, 0.0, 0
+        self.spent.clear()
 
     @property
     def rate(self) -> float:
@@ -77,18 +95,29 @@ class Timed:
         rollout = self._sample(steps)
         self.sampling += time.process_time() - begin
         self.steps += self._interval * rollout.agent_steps()
+        self.env_steps += self._interval * rollout.env_steps()
         return rollout
 
+    def stages(self) -> dict[str, float]:
+        """Return the time of each stage for a step of one simulation [us]."""
+        spent = dict(self.spent)
+        spent["adapter, episodes, calls"] = self.sampling - sum(spent.values())
+        spent["learner"] = self.seconds - self.sampling
+        return {name: 1e6 * seconds / self.env_steps for name, seconds in spent.items()}
 
-def measure(algorithm: str, scenario: str, step: float, seconds: float, overrides: Sequence[str]) -> None:
+
+def measure(algorithm: str, options: argparse.Namespace) -> None:
     """Train in both ways in turn, and print a line for each."""
     ways: dict[str, Timed] = {}
+    step, seconds = options.traffic_step, options.seconds
     with ExitStack() as algorithms:
         for name, each in (("exact", None), (f"traffic_step {step}", step)):
-            run = run_of(algorithm, scenario, each, overrides)
+            run = run_of(algorithm, options.scenario, each, options.set)
             algo = algorithms.enter_context(algorithm_of(run))
             ways[name] = Timed(algo, run.task_setting.environment.decision_interval)
             ways[name].train()
+            if options.stages:
+                ways[name].watch_stages()
             ways[name].forget()
         while any(way.seconds < seconds for way in ways.values()):
             min(ways.values(), key=lambda way: way.seconds).train()
@@ -97,6 +126,19 @@ def measure(algorithm: str, scenario: str, step: float, seconds: float, override
             share = f"{100 * way.sampling / way.seconds:.0f}%"
             cells = algorithm, name, f"{way.rate:,.0f}", share, f"{way.rate / base:.2f}"
             print("| " + " | ".join(cells) + " |", flush=True)
+        if options.stages:
+            print(stage_table({name: way.stages() for name, way in ways.items()}), flush=True)
+
+
+def stage_table(columns: Mapping[str, Mapping[str, float]]) -> str:
+    """Return the stages that take a microsecond or more, as a Markdown table."""
+    stages = {stage for column in columns.values() for stage in column}
+    most = {stage: max(column.get(stage, 0.0) for column in columns.values()) for stage in stages}
+    rows = [["stage [us]", *columns], ["---"] * (len(columns) + 1)]
+    for stage in sorted((stage for stage in most if most[stage] >= 1.0), key=lambda stage: -most[stage]):
+        rows.append([stage, *(f"{column.get(stage, 0.0):.0f}" for column in columns.values())])
+    rows.append(["all", *(f"{sum(column.values()):.0f}" for column in columns.values())])
+    return "\n" + "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
 def main() -> None:
@@ -108,6 +150,7 @@ def main() -> None:
     parser.add_argument("--scenario", default="intersection")
     parser.add_argument("--traffic-step", type=float, default=0.5, help="[s] (default 0.5)")
     parser.add_argument("--seconds", type=float, default=60.0, help="of processor time for each (default 60)")
+    parser.add_argument("--stages", action="store_true", help="time the stages, too")
     parser.add_argument("--set", nargs="*", default=(), metavar="KEY=VALUE", help="of the experiment")
     options = parser.parse_args()
     logging.getLogger("ray").setLevel(logging.ERROR)
@@ -115,7 +158,7 @@ def main() -> None:
     header = "algorithm", "traffic", "agent-steps per CPU second", "sampling", "ratio"
     print("| " + " | ".join(header) + " |", "|---" * len(header) + "|", sep="\n")
     for algorithm in options.algorithms:
-        measure(algorithm, options.scenario, options.traffic_step, options.seconds, options.set)
+        measure(algorithm, options)
     ray.shutdown()
 
 

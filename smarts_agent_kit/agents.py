@@ -86,9 +86,9 @@ class BatchAgent(Agent):
 
     Finite numbers outside of the action's space are clipped, as those of learning agents are. An agent whose
     action is NaN, or no action of the space's shape, fails alone. If `act` raises, all agents of the call
-    fail, in all simulations: it is not called again, since it may have remembered the step. So a simulation
-    of a batch equals the simulation alone as long as `act` does not raise; let it return NaN for the agents
-    that it cannot act for.
+    fail, in all simulations, and it is not asked about them again; it is called for vehicles that come later.
+    So a simulation of a batch equals the simulation alone as long as `act` does not raise; let it return NaN
+    for the agents that it cannot act for.
     """
 
     observation: ClassVar[Any] = "benchmark"

@@ -5,11 +5,13 @@ from __future__ import annotations
 import select
 import socket
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 
 from smarts_agent_kit.wire import LARGEST, Message, WireError, decode, encode, frame_size
 
-_CHUNK = 2**18
+_CHUNK = 2**16
+"""Bytes of a channel's buffer, until a larger message arrives."""
 
 
 class ClosedError(Exception):
@@ -33,7 +35,11 @@ class Channel:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.largest = LARGEST
         self._socket = connection
-        self._incoming, self._outgoing = bytearray(), memoryview(b"")
+        self._outgoing = memoryview(b"")
+        self._buffer = memoryview(bytearray(_CHUNK))
+        self._begin = self._end = 0  # of what has arrived, in the buffer
+        self._poll = select.poll()
+        self._poll.register(connection.fileno(), select.POLLIN)
 
     def fileno(self) -> int:
         """Return the socket's file descriptor, -1 after `close`."""
@@ -77,20 +83,32 @@ class Channel:
             ClosedError: The other side is gone.
         """
         while True:
-            wanted = frame_size(self._incoming, self.largest) if len(self._incoming) >= 4 else 4
-            if len(self._incoming) >= wanted > 4:
-                frame = bytes(self._incoming[:wanted])
-                del self._incoming[:wanted]
+            frame = self._arrived()
+            if frame is not None:
                 return decode(frame)
             try:
-                more = self._socket.recv(_CHUNK)
+                count = self._socket.recv_into(self._buffer[self._end :])
             except (BlockingIOError, InterruptedError):
                 return None
             except OSError as error:
                 raise ClosedError(str(error)) from error
-            if not more:
+            if not count:
                 raise ClosedError("the connection has ended")
-            self._incoming += more
+            self._end += count
+
+    def _arrived(self) -> bytearray | None:
+        """Return the next frame if it is complete; else make room for more."""
+        begin, end = self._begin, self._end
+        size = frame_size(self._buffer[begin : begin + 4], self.largest) if end - begin >= 4 else 4
+        if end - begin >= size > 4:
+            self._begin, self._end = (0, 0) if begin + size == end else (begin + size, end)
+            return bytearray(self._buffer[begin : begin + size])
+        if begin:
+            self._buffer[: end - begin] = self._buffer[begin:end]
+            self._begin, self._end = 0, end - begin
+        elif end == len(self._buffer):  # it grows with what arrives, not with what is announced
+            self._buffer = memoryview(bytearray(self._buffer) + bytes(end))
+        return None
 
     def wait(self, until: float | None = None) -> Message:
         """Send what is left and return the next message.
@@ -103,26 +121,44 @@ class Channel:
             ClosedError: The other side is gone.
             TimeoutError: The time is over.
         """
-        while True:
+        self.flush()
+        message = self.receive() if self._begin < self._end else None
+        while message is None:
+            if not self._may_continue(until):
+                raise TimeoutError("no message has come in time")
             self.flush()
             message = self.receive()
-            if message is not None:
-                return message
-            if not wait_for([self], until):
-                raise TimeoutError("no message has come in time")
+        return message
+
+    def _may_continue(self, until: float | None) -> bool:
+        """Wait until bytes have arrived, or what is left can be sent; return whether in time."""
+        if self.has_outgoing:
+            return bool(wait_for([self], until))
+        return bool(self._poll.poll(_milliseconds(until)))
+
+    def end(self) -> None:
+        """End the connection, whatever forked processes hold it too, and close the socket."""
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self.close()
 
     def close(self) -> None:
         """Close the socket; may be called again."""
         self._socket.close()
 
 
-def wait_for(channels: list[Channel], until: float | None) -> bool:
-    """Wait until one of several channels can receive, or send what it has left; return whether one can."""
-    poll = select.poll()
+def wait_for(channels: Iterable[Channel], until: float | None) -> list[Channel]:
+    """Wait until one of several channels can receive, or send what it has left; return which ones can."""
+    poll, found = select.poll(), {}
     for channel in channels:
-        poll.register(channel.fileno(), select.POLLIN | (select.POLLOUT if channel.has_outgoing else 0))
-    left = None if until is None else max(0.0, until - time.monotonic()) * 1000.0
-    return bool(poll.poll(left))
+        fd = channel.fileno()
+        found[fd] = channel
+        poll.register(fd, select.POLLIN | (select.POLLOUT if channel.has_outgoing else 0))
+    return [found[fd] for fd, _ in poll.poll(_milliseconds(until))]
+
+
+def _milliseconds(until: float | None) -> float | None:
+    return None if until is None else max(0.0, until - time.monotonic()) * 1000.0
 
 
 __all__ = ["Channel", "ClosedError", "WireError", "wait_for"]

@@ -9,6 +9,7 @@ import hashlib
 import hmac
 import os
 import time
+from collections.abc import Callable
 
 from smarts_agent_kit.channel import Channel
 from smarts_agent_kit.wire import LARGEST, VERSION, Message
@@ -25,10 +26,21 @@ class RefusedError(Exception):
     """The other side is of another version, or does not know the secret."""
 
 
-def admit(channel: Channel, secret: str) -> None:
+class BusyError(RefusedError):
+    """The other side serves as many simulators as it can."""
+
+
+def admit(channel: Channel, secret: str, has_room: Callable[[], bool] = lambda: True) -> None:
     """Let a client in, as its server.
 
+    Args:
+        channel: To the client.
+        secret: Shared with it.
+        has_room: Returns whether the client can be served; it is asked when the client has proved that it
+            knows the secret.
+
     Raises:
+        BusyError: There is no room.
         RefusedError: Its version or its secret is another one.
         WireError: It sends no messages.
         ClosedError: It is gone.
@@ -42,6 +54,10 @@ def admit(channel: Channel, secret: str) -> None:
     if problem:
         channel.send(Message("refused", {"problem": problem}))
         raise RefusedError(problem)
+    if not has_room():
+        problem = "it serves as many simulators as it can"
+        channel.send(Message("refused", {"busy": True, "problem": problem}))
+        raise BusyError(problem)
     proof = _proof(secret, "server", own, str(hello.values["nonce"]))
     channel.send(Message("proof", {"proof": proof}))
     channel.largest = LARGEST
@@ -56,6 +72,7 @@ def greet(channel: Channel, secret: str, until: float) -> None:
         until: When the server has to have answered, of `time.monotonic()`.
 
     Raises:
+        BusyError: It has no room.
         RefusedError: Its version or its secret is another one.
         WireError: It sends no messages.
         ClosedError: It is gone.
@@ -72,7 +89,8 @@ def greet(channel: Channel, secret: str, until: float) -> None:
     channel.send(Message("hello", values))
     answer = channel.wait(until)
     if answer.kind == "refused":
-        raise RefusedError(f"{answer.values.get('problem')!s:.500}")
+        kind = BusyError if answer.values.get("busy") else RefusedError
+        raise kind(f"{answer.values.get('problem')!s:.500}")
     if answer.kind != "proof" or not _is_same(answer, _proof(secret, "server", theirs, own)):
         raise RefusedError("it does not know the secret")
     channel.largest = LARGEST

@@ -9,8 +9,9 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing, suppress
 from typing import Any
 
 from smarts_agent_kit.channel import Channel, ClosedError
@@ -20,9 +21,15 @@ from smarts_agent_kit.handshake import SECRET, RefusedError, admit
 from smarts_agent_kit.wire import WireError
 
 MOST_CONNECTIONS = 64
-"""Simulators that are served at a time, and as many that are being greeted."""
+"""Simulators that are served at a time."""
+MOST_GREETED = 64
+"""Connections that are greeted at a time: the oldest gives way to one more."""
+PAUSE = 0.1
+"""After a connection that cannot be taken [s]."""
 SHORTEST_SECRET = 16
 """Characters."""
+KEEP_ALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 15, "TCP_KEEPCNT": 4}
+"""A simulator whose machine is gone gives its place back after two minutes [s, s, number]."""
 
 
 class AddressError(ValueError):
@@ -85,48 +92,98 @@ def serve_address(
         listening = socket.create_server((host, port), family=family)
     except OSError as error:
         raise AddressError(f"{address!r} cannot be served: {error}") from error
-    free = threading.BoundedSemaphore(MOST_CONNECTIONS)
-
-    def start(fd: int) -> subprocess.Popen:
-        folder = tempfile.mkdtemp(prefix="smarts-agent-")
-        more = {"folder": folder, "memory": memory, "paths": paths, **values}
-        return subprocess.Popen(
-            command([sys.executable], fd, module, **more),
-            env=clean_environment(),
-            stdin=subprocess.PIPE,
-            pass_fds=[fd],
-            start_new_session=True,
-        )
-
+    server = _Server(secret, module, {"memory": memory, "paths": paths, **values})
     with closing(listening):
         ready(f"tcp://{f'[{host}]' if ':' in host else host}:{listening.getsockname()[1]}")
         while True:
-            connection, _ = listening.accept()
-            if free.acquire(blocking=False):
-                threading.Thread(target=_serve, args=(connection, secret, start, free), daemon=True).start()
+            try:
+                connection, _ = listening.accept()
+            except OSError as error:  # the client is gone again, or there are too many files
+                print(f"cannot take a connection: {error}", file=sys.stderr)
+                time.sleep(PAUSE)
+                continue
+            server.take(connection)
+
+
+class _Server:
+    """Greets simulators, and serves each by a process, each in a thread.
+
+    Args:
+        secret: Shared with the simulators.
+        module: Has the function `load`, which makes the agent.
+        values: For the processes.
+    """
+
+    def __init__(self, secret: str, module: str, values: Mapping[str, Any]) -> None:
+        self._secret, self._module, self._values = secret, module, values
+        self._places = threading.BoundedSemaphore(MOST_CONNECTIONS)
+        self._lock = threading.Lock()
+        self._greeted: list[socket.socket] = []  # the oldest first
+
+    def take(self, connection: socket.socket) -> None:
+        """Begin to greet; a connection that says nothing keeps no other out."""
+        with self._lock:
+            if len(self._greeted) >= MOST_GREETED:
+                with suppress(OSError):
+                    self._greeted.pop(0).shutdown(socket.SHUT_RDWR)
+            self._greeted.append(connection)
+        try:
+            threading.Thread(target=self._serve, args=(connection,), daemon=True).start()
+        except RuntimeError as error:  # too many threads
+            self._end_greeting(connection)
+            connection.close()
+            print(f"cannot take a connection: {error}", file=sys.stderr)
+            time.sleep(PAUSE)
+
+    def _serve(self, connection: socket.socket) -> None:
+        """Greet a simulator, then serve it by a process until it is gone."""
+        with ExitStack() as held:
+
+            def has_room() -> bool:
+                is_free = self._places.acquire(blocking=False)
+                if is_free:
+                    held.callback(self._places.release)
+                return is_free
+
+            try:
+                with closing(Channel(connection)) as channel:
+                    try:
+                        keep_alive(connection)
+                        admit(channel, self._secret, has_room)
+                    finally:
+                        self._end_greeting(connection)
+                    process = self._start(channel.fileno())
+            except (RefusedError, TimeoutError, WireError, ClosedError, OSError) as error:
+                print(f"refused a connection: {error}", file=sys.stderr)
             else:
-                connection.close()
+                process.wait()
+
+    def _end_greeting(self, connection: socket.socket) -> None:
+        with self._lock, suppress(ValueError):  # it has given way
+            self._greeted.remove(connection)
+
+    def _start(self, fd: int) -> subprocess.Popen:
+        folder = tempfile.mkdtemp(prefix="smarts-agent-")
+        try:
+            return subprocess.Popen(
+                command([sys.executable], fd, self._module, folder=folder, **self._values),
+                env=clean_environment(),
+                stdin=subprocess.PIPE,
+                stdout=2,
+                pass_fds=[fd],
+                start_new_session=True,
+            )
+        except OSError:
+            os.rmdir(folder)
+            raise
 
 
-def _serve(
-    connection: socket.socket,
-    secret: str,
-    start: Callable[[int], subprocess.Popen],
-    free: threading.BoundedSemaphore,
-) -> None:
-    """Greet a simulator, then serve it by a process until it is gone."""
-    process = None
-    try:
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        with closing(Channel(connection)) as channel:
-            admit(channel, secret)
-            process = start(channel.fileno())
-    except (RefusedError, TimeoutError, WireError, ClosedError, OSError) as error:
-        print(f"refused a connection: {error}", file=sys.stderr)
-    finally:
-        if process is not None:
-            process.wait()
-        free.release()
+def keep_alive(connection: socket.socket) -> None:
+    """Let the system end a connection whose other side is gone without a word."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in KEEP_ALIVE.items():
+        if hasattr(socket, name):  # of Linux
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 def _is_loopback(host: str) -> bool:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import sysconfig
+import traceback
 from collections.abc import Callable, Mapping
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -16,10 +19,13 @@ FAILURES = (Exception, SystemExit)
 """What an agent may raise that lets it fail: `sys.exit` in an agent does not end the run."""
 LONGEST_PROBLEM = 1000
 """Characters of a failure that are shown."""
+MOST_CALLS = 1000
+_LIBRARIES = ("<frozen", *(sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib")))
 SEEN = "observations/"
 """Begins the names of observations among the arrays of a request."""
 FIELDS = ActionBatch._fields[1:]
 """The other arrays of a request."""
+_fields_of = itemgetter(*FIELDS)
 
 Make = Callable[[Mapping[str, Any]], tuple[Any, Mapping[str, Any]]]
 """Values of a `make` message -> an agent, and plain values that describe it."""
@@ -44,17 +50,32 @@ def checked_actions(answer: Any, count: int) -> NDArray:
 
 
 def problem_of(error: BaseException) -> str:
-    """Return what an agent has raised, as failures name it."""
-    return one_line(f"raised {type(error).__name__}: {error}")
+    """Return what an agent has raised, as failures name it, with the file and line of its code."""
+    place = _place_of(error)
+    where = f" ({one_line(place)})" if place else ""
+    return one_line(f"raised {type(error).__name__}: {error}", LONGEST_PROBLEM - len(where)) + where
 
 
-def one_line(text: str) -> str:
-    """Return an agent's text as one line of `LONGEST_PROBLEM` printable characters at most."""
-    words = " ".join(text[:LONGEST_PROBLEM].split())
+def _place_of(error: BaseException) -> str:
+    """Return file and line of the innermost call that is of no library, "" if there is none.
+
+    The first call is left out: it is the one that asks the agent.
+    """
+    places = [
+        f"{frame.filename}:{frame.lineno}"
+        for frame in traceback.extract_tb(error.__traceback__, limit=-MOST_CALLS)[1:]
+        if not frame.filename.startswith(_LIBRARIES)
+    ]
+    return places[-1] if places else ""
+
+
+def one_line(text: str, longest: int = LONGEST_PROBLEM) -> str:
+    """Return an agent's text as one line of some printable characters at most."""
+    words = " ".join(text[:longest].split())
     escaped = (
         each if each.isprintable() else each.encode("unicode_escape").decode("ascii") for each in words
     )
-    return "".join(escaped)[:LONGEST_PROBLEM].strip()
+    return "".join(escaped)[:longest].strip()
 
 
 class Service:
@@ -77,16 +98,16 @@ class Service:
             return self._made(message.values)
         if message.kind != "act" or self._agent is None:
             raise WireError(f"{message.kind!r} is no request at this point")
-        number = message.values.get("number")
+        number = message.number
         batch = batch_of(message)
         try:
             actions = checked_actions(self._agent.act(batch), len(batch.env_id))
-            return encode(Message("acted", {"number": number}, {"actions": actions}))
+            return encode(Message("acted", {}, {"actions": actions}, number))
         except WrongActionsError as error:
             problem = str(error)
         except FAILURES as error:
             problem = problem_of(error)
-        return encode(Message("failed", {"number": number, "problem": problem}))
+        return encode(Message("failed", {"problem": problem}, {}, number))
 
     def _made(self, values: Mapping[str, Any]) -> bytes:
         try:
@@ -94,14 +115,14 @@ class Service:
             return encode(Message("about", about))
         except FAILURES as error:
             self._agent = None
-            return encode(Message("failed", {"problem": f"{type(error).__name__}: {error}"[:2000]}))
+            return encode(Message("failed", {"problem": problem_of(error)}))
 
 
 def request_of(batch: ActionBatch, number: int) -> Message:
     """Return the message that asks for the actions of a batch."""
     arrays = {SEEN + name: array for name, array in batch.observations.items()}
     arrays.update(zip(FIELDS, batch[1:], strict=True))
-    return Message("act", {"number": number}, arrays)
+    return Message("act", {}, arrays, number)
 
 
 def batch_of(message: Message) -> ActionBatch:
@@ -111,11 +132,12 @@ def batch_of(message: Message) -> ActionBatch:
         WireError: An array is missing.
     """
     arrays = message.arrays
-    missing = [name for name in FIELDS if name not in arrays]
-    if missing:
-        raise WireError(f"the request has no {', '.join(missing)}")
+    try:
+        others = _fields_of(arrays)
+    except KeyError as error:
+        raise WireError(f"the request has no {error}") from error
     seen = {name[len(SEEN) :]: array for name, array in arrays.items() if name.startswith(SEEN)}
-    return ActionBatch(seen, *(arrays[name] for name in FIELDS))
+    return ActionBatch(seen, *others)
 
 
 def describe(agent: Any) -> dict[str, Any]:

@@ -1,8 +1,10 @@
 """Messages between the simulator and agents, and their bytes.
 
-A message is a frame: its length, the length of its head, the head, then the bytes of its arrays. The head is
-msgpack of plain values, and of a list of name, dtype and shape of each array; arrays are little-endian and
-C-contiguous. Whatever else arrives is a `WireError`: nothing is executed or allocated.
+A message is a frame: its length, the length of its head, its number, the head, then the bytes of its arrays.
+The head is msgpack of plain values, and of a list of name, dtype and shape of each array; arrays are
+little-endian and C-contiguous. Head and arrays are filled up with zeros to multiples of `ALIGNED` bytes, so
+that arrays are used where they have arrived. Whatever else arrives is a `WireError`: nothing is executed or
+allocated.
 """
 
 from __future__ import annotations
@@ -18,16 +20,21 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
-VERSION = 1
+VERSION = 2
 """Of the protocol; both sides need the same."""
 LARGEST = 8 * 2**20
 """The most bytes of a frame."""
 LARGEST_HEAD = 2**18
 """The most bytes of a head: msgpack may unfold to a hundred times its size."""
+LARGEST_KEPT = 2**12
+"""The most bytes of a head that is kept for the next message like it."""
+MOST_KEPT = 64
 MOST_ARRAYS = 256
 MOST_AXES = 8
 DEEPEST = 16
 """Levels of lists and dicts inside each other."""
+ALIGNED = 8
+"""Bytes."""
 DTYPES = {
     name: np.dtype(name).newbyteorder("<")
     for name in (
@@ -44,8 +51,8 @@ _NATIVE = {dtype: dtype.newbyteorder("=") for dtype in DTYPES.values()}
 KINDS = ("hello", "proof", "make", "about", "act", "acted", "failed", "refused")
 """The kinds of messages."""
 
-LENGTHS = struct.Struct("<II")
-"""Bytes behind the first four, bytes of the head."""
+LENGTHS = struct.Struct("<IIQ")
+"""Bytes behind the first four, bytes of the head, number of the message."""
 _PLAIN = (str, int, float, bool, type(None))
 
 
@@ -62,29 +69,67 @@ class Message:
     values: Mapping[str, Any] = field(default_factory=dict)
     """Plain values by name: texts, numbers, lists and dicts of them."""
     arrays: Mapping[str, NDArray] = field(default_factory=dict)
+    number: int = 0
+    """Of the request; its answer has the same."""
 
 
 def encode(message: Message) -> bytes:
     """Return a message's bytes.
 
     Raises:
-        WireError: A value is not plain, an array is of a type that is not sent, or the message is too large.
+        WireError: A value is not plain, an array is of a type or shape that is not sent, or the message is
+            too large.
     """
-    listed, parts = [], []
-    for name, array in message.arrays.items():
-        dtype = _NAMES.get(array.dtype)
-        if dtype is None:
-            raise WireError(f"the array {name!r} is of type {array.dtype}, not of {', '.join(DTYPES)}")
-        listed.append((name, dtype, array.shape))
-        parts.append(array.astype(DTYPES[dtype], "C", copy=False).tobytes())
-    try:
-        head: Any = msgpack.packb([message.kind, message.values, msgpack.packb(listed)])
-    except (TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise WireError(f"a value cannot be sent: {error}") from error
-    size = 4 + len(head) + sum(map(len, parts))
+    arrays = message.arrays
+    layout = tuple([(name, array.dtype, array.shape) for name, array in arrays.items()])
+    dtypes, pads, listed = _listed(layout)
+    head = _head(message.kind, message.values, listed) if message.values else _bare_head(message.kind, listed)
+    parts: list[bytes] = [head, bytes(-len(head) % ALIGNED)]
+    for array, dtype, pad in zip(arrays.values(), dtypes, pads, strict=True):
+        parts += ((array if dtype is None else array.astype(dtype)).tobytes(), pad)
+    size = LENGTHS.size - 4 + sum(map(len, parts))
     if len(head) > LARGEST_HEAD or size > LARGEST:
         raise WireError(f"the message has {size} bytes, {len(head)} of them values: more than is sent")
-    return b"".join((LENGTHS.pack(size, len(head)), head, *parts))
+    return b"".join((LENGTHS.pack(size, len(head), message.number), *parts))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _listed(layout: tuple) -> tuple[list[np.dtype | None], list[bytes], bytes]:
+    """Return what arrays are converted to, the zeros behind each, and the list of the arrays in a head.
+
+    Raises:
+        WireError: One is of a type or shape that is not sent, or they are too many.
+    """
+    dtypes, pads, listed = [], [], []
+    if len(layout) > MOST_ARRAYS:
+        raise WireError(f"the message has {len(layout)} arrays, more than {MOST_ARRAYS}")
+    for name, dtype, shape in layout:
+        if dtype not in _NAMES:
+            raise WireError(f"the array {name!r} is of type {dtype}, not of {', '.join(DTYPES)}")
+        if len(shape) > MOST_AXES or math.prod(max(size, 1) for size in shape) > LARGEST:
+            raise WireError(f"the array {name!r} has the shape {shape}: too many axes, or too large")
+        sent = DTYPES[_NAMES[dtype]]
+        dtypes.append(None if dtype == sent else sent)
+        pads.append(bytes(-math.prod(shape) * dtype.itemsize % ALIGNED))
+        listed.append((name, _NAMES[dtype], shape))
+    packed: Any = msgpack.packb(listed)
+    return dtypes, pads, packed
+
+
+def _head(kind: str, values: Mapping[str, Any], listed: bytes) -> bytes:
+    for name, value in values.items():
+        if not (isinstance(name, str) and _is_plain(value, 1)):
+            raise WireError(f"{name!r:.100} is no plain value: texts, numbers, and lists and dicts of them")
+    try:
+        head: Any = msgpack.packb([kind, values, listed])
+    except (TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise WireError(f"a value cannot be sent: {error}") from error
+    return head
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _bare_head(kind: str, listed: bytes) -> bytes:
+    return _head(kind, {}, listed)
 
 
 def is_sent(dtype: np.dtype) -> bool:
@@ -92,78 +137,115 @@ def is_sent(dtype: np.dtype) -> bool:
     return dtype in _NAMES
 
 
-def frame_size(start: bytes | bytearray, largest: int = LARGEST) -> int:
+def frame_size(start: bytes | bytearray | memoryview, largest: int = LARGEST) -> int:
     """Return the number of bytes of a frame, from its first four.
 
     Raises:
         WireError: It is too large, or too small for a frame.
     """
     size = int.from_bytes(start[:4], "little")
-    if not 4 <= size <= largest:
-        raise WireError(f"a message of {size} bytes: not from 4 to {largest}")
+    if not LENGTHS.size - 4 <= size <= largest:
+        raise WireError(f"a message of {size} bytes: not from {LENGTHS.size - 4} to {largest}")
     return 4 + size
 
 
-def decode(frame: bytes) -> Message:
-    """Return the message of a whole frame; its arrays are writable copies.
+def decode(frame: bytes | bytearray) -> Message:
+    """Return the message of a whole frame; its arrays are writable, and lie in it if it is a bytearray.
 
     Raises:
         WireError: It is no message.
     """
     if len(frame) < LENGTHS.size or len(frame) > 4 + LARGEST:
         raise WireError(f"a message of {len(frame)} bytes")
-    size, head_size = LENGTHS.unpack_from(frame)
-    if size != len(frame) - 4 or head_size > min(LARGEST_HEAD, size - 4):
+    size, head_size, number = LENGTHS.unpack_from(frame)
+    body = LENGTHS.size + head_size + -head_size % ALIGNED
+    if size != len(frame) - 4 or head_size > LARGEST_HEAD or body > len(frame):
         raise WireError("the lengths of a message do not agree")
-    body = LENGTHS.size + head_size
-    head = _unpacked(frame[LENGTHS.size : body])
-    if not (isinstance(head, list) and len(head) == 3 and head[0] in KINDS):
-        raise WireError("the head of a message is not [kind, values, arrays]")
-    kind, values, layout = head
-    if not isinstance(values, dict) or not _is_plain(values) or not isinstance(layout, bytes):
-        raise WireError("the values of a message are no dict of plain values")
-    places, end = _places(layout)
+    kind, values, places, end = _read(bytes(frame[LENGTHS.size : LENGTHS.size + head_size]))
     if body + end != len(frame):
         raise WireError("the bytes of a message are not those of its arrays")
-    return Message(kind, values, {each.name: _array(frame, body, each) for each in places})
+    if isinstance(frame, bytes):
+        frame = bytearray(frame)
+    arrays = {each.name: _array(frame, body + each.begin, each) for each in places}
+    return Message(kind, dict(values), arrays, number)
 
 
 class _Place(NamedTuple):
-    """Where an array is in a message."""
+    """Where an array is behind the head of a message."""
 
     name: str
     dtype: np.dtype
     shape: tuple[int, ...]
-    size: int
     begin: int
+    end: int
 
 
-@lru_cache(maxsize=64)
-def _places(layout: bytes) -> tuple[tuple[_Place, ...], int]:
-    """Return where a message's arrays are behind its head, and where they end.
+class _Head(NamedTuple):
+    """What a head says."""
 
-    They are the same from message to message, as long as the number of agents is.
+    kind: str
+    values: Mapping[str, Any]
+    places: tuple[_Place, ...]
+    end: int
+    """Of the arrays, behind the head."""
+
+
+_KEPT: dict[bytes, _Head] = {}
+"""Heads without values: they are the same from message to message, as long as the number of agents is."""
+
+
+def _read(head: bytes) -> _Head:
+    """Return what a head says.
+
+    Raises:
+        WireError: It is none.
     """
+    found = _KEPT.get(head)
+    if found is None:
+        found = _parsed(head)
+        if not found.values and len(head) <= LARGEST_KEPT:
+            if len(_KEPT) >= MOST_KEPT:
+                _KEPT.clear()
+            _KEPT[head] = found
+    return found
+
+
+def _parsed(head: bytes) -> _Head:
+    parts = _unpacked(head)
+    if not (isinstance(parts, list) and len(parts) == 3 and parts[0] in KINDS):
+        raise WireError("the head of a message is not [kind, values, arrays]")
+    kind, values, layout = parts
+    if not isinstance(values, dict) or not _is_plain(values) or not isinstance(layout, bytes):
+        raise WireError("the values of a message are no dict of plain values")
+    return _Head(kind, values, *_places(layout))
+
+
+def _places(layout: bytes) -> tuple[tuple[_Place, ...], int]:
+    """Return where a message's arrays are behind its head, and where they end."""
     listed = _unpacked(layout)
     if not isinstance(listed, list) or len(listed) > MOST_ARRAYS:
         raise WireError("the arrays of a message are no short list")
-    places, end = {}, 0
+    places, begin = {}, 0
     for each in listed:
-        name, dtype, shape = _listed(each)
+        name, dtype, shape = _array_of(each)
         count = math.prod(shape)
         if name in places or count > LARGEST or math.prod(max(size, 1) for size in shape) > LARGEST:
             raise WireError(f"the array {name[:100]!r} is too large, or is there twice")
-        places[name] = _Place(name, dtype, shape, count, end)
-        end += count * dtype.itemsize
-    return (*places.values(),), end
+        end = begin + count * dtype.itemsize
+        places[name] = _Place(name, dtype, shape, begin, end)
+        begin = end + -end % ALIGNED
+    return (*places.values(),), begin
 
 
-def _array(frame: bytes, body: int, place: _Place) -> NDArray:
-    """Return a new array, with its numbers where the processor wants them."""
-    dtype, begin = place.dtype, body + place.begin
-    if dtype.kind == "b":
-        return (np.frombuffer(frame, np.uint8, place.size, begin) != 0).reshape(place.shape)
-    return np.frombuffer(frame, dtype, place.size, begin).reshape(place.shape).astype(_NATIVE[dtype])
+def _array(frame: bytearray, begin: int, place: _Place) -> NDArray:
+    """Return an array in the frame, with its numbers as the processor wants them."""
+    array: NDArray = np.ndarray(place.shape, place.dtype, frame, begin)
+    if place.dtype.kind == "b":
+        end = begin + place.end - place.begin
+        if frame[begin:end].strip(b"\0\1"):  # a byte is neither
+            np.minimum(array.view(np.uint8), 1, out=array.view(np.uint8))
+        return array
+    return array if place.dtype.isnative else array.astype(_NATIVE[place.dtype])
 
 
 def _unpacked(data: bytes) -> Any:
@@ -178,7 +260,7 @@ def _unpacked(data: bytes) -> Any:
         raise WireError(f"the head of a message is no msgpack: {error}") from error
 
 
-def _listed(each: Any) -> tuple[str, np.dtype, tuple[int, ...]]:
+def _array_of(each: Any) -> tuple[str, np.dtype, tuple[int, ...]]:
     """Return name, dtype and shape of an array in a head."""
     is_listed = isinstance(each, list) and len(each) == 3 and isinstance(each[0], str)
     if not is_listed or not isinstance(each[1], str) or each[1] not in DTYPES:
@@ -199,7 +281,7 @@ def _is_plain(value: Any, depth: int = 0) -> bool:
         if not all(isinstance(key, str) for key in value):
             return False
         value = [*value.values()]
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return depth < DEEPEST and all(_is_plain(each, depth + 1) for each in value)
     return isinstance(value, _PLAIN)
 

@@ -9,6 +9,7 @@ import resource
 import signal
 import socket
 import sys
+import time
 from collections.abc import Mapping
 from contextlib import closing, suppress
 from pathlib import Path
@@ -22,6 +23,8 @@ LARGEST_FILE = 2**28
 """The most bytes of a file that an agent writes."""
 TIME = 60
 """The most seconds of processor time of one request, on each core."""
+SPARE = 1
+"""Seconds of processor time after which the limit is set again."""
 
 
 def work(given: Mapping[str, Any]) -> None:
@@ -38,11 +41,12 @@ def serve(fd: int, make: Make) -> None:
     os.set_inheritable(fd, False)
     with closing(Channel(socket.socket(fileno=fd))) as channel:
         os.register_at_fork(after_in_child=channel.close)
-        service = Service(make)
+        service, allowed = Service(make), -TIME
         try:
             while True:
                 message = channel.wait()
-                allow_time()
+                if time.process_time() > allowed + SPARE:
+                    allowed = allow_time()
                 channel.send(service.answer(message))
         except ClosedError:
             return
@@ -61,12 +65,11 @@ def confine(memory: int) -> None:
         Path("/proc/self/oom_score_adj").write_text("1000")
 
 
-def allow_time() -> None:
-    """Allow this process `TIME` more processor time."""
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
-    limit = int(used.ru_utime + used.ru_stime) + TIME * (os.cpu_count() or 1)
-    resource.setrlimit(resource.RLIMIT_CPU, (limit, hard))
+def allow_time() -> float:
+    """Allow this process `TIME` more processor time; return what it has used [s]."""
+    used, hard = time.process_time(), resource.getrlimit(resource.RLIMIT_CPU)[1]
+    resource.setrlimit(resource.RLIMIT_CPU, (int(used) + TIME * (os.cpu_count() or 1), hard))
+    return used
 
 
 def _limit(which: int, value: int) -> None:

@@ -29,3 +29,27 @@ def _own_code_ends_with_the_module():
     yield
     if "benchmark.metrics.registry" in sys.modules:
         sys.modules["benchmark.metrics.registry"].METRICS._own.clear()
+
+
+_OWN_CODE = {"smarts.registry": ("_GIVEN", "_OWN_ROOTS"), "smarts.zoo.registry": ("_SEARCHED",)}
+"""Module -> dicts in which it keeps where own code is."""
+
+
+def _own_code():
+    """Yield where own code is kept: module, name, the dict."""
+    for module in _OWN_CODE.keys() & sys.modules.keys():
+        for name in _OWN_CODE[module]:
+            yield module, name, getattr(sys.modules[module], name)
+
+
+@pytest.fixture(autouse=True)
+def _own_code_is_forgotten():
+    """Forget after each test which files it made importable, and in which folders locators search.
+
+    Otherwise other tests of the process find them, and pass them to the processes that they start.
+    """
+    before = {(module, name): dict(kept) for module, name, kept in _own_code()}
+    yield
+    for module, name, kept in _own_code():
+        kept.clear()
+        kept.update(before.get((module, name), {}))

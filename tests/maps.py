@@ -101,7 +101,7 @@ def graph_of(
 ) -> LaneGraph:
     """Return the graph of some roads and of the connections across the junction between them.
 
-    `gives_way` lists, for connections by number, those that go first.
+    `gives_way` lists, for connections by number, the connections that go first.
     """
     lanes = [
         lane for number, (name, road) in enumerate(roads.items()) for lane in _lanes_of(name, number, road)

@@ -37,7 +37,10 @@ THIRD_PARTY = {
     "torch": ("algorithms/", "benchmark/", "smarts/zoo/"),
     "matplotlib": ("smarts/envision/", "benchmark/"),
     "typer": "benchmark/",
-    "msgpack": "smarts_agent_kit/",
+    "msgpack": ("smarts_agent_kit/", "smarts/stream/"),
+    "starlette": "smarts/envision/",
+    "uvicorn": "smarts/envision/",
+    "websockets": ("smarts/envision/", "smarts/sim/outlet.py"),
 }
 
 FILES = sorted(

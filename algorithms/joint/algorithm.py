@@ -21,10 +21,11 @@ from ray.rllib.utils.metrics import (
 
 from algorithms.errors import AlgorithmError, CheckpointError, RunnerFailure
 from algorithms.joint.config import JointConfig
-from algorithms.joint.learner import JointTorchLearner, JointTrainingData
+from algorithms.joint.learner import JointTorchLearner
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.runner import SAMPLERS, JointEnvRunner, SampleResult
 from algorithms.joint.spec import SPEC, JointSpec
+from algorithms.joint.training_data import JointTrainingData
 
 logger = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, Self
 
 import numpy as np
@@ -82,6 +82,7 @@ class JointView:
     Attributes:
         fresh: Where a trajectory begins within a sequence, (M, N), or None without sequences.
         length: L.
+        active: Agents (N,) that are active in the minibatch of which these are some rows; None: in these.
     """
 
     spec: JointSpec
@@ -92,6 +93,7 @@ class JointView:
     graph: Tensor | None
     fresh: Tensor | None = field(default=None, kw_only=True)
     length: int = field(default=1, kw_only=True)
+    active: Tensor | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(cls, spec: JointSpec, view: View, device: torch.device | str = "cpu") -> Self:
@@ -111,11 +113,19 @@ class JointView:
 
     def sequences(self, chosen: Tensor) -> Self:
         """Return the sequences of the given numbers; rows, where sequences have one moment."""
+        return self[self.rows_of(chosen)]
+
+    def rows_of(self, chosen: Tensor) -> Tensor:
+        """Return the rows of the sequences of the given numbers."""
         if self.length == 1:
-            return self[chosen]
+            return chosen
         count = len(self) // self.length
         starts = count * torch.arange(self.length, device=chosen.device)
-        return self[(starts[:, None] + chosen).flatten()]
+        return (starts[:, None] + chosen).flatten()
+
+    def part_at(self, rows: Tensor) -> Self:
+        """Return the given rows as a part of this minibatch: the same agents are `absent`."""
+        return replace(self[rows], active=self.alive.any(0))
 
     def flat(self) -> Self:
         """Return the same moments with the leading (T, B) axes made one."""
@@ -126,18 +136,24 @@ class JointView:
         return replace(self, **{name: _apply(getattr(self, name), function) for name in self._tensors()})
 
     def _tensors(self) -> list[str]:
-        return [f.name for f in fields(self) if f.name not in ("spec", "length")]
+        return [f.name for f in fields(self) if f.name not in ("spec", "length", "active")]
 
     def view(self, group: Group) -> GroupView:
         """Return what a group's agents see."""
         return GroupView(*self._seen(group), **self._order(group))
 
-    def absent(self) -> set[str]:
-        """Return the ids of the groups without an active agent in any row.
+    def absent(self) -> frozenset[str]:
+        """Return the ids of the groups without an active agent in any row of the minibatch.
 
         A loss says nothing about them, but Adam's momentum would move their networks all the same.
         """
-        return {group.id for group in self.spec.groups if not self.alive[..., group.columns].any()}
+        return self._absent
+
+    @cached_property
+    def _absent(self) -> frozenset[str]:
+        active = (self.alive.any(0) if self.active is None else self.active).cpu().numpy()
+        groups = self.spec.groups
+        return frozenset(group.id for group in groups if not active[..., group.columns].any())
 
     def join(self, parts: Mapping[str, Tensor]) -> Tensor:
         """Return (..., N) or (..., N, x) from each group's (..., n) or (..., n, x), by group id."""
@@ -151,25 +167,27 @@ class JointView:
             return joined
         return joined.index_select(axis, torch.as_tensor(np.argsort(order), device=joined.device))
 
-    def joint_observations(self) -> Tensor:
-        """Return all agents' flattened observations side by side, (..., sum n*d); zeros for absent agents."""
-        parts = []
-        for block, leaves in zip(columns_of(self.spec.spaces.blocks), self.observations, strict=True):
-            there = self.alive[..., block]
-            for leaf in leaves.values():
-                flat = (
-                    leaf.flatten(self.alive.dim()).float()
-                    if leaf.dim() > self.alive.dim()
-                    else leaf[..., None]
-                )
-                parts.append((flat * there[..., None]).flatten(-2))
-        return torch.cat(parts, -1)
-
     def global_state(self) -> Tensor:
         """Return the environment's state (..., S), else joint observations and which agents are active."""
-        if self.state is not None:
-            return self.state
-        return torch.cat([self.joint_observations(), self.alive.float()], -1)
+        return self.everything if self.state is None else self.state
+
+    @cached_property
+    def everything(self) -> Tensor:
+        """Flat observations side by side, zeros for absent agents, and which agents are active, (..., S)."""
+        axis, parts = self.alive.dim(), []
+        for block, leaves in zip(columns_of(self.spec.spaces.blocks), self.observations, strict=True):
+            there = self.alive[..., block, None]
+            flat = (leaf.flatten(axis) if leaf.dim() > axis else leaf[..., None] for leaf in leaves.values())
+            parts += [(leaf, there) for leaf in flat]
+        widths = [leaf.shape[-2] * leaf.shape[-1] for leaf, _ in parts]
+        joint = self.alive.new_empty(
+            *self.alive.shape[:-1], sum(widths) + self.alive.shape[-1], dtype=torch.float32
+        )
+        *slots, flags = joint.split([*widths, self.alive.shape[-1]], -1)
+        for (leaf, there), slot in zip(parts, slots, strict=True):
+            torch.mul(leaf, there, out=slot.unflatten(-1, leaf.shape[-2:]))
+        flags.copy_(self.alive)
+        return joint
 
     def _order(self, group: Group) -> dict[str, Any]:
         fresh = None if self.fresh is None else self.fresh[..., group.columns]
@@ -265,6 +283,18 @@ class ReplayBatch(JointBatch):
         """Yield every group to be stepped with its part: all but the `absent` ones."""
         absent = self.absent()
         yield from ((group, own) for group, own in self.groups() if group.id not in absent)
+
+
+def cut_sequences(batch: OnPolicyBatch, steps: int, length: int) -> OnPolicyBatch:
+    """Return the rows of T steps of B environments, in order of time, as sequences of `length` steps.
+
+    Raises:
+        ValueError: T is not a multiple of the length.
+    """
+    if steps % length:
+        raise ValueError(f"a fragment of {steps} steps cannot be cut into sequences of {length}")
+    rows = torch.arange(len(batch), device=batch.alive.device).unflatten(0, (steps // length, length, -1))
+    return replace(batch[rows.transpose(0, 1).flatten()], length=length)
 
 
 def encode(group: Group, actions: Tensor) -> Tensor:

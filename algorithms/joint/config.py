@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+import torch
 from gymnasium.spaces import Box, Discrete
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
@@ -249,8 +250,8 @@ class JointConfig(AlgorithmConfig):
         """Check the settings, and draw a seed where none is given (RLlib).
 
         Raises:
-            ValueError: A setting is out of its range; settings do not fit each other; several learners,
-                evaluation by time, or a memory where the algorithm has none are asked for.
+            ValueError: A setting is out of its range; settings do not fit each other; evaluation by time, a
+                GPU that is not there, or a memory where the algorithm has none are asked for.
         """
         log_once(
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
@@ -265,9 +266,8 @@ class JointConfig(AlgorithmConfig):
         if self.seed is None:  # drawn once here, so that checkpoints and results hold it
             self.seed = secrets.randbits(31)
             logger.info("seed %d was drawn, since none was given", self.seed)
-        if (self.num_learners or 0) > 1:
-            self._value_error("joint algorithms learn in one process: set num_learners to 0 or 1")
         self._check_learner()
+        self._check_learners()
         self._check_evaluation()
 
     def trains(self, policy: str) -> bool:
@@ -321,6 +321,31 @@ class JointConfig(AlgorithmConfig):
                     f"algorithm_config_overrides_per_module of {module_id!r} holds {name!r}: networks have "
                     "learning rates of their own only, 'lr'"
                 )
+
+    def _check_learners(self) -> None:
+        """Check how many learners there are, and what each needs."""
+        for name in ("num_learners", "num_cpus_per_learner", "num_gpus_per_learner"):
+            value = getattr(self, name)
+            whole = name == "num_learners"
+            if value == "auto" and name == "num_cpus_per_learner":
+                continue
+            if isinstance(value, bool) or not isinstance(value, int if whole else int | float) or value < 0:
+                self._value_error(
+                    f"{name}={value!r} is not {'a whole number' if whole else 'a number'} from 0 on"
+                )
+        name = "batch_size" if "batch_size" in self.setting_names else "minibatch_size"
+        size = getattr(self, name, None)
+        shares = None if size is None else max(size // (self.sequence_length if self.gru else 1), 1)
+        if shares is not None and self.num_learners > shares:
+            self._value_error(
+                f"num_learners={self.num_learners} is more than the {shares} rows or sequences that they "
+                f"share: raise {name}={size}, or use fewer learners"
+            )
+        if self.num_gpus_per_learner and not self.num_learners and not torch.cuda.is_available():
+            self._value_error(
+                f"num_gpus_per_learner={self.num_gpus_per_learner}: torch finds no GPU on this machine, on "
+                "which num_learners=0 learns; set it to 0, or num_learners to 1 for another machine's"
+            )
 
     def _validate_multi_agent_settings(self) -> None:
         """Check names of policies as far as they are known without the environment (RLlib)."""

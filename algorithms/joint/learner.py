@@ -3,52 +3,34 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import ray
 import torch
 from ray.rllib.core import COMPONENT_RL_MODULE
 from ray.rllib.core.learner.torch.torch_learner import TorchLearner
 from ray.rllib.core.learner.training_data import TrainingData
 from ray.rllib.utils.metrics import NUM_ENV_STEPS_SAMPLED_LIFETIME
-from torch import Tensor, nn
+from torch import Tensor, distributed
 
-from algorithms.joint.batch import JointView, OnPolicyBatch, ReplayBatch, to_tensor
+from algorithms.joint.batch import JointView, OnPolicyBatch, ReplayBatch, cut_sequences, to_tensor
 from algorithms.joint.config import JointConfig
+from algorithms.joint.data_parallel import DataParallel
 from algorithms.joint.module import critic_of
 from algorithms.joint.replay import JointReplay
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.joint.threads import torch_threads
+from algorithms.joint.training_data import JointTrainingData
 from algorithms.parts.advantages import generalised_advantages
-from algorithms.parts.masking import masked_mean, standardised
+from algorithms.parts.masking import standardised
+from algorithms.parts.noise import RowGenerator
+from algorithms.parts.optimisation import clip_gradients, follow, step_together
 from algorithms.parts.schedule import Schedule, value_at
 
 JOINT, REPLAY = "joint", "replay"
 """Parts of a learner's state besides RLlib's."""
-
-
-class JointTrainingData(TrainingData):
-    """Carries a rollout through RLlib's learner group."""
-
-    def __init__(self, rollout: JointRollout | ray.ObjectRef) -> None:
-        super().__init__()
-        self.rollout = rollout
-
-    def validate(self) -> None:
-        """Accept it: the rollout was checked where it was made (RLlib)."""
-
-    def solve_refs(self) -> None:
-        """Fetch the data from the object store (RLlib)."""
-        if isinstance(self.rollout, ray.ObjectRef):
-            self.rollout = ray.get(self.rollout)
-
-    def shard(self, num_shards: int, **kwargs: Any) -> list[tuple[JointTrainingData, dict]]:  # type: ignore[override]
-        """Return the data for each of the learners (RLlib), which is one."""
-        return [(self, {})]
 
 
 class JointTorchLearner(TorchLearner):
@@ -65,10 +47,15 @@ class JointTorchLearner(TorchLearner):
 
     def build(self) -> None:
         """Build modules and optimisers, and seed this learner's random numbers."""
+        self.generator = RowGenerator()
+        self.generator.manual_seed(self.config.seed or 0)
+        several = (
+            {"size": self.config.num_learners, "rank": distributed.get_rank()} if self.distributed else {}
+        )
+        self.parallel = DataParallel(self.generator, **several)
         super().build()
         self.spec: JointSpec = self.net(next(iter(self.module.keys()))).spec
         self.groups: tuple[Group, ...] = self.spec.groups
-        self.generator = torch.Generator().manual_seed(self.config.seed or 0)
         self.rng = np.random.Generator(np.random.Philox(np.random.SeedSequence([self.config.seed or 0, 1])))
         self.gamma = float(self.config.gamma or 0)
         self.updates = 0
@@ -77,7 +64,24 @@ class JointTorchLearner(TorchLearner):
             name for g in self.groups if not self.config.trains(g.id) for name in (g.id, critic_of(g))
         }
         self._parameters = {mid: self.net(mid).trained_parameters() for mid in self.module.keys()}  # noqa: SIM118
+        self._followed = {mid: self._target_pairs(mid) for mid in self._parameters}
         self._means: dict[tuple[str, str], list[Tensor]] = {}
+
+    def _target_pairs(self, module_id: str) -> list[tuple[Tensor, Tensor]]:
+        """Return the parameters of a network's targets, each with the one that it follows."""
+        net, pairs = self.net(module_id), []
+        for name in net.targets:
+            target, original = getattr(net, name), getattr(net, name.removeprefix("target_"))
+            pairs += zip(target.parameters(), original.parameters(), strict=True)
+        return pairs
+
+    def _make_modules_ddp_if_necessary(self) -> None:
+        """Begin with the weights of the first learner (RLlib).
+
+        RLlib's wrapper averages the gradients of `backward`; `step_optimizer` averages them itself.
+        """
+        for module_id in self.module.keys():  # noqa: SIM118 - RLlib's module is no dict
+            self.parallel.broadcast(*self.net(module_id).state_dict().values())
 
     def net(self, module_id: str) -> Any:
         """Return a network without RLlib's wrapping for distributed training."""
@@ -111,35 +115,34 @@ class JointTorchLearner(TorchLearner):
             return
         owned = [self._parameters[module_id] for module_id in module_ids]
         flat = [p for parameters in owned for p in parameters]
-        for p, gradient in zip(flat, torch.autograd.grad(loss, flat, allow_unused=True), strict=True):
+        gradients = torch.autograd.grad(loss, flat, allow_unused=True)
+        used = [p for p, gradient in zip(flat, gradients, strict=True) if gradient is not None]
+        averaged = self.parallel.average([gradient for gradient in gradients if gradient is not None])
+        for p, gradient in zip(used, averaged, strict=True):
             # The fused optimiser reads memory in order, whatever the gradient's strides say.
-            p.grad = None if gradient is None else gradient.contiguous()
-        for module_id, parameters in zip(module_ids, owned, strict=True):
-            self.log(module_id, "gradient_norm", self.clip_gradients_of(parameters))
-            self.get_optimizer(module_id).step()
-            for p in parameters:
-                p.grad = None
+            p.grad = gradient.contiguous()
+        norms = clip_gradients(owned, self.config.grad_clip, self.config.grad_clip_by)
+        for module_id, norm in zip(module_ids, norms, strict=True):
+            self.log(module_id, "gradient_norm", norm)
+        step_together(self.get_optimizer(module_id) for module_id in module_ids)  # type: ignore[arg-type]
+        for p in used:
+            p.grad = None
 
-    def clip_gradients_of(self, parameters: list[nn.Parameter]) -> Tensor:
-        """Clip a network's gradients by `grad_clip` and `grad_clip_by`; return their norm before."""
-        limit, way = self.config.grad_clip, self.config.grad_clip_by
-        if limit is not None and way == "global_norm":
-            return nn.utils.clip_grad_norm_(parameters, limit, foreach=True)
-        norm = nn.utils.get_total_norm([p.grad for p in parameters if p.grad is not None], foreach=True)
-        if limit is not None and way == "value":
-            nn.utils.clip_grad_value_(parameters, limit)
-        elif limit is not None:
-            for p in parameters:
-                nn.utils.clip_grad_norm_([p], limit)
-        return norm
+    def step_each(self, losses: Mapping[str, Tensor]) -> None:
+        """Take one gradient step of each module on its own loss, which depends on no other of them."""
+        if losses:
+            self.step_optimizer(torch.stack(list(losses.values())).sum(), *losses)
 
     def schedule_value(self, schedule: Schedule) -> float:
         """Return the value of a setting at this update, which may be a schedule over environment steps."""
         return value_at(schedule, self.env_steps)
 
     def mean(self, x: Tensor, mask: Tensor) -> Tensor:
-        """Return the mean over active agents; every term of every loss goes through here."""
-        return masked_mean(x, mask)
+        """Return the mean over active agents; every term of every loss goes through here.
+
+        With several learners it is this one's share: its average over learners is the mean.
+        """
+        return torch.where(mask, x, 0).sum() / self.parallel.count(mask.sum())
 
     def log(self, module_id: str, name: str, value: Tensor) -> None:
         """Report the mean of a number over this update; read from the device only once an update."""
@@ -150,15 +153,8 @@ class JointTorchLearner(TorchLearner):
 
         An attribute `target_x` of a module's `targets` follows its attribute `x`.
         """
-        with torch.no_grad():
-            for module_id in module_ids:
-                net = self.net(module_id)
-                for name in () if module_id in self.frozen else net.targets:
-                    source = getattr(net, name.removeprefix("target_"))
-                    for own, followed in zip(
-                        getattr(net, name).parameters(), source.parameters(), strict=True
-                    ):
-                        own.lerp_(followed, tau)
+        pairs = [pair for name in module_ids if name not in self.frozen for pair in self._followed[name]]
+        follow(pairs, tau)
 
     def update(self, *, training_data: TrainingData, timesteps: dict[str, Any], **kwargs: Any) -> Any:  # type: ignore[override]
         """Learn from one rollout (RLlib)."""
@@ -171,10 +167,16 @@ class JointTorchLearner(TorchLearner):
         with torch_threads(self.config.torch_threads):
             self.update_joint(training_data.rollout)  # type: ignore[arg-type] - the reference is solved
         self.after_gradient_based_update(timesteps=timesteps)
-        for key, values in self._means.items():
-            self.metrics.log_value(key, torch.stack(values).mean().item(), window=1)
-        self._means.clear()
+        self._report()
         return self.metrics.reduce()
+
+    def _report(self) -> None:
+        """Log the means of what was reported in this update."""
+        if self._means:
+            means = torch.stack([torch.stack(values).mean() for values in self._means.values()])
+            for key, mean in zip(self._means, self.parallel.average([means])[0].tolist(), strict=True):
+                self.metrics.log_value(key, mean, window=1)
+            self._means.clear()
 
     def update_joint(self, rollout: JointRollout) -> None:
         """Learn from one rollout."""
@@ -244,6 +246,12 @@ class OnPolicyLearner(JointTorchLearner):
         self.updates += 1
 
     def minibatches(self, batch: OnPolicyBatch) -> Iterator[OnPolicyBatch]:
+        """Yield this learner's rows of the minibatches of all epochs."""
+        for minibatch in self.whole_minibatches(batch):
+            with self.parallel.own_rows(minibatch) as own:
+                yield own
+
+    def whole_minibatches(self, batch: OnPolicyBatch) -> Iterator[OnPolicyBatch]:
         """Yield the minibatches of all epochs."""
         size, count = self.config.minibatch_size, len(batch) // batch.length
         for _ in range(self.config.epochs):
@@ -336,18 +344,6 @@ class OnPolicyLearner(JointTorchLearner):
         return scaled
 
 
-def cut_sequences(batch: OnPolicyBatch, steps: int, length: int) -> OnPolicyBatch:
-    """Return the rows of T steps of B environments, in order of time, as sequences of `length` steps.
-
-    Raises:
-        ValueError: T is not a multiple of the length.
-    """
-    if steps % length:
-        raise ValueError(f"a fragment of {steps} steps cannot be cut into sequences of {length}")
-    rows = torch.arange(len(batch), device=batch.alive.device).unflatten(0, (steps // length, length, -1))
-    return replace(batch[rows.transpose(0, 1).flatten()], length=length)
-
-
 class OffPolicyLearner(JointTorchLearner):
     """Keeps a replay buffer and takes a fixed number of updates per environment step."""
 
@@ -376,7 +372,9 @@ class OffPolicyLearner(JointTorchLearner):
         while self._owed >= 1:
             self._owed -= 1
             self.updates += 1
-            self.update_minibatch(self.replay.sample(self.rng, self.config.batch_size, self._device))
+            batch = self.replay.sample(self.rng, self.config.batch_size, self._device)
+            with self.parallel.own_rows(batch) as own:
+                self.update_minibatch(own)
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
         """Return also the replay buffer, unless the config leaves it out of checkpoints."""

@@ -114,7 +114,7 @@ class JointReplay:
             rewards=torch.from_numpy(self._rewards[rows]).to(device),
             bootstrap=torch.from_numpy(self._bootstrap[rows]).to(device),
             next=JointView.of(self._spec, self._next[rows], device),
-            rows=torch.from_numpy(rows),
+            rows=torch.from_numpy(rows).to(device),
             weights=weights,
             fresh=torch.from_numpy(self._fresh[rows]).to(device) if self.length > 1 else None,
             length=self.length,

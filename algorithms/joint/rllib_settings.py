@@ -38,7 +38,7 @@ REFUSED: dict[str, str] = {
     "torch_compile_worker": _COMPILED,
     "torch_compile_worker_dynamo_backend": _COMPILED,
     "torch_compile_worker_dynamo_mode": _COMPILED,
-    "torch_ddp_kwargs": "learning takes one process: leave it out",
+    "torch_ddp_kwargs": "learners average gradients themselves: leave it out",
     "torch_skip_nan_gradients": "environments that give NaN are replaced: use `max_env_failures`",
     "enable_rl_module_and_learner": "joint algorithms exist on the new API stack only: leave it out",
     "enable_env_runner_and_connector_v2": "joint algorithms exist on the new API stack only: leave it out",

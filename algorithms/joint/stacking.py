@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -10,7 +10,6 @@ from torch import Tensor, nn
 
 from algorithms.joint.batch import GroupView
 from algorithms.joint.spec import Group
-from algorithms.parts.masking import masked_mean
 from algorithms.parts.networks import Encoder, StackedPerceptrons
 
 Plain = Callable[[Group], tuple[Encoder, nn.Module] | None]
@@ -40,17 +39,29 @@ class StackedGroups:
         bodies = [body for _, body in networks if isinstance(body, nn.Sequential)]
         return StackedPerceptrons(bodies)(networks[0][0](view.observations))
 
-    def means(self, x: Tensor, mask: Tensor) -> Tensor:
-        """Return each group's mean over its active agents, (groups,)."""
-        if not self.is_stacked:
-            return masked_mean(x, mask).unsqueeze(0)
-        return torch.where(mask, x, 0).sum(0) / mask.sum(0).clamp(min=1)
+    def sums(self, x: Tensor, mask: Tensor) -> Tensor:
+        """Return each group's sum of `x` (M, n) over its active agents, (groups,)."""
+        own = torch.where(mask, x, 0)
+        return own.sum(0) if self.is_stacked else own.sum().unsqueeze(0)
 
-    def present(self, alive: Tensor) -> list[Group]:
-        """Return the groups with an active agent in any row of `alive` (M, n)."""
-        if not self.is_stacked:
-            return list(self.groups) if alive.any() else []
-        return [group for group, there in zip(self.groups, alive.any(0).tolist(), strict=True) if there]
+    def counts(self, mask: Tensor) -> Tensor:
+        """Return each group's number of active agents in all rows, (groups,)."""
+        return mask.sum(0) if self.is_stacked else mask.sum().unsqueeze(0)
+
+    def present(self, absent: Collection[str]) -> list[Group]:
+        """Return the groups that are not absent."""
+        return [group for group in self.groups if group.id not in absent]
+
+
+def outputs_where(alive: Tensor, features: Tensor, network: nn.Module) -> Tensor:
+    """Return a network's outputs (M, n, P) of features (M, n, d) where `alive` (M, n), and 0 elsewhere.
+
+    Rows of inactive agents, often half of a batch, are not evaluated.
+    """
+    chosen = alive.flatten().nonzero().squeeze(-1)
+    outputs = network(features.flatten(0, 1).index_select(0, chosen))
+    whole = outputs.new_zeros(alive.numel(), outputs.shape[-1])
+    return whole.index_copy(0, chosen, outputs).unflatten(0, alive.shape)
 
 
 def stack_groups(groups: Sequence[Group], plain: Plain) -> tuple[StackedGroups, ...]:

@@ -20,11 +20,13 @@ class Exploration(NamedTuple):
         explore: False: greedy.
         epsilon: Probability of a uniformly random allowed action, for heads of values.
         noise: Standard deviation of Gaussian noise on actions in [-1, 1], for deterministic heads.
+        temperature: Of joint actions that are drawn by their weights: the smaller, the greedier.
     """
 
     explore: bool = True
     epsilon: float = 0.0
     noise: float = 0.0
+    temperature: float = 1.0
 
 
 class SampledActions(NamedTuple):

@@ -63,6 +63,14 @@ class Encoder(nn.Module):
         place = torch.eye(self._identity, device=seen.device)
         return torch.cat([seen, place.expand(*seen.shape[:-1], self._identity)], -1)
 
+    def of_rows(self, leaves: Mapping[str, Tensor], rows: Tensor) -> Tensor:
+        """Return features (R, size) of agents of leaves (M, n, *shape); agent i of moment m is m * n + i."""
+        seen = self.see({name: leaves[name].flatten(0, 1).index_select(0, rows) for name in self._depth})
+        if not self._identity:
+            return seen
+        place = nn.functional.one_hot(rows % self._identity, self._identity)
+        return torch.cat([seen, place.to(seen.dtype)], -1)
+
     def see(self, leaves: Mapping[str, Tensor]) -> Tensor:
         """Return the features without the agents' places."""
         parts = []
@@ -107,6 +115,16 @@ def _convolution(space: Box) -> nn.Sequential:
     with torch.no_grad():
         width_out = nn.Sequential(*layers)(torch.zeros(1, channels, height, width)).shape[-1]
     return nn.Sequential(*layers, nn.Linear(width_out, 64), nn.ReLU())
+
+
+def outputs_where(chosen: Tensor, encoder: Encoder, body: nn.Module, leaves: Mapping[str, Tensor]) -> Tensor:
+    """Return body(encoder(leaves)) (M, n, P) of chosen agents (M, n), and zeros for others, uncomputed."""
+    rows = chosen.flatten().nonzero().squeeze(-1)
+    if len(rows) == chosen.numel():
+        return body(encoder(leaves))
+    outputs = body(encoder.of_rows(leaves, rows))
+    spread = outputs.new_zeros(chosen.numel(), outputs.shape[-1]).index_copy(0, rows, outputs)
+    return spread.unflatten(0, chosen.shape)
 
 
 class PlacedPerceptron:

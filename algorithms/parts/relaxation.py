@@ -21,4 +21,6 @@ def straight_through_gumbel(
     gumbel = -exponential(logits, generator).log()
     relaxed = torch.softmax((logits + gumbel) / temperature, -1)
     hard = torch.zeros_like(relaxed).scatter_(-1, relaxed.argmax(-1, keepdim=True), 1.0)
+    if not relaxed.requires_grad:
+        return hard
     return hard + (relaxed - relaxed.detach())  # the bracket is exactly zero

@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from algorithms.errors import AlgorithmError
-from benchmark.cli import doctor, experiments, render, reports, scenario, scripted, settings, zoo
+from benchmark.cli import doctor, experiments, render, reports, scenario, scripted, settings, view, zoo
 from benchmark.running.exit_codes import INTERRUPTED
 from smarts.errors import SmartsError
 
@@ -63,6 +63,7 @@ app.command()(scripted.scripted)
 app.command()(reports.report)
 app.command()(reports.compare)
 app.command()(reports.leaderboard)
+app.command()(reports.check_traffic)
 app.command("algorithms")(experiments.list_algorithms)
 app.command()(settings.settings)
 app.command()(settings.schema)
@@ -71,6 +72,7 @@ app.add_typer(zoo.app, name="zoo")
 app.command()(zoo.export)
 app.command()(zoo.serve)
 app.command()(render.render)
+app.command()(view.view)
 app.command()(doctor.doctor)
 app.command("compile")(doctor.compile_kernels)
 

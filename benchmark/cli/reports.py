@@ -58,6 +58,26 @@ def leaderboard(
     typer.echo(out)
 
 
+def check_traffic(
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="Results folder, results/NAME.", show_default=False)
+    ],
+) -> None:
+    """Check that cells with social vehicles are cells with social vehicles; exit code 1 if one is not.
+
+    Keep-lane or random driving has to collide at least 0.10 more often than on empty roads (p < 0.01).
+
+    Gap acceptance has to meet social vehicles in 80% of its agent-episodes.
+    """
+    from benchmark.report.traffic_check import traffic_checks
+    from benchmark.results.reading import read_results
+
+    checks = traffic_checks(read_results(results))
+    typer.echo("\n".join(map(str, checks)) or "no scripted policy was played in a cell with social vehicles")
+    if not checks or not all(check.is_one for check in checks):
+        raise typer.Exit(1)
+
+
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help=SIDE, show_default=False)],
     b: Annotated[Path, typer.Argument(metavar="B", help=SIDE, show_default=False)],

@@ -94,11 +94,27 @@ def add(
 def remove(
     name: Annotated[str, typer.Argument(metavar="NAME", help="An agent that was added.", show_default=False)],
 ) -> None:
-    """Remove an added agent from the user's zoo; its folder stays."""
+    """Remove an added agent from the user's zoo, and its environment; its folder stays."""
     from smarts.zoo.folders import remove_added, zoo_file
+    from smarts.zoo.separate import uninstall
 
     remove_added(name)
     typer.echo(f"removed {name} from {zoo_file()}")
+    for folder in uninstall(name):
+        typer.echo(f"removed {folder}")
+
+
+@app.command()
+def clean() -> None:
+    """Remove the environments that no added agent uses any more."""
+    from smarts.zoo.folders import added_agents
+    from smarts.zoo.separate import clean as clean_up
+
+    removed = clean_up(added_agents().values())
+    for folder in removed:
+        typer.echo(f"removed {folder}")
+    if not removed:
+        typer.echo("every environment is in use")
 
 
 @app.command()

@@ -41,6 +41,7 @@ def check_experiment(values: Values) -> Iterator[Fault]:
     yield from _tyres(_section(values, "environment"))
     yield from _observed(_section(values, "environment"))
     yield from _social(_section(values, "environment"))
+    yield from _absent_agents(values)
     yield from _traffic_step(_section(values, "environment"))
     yield from _scenarios(values)
 
@@ -115,12 +116,23 @@ def _setting_faults(algorithm: str, common: Values, own: Values, values: Values)
     return [*found, Fault((*place("sharing"), "sharing"), sharing)] if sharing else found
 
 
+_PROCESSES = {
+    "num_env_runners": "resources.env_runners",
+    "num_envs_per_env_runner": "resources.num_envs_per_env_runner",
+    "num_learners": "resources.learners",
+    "num_gpus_per_learner": "resources.learner_gpus",
+}
+"""RLlib's settings of processes, which the section `resources` has."""
+
+
 def _unused(common: Values, algorithms: Sequence[str]) -> Iterator[Fault]:
     """Yield settings of all algorithms that none of them has."""
     used = {name for algorithm in algorithms for name in setting_names(algorithm)}
     every = used | {name for algorithm in ALGORITHMS for name in setting_names(algorithm)}
     for name in sorted(common.keys() - every):
-        yield Fault(("training", name), "no algorithm has such a setting", nearest_names(name, every))
+        place = _PROCESSES.get(name)
+        remedy = f"use {place}" if place else nearest_names(name, every)
+        yield Fault(("training", name), "no algorithm has such a setting", remedy)
     for name in sorted((common.keys() & every) - used) if algorithms else ():
         yield Fault(("training", name), f"none of the algorithms has {name}", "remove it")
 
@@ -132,23 +144,17 @@ def _known_algorithms(values: Values) -> list[str]:
 def _actions(values: Values) -> Iterator[Fault]:
     """Yield algorithms and scripted policies that cannot act as the environment's agents do."""
     environment = _section(values, "environment")
-    observation = environment.get("observation", "benchmark")
     actions = {
         str(agent.get("action", "Lane")): shown((*key, "action")) for key, agent in _agents(environment)
     }
     if environment.get("adapter") is None:  # actions of an own adapter are known when it is made
         yield from _unfit_algorithms(_known_algorithms(values), actions)
-    yield from _unfit_groups(_known_algorithms(values), environment, actions)
+    yield from _unfit_groups(_known_algorithms(values), environment.get("agents", 4), actions)
     other = next((action for action in actions if action != "Lane"), None)
     for number, name in enumerate(_strings(values.get("scripted"))):
         if name in SCRIPTED_POLICIES and not is_own_name(name) and other:
             text = f"{name!r} acts by lane actions, and {actions[other]} is {other!r}"
             yield Fault(("scripted", number), text, "remove it, or give a scripted policy of your own")
-        if name == "gap_acceptance" and observation in ("paper", "raw"):
-            text = (
-                f"{name!r} reads the observation 'benchmark', and environment.observation is {observation!r}"
-            )
-            yield Fault(("scripted", number), text, "remove it")
 
 
 def _agents(environment: Values) -> list[tuple[tuple[str, ...], Values]]:
@@ -171,11 +177,8 @@ def _unfit_algorithms(algorithms: Sequence[str], actions: Mapping[Any, str]) -> 
                 yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
 
 
-def _unfit_groups(
-    algorithms: Sequence[str], environment: Values, actions: Mapping[Any, str]
-) -> Iterator[Fault]:
+def _unfit_groups(algorithms: Sequence[str], agents: Any, actions: Mapping[Any, str]) -> Iterator[Fault]:
     """Yield algorithms that need more agents, or agents with equal actions."""
-    agents = environment.get("agents", 4)
     count = len(agents) if isinstance(agents, dict) else agents
     for number, name in enumerate(algorithms):
         entry, place = entry_of(name), ("algorithms", number)
@@ -300,20 +303,18 @@ def _observed(environment: Values) -> Iterator[Fault]:
 
 def _social(environment: Values) -> Iterator[Fault]:
     """Yield what is wrong with agents of the zoo, and with learning in bubbles."""
-    given = environment.get("social_agents")
+    given, hosts = environment.get("social_agents"), {}
+    if isinstance(environment.get("hosts"), dict):
+        hosts = yield from _hosts(environment["hosts"])
     for number, entry in enumerate(given if isinstance(given, list) else ()):
         if not isinstance(entry, dict) or not isinstance(entry.get("agent"), str):
             continue  # the model says so
         from smarts.env.casting import check_agent
 
         try:
-            check_agent(entry["agent"], _section(entry, "options"))
+            check_agent(entry["agent"], _section(entry, "options"), hosts)
         except SmartsError as error:
             yield Fault(("environment", "social_agents", number), *_message_and_remedy(error))
-    if isinstance(environment.get("hosts"), dict):
-        from smarts.agents.hosting.options import hosts_of
-
-        yield from _refused("hosts", hosts_of, environment)
     if environment.keys() & {"learn_in_bubbles", "episode_time"}:
         from smarts.agents.social import bubble_learning
 
@@ -321,6 +322,49 @@ def _social(environment: Values) -> Iterator[Fault]:
             bubble_learning(environment.get("learn_in_bubbles", False), environment.get("episode_time"))
         except SmartsError as error:
             yield Fault(("environment", error.place), error.problem, error.remedy)
+
+
+def _hosts(given: Values) -> Generator[Fault, None, dict[str, Any]]:
+    """Return where agents act, without what the model refuses; yield logs that cannot be replayed."""
+    from smarts.agents.hosting.log import recorded
+    from smarts.agents.hosting.options import hosts_of
+
+    found: dict[str, Any] = {}
+    for locator, entry in given.items():
+        try:
+            host = hosts_of({locator: entry})[locator]
+        except SmartsError:
+            continue  # the model says so
+        try:
+            if host.replay:
+                recorded(host.replay)
+            found[locator] = host
+        except SmartsError as error:
+            yield Fault(("environment", "hosts", str(locator)), *_message_and_remedy(error))
+    return found
+
+
+def _absent_agents(values: Values) -> Iterator[Fault]:
+    """Yield hosts of agents that are in no scenario, and that the environment does not add."""
+    environment = _section(values, "environment")
+    named = [each for each in _section(environment, "hosts") if each != "*"]
+    if not named:
+        return
+    from smarts.env.casting import locators_of
+    from smarts.sstudio.build import read_scenario
+
+    added = environment.get("social_agents")
+    known = [each.get("agent") for each in added if isinstance(each, dict)] if isinstance(added, list) else []
+    try:
+        for _, name in _places(values.get("tasks")):
+            known += locators_of(read_scenario(name))
+    except SmartsError:
+        return  # said elsewhere
+    for locator in named:
+        if locator not in known:
+            remedy = nearest_names(str(locator), [*map(str, known)])
+            text = f"no agent of the experiment is {locator!r}"
+            yield Fault(("environment", "hosts", str(locator)), text, remedy)
 
 
 def _traffic_step(environment: Values) -> Iterator[Fault]:

@@ -4,120 +4,42 @@ from __future__ import annotations
 
 import json
 import os
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
     BeforeValidator,
-    Discriminator,
     Field,
-    SerializerFunctionWrapHandler,
-    Tag,
-    model_serializer,
 )
 from pydantic_core import PydanticSerializationError
 
-from algorithms.registry import ALGORITHMS
 from benchmark.experiment.algorithm_settings import settings_of
-from benchmark.experiment.checks import MOST_AGENTS, check_experiment
-from benchmark.scripted import SCRIPTED_POLICIES
-from smarts.config import ConfigError, Fault, Problem, Section, UnfitError, read_config, shown
-from smarts.errors import nearest_names
-from smarts.registry import is_own_name
-from smarts.sstudio.locating import resolved, suite
-from smarts.types.actions import ActionSpaceType
-from smarts.types.agent_states import agent_names
-from smarts.types.traffic import TRAFFIC_ENGINES
+from benchmark.experiment.checks import check_experiment
+from benchmark.experiment.environment import Environment
+from benchmark.experiment.values import (
+    NAME,
+    SEVERAL,
+    Address,
+    Algorithms,
+    FolderName,
+    Gpus,
+    Imports,
+    Metrics,
+    Modes,
+    Names,
+    Policies,
+    Positive,
+    Scenario,
+    Seeds,
+    distinct,
+)
+from benchmark.experiment.version import versions
+from smarts.config import ConfigError, Fault, Problem, Section, read_config, shown
 
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
-ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
 EMPTY_ROADS = "no_social_vehicles"
 """The traffic variation that every scenario of the suite has, with no vehicles but the agents'."""
-
-ACTION_NAMES = tuple(kind.name for kind in ActionSpaceType if kind != ActionSpaceType.Empty)
-
-Positive = Annotated[int, Field(ge=1)]
-# Sequences are written as lists, and kept as tuples, since nothing of a config changes.
-SEVERAL = Field(min_length=1, strict=False)
-
-
-def _name(text: str) -> str:
-    if not NAME.fullmatch(text):
-        raise UnfitError(f"{text!r} cannot name a folder", "use letters, digits, '.', '_' and '-'")
-    return text
-
-
-def _named(kind: str, known: Iterable[str]) -> Callable[[str], str]:
-    """Return a check that a name is a registered one, or a `module:Class`, which later checks resolve."""
-
-    def check(name: str) -> str:
-        if name not in [*known] and not is_own_name(name):
-            raise UnfitError(f"there is no {kind} {name!r}", nearest_names(name, known))
-        return name
-
-    return check
-
-
-def _action(name: str) -> str:
-    if name not in ACTION_NAMES:
-        raise UnfitError(f"there is no action {name!r}", nearest_names(name, ACTION_NAMES))
-    return name
-
-
-def _metric(name: str) -> str:
-    from benchmark.metrics.registry import METRICS  # here: loads pandas, and most files choose none
-
-    return _named("metric", METRICS)(name)
-
-
-def _scenario(name: str) -> str:
-    folder = name.partition("@")[0]
-    if not folder or (folder not in suite() and not Path(folder).exists()):
-        raise UnfitError(
-            f"there is no scenario {name!r}, neither in the suite nor as a folder here",
-            nearest_names(folder, suite()),
-        )
-    return resolved(name)
-
-
-def _address(text: str) -> str:
-    found = ADDRESS.fullmatch(text)
-    if text != "auto" and not (found and 0 < int(found[1]) < 2**16):
-        raise UnfitError(
-            f"{text!r} is not where a Ray cluster can be", "write auto, or HOST:PORT of its head"
-        )
-    return text
-
-
-def _gpus(count: float) -> float:
-    if count > 1 and count % 1:
-        raise UnfitError(
-            f"{count:g} is more than one GPU, but no whole number", "share one, or take whole ones"
-        )
-    return count
-
-
-def _distinct(values: Iterable[Any]) -> Any:
-    values = tuple(values)
-    twice = sorted({str(value) for value in values if values.count(value) > 1})
-    if twice:
-        raise UnfitError(f"{', '.join(twice)} is there twice", "name each once")
-    return values
-
-
-def _sorted(values: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(sorted(values))
-
-
-FolderName = Annotated[str, AfterValidator(_name)]
-Algorithm = Annotated[str, AfterValidator(_named("algorithm", ALGORITHMS))]
-Policy = Annotated[str, AfterValidator(_named("scripted policy", SCRIPTED_POLICIES))]
-Metric = Annotated[str, AfterValidator(_metric)]
-Scenario = Annotated[str, AfterValidator(_scenario)]
-Engine = Annotated[str, AfterValidator(_named("traffic engine", TRAFFIC_ENGINES))]
 
 
 class TrainingTask(Section):
@@ -144,183 +66,20 @@ def _tasks(given: Any) -> Any:
     ]
 
 
+def _known_version(version: int) -> int:
+    if version not in versions():
+        raise ValueError(f"there is no version {version}; there is {', '.join(map(str, versions()))}")
+    return version
+
+
 def _differently_named(tasks: tuple[TrainingTask, ...]) -> tuple[TrainingTask, ...]:
-    _distinct(task.name for task in tasks)
+    distinct(task.name for task in tasks)
     return tasks
 
 
-DISTINCT = AfterValidator(_distinct)
-Names = Annotated[tuple[str, ...], SEVERAL, DISTINCT]
-# In one order, whatever the file's: greedy first.
-Modes = Annotated[tuple[Literal["greedy", "sampled"], ...], SEVERAL, DISTINCT, AfterValidator(_sorted)]
-Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**31)], ...], SEVERAL, DISTINCT]
-Algorithms = Annotated[tuple[Algorithm, ...], SEVERAL, DISTINCT]
-Policies = Annotated[tuple[Policy, ...], Field(strict=False), DISTINCT]
-Metrics = Annotated[tuple[Metric, ...], SEVERAL, DISTINCT]
-Imports = Annotated[tuple[str, ...], Field(strict=False), DISTINCT]
-Wheels = Annotated[tuple[Annotated[int, Field(ge=0, le=3)], ...], Field(strict=False), DISTINCT]
-VehicleName = Literal["generic_sedan", "sedan", "passenger", "bus", "coach", "truck", "motorcycle"]
-# All but Empty, by which agents do nothing.
-ActionName = Annotated[str, AfterValidator(_action)]
 Tasks = Annotated[
     tuple[TrainingTask, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)
 ]
-
-
-class Driving(Section):
-    """How an agent acts, and what it drives."""
-
-    action: ActionName = "Lane"
-    """How agents act: a name of ActionSpaceType. Lane is discrete, all others are continuous."""
-    vehicle: VehicleName = "generic_sedan"
-    """What agents drive; the first three are the same car."""
-    vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
-    """How it moves: as a rigid body on tyres, or as a cheaper single-track model."""
-    tyre_model: Literal["pacejka", "linear"] = "pacejka"
-    """What its tyres are like."""
-    flat_tyres: Wheels = ()
-    """Which are flat: 0 front left, 1 front right, 2 rear left, 3 rear right."""
-
-
-class AgentChanges(Driving):
-    """What differs for an agent from the environment's own keys."""
-
-    @model_serializer(mode="wrap")
-    def _given(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {name: value for name, value in serialize(self).items() if name in self.model_fields_set}
-
-
-def _agents(agents: Any) -> Any:
-    """Raise if agents by name are none or too many, or a name is not one."""
-    if not isinstance(agents, dict):
-        return agents
-    if not 1 <= len(agents) <= MOST_AGENTS:
-        raise UnfitError(f"there are {len(agents)} agents", f"give 1 to {MOST_AGENTS}")
-    for name in agents:
-        if not NAME.fullmatch(name) or "__" in name:
-            raise UnfitError(
-                f"{name!r} cannot name an agent", "use letters, digits, '.', '_' and '-', and no '__'"
-            )
-    return agents
-
-
-class SocialAgents(Section):
-    """Agents of the zoo beside the learning ones: they take the missions that these leave."""
-
-    agent: str
-    """A locator, as `smarts-bench zoo list` shows them: module:name-v0."""
-    count: Annotated[int, Field(ge=1, le=MOST_AGENTS)] | Literal["missions"] = 1
-    """How many; missions: as many as there are missions left."""
-    options: dict[str, Any] = Field(default_factory=dict)
-    """Arguments of the agent's policy, as `smarts-bench zoo describe` shows them."""
-
-
-Where = Literal["in_process", "process", "ray"]
-
-
-class Host(Section):
-    """Where an agent of the zoo acts, and in what time."""
-
-    where: Where = "in_process"
-    """in_process, process (on the same machine) or ray (an actor)."""
-    patience: Annotated[float, Field(gt=0, le=3600)] = 10.0
-    """How long an answer is waited for before the agent's process is started again [s]."""
-    deadline_ms: Annotated[float, Field(gt=0)] | None = None
-    """Later answers are dropped [ms]; null: each is waited for."""
-    delay_steps: Annotated[int, Field(ge=0, le=100)] = 0
-    """Steps from an answer to when it is carried out."""
-    memory: Annotated[float, Field(gt=0)] = 8.0
-    """Of a process [GB]."""
-    log: str = ""
-    """Folder to which decisions are written, late ones too; "": none."""
-    replay: str = ""
-    """Folder of such a log, in place of the agent; "": none."""
-
-
-class Environment(Driving):
-    """How agents see, act and drive, and what their reward is; the same for all algorithms."""
-
-    agents: Annotated[
-        Annotated[Annotated[int, Field(ge=1, le=MOST_AGENTS)], Tag("number")]
-        | Annotated[dict[str, AgentChanges], Tag("by name")],
-        Discriminator(lambda given: "by name" if isinstance(given, dict) else "number"),
-        AfterValidator(_agents),
-    ] = 4
-    """Learning agents in each simulation: how many, or what differs for each by its name, such as
-    `{car: {}, truck: {vehicle: truck}}`."""
-    decision_interval: Annotated[int, Field(ge=1, le=50)] = 5
-    """Simulation steps of 0.1 s from one decision to the next."""
-    observation: str | list[Any] | dict[str, Any] = "benchmark"
-    """What agents observe: a name of smarts/observations/observations.yaml, or a list or dict of features."""
-    reward: str | dict[str, Any] | None = None
-    """A name of smarts/rewards/rewards.yaml, weights such as `{goal: 1, collision: -1}`, or module:Class, a
-    class or function of one's own; null: the reward that goes with the observation."""
-    adapter: str | None = None
-    """module:Class of one's own that makes observations, rewards and perhaps the encoding of actions."""
-    adapter_options: dict[str, Any] = Field(default_factory=dict)
-    """Keywords of the own adapter."""
-    friction: Annotated[float, Field(ge=0.05, le=2.0)] | None = None
-    """Of the road under agents' vehicles, where the scenario sets no friction patch: ice has about 0.1, a
-    wet road 0.5; null: dry asphalt, 0.9."""
-    traffic_engine: Engine | None = None
-    """What drives the traffic: SUMO, ConstantSpeed, or module:Class of one's own; null: what the scenario
-    names."""
-    traffic_step: Annotated[float, Field(ge=0.1, le=1.0, multiple_of=0.1)] | None = None
-    """Length of SUMO's step in training [s], a multiple of 0.1; null: 0.1. 0.5 makes training about twice as
-    fast. Validation and tests always run at 0.1 s."""
-    social_agents: Annotated[tuple[SocialAgents, ...], Field(strict=False)] = ()
-    """Agents of the zoo beside the learning ones, in training and test, such as
-    `[{agent: "smarts.zoo:idm-v0", count: 2}]`. They are not measured."""
-    hosts: dict[str, Where | Host] = Field(default_factory=dict)
-    """Where agents of the zoo act, and in what time, by locator ("*": all others), such as
-    `{idm-v0: process, mobil-v0: {delay_steps: 3}}`; docs/hosts.md."""
-    learn_in_bubbles: bool | Annotated[tuple[str, ...], SEVERAL] = False
-    """true, or a list of ids of the scenarios' bubbles: the learning agents have no missions, but drive
-    vehicles of traffic in these bubbles, `agents` of them at a time."""
-    episode_time: Annotated[float, Field(gt=0, le=86_400)] | None = None
-    """Length of the episodes in which agents learn in bubbles [s]."""
-
-    @model_serializer(mode="wrap")
-    def _without_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        # A run without these is the same run as before there were any.
-        kept = serialize(self)
-        for name in ("traffic_step", "social_agents", "learn_in_bubbles", "episode_time"):
-            if getattr(self, name) == type(self).model_fields[name].default:
-                kept.pop(name, None)
-        if not self.hosts:
-            kept.pop("hosts", None)
-        return kept
-
-    def content(self) -> dict[str, Any]:
-        """Return what determines a run: where an agent acts changes nothing, in what time it acts does."""
-        kept = self.model_dump(mode="json")
-        timing = {locator: given for locator, host in self.hosts.items() if (given := _timing(host))}
-        kept.pop("hosts", None)
-        return {**kept, "hosts": timing} if timing else kept
-
-    @property
-    def agent_count(self) -> int:
-        """How many learning agents a simulation has."""
-        return self.agents if isinstance(self.agents, int) else len(self.agents)
-
-    @property
-    def mission_count(self) -> int:
-        """How many missions the learning agents have."""
-        return 0 if self.learn_in_bubbles else self.agent_count
-
-    def driving(self) -> dict[str, Driving]:
-        """Return how each agent acts and drives, by its name."""
-        if isinstance(self.agents, int):
-            return dict.fromkeys(agent_names(self.agents), self)
-        return {name: self.model_copy(update=agent.model_dump()) for name, agent in self.agents.items()}
-
-
-def _timing(host: str | Host) -> dict[str, Any]:
-    """Return the settings of a host that change its agents' actions."""
-    if isinstance(host, str):
-        return {}
-    names = ("deadline_ms", "delay_steps", "replay")
-    return {name: getattr(host, name) for name in names if getattr(host, name)}
 
 
 class Budget(Section):
@@ -359,11 +118,23 @@ class Resources(Section):
     """Processes that simulate for one run; 0: the run's own."""
     num_envs_per_env_runner: Positive = 8
     """Simulations in each of these processes."""
-    learner_gpus: Annotated[float, Field(ge=0, allow_inf_nan=False), AfterValidator(_gpus)] = 0
-    """GPUs for the learner of one run."""
-    address: Annotated[str, AfterValidator(_address)] | None = None
+    learners: Annotated[int, Field(ge=0)] = 0
+    """Processes that learn for one run, each from its rows of every minibatch; 0: the run's own."""
+    learner_gpus: Gpus = 0
+    """GPUs for each learner of one run."""
+    address: Address | None = None
     """HOST:PORT of the Ray cluster to join ("auto" finds it); without it Ray is started on this machine.
-    A cluster's machines must see the results' folder at the same path."""
+    A cluster's machines need third-party packages only: code goes there, results come from there."""
+
+    @property
+    def processes(self) -> int:
+        """Processes of one run, each with a CPU: its own, env runners and learners."""
+        return 1 + self.env_runners + self.learners
+
+    @property
+    def gpus(self) -> float:
+        """GPUs of one run."""
+        return self.learner_gpus * max(self.learners, 1)
 
 
 class Tune(Section):
@@ -386,6 +157,9 @@ class Experiment(Section):
     """Name of the results folder; by default the file's."""
     description: str = ""
     """A line for the report."""
+    benchmark_version: Annotated[int, AfterValidator(_known_version)] | None = None
+    """Version of the benchmark that the results are of: runs are refused where scenarios, observation, reward
+    or metrics differ from what it froze, or with changes that are not committed. null: of no version."""
     imports: Imports = ()
     """Python files and folders in which module:Class below is found: x.py is module x, a folder x is package
     x. Relative to this file, or else to the working directory."""

@@ -11,15 +11,8 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from benchmark.experiment.config import (
-    Budget,
-    Environment,
-    Evaluation,
-    Experiment,
-    Resources,
-    TrainingTask,
-    name_of,
-)
+from benchmark.experiment.config import Budget, Evaluation, Experiment, Resources, TrainingTask, name_of
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.own_code import own_digests
 from smarts.config import ConfigError, fitted
 from smarts.registry import file_name
@@ -29,6 +22,8 @@ SCRIPTED = "scripted"
 """Folder of scripted policies among results, and their mode in tables, shown beside each learned mode."""
 SCRIPTED_SEED = -1
 """Training seed in the tables of policies that were not trained."""
+VERSION = "benchmark_version"
+"""Key of a run's content: version of the benchmark; absent for none."""
 OWN_CODE = "own_code"
 """Key of a run's content and of a test's: name -> digest of own code; see `own_digests`."""
 
@@ -47,6 +42,8 @@ class TaskSetting:
     """What tests measure; None: all that are registered."""
     imports: tuple[str, ...] = ()
     """Files and folders of own code, absolute; every process that simulates imports them."""
+    benchmark_version: int | None = None
+    """That its results are of; None: of none."""
 
     def __str__(self) -> str:
         return f"{self.task.name}, {self.traffic}"
@@ -80,6 +77,7 @@ class TaskSetting:
             "traffic": self.traffic,
             "environment": environment,
             **({"imports": list(self.imports)} if self.imports else {}),
+            **({VERSION: self.benchmark_version} if self.benchmark_version else {}),
             **_own_code(self.imports, environment, *names),
         }
 
@@ -148,6 +146,7 @@ def run_from(content: Mapping[str, Any]) -> Run:
                 evaluation,
                 content["num_envs_per_env_runner"],
                 imports=tuple(content.get("imports", ())),
+                benchmark_version=content.get(VERSION),
             ),
             content["seed"],
             content["settings"],
@@ -216,6 +215,7 @@ def task_settings_of(experiment: Experiment) -> list[TaskSetting]:
             experiment.resources.num_envs_per_env_runner,
             experiment.metrics,
             experiment.imports,
+            experiment.benchmark_version,
         )
         for traffic in experiment.traffic
         for task in experiment.tasks

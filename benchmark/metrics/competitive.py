@@ -1,16 +1,19 @@
-"""Competitive: overtaking slower vehicles where that is possible."""
+"""Competitive: overtaking where that is possible, and going first where one was predicted second."""
+
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.metrics.encounters import FIRST, UNRESOLVED, find_encounters
 from benchmark.metrics.episode_data import EpisodeData, Lanes, Paths, VehicleTracks
 from benchmark.metrics.leaders import distance_ahead, leader_of
-from benchmark.metrics.measure import Columns, ratio
+from benchmark.metrics.measure import Columns, Floats, Measure, Totals, mean_of_known, ratio, share
 from smarts.geometry.compiling import kernel
 from smarts.roads.lane_graph import LaneKind
 
-LEAST_OPPORTUNITIES = 10
-"""For a ratio."""
+LEAST = 10
+"""Opportunities, and contested encounters, for a share."""
 LEAST_TIME = 1.0
 """Behind the leader [s]."""
 MOST_GAP = 30.0
@@ -22,8 +25,9 @@ _CAR = int(LaneKind.CAR)
 
 
 def measure(episode: EpisodeData) -> Columns:
-    """Return opportunities, and those that were taken."""
-    columns = {name: np.zeros(episode.count) for name in METRIC.columns}
+    """Return opportunities to overtake and to go first, and those that were taken."""
+    columns = {**_contested(episode), "opportunities": np.zeros(episode.count)}
+    columns["overtakes"] = np.zeros(episode.count)
     least = round(LEAST_TIME / episode.dt)
     for agent in np.flatnonzero(episode.own >= 0).tolist():
         columns["opportunities"][agent], columns["overtakes"][agent] = _opportunities(
@@ -35,6 +39,33 @@ def measure(episode: EpisodeData) -> Columns:
             least,
         )
     return columns
+
+
+def _contested(episode: EpisodeData) -> dict[str, Floats]:
+    """Return resolved encounters in which the agent was predicted second, and those in which it pushed in."""
+    encounters = episode.shared(find_encounters)
+    is_contested = encounters.is_predicted_second & (encounters.result != UNRESOLVED)
+    pushes = is_contested & (encounters.result == FIRST) & ~encounters.is_courtesy
+    return {
+        name: np.bincount(encounters.agent[rows], minlength=episode.count).astype(float)
+        for name, rows in (("contested", is_contested), ("pushed_in", pushes))
+    }
+
+
+def measure_braking(episode: EpisodeData) -> Columns:
+    """Return the sum of the other's largest decelerations in contested encounters, and their number."""
+    encounters = episode.shared(find_encounters)
+    rows = encounters.is_predicted_second & (encounters.result != UNRESOLVED)
+    braking = np.bincount(encounters.agent[rows], encounters.braking[rows], episode.count)
+    return {"imposed_braking": braking, "contested": _contested(episode)["contested"]}
+
+
+def terms(totals: Totals) -> Mapping[str, Floats]:
+    """Return the two shares."""
+    return {
+        "overtaking": share(totals["overtakes"], totals["opportunities"]),
+        "going_first": share(totals["pushed_in"], totals["contested"]),
+    }
 
 
 @kernel
@@ -76,16 +107,34 @@ def _could_pass(motion: VehicleTracks, lanes: Lanes, own: int, leader: int, ahea
     return bool(is_open)
 
 
-METRIC = ratio(
-    "overtakes",
-    "opportunities",
-    is_count=True,
+METRIC = Measure(
     name="competitive",
     label="Competitive",
-    meaning="overtakes / opportunities: a slower leader within 30 m for 1 s and a lane to pass on",
+    meaning="taking what is contested: mean of overtakes / opportunities (a slower leader within 30 m for "
+    "1 s and a lane to pass on) and pushed in / conflict encounters in which the agent was predicted second "
+    "by 0.2 s to 3 s; pushed in: entered first by gaining more time than the other lost",
+    columns=("overtakes", "opportunities", "pushed_in", "contested"),
     measure=measure,
-    counted="opportunities",
-    least=LEAST_OPPORTUNITIES,
-    missing=f"fewer than {LEAST_OPPORTUNITIES} opportunities",
+    value=lambda totals: mean_of_known(terms(totals)),
+    count=("opportunities", "contested"),
+    counted="opportunities and contested encounters",
+    scarce=("opportunities", "contested"),
+    least=LEAST,
+    missing=f"fewer than {LEAST} opportunities, and fewer than {LEAST} contested encounters",
     better="higher",
+    terms=terms,
+)
+IMPOSED_BRAKING = ratio(
+    "imposed_braking",
+    "contested",
+    name="imposed_braking",
+    label="Imposed braking",
+    meaning="mean of the other's largest deceleration in conflict encounters in which the agent was "
+    "predicted second, until the other arrives",
+    measure=measure_braking,
+    counted="contested encounters",
+    missing="no encounter in which an agent was predicted second",
+    better="lower",
+    unit="m/s^2",
+    is_share=False,
 )

@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.metrics.episode_data import Decisions, EpisodeData
-from benchmark.metrics.measure import Columns, Floats, Totals, ratio, share
+from benchmark.metrics.measure import Columns, Floats, Measure, Totals, share
 from smarts.types.actions import ActionSpaceType, LaneAction
 
-LEAST_COMMANDS = 20
-"""Of an agent-episode that counts."""
-LEAST_AGENTS = 10
-"""That gave so many, for a mean."""
+LEAST_COMMANDS = 50
+"""Of all agent-episodes of a checkpoint and cell."""
 ACCELERATION = 0.3
 """Above which a change of speed is a command [m/s^2]."""
 STEERING_RATE = np.radians(2.0)
@@ -22,22 +20,17 @@ Bools = NDArray[np.bool_]
 
 
 def measure(episode: EpisodeData) -> Columns:
-    """Return the entropy of the split of each agent's commands, and how the commands split."""
+    """Return how many of each agent's commands were longitudinal and lateral, and how far it drove."""
     columns = {name: np.zeros(episode.count) for name in METRIC.columns}
     for agent in np.flatnonzero(episode.entered).tolist():
         decisions = episode.decisions(agent)
         if not len(decisions.step):
             continue
         along, across = _commands(episode, agent, decisions)
-        total = np.count_nonzero(along | across)
-        if total < LEAST_COMMANDS:
-            continue
         both = np.count_nonzero(along & across)
-        longitudinal = np.count_nonzero(along) - both / 2
-        columns["control_diversity"][agent] = split_entropy(longitudinal / total)
-        columns["controlling_agents"][agent] = 1.0
-        columns["longitudinal_commands"][agent] = longitudinal
-        columns["lateral_commands"][agent] = total - longitudinal
+        columns["speed_commands"][agent] = np.count_nonzero(along) - both / 2
+        columns["steering_commands"][agent] = np.count_nonzero(across) - both / 2
+        columns["command_metres"][agent] = episode.agents["distance_travelled"][agent]
     return columns
 
 
@@ -72,36 +65,35 @@ def _spans(episode: EpisodeData, decisions: Decisions) -> Floats:
     return np.maximum(spans, 1.0) * episode.dt
 
 
-def split_entropy(part: float) -> float:
-    """Return the entropy of a split into two, 1 for halves."""
-    parts = np.array([part, 1.0 - part])
-    parts = parts[parts > 0.0]
-    return float(-(parts * np.log2(parts)).sum())
+def split_entropy(part: Floats) -> Floats:
+    """Return the entropy of a split into two, 1 for halves, NaN where the part is."""
+    parts = np.stack([part, 1.0 - np.asarray(part)])
+    logarithms = np.log2(np.where(parts > 0.0, parts, 1.0))
+    return -(parts * logarithms).sum(axis=0)
 
 
 def terms(totals: Totals) -> Mapping[str, Floats]:
-    """Return the preference: the two shares of all commands."""
-    total = totals["longitudinal_commands"] + totals["lateral_commands"]
+    """Return the preference, which is the two shares of all commands, and commands per 100 m."""
+    total = totals["speed_commands"] + totals["steering_commands"]
     return {
-        "longitudinal_share": share(totals["longitudinal_commands"], total),
-        "lateral_share": share(totals["lateral_commands"], total),
+        "longitudinal_share": share(totals["speed_commands"], total),
+        "lateral_share": share(totals["steering_commands"], total),
+        "commands_per_100_m": share(100.0 * total, totals["command_metres"]),
     }
 
 
-METRIC = ratio(
-    "control_diversity",
-    "controlling_agents",
-    columns=(
-        "longitudinal_commands",
-        "lateral_commands",
-    ),
+METRIC = Measure(
     name="control_diversity",
     label="Control diversity",
-    meaning="entropy of the split between longitudinal and lateral commands / log 2",
+    meaning="entropy of the split between longitudinal and lateral commands of all agent-episodes / log 2",
+    columns=("speed_commands", "steering_commands", "command_metres"),
     measure=measure,
-    counted="agent-episodes with 20 commands",
-    least=LEAST_AGENTS,
-    missing=f"fewer than {LEAST_AGENTS} agent-episodes with {LEAST_COMMANDS} commands",
+    value=lambda totals: split_entropy(terms(totals)["longitudinal_share"]),
+    count=("speed_commands", "steering_commands"),
+    counted="commands",
+    least=LEAST_COMMANDS,
+    missing=f"fewer than {LEAST_COMMANDS} commands of a checkpoint",
     is_axis=True,
     terms=terms,
+    is_of_checkpoints=True,
 )

@@ -5,6 +5,11 @@ arrivals at present speeds, at most 10 s ahead, lie within 3 s of each other. Wh
 junction the section comes from the map's conflicting lanes; where two lanes lead into the same lane it is the
 begin of that lane; where one has to change lanes into the other's it is the road on which they are side by
 side. On such a road the first to be ahead when neither has to cross the other any more went first.
+
+The one whose predicted arrival is earlier is predicted first; on a shared road, of arrivals at the place of
+the one ahead when the order is settled, from the speeds of the opening. Where the other one enters first, the
+order is inverted: by courtesy if the predicted first lost at least as much time, against its prediction, as
+the other gained; else because the other one pushed in.
 """
 
 from __future__ import annotations
@@ -30,16 +35,16 @@ PREDICTION_HORIZON = 10.0
 """Within which both arrive, as predicted [s]."""
 MIN_SPEED = 1.0
 """Of both when an encounter opens [m/s]."""
-WIN_ACCELERATION = 3.0
-"""Acceleration of a vehicle that could win [m/s^2]."""
+LEAST_LEAD, MOST_LEAD = 0.2, 3.0
+"""Between the predicted arrivals, for one of the two to be predicted first [s]."""
 ENCOUNTER_TIMEOUT = 15.0
-"""Time from the opening within which a vehicle that gives way clears the section [s]."""
+"""Time from the opening within which a vehicle that enters second clears the section [s]."""
 
-UNRESOLVED, YIELDED, WENT_FIRST, COLLIDED = range(4)
-"""How an encounter ends for the agent."""
+UNRESOLVED, SECOND, FIRST, COLLIDED = range(4)
+"""How an encounter ends for the agent: the other entered first, or the agent did, or they collided."""
 
 _KIND, _BEGIN, _END, _OTHER_BEGIN, _OTHER_END, _NAME = range(6)
-_AGENT, _OTHER, _STEP, _COULD_WIN, _RESULT, _GAP_TIME, _COLUMNS = range(7)
+_AGENT, _OTHER, _STEP, _LEAD, _RESULT, _COURTESY, _GAP_TIME, _BRAKING, _COLUMNS = range(9)
 
 
 class Ways(NamedTuple):
@@ -61,12 +66,26 @@ class Encounters(NamedTuple):
     """Column of the other vehicle."""
     step: Ints
     """When it opened."""
-    could_win: NDArray[np.bool_]
-    """Whether the agent, at +3 m/s^2, would have arrived before the other."""
+    lead: Floats
+    """How much earlier the agent arrives than the other, predicted at the opening [s]."""
     result: Ints
+    is_courtesy: NDArray[np.bool_]
+    """If the order was inverted: whether the predicted first lost at least the time that the other gained."""
     gap_time: Floats
     """Post-encroachment time [s]: from when the first has left until the second arrives; 0 after a collision,
     NaN where one of them never arrived."""
+    braking: Floats
+    """The other's largest deceleration until it arrives [m/s^2]."""
+
+    @property
+    def is_predicted_first(self) -> NDArray[np.bool_]:
+        """Whether the agent was predicted first; never of both of two agents that meet."""
+        return (self.lead >= LEAST_LEAD) & (self.lead <= MOST_LEAD)
+
+    @property
+    def is_predicted_second(self) -> NDArray[np.bool_]:
+        """Whether the other one was predicted first."""
+        return (self.lead <= -LEAST_LEAD) & (self.lead >= -MOST_LEAD)
 
 
 def find_encounters(episode: EpisodeData) -> Encounters:
@@ -99,9 +118,11 @@ def find_encounters(episode: EpisodeData) -> Encounters:
         agent=found[:, _AGENT].astype(np.int32),
         other=found[:, _OTHER].astype(np.int32),
         step=found[:, _STEP].astype(np.int32),
-        could_win=found[:, _COULD_WIN] > 0,
+        lead=found[:, _LEAD],
         result=found[:, _RESULT].astype(np.int32),
+        is_courtesy=found[:, _COURTESY] > 0,
         gap_time=found[:, _GAP_TIME],
+        braking=found[:, _BRAKING],
     )
 
 
@@ -157,7 +178,8 @@ def _meet(
             last = sections[row][_NAME]
             into = found[count]
             into[_OTHER], into[_STEP] = other, k
-            into[_COULD_WIN] = _could_win(motion, sections[row], own, other, k)
+            ahead, ahead2 = _ahead(motion, sections[row], own, other, k)
+            into[_LEAD] = ahead2 / motion.speed[k, other] - ahead / motion.speed[k, own]
             k = _follow(motion, ways, own, other, k, row, collided, end, dt, into)
             count += 1
         k += 1
@@ -195,17 +217,6 @@ def _opens(motion: VehicleTracks, section: Floats, own: int, other: int, k: int)
 
 
 @kernel
-def _could_win(motion: VehicleTracks, section: Floats, own: int, other: int, k: int) -> bool:
-    """Return whether at +3 m/s^2 the agent arrives first; beside each other, at the end of the road."""
-    ahead, ahead2 = _ahead(motion, section, own, other, k)
-    if int(section[_KIND]) == CHANGE:
-        ahead, ahead2 = section[_END] - motion.s[k, own], section[_OTHER_END] - motion.s[k, other]
-    speed = motion.speed[k, own]
-    time = (-speed + np.sqrt(speed * speed + 2.0 * WIN_ACCELERATION * max(ahead, 0.0))) / WIN_ACCELERATION
-    return time < max(ahead2, 0.0) / motion.speed[k, other]
-
-
-@kernel
 def _follow(
     motion: VehicleTracks,
     ways: Ways,
@@ -229,6 +240,7 @@ def _follow(
     is_settled = not is_change
     arrive, arrive2, leave, leave2 = np.inf, np.inf, np.inf, np.inf
     came, came2, left, left2 = -1.0, -1.0, -1.0, -1.0
+    place, place2, settled, ahead_by = 0.0, 0.0, -1.0, 0.0
     last = min(len(motion.path) - 1, opened + round(ENCOUNTER_TIMEOUT / dt))
     k = opened
     for now in range(opened, last + 1):
@@ -243,7 +255,7 @@ def _follow(
         elif is_change and not is_settled and not goes_on:
             gap = -distance_ahead(motion, ways.paths, ways.lanes, own, other, k)
             if np.isfinite(gap) and gap != 0.0:
-                is_settled = True
+                is_settled, settled, ahead_by = True, float(k), gap
                 reach = abs(gap) - (motion.length[own] + motion.length[other]) / 2
                 place, place2 = motion.odometer[k, own], motion.odometer[k, other]
                 first = gap > 0.0
@@ -256,17 +268,45 @@ def _follow(
             left2 = _passed(left2, motion.odometer[k, other], leave2, k)
         if left >= 0.0 and left2 >= 0.0:
             break
+    # How late each is where it arrives, at least if it has not at the end, or where the order is settled.
+    marks = (place, place2, settled, settled) if is_change else (arrive, arrive2, came, came2)
+    late = _lateness(motion, own, opened, marks[0], marks[2] if marks[2] >= 0.0 else k, dt)
+    late2 = _lateness(motion, other, opened, marks[1], marks[3] if marks[3] >= 0.0 else k, dt)
+    # Where the order is settled is the place of which arrivals were to be predicted.
+    behind = ahead_by / motion.speed[opened, other if ahead_by > 0.0 else own]
+    into[_LEAD] = late - late2 + behind if settled >= 0.0 else into[_LEAD]
+    # Of the predicted first, its delay; of the other, its advance.
+    delay, advance = (late, -late2) if into[_LEAD] > 0.0 else (late2, -late)
+    into[_COURTESY] = 1.0 if delay >= advance else 0.0
+    into[_BRAKING] = _braking(motion, other, opened, k, came2)
     into[_RESULT], into[_GAP_TIME] = UNRESOLVED, np.nan
     if collided and opened <= end <= k and not (0.0 <= left < end and 0.0 <= left2 < end):
         into[_RESULT], into[_GAP_TIME] = COLLIDED, 0.0
         return k
     if came >= 0.0 and (came2 < 0.0 or came <= came2):
-        into[_RESULT] = WENT_FIRST
+        into[_RESULT] = FIRST
         into[_GAP_TIME] = max(came2 - left, 0.0) * dt if came2 >= 0.0 and left >= 0.0 else np.nan
     elif came2 >= 0.0:
-        into[_RESULT] = YIELDED if left >= 0.0 else UNRESOLVED
+        into[_RESULT] = SECOND if left >= 0.0 else UNRESOLVED
         into[_GAP_TIME] = max(came - left2, 0.0) * dt if came >= 0.0 and left2 >= 0.0 else np.nan
     return k
+
+
+@kernel
+def _lateness(motion: VehicleTracks, vehicle: int, opened: int, place: float, k: float, dt: float) -> float:
+    """Return how much later a vehicle is at a place of its odometer than at the speed of the opening [s]."""
+    predicted = (place - motion.odometer[opened, vehicle]) / motion.speed[opened, vehicle]
+    return float((k - opened) * dt - predicted)
+
+
+@kernel
+def _braking(motion: VehicleTracks, vehicle: int, opened: int, last: int, came: float) -> float:
+    """Return the largest deceleration of a vehicle until it arrives, or until the last instant [m/s^2]."""
+    found = 0.0
+    for k in range(opened, last + 1):
+        if motion.present[k, vehicle] and (came < 0.0 or k <= came):
+            found = max(found, -motion.acceleration[k, vehicle])
+    return found
 
 
 @kernel

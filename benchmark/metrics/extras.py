@@ -2,10 +2,12 @@
 
 import numpy as np
 
+from benchmark.metrics.collision_times import HORIZON, time_to_collision
 from benchmark.metrics.encounters import find_encounters
 from benchmark.metrics.episode_data import EpisodeData
-from benchmark.metrics.leaders import leader_of, time_to_collision
+from benchmark.metrics.leaders import leader_of
 from benchmark.metrics.measure import Columns, ratio
+from benchmark.metrics.safety import drove_enough
 
 HARD = 4.0
 """A harder deceleration than this is a hard brake [m/s^2]."""
@@ -15,10 +17,6 @@ CAUSE_TIME = 3.0
 """How long after an encounter began a hard brake is put down to it [s]."""
 PAUSE = 1.0
 """After which a hard brake is another one [s]."""
-LEAST_DRIVEN = 5.0
-"""By an agent that counts [m]."""
-LONGEST = 10.0
-"""Times to collision are clipped here [s]."""
 REWARD = "reward"
 """Name of the extra."""
 
@@ -40,13 +38,13 @@ def measure_return(episode: EpisodeData) -> Columns:
 
 
 def measure_least_time(episode: EpisodeData) -> Columns:
-    """Return each agent's least time to collision, at most 10 s."""
+    """Return each agent's least time to collision, at most that of the horizon."""
     times = episode.shared(time_to_collision)
     known = episode.entered & ~np.isnan(times).all(axis=0)
-    least = np.where(np.isnan(times), LONGEST, times).min(axis=0)
+    least = np.where(np.isnan(times), HORIZON, times).min(axis=0)
     return {
-        "least_time": np.where(known, np.minimum(least, LONGEST), 0.0),
-        "located_agents": known.astype(float),
+        "least_collision_time": np.where(known, np.minimum(least, HORIZON), 0.0),
+        "timed_agents": known.astype(float),
     }
 
 
@@ -75,7 +73,7 @@ def measure_hard_brakes(episode: EpisodeData) -> Columns:
             causes.add(agent_of[leader])
         for agent in causes:
             brakes[agent] += episode.driving[k, agent]
-    drove = episode.entered & (episode.agents["distance_travelled"] >= LEAST_DRIVEN)
+    drove = drove_enough(episode)
     kilometres = np.where(drove, episode.agents["distance_travelled"] / 1000.0, 0.0)
     return {"hard_brakes": np.where(drove, brakes, 0.0), "kilometres": kilometres}
 
@@ -112,13 +110,13 @@ RETURN = ratio(
     is_share=False,
 )
 LEAST_TIME_TO_COLLISION = ratio(
-    "least_time",
-    "located_agents",
+    "least_collision_time",
+    "timed_agents",
     name="least_time_to_collision",
     label="Least time to collision",
-    meaning="the least time to collision of an agent-episode, at most 10 s",
+    meaning="the least time to collision of an agent-episode, at most 3 s",
     measure=measure_least_time,
-    counted="agent-episodes on lanes",
+    counted="agent-episodes with decisions",
     missing="no agent drove",
     better="higher",
     unit="s",

@@ -1,4 +1,4 @@
-"""Generalization: what is left of completion and safety where the policy was not trained."""
+"""Generalization: what is left of completion and safety in each variation that was not trained on."""
 
 from collections.abc import Mapping
 
@@ -28,7 +28,7 @@ def measure(episode: EpisodeData) -> Columns:
 
 
 def terms(totals: Totals) -> Mapping[str, Floats]:
-    """Return the raw pairs: completion and non-collision rates of both splits."""
+    """Return the raw pairs: completion and non-collision rates in training and in a held-out variation."""
     rates = {}
     for split in SPLITS:
         agents = totals[f"{split}_agents"]
@@ -38,20 +38,21 @@ def terms(totals: Totals) -> Mapping[str, Floats]:
 
 
 def value(totals: Totals) -> Floats:
-    """Return 1 - mean(max(0, train - held-out)) over the two rates."""
+    """Return the smaller of min(1, held-out / training) of the two rates, of one held-out variation."""
     rates = terms(totals)
-    losses = [
-        np.maximum(rates[f"train_{name}"] - rates[f"held_out_{name}"], 0.0)
+    kept = [
+        np.minimum(1.0, share(rates[f"held_out_{name}"], rates[f"train_{name}"]))
         for name in ("completion", "non_collision")
     ]
     is_trained = rates["train_completion"] >= LEAST_COMPLETION
-    return np.where(is_trained, 1.0 - np.mean(losses, axis=0), np.nan)
+    return np.where(is_trained, np.min(kept, axis=0), np.nan)
 
 
 METRIC = Measure(
     name="generalization",
     label="Generalization",
-    meaning="1 - mean loss of completion and non-collision rate from training to held-out variations",
+    meaning="mean over held-out variations of the smaller of min(1, held-out / training) of completion and "
+    "of non-collision rate; the worst variation stands beside it",
     columns=tuple(f"{split}_{name}" for split in SPLITS for name in ("agents", "goals", "collisions")),
     measure=measure,
     value=value,
@@ -60,4 +61,5 @@ METRIC = Measure(
     missing="no held-out variation was played, or completion in training is below 0.5",
     better="higher",
     terms=terms,
+    is_by_variation=True,
 )

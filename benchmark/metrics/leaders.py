@@ -1,86 +1,11 @@
-"""Leaders and followers along planned paths, and times to collision."""
+"""Leaders and followers along planned paths."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from benchmark.metrics.episode_data import EpisodeData, Lanes, Paths, VehicleTracks
+from benchmark.metrics.episode_data import Lanes, Paths, VehicleTracks
 from smarts.geometry.compiling import kernel
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-
-
-def time_to_collision(episode: EpisodeData) -> Floats:
-    """Return each agent's time to collision with the vehicles ahead, at constant speeds [s].
-
-    Along the agent's planned path, with those whose centre is on one of its lanes, or whose footprint reaches
-    from the lane beside into the strip that the agent's covers. An agent beside its lane is taken to go
-    straight on.
-
-    Returns:
-        Shape (T, A): infinite where nothing closes in, 0 for overlapping strips, NaN where it does not drive.
-    """
-    times = np.full(episode.driving.shape, np.nan)
-    for agent in np.flatnonzero(episode.own >= 0).tolist():
-        own = int(episode.own[agent])
-        _times(episode.motion, episode.paths, episode.lanes, own, episode.driving[:, agent], times[:, agent])
-    return times
-
-
-@kernel
-def _times(
-    motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, driving: NDArray[np.bool_], out: Floats
-) -> None:
-    for k in range(len(driving)):
-        if not (driving[k] and motion.present[k, own]):
-            continue
-        lane = motion.lane[k, own]
-        is_off = lane < 0 or abs(motion.t[k, own]) > lanes.width[lane] / 2
-        out[k] = math.inf
-        for other in range(motion.present.shape[1]):
-            if other == own or not motion.present[k, other]:
-                continue
-            if is_off:
-                time = _time_straight(motion, own, other, k)
-            else:
-                time = _time_along(motion, paths, lanes, own, other, k)
-            out[k] = min(out[k], time)
-
-
-@kernel
-def _time_along(motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, other: int, k: int) -> float:
-    ahead, aside = place_ahead(motion, paths, lanes, own, other, k)
-    if not ahead > 0.0:
-        return math.inf
-    beside = abs(aside + motion.t[k, other] - motion.t[k, own])
-    if aside != 0.0 and beside >= (motion.width[own] + motion.width[other]) / 2:
-        return math.inf
-    closing = motion.speed[k, own] - motion.speed[k, other] * math.cos(motion.turn[k, other])
-    gap = ahead - (motion.length[own] + motion.length[other]) / 2
-    if closing <= 0.0:
-        return math.inf
-    return max(gap, 0.0) / closing
-
-
-@kernel
-def _time_straight(motion: VehicleTracks, own: int, other: int, k: int) -> float:
-    cosine, sine = math.cos(motion.heading[k, own]), math.sin(motion.heading[k, own])
-    dx, dy = motion.x[k, other] - motion.x[k, own], motion.y[k, other] - motion.y[k, own]
-    ahead, beside = dx * cosine + dy * sine, dy * cosine - dx * sine
-    turn = motion.heading[k, other] - motion.heading[k, own]
-    along, across = abs(math.cos(turn)), abs(math.sin(turn))
-    length = along * motion.length[other] + across * motion.width[other]
-    width = along * motion.width[other] + across * motion.length[other]
-    if ahead <= 0.0 or abs(beside) >= (motion.width[own] + width) / 2:
-        return math.inf
-    closing = motion.speed[k, own] - motion.speed[k, other] * math.cos(turn)
-    if closing <= 0.0:
-        return math.inf
-    return max(ahead - (motion.length[own] + length) / 2, 0.0) / closing
 
 
 @kernel

@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmark.metrics.control_diversity import LEAST_COMMANDS, split_entropy
 from benchmark.metrics.registry import METRICS
+from benchmark.metrics.safety import LEAST_DRIVEN
 from smarts.errors import SmartsError, shown
 from smarts.types.actions import LaneAction
 from smarts.types.events import Outcome
@@ -170,7 +170,7 @@ class Metric:
             "return": sum(log.rewards),
             "returns": 1.0,
             "decisions": float(len(log.rewards)),
-            **dict.fromkeys(("safe_time", "driving_time", "safe_gaps", "gaps"), 0.0),
+            **_safety_columns(log, outcomes["ended_collision"]),
             **_seen_columns(log),
             **_command_columns(log),
         }
@@ -187,7 +187,7 @@ class Metric:
             [self.columns(log if log.outcome else replace(log, outcome=TIME_OUT)) for log in logs]
         )
         totals = {name: np.array(sum(rows[name])) for name in rows}
-        found = {name: float(METRICS[name].value(totals)) for name in MEASURED}
+        found = {name: float(METRICS[name].known(totals)) for name in MEASURED}
         return found | {UNFINISHED: sum(not log.outcome for log in logs) / len(logs)}
 
     def _episode(self, given: Any) -> Any:
@@ -226,6 +226,13 @@ def _outcome_of(seen: Any) -> str:
     return next((name for name, is_so in happened.items() if is_so), "other")
 
 
+def _safety_columns(log: AgentLog, collision: float) -> dict[str, float]:
+    """Return the columns of safety; an agent without observations counts as one that drove."""
+    driven = float(not log.seen or log.seen[-1].distance_travelled >= LEAST_DRIVEN)
+    unknown = ("timed_decisions", "safe_decisions", "timed_gaps", "safe_gaps")
+    return {"driven_agents": driven, "driven_collisions": driven * collision, **dict.fromkeys(unknown, 0.0)}
+
+
 def _seen_columns(log: AgentLog) -> dict[str, float]:
     names = ("goal_distance", "bound_agents", "progress", "progress_time", "seconds")
     columns: dict[str, float] = {name: 0.0 for name in names}
@@ -244,16 +251,13 @@ def _seen_columns(log: AgentLog) -> dict[str, float]:
 
 
 def _command_columns(log: AgentLog) -> dict[str, float]:
-    names = ("control_diversity", "controlling_agents", "longitudinal_commands", "lateral_commands")
-    columns: dict[str, float] = {name: 0.0 for name in names}
     chosen = [_lane_action(action) for action in log.actions]
-    along = chosen.count(LaneAction.slow_down)
     across = chosen.count(LaneAction.change_lane_left) + chosen.count(LaneAction.change_lane_right)
-    if along + across >= LEAST_COMMANDS:
-        columns["longitudinal_commands"], columns["lateral_commands"] = float(along), float(across)
-        columns["control_diversity"] = split_entropy(along / (along + across))
-        columns["controlling_agents"] = 1.0
-    return columns
+    return {
+        "speed_commands": float(chosen.count(LaneAction.slow_down)),
+        "steering_commands": float(across),
+        "command_metres": log.seen[-1].distance_travelled if log.seen else 0.0,
+    }
 
 
 def _lane_action(action: Any) -> LaneAction | None:

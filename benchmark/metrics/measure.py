@@ -54,14 +54,26 @@ class Measure:
     """Unit of that count, shown in reports."""
     least: float = 0.0
     """Denominator below which a group has no value; single starts are compared whatever they have."""
+    scarce: tuple[str, ...] = ()
+    """Denominators of terms, each of which has to reach `least` for its term to be defined."""
     hits: str = ""
     """Column of the numerator where the value is a share of counted things, and so has Wilson's interval."""
     terms: Callable[[Totals], Mapping[str, Floats]] | None = None
     """Terms of an index. NaN is an undefined term, which the value's note names."""
+    is_of_checkpoints: bool = False
+    """Whether the value of several training seeds is the mean of their values, not the value of all sums."""
+    is_by_variation: bool = False
+    """Whether the value is the mean of those of each held-out variation, and the worst one is named."""
 
     def known(self, totals: Totals) -> Floats:
         """Return the metric, NaN also where there was less than `least` to measure."""
-        return np.where(self.denominator(totals) >= self.least, self.of_whole(totals), np.nan)
+        enough = self.enough(totals, totals)
+        return np.where(self.denominator(totals) >= self.least, self.of_whole(enough), np.nan)
+
+    def enough(self, totals: Totals, whole: Totals) -> Totals:
+        """Return sums with 0 for each of the `scarce` denominators that is below `least` in `whole`."""
+        kept = {name: np.where(whole[name] >= self.least, totals[name], 0.0) for name in self.scarce}
+        return {**totals, **kept}
 
     def of_whole(self, totals: Totals) -> Floats:
         """Return the metric, NaN where a column's sum is NaN: also of an index that does without a term."""

@@ -48,6 +48,8 @@ METRICS = Registry(
         "goal_distance": "benchmark.metrics.extras:GOAL_DISTANCE",
         "return": "benchmark.metrics.extras:RETURN",
         "least_time_to_collision": "benchmark.metrics.extras:LEAST_TIME_TO_COLLISION",
+        "social_encounters": "benchmark.metrics.social_encounters:METRIC",
+        "imposed_braking": "benchmark.metrics.competitive:IMPOSED_BRAKING",
         "hard_brakes": "benchmark.metrics.extras:HARD_BRAKES",
         "decision_rate": "benchmark.metrics.extras:DECISION_RATE",
     },

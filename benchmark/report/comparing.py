@@ -13,6 +13,7 @@ from benchmark.metrics import METRICS, compare
 from benchmark.metrics.results import Frame
 from benchmark.report.protocol import described, differing_scenarios, protocol_of
 from benchmark.report.ranking import CELL
+from benchmark.report.versions import check_one_version
 from benchmark.results.commands import EXPERIMENT
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult, read_results
@@ -128,9 +129,10 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
         in the cell; scripted policies have none.
 
     Raises:
-        ResultsError: There is nothing in common.
+        ResultsError: There is nothing in common, or they are of several versions of the benchmark.
         UnknownNameError: A metric is unknown.
     """
+    check_one_version([*first.runs, *second.runs], f"{first.path}, {second.path}")
     # Each once, since p-values are corrected for their number.
     metrics = [*dict.fromkeys(metrics)]
     for name in metrics:

@@ -10,8 +10,9 @@ from typing import Any
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics import METRICS
 from benchmark.metrics.results import Frame
-from benchmark.report.paper import Printed, is_non_inferior, paper, printed
-from benchmark.report.ranking import Standing, differences, of_cell, ranks
+from benchmark.report.against_paper import ONE_SIDED, BothLevels, Comparison, compare_with, passing
+from benchmark.report.paper import Printed, misprint, paper, printed
+from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
 from benchmark.report.values import (
     GENERALIZATION,
     MODES,
@@ -20,6 +21,7 @@ from benchmark.report.values import (
     by_key,
     measure_cells,
 )
+from benchmark.report.versions import check_one_version
 from benchmark.results.reading import Results
 
 
@@ -34,8 +36,12 @@ class TableCell:
     completion: Value | None
     printed: tuple[Printed, ...]
     """The paper's."""
-    is_non_inferior: bool | None
-    """To the paper; None where one of the two has no figure, or there are too few test episodes."""
+    comparison: Comparison | None
+    """With the paper; None where one of the two has no figure or interval."""
+    passed_by: tuple[str, ...]
+    """Degenerate drivers that pass the paper's cell, which therefore does not count."""
+    misprint: str
+    """What is odd about the paper's figures, "" for nothing."""
     rank: int | None
     """Among the learning algorithms of the column; None without another one to compare with."""
     is_tied: bool
@@ -45,11 +51,6 @@ class TableCell:
     def is_best(self) -> bool:
         """Whether no other one of the column is better."""
         return self.rank == 1
-
-    @property
-    def is_short(self) -> bool:
-        """Whether there are fewer test episodes than a comparison with the paper asks for."""
-        return self.completion is not None and _is_short(self.completion)
 
 
 @dataclass(frozen=True)
@@ -68,12 +69,18 @@ class Report:
     results: Results
     values: Frame
     """Of `measure_cells`."""
+    one_sided: Frame
+    """The two rates with intervals whose ends are one-sided 95% ends."""
     differences: dict[str, Frame]
     """By mode; of `benchmark.report.ranking.differences`."""
 
     @cached_property
     def _by_key(self) -> dict[Key, Value]:
         return by_key(self.values)
+
+    @cached_property
+    def _one_sided_by_key(self) -> dict[Key, Value]:
+        return by_key(self.one_sided)
 
     @cached_property
     def modes(self) -> list[str]:
@@ -107,8 +114,12 @@ class Report:
     @cached_property
     def names(self) -> list[tuple[str, bool]]:
         """Rows of tables: name, and whether it is a scripted policy."""
-        scripted = sorted({run.algorithm for run in self.results.runs if run.is_scripted})
-        return [*((name, False) for name in self.algorithms), *((name, True) for name in scripted)]
+        return [*((name, False) for name in self.algorithms), *((name, True) for name in self.scripted)]
+
+    @cached_property
+    def scripted(self) -> list[str]:
+        """Scripted policies."""
+        return sorted({run.algorithm for run in self.results.runs if run.is_scripted})
 
     @cached_property
     def metrics(self) -> list[str]:
@@ -144,6 +155,7 @@ class Report:
         collision = self.value(name, task, traffic, mode, "collision_rate")
         completion = self.value(name, task, traffic, mode, "completion_rate")
         theirs = printed(name, task, traffic)
+        ours = self._figures(name, task, traffic, mode)
         standing = standings.get(name)
         return TableCell(
             task,
@@ -151,10 +163,23 @@ class Report:
             collision,
             completion,
             theirs,
-            _is_non_inferior(theirs, collision, completion),
+            compare_with(theirs, *ours) if ours else None,
+            passing(theirs, self.scripted, lambda driver: self._figures(driver, task, traffic, mode)),
+            misprint(name, task, traffic),
             standing.rank if standing else None,
             standing is not None and standing.is_tied,
         )
+
+    def _figures(self, name: str, task: str, traffic: str, mode: str) -> BothLevels | None:
+        """Return collision and completion rate with intervals of both levels, None without a finished run."""
+        ours = []
+        for values in (self._by_key, self._one_sided_by_key):
+            for metric in reversed(RANKED_BY):
+                found = values.get((name, task, traffic, mode, metric))
+                ours.append(found or values.get((name, task, traffic, SCRIPTED, metric)))
+        if any(value is None for value in ours):
+            return None
+        return (ours[0], ours[1]), (ours[2], ours[3])
 
     def generalization(self) -> Iterator[tuple[str, str, str, Value]]:
         """Yield algorithm, task, traffic and generalization where held-out variations were played."""
@@ -171,25 +196,16 @@ def _ordered(names: Iterable[str], known: Iterable[str]) -> list[str]:
     return [*first, *sorted(there - set(first))]
 
 
-def _is_short(found: Value) -> bool:
-    return found.episodes < paper()["test_episodes"] * max(1, found.seeds)
-
-
-def _is_non_inferior(
-    theirs: tuple[Printed, ...], collision: Value | None, completion: Value | None
-) -> bool | None:
-    if collision is None or completion is None or not (collision.is_known and completion.is_known):
-        return None
-    if _is_short(completion):
-        return None
-    return is_non_inferior(theirs, collision.value, completion.value)
-
-
 def make_report(results: Results) -> Report:
-    """Return all that a report says of an experiment."""
+    """Return all that a report says of an experiment.
+
+    Raises:
+        ResultsError: Its runs are of several versions of the benchmark.
+    """
+    check_one_version(results.runs, str(results.root))
     values = measure_cells(results.table)
-    report = Report(results, values, {})
     table = results.table
+    report = Report(results, values, measure_cells(table, RANKED_BY, ONE_SIDED), {})
     for mode in report.modes:
         report.differences[mode] = differences(table, mode)
     return report

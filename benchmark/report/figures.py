@@ -57,6 +57,16 @@ KINDS = (
         radar.draw_radar,
     ),
     Kind(
+        "radar_all",
+        "All indices",
+        "As above, with all of the paper's metrics; of rates that are better when lower, 1 minus the value."
+        " Diversity, stochasticity and cut-ins describe or have few cases: look at the counts in the table.",
+        (3.9, 3.2),
+        1,
+        "polar",
+        radar.draw_all_indices,
+    ),
+    Kind(
         "learning_curves",
         "Learning curves",
         "Line: mean over training seeds of the last training episodes, which explore, as far as all seeds are"

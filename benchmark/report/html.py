@@ -11,6 +11,8 @@ from benchmark.report import provenance, tables, wording
 from benchmark.report.content import Report, Row, TableCell
 from benchmark.report.figures import KINDS, draw_cells, legend
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.style import data_uri
+from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, NOTE, PROFILE_NOTE, Summaries
 
 
 @cache
@@ -37,8 +39,14 @@ def _source(file: str) -> str:
     return _templates().loader.get_source(_templates(), file)[0]
 
 
-def report_page(report: Report) -> str:
-    """Return a report as an HTML page."""
+def report_page(report: Report, summaries: Summaries, profile: bytes | None) -> str:
+    """Return a report as an HTML page.
+
+    Args:
+        report: What it says.
+        summaries: Over its cells.
+        profile: Picture of the performance profile, a PNG file; None without summaries.
+    """
     results = report.results
     rows, notes = tables.metrics_table(report)
     return fill(
@@ -69,19 +77,34 @@ def report_page(report: Report) -> str:
             }
             for kind in KINDS
         ],
+        summary=_summary(summaries, profile),
         generalization=tables.generalization_rows(report),
         generalization_columns=tables.GENERALIZATION_COLUMNS.items(),
         differences=tables.difference_rows(report),
         difference_notes=tables.difference_notes(report),
         intervals=wording.INTERVALS,
         compared=wording.COMPARED,
-        non_inferior_means=wording.NON_INFERIOR_MEANS,
+        against_paper=wording.AGAINST_PAPER,
         difference_columns=tables.DIFFERENCE_COLUMNS.items(),
         commands=provenance.commands(results),
         circumstances=provenance.circumstances(results),
         runs=[line.cells for line in provenance.run_lines(results)],
         run_columns=provenance.RUN_COLUMNS.items(),
     )
+
+
+def _summary(summaries: Summaries, profile: bytes | None) -> dict[str, Any] | None:
+    if profile is None:
+        return None
+    return {
+        "note": NOTE,
+        "tables": [
+            (COLUMNS.items(), summaries.mean_rows(), 1),
+            (IMPROVEMENT_COLUMNS.items(), summaries.improvement_rows(), 2),
+        ],
+        "profile": data_uri(profile),
+        "profile_note": PROFILE_NOTE,
+    }
 
 
 def _column(name: str) -> dict[str, Any]:
@@ -126,7 +149,7 @@ def _cell(cell: TableCell) -> dict[str, Any]:
         "interval_meaning": wording.interval_meaning(cell),
         "paper": wording.printed_text(cell.printed),
         "mark": wording.mark(cell),
-        "mark_class": "non-inferior" if cell.is_non_inferior else "inferior",
+        "not_counted": wording.not_counted(cell),
         "mark_meaning": wording.mark_meaning(cell),
         "count": wording.count(cell),
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import groupby
 
 from benchmark.report import wording
+from benchmark.report.against_paper import BETTER, NON_INFERIOR
 from benchmark.report.content import Report, TableCell
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 
@@ -32,7 +33,8 @@ def main_table(report: Report, mode: str) -> str:
         first += width
     lines = [
         "% Needs \\usepackage{booktabs}. Collision / completion rate, their 95% intervals, the paper's.",
-        f"% {wording.BOLD} Asterisk: non-inferior to the paper. {wording.NON_INFERIOR_MEANS}",
+        f"% {wording.BOLD} Asterisks: two better than the paper, one non-inferior; in brackets not counted.",
+        f"% {wording.AGAINST_PAPER}",
         f"% {wording.INTERVALS}",
         f"% {wording.COMPARED}",
         r"\begin{tabular}{l" + "c" * len(columns) + "}",
@@ -71,5 +73,6 @@ def _intervals(cell: TableCell) -> str:
 def _printed(cell: TableCell) -> str:
     if not cell.printed:
         return ""
-    mark = r"$^{\ast}$" if cell.is_non_inferior else ""
+    stars = {BETTER: r"\ast\ast", NON_INFERIOR: r"\ast"}.get(wording.mark(cell), "")
+    mark = f"$^{{{f'({stars})' if cell.passed_by else stars}}}$" if stars else ""
     return rf"{{\small {wording.printed_text(cell.printed)}{mark}}}"

@@ -9,13 +9,15 @@ from benchmark.report import provenance, tables, wording
 from benchmark.report.content import Report, TableCell
 from benchmark.report.figures import KINDS
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, NOTE, PROFILE, PROFILE_NOTE, Summaries
 
 
-def report_text(report: Report, pictures: Iterable[str]) -> str:
+def report_text(report: Report, summaries: Summaries, pictures: Iterable[str]) -> str:
     """Return a report as Markdown.
 
     Args:
         report: What it says.
+        summaries: Over its cells.
         pictures: Names of the kinds of plots that lie beside it.
     """
     results = report.results
@@ -28,11 +30,15 @@ def report_text(report: Report, pictures: Iterable[str]) -> str:
         parts += [f"## {wording.MODE_TITLES[mode]} episodes: collision rate / completion rate"]
         parts += [f"{wording.MODE_NOTES[mode]} {wording.BOLD}", _main_table(report, mode)]
     parts += [
-        wording.NON_INFERIOR_MEANS,
+        wording.AGAINST_PAPER,
         wording.INTERVALS,
         wording.COMPARED,
         " ".join(tables.difference_notes(report)),
     ]
+    if summaries.algorithms:
+        parts += ["## Summary over cells", NOTE, table([*COLUMNS], summaries.mean_rows())]
+        parts += [table([*IMPROVEMENT_COLUMNS], summaries.improvement_rows(), left=2)]
+        parts += [f"![Performance profile]({PROFILE}.png)", PROFILE_NOTE]
     there = set(pictures)
     for kind in KINDS:
         if kind.name in there:
@@ -69,7 +75,8 @@ def _main_table(report: Report, mode: str) -> str:
 
 def _cell(cell: TableCell) -> str:
     paper = wording.printed_text(cell.printed)
-    beside = f"paper {paper}{' ' if wording.mark(cell) else ''}{wording.mark(cell)}" if paper else ""
+    word = ": ".join(filter(None, (f"paper {paper}", wording.mark(cell))))
+    beside = "<br>".join(filter(None, (word, wording.not_counted(cell)))) if paper else ""
     if not wording.figures(cell):
         return "<br>".join(filter(None, (wording.NO_RUN, beside)))
     first = f"**{wording.figures(cell)}**" if cell.is_best else wording.figures(cell)

@@ -1,4 +1,4 @@
-"""The SMARTS paper's figures, and whether a result is non-inferior to them."""
+"""The SMARTS paper's figures and names."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import yaml
-
-from benchmark.statistics import wilson_interval
 
 FILE = Path(__file__).with_name("paper.yaml")
 PLACES: tuple[Literal["appendix", "main_text"], ...] = ("appendix", "main_text")
@@ -23,22 +21,6 @@ class Printed:
     completion: float
     place: str
     """"appendix" or "main_text"."""
-
-    @property
-    def worst(self) -> tuple[float, float]:
-        """Highest collision and lowest completion rate that the cell's 40 agent-episodes do not exclude.
-
-        Bounds of Wilson's 95% intervals, as if agent-episodes were independent, which favours the paper.
-        """
-        count = paper()["agent_episodes"]
-        highest = wilson_interval(self.collision, count)[1]
-        lowest = wilson_interval(self.completion, count)[0]
-        return float(highest), float(lowest)
-
-    def is_matched_by(self, collision: float, completion: float) -> bool:
-        """Return whether two rates are within the bounds of `worst`."""
-        highest, lowest = self.worst
-        return collision <= highest and completion >= lowest
 
 
 @cache
@@ -58,9 +40,9 @@ def printed(algorithm: str, task: str, traffic: str) -> tuple[Printed, ...]:
     return tuple(found.values())
 
 
-def is_non_inferior(cells: tuple[Printed, ...], collision: float, completion: float) -> bool | None:
-    """Return whether two rates are non-inferior to all printed variants of a cell; None without any."""
-    return all(cell.is_matched_by(collision, completion) for cell in cells) if cells else None
+def misprint(algorithm: str, task: str, traffic: str) -> str:
+    """Return what is odd about a cell of the paper, "" for nothing."""
+    return paper()["misprints"].get(traffic, {}).get(task, {}).get(algorithm, "")
 
 
 def algorithm_label(name: str) -> str:

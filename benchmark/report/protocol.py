@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 
-from benchmark.experiment.runs import with_defaults
+from benchmark.experiment.runs import VERSION, with_defaults
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.run_folder import flat_values
 
-COMPARED = ("environment", "budget")
+COMPARED = ("environment", "budget", VERSION)
 """Keys of config.yaml. The environment holds agents, decision interval, observation, action, reward, vehicle,
 friction and traffic engine; the horizon and the starts are the scenario's, by whose name results are told
 apart anyway."""

@@ -1,4 +1,4 @@
-"""Radar plots of the paper's four behaviour metrics, on fixed scales from 0 to 1."""
+"""Radar plots on fixed scales from 0 to 1: the paper's four behaviour metrics, and all of its indices."""
 
 from __future__ import annotations
 
@@ -8,28 +8,42 @@ from typing import Any
 import numpy as np
 
 from benchmark.metrics import METRICS
+from benchmark.metrics.registry import PAPER_METRICS
 from benchmark.report.content import Report
 from benchmark.report.style import label, line
+from benchmark.report.values import Value
 
 RINGS = (0.25, 0.5, 0.75, 1.0)
 NAMED_RINGS = (0.5, 1.0)
 
 
 def axes_of_radar() -> list[str]:
-    """Return the metrics that are axes."""
+    """Return the metrics that are axes of the paper's radars."""
     return [name for name in METRICS if METRICS[name].is_axis]
 
 
 def draw_radar(axes: Any, report: Report, task: str, traffic: str) -> None:
+    """Draw the paper's axes of a cell; see `_draw`."""
+    _draw(axes, report, task, traffic, axes_of_radar())
+
+
+def draw_all_indices(axes: Any, report: Report, task: str, traffic: str) -> None:
+    """Draw all of the paper's metrics of a cell; see `_draw`."""
+    _draw(axes, report, task, traffic, PAPER_METRICS)
+
+
+def _draw(axes: Any, report: Report, task: str, traffic: str, names: Sequence[str]) -> None:
     """Draw all algorithms of a cell over each other; where a metric is n/a its line has a gap.
+
+    Of metrics that are better when lower, 1 minus the value is drawn.
 
     Args:
         axes: Polar ones of matplotlib.
         report: That has the values, those of its main mode.
         task: Of the cell.
         traffic: Of the cell.
+        names: Metrics, an axis each.
     """
-    names = axes_of_radar()
     angles = np.linspace(0.0, 2 * np.pi, len(names), endpoint=False)
     axes.set_theta_offset(np.pi / 2)
     axes.set_theta_direction(-1)
@@ -40,14 +54,29 @@ def draw_radar(axes: Any, report: Report, task: str, traffic: str) -> None:
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
         place = {"ha": "center", "va": "center", "zorder": 5}
         axes.text(np.pi / 4, ring, f"{ring:g}", fontsize=6.5, color="#555555", bbox=box, **place)
-    axes.set_xticks(angles, [METRICS[name].label.replace("Control d", "D") for name in names])
-    axes.tick_params(axis="x", pad=9)
+    axes.set_xticks(angles, [_axis_label(name) for name in names])
+    axes.tick_params(axis="x", pad=9 if len(names) <= 4 else 2)
+    if len(names) > 4:
+        for text, angle in zip(axes.get_xticklabels(), angles, strict=True):
+            text.set_horizontalalignment(("right", "center", "left")[1 + round(float(np.sin(angle)))])
+            text.set_fontsize(7)
     axes.grid(color="#d5d5d5", linewidth=0.6)
     axes.spines["polar"].set_color("#aaaaaa")
     for algorithm in report.algorithms:
         found = [report.value(algorithm, task, traffic, report.modes[0], name) for name in names]
-        radii = [value.value if value else np.nan for value in found]
+        radii = [_radius(value) for value in found]
         _draw_line(axes, angles, radii, line(algorithm), label(algorithm))
+
+
+def _axis_label(name: str) -> str:
+    text = METRICS[name].label.replace("Control d", "D")
+    return f"1 - {text.lower()}" if METRICS[name].better == "lower" else text
+
+
+def _radius(value: Value | None) -> float:
+    if value is None:
+        return float("nan")
+    return 1.0 - value.value if METRICS[value.metric].better == "lower" else value.value
 
 
 def _draw_line(axes: Any, angles: Any, radii: Sequence[float], how: dict[str, Any], name: str) -> None:

@@ -37,7 +37,7 @@ def differences(
 ) -> Frame:
     """Return differences at equal starts in every cell.
 
-    P-values are corrected after Holm over the learning algorithms against each other in a cell and metric;
+    P-values are corrected after Holm over the table: all cells, metrics and pairs of learning algorithms;
     scripted policies against learning algorithms are a family of their own.
 
     Args:
@@ -53,7 +53,7 @@ def differences(
         return pd.DataFrame(columns=[*COLUMNS])
     kept: Frame = table[(table["split"] == "train") & table["mode"].isin([mode, SCRIPTED])]
     scripted: Any = set(kept.loc[kept["training_seed"] == SCRIPTED_SEED, column])
-    return compare(kept, [*metrics], [*CELL], column, apart=scripted)[[*COLUMNS]]
+    return compare(kept, [*metrics], [*CELL], column, family=(), apart=scripted)[[*COLUMNS]]
 
 
 def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Standing]:

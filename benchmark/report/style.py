@@ -102,7 +102,12 @@ def as_lines(figure: Any) -> str:
 
 def as_dots(figure: Any) -> str:
     """Return a figure as the source of an image in a page: pixels, for what has thousands of points."""
-    return "data:image/png;base64," + base64.b64encode(png(figure, PAGE_DOTS_PER_INCH)).decode()
+    return data_uri(png(figure, PAGE_DOTS_PER_INCH))
+
+
+def data_uri(picture: bytes) -> str:
+    """Return a PNG file as the source of an image in a page."""
+    return "data:image/png;base64," + base64.b64encode(picture).decode()
 
 
 def png(figure: Any, dots_per_inch: int = DOTS_PER_INCH) -> bytes:

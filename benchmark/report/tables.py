@@ -17,10 +17,11 @@ GENERALIZATION_COLUMNS = {
     "task": "What is driven",
     "traffic": "Social vehicles on the road",
     "generalization": METRICS["generalization"].meaning,
+    "worst": "The held-out variation of least value, of which the rates are",
     "completion, trained": "Completion rate on unseen seeds of the training's variations",
-    "completion, held out": "Completion rate on the held-out variations",
+    "completion, held out": "Completion rate on the worst held-out variation",
     "no collision, trained": "1 - collision rate on unseen seeds of the training's variations",
-    "no collision, held out": "1 - collision rate on the held-out variations",
+    "no collision, held out": "1 - collision rate on the worst held-out variation",
 }
 DIFFERENCE_COLUMNS = {
     "task": "What is driven",
@@ -31,7 +32,7 @@ DIFFERENCE_COLUMNS = {
     "difference": "First minus second",
     "95% interval": "Of the difference, before correction",
     "p": "Two-sided, that there is no difference between these checkpoints",
-    "corrected p": "After Holm over the pairs of the cell and metric",
+    "corrected p": "After Holm over all cells, metrics and pairs of the table",
     "starts": "Distinct ones that both have played: the unit of comparison",
     "better": "Whose figure is better",
 }
@@ -113,7 +114,7 @@ def generalization_rows(report: Report) -> list[list[str]]:
         pairs = ("train_completion", "held_out_completion", "train_non_collision", "held_out_non_collision")
         raw = [f"{found.terms[each]:.2f}" for each in pairs]
         names = [algorithm_label(name), task_label(task), traffic_label(traffic)]
-        rows.append([*names, f"{found.text} {found.interval}".strip(), *raw])
+        rows.append([*names, f"{found.text} {found.interval}".strip(), found.worst, *raw])
     return rows
 
 

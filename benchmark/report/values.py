@@ -12,6 +12,7 @@ import pandas as pd
 from benchmark.experiment.runs import SCRIPTED_SEED
 from benchmark.metrics import METRICS, compute
 from benchmark.metrics.results import Frame, measured_in
+from benchmark.statistics import LEVEL
 
 MODES = ("greedy", "sampled")
 """In the order in which they are shown."""
@@ -25,7 +26,7 @@ OUTCOMES = (
 """Metrics that are shares of outcomes and add up to 1."""
 COLUMNS = (
     *("algorithm", "kind", "task", "traffic", "mode", "metric", "value", "low", "high"),
-    *("n", "count", "counted", "episodes", "seeds", "label", "note", "terms"),
+    *("n", "count", "counted", "episodes", "seeds", "label", "note", "terms", "worst"),
 )
 
 
@@ -51,6 +52,8 @@ class Value:
     """What the interval covers, such as "3 training seeds"."""
     note: str
     terms: Mapping[str, float] = field(default_factory=dict)
+    worst: str = ""
+    """The held-out variation of least value, of which the terms then are."""
 
     @property
     def is_known(self) -> bool:
@@ -88,21 +91,22 @@ Key = tuple[str, str, str, str, str]
 """Algorithm, task, traffic, mode, metric."""
 
 
-def measure_cells(table: Frame, metrics: Sequence[str] = ()) -> Frame:
+def measure_cells(table: Frame, metrics: Sequence[str] = (), level: float = LEVEL) -> Frame:
     """Return a row for each algorithm, cell, mode and metric, with `COLUMNS`.
 
     Args:
         table: Agent-episodes of all runs.
         metrics: Names, by default all whose columns the table has.
+        level: Confidence level of the intervals.
     """
     if not len(table):
         return pd.DataFrame(columns=[*COLUMNS])
     by = ["algorithm", "task", "task_traffic", "mode"]
     trained_on = table[table["split"] == "train"]
     wanted = metrics or [measure.name for measure in measured_in(table)]
-    parts = [compute(trained_on, by, [name for name in wanted if name != GENERALIZATION])]
+    parts = [compute(trained_on, by, [name for name in wanted if name != GENERALIZATION], level)]
     if GENERALIZATION in wanted:
-        parts.append(compute(table, by, [GENERALIZATION]))
+        parts.append(compute(table, by, [GENERALIZATION], level))
     answer = pd.concat(parts, ignore_index=True).rename(columns={"task_traffic": "traffic"})
     scripted = set(table.loc[table["training_seed"] == SCRIPTED_SEED, "algorithm"])
     answer["kind"] = ["scripted" if name in scripted else "learning" for name in answer["algorithm"]]

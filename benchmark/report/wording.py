@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import math
-
 from benchmark.metrics.results import THIS_CHECKPOINT
+from benchmark.report.against_paper import DEGENERATE, NON_INFERIOR, PASSES, WORDS
 from benchmark.report.content import Report, TableCell
-from benchmark.report.paper import Printed, paper
+from benchmark.report.paper import Printed, algorithm_label
 from benchmark.report.protocol import differing_scenarios
+from benchmark.report.traffic_check import failing_cells
+from benchmark.report.versions import version_lines
 
 MODE_TITLES = {"greedy": "Greedy", "sampled": "Sampled", "scripted": "Scripted"}
 MODE_NOTES = {
     "greedy": "Test episodes of the last checkpoint, with the most probable action.",
     "sampled": "Test episodes of the last checkpoint, which draws its actions, as the paper's rollouts did.",
 }
-NON_INFERIOR, INFERIOR = "non-inferior", "inferior"
 INTERVALS = (
     "95% intervals. With three or more training seeds they are of the algorithm: Student's t on the "
     "seeds, rates on the arcsine-root scale. With one or two, marked 'this checkpoint' or 'these "
@@ -27,14 +27,16 @@ COMPARED = (
     "The unit of comparison is a distinct start of these checkpoints: an algorithm's value there over all "
     "its training seeds, paired with the other's, by Student's t. It does not cover further "
     "training seeds; the cells' intervals show how far seeds spread. P-values are "
-    "corrected after Holm over the pairs of learning algorithms in a cell and metric; scripted "
+    "corrected after Holm over all cells, metrics and pairs of learning algorithms of the table; scripted "
     "policies against them are a family of their own. Tie: the corrected p-value is 0.05 or more. Not "
     "compared: fewer than two common starts."
 )
-NON_INFERIOR_MEANS = (
-    "Non-inferior to the paper: the collision rate is not above, and the completion rate not below, the 95% "
-    "Wilson bound of the paper's cell at its 40 agent-episodes, on 200 test episodes a seed; cells with "
-    "fewer are not marked."
+AGAINST_PAPER = (
+    "Against the paper: d is ours minus the paper's; its interval (MOVER) has the uncertainty of both, the "
+    "paper's by Wilson's at 20 trials (40 agent-episodes / a design effect of 2). Better: the two-sided 95% "
+    "interval of d excludes 0. Non-inferior: the one-sided 95% pessimistic end is within 0.075. Worse: the "
+    "two-sided interval is on the wrong side of 0. Else undecided. A cell has the weaker word of its two "
+    "figures. Not counted: cells that random, keep-lane or parked driving passes (better or non-inferior)."
 )
 BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
 THESE_CHECKPOINTS = "these checkpoints"
@@ -71,21 +73,26 @@ def printed_text(cells: tuple[Printed, ...]) -> str:
 
 
 def mark(cell: TableCell) -> str:
-    """Return how a cell compares with the paper's; empty if one is missing or has too few episodes."""
-    if cell.is_non_inferior is None:
-        return ""
-    return NON_INFERIOR if cell.is_non_inferior else INFERIOR
+    """Return how a cell compares with the paper's; empty if one of the two has no figures."""
+    return cell.comparison.word if cell.comparison else ""
+
+
+def not_counted(cell: TableCell) -> str:
+    """Return why the paper's cell does not count, or what is odd about it; empty if neither."""
+    names = ", ".join(map(algorithm_label, cell.passed_by))
+    return "; ".join(filter(None, (f"not counted: {names} passes" if names else "", cell.misprint)))
 
 
 def mark_meaning(cell: TableCell) -> str:
-    """Return the bounds of the mark."""
-    if not cell.printed:
+    """Return the differences behind the word."""
+    if not cell.comparison:
         return ""
-    bounds = [each.worst for each in cell.printed]
-    # Rounded inwards, so that rates within the printed bounds are non-inferior.
-    highest = math.floor(1000 * min(bound[0] for bound in bounds)) / 1000
-    lowest = math.ceil(1000 * max(bound[1] for bound in bounds)) / 1000
-    return f"Non-inferior: collision up to {highest:.3f} and completion from {lowest:.3f}"
+    gaps = [
+        f"{gap.name} {gap.value:+z.2f} [{gap.low:+z.2f}, {gap.high:+z.2f}], "
+        f"gain from {gap.gain:+z.3f}: {gap.word}"
+        for gap in cell.comparison.gaps
+    ]
+    return f"Ours minus the paper's: {'; '.join(gaps)}"
 
 
 def count(cell: TableCell) -> str:
@@ -106,19 +113,27 @@ def rank_text(cell: TableCell) -> str:
 
 
 def standing(report: Report) -> list[str]:
-    """Return sentences on comparisons with the paper, and on runs that must not be compared."""
-    sentences = differing_scenarios((run, str(run)) for run in report.results.runs)
-    for mode in report.modes:
-        every = [cell for row in report.main_table(mode) for cell in row.cells]
-        marked = [cell.is_non_inferior for cell in every if cell.is_non_inferior is not None]
-        if marked:
-            where = f"in {sum(marked)} of {len(marked)} cells that the paper has"
-            bounds = "by the 95% bounds of its cells, which are of 40 agent-episodes each"
-            sentences.append(f"{MODE_TITLES[mode]}: non-inferior to the paper {where}, {bounds}.")
-        short = sum(bool(cell.printed) and cell.is_short for cell in every)
-        if short:
-            asked = f"fewer test episodes than the {paper()['test_episodes']} a seed that this asks for"
-            sentences.append(
-                f"{MODE_TITLES[mode]}: {short} cell{'s'[: short > 1]} not compared with the paper's: {asked}."
-            )
-    return sentences
+    """Return sentences on the version, on runs that must not be compared, and on the paper."""
+    runs = report.results.runs
+    sentences = version_lines(runs) + differing_scenarios((run, str(run)) for run in runs)
+    sentences += [f"Not a cell with social vehicles in effect: {x}." for x in failing_cells(report.results)]
+    return sentences + [line for mode in report.modes for line in _against_paper(report, mode)]
+
+
+def _against_paper(report: Report, mode: str) -> list[str]:
+    """Return how many cells have which word, and which do not count."""
+    every = [cell for row in report.main_table(mode) for cell in row.cells if mark(cell)]
+    if not every:
+        return []
+    counted = [mark(cell) for cell in every if not cell.passed_by]
+    passed = sum(word in PASSES for word in counted)
+    words = ", ".join(f"{word} in {counted.count(word)}" for word in reversed(WORDS))
+    title, share = MODE_TITLES[mode], f"{passed} of {len(counted)} cells that count"
+    lines = [f"{title}: better than or {NON_INFERIOR} to the paper in {share} ({words})."]
+    if len(counted) < len(every):
+        left_out = len(every) - len(counted)
+        lines[0] += f" {left_out} more are not counted, since a degenerate driver passes them."
+    absent = ", ".join(name for name in DEGENERATE if name not in report.scripted)
+    if absent:
+        lines.append(f"{title}: not played, so it is not known whether they pass cells: {absent}.")
+    return lines

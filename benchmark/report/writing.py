@@ -13,6 +13,8 @@ from benchmark.report.figures import KINDS, draw_all
 from benchmark.report.html import report_page
 from benchmark.report.latex import main_table
 from benchmark.report.markdown import report_text
+from benchmark.report.marl_eval import marl_eval_json
+from benchmark.report.summary import PROFILE, draw_profile, summaries_of
 from benchmark.report.values import csv_number
 from benchmark.results.files import ResultsError, replace_folder
 from benchmark.results.reading import read_results
@@ -20,6 +22,7 @@ from benchmark.results.reading import read_results
 FOLDER = "report"
 """In an experiment's results."""
 PAGE, TEXT, VALUES, DIFFERENCES = "report.html", "report.md", "values.csv", "differences.csv"
+MARL_EVAL = "marl_eval.json"
 
 
 def write_report(root: Path, out: Path | None = None) -> Path:
@@ -50,9 +53,13 @@ def write_report(root: Path, out: Path | None = None) -> Path:
 def report_files(report: Report) -> dict[str, bytes]:
     """Return name and content of the files of a report."""
     pictures = {kind.name: draw_all(kind, report) for kind in KINDS} if report.columns else {}
+    summaries = summaries_of(report)
+    if summaries.algorithms:
+        pictures[PROFILE] = draw_profile(summaries)
     texts = {
-        PAGE: report_page(report),
-        TEXT: report_text(report, pictures),
+        PAGE: report_page(report, summaries, pictures.get(PROFILE)),
+        TEXT: report_text(report, summaries, pictures),
+        MARL_EVAL: marl_eval_json(report.results, report.modes[0]),
         VALUES: values_csv(report.values),
         DIFFERENCES: differences_csv(report),
         **{f"main_table_{mode}.tex": main_table(report, mode) for mode in report.modes},
@@ -93,7 +100,8 @@ def _check_free(folder: Path) -> None:
     if folder.is_file():
         raise ResultsError("is a file, not a folder", place=str(folder), remedy="choose another --out")
     if folder.is_dir() and any(folder.iterdir()):
-        known = [PAGE, TEXT, VALUES, DIFFERENCES, "main_table_*.tex", *(f"{kind.name}.png" for kind in KINDS)]
+        pictures = (f"{name}.png" for name in (*(kind.name for kind in KINDS), PROFILE))
+        known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, "main_table_*.tex", *pictures]
         others = {*folder.iterdir()}.difference(*map(folder.glob, known))
         if others:
             raise ResultsError(

@@ -153,6 +153,20 @@ def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -
         shutil.rmtree(previous, ignore_errors=True)
 
 
+def files_in(folder: Path) -> dict[str, bytes]:
+    """Return the contents of all files of a folder by their paths in it."""
+    files = (each for each in sorted(folder.rglob("*")) if each.is_file())
+    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
+
+
+def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files of a folder, given by their paths in it, and the folder if there is none."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+
+
 def recover_folder(folder: Path) -> None:
     """Restore a folder whose replacement was killed."""
     previous = previous_of(folder)

@@ -12,7 +12,7 @@ import pandas as pd
 from pydantic import ConfigDict, Field
 
 from benchmark.experiment.config import Experiment
-from benchmark.experiment.runs import SCRIPTED_SEED, scripted_runs_of, training_folder, trainings_of
+from benchmark.experiment.runs import SCRIPTED_SEED, VERSION, scripted_runs_of, training_folder, trainings_of
 from benchmark.metrics import METRICS, join_tables
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
@@ -63,6 +63,11 @@ class RunResult:
     def scenarios(self) -> Mapping[str, str]:
         """Name -> digest of each scenario; empty if not recorded."""
         return self.facts.get(SCENARIOS, {})
+
+    @property
+    def benchmark_version(self) -> int | None:
+        """Version of the benchmark that it was made under; None for none."""
+        return self.config.get(VERSION)
 
     def __str__(self) -> str:
         seed = "" if self.is_scripted else f", seed {self.seed}"

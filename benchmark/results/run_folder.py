@@ -12,7 +12,10 @@ episodes/        recorded test episodes, if they are kept
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +31,14 @@ from benchmark.results.files import (
     read_versioned,
     recover_folder,
     replace_folder,
-    write_json,
+    write_files,
     write_versioned,
     write_whole,
 )
 from smarts.errors import SmartsError
 
+CHECKPOINT, BEST, TABLE, EPISODES = "checkpoint", "best", "episodes.parquet", "episodes"
+"""Of a run's folder."""
 ENDED_BY = "ended_by"
 """In run.json: the budget that was used up first, "agent_steps" or "minutes"."""
 CONTINUED = "continued"
@@ -59,10 +64,10 @@ class RunFolder:
         self.run = path / "run.json"
         self.progress = path / "progress.csv"
         self.tensorboard = path / "tensorboard"
-        self.checkpoint = path / "checkpoint"
-        self.best = path / "best"
-        self.table = path / "episodes.parquet"
-        self.episodes = path / "episodes"
+        self.checkpoint = path / CHECKPOINT
+        self.best = path / BEST
+        self.table = path / TABLE
+        self.episodes = path / EPISODES
 
     def facts(self) -> dict[str, Any]:
         """Return the content of run.json, empty without one.
@@ -138,6 +143,19 @@ class RunFolder:
                 f"there is no checkpoint to train on from with a larger budget: {_differing(there, here)}",
                 place=str(self.checkpoint),
                 remedy="bring it back from a copy, or give the experiment another name or --out",
+            )
+
+    def check_writable(self) -> None:
+        """Raise if the folder cannot be made or written to.
+
+        Raises:
+            ResultsError: Names the folder, or what stands in its way.
+        """
+        there = next(each for each in (self.path.absolute(), *self.path.absolute().parents) if each.exists())
+        if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+            problem = "no permission" if there.is_dir() else "it is a file"
+            raise ResultsError(
+                f"cannot be written: {problem}", place=str(there), remedy="remove it, or choose another --out"
             )
 
     def _check_code(self, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
@@ -219,14 +237,26 @@ class RunFolder:
         before = self.facts().get(CONTINUED, [])
         self.note(**{CONTINUED: [*(before if isinstance(before, list) else []), dict(circumstances)]})
 
-    def save(self, folder: Path, algo: Any, state: Mapping[str, Any]) -> None:
-        """Save a checkpoint with the state of training into `checkpoint` or `best`."""
+    def keep(self, place: str, content: Mapping[str, bytes] | bytes) -> None:
+        """Write a file or a folder of the run, whole or not at all.
 
-        def fill(partial: Path) -> None:
-            algo.save_to_path(str(partial.absolute()))
-            write_json(partial / "training.json", dict(state))
+        Args:
+            place: Its path in the run's folder.
+            content: Of the file, or of a folder's files by their paths in it; an empty folder is removed.
 
-        replace_folder(folder, fill)
+        Raises:
+            ResultsError: The disk is full, or the folder cannot be written to. The old content stays.
+        """
+        path = self.path / place
+        if isinstance(content, bytes):
+            write_whole(path, lambda file: file.write_bytes(content))
+        elif content:
+            with named_failures(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+            replace_folder(path, lambda folder: write_files(folder, content))
+        else:
+            with named_failures(path), suppress(FileNotFoundError):
+                shutil.rmtree(path)
 
     def kept(self, checkpoint: str) -> Path:
         """Return the folder of the "last" or "best" checkpoint.

@@ -10,9 +10,11 @@ import socket
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import ray
 from ray._private.services import canonicalize_bootstrap_address
+from ray.experimental.internal_kv import _internal_kv_del, _internal_kv_exists, _internal_kv_put
 
 from benchmark.experiment.config import Resources
 from benchmark.results.files import ResultsError, first_line
@@ -30,8 +32,12 @@ SETTINGS = 4
 """Type of the frame with which a server answers, at byte 3 of its head of 9 bytes."""
 
 
-def start_ray(resources: Resources) -> None:
+def start_ray(resources: Resources, runtime_env: Mapping[str, Any] | None = None) -> None:
     """Join the cluster, or start Ray on this machine.
+
+    Args:
+        resources: Of an experiment.
+        runtime_env: What Ray brings to the machines of the cluster; see `shipped_code`.
 
     Raises:
         ResultsError: There is no cluster at the address, Ray does not start, or there is too little.
@@ -46,6 +52,7 @@ def start_ray(resources: Resources) -> None:
                 log_to_driver=False,
                 logging_level=logging.ERROR,
                 ignore_reinit_error=True,
+                runtime_env=None if runtime_env is None else dict(runtime_env),
             )
     except Exception as error:  # Ray raises errors of many types, plain `Exception` too
         raise ResultsError(
@@ -55,7 +62,31 @@ def start_ray(resources: Resources) -> None:
             if address != OWN
             else "give the same command again when the machine is less busy and has memory and disk to spare",
         ) from error
-    check_room(resources, [node["Resources"] for node in ray.nodes() if node["Alive"]])
+    check_room(resources, living_nodes())
+
+
+def living_nodes() -> list[Mapping[str, float]]:
+    """Return Ray's resources of each of its machines."""
+    return [node["Resources"] for node in ray.nodes() if node["Alive"]]
+
+
+@contextmanager
+def stopping() -> Iterator[None]:
+    """Let `is_stopping` be true meanwhile, in all processes of this one's tasks."""
+    _internal_kv_put(_stop_key(), b"")
+    try:
+        yield
+    finally:
+        _internal_kv_del(_stop_key())
+
+
+def is_stopping() -> bool:
+    """Return whether the runs of the driver should save and end."""
+    return _internal_kv_exists(_stop_key())
+
+
+def _stop_key() -> str:
+    return f"smarts-bench-stop-{ray.get_runtime_context().get_job_id()}"
 
 
 def check_room(resources: Resources, nodes: Sequence[Mapping[str, float]]) -> None:
@@ -68,12 +99,13 @@ def check_room(resources: Resources, nodes: Sequence[Mapping[str, float]]) -> No
     Raises:
         ResultsError: There is less.
     """
-    cpus, needed = int(sum(node.get("CPU", 0) for node in nodes)), 1 + resources.env_runners
+    cpus, needed = int(sum(node.get("CPU", 0) for node in nodes)), resources.processes
     if needed > cpus:
+        most = max(("env_runners", "learners"), key=lambda name: getattr(resources, name))
         raise ResultsError(
-            f"a run needs {needed} CPUs, one for itself and one for each env runner; Ray has {cpus}",
-            place="resources.env_runners",
-            remedy=f"give at most {max(0, cpus - 1)}",
+            f"a run needs {needed} CPUs, one for itself, each env runner and each learner; Ray has {cpus}",
+            place=f"resources.{most}",
+            remedy=f"give at most {max(0, cpus - needed + getattr(resources, most))}",
         )
     gpus = max((node.get("GPU", 0) for node in nodes), default=0)
     if resources.learner_gpus > gpus:
@@ -81,6 +113,13 @@ def check_room(resources: Resources, nodes: Sequence[Mapping[str, float]]) -> No
             f"a learner needs {resources.learner_gpus:g} GPUs; no machine of Ray's has more than {gpus:g}",
             place="resources.learner_gpus",
             remedy=f"give at most {gpus:g}",
+        )
+    total = sum(node.get("GPU", 0) for node in nodes)
+    if resources.gpus > total:
+        raise ResultsError(
+            f"{resources.learners} learners need {resources.gpus:g} GPUs; Ray has {total:g}",
+            place="resources.learners",
+            remedy=f"give at most {int(total // resources.learner_gpus)}",
         )
 
 

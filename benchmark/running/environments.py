@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmark.experiment.config import Driving, Host
+from benchmark.experiment.environment import Driving, Host
 from benchmark.experiment.runs import TaskSetting
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
 from smarts.env.vector import VectorHiWayEnv
+from smarts.observations.lists import Observed, feature_list
 from smarts.registry import import_own
 from smarts.sim.assembly import Options
 from smarts.types.actions import ActionSpaceType
@@ -28,6 +29,7 @@ def environment(
     discount: float | None = None,
     max_episode_steps: int | None = None,
     traffic_step: float | None = None,
+    observation: Observed | None = None,
 ) -> Any:
     """Return a task setting's environment, a `VectorHiWayEnv`.
 
@@ -39,20 +41,24 @@ def environment(
         discount: Of the learner, which shaped rewards have to agree with; by default that of the weights.
         max_episode_steps: Of each agent, by default the benchmark's.
         traffic_step: Of the training environment alone; see `Options`.
+        observation: Instead of the task setting's, with the same rewards.
 
     Raises:
         SmartsError: A scenario cannot be built, or the agents' observation or reward.
     """
     given = task_setting.environment
     import_own(task_setting.imports)
+    reward = given.reward
+    if reward is None and observation is not None:
+        reward = feature_list(given.observation).reward
     limit = {} if max_episode_steps is None else {"max_episode_steps": max_episode_steps}
     return VectorHiWayEnv(
         num_envs or task_setting.num_envs,
         list(scenarios or task_setting.task.scenarios),
         agents={name: interface_of(each).replace(**limit) for name, each in given.driving().items()},
         decision_interval=given.decision_interval,
-        observation=given.observation,
-        reward=given.reward,
+        observation=given.observation if observation is None else observation,
+        reward=reward,
         discount=discount,
         adapter=given.adapter,
         adapter_options=given.adapter_options,

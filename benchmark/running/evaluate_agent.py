@@ -14,7 +14,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from benchmark.experiment.config import Environment, Evaluation, TrainingTask, name_of
+from benchmark.experiment.config import Evaluation, TrainingTask, name_of
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, TaskSetting
 from benchmark.metrics import read_table
 from benchmark.results.files import ResultsError
@@ -51,7 +52,7 @@ def evaluate_agent(
     """Return the table of a test of an agent, for `benchmark.metrics.compute`.
 
     Observation, action, vehicle and period are the agent's; all else is the benchmark's, so that agents are
-    judged alike. The episodes are those that trained policies are tested on.
+    judged alike. They play the test episodes of trained policies.
 
     Args:
         locator: A name of the zoo, "module:name-v0", or "tcp://HOST:PORT".

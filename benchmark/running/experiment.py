@@ -14,9 +14,11 @@ import ray
 
 from algorithms.joint.spec import JointSpec
 from benchmark.experiment.algorithm_settings import CONFIGS
-from benchmark.experiment.config import Environment, Experiment
+from benchmark.experiment.config import Experiment
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import Run, task_settings_of
+from benchmark.experiment.version import changed_code, changed_scenarios
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
 from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
@@ -25,10 +27,12 @@ from benchmark.running.environments import given_hosts
 from benchmark.running.exit_codes import FAILED, INTERRUPTED
 from benchmark.running.jobs import JobScheduler, JobState, jobs_of
 from benchmark.running.live import LiveProgress
-from benchmark.running.machine import command
-from benchmark.running.played import held_out_of, scenario_digests
+from benchmark.running.machine import command, commit
+from benchmark.running.played import held_out_of, scenario_digests, scenarios_by_traffic
+from benchmark.running.shipping import shipped_code
 from smarts.agents.hosting.options import hosts_of
 from smarts.agents.social import bubble_learning, social_agents
+from smarts.errors import SmartsError
 from smarts.sim.schedule import Schedule
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
@@ -59,6 +63,7 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         SmartsError: A scenario is wrong, or the folder cannot be used.
     """
     check_task_settings(experiment)
+    check_version(experiment)
     scenarios = {
         str(task_setting): scenario_digests(task_setting) for task_setting in task_settings_of(experiment)
     }
@@ -71,7 +76,8 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
             return _summarize(scheduler.states, root)
         is_callers = ray.is_initialized()
         try:
-            start_ray(experiment.resources)
+            with shipped_code(experiment) as code:
+                start_ray(experiment.resources, code)
             with live:
                 states = _run(scheduler)
         finally:
@@ -108,6 +114,25 @@ def check_task_settings(experiment: Experiment) -> None:
         for _ in held_out_of(task_setting):
             pass  # built now, not after hours of training
     _check_spaces(experiment)
+
+
+def check_version(experiment: Experiment) -> None:
+    """Check that an experiment plays what its version of the benchmark froze.
+
+    Raises:
+        SmartsError: A scenario or a part of the code differs, or the source tree has changes.
+    """
+    version = experiment.benchmark_version
+    if version is None:
+        return
+    changed = [f"scenario {name}" for name in changed_scenarios(version, scenarios_by_traffic(experiment))]
+    changed += [f"code of {part}" for part in changed_code(version)]
+    place, remedy = "benchmark_version", "leave it out, or restore what the version froze"
+    if changed:
+        raise SmartsError(f"differs from version {version}: {', '.join(changed)}", place=place, remedy=remedy)
+    if str(commit()).endswith("+"):
+        problem = f"results of version {version} need a clean tree: there are changes that are not committed"
+        raise SmartsError(problem, place=place, remedy="commit or stash them, or leave it out")
 
 
 def check_social(environment: Environment, scenarios: Sequence[BuiltScenario]) -> None:

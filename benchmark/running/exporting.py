@@ -22,12 +22,14 @@ from benchmark.results.files import write_whole
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import read_run
 from benchmark.running.policy import policy_modules
+from smarts.agents.hosting.facts import facts_of
 from smarts.errors import SmartsError
 from smarts.observations.agent_index import AgentIndex
 from smarts.observations.arrays import VECTOR
 from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
 from smarts.zoo.entry import check_name
-from smarts.zoo.exported import CONTENT, FORMAT, WEIGHTS
+from smarts.zoo.exported import interface_of
+from smarts_agent_kit.exported import CONTENT, FORMAT, WEIGHTS
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 MODULE = '''"""{title}; written by `smarts-bench export`."""
@@ -132,10 +134,12 @@ def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], dic
         for number, (_, arrays) in enumerate(layers):
             weights.update({f"{group.id}/{number}/{k}": array for k, array in enumerate(arrays)})
         for place, name in enumerate(group.agents):
-            agents[name] = {"group": group.id, "place": place, "number": block.agents.index(name)} | {
+            vehicle = {
                 key: getattr(driving[name], key)
                 for key in ("vehicle", "vehicle_model", "tyre_model", "flat_tyres")
             }
+            agents[name] = {"group": group.id, "place": place, "number": block.agents.index(name)} | vehicle
+            agents[name]["interface"] = facts_of(interface_of(vehicle, environment.action))
     content |= {
         "observation": observation,
         "index": index,

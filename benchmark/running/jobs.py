@@ -2,31 +2,40 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import ray
 from ray.exceptions import RayError, RayTaskError
+from ray.util.placement_group import placement_group, remove_placement_group
+from ray.util.scheduling_strategies import PlacementGroupSchedulingStrategy
 
 from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_of
-from benchmark.results.run_folder import FINISHED, TESTING, TRAINING, RunFolder
-from benchmark.running.importing import named_own_code
+from benchmark.results.files import write_files
+from benchmark.results.run_folder import CHECKPOINT, FINISHED, TRAINING, RunFolder
+from benchmark.running.cluster import check_room, is_stopping, living_nodes, stopping
+from benchmark.running.importing import as_on_the_driver, named_own_code
+from benchmark.running.messages import BACKLOG, Kept, Message, Start
 from benchmark.running.progress import STARTING, WAITING, RunProgress
+from benchmark.running.scratch import scratch_folder
+from benchmark.running.writing import RunWriter
 from smarts.errors import SmartsError, shortened
 from smarts.registry import import_own
+from smarts.shipped import SHIPPED
 
 ATTEMPTS = 3
-"""How often a job may lose its process before it has failed."""
-
-STOP = ".stop"
-"""File in an experiment's folder at which its runs save and end; all machines of a cluster see it."""
+"""How often a job may lose its process, without a checkpoint in between, before it has failed."""
 STOP_SECONDS = 60.0
 """Time limit for saving: an iteration, a validation and a checkpoint [s]."""
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 Job = Run | ScriptedRun
 
@@ -40,9 +49,13 @@ class JobState:
     """`WAITING`, `STARTING`, a phase of `RunProgress`, or "failed"."""
     progress: RunProgress | None = None
     attempts: int = 0
+    """Since its last checkpoint."""
     error: str = ""
     updates: Any = field(default=None, repr=False)
-    """The stream of its progress."""
+    """The stream of its messages."""
+    room: Any = field(default=None, repr=False)
+    """The placement group of its resources."""
+    writer: RunWriter | None = field(default=None, repr=False)
 
 
 def jobs_of(experiment: Experiment) -> list[Job]:
@@ -51,7 +64,7 @@ def jobs_of(experiment: Experiment) -> list[Job]:
 
 
 class JobScheduler:
-    """Runs as many jobs side by side as resources allow.
+    """Runs as many jobs side by side as resources allow, and writes their results.
 
     Args:
         jobs: All jobs; finished ones are skipped.
@@ -60,7 +73,7 @@ class JobScheduler:
         show: Called with the states of all jobs when one changes.
 
     Raises:
-        ResultsError: A job's folder holds other results.
+        ResultsError: A job's folder holds other results, or cannot be written.
     """
 
     def __init__(
@@ -74,6 +87,7 @@ class JobScheduler:
         self._root, self._resources, self._show = root.absolute(), resources, show
         self._waiting: deque[JobState] = deque()
         self._under_way: dict[Any, JobState] = {}
+        self._free_rooms: list[Any] = []
         for state in self.states:
             folder = RunFolder(self._root / state.job.folder)
             content = state.job.content()
@@ -81,6 +95,7 @@ class JobScheduler:
             if folder.is_finished(state.job.task_setting.test_content()) and not folder.is_extended(content):
                 state.status = FINISHED
             else:
+                folder.check_writable()
                 self._waiting.append(state)
 
     @property
@@ -90,27 +105,24 @@ class JobScheduler:
 
     def run(self) -> list[JobState]:
         """Run all jobs; return their states, with the errors of failed jobs."""
-        parallel = self._resources.parallel or self._fitting()
-        (self._root / STOP).unlink(missing_ok=True)
         self._show(self.states)
         while self._waiting or self._under_way:
-            while self._waiting and len(self._under_way) < parallel:
-                state = self._waiting.popleft()
-                self._begin(state)
-                self._under_way[state.updates] = state
+            while self._waiting and len(self._under_way) < self._most_at_once():
+                self._begin(self._waiting.popleft())
+            while self._free_rooms:  # another run may wait for what is in them
+                remove_placement_group(self._free_rooms.pop())
             self._listen([*self._under_way])
             self._show(self.states)
         return self.states
 
     def stop(self) -> None:
         """Wait at most `STOP_SECONDS` until training runs have saved; other jobs have nothing to save."""
-        deadline, file = time.monotonic() + STOP_SECONDS, self._root / STOP
-        file.touch()
-        try:
+        deadline = time.monotonic() + STOP_SECONDS
+        with stopping():
             while (training := self._training()) and time.monotonic() < deadline:
                 self._listen(training)
-        finally:
-            file.unlink(missing_ok=True)
+        for state in self._under_way.values():
+            self._close_writer(state)
 
     def _training(self) -> list[Any]:
         """Return the streams of runs that train, or may train without having reported it yet."""
@@ -123,40 +135,107 @@ class JobScheduler:
 
     def _listen(self, streams: Sequence[Any]) -> None:
         """Receive a message of one of the jobs, if one arrives within a second."""
+        if not streams:
+            return  # jobs that could not begin
         ready, _ = ray.wait([*streams], num_returns=1, timeout=1.0)
         for stream in ready:
-            if not self._take(self._under_way[stream]):
-                del self._under_way[stream]
+            with _uninterrupted():
+                if not self._receive(self._under_way[stream]):
+                    del self._under_way[stream]
 
-    def _fitting(self) -> int:
-        needed = 1 + self._resources.env_runners
-        return max(1, int(ray.cluster_resources().get("CPU", 1)) // needed)
+    def _most_at_once(self) -> int:
+        """Return how many runs Ray has room for now, or the limit that was given."""
+        cpus = int(ray.cluster_resources().get("CPU", 1))
+        return self._resources.parallel or max(1, cpus // self._resources.processes)
 
     def _begin(self, state: JobState) -> None:
+        """Start a job from its last checkpoint."""
         state.attempts += 1
-        state.status = STARTING
-        gpus = self._resources.learner_gpus
-        task = _execute.options(num_cpus=1, num_gpus=gpus, max_retries=0, num_returns="streaming")
-        state.updates = task.remote(state.job, str(self._root))
-
-    def _take(self, state: JobState) -> bool:
-        """Receive a message of a job; return whether more will follow."""
         try:
-            progress: Any = ray.get(next(state.updates))
-            state.progress, state.status = progress, progress.phase
+            check_room(self._resources, living_nodes())  # machines may have gone since the start
+            state.writer = RunWriter(state.job, RunFolder(self._root / state.job.folder))
+            start = state.writer.start()
+        except SmartsError as error:
+            state.status, state.error = "failed", _words(error)
+            return
+        state.status, state.room = STARTING, self._room()
+        task = _execute.options(
+            num_cpus=1,
+            num_gpus=0 if self._resources.learners else self._resources.learner_gpus,
+            max_retries=0,
+            num_returns="streaming",
+            _generator_backpressure_num_objects=BACKLOG,
+            scheduling_strategy=PlacementGroupSchedulingStrategy(
+                state.room, placement_group_bundle_index=0, placement_group_capture_child_tasks=True
+            ),
+        )
+        state.updates = task.remote(state.job, start)
+        self._under_way[state.updates] = state
+
+    def _room(self) -> Any:
+        """Return the resources of one run: all of them at once, lest two runs wait for each other's rest."""
+        if self._free_rooms:
+            return self._free_rooms.pop()
+        resources = self._resources
+        learner = {"CPU": 1.0} | ({"GPU": resources.learner_gpus} if resources.learner_gpus else {})
+        own = {"CPU": 1.0} if resources.learners else learner
+        runners = [{"CPU": 1.0}] * resources.env_runners
+        return placement_group([own, *runners, *[learner] * resources.learners])
+
+    def _receive(self, state: JobState) -> bool:
+        """Receive a message of a job and write what it says; return whether more will follow."""
+        try:
+            self._take(state, ray.get(next(state.updates)))
             return True
         except StopIteration:
             state.status = FINISHED
         except RayTaskError as error:
             state.status, state.error = "failed", _words(error.cause or error)
         except RayError as error:
-            # The process was killed, by a user or for want of memory; its checkpoint remains.
+            # The process was killed, by a user or for want of memory, or its machine is gone.
             if state.attempts < ATTEMPTS:
                 self._waiting.appendleft(state)
                 state.status = WAITING
             else:
                 state.status, state.error = "failed", f"lost its process {ATTEMPTS} times: {_words(error)}"
+        except SmartsError as error:  # of this machine's disk
+            state.status, state.error = "failed", _words(error)
+        self._close_writer(state)
+        room, state.room = state.room, None
+        if state.status == FINISHED:
+            self._free_rooms.append(room)
+        else:
+            remove_placement_group(room)  # and what is left of the job with it
         return False
+
+    def _take(self, state: JobState, message: Any) -> None:
+        assert state.writer is not None
+        progress = state.writer.take(message)
+        if progress is not None:
+            state.progress, state.status = progress, progress.phase
+        if isinstance(message, Kept) and message.place == CHECKPOINT:
+            state.attempts = 1
+
+    def _close_writer(self, state: JobState) -> None:
+        if state.writer is not None:
+            state.writer.close()
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Put off Ctrl-C and SIGTERM, lest a message be lost between Ray and the disk."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = {each: signal.signal(each, lambda number, frame: came.append(number)) for each in _SIGNALS}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 def _words(error: BaseException) -> str:
@@ -165,17 +244,19 @@ def _words(error: BaseException) -> str:
 
 
 @ray.remote
-def _execute(job: Job, root: str) -> Iterator[RunProgress]:
-    """Run a job in a process of its own; yield its progress."""
+def _execute(job: Job, start: Start) -> Iterator[Message]:
+    """Run a job in a process of its own, on whatever machine; yield its results and its progress."""
     # Imported here, so that the driver's process loads neither torch nor the simulation.
     from benchmark.running.testing import play_scripted
     from benchmark.running.training import train_and_evaluate
 
-    import_own(job.task_setting.imports)
-    folder = RunFolder(Path(root) / job.folder)
-    with named_own_code("the run's own code"):
-        if isinstance(job, Run):
-            yield from train_and_evaluate(job, folder, (Path(root) / STOP).exists)
-        else:
-            for share in play_scripted(job, folder):
-                yield RunProgress(TESTING, share)
+    with scratch_folder() as folder, as_on_the_driver({str(folder): start.folder, str(SHIPPED): ""}):
+        import_own(job.task_setting.imports)
+        scratch = RunFolder(folder)
+        if start.checkpoint:
+            write_files(scratch.checkpoint, start.checkpoint)
+        with named_own_code("the run's own code"):
+            if isinstance(job, Run):
+                yield from train_and_evaluate(job, scratch, is_stopping)
+            else:
+                yield from play_scripted(job, scratch)

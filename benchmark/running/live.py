@@ -84,7 +84,7 @@ def _line(state: JobState) -> str:
     if state.status == "failed":
         return f"{text}: {state.error}"
     if state.status == STARTING:
-        return f"{text} (compiling kernels that are not cached)"
+        return f"{text} (waiting for free CPUs, or compiling kernels that are not cached)"
     if progress is None or state.status not in (TRAINING, TESTING):
         return text
     text += f" {progress.share:.0%}"

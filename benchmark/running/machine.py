@@ -14,6 +14,8 @@ from typing import Any
 from ray._common.utils import get_system_memory
 from ray._private.utils import get_current_node_cpu_model_name, get_num_cpus
 
+COMMIT = "shipped/commit"
+"""File that names the commit of code that another machine has shipped, beside the packages."""
 PACKAGES = ("smarts-bench", "ray", "torch", "numpy", "numba", "libsumo", "pybullet", "gymnasium")
 
 
@@ -37,6 +39,8 @@ def machine() -> dict[str, Any]:
 def commit() -> str | None:
     """Return the commit of the source tree, with a plus if it was changed; None outside of one."""
     tree = Path(__file__).parents[2]
+    if (shipped := tree / COMMIT).is_file():
+        return shipped.read_text(encoding="utf-8") or None
     try:
         found = subprocess.run(
             ["git", "-C", str(tree), "describe", "--always", "--abbrev=12", "--dirty=+"],

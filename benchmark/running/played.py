@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from benchmark.experiment.runs import TaskSetting
+from benchmark.experiment.config import Experiment
+from benchmark.experiment.runs import TaskSetting, task_settings_of
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.encoding import digest, encode
@@ -37,6 +38,18 @@ def scenario_digests(task_setting: TaskSetting) -> dict[str, str]:
     """
     names = [*task_setting.task.scenarios, *held_out_of(task_setting)]
     return {name: digest_of(build_scenario(name), task_setting) for name in names}
+
+
+def scenarios_by_traffic(experiment: Experiment) -> dict[str, dict[str, str]]:
+    """Return the digests of all scenarios of an experiment, by traffic and name.
+
+    Raises:
+        SmartsError: One cannot be built or played.
+    """
+    found: dict[str, dict[str, str]] = {}
+    for task_setting in task_settings_of(experiment):
+        found.setdefault(task_setting.traffic, {}).update(scenario_digests(task_setting))
+    return found
 
 
 def digest_of(built: BuiltScenario, task_setting: TaskSetting) -> str:

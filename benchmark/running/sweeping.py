@@ -29,6 +29,9 @@ from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
 from benchmark.running.experiment import check_task_settings, interrupted, resumable
 from benchmark.running.importing import named_own_code
+from benchmark.running.messages import Kept
+from benchmark.running.progress import RunProgress
+from benchmark.running.shipping import shipped_code
 from benchmark.running.training import Training, algorithm_of
 from smarts.errors import SmartsError, shortened
 
@@ -58,7 +61,8 @@ def sweep(experiment: Experiment, root: Path) -> int:
     with locked(root):
         _check_same_search(root / "search.json", run, section)
         try:
-            start_ray(experiment.resources)
+            with shipped_code(experiment) as code:
+                start_ray(experiment.resources, code)
             with _stoppable() as stopped:
                 found = _tuner(run, section, space, root.absolute()).fit()
         finally:
@@ -117,7 +121,7 @@ def _tuner(run: Run, section: Tune, space: Mapping[str, Any], root: Path) -> tun
     """Return Tune's tuner: of the search that was interrupted in the folder, or of a new one."""
     trainable = tune.with_resources(
         tune.with_parameters(trial, run=run),
-        {"cpu": 1 + run.resources.env_runners, "gpu": run.resources.learner_gpus},
+        {"cpu": run.resources.processes, "gpu": run.resources.gpus},
     )
     trials = root / "trials"
     if tune.Tuner.can_restore(str(trials)):
@@ -231,14 +235,16 @@ def trial(config: Mapping[str, Any], *, run: Run) -> None:
             given.to_directory(str(folder.checkpoint))
         with named_own_code("the trial's own code"), algorithm_of(changed) as algo:
             training = Training(changed, folder, algo)
-            for progress in training.go():
-                if progress.validation is not None:
+            for message in training.go():
+                if isinstance(message, Kept):
+                    folder.keep(message.place, message.content)
+                elif isinstance(message, RunProgress) and message.validation is not None:
                     tune.report(
                         {
-                            **progress.validation,
-                            "safety": 1 - progress.validation["collision"],
+                            **message.validation,
+                            "safety": 1 - message.validation["collision"],
                             VALIDATION: training.validations,
-                            "agent_steps": progress.agent_steps,
+                            "agent_steps": message.agent_steps,
                         },
                         checkpoint=tune.Checkpoint.from_directory(str(folder.checkpoint)),
                     )

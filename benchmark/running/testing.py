@@ -17,13 +17,17 @@ from algorithms.joint.evaluation import evaluate
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, Run, ScriptedRun, TaskSetting
 from benchmark.metrics import join_tables, measure_episodes, write_table
 from benchmark.metrics.table import COUNTS
-from benchmark.results.files import ResultsError
-from benchmark.results.run_folder import FINISHED, SCENARIOS, TESTING, RunFolder
+from benchmark.results.files import ResultsError, files_in
+from benchmark.results.run_folder import EPISODES, FINISHED, SCENARIOS, TABLE, TESTING, RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.machine import machine
+from benchmark.running.messages import Kept, Message, Noted
 from benchmark.running.played import held_out_of, scenario_digests
+from benchmark.running.progress import RunProgress
+from benchmark.scripted import SCRIPTED_POLICIES
 from benchmark.scripted.play import episodes_of
 from smarts.errors import RecordError
+from smarts.registry import import_own
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
 EVALUATION_SEED = 42
@@ -80,26 +84,47 @@ def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
     yield from play_parts(run.task_setting, folder, run.task_setting.evaluation.modes, labels, play_part)
 
 
-def play_scripted(run: ScriptedRun, folder: RunFolder) -> Iterator[float]:
-    """Play the test of a scripted policy, unless it is done; yields the finished share."""
-    tested = run.task_setting.test_content()
-    if folder.is_finished(tested):
-        return
-    folder.open(run.content())
+def play_scripted(run: ScriptedRun, scratch: RunFolder) -> Iterator[Message]:
+    """Play the test of a scripted policy; yields its results, and progress.
+
+    Args:
+        run: The test.
+        scratch: For temporary files.
+    """
     scenarios = {SCENARIOS: scenario_digests(run.task_setting)}
-    folder.note(status=TESTING, run=str(run), **scenarios, **machine())
+    yield Noted({"status": TESTING, "run": str(run), **scenarios, **machine()})
+    import_own(run.task_setting.imports)
+    observation = getattr(SCRIPTED_POLICIES[run.policy], "observation", None)
+    if run.task_setting.environment.adapter is not None:
+        observation = None  # The experiment's own adapter makes all observations.
 
     def play_part(part: Part, indices: range, record: Path) -> None:
         with closing(
-            environment(run.task_setting, num_envs=1, scenarios=part.scenarios, record=record)
+            environment(
+                run.task_setting,
+                num_envs=1,
+                scenarios=part.scenarios,
+                record=record,
+                observation=observation,
+            )
         ) as env:
             played = episodes_of(env, run.policy, EVALUATION_SEED, indices.start)
             for _ in islice(played, len(indices)):
                 pass
 
     labels = {"algorithm": run.label, "training_seed": SCRIPTED_SEED}
-    yield from play_parts(run.task_setting, folder, (SCRIPTED,), labels, play_part)
-    folder.note(status=FINISHED, tested=tested)
+    for share in play_parts(run.task_setting, scratch, (SCRIPTED,), labels, play_part):
+        yield RunProgress(TESTING, share)
+    yield from results_of(scratch)
+    yield Noted({"status": FINISHED, "tested": run.task_setting.test_content()})
+
+
+def results_of(scratch: RunFolder) -> Iterator[Kept]:
+    """Yield the results of a test, in place of those of an earlier one: recorded episodes, then the table."""
+    yield Kept(EPISODES, {})
+    for episode in sorted(scratch.episodes.glob("*/*")):
+        yield Kept(episode.relative_to(scratch.path).as_posix(), files_in(episode))
+    yield Kept(TABLE, scratch.table.read_bytes())
 
 
 def play_parts(

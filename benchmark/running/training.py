@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
@@ -20,16 +21,24 @@ from algorithms.joint.evaluation import evaluate
 from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.own_code import PROGRAM
 from benchmark.experiment.runs import Run
-from benchmark.results.files import ResultsError
-from benchmark.results.progress import add_progress, begin_progress
-from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, TESTING, TRAINING, RunFolder
+from benchmark.results.files import ResultsError, files_in, write_json
+from benchmark.results.run_folder import (
+    BEST,
+    CHECKPOINT,
+    ENDED_BY,
+    FINISHED,
+    SCENARIOS,
+    TESTING,
+    TRAINING,
+    RunFolder,
+)
 from benchmark.running.environments import NAME, create, environment
 from benchmark.running.machine import machine
+from benchmark.running.messages import Began, Kept, Line, Message, Noted
 from benchmark.running.own_runner import own_code_runner
 from benchmark.running.played import scenario_digests
 from benchmark.running.progress import RunProgress
-from benchmark.running.scalars import Scalars
-from benchmark.running.testing import EVALUATION_SEED, play_test
+from benchmark.running.testing import EVALUATION_SEED, play_test, results_of
 from smarts.registry import import_own
 
 CHECKPOINT_SECONDS = 60.0
@@ -49,43 +58,37 @@ class TrainingState:
 
 
 def train_and_evaluate(
-    run: Run, folder: RunFolder, is_stopped: Callable[[], bool] = lambda: False
-) -> Iterator[RunProgress]:
-    """Train and test a run from its last checkpoint on; do nothing if it is finished.
+    run: Run, scratch: RunFolder, is_stopped: Callable[[], bool] = lambda: False
+) -> Iterator[Message]:
+    """Train and test a run from its last checkpoint on.
 
     Args:
         run: The run.
-        folder: Of its results.
+        scratch: For temporary files, with the checkpoint if there is one.
         is_stopped: Called before each iteration; if True, training is saved and the function returns.
 
     Yields:
-        Progress, after each iteration.
+        Results, and progress after each iteration.
 
     Raises:
-        SmartsError: The folder cannot be used, or the environment cannot be made.
+        SmartsError: The checkpoint is damaged, or the environment cannot be made.
         AlgorithmError: The settings do not fit the environment, or training fails.
     """
-    tested = run.task_setting.test_content()
-    if folder.is_finished(tested) and not folder.is_extended(run.content()):
-        return
-    folder.open(run.content())
-    circumstances = {"begun": _now(), **machine()}
-    scenarios = {SCENARIOS: scenario_digests(run.task_setting)}
-    if folder.status is None:
-        folder.note(status=TRAINING, run=str(run), **scenarios, **circumstances)
-    else:
-        folder.note_continuation(circumstances)
+    scenarios = scenario_digests(run.task_setting)
+    yield Began({"begun": _now(), **machine()}, scenarios)
     with algorithm_of(run) as algo:
-        training = Training(run, folder, algo)
+        training = Training(run, scratch, algo)
         yield from training.go(is_stopped)
         if training.ended_by is None:
             return
-        folder.note(status=TESTING, **{ENDED_BY: training.ended_by})
+        yield Noted({"status": TESTING, ENDED_BY: training.ended_by})
         began = time.monotonic()
-        for share in play_test(run, folder, algo):
+        for share in play_test(run, scratch, algo):
             yield RunProgress(TESTING, share)
     took = round(time.monotonic() - began, 1)
-    folder.note(status=FINISHED, tested=tested, ended=_now(), test_seconds=took, **scenarios)
+    yield from results_of(scratch)
+    tested = {"tested": run.task_setting.test_content(), "ended": _now(), "test_seconds": took}
+    yield Noted({"status": FINISHED, **tested, SCENARIOS: scenarios})
 
 
 @contextmanager
@@ -116,14 +119,22 @@ def config_of(run: Run) -> Any:
     config.env_runners(
         num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.task_setting.num_envs
     )
-    if run.resources.learner_gpus:
-        config.learners(num_gpus_per_learner=run.resources.learner_gpus)
+    config.learners(num_learners=run.resources.learners, num_gpus_per_learner=run.resources.learner_gpus)
     config.debugging(seed=run.seed, log_level="ERROR")
     settings = dict(run.settings)
     if "checkpoint_replay" in config.setting_names:
         # Hundreds of megabytes a minute; a resumed run fills its replay buffer again.
         settings.setdefault("checkpoint_replay", False)
     return config.training(**settings)
+
+
+def checkpoint_files(algo: Any, state: Mapping[str, Any]) -> dict[str, bytes]:
+    """Return the files of a checkpoint with the state of training."""
+    with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
+        folder = Path(temporary, CHECKPOINT)
+        algo.save_to_path(str(folder))
+        write_json(folder / "training.json", dict(state))
+        return files_in(folder)
 
 
 def restore(algo: Any, checkpoint: Path) -> None:
@@ -187,10 +198,16 @@ def is_of_other_version(error: Exception) -> bool:
 
 
 class Training:
-    """Trains from the last checkpoint to the end of the budget."""
+    """Trains from the last checkpoint to the end of the budget.
+
+    Args:
+        run: The run.
+        folder: With the checkpoint, if there is one; nothing else of it is used, and what it holds stays.
+        algo: The built algorithm.
+    """
 
     def __init__(self, run: Run, folder: RunFolder, algo: Any) -> None:
-        self._run, self._folder, self._algo = run, folder, algo
+        self._run, self._algo = run, algo
         kept = folder.training_state()
         if kept is None:
             self._state = TrainingState()
@@ -199,8 +216,6 @@ class Training:
             self._state = TrainingState(**{**kept, "best": tuple(kept["best"]) if kept["best"] else None})
             # Fewer than were made if the budget has grown since: the others are repeated.
             self._state = replace(self._state, validations=min(self._due_validations(), kept["validations"]))
-        lines = begin_progress(folder.progress, self._state.iteration)
-        self._scalars = Scalars(folder.tensorboard, lines)
 
     @property
     def validations(self) -> int:
@@ -214,26 +229,33 @@ class Training:
             return None
         return "agent_steps" if self._state.agent_steps >= self._run.budget.agent_steps else "minutes"
 
-    def go(self, is_stopped: Callable[[], bool] = lambda: False) -> Iterator[RunProgress]:
-        """Train until the budget is used up or `is_stopped`, and save; yield after each iteration."""
-        with closing(self._scalars):
-            yield from self._go(is_stopped)
+    def go(self, is_stopped: Callable[[], bool] = lambda: False) -> Iterator[Message]:
+        """Train until the budget is used up or `is_stopped`; the last checkpoint is of the last iteration.
 
-    def _go(self, is_stopped: Callable[[], bool]) -> Iterator[RunProgress]:
+        Yields:
+            Results, and progress after each iteration.
+        """
         saved = time.monotonic()
         while self._share() < 1:
             if is_stopped():
-                self._folder.save(self._folder.checkpoint, self._algo, asdict(self._state))
+                yield self._saved(CHECKPOINT)
                 return
             progress, line = self._iterate()
-            validation = self._validate() if self._is_validation_due() else None
-            line |= {f"validation_{name}": value for name, value in (validation or {}).items()}
-            add_progress(self._folder.progress, line)
-            self._scalars.add(line)
+            validation, best = None, self._state.best
+            if self._is_validation_due():
+                validation = self._validate()
+                line |= {f"validation_{name}": value for name, value in validation.items()}
+                if self._state.best != best:
+                    yield self._saved(BEST)
+            yield Line(line)
             if validation or time.monotonic() - saved > CHECKPOINT_SECONDS or self._share() >= 1:
-                self._folder.save(self._folder.checkpoint, self._algo, asdict(self._state))
+                yield self._saved(CHECKPOINT)
                 saved = time.monotonic()
             yield replace(progress, validation=validation)
+
+    def _saved(self, place: str) -> Kept:
+        """Return a checkpoint with the state of training."""
+        return Kept(place, checkpoint_files(self._algo, asdict(self._state)))
 
     def _share(self) -> float:
         budget, state = self._run.budget, self._state
@@ -285,7 +307,7 @@ class Training:
         return int(self._share() * self._run.task_setting.evaluation.validations)
 
     def _validate(self) -> Mapping[str, float]:
-        """Play the validation episodes, and save the policy if it is the best so far."""
+        """Play the validation episodes, and note whether the policy is the best so far."""
         with closing(environment(self._run.task_setting, discount=self._algo.config.gamma)) as env:
             episodes = evaluate(
                 self._algo,
@@ -303,7 +325,6 @@ class Training:
         best = self._state.best
         if valid and (best is None or (completion, -collision) > (best[0], -best[1])):
             self._state = replace(self._state, best=(completion, collision))
-            self._folder.save(self._folder.best, self._algo, asdict(self._state))
         return {
             "return": round(returns, 4),
             "completion": round(completion, 4),

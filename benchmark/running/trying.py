@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import TaskSetting
 from benchmark.metrics import compute, measure_episodes
@@ -33,6 +35,7 @@ def try_own_code(task_setting: TaskSetting) -> Any:
             and line.
     """
     metrics = own_names(task_setting.metrics)
+    task_setting = replace(task_setting, environment=_without_ray(task_setting.environment))
     steps = max(TRIED_STEPS, 2 * task_setting.environment.decision_interval)
     with tempfile.TemporaryDirectory(prefix="smarts-bench-") as folder:
         record = Path(folder)
@@ -45,6 +48,15 @@ def try_own_code(task_setting: TaskSetting) -> Any:
     if metrics and table.attrs[COUNTS]["measured"]:
         compute(table, metrics=metrics)
     return env.spaces
+
+
+def _without_ray(environment: Environment) -> Environment:
+    """Return an environment whose agents act in process in place of actors: Ray does not run yet."""
+    hosts = {
+        locator: "in_process" if "ray" in (host, getattr(host, "where", "")) else host
+        for locator, host in environment.hosts.items()
+    }
+    return environment.model_copy(update={"hosts": hosts})
 
 
 def _play_one(env: VectorHiWayEnv) -> None:

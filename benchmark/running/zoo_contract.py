@@ -16,6 +16,7 @@ from smarts.agents.spec import AgentSpec
 from smarts.arrays import Bools
 from smarts.controllers import action_format
 from smarts.controllers.action_formats import Rejected
+from smarts.env.casting import check_features
 from smarts.env.hiway import HiWayEnv
 from smarts.errors import OwnCodeError, ScenarioError, SmartsError, shown
 from smarts.observations.arrays import ArrayObservation
@@ -68,6 +69,7 @@ def check_entry(
         yield f"acts on observations in {scenario!r} for {driven} steps"
         return
     check_whole("period", agent.period, 1, LONGEST_PERIOD, locator)
+    check_features(agent.observation, f"agent {locator!r}")
     with ZooDrive(locator, spec, agent, scenario, seed=seed) as drive:
         drive.reset()
         requests = [request for _ in range(steps) if (request := drive.step()) is not None]

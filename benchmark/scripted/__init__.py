@@ -1,7 +1,7 @@
 """Scripted policies: what is reached without learning.
 
-A scripted policy has the observations and actions of learned ones. Those of this package read the vector of
-observation "benchmark", its action mask and the four lane actions.
+A scripted policy has the observations and actions of learned ones. Those of this package read at most the
+vector of observation "benchmark" and its action mask, and act by the four lane actions.
 """
 
 from __future__ import annotations
@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 
 class ScriptedPolicy(Protocol):
-    """Acts for one agent. The class is called without arguments, once for each agent."""
+    """Acts for one agent. The class is called without arguments, once for each agent.
+
+    A class with an attribute `observation` gets that observation, whatever that of the experiment is: a name
+    of `observations.yaml`, or a list or dict of features.
+    """
 
     def begin(self, episode: EpisodeStart, agent: int) -> None:
         """Begin an episode. Random draws must be a function of the episode and the agent's number."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,8 @@ from smarts.zoo.agents.gap_acceptance import choose
 
 class GapAcceptancePolicy:
     """Decides as the agent `gap-acceptance-v0` of the zoo."""
+
+    observation: ClassVar[str] = "benchmark"
 
     def begin(self, episode: EpisodeStart, agent: int) -> None:
         """Forget the last episode."""

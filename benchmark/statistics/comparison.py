@@ -1,4 +1,4 @@
-"""Whether one algorithm is better than another, and how many of them are over a table."""
+"""Whether one algorithm is better than another at equal starts, and Holm's correction over a table."""
 
 from __future__ import annotations
 
@@ -71,17 +71,3 @@ def holm(p_values: ArrayLike) -> Floats:
     factors = np.arange(len(order), 0, -1)
     corrected[order] = np.minimum(np.maximum.accumulate(values[order] * factors), 1.0)
     return corrected
-
-
-def interquartile_mean(values: ArrayLike) -> float:
-    """Return the mean of the middle half of the values, NaN left out; values at its edges count in part.
-
-    Source: Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice (2021).
-    """
-    known = np.sort(np.asarray(values, float).ravel())
-    known = known[np.isfinite(known)]
-    if not len(known):
-        return float("nan")
-    edges = np.arange(len(known) + 1) / len(known)
-    weights = np.clip(np.minimum(edges[1:], 0.75) - np.maximum(edges[:-1], 0.25), 0.0, None)
-    return float(weights @ known / weights.sum())

@@ -13,32 +13,29 @@ REPEATS = 2000
 """Bootstrap samples."""
 
 
-def bootstrap_totals(
-    totals: Floats, draws: np.random.Generator, strata: ArrayLike | None = None, repeats: int = REPEATS
-) -> Floats:
-    """Return bootstrap sums: episodes resampled with replacement within each stratum.
+def bootstrap_counts(strata: ArrayLike, draws: np.random.Generator, repeats: int = REPEATS) -> Floats:
+    """Return how often each episode is drawn: with replacement within each stratum.
 
     Args:
-        totals: Sums of C columns in each of K episodes, shape (K, C).
+        strata: Number of each episode's stratum (such as its training seed and split), shape (K,).
         draws: Source of randomness.
-        strata: Number of each episode's stratum (training seed, split), shape (K,); by default there is one.
         repeats: R, how often to draw K episodes.
 
     Returns:
-        Shape (R, C).
+        Shape (R, K); the product with a column's sums by episode, shape (K,), is those of the resamples.
     """
-    of = np.zeros(len(totals), int) if strata is None else np.asarray(strata)
-    drawn = np.zeros((repeats, totals.shape[1]))
+    of = np.asarray(strata)
+    drawn = np.zeros((repeats, len(of)))
     for stratum in np.unique(of).tolist():
-        own = totals[of == stratum]
-        drawn += draws.multinomial(len(own), np.full(len(own), 1.0 / len(own)), size=repeats) @ own
+        rows = np.flatnonzero(of == stratum)
+        drawn[:, rows] = draws.multinomial(len(rows), np.full(len(rows), 1.0 / len(rows)), size=repeats)
     return drawn
 
 
-def bootstrap_interval(values: Floats) -> Bounds:
+def bootstrap_interval(values: Floats, level: float = LEVEL) -> Bounds:
     """Return the percentile interval of resampled values, shape (R,); NaN is ignored."""
     known = values[np.isfinite(values)]
     if not len(known):
         return np.array(np.nan), np.array(np.nan)
-    low, high = np.quantile(known, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    low, high = np.quantile(known, [(1 - level) / 2, (1 + level) / 2])
     return low, high

@@ -11,8 +11,8 @@ flows = [
     flow(("east_in", 1), ("west_out", 1), 700),
     flow(("east_in", 0), ("west_out", 0), 250),
 ]
-# From 50 m before the junction, through it, and 20 m along the road on its left.
-corners = [(-60, -8), (10, -8), (10, 30), (-6, 30), (-6, 8), (-60, 8)]
+# From 75 m before the junction, in which any car can stop, through it, and 20 m along the road on its left.
+corners = [(-85, -8), (10, -8), (10, 30), (-6, 30), (-6, 8), (-85, 8)]
 left_turn = t.Bubble(
     id="left-turn",
     zone=t.ConfigurableZone(corners),

@@ -1,6 +1,6 @@
 """TorchRL on PettingZoo's interface: PPO with one network for four agents at the intersection.
 
-`make nightly` installs TorchRL (some 35 MB) and runs this.
+TorchRL comes with BenchMARL, whose task is in `examples/benchmarl_task.py`.
 """
 
 import torch
@@ -11,17 +11,16 @@ from torchrl.envs.utils import MarlGroupMapType
 from torchrl.modules import MaskedCategorical, MultiAgentMLP, ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
-from smarts.env import hiway_parallel_env
+from smarts.env import StayingAgents, hiway_parallel_env
 
 KEYS = {name: ("agents", name) for name in ("reward", "action", "done", "terminated")}
 
 
 def made() -> TransformedEnv:
-    """Return the environment; agents that have ended are masked out, the others drive on."""
+    """Return the environment; agents that have ended stay in the batch without effect."""
     env = PettingZooWrapper(
-        hiway_parallel_env(["intersection"], 4),
+        StayingAgents(hiway_parallel_env(["intersection"], 4)),
         group_map=MarlGroupMapType.ALL_IN_ONE_GROUP,
-        use_mask=True,
         done_on_any=False,
         categorical_actions=True,
     )
@@ -56,7 +55,7 @@ def main(batches: int = 20, frames: int = 512) -> tuple[float, float]:
     for batch in collector:
         with torch.no_grad():
             loss.value_estimator(batch, params=loss.critic_network_params)
-        ended = batch["next", "agents", "done"] & batch["agents", "mask"].unsqueeze(-1)
+        ended = batch["next", "agents", "done"] & ~batch["agents", "done"]
         scores.append(batch["next", "agents", "episode_reward"][ended].mean().item())
         played = batch.reshape(-1)
         for rows in (rows for _ in range(4) for rows in torch.randperm(frames).split(128)):

@@ -38,6 +38,10 @@ class Failed(NamedTuple):
     problem: str
 
 
+class Late(NamedTuple):
+    """Stands for an answer that has not come by its deadline: the agent's last action continues."""
+
+
 class Answer(NamedTuple):
     """What a policy answers to a request."""
 
@@ -45,7 +49,7 @@ class Answer(NamedTuple):
     """Its number."""
     request: Request
     actions: NDArray | Sequence[Any]
-    """An array of shape (N, ...), or N actions; a `Failed` in place of an action that there is not."""
+    """An array of shape (N, ...), or N actions; a `Failed` or a `Late` in place of a missing action."""
 
     def at(self, chosen: Bools) -> Answer:
         """Return the answer to some of its agents, shape (N,)."""
@@ -73,7 +77,7 @@ class AgentHost(Protocol):
         ...
 
     def gather(self) -> Sequence[Answer]:
-        """Return the answers to all requests but late ones; called in every step."""
+        """Return the answers to all requests; called in every step."""
         ...
 
     def forget(self, rows: Collection[int]) -> None:
@@ -89,7 +93,7 @@ class InProcess:
     """Runs the policies in this process: they decide when their actions are fetched, however long they take.
 
     Args:
-        policies: The policies of the run; those that act elsewhere are left out.
+        policies: The policies of the run; policies that act elsewhere are left out.
 
     Raises:
         Exception: Whatever an agent raises when it is made.

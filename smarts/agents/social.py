@@ -45,6 +45,8 @@ class SocialPolicy:
     """Starts the agent elsewhere; None: it acts in this process."""
     host: HostOptions = HERE
     """In what time it acts."""
+    options: str = ""
+    """The arguments of its policy, as `Wanted` has them."""
 
     @property
     def acts_here(self) -> bool:

@@ -15,6 +15,8 @@ GAP = 1.0
 """Gap to the stop line [m]."""
 HARDEST = 6.0
 """A vehicle that would have to brake harder drives on [m/s^2]."""
+CLOSE = 0.3
+"""A vehicle that is nearer to where it waits stands, so that it does not creep on [m]."""
 
 _STOP = int(Signal.STOP)
 
@@ -47,7 +49,7 @@ def limit_by_lights(
 def limit_by_right_of_way(
     state: State, roads: Roads, routes: RouteTable, b: int, slot: int, row: int, s: float, points: Floats
 ) -> None:
-    """Lower a reference's speeds so that the vehicle waits at junctions for those that go first.
+    """Lower a reference's speeds so that the vehicle waits at junctions where others go first.
 
     Args:
         state: The state of the world.
@@ -62,4 +64,4 @@ def limit_by_right_of_way(
     room = gap_to_wait(state, roads, routes, b, slot, row, s)
     speed = max(state.vehicles.speed[b, slot], 0.0)
     if speed * speed <= 2.0 * HARDEST * room:
-        brake_to(points, room - min(GAP, 0.5 * room), 0.0)
+        brake_to(points, room - min(GAP, 0.5 * room) if room > CLOSE else -GAP, 0.0)

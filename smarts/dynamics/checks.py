@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from smarts.arrays import Floats
 from smarts.dynamics import layout
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
@@ -48,7 +46,7 @@ def check_start(
         raise ControlError(
             f"a body of {size[0]} m by {size[1]} m", place=_vehicle(row), remedy="give sizes above 0"
         )
-    if not np.isfinite([*position, heading, speed, steering]).all():
+    if not all(map(math.isfinite, (*position, heading, speed, steering))):
         raise ControlError(
             f"position {position}, heading {heading}, speed {speed}, steering {steering}: not all finite",
             place=_vehicle(row),

@@ -1,4 +1,4 @@
-"""Environments: the simulation as Gymnasium, PettingZoo, RLlib and arrays."""
+"""Environments: the simulation as Gymnasium, PettingZoo, RLlib, PyMARL and arrays."""
 
 from __future__ import annotations
 
@@ -10,16 +10,20 @@ import gymnasium
 if TYPE_CHECKING:
     from smarts.env.hiway import HiWayEnv
     from smarts.env.parallel import hiway_parallel_env
+    from smarts.env.pymarl import PyMARLEnv
     from smarts.env.rllib import RLlibHiWayEnv
     from smarts.env.single import SingleHiWayEnv
     from smarts.env.single_vector import SingleHiWayVectorEnv
+    from smarts.env.staying import StayingAgents
     from smarts.env.vector import VectorHiWayEnv
 
 __all__ = [
     "HiWayEnv",
+    "PyMARLEnv",
     "RLlibHiWayEnv",
     "SingleHiWayEnv",
     "SingleHiWayVectorEnv",
+    "StayingAgents",
     "VectorHiWayEnv",
     "hiway_parallel_env",
 ]
@@ -27,9 +31,11 @@ __all__ = [
 # Imported on first use, since Ray is optional.
 _PLACES = {
     "HiWayEnv": "smarts.env.hiway",
+    "PyMARLEnv": "smarts.env.pymarl",
     "RLlibHiWayEnv": "smarts.env.rllib",
     "SingleHiWayEnv": "smarts.env.single",
     "SingleHiWayVectorEnv": "smarts.env.single_vector",
+    "StayingAgents": "smarts.env.staying",
     "VectorHiWayEnv": "smarts.env.vector",
     "hiway_parallel_env": "smarts.env.parallel",
 }

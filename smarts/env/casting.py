@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from smarts.agents.acting import FAILURES, built_agent
-from smarts.agents.hosting.facts import check_period
-from smarts.agents.hosting.links import InChildProcess
+from smarts.agents.hosting.facts import check_period, facts_from
+from smarts.agents.hosting.links import InChildProcess, is_address
+from smarts.agents.hosting.log import FILE_REMEDY, Recorded, not_recorded, recorded
 from smarts.agents.hosting.options import (
     IN_PROCESS,
     OTHERS,
@@ -18,7 +19,7 @@ from smarts.agents.hosting.options import (
     Starter,
     host_of,
 )
-from smarts.agents.hosting.remote import RemoteAgent
+from smarts.agents.hosting.remote import RemoteAgent, Started
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import Agent, BatchAgent
@@ -140,13 +141,15 @@ def _check_hosts(hosts: HostsByLocator, policies: Sequence[SocialPolicy]) -> Non
             )
 
 
-def check_agent(locator: str, options: Mapping[str, Any]) -> None:
-    """Raise unless an agent of the zoo can be made and drive.
+def check_agent(locator: str, options: Mapping[str, Any], hosts: HostsByLocator = HOSTS_HERE) -> None:
+    """Raise unless an agent of the zoo can be made and drive, or a log has its decisions.
 
     Raises:
         SmartsError: It cannot; names the locator.
     """
-    _policy(Part(locator, locator, options, ""))
+    start = _policy(Part(locator, locator, options, ""), hosts).start
+    if isinstance(start, Started):
+        start.close()
 
 
 def _check_learning(scenarios: Sequence[BuiltScenario], learning: BubbleLearning) -> None:
@@ -172,16 +175,24 @@ def _check_learning(scenarios: Sequence[BuiltScenario], learning: BubbleLearning
             )
 
 
+def locators_of(scenario: t.Scenario) -> list[str]:
+    """Return the locators of the agents that a scenario's bubbles and missions ask for."""
+    return [part.locator for part in _parts_of(scenario, "", None)]
+
+
 def _parts(built: BuiltScenario, learning: BubbleLearning | None) -> Iterator[Part]:
-    scenario = built.scenario
+    return _parts_of(built.scenario, built.name, learning)
+
+
+def _parts_of(scenario: t.Scenario, name: str, learning: BubbleLearning | None) -> Iterator[Part]:
     for bubble in scenario.bubbles or ():
         actor = agent_actor(bubble)
         if actor is not None and not (learning and learning.has(bubble.id)):
-            place = f"{built.name}: bubble {bubble.id!r}"
+            place = f"{name}: bubble {bubble.id!r}"
             yield _part(actor, place, keep_alive=bubble.keep_alive)
     for group, (actors, _) in (scenario.social_agent_missions or {}).items():
         for actor in [actors] if isinstance(actors, t.SocialAgentActor) else actors:
-            yield _part(actor, f"{built.name}: social_agent_missions[{group!r}]")
+            yield _part(actor, f"{name}: social_agent_missions[{group!r}]")
 
 
 def _part(actor: t.SocialAgentActor, place: str, *, keep_alive: bool = False) -> Part:
@@ -191,17 +202,9 @@ def _part(actor: t.SocialAgentActor, place: str, *, keep_alive: bool = False) ->
 
 def _policy(part: Part, hosts: HostsByLocator = HOSTS_HERE) -> SocialPolicy:
     """Make a policy once, to see what it observes; whoever runs it makes its own."""
-    agent: Any = None
+    host = host_of(hosts, part.locator)
     try:
-        spec = make_spec(part.locator, **part.options)
-        interface = _interface(spec, part.locator)
-        agent = built_agent(spec, part.locator)
-        is_batch = isinstance(agent, BatchAgent)
-        if is_batch:
-            feature_list(agent.observation)
-        period = check_period(getattr(agent, "period", 1), f"agent {part.locator!r}")
-        host = host_of(hosts, part.locator)
-        start = _start(part, agent, host, is_named=part.locator in hosts)
+        return _replayed(part, host, hosts) if host.replay else _made(part, host, hosts)
     except SmartsError as error:
         place = ", ".join(filter(None, (part.place, error.place)))
         raise type(error)(error.problem, place=place, remedy=error.remedy) from error
@@ -211,20 +214,96 @@ def _policy(part: Part, hosts: HostsByLocator = HOSTS_HERE) -> SocialPolicy:
             place=part.place,
             remedy="see the agent's options: smarts-bench zoo describe",
         ) from error
-    finally:
+
+
+def _made(part: Part, host: HostOptions, hosts: HostsByLocator) -> SocialPolicy:
+    """Return a policy that acts in this process, or where its host says."""
+    spec = make_spec(part.locator, **part.options)
+    interface = _interface(spec, part.locator)
+    agent: Any = built_agent(spec, part.locator)
+    is_batch, place = isinstance(agent, BatchAgent), f"agent {part.locator!r}"
+    try:
+        if is_batch:
+            check_features(agent.observation, place)
+        return _as_policy(
+            part,
+            spec.replace(interface=interface),
+            period=check_period(getattr(agent, "period", 1), place),
+            observation=agent.observation if is_batch else None,
+            start=_start(part, agent, host, is_named=part.locator in hosts),
+            host=replace(host, replay=""),
+        )
+    except BaseException:
         if isinstance(agent, RemoteAgent):
             agent.close()
+        raise
+
+
+def _replayed(part: Part, host: HostOptions, hosts: HostsByLocator) -> SocialPolicy:
+    """Return a policy of which a log knows all, or of an agent of this process that `OTHERS` stands for.
+
+    Raises:
+        HostError: The folder holds no log of the agent, or a damaged one.
+    """
+    found = recorded(host.replay)
+    key = wanted(part.locator, part.options)
+    for each in found:
+        if (each.agent, each.options) == (key.locator, key.options):
+            return _recorded_policy(part, host, each)
+    missing = not_recorded(host.replay, found, key.locator, key.options)
+    is_logged = key.locator in [each.agent for each in found]
+    if is_logged or part.locator in hosts or is_address(part.locator):
+        raise missing
+    policy = _made(part, host, hosts)
+    if policy.start is not None:
+        if isinstance(policy.start, Started):
+            policy.start.close()
+        raise missing
+    return policy
+
+
+def _recorded_policy(part: Part, host: HostOptions, log: Recorded) -> SocialPolicy:
+    """Return a policy as an agent has described itself in a log.
+
+    Raises:
+        HostError: The description is damaged, or of another version; names the file.
+    """
+    place = f"agent {part.locator!r}"
+    try:
+        facts = facts_from(log.about, place)
+        check_features(facts.observation, place)
+        spec = AgentSpec(_interface(AgentSpec(facts.interface), place))
+    except Exception as error:  # the file may hold anything
+        problem = error.problem if isinstance(error, SmartsError) else f"{type(error).__name__}: {error}"
+        raise HostError(
+            f"describes no agent of this version: {problem}", place=str(log.file), remedy=FILE_REMEDY
+        ) from error
+    return _as_policy(part, spec, period=facts.period, observation=facts.observation, host=host)
+
+
+def check_features(observation: Any, place: str) -> None:
+    """Raise unless an agent observes features that exist.
+
+    Raises:
+        SmartsError: One does not, or is given wrong options; names the agent.
+    """
+    try:
+        feature_list(observation)
+    except SmartsError as error:
+        where = ", ".join(filter(None, (place, error.place)))
+        raise type(error)(error.problem, place=where, remedy=error.remedy) from error
+
+
+def _as_policy(part: Part, spec: AgentSpec, **about: Any) -> SocialPolicy:
     return SocialPolicy(
         name=part.name,
         locator=part.locator,
-        spec=spec.replace(interface=interface),
+        spec=spec,
         interface=0,
-        period=period,
         is_boid=bool(part.boid),
         keep_alive=part.keep_alive,
-        observation=agent.observation if is_batch else None,
-        start=start,
-        host=host,
+        options=wanted(part.locator, part.options).options,
+        **about,
     )
 
 
@@ -242,10 +321,13 @@ def _start(part: Part, agent: Agent, host: HostOptions, *, is_named: bool) -> St
                 place=place,
                 remedy="leave `where` out of its entry in hosts",
             )
-        start = agent.start
-        return replace(start, memory=host.memory) if isinstance(start, InChildProcess) else start
+        started, start = agent.start, agent.start.start
+        if not isinstance(start, InChildProcess) or start.memory == host.memory:
+            return started
+        started.close()
+        return replace(start, memory=host.memory)
     if host.where == IN_PROCESS:
-        if is_named and not host.replay and (host.deadline_ms is not None or host.log):
+        if is_named and (host.deadline_ms is not None or host.log):
             raise HostError(
                 "deadline_ms or log is given, and the agent acts in process, where it is never late",
                 place=place,
@@ -254,7 +336,7 @@ def _start(part: Part, agent: Agent, host: HostOptions, *, is_named: bool) -> St
         return None
     if not isinstance(agent, BatchAgent):
         if not is_named:
-            return None  # "*" means those that can
+            return None  # "*" leaves out agents that cannot
         raise HostError(
             f"where is {host.where!r}, and the agent acts on Observation objects",
             place=place,

@@ -24,7 +24,7 @@ from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed
 from smarts.rewards.own import Reward
 from smarts.rewards.weights import Rewards
-from smarts.sim.assembly import Options
+from smarts.sim.assembly import Options, shown
 from smarts.types.actions import ActionSpaceType
 from smarts.types.streams import check_seed
 
@@ -39,7 +39,8 @@ class HiWayEnv(NotCopied, gym.Env):
     Args:
         scenarios: Folders, or names of the suite; they are played in a seeded order.
         agent_specs: The agents' specs, or their interfaces alone, by name.
-        headless: Without effect: episodes are watched through their records.
+        headless: False shows the episodes in the browser of `smarts-bench view --live` on this machine;
+            `simulation` or SMARTS_ENVISION may name another one.
         decision_interval: Steps of 0.1 s from one decision to the next.
         sim_name: Without effect. Kept so that the original's calls work.
         seed: See `EnvSettings`, as for `simulation` and `traffic`.
@@ -77,7 +78,7 @@ class HiWayEnv(NotCopied, gym.Env):
             agent_specs,
             seed=seed,
             decision_interval=decision_interval,
-            simulation=simulation,
+            simulation=simulation if headless else shown(simulation),
             traffic=traffic,
             social_agents=social_agents,
             learn_in_bubbles=learn_in_bubbles,

@@ -15,10 +15,11 @@ from smarts.env.dict_env import StepResult
 from smarts.env.runner import NotCopied
 from smarts.env.settings import ALL, EnvSettings, refuse_bubbles
 from smarts.errors import SmartsError, nearest_names
+from smarts.sim.assembly import shown
 from smarts.types.streams import check_seed
 
 _OLD_NAMES = {"agent_specs": "agents"}
-_WITHOUT_EFFECT = ("headless", "sim_name", "num_envs")
+_NO_SETTINGS = ("headless", "sim_name", "num_envs")
 # `algorithms` gives `num_envs` to every environment; some hold several simulations.
 
 
@@ -30,18 +31,20 @@ def settings_of(config: Mapping[str, Any]) -> EnvSettings:
     """
     check_instance("env_config", config, Mapping, "a dict, such as {'scenarios': ['loop'], 'agents': 4}")
     known = [field.name for field in fields(EnvSettings) if field.name != "num_envs"]
-    given = {_OLD_NAMES.get(key, key): value for key, value in config.items() if key not in _WITHOUT_EFFECT}
+    given = {_OLD_NAMES.get(key, key): value for key, value in config.items() if key not in _NO_SETTINGS}
     for key in given:
         if key not in known:
             raise SmartsError(
                 f"there is no setting {key!r}",
                 place="env_config",
-                remedy=nearest_names(key, [*known, *_OLD_NAMES, *_WITHOUT_EFFECT]),
+                remedy=nearest_names(key, [*known, *_OLD_NAMES, *_NO_SETTINGS]),
             )
     if {"agents", "agent_specs"} <= config.keys():
         raise SmartsError("agents and agent_specs are both there", place="env_config", remedy="give one")
     if "scenarios" not in given:
         raise SmartsError("there are no scenarios", place="env_config", remedy="give {'scenarios': ['loop']}")
+    if config.get("headless") is False:
+        given["simulation"] = shown(given.get("simulation"))
     return EnvSettings(**given)
 
 
@@ -53,7 +56,8 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
 
     Args:
         config: `scenarios`, `agent_specs` (specs or interfaces by name, or how many agents of the benchmark),
-            `seed`, `action_mask`, and the other fields of `EnvSettings`. `headless` is without effect.
+            `seed`, `action_mask`, and the other fields of `EnvSettings`. `headless` False shows the
+            episodes, as in `HiWayEnv`.
 
     Raises:
         SmartsError: The configuration is invalid.

@@ -244,7 +244,9 @@ class SimulationRunner:
         """Return what users are to know of a simulation's other agents; empty where all is well.
 
         `kept_out` are the names of agents whose time has come and that cannot enter yet, `bubbles` the counts
-        of the present episode by bubble, see `BubbleStates`.
+        of the present episode by bubble, see `BubbleStates`; `late_decisions` counts the decisions of
+        social agents in it that came after their deadline, or whose agent owed another then, by the policy's
+        name.
         """
         start, kept_out = self.starts[row], self._entries.kept_out(row)
         info: dict[str, Any] = {"kept_out": kept_out} if kept_out else {}
@@ -255,6 +257,8 @@ class SimulationRunner:
             and self._frame.bubbles is not None
         ):
             info["bubbles"] = self._frame.bubbles.counted(row, start.bubbles)
+        if self._requests is not None and (late := self._requests.late_decisions(row)):
+            info["late_decisions"] = late
         return info
 
     def annotate(self, name: str, values: ArrayLike, egos: Bools) -> None:

@@ -6,6 +6,7 @@ Axis letters: B simulations, A agents, C columns of an interface, N agents of a 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Mapping
 from functools import cache
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.acting import AgentHost, Answer, Failed, Request
+from smarts.agents.acting import AgentHost, Answer, Failed, Late, Request
 from smarts.agents.hosting.hosts import Hosts
 from smarts.agents.hosting.options import HostError
 from smarts.agents.policy import ActionBatch
@@ -82,6 +83,7 @@ class SocialAgentRequests:
         assembly.pool.clear_with([self._events])
         self._make = ObservationMaker(assembly.scene)
         self._delayed: list[Answer] = []
+        self._late = np.zeros((len(self._policies), shape[0]), np.int64)  # decisions, in the present episode
 
     def collect(self, frame: Frame) -> None:
         """Take in a step's or a reset's events, for agents that are told what happened since they decided."""
@@ -130,6 +132,17 @@ class SocialAgentRequests:
         self._host.begin()
         self._host.forget(rows)
         self._delayed = [left for each in self._delayed if (left := each.without(rows))]
+        self._late[:, [*rows]] = 0
+
+    def late_decisions(self, row: int) -> dict[str, int]:
+        """Return how many decisions of agents were late in a simulation's episode, by policy; no zeros.
+
+        Policies with one name and different options are counted together.
+        """
+        counts = Counter()
+        for policy, count in zip(self._policies, self._late[:, row].tolist(), strict=True):
+            counts[policy.name] += count
+        return dict(+counts)
 
     def close(self) -> None:
         """End the policies; may be called again."""
@@ -196,6 +209,9 @@ class SocialAgentRequests:
                 return
         for place in np.flatnonzero(is_there).tolist():
             where = int(rows[place]), int(columns[place])
+            if isinstance(answer.actions[place], Late):
+                self._late[answer.policy, where[0]] += 1
+                continue
             problem = self._write_one(*where, answer.actions[place])
             if problem:
                 self._fail(*where, problem, failures)

@@ -83,5 +83,6 @@ class VectorStep(NamedTuple):
     a reset, and why: the fallback controller drives their vehicles."""
     social_infos: Mapping[int, Mapping[str, Any]] = {}
     """By simulation, what else is to be known of other agents, if anything: `kept_out`, the names of agents
-    that cannot enter, and `bubbles`, by id and count what happened in the episode so far; of simulations that
-    were reset, in the episode that has ended."""
+    that cannot enter, `bubbles`, by id and count what happened in the episode so far, and `late_decisions`,
+    how many decisions of agents were late, by policy; of simulations that were reset, in the episode that has
+    ended."""

@@ -31,6 +31,8 @@ FEATURES = Registry(
             "time_stood": "TimeStood",
             "lane_changes": "LaneChanges",
             "arrival_order": "ArrivalOrder",
+            "junction_ahead": "JunctionAhead",
+            "crossing_traffic": "CrossingTraffic",
             "image": "Image",
             "action_mask": "ActionMask",
             "sensors": "SensorReadings",

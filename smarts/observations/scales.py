@@ -22,6 +22,8 @@ STEERING_SCALE = 0.6
 """[rad]"""
 RADIUS = 50.0
 """Within which neighbors are observed [m]."""
+SIGHT = 100.0
+"""Within which junctions, and vehicles that come to them, are observed [m]."""
 LONGEST_TIME = 5.0
 """Times to collision are cut at this [s]."""
 MOST_LANE_CHANGES = 3

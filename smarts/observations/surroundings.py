@@ -12,6 +12,7 @@ from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
+from smarts.observations.context import AdapterContext
 from smarts.observations.feature import Feature
 from smarts.observations.way_ahead import (
     SIGHT,
@@ -107,9 +108,17 @@ class Surroundings(Feature):
     `own_vehicle` holds the numbers of `Own`, `lane_traffic` those of `Lane` for the own lane (the one that
     the vehicle steers for), the left and the right one. Vehicles are seen up to 150 m along the way: the
     lanes of the route, elsewhere the straightest ones. A leader is a vehicle whose footprint is on that way.
+
+    Args:
+        context: The agents.
+        margins: The driver's margins in time at junctions, in those of `smarts/roads/precedence.py`.
     """
 
     in_vector = False
+
+    def __init__(self, context: AdapterContext, margins: float = 1.0) -> None:
+        super().__init__(context)
+        self._margins = float(margins)
 
     def fields(self) -> tuple[Field, ...]:
         """Return `own_vehicle` and `lane_traffic`."""
@@ -125,7 +134,7 @@ class Surroundings(Feature):
         """Return the function that observes; see `Feature`."""
         scene = self.context.scene
         known = scene.world.state, scene.atlas.roads, scene.routes.current, self.context.agent_ids
-        return bind(_observe, *known, *out)
+        return bind(_observe, *known, self._margins, *out)
 
 
 @kernel
@@ -134,6 +143,7 @@ def _observe(
     roads: Roads,
     routes: RouteTable,
     agent_ids: Ints,
+    margins: float,
     own_vehicle: Floats,
     lane_traffic: Floats,
     observe_mask: Bools,
@@ -141,12 +151,19 @@ def _observe(
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if observe_mask[b, g]:
-                _write(state, roads, routes, b, agent_ids[g], own_vehicle[b, g], lane_traffic[b, g])
+                _write(state, roads, routes, b, agent_ids[g], margins, own_vehicle[b, g], lane_traffic[b, g])
 
 
 @kernel
 def _write(
-    state: State, roads: Roads, routes: RouteTable, b: int, a: int, own: Floats, lanes: Floats
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    b: int,
+    a: int,
+    margins: float,
+    own: Floats,
+    lanes: Floats,
 ) -> None:
     """Write the numbers of one agent."""
     vehicles, agents, m = state.vehicles, state.agents, state.map[b]
@@ -173,7 +190,7 @@ def _write(
     goal = _distance_to_goal(state, b, a)
     light, light_gap = _write_lane(state, roads, routes, b, slot, row, s, route, goal, lanes[0])
     own[_ALLOWED], own[_LIGHT], own[_LIGHT_GAP] = lanes[0, _LANE_ALLOWED], light, light_gap
-    own[_YIELD_GAP] = gap_to_wait(state, roads, routes, b, slot, row, s)
+    own[_YIELD_GAP] = gap_to_wait(state, roads, routes, b, slot, row, s, margins)
     for side in range(1, 3):
         other = int(roads.lane_left[lane] if side == 1 else roads.lane_right[lane])
         if other < 0 or roads.lane_kind[other] != roads.lane_kind[lane] or roads.lane_inside[lane]:

@@ -6,16 +6,21 @@ its offset, with both ends on that lane. So the gate compares this pose with the
 the next step. What they differ by fades (`sumo_fading`).
 
 Agents get no vehicle that is on its way through a junction without priority: it goes in a gap that SUMO has
-chosen. An agent that gets it where it can no longer stop could not choose another.
+chosen. An agent that gets it where it can no longer stop could not choose another. Nor do they get a long
+vehicle whose next turn is too tight for it: SUMO drives it along the lane as no such vehicle can; an agent's
+would sweep the lanes beside.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from smarts.controllers.model_predictive import sharpest_curvatures
 from smarts.geometry.binding import bind
+from smarts.geometry.frames import wrap_angle
 from smarts.providers.gates import compare_with_chord, find_too_close
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_shadow import Shadow
@@ -36,6 +41,15 @@ MOST_SHIFT = 0.5
 """Between the vehicle's centre and the one that SUMO has for it [m]."""
 MOST_BRAKING = 4.5
 """Deceleration that traffic ahead, a light or right of way may demand [m/s^2]."""
+TURN_AHEAD = 100.0
+"""Distance to a junction at which its turn counts [m]."""
+MOST_SWING = 0.6
+"""By how much a vehicle may have to leave its lane in a turn [m]."""
+SMALL = 6.0
+"""Vehicles with a smaller turning radius can make all turns [m]."""
+MOST_LEAN = 0.15
+"""To its lane of a vehicle that an agent gets [rad]. A slow one in a lane change leans more, and could
+straighten only beside its lane; so does one whose tail is still in a turn."""
 LOOK_AHEAD = 100.0
 """Of a vehicle whose lane does not lead on, SUMO has this distance left to change lanes [m]."""
 
@@ -57,11 +71,14 @@ class SumoGate:
         self._rows, self._slots = np.full(1, row, np.int32), np.zeros(1, np.int32)
         self._found = np.zeros(1, np.bool_)
         self._onward: dict[str, tuple[str, ...]] = {}
+        self._turns: dict[str, tuple[float, float]] = {}
+        self._radii: list[float] = (1.0 / np.maximum(sharpest_curvatures(), 1e-9)).tolist()
         self._bound_to: LaneGraph | None = None
 
     def reset(self, roads: LaneGraph) -> None:
         """Begin an episode on a map."""
         self._onward.clear()
+        self._turns.clear()
         if roads is self._bound_to:
             return
         self._roads = self._bound_to = roads
@@ -92,22 +109,62 @@ class SumoGate:
         """Return why an agent cannot take over a vehicle that SUMO drives.
 
         That is IN_JUNCTION from where the vehicle can no longer stop before a junction that it enters without
-        priority, or against the light, until its front and its centre are out of the junction.
+        priority, or against the light, until its front and its centre are out of the junction; and from
+        `TURN_AHEAD` before a turn that is too tight for it, until it is through. It is SIDEWAYS where the
+        vehicle leans to its lane.
         """
-        lane, roads = self._library.vehicle.getLaneID(name), self._roads
+        lane, roads, states = self._library.vehicle.getLaneID(name), self._roads, self._states
         if not lane:
             return Refusal.NONE
-        for number in {roads.lane_of_id(lane), int(self._states.lane[slot])}:
-            if number >= 0 and roads.is_internal[number] and not self._has_priority(number):
+        radius = self._radii[states.kind[slot]]
+        for number in {roads.lane_of_id(lane), int(states.lane[slot])}:
+            if number < 0 or not roads.is_internal[number]:
+                continue
+            if not self._has_priority(number) or self._is_tight(roads.lane_ids[number], radius):
                 return Refusal.IN_JUNCTION
-        speed = float(self._states.speed[slot])
+        if lane.startswith(":"):
+            return Refusal.NONE
+        position = self._library.vehicle.getLanePosition(name)
+        if self._lean(slot, roads.lane_of_id(lane), position) > MOST_LEAN:
+            return Refusal.SIDEWAYS
+        speed, left = float(states.speed[slot]), self._library.lane.getLength(lane) - position
         needed = self._dt * speed + 0.5 * speed * speed / MOST_BRAKING
-        left = self._library.lane.getLength(lane) - self._library.vehicle.getLanePosition(name)
-        if left < needed and not lane.startswith(":"):
-            for _, has_priority, *_ in self._library.vehicle.getNextLinks(name)[:1]:
-                if not has_priority:
+        if left < (needed if radius < SMALL else TURN_AHEAD):
+            for _, has_priority, _, _, via, *_ in self._library.vehicle.getNextLinks(name)[:1]:
+                if (left < needed and not has_priority) or self._is_tight(via, radius):
                     return Refusal.IN_JUNCTION
         return Refusal.NONE
+
+    def _lean(self, slot: int, lane: int, position: float) -> float:
+        """Return the angle of a vehicle to a lane on which its front is at SUMO's `position` [m] [rad]."""
+        roads = self._roads
+        front = position * float(roads.length[lane] / max(roads.sumo_length[lane], 1e-9))
+        return self._compare(slot, self._starts[lane], self._starts[lane + 1], front, 0.0, 0.0)[0]
+
+    def _is_tight(self, lane: str, radius: float) -> bool:
+        """Return whether a vehicle with some turning radius [m] leaves a lane inside a junction by too much.
+
+        Of two arcs that touch the same two straight lines, the wider one is nearer to their corner's inside.
+        """
+        if radius < SMALL or not lane:
+            return False
+        if lane not in self._turns:
+            self._turns[lane] = self._turn_of(self._roads.lane_of_id(lane))
+        lane_radius, turn = self._turns[lane]
+        return (radius - lane_radius) * (1.0 / math.cos(min(0.5 * turn, 1.25)) - 1.0) > MOST_SWING
+
+    def _turn_of(self, lane: int) -> tuple[float, float]:
+        """Return the mean radius [m] and the angle [rad] of a way from a lane through its junction."""
+        roads, length, turn = self._roads, 0.0, 0.0
+        while lane >= 0 and roads.is_internal[lane]:
+            points = slice(int(roads.point_start[lane]), int(roads.point_start[lane + 1]))
+            turn += float(wrap_angle(np.diff(roads.point_heading[points])).sum())
+            length += float(roads.length[lane])
+            following = roads.successors(lane)
+            if not len(following):
+                break
+            lane = int(following[0])
+        return length / max(abs(turn), 1e-6), abs(turn)
 
     def _has_priority(self, lane: int) -> bool:
         """Return whether vehicles that now enter a lane inside a junction have priority."""

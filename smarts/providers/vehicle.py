@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.controllers import tracking
+from smarts.controllers.abilities import Abilities
 from smarts.dynamics import MODELS, Box, Fleet, MotionError, SubstepDriver, vehicle
 from smarts.errors import ActionError, SmartsError
 from smarts.geometry.binding import LateBound, bind
@@ -37,7 +38,8 @@ TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.
 """Vehicle type of `smarts.dynamics` of each kind; trailers have none."""
 _IS_DRIVABLE = np.array([kind in TYPES for kind in VehicleKind])
 FASTEST_SIDEWAYS = 1.5
-"""Lateral speed above which a vehicle is not taken over; SUMO's lane changes are slower [m/s]."""
+"""Lateral speed of the rear axle above which a vehicle is not taken over: an agent's vehicle begins without
+it, so this is how far off its course it is, per second. SUMO's lane changes are slower [m/s]."""
 
 
 class FleetVehicles:
@@ -83,6 +85,7 @@ class FleetVehicles:
         self._tracks = Tracks.allocate(worlds, agents, world.vehicles.capacity, SUBSTEPS)
         self._no_controls = np.zeros((worlds * agents, 3))
         self._applied_controls = np.zeros((worlds * agents, 3))
+        self._abilities = Abilities.of_all()
         self._boxed = np.zeros(world.vehicles.alive.shape, np.bool_)
         self._with_boxes: set[int] = set()
         self._has_contacts = False
@@ -160,7 +163,7 @@ class FleetVehicles:
         """Return for each vehicle whether an agent can drive it from now on, as a `Refusal`, shape (N,).
 
         KIND: there is no model of such vehicles. TOO_CLOSE: another vehicle is within `NEAR`, now or `SOON`.
-        SIDEWAYS: traffic moves it sideways as no vehicle drives, faster than `FASTEST_SIDEWAYS`.
+        SIDEWAYS: traffic moves its rear axle sideways as no vehicle drives, faster than `FASTEST_SIDEWAYS`.
 
         Args:
             rows: Simulation of each vehicle, shape (N,).
@@ -169,8 +172,13 @@ class FleetVehicles:
         found = np.zeros(len(rows), np.bool_)
         self._find_too_close(rows, slots, NEAR, SOON, found)
         answers = np.where(found, Refusal.TOO_CLOSE, Refusal.NONE)
-        answers[np.abs(self._world.vehicles.lateral_speed[rows, slots]) > FASTEST_SIDEWAYS] = Refusal.SIDEWAYS
-        answers[~_IS_DRIVABLE[self._world.vehicles.kind[rows, slots]]] = Refusal.KIND
+        vehicles = self._world.vehicles
+        kinds, centre_to_rear = vehicles.kind[rows, slots], self._abilities.centre_to_rear
+        sideways = (
+            vehicles.lateral_speed[rows, slots] - vehicles.yaw_rate[rows, slots] * centre_to_rear[kinds]
+        )
+        answers[np.abs(sideways) > FASTEST_SIDEWAYS] = Refusal.SIDEWAYS
+        answers[~_IS_DRIVABLE[kinds]] = Refusal.KIND
         return answers.astype(np.int8)
 
     def close(self) -> None:

@@ -31,6 +31,8 @@ class Roads(NamedTuple):
     """Whether the lane is inside a junction, shape (L,)."""
     lane_edge: Ints
     """Across all maps, shape (L,)."""
+    edge_base: Ints
+    """First edge of each map, shape (M + 1,)."""
     lane_junction: Ints
     """Junction that the lane lies in, within its own map; -1 for road lanes, shape (L,)."""
     lane_left: Ints

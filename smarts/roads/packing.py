@@ -53,6 +53,7 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
         lane_kind=joined("kind"),
         lane_inside=joined("is_internal"),
         lane_edge=raised("lane_edge", edge_base),
+        edge_base=edge_base,
         lane_junction=joined("lane_junction").astype(np.int32),
         lane_left=raised("left", lane_base),
         lane_right=raised("right", lane_base),

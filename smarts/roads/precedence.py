@@ -11,15 +11,18 @@ import math
 import numpy as np
 
 from smarts.arrays import Floats, Ints
+from smarts.geometry.boxes import box_gaps
 from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads
+from smarts.roads.kernels import centre_at
 from smarts.roads.lane_graph import ConflictKind, Yields
 from smarts.types.world import State
 
-BEGIN, END, OTHER_BEGIN, OTHER_END, LINE, CAP, WIDTH = range(7)
+BEGIN, END, OTHER_BEGIN, OTHER_END, LINE, CAP, WIDTH, LANE, MARGINS = range(9)
 """Columns of a meeting: from and to, until the tail is past, along the own way; from and to along the other
 lane; distance to the last point before it at which to wait, negative behind it [m]; highest speed up to it
-[m/s]; width of the own lane there [m]."""
+[m/s]; width of the own lane there [m]; the own lane; the driver's margins, in those below."""
 
 MARGIN_AFTER = 1.0
 """Time from when the vehicle is out of a meeting until one with the right of way comes there [s]."""
@@ -55,6 +58,10 @@ NOSE = 1.0
 """A vehicle that stands nearer to a meeting is in the way [m]."""
 TURN_TIME = 4.0
 """How long it is one vehicle's turn, of several that stand and wait for each other [s]."""
+ASIDE_GAP = 0.3
+"""A vehicle that stands in a meeting is in the way if it is nearer to the vehicle that passes [m]."""
+ALONG_STEP = 0.5
+"""Distance between the places at which this is looked at [m]."""
 CLEARANCE = 1.0
 """A vehicle that is past its line stops this far before a meeting [m]..."""
 LEAST_GAP = 0.1
@@ -117,8 +124,11 @@ def waits(
         return False
     first = _soonest(begin, speed, SPEEDING_UP, np.inf)
     its_last = _soonest(to_end, its_speed, OTHERS_SPEEDING_UP if its_speed < CREEPING else 0.0, np.inf)
-    if to_begin <= 0.0:
-        return its_speed < STANDING or first < its_last + MARGIN_BEFORE
+    stands = its_speed < STANDING
+    if to_begin <= 0.0 and not stands:
+        return first < its_last + meeting[MARGINS] * MARGIN_BEFORE
+    if to_begin <= 0.0 and is_in_the_way(state, roads, b, slot, other, place, int(meeting[LANE])):
+        return True
     is_past = not can_stop(speed, meeting[LINE], HARD_BRAKING)
     it_is_past = not can_stop(its_speed, line, OTHERS_BRAKING)
     starts = its_speed < CREEPING and line <= NEAR_LINE
@@ -129,12 +139,13 @@ def waits(
     before = after = SHORT_MARGIN
     if yields == _THIS and not is_past:
         before, after = MARGIN_BEFORE, MARGIN_AFTER
+    before, after = meeting[MARGINS] * before, meeting[MARGINS] * after
     if is_merge:
         slower = max(its_speed - min(cap, speed + CROSSING * last), 0.0)
         after += 0.5 * slower * slower / MERGE_BRAKING / max(its_speed, 1.0)
     if its_first > last + after or its_last < first - before:
         return False
-    if its_speed < STANDING:
+    if stands:
         return _waits_for_standing(state, b, slot, other, yields, meeting, to_begin, line, is_past)
     comes_first = its_first < first or (its_first == first and other < slot)
     if yields == _BOTH and not is_past and not it_is_past:
@@ -180,6 +191,33 @@ def has_stopped(state: State, b: int, slot: int, line: float) -> bool:
     """
     speed, acceleration = state.vehicles.speed[b, slot], state.vehicles.acceleration[b, slot]
     return line <= AT_LINE and (speed < STANDING or (speed < CREEPING and acceleration > 0.0))
+
+
+@kernel
+def is_in_the_way(state: State, roads: Roads, b: int, slot: int, other: int, place: int, lane: int) -> bool:
+    """Return whether a vehicle that passes a meeting in the middle of its lane would touch one that stands.
+
+    Args:
+        state: The state of the world.
+        roads: The maps' lanes.
+        b: The simulation.
+        slot: The vehicle.
+        other: The one that stands.
+        place: Row of the meeting in `Roads.conflict_lane`.
+        lane: The own lane there.
+    """
+    vehicles, begin, end = state.vehicles, roads.point_start[lane], roads.point_start[lane + 1]
+    half, half_width = 0.5 * vehicles.length[b, slot], 0.5 * vehicles.width[b, slot]
+    there = (vehicles.position[b, other, 0], vehicles.position[b, other, 1], vehicles.heading[b, other])
+    length, width = 0.5 * vehicles.length[b, other], 0.5 * vehicles.width[b, other]
+    s = max(roads.conflict_extent[place, 0] - half, 0.0)
+    last = min(roads.conflict_extent[place, 1] + half, roads.point_s[end - 1])
+    while s <= last:
+        here = centre_at(roads, segment_at(roads.point_s, begin, end, s), s)
+        if max(box_gaps(here, half, half_width, there, length, width)) < ASIDE_GAP:
+            return True
+        s += ALONG_STEP
+    return False
 
 
 @kernel

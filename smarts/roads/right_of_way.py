@@ -21,7 +21,9 @@ from smarts.roads.precedence import (
     BEGIN,
     CAP,
     END,
+    LANE,
     LINE,
+    MARGINS,
     OTHER_BEGIN,
     OTHER_END,
     OTHERS_BRAKING,
@@ -60,7 +62,14 @@ _AGENT = int(Owner.AGENT)
 
 @kernel
 def gap_to_wait(
-    state: State, roads: Roads, routes: RouteTable, b: int, slot: int, row: int, s: float
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    b: int,
+    slot: int,
+    row: int,
+    s: float,
+    margins: float = 1.0,
 ) -> float:
     """Return the distance of the front bumper to where a vehicle has to wait for others [m], or infinity.
 
@@ -70,8 +79,8 @@ def gap_to_wait(
     - for vehicles with the right of way that would be in a meeting within `precedence.MARGIN_AFTER` of it;
     - for vehicles that have to give way, but are past their line or can no longer stop there;
     - where the map does not say, for the one that comes first;
-    - at a junction where all have to stop, until it has stopped at its line, and then for those that have
-      stopped at theirs and go;
+    - at a junction where all have to stop, until it has stopped at its line, and then for vehicles that
+      have stopped at theirs and go;
     - where it could not leave a meeting, because a vehicle stands behind it on its way.
 
     A vehicle that stands at its line has the right of way over one that stands, too, only in its turn: the
@@ -85,6 +94,7 @@ def gap_to_wait(
         slot: The vehicle.
         row: The row in `routes` of the lane that it steers for.
         s: Its place on it [m].
+        margins: Its driver's margins in time, in those of `precedence`: below 1 it takes smaller gaps.
     """
     vehicles, m = state.vehicles, state.map[b]
     half, speed = 0.5 * vehicles.length[b, slot], max(vehicles.speed[b, slot], 0.0)
@@ -92,7 +102,7 @@ def gap_to_wait(
     if not roads.lane_inside[routes.lane[row]] and lane_length(roads, routes.lane[row]) - s - half > horizon:
         return np.inf
     places = np.empty(_MOST_MEETINGS, np.int32)
-    meetings = np.empty((_MOST_MEETINGS, 7))
+    meetings = np.empty((_MOST_MEETINGS, 9))
     lanes, begins = np.empty(_MOST_LANES, np.int32), np.empty(_MOST_LANES)
     count, length = _list_meetings(
         roads, routes, m, row, -s - half, half, horizon, places, meetings, lanes, begins
@@ -100,6 +110,7 @@ def gap_to_wait(
     if count == 0:
         return np.inf
     places, meetings = places[:count], meetings[:count]
+    meetings[:, MARGINS] = margins
     lanes, begins = lanes[:length], begins[:length]
     gap = min(
         gap_to_stop(state, roads, b, slot, lanes, begins),
@@ -171,6 +182,7 @@ def _list_meetings(
                     meetings[count, LINE] = begin
                     meetings[count, CAP] = cap
                     meetings[count, WIDTH] = roads.lane_width[lane]
+                    meetings[count, LANE] = lane
                     count += 1
         begin += lane_length(roads, lane)
         row = next_row(roads, routes, m, row, base)
@@ -234,6 +246,7 @@ def _gap_for(
     # Lanes that it may come to, and where its centre is on them: below 0 before they begin.
     rows, centres = np.empty(_MOST_LANES, np.int32), np.empty(_MOST_LANES)
     rows[0], centres[0], left = _row_of(state, roads, routes, b, other, here), place, 1
+    way_out = _signalled(state, roads, routes, b, other, int(rows[0]))
     reach = FORESIGHT * max(speed, STANDING) + 0.5 * SPEEDING_UP * FORESIGHT
     while left > 0:
         left -= 1
@@ -252,13 +265,41 @@ def _gap_for(
             # Where its lane leaves its route it may go anywhere.
             row = free + lane - base
         for entry in range(routes.onward_start[row], routes.onward_start[row + 1]):
-            following = int(routes.lane[routes.onward[entry]])
-            if left < len(rows) and not _is_held_back(
-                state, roads, b, lane, following, -centre - half, speed
+            following, signalled = int(routes.onward[entry]), way_out if lane == here else -1
+            if left < len(rows) and _may_take(
+                state, roads, routes, b, lane, following, signalled, -centre - half, speed
             ):
-                rows[left], centres[left] = routes.onward[entry], centre
+                rows[left], centres[left] = following, centre
                 left += 1
     return gap
+
+
+@kernel
+def _signalled(state: State, roads: Roads, routes: RouteTable, b: int, slot: int, row: int) -> int:
+    """Return the edge that a vehicle signals to take next, -1 if its lane does not lead there.
+
+    Edges are numbered across all maps.
+    """
+    following = state.vehicles.next_edge[b, slot]
+    if following < 0:
+        return -1
+    edge = roads.edge_base[state.map[b]] + following
+    for entry in range(routes.onward_start[row], routes.onward_start[row + 1]):
+        if _exit_edge(roads, routes, int(routes.onward[entry])) == edge:
+            return int(edge)
+    return -1
+
+
+@kernel
+def _exit_edge(roads: Roads, routes: RouteTable, row: int) -> int:
+    """Return the edge of a row's lane or, inside a junction, of the lane behind it; across all maps."""
+    for _ in range(8):
+        if not roads.lane_inside[routes.lane[row]]:
+            break
+        if routes.onward_start[row] == routes.onward_start[row + 1]:
+            return -1
+        row = int(routes.onward[routes.onward_start[row]])
+    return int(roads.lane_edge[routes.lane[row]])
 
 
 @kernel
@@ -274,14 +315,39 @@ def _row_of(state: State, roads: Roads, routes: RouteTable, b: int, slot: int, l
 
 
 @kernel
-def _is_held_back(
-    state: State, roads: Roads, b: int, lane: int, following: int, room: float, speed: float
+def _may_take(
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    b: int,
+    lane: int,
+    following: int,
+    signalled: int,
+    room: float,
+    speed: float,
 ) -> bool:
-    """Return whether a vehicle is going to stop at a light, with some room before it [m]."""
-    if roads.lane_inside[lane] or not roads.lane_inside[following]:
+    """Return whether a vehicle may take a way behind its lane.
+
+    Not if it signals another one, or is going to stop at the way's light.
+
+    Args:
+        state: The state of the world.
+        roads: The maps' lanes.
+        routes: The agents' routes.
+        b: The simulation.
+        lane: Its lane.
+        following: The row of the first lane of the way.
+        signalled: The edge that it signals, -1 if unknown.
+        room: From its front bumper to the lane's end [m].
+        speed: Of the vehicle [m/s].
+    """
+    if signalled >= 0 and _exit_edge(roads, routes, following) != signalled:
         return False
-    light = state.signals[b, following - roads.lane_base[state.map[b]]]
-    return light in (_STOP, _CAUTION) and can_stop(speed, room, OTHERS_BRAKING)
+    after = int(routes.lane[following])
+    if roads.lane_inside[lane] or not roads.lane_inside[after]:
+        return True
+    light = state.signals[b, after - roads.lane_base[state.map[b]]]
+    return not (light in (_STOP, _CAUTION) and can_stop(speed, room, OTHERS_BRAKING))
 
 
 @kernel
@@ -297,12 +363,18 @@ def _gap_inside(
 ) -> float:
     """Return as `_gap_for`, for the lanes that a vehicle is on whose footprint is inside a junction.
 
-    It is on every lane of its route that it drives along the middle of: where lanes diverge, on each.
+    It is on every lane of its route that it drives along the middle of, where lanes diverge on each; without
+    a route, of those that lead to the edge that it signals, or to the one that its centre is on.
     """
     vehicles = state.vehicles
     x, y = vehicles.position[b, other]
     half, gap = 0.5 * vehicles.length[b, other], np.inf
-    here = roads.lane_base[state.map[b]] + vehicles.lane[b, other]
+    base, free = roads.lane_base[state.map[b]], routes.start[state.map[b]]
+    here = base + vehicles.lane[b, other]
+    way_out = roads.lane_edge[here]
+    if roads.lane_inside[here]:
+        following = vehicles.next_edge[b, other]
+        way_out = roads.edge_base[state.map[b]] + following if following >= 0 else -1
     is_on_route = _row_of(state, roads, routes, b, other, here) >= routes.start[routes.free]
     for i in range(len(places)):
         lane = int(roads.conflict_lane[places[i]])
@@ -318,6 +390,8 @@ def _gap_inside(
             if not is_along or abs(aside) > ASIDE or vehicles.speed[b, other] < STANDING:
                 continue
             if is_on_route and _row_of(state, roads, routes, b, other, lane) < routes.start[routes.free]:
+                continue
+            if way_out >= 0 and _exit_edge(roads, routes, free + lane - base) != way_out:
                 continue
         if waits(state, roads, b, slot, other, places[i], meetings[i], centre, -1.0):
             gap = min(gap, stop_before(vehicles.speed[b, slot], meetings[i]))

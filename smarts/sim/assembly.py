@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
@@ -35,12 +36,15 @@ from smarts.sim.events import AgentEvents, LearningInBubbles
 from smarts.sim.interest import interest_of
 from smarts.sim.manoeuvres import Manoeuvres
 from smarts.sim.map_matching import MapMatcher
+from smarts.sim.outlet import Address
 from smarts.sim.ownership import Ownership
+from smarts.sim.recorders import AnnotatedRecorder, Recorders
 from smarts.sim.schedule import Schedule
 from smarts.sim.simulation import Simulation, Stages
 from smarts.sim.stages import NoBubbles
 from smarts.sim.starts import shape_of
 from smarts.sim.transfer_rules import HandoverRules
+from smarts.sim.turn_signals import TurnSignals
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import check_without_handovers
 from smarts.types.actions import Actions
@@ -50,9 +54,10 @@ from smarts.types.interface import AgentRules
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
-if TYPE_CHECKING:
-    from smarts.sim.recorder import EpisodeRecorder
-
+ENVISION = "SMARTS_ENVISION"
+"""Environment variable: address of a viewer's server for simulations whose options name none."""
+VIEWER = "127.0.0.1:8081"
+"""Where `smarts-bench view --live` is by default."""
 LONGEST_SUBSTEP = 0.02
 """Of the vehicles' dynamics [s]; made for 0.01."""
 LONGEST_TRAFFIC_STEP = 1.0
@@ -74,6 +79,11 @@ class Options:
     """The most points of a path that an agent gives as its action."""
     record: str | Path | None = None
     """Where episodes are written to; None: nowhere."""
+    record_all: bool = False
+    """Whether vehicles far from agents are recorded, too, in a table of their own."""
+    envision: str | None = None
+    """Server of `smarts-bench view --live` that shows the simulations, as "host:port" or "token@host:port".
+    It may come and go. None: what the environment variable SMARTS_ENVISION says; "": nowhere."""
     traffic_engine: str | None = None
     """Which of `TRAFFIC_ENGINES` drives the traffic; None: the one that the scenario names."""
     traffic_step: float | None = None
@@ -90,6 +100,14 @@ class Options:
                 remedy=f"give 0.001 to {LONGEST_SUBSTEP * SUBSTEPS} s, for which tyres are made",
             )
         self._check_traffic_step()
+        if self.record_all and self.record is None:
+            raise SmartsError(
+                "record_all is set, and nothing is recorded",
+                place="Options.record_all",
+                remedy="name a folder with record, or leave out record_all",
+            )
+        if self.envision:
+            Address.parse(self.envision, "Options.envision")
         if self.friction is not None and not 0.05 <= self.friction <= 2.0:
             raise SmartsError(
                 f"a friction of {self.friction}",
@@ -120,6 +138,15 @@ class Options:
             )
 
 
+def shown(options: Options | None) -> Options:
+    """Return options that show the simulations in a browser, on this machine if nothing else is said."""
+    options = options or Options()
+    if options.envision is None and not os.environ.get(ENVISION):
+        print(f"envision: shown by `smarts-bench view --live` at http://{VIEWER}", file=sys.stderr)
+        return replace(options, envision=VIEWER)
+    return options
+
+
 @dataclass(frozen=True)
 class Assembly:
     """A simulation and its parts that callers use."""
@@ -139,8 +166,8 @@ class Assembly:
     """Carries out transfers of vehicles between owners."""
     entries: Entries
     """Lets agents enter, and knows which cannot."""
-    recorder: EpisodeRecorder | None
-    """Takes annotations of the episodes that are recorded; None if none are."""
+    recorder: AnnotatedRecorder | None
+    """Takes annotations of the episodes that are recorded or shown; None if none are."""
     cast: Cast = NO_CAST
 
     @property
@@ -165,13 +192,14 @@ class NoRecorder:
 
 
 class MatcherStage:
-    """Matches vehicles to the map, then writes where tasks lead and which lane actions are legal."""
+    """Matches vehicles to the map, then writes turn signals, where tasks lead, and legal lane actions."""
 
     def __init__(self, scene: Scene) -> None:
-        self._parts = MapMatcher(scene).match, Manoeuvres(scene).plan, ActionMasker(scene).write
+        matched = MapMatcher(scene).match, TurnSignals(scene).show
+        self._parts = (*matched, Manoeuvres(scene).plan, ActionMasker(scene).write)
 
     def match(self, env_mask: Bools) -> None:
-        """Write all vehicles' places, the agents' progress, their guidance and their action masks."""
+        """Write all vehicles' places and signals, the agents' progress, guidance and action masks."""
         for part in self._parts:
             part(env_mask)
 
@@ -366,10 +394,20 @@ def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
 
 def _recorder(
     scene: Scene, pool: AgentPool, options: Options, policies: Sequence[str]
-) -> EpisodeRecorder | None:
-    if options.record is None:
-        return None
-    # Only recording runs wait for pyarrow.
-    from smarts.sim.recorder import EpisodeRecorder
+) -> AnnotatedRecorder | None:
+    parts: list[AnnotatedRecorder] = []
+    if options.record is not None:
+        # Only recording runs wait for pyarrow.
+        from smarts.sim.recorder import EpisodeRecorder
 
-    return EpisodeRecorder(scene, Path(options.record), pool, policies)
+        folder = Path(options.record)
+        parts.append(EpisodeRecorder(scene, folder, pool, policies, everything=options.record_all))
+    viewer = os.environ.get(ENVISION, "") if options.envision is None else options.envision
+    if viewer:
+        from smarts.sim.publisher import EpisodePublisher
+
+        address = Address.parse(viewer, "Options.envision" if options.envision else ENVISION)
+        parts.append(EpisodePublisher(scene, address, pool, policies))
+    if len(parts) > 1:
+        return Recorders(parts)
+    return parts[0] if parts else None

@@ -11,7 +11,7 @@ from smarts.types.episode_schema import READABLE, TABLES, VERSION
 
 PAGE = Path(__file__).parents[2] / "docs" / "episodes.md"
 
-_OLDER = " and ".join(map(str, READABLE[:-1]))
+_OLDER = f"{READABLE[0]} to {READABLE[-2]}"
 
 _OPENING = f"""# Recorded episodes
 

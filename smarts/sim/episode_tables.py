@@ -58,7 +58,7 @@ def agents_table(
     """
     none = Ending()
     rows = [
-        _start_columns(start, routes) | dataclasses.asdict(endings.get(number, none))
+        start_columns(start, routes) | dataclasses.asdict(endings.get(number, none))
         for number, start in enumerate(starts)
     ]
     drives = _drive_columns(len(starts), holds, tables[AGENT_STATES.name], tables[DECISIONS.name])
@@ -89,7 +89,7 @@ def _key(agent_id: NDArray, step: NDArray) -> Longs:
     return agent_id.astype(np.int64) << 32 | step.astype(np.int64)
 
 
-def _start_columns(start: AgentStart, routes: Mapping[tuple[str, ...], int]) -> dict[str, Any]:
+def start_columns(start: AgentStart, routes: Mapping[tuple[str, ...], int]) -> dict[str, Any]:
     """Return the columns of an agent's start and mission."""
     mission = start.mission
     return {

@@ -23,6 +23,7 @@ from smarts.sim.recorder_handovers import HandoverNotes, handover_tables
 from smarts.sim.recorder_kernel import (
     AGENT_ROWS,
     DECISION_ROWS,
+    DISTANT_ROWS,
     FOR_A_WHILE,
     NEWCOMERS,
     SIGNAL_ROWS,
@@ -37,6 +38,8 @@ from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.episode_schema import (
     AGENT_STATES,
     DECISIONS,
+    DISTANT,
+    NAMES,
     SIGNALS,
     TABLE,
     VEHICLES,
@@ -53,6 +56,7 @@ _TABLES = (
     (AGENT_STATES.name, AGENT_ROWS),
     (DECISIONS.name, DECISION_ROWS),
     (SIGNALS.name, SIGNAL_ROWS),
+    (DISTANT.name, DISTANT_ROWS),
 )
 
 
@@ -68,7 +72,8 @@ class _Episode:
     invalid: str = ""
     """Why the episode is to be discarded, "" if it is not."""
     routes: list[Ints] = field(default_factory=list)
-    names: list[tuple[int, int, str, int]] = field(default_factory=list)
+    names: list[tuple[Any, ...]] = field(default_factory=list)
+    """Rows of the table."""
     agents: list[AgentStart] = field(default_factory=list)
     """By number."""
     handovers: HandoverNotes = field(default_factory=HandoverNotes)
@@ -77,7 +82,12 @@ class _Episode:
     extras: list[tuple[str, int, Ints, Floats]] = field(default_factory=list)
     """Name, step, agents (S,), values (S, ...)."""
     small: dict[str, list[Floats]] = field(
-        default_factory=lambda: {AGENT_STATES.name: [], DECISIONS.name: [], SIGNALS.name: []}
+        default_factory=lambda: {
+            AGENT_STATES.name: [],
+            DECISIONS.name: [],
+            SIGNALS.name: [],
+            DISTANT.name: [],
+        }
     )
     """Rows of the tables that are written in one piece."""
 
@@ -94,12 +104,21 @@ class EpisodeRecorder:
         folder: Of the store; several recorders may share one.
         pool: The agents of each episode.
         policies: Names of the social policies, by number.
+        everything: Whether to record vehicles far from agents, too.
 
     Raises:
         RecordError: The folder cannot be written to.
     """
 
-    def __init__(self, scene: Scene, folder: Path, pool: AgentPool, policies: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        folder: Path,
+        pool: AgentPool,
+        policies: Sequence[str] = (),
+        *,
+        everything: bool = False,
+    ) -> None:
         world = scene.world
         worlds, agents = world.agents.slot.shape
         self._scene, self._pool, self._policies = scene, pool, tuple(policies)
@@ -109,7 +128,7 @@ class EpisodeRecorder:
         self._unfinished: list[EpisodeWriter] = []
         self._no_actions = Actions.allocate(worlds, agents)
         capacity, lanes = world.vehicles.capacity, world.signals.shape[1]
-        self._buffers = Buffers.allocate(worlds, agents, capacity, lanes)
+        self._buffers = Buffers.allocate(worlds, agents, capacity, lanes, everything=everything)
         self._take = LateBound(take_frame, world.state, round(FOR_A_WHILE / world.dt), self._buffers)
         self._program = version("smarts-bench")
 
@@ -234,10 +253,12 @@ class EpisodeRecorder:
                 episode.handovers.failures.append((int(world.step[row]), number, text))
 
     def _take_names(self, row: int, episode: _Episode) -> None:
-        buffers, step = self._buffers, int(self._scene.world.step[row])
+        buffers, step, vehicles = self._buffers, int(self._scene.world.step[row]), self._scene.world.vehicles
         for slot in buffers.newcomers[row, : buffers.used[row, NEWCOMERS]].tolist():
             name = self._scene.world.registry.name(row, slot)
-            episode.names.append((slot, int(buffers.known[row, slot]), name, step))
+            generation = int(buffers.named[row, slot])
+            shape = vehicles.kind[row, slot], vehicles.length[row, slot], vehicles.width[row, slot]
+            episode.names.append((slot, generation, name, step, *shape))
 
     def _take_endings(self, frame: Frame) -> None:
         """Note how agents have ended, as long as their vehicles are there."""
@@ -307,6 +328,9 @@ class EpisodeRecorder:
         """Write the rest of an episode; runs in the thread."""
         writer = episode.writer
         small = {name: _by_name(name, np.concatenate(rows)) for name, rows in episode.small.items()}
+        distant = small[DISTANT.name]
+        order = np.lexsort([distant[name] for name in ("step", "generation", "slot")])
+        small[DISTANT.name] = {name: column[order] for name, column in distant.items()}
         for name, rows in small.items():
             writer.append(name, rows)
         writer.append("episode", self._facts(episode, most))
@@ -319,11 +343,9 @@ class EpisodeRecorder:
         notes, starts = episode.handovers, episode.agents
         writer.append("agents", agents_table(starts, notes.holds, episode.endings, small, numbers))
         writer.append("extras", extras_table(episode.extras))
-        slots, generations, called, steps = zip(*episode.names, strict=True) if episode.names else ((),) * 4
-        writer.append(
-            "names", {"slot": slots, "generation": generations, "name": called, "first_step": steps}
-        )
-        vehicles = {(slot, generation): name for slot, generation, name, _ in episode.names}
+        columns = [*zip(*episode.names, strict=True)] or [()] * len(NAMES.columns)
+        writer.append(NAMES.name, dict(zip(NAMES.names, columns, strict=True)))
+        vehicles = {(slot, generation): name for slot, generation, name, *_ in episode.names}
         states, bubbles = small[AGENT_STATES.name], episode.start.bubbles
         for name, rows in handover_tables(notes, starts, states, vehicles, self._policies, bubbles).items():
             writer.append(name, rows)

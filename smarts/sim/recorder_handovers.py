@@ -110,7 +110,7 @@ def handover_tables(
         HOLDS: [*_holds(notes, starts, states, policies)],
         TRANSFERS: transfers,
         BUBBLES: facts,
-        BUBBLE_RINGS: [*_rings(bubbles)],
+        BUBBLE_RINGS: [*ring_rows(bubbles)],
         BUBBLE_POSES: notes.poses,
         AGENT_FAILURES: notes.failures,
     }
@@ -134,7 +134,8 @@ def _holds(
         yield hold.number, hold.agent_id, start.name, policy, start.interface, *steps, *vehicle, *reasons
 
 
-def _rings(bubbles: Sequence[PlacedBubble]) -> Iterator[tuple[int, bool, list[float], list[float]]]:
+def ring_rows(bubbles: Sequence[PlacedBubble]) -> Iterator[tuple[int, bool, list[float], list[float]]]:
+    """Yield the rows of the table `bubble_rings`."""
     for number, bubble in enumerate(bubbles):
         for is_margin, rings in enumerate((bubble.zone, bubble.margin)):
             for ring in rings:

@@ -6,6 +6,7 @@ numbers are exact in them. Axis letters: B simulations, A agents, V slots, L lan
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.types.actions import Actions
 from smarts.types.agent_states import AgentStates, AgentStatus
-from smarts.types.episode_schema import AGENT_STATES, DECISIONS, SIGNALS, VEHICLES
+from smarts.types.episode_schema import AGENT_STATES, DECISIONS, DISTANT, SIGNALS, VEHICLES
 from smarts.types.events import Contacts, Events
 from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State
@@ -24,7 +25,7 @@ NEAR = 150.0
 FOR_A_WHILE = 15.0
 """A vehicle stays recorded for so long [s], so that no encounter is cut off."""
 
-VEHICLE_ROWS, AGENT_ROWS, DECISION_ROWS, SIGNAL_ROWS, NEWCOMERS = range(5)
+VEHICLE_ROWS, AGENT_ROWS, DECISION_ROWS, SIGNAL_ROWS, NEWCOMERS, DISTANT_ROWS = range(6)
 """Columns of `Buffers.used`."""
 
 
@@ -40,11 +41,15 @@ class Buffers(NamedTuple):
     agent_states: Floats
     decisions: Floats
     signals: Floats
+    distant: Ints
+    """No rows if vehicles far from agents are not recorded."""
     used: Ints
-    """How many rows are in use, shape (B, 5)."""
+    """How many rows are in use, shape (B, 6)."""
     until: Ints
     """Step until which a slot's vehicle is recorded, near or not, shape (B, V)."""
     known: Ints
+    """Generation that was recorded near an agent in each slot, 0 for none, shape (B, V)."""
+    named: Ints
     """Generation that was recorded in each slot, 0 for none, shape (B, V)."""
     newcomers: Ints
     """Slots of vehicles that were recorded for the first time, shape (B, V)."""
@@ -54,16 +59,28 @@ class Buffers(NamedTuple):
     """The most vehicles at a time, shape (B,)."""
 
     @classmethod
-    def allocate(cls, worlds: int, agents: int, capacity: int, lanes: int, rows: int = 4096) -> Buffers:
+    def allocate(
+        cls,
+        worlds: int,
+        agents: int,
+        capacity: int,
+        lanes: int,
+        rows: int = 4096,
+        *,
+        everything: bool = False,
+    ) -> Buffers:
         """Return empty buffers; one that is less than half full has room for the rows of a frame."""
+        distant = max(rows, capacity) + capacity if everything else 0
         return cls(
             vehicles=np.zeros((worlds, max(rows, capacity) + capacity, len(VEHICLES.columns))),
             agent_states=np.zeros((worlds, max(rows // 4, agents) + agents, len(AGENT_STATES.columns))),
             decisions=np.zeros((worlds, max(rows // 8, agents) + agents, len(DECISIONS.columns))),
             signals=np.zeros((worlds, max(rows // 8, lanes) + lanes, len(SIGNALS.columns))),
-            used=np.zeros((worlds, 5), np.int32),
+            distant=np.zeros((worlds, distant, len(DISTANT.columns)), np.int32),
+            used=np.zeros((worlds, 6), np.int32),
             until=np.zeros((worlds, capacity), np.int32),
             known=np.zeros((worlds, capacity), np.int32),
+            named=np.zeros((worlds, capacity), np.int32),
             newcomers=np.zeros((worlds, capacity), np.int32),
             lights=np.zeros((worlds, lanes), np.int8),
             most=np.zeros(worlds, np.int32),
@@ -71,7 +88,7 @@ class Buffers(NamedTuple):
 
     def clear(self, row: int) -> None:
         """Clear the buffers of one simulation."""
-        for array in (self.used, self.until, self.known, self.lights, self.most):
+        for array in (self.used, self.until, self.known, self.named, self.lights, self.most):
             array[row] = 0
 
 
@@ -111,9 +128,13 @@ def take_frame(
                 agents.state[row, agent_id] in (_SHADOWING, _ACTIVE, _DONE, _LEAVING)
                 and agents.slot[row, agent_id] >= 0
             ):
-                _take_agent(step[row], row, agent_id, agents, events, contacts, out)
+                into = out.agent_states[row, out.used[row, AGENT_ROWS]]
+                take_agent(step[row], row, agent_id, agents, events, contacts, into)
+                out.used[row, AGENT_ROWS] += 1
             if actions.fresh[row, agent_id]:
-                _take_decision(step[row] - 1, row, agent_id, agents, actions, out)
+                into = out.decisions[row, out.used[row, DECISION_ROWS]]
+                take_decision(step[row] - 1, row, agent_id, agents, actions, into)
+                out.used[row, DECISION_ROWS] += 1
         for lane in range(signals.shape[1]):
             if signals[row, lane] != out.lights[row, lane]:
                 out.lights[row, lane] = signals[row, lane]
@@ -133,6 +154,7 @@ def _is_full(row: int, agents: int, out: Buffers) -> bool:
         or used[AGENT_ROWS] + agents > out.agent_states.shape[1]
         or used[DECISION_ROWS] + agents > out.decisions.shape[1]
         or used[SIGNAL_ROWS] + out.lights.shape[1] > out.signals.shape[1]
+        or (out.distant.shape[1] > 0 and used[DISTANT_ROWS] + out.until.shape[1] > out.distant.shape[1])
     )
 
 
@@ -146,17 +168,24 @@ def _take_vehicles(
             continue
         alive += 1
         generation = vehicles.generation[row, slot]
-        is_known = out.known[row, slot] == generation
-        if _is_near(row, slot, vehicles, agents):
+        is_near = _is_near(row, slot, vehicles, agents)
+        if is_near:
             out.until[row, slot] = step + keep
-        elif not is_known or step > out.until[row, slot]:
-            continue
-        if not is_known:
             out.known[row, slot] = generation
+        elif out.known[row, slot] == generation:
+            is_near = step <= out.until[row, slot]
+        if not is_near and out.distant.shape[1] == 0:
+            continue
+        if out.named[row, slot] != generation:
+            out.named[row, slot] = generation
             out.newcomers[row, out.used[row, NEWCOMERS]] = slot
             out.used[row, NEWCOMERS] += 1
-        _take_vehicle(step, row, slot, vehicles, out.vehicles[row, out.used[row, VEHICLE_ROWS]])
-        out.used[row, VEHICLE_ROWS] += 1
+        if is_near:
+            take_vehicle(step, row, slot, vehicles, out.vehicles[row, out.used[row, VEHICLE_ROWS]])
+            out.used[row, VEHICLE_ROWS] += 1
+        else:
+            _take_distant(step, row, slot, vehicles, out.distant[row, out.used[row, DISTANT_ROWS]])
+            out.used[row, DISTANT_ROWS] += 1
     out.most[row] = max(out.most[row], alive)
 
 
@@ -175,7 +204,8 @@ def _is_near(row: int, slot: int, vehicles: VehicleStates, agents: AgentStates) 
 
 
 @kernel
-def _take_vehicle(step: int, row: int, slot: int, vehicles: VehicleStates, into: Floats) -> None:
+def take_vehicle(step: int, row: int, slot: int, vehicles: VehicleStates, into: Floats) -> None:
+    """Copy one vehicle into a row of the table `vehicles`."""
     into[0], into[1], into[2] = step, slot, vehicles.generation[row, slot]
     into[3], into[4] = vehicles.owner[row, slot], vehicles.kind[row, slot]
     into[5], into[6] = vehicles.position[row, slot, 0], vehicles.position[row, slot, 1]
@@ -190,11 +220,20 @@ def _take_vehicle(step: int, row: int, slot: int, vehicles: VehicleStates, into:
 
 
 @kernel
-def _take_agent(
-    step: int, row: int, agent_id: int, agents: AgentStates, events: Events, contacts: Contacts, out: Buffers
+def _take_distant(step: int, row: int, slot: int, vehicles: VehicleStates, into: Ints) -> None:
+    into[0], into[1], into[2] = step, slot, vehicles.generation[row, slot]
+    into[3] = vehicles.owner[row, slot]
+    into[4] = round(100.0 * vehicles.position[row, slot, 0])
+    into[5] = round(100.0 * vehicles.position[row, slot, 1])
+    into[6] = round(1800.0 / math.pi * vehicles.heading[row, slot])
+    into[7] = round(100.0 * vehicles.speed[row, slot])
+
+
+@kernel
+def take_agent(
+    step: int, row: int, agent_id: int, agents: AgentStates, events: Events, contacts: Contacts, into: Floats
 ) -> None:
-    into = out.agent_states[row, out.used[row, AGENT_ROWS]]
-    out.used[row, AGENT_ROWS] += 1
+    """Copy one agent into a row of the table `agent_states`."""
     into[0], into[1], into[2] = step, agent_id, agents.state[row, agent_id]
     into[3], into[4] = agents.slot[row, agent_id], agents.generation[row, agent_id]
     into[5] = events.bits[row, agent_id]
@@ -209,11 +248,10 @@ def _take_agent(
 
 
 @kernel
-def _take_decision(
-    step: int, row: int, agent_id: int, agents: AgentStates, actions: Actions, out: Buffers
+def take_decision(
+    step: int, row: int, agent_id: int, agents: AgentStates, actions: Actions, into: Floats
 ) -> None:
-    into = out.decisions[row, out.used[row, DECISION_ROWS]]
-    out.used[row, DECISION_ROWS] += 1
+    """Copy one agent's action into a row of the table `decisions`."""
     into[0], into[1], into[2] = step, agent_id, actions.kind[row, agent_id]
     for number in range(8):
         into[3 + number] = actions.values[row, agent_id, number]

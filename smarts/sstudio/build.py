@@ -42,7 +42,7 @@ DESCRIBED = "described"
 MAPS_OF_DATA_SETS = ("Argoverse", "Waymo")
 """Recorded traffic with maps in formats of its own."""
 PACKAGE = Path(__file__).resolve().parents[1]
-CODE = ("arrays.py", "errors.py", "registry.py", "types", "geometry", "roads", "sstudio")
+CODE = ("arrays.py", "errors.py", "registry.py", "shipped.py", "types", "geometry", "roads", "sstudio")
 """The parts of the package that decide what artefacts look like: what the build imports."""
 LIBRARIES = ("eclipse-sumo", "numpy", "shapely")
 """Packages whose versions do."""

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-VERSION = 4
+VERSION = 5
 """Of the format that is written."""
-READABLE = (2, 3, VERSION)
+READABLE = (2, 3, 4, VERSION)
 """The formats that can be read; `Column.since` and `Table.is_optional` say what the older ones lack."""
 
 TEXT, NUMBERS, INTEGERS = "text", "list<float32>", "list<int32>"
@@ -164,7 +164,28 @@ VEHICLES = Table(
 NAMES = Table(
     "names",
     "a row for each recorded vehicle",
-    (*VEHICLE, Column("name", TEXT, "public name"), Column("first_step", "int32", "of the record")),
+    (
+        *VEHICLE,
+        Column("name", TEXT, "public name"),
+        Column("first_step", "int32", "of the record"),
+        Column("kind", "int8", "VehicleKind", since=5),
+        Column("length", "float32", "of the footprint", "m", since=5),
+        Column("width", "float32", "of the footprint", "m", since=5),
+    ),
+)
+DISTANT = Table(
+    "distant",
+    "with Options(record_all=True), a row for each step and each vehicle that is not in vehicles then",
+    (
+        _step(),
+        *VEHICLE,
+        Column("owner", "int8", "Owner of the vehicle"),
+        Column("x", "int32", "of the centre", "cm"),
+        Column("y", "int32", "of the centre", "cm"),
+        Column("heading", "int16", "counter-clockwise from +x", "0.1 degree"),
+        Column("speed", "int16", "along the heading", "cm/s"),
+    ),
+    is_optional=True,
 )
 ROUTES = Table(
     "routes",
@@ -332,6 +353,6 @@ AGENT_FAILURES = Table(
 
 TABLES = (
     *(EPISODE, AGENTS, VEHICLES, NAMES, ROUTES, AGENT_STATES, DECISIONS, SIGNALS, EXTRAS),
-    *(HOLDS, TRANSFERS, BUBBLES, BUBBLE_RINGS, BUBBLE_POSES, AGENT_FAILURES),
+    *(DISTANT, HOLDS, TRANSFERS, BUBBLES, BUBBLE_RINGS, BUBBLE_POSES, AGENT_FAILURES),
 )
 TABLE = {table.name: table for table in TABLES}

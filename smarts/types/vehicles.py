@@ -40,8 +40,8 @@ class VehicleStates(NamedTuple):
     """The vehicles of one simulation (or of B simulations) at one instant.
 
     Every array has the leading shape `(..., V)`, V the capacity in slots; a slot whose `alive` is false
-    holds no vehicle: its lane and route are -1, its other values but the generation are zero. The arrays are
-    written in place by the step and are to be read only elsewhere.
+    holds no vehicle: its lane, route and next edge are -1, its other values but the generation are zero. The
+    arrays are written in place by the step and are to be read only elsewhere.
     """
 
     alive: Bools
@@ -82,6 +82,9 @@ class VehicleStates(NamedTuple):
     """Counter-clockwise [rad/s^2]."""
     route: Ints
     """Number of the planned route among those of its simulation, -1 where none is known."""
+    next_edge: Ints
+    """Edge of the map that the vehicle takes after its present one by its planned route: what its turn signal
+    shows; inside a junction the edge behind it; -1 if unknown, or at the route's end."""
     home: Bytes
     """The provider that gets the vehicle back when its agent is done; NOBODY: it is removed."""
 
@@ -112,6 +115,7 @@ class VehicleStates(NamedTuple):
             yaw_rate=zeros(np.float64),
             yaw_acceleration=zeros(np.float64),
             route=np.full(shape, -1, np.int32),
+            next_edge=np.full(shape, -1, np.int32),
             home=zeros(np.int8),
         )
 
@@ -124,7 +128,7 @@ class VehicleStates(NamedTuple):
         """Empty slots, given by an index of the arrays; generations stay, so that none is issued twice."""
         for name, column in self._asdict().items():
             if name != "generation":
-                column[slot] = -1 if name in ("lane", "route") else 0
+                column[slot] = -1 if name in ("lane", "route", "next_edge") else 0
 
     def of(self, row: int) -> VehicleStates:
         """Return views of the slots of one simulation of a batch."""

@@ -130,6 +130,7 @@ class Driver(BatchAgent):
         min_gap: Gap to a standing leader [m].
         speed_factor: Desired speed, in speed limits.
         max_speed: Upper bound of the desired speed [m/s].
+        junction_margin: Margins in time to others at junctions, in those of `smarts/roads/precedence.py`.
 
     Raises:
         InterfaceError: An argument is not a number, or out of its range.
@@ -146,11 +147,15 @@ class Driver(BatchAgent):
         min_gap: float = Idm().min_gap,
         speed_factor: float = 1.0,
         max_speed: float = math.inf,
+        junction_margin: float = 1.0,
     ) -> None:
         self.model = Idm(tau, accel, decel, min_gap).checked(type(self).__name__)
         for name, value in (("speed_factor", speed_factor), ("max_speed", max_speed)):
             check_number(name, value, above=True, place=type(self).__name__)
         self._speed_factor, self._max_speed = float(speed_factor), float(max_speed)
+        check_number("junction_margin", junction_margin, most=100.0, place=type(self).__name__)
+        if junction_margin != 1.0:
+            self.observation = [{"surroundings": {"margins": float(junction_margin)}}]  # pyright: ignore
         self._last = Memory(2)  # speed and target speed
 
     def act(self, obs: ActionBatch) -> NDArray:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+from smarts.agents.hosting.facts import interface_from
 from smarts.agents.interface import OLD_NAMES, AgentInterface
 from smarts.agents.policy import Agent
 from smarts.agents.spec import AgentSpec
@@ -103,6 +104,8 @@ class ZooEntry:
 
     def _spec_of_class(self, kind: type[Agent], options: dict[str, Any]) -> AgentSpec:
         interface = options.pop("interface", getattr(kind, "interface", None))
+        if isinstance(interface, Mapping):  # as agents of the kit have it
+            interface = interface_from(interface, f"agent {self.locator!r}")
         if not isinstance(interface, AgentInterface):
             raise _no_agent(self.locator, kind)
         own = set(inspect.signature(kind).parameters)

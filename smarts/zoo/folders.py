@@ -11,6 +11,7 @@ import yaml
 
 from smarts.errors import SmartsError, UnknownNameError, nearest_names, shown
 from smarts.registry import import_own, load_module
+from smarts.shipped import local
 from smarts.zoo.entry import ZooEntry
 from smarts.zoo.separate import SeparateEntry
 
@@ -24,7 +25,7 @@ _METADATA = ("author", "m_level", "provenance", "licence")
 def zoo_file() -> Path:
     """Return the file that lists the added agents; it need not exist."""
     config = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
-    return Path(os.environ.get(PLACE) or config / "smarts-bench" / "zoo.yaml")
+    return local(os.environ.get(PLACE) or config / "smarts-bench" / "zoo.yaml")
 
 
 def added_agents() -> dict[str, ZooEntry]:

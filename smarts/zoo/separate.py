@@ -8,12 +8,13 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,8 @@ GROUP = "smarts.zoo"
 """The group of a project's entry points that are agents."""
 COMPLETE = ".complete"
 """The file that is written last into an environment."""
+ENVIRONMENT = re.compile(r"(.+)-[0-9a-f]{16}-py[\d.]+\w*")
+"""The form of an environment's name: its agent, a digest, the version of Python."""
 LAST_WORDS = 800
 """Characters of an installer's output that an error repeats."""
 
@@ -49,7 +52,11 @@ class SeparateEntry(ZooEntry):
         Raises:
             HostError: Always.
         """
-        raise HostError("the agent has an environment of its own", place=f"agent {self.name!r}")
+        raise HostError(
+            "the agent has an environment of its own, and is not imported here",
+            place=f"agent {self.name!r}",
+            remedy="name it as an agent; it is started where its environment is",
+        )
 
     def description(self) -> str:
         """Return the description of its project."""
@@ -94,7 +101,11 @@ def read_entries(folder: str | Path) -> list[SeparateEntry]:
     for name, point in points.items():
         check_name(name)
         if not isinstance(point, str) or not is_own_name(point):
-            raise SmartsError(f"{shown(point)} is no 'module:Class'", place=f"{place}/{PROJECT}, {name!r}")
+            raise SmartsError(
+                f"{shown(point)} is no 'module:Class'",
+                place=f"{place}/{PROJECT}, {name!r}",
+                remedy='name the class of the agent: "my_module:MyAgent"',
+            )
         found.append(SeparateEntry(name, point, folder=place, provenance=f"project {project.get('name')}"))
     return found
 
@@ -109,9 +120,13 @@ def read_project(folder: str | Path) -> Mapping[str, Any]:
     try:
         project = tomllib.loads(file.read_text(encoding="utf-8")).get("project")
     except (OSError, UnicodeError, tomllib.TOMLDecodeError) as error:
-        raise SmartsError(f"is not readable: {error}", place=str(file)) from error
+        raise SmartsError(
+            f"is not readable: {error}", place=str(file), remedy="mend the file: it is TOML in UTF-8"
+        ) from error
     if not isinstance(project, Mapping):
-        raise SmartsError("has no section [project]", place=str(file))
+        raise SmartsError(
+            "has no section [project]", place=str(file), remedy='add one, with a line name = "my-agent"'
+        )
     return project
 
 
@@ -160,6 +175,41 @@ def install(entry: ZooEntry, python: str = sys.executable) -> Path:
                 shutil.rmtree(folder, ignore_errors=True)
                 raise
     return folder
+
+
+def uninstall(name: str) -> list[Path]:
+    """Remove all environments of an agent; return their folders."""
+    return _remove(folder for folder in _environments() if _agent_of(folder) == name)
+
+
+def clean(entries: Iterable[ZooEntry]) -> list[Path]:
+    """Remove the environments that none of some agents uses any more; return their folders.
+
+    A project or a kit that has changed leaves one, and so does an agent whose folder is gone.
+    """
+    used = {_key(entry) for entry in entries if isinstance(entry, SeparateEntry)}
+    return _remove(folder for folder in _environments() if folder.name.rpartition("-py")[0] not in used)
+
+
+def _environments() -> list[Path]:
+    return sorted(each for each in _root().glob("*-py*") if each.is_dir() and _agent_of(each))
+
+
+def _agent_of(folder: Path) -> str:
+    """Return the name of the agent whose environment a folder is, "" if it is none."""
+    found = ENVIRONMENT.fullmatch(folder.name)
+    return found[1] if found else ""
+
+
+def _remove(folders: Iterable[Path]) -> list[Path]:
+    removed = []
+    for folder in folders:
+        lock = folder.with_name(f"{folder.name}.lock")
+        with _locked(lock):
+            shutil.rmtree(folder, ignore_errors=True)
+        lock.unlink(missing_ok=True)
+        removed.append(folder)
+    return removed
 
 
 def _build(folder: Path, python: str, source: str, project: Mapping[str, Any], place: str) -> None:

@@ -2,6 +2,7 @@
 
 import ast
 import doctest
+import os
 import subprocess
 import sys
 
@@ -24,7 +25,9 @@ LONGEST = 60
 @pytest.mark.slow
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_example(example):
-    ended = subprocess.run([sys.executable, example], capture_output=True, text=True, check=False)
+    # Threads of torch that wait for each other on busy cores cost a factor of ten.
+    one = {**os.environ, "OMP_NUM_THREADS": "1"}
+    ended = subprocess.run([sys.executable, example], capture_output=True, text=True, check=False, env=one)
     assert ended.returncode == 0, ended.stderr[-3000:]
     assert ended.stdout.strip()
     shown = SHOWN.get(example, "...")
@@ -39,5 +42,5 @@ def test_an_example_is_short_and_has_a_docstring(example):
     assert text.startswith('"""')
 
 
-def test_there_are_twelve_examples():
-    assert len(EXAMPLES) == 12
+def test_examples_are_found():
+    assert len(EXAMPLES) >= 12

@@ -31,6 +31,7 @@ SMALLEST = {
         "idm",
     ],
     "junctions": ["--scenarios", "intersection", "--drivers", "idm-v0", "--takes", "1"],
+    "left_turn": ["keep-lane-v0", "--episodes", "1", "--seconds", "5"],
     "manoeuvres": [],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
     "planners": ["--scenes", "4"],
@@ -46,13 +47,21 @@ SMALLEST = {
 WITH_RAY = {
     "joint": ["--seconds", "0.01"],
     "training": [
-        *("--algorithms", "ppo", "--scenario", "two_way", "--seconds", "0.01"),
+        *("--algorithms", "ppo", "--scenario", "two_way", "--seconds", "0.01", "--stages"),
         *("--set", "settings.ppo.rollout_fragment_length=32"),
     ],
     "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
 }
 """Arguments of scripts that start Ray; these run in their own processes."""
-ELSEWHERE = {"bubble_maps", "endurance", "real_maps", "scenario_files", "scenario_traffic"}
+ELSEWHERE = {
+    "algorithms_table",
+    "bubble_maps",
+    "endurance",
+    "real_maps",
+    "scenario_files",
+    "scenario_traffic",
+    "yardsticks",
+}
 """Scripts that take minutes, or have their own tests."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, NamedTuple
 
 from smarts.agents.checks import InterfaceError
 from smarts.agents.criteria import DoneCriteria, EventConfiguration
@@ -64,7 +64,34 @@ def interface_from(facts: Any, place: str) -> AgentInterface:
         raise
     except (SmartsError, TypeError, ValueError) as error:
         problem = error.problem if isinstance(error, SmartsError) else str(error)
-        raise HostError(f"the agent's interface is wrong: {problem}", place=place) from error
+        raise HostError(
+            f"the agent's interface is wrong: {problem}",
+            place=place,
+            remedy=error.remedy if isinstance(error, SmartsError) else "see AgentInterface for its fields",
+        ) from error
+
+
+class Facts(NamedTuple):
+    """What a simulator has to know of an agent."""
+
+    interface: AgentInterface
+    observation: Any
+    """Names of features."""
+    period: int
+    """Steps from one decision to the next."""
+
+
+def facts_from(about: Mapping[str, Any], place: str) -> Facts:
+    """Return what an agent elsewhere has said about itself, after a check of all of it.
+
+    Raises:
+        SmartsError: Something is not what it has to be.
+    """
+    return Facts(
+        interface_from(about.get("interface"), place),
+        check_observation(about.get("observation"), place),
+        check_period(about.get("period"), place),
+    )
 
 
 def check_observation(observation: Any, place: str) -> Any:
@@ -87,7 +114,11 @@ def check_observation(observation: Any, place: str) -> Any:
         for each in observation:
             check_observation(each, place)
     elif not isinstance(observation, int | float | bool | None):
-        raise HostError(f"the agent observes {shown(observation)}", place=place)
+        raise HostError(
+            f"the agent observes {shown(observation)}",
+            place=place,
+            remedy='give its class the names of features: observation = ["speed"]',
+        )
     return observation
 
 

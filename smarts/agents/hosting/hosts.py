@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import NDArray
 
-from smarts.agents.acting import Answer, Failed, InProcess, Request
+from smarts.agents.acting import Answer, Failed, InProcess, Late, Request
+from smarts.agents.hosting.links import SocketLink
 from smarts.agents.hosting.log import DecisionLog, Replayed
-from smarts.agents.hosting.options import START_TIME, HostError, HostOptions, Link, Starter, about
+from smarts.agents.hosting.options import START_TIME, HostError, Link, Starter, about
+from smarts.agents.hosting.remote import Started
+from smarts.agents.policy import ActionBatch
 from smarts.agents.social import SocialPolicy
 from smarts_agent_kit.channel import wait_for
 from smarts_agent_kit.service import WrongActionsError, checked_actions, one_line, request_of
@@ -40,7 +45,7 @@ class Hosts:
     def __init__(self, policies: Sequence[SocialPolicy]) -> None:
         self._here = InProcess(policies)
         self._away = {number: _away(policy) for number, policy in enumerate(policies) if not policy.acts_here}
-        self._has_begun = False
+        self._has_begun, self._owner = False, os.getpid()
 
     @property
     def links(self) -> dict[int, Link]:
@@ -53,6 +58,7 @@ class Hosts:
         Raises:
             HostError: One does not start.
         """
+        self._check_owner()
         if self._has_begun:
             return
         try:
@@ -67,6 +73,7 @@ class Hosts:
 
     def dispatch(self, requests: Mapping[int, Request]) -> None:
         """Send all requests, without waiting."""
+        self._check_owner()
         here = {}
         for number, request in requests.items():
             if number in self._away:
@@ -76,19 +83,14 @@ class Hosts:
         self._here.dispatch(here)
 
     def gather(self) -> Sequence[Answer]:
-        """Return the answers to all requests but late ones, by the policy's number."""
+        """Return the answers to all requests, by the policy's number."""
+        self._check_owner()
         answers, begun = [*self._here.gather()], time.monotonic()
-        while True:
-            # All are read before any is given up: this process may have been the one that was stopped.
-            waiting = [
-                away
-                for away in self._away.values()
-                if isinstance(away, _Away) and away.is_asked and not away.has_settled()
-            ]
-            waiting = [away for away in waiting if not away.gives_up(begun)]
-            if not waiting:
-                break
-            _wait_for_any(waiting, begun)
+        waiting = [away for away in self._away.values() if isinstance(away, _Away) and away.is_asked]
+        while waiting:
+            for away in _wait_for_any(waiting, begun) or waiting:
+                away.settle()
+            waiting = [away for away in waiting if away.is_asked and not away.gives_up(begun)]
         for number, away in self._away.items():
             answers += [Answer(number, *each) for each in away.take()]
         return sorted(answers, key=lambda answer: answer.policy)
@@ -102,16 +104,29 @@ class Hosts:
 
     def close(self) -> None:
         """End the policies and their processes; may be called again."""
-        self._here.close()
-        for away in self._away.values():
-            away.end()
+        with ExitStack() as ends:  # an interrupt while one ends keeps no other
+            for away in self._away.values():
+                ends.callback(away.end)
+            ends.callback(self._here.close)
+
+    def _check_owner(self) -> None:
+        """Start agents of its own in a process that was forked off the one with the agents.
+
+        Raises:
+            HostError: One is an actor of Ray, which does not survive a fork.
+        """
+        if self._owner != os.getpid():
+            self._owner = os.getpid()
+            for away in self._away.values():
+                if isinstance(away, _Away):
+                    away.ask_again()
 
 
 def _away(policy: SocialPolicy) -> _Away | Replayed:
     if policy.host.replay:
-        return Replayed(policy.host.replay)
+        return Replayed(policy.host.replay, policy.locator, policy.options)
     assert policy.start is not None
-    return _Away(policy.start, policy.host)
+    return _Away(policy, policy.start)
 
 
 @dataclass
@@ -128,23 +143,26 @@ class _Asked:
 class _Away:
     """A policy that acts elsewhere: asks it, takes its answers, and starts it again after a failure."""
 
-    def __init__(self, starter: Starter, options: HostOptions) -> None:
-        self._starter, self._options = starter, options
+    def __init__(self, policy: SocialPolicy, starter: Starter) -> None:
+        self._starter, self._options = starter, policy.host
         self.link: Link | None = None
-        self._is_made = self._has_answered = False  # since it was started
+        self._about: Mapping[str, Any] | None = None
+        self._has_answered = False  # since it was started
         self._failures = self._skipped = 0  # failures in a row, requests since the last one
         self._problem = ""
         self._number = 0  # of the last request
         self._asked: deque[_Asked] = deque()
         self._answers: list[tuple[Request, Actions]] = []
-        self._log = DecisionLog(options.log) if options.log else None
+        folder = policy.host.log
+        self._log = DecisionLog(folder, policy.locator, policy.options) if folder else None
         # The holds that the agent knows, by (env_id, agent_id).
         self._known: dict[tuple[int, int], int] = {}
+        self._last_holds: tuple[bytes, ...] = ()  # of the last request
 
     @property
     def is_asked(self) -> bool:
         """Whether an answer is awaited in this step."""
-        return any(not each.is_late for each in self._asked)
+        return bool(self._asked) and not self._asked[-1].is_late
 
     def open(self) -> None:
         """Start the agent, without waiting for it.
@@ -153,7 +171,8 @@ class _Away:
             HostError: It does not start.
         """
         self._known.clear()
-        self._is_made = self._has_answered = False
+        self._last_holds = ()
+        self._has_answered = False
         self.link = self._starter.open()
 
     def join(self) -> None:
@@ -163,12 +182,28 @@ class _Away:
             HostError: It is not.
         """
         assert self.link is not None
-        about(self.link, self._starter.place)
-        self._is_made = True
+        self._meet(about(self.link, self._starter.place))
+
+    def _meet(self, said: Mapping[str, Any]) -> None:
+        """Take what the agent says about itself when it was started.
+
+        Raises:
+            HostError: It is another agent than before.
+        """
+        if self._about is None:
+            self._about = said
+            if self._log is not None:
+                self._log.begin(said)
+        elif said != self._about:
+            raise HostError(
+                "it is another agent than at the beginning",
+                place=self._starter.place,
+                remedy="make the environment again",
+            )
 
     def ask(self, request: Request) -> None:
         """Send a request; while an answer that is late is owed, the agents of this request are late, too."""
-        self._settle()
+        self.settle()
         if any(each.is_late for each in self._asked):
             self._note_late(request)
             return
@@ -177,7 +212,7 @@ class _Away:
             return
         self._number += 1
         asked = _Asked(self._number, request, time.monotonic())
-        message = request_of(self._with_first(request).batch, self._number)
+        message = request_of(self._with_first(request.batch), self._number)
         try:
             frame = encode(message)
         except Exception as error:
@@ -190,18 +225,37 @@ class _Away:
         except Exception as error:  # of a socket or of Ray
             self._fail(error)
 
-    def has_settled(self) -> bool:
-        """Take what has arrived; return whether nothing more is awaited in this step."""
-        self._settle()
-        return not self.is_asked
+    def ask_again(self) -> None:
+        """Ask another agent, which is started then, what is not answered; begin another log.
+
+        Raises:
+            HostError: It is an actor of Ray.
+        """
+        if self._log is not None:
+            self._log = self._log.another()
+        if self.link is None:
+            return
+        if not isinstance(self.link, SocketLink):
+            raise HostError(
+                "this process was forked off the one with the agents, and actors of Ray do not survive it",
+                place=self._starter.place,
+                remedy="make the environment in the process that steps it",
+            )
+        asked = [each.request for each in self._asked if not each.is_late]
+        self._close_link()
+        self._failures = self._skipped = 0
+        for request in asked:
+            self.ask(request)
 
     def gives_up(self, begun: float) -> bool:
         """Give up what is awaited no longer, in a step that began to wait at a time; return whether it is."""
-        now = time.monotonic()
-        if now < self.until(begun):
+        if time.monotonic() < self.until(begun):
             return False
+        self.settle()  # an answer may have come while another agent was ended, or this process was stopped
+        if not self.is_asked:
+            return True
         if self._options.deadline_ms is None:
-            self._fail(TimeoutError(f"silent for {now - begun:.3g} s"))
+            self._fail(TimeoutError(f"silent for {time.monotonic() - begun:.3g} s"))
         for each in self._asked:
             if not each.is_late:
                 each.is_late = True
@@ -223,6 +277,9 @@ class _Away:
     def end(self) -> None:
         """End the agent; may be called again."""
         self._close_link()
+        if isinstance(self._starter, Started):
+            with suppress(Exception):
+                self._starter.close()
         if self._log is not None:
             self._log.close()
 
@@ -230,7 +287,8 @@ class _Away:
         self._asked.clear()
         link, self.link = self.link, None
         if link is not None:
-            link.close()
+            with suppress(Exception):  # of a process or of Ray: there is no agent any more
+                link.close()
 
     def _answer(self, request: Request, actions: Actions) -> None:
         self._answers.append((request, actions))
@@ -238,6 +296,7 @@ class _Away:
             self._log.write(request, actions)
 
     def _note_late(self, request: Request) -> None:
+        self._answers.append((request, [Late()] * len(request.batch.env_id)))
         if self._log is not None:
             self._log.write_late(request)
 
@@ -246,8 +305,8 @@ class _Away:
         # The first answer takes longer: imports, compilation, memory.
         return self._options.patience if self._has_answered else max(START_TIME, self._options.patience)
 
-    def _settle(self) -> None:
-        """Take the answers that are here, and drop those that are late."""
+    def settle(self) -> None:
+        """Take the answers that have arrived; drop late ones."""
         while self._asked and self.link is not None:
             try:
                 message = self.link.receive()
@@ -267,11 +326,12 @@ class _Away:
         Raises:
             HostError: It is none, or the agent could not be made.
         """
-        if not self._is_made and message.kind == "about":
-            self._is_made = True
+        if self.link is not None and self.link.about is None and message.kind == "about":
+            self.link.about = message.values
+            self._meet(message.values)
             return
         asked, values = self._asked[0], message.values
-        if message.kind not in ("acted", "failed") or values.get("number") != asked.number:
+        if message.kind not in ("acted", "failed") or message.number != asked.number:
             raise HostError(f"it has sent {message.kind!r}: {values.get('problem', 'no answer')}")
         if message.kind == "failed":
             actions = _failed(asked.request, str(values.get("problem")))
@@ -306,27 +366,34 @@ class _Away:
             self._fail(error)
         return self.link is not None
 
-    def _with_first(self, request: Request) -> Request:
-        """Return a request in which the holds that the agent does not know are new ones."""
-        batch, known = request.batch, self._known
+    def _with_first(self, batch: ActionBatch) -> ActionBatch:
+        """Return a batch in which the holds that the agent does not know are new ones."""
+        holds = batch.env_id.tobytes(), batch.agent_id.tobytes(), batch.hold.tobytes()
+        if holds == self._last_holds:
+            return batch
+        known, self._last_holds = self._known, holds
         is_first = batch.is_first.copy()
         places = zip(batch.env_id.tolist(), batch.agent_id.tolist(), batch.hold.tolist(), strict=True)
         for place, (env_id, agent_id, hold) in enumerate(places):
             is_first[place] |= known.get((env_id, agent_id)) != hold
             known[env_id, agent_id] = hold
-        return request._replace(batch=batch._replace(is_first=is_first))
+        return batch._replace(is_first=is_first)
 
 
 def _failed(request: Request, problem: str) -> list[Failed]:
     return [Failed(one_line(problem))] * len(request.batch.env_id)
 
 
-def _wait_for_any(waiting: Sequence[_Away], begun: float) -> None:
-    """Wait until one of several policies can answer, or until one has to have answered."""
-    until = min(away.until(begun) for away in waiting)
-    links: list[Any] = [away.link for away in waiting]
-    channels = [link.channel for link in links if hasattr(link, "channel")]
+def _wait_for_any(waiting: Sequence[_Away], begun: float) -> Sequence[_Away]:
+    """Wait until one of several policies can answer, or until one has to have answered.
+
+    Returns:
+        Those that can; none: not known, or the time is over.
+    """
+    until = min([away.until(begun) for away in waiting])
+    channels = {away.link.channel: away for away in waiting if isinstance(away.link, SocketLink)}
     if channels:
-        wait_for(channels, until)
-    else:
-        links[0].wait_for(links, until)
+        return [channels[each] for each in wait_for(channels, until)]
+    links: list[Any] = [away.link for away in waiting]
+    links[0].wait_for(links, until)
+    return ()

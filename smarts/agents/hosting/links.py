@@ -13,12 +13,13 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakSet
 
 from smarts.agents.hosting.options import ADDRESS, HostError
 from smarts_agent_kit.channel import Channel, ClosedError
 from smarts_agent_kit.child import command
 from smarts_agent_kit.environment import clean_environment
-from smarts_agent_kit.handshake import SECRET, RefusedError, greet
+from smarts_agent_kit.handshake import SECRET, BusyError, RefusedError, greet
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
 from smarts_agent_kit.wire import Message, WireError
 
@@ -42,7 +43,9 @@ class SocketLink:
     def __init__(self, channel: Channel, process: subprocess.Popen | None = None, folder: str = "") -> None:
         self.channel, self._process, self._folder = channel, process, folder
         self._owner = os.getpid()
+        self.about: Mapping[str, Any] | None = None
         self.send = channel.send
+        _OPEN.add(self)
 
     @property
     def pid(self) -> int:
@@ -61,21 +64,36 @@ class SocketLink:
     def close(self) -> None:
         """Close the socket and end the child process; may be called again.
 
-        In a process that was forked off the owner, only the socket is closed.
+        In a process that was forked off the owner, only its ends of socket and lifeline are closed.
         """
-        self.channel.close()
         process, self._process = self._process, None
-        if process is None or self._owner != os.getpid():
+        is_owner = self._owner == os.getpid()
+        self.channel.end() if is_owner else self.channel.close()
+        if process is None:
             return
         assert process.stdin is not None
         process.stdin.close()  # the supervisor ends all that is there, and itself
+        if not is_owner:
+            return
         try:
             process.wait(END_TIME)
-        except subprocess.TimeoutExpired:  # somebody has stopped it
+        except subprocess.TimeoutExpired:  # it is stopped
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
         # The supervisor has done so, unless it was killed.
         shutil.rmtree(self._folder, ignore_errors=True)
+
+
+_OPEN: WeakSet[SocketLink] = WeakSet()
+"""The links of this process; those that a forked process inherits are closed there."""
+
+
+def _close_inherited() -> None:
+    for link in [*_OPEN]:
+        link.close()
+
+
+os.register_at_fork(after_in_child=_close_inherited)
 
 
 @dataclass(frozen=True)
@@ -93,7 +111,9 @@ class AtAddress:
         try:
             secret_for(parse_address(self.locator)[0])
         except AddressError as error:
-            raise HostError(str(error), place=self.place) from error
+            raise HostError(
+                str(error), place=self.place, remedy=f"give tcp://HOST:PORT, and the {SECRET} of its server"
+            ) from error
 
     @property
     def place(self) -> str:
@@ -113,6 +133,11 @@ class AtAddress:
             ) from error
         try:
             greet(channel, secret_for(host), time.monotonic() + CONNECT_TIME)
+        except BusyError as error:
+            channel.close()
+            raise HostError(
+                str(error), place=self.place, remedy="end other simulators, or serve the agent once more"
+            ) from error
         except BROKEN as error:
             channel.close()
             raise HostError(
@@ -160,7 +185,11 @@ class InChildProcess:
             except OSError as error:
                 near.close()
                 os.rmdir(folder)
-                raise HostError(f"the process does not start: {error}", place=self.place) from error
+                raise HostError(
+                    f"the process does not start: {error}",
+                    place=self.place,
+                    remedy="free memory and processes; where the agent has an environment, install it again",
+                ) from error
         link = SocketLink(Channel(near), process, folder)
         try:
             link.send(Message("make", self.values))

@@ -1,28 +1,40 @@
 """Logs of what agents elsewhere have decided, and in time: from one, a run is repeated exactly without them.
 
-A decision is found by the agent's seed, which is a function of the run's seed, the world, the episode and the
+A file begins with what the agent has said about itself: a replay starts, reaches and asks no agent. A
+decision is found by the agent's seed, which is a function of the run's seed, the world, the episode and the
 agent's name, and by the step: so a log fits any number of simulations and processes. Runs that play the same
 episodes need a folder each: a folder with two answers to one question is refused.
 """
 
 from __future__ import annotations
 
+import os
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from copy import copy
+from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.acting import Failed, Request, part_of
+from smarts.agents.acting import Failed, Late, Request
 from smarts.agents.hosting.options import HostError
 from smarts_agent_kit.wire import Message, WireError, decode, encode, frame_size
 
 SUFFIX = ".decisions"
 """Of the files of a folder, one for each process and policy."""
 LATE = "late"
+AGENT, OPTIONS, ABOUT = "agent", "options", "about"
+"""Of the first message of a file: whose decisions these are, and what the agent has said about itself."""
+
+REMEDY = "name the folder of a `log` of this agent, of a run with the same version of this project"
+FILE_REMEDY = f"remove the file, or {REMEDY}"
+
+KEYS = ("iu", "ui", "ii", "uu")
+"""Kinds of numbers of seeds and steps."""
 
 Actions = NDArray | Sequence[Any]
 
@@ -32,18 +44,51 @@ class DecisionLog:
 
     Args:
         folder: The logs of one run's processes and policies share one.
+        agent: The agent's locator.
+        options: The arguments of its policy, as `Wanted` has them.
 
     Raises:
-        HostError: It cannot be written.
+        HostError: No file can be made in the folder.
     """
 
-    def __init__(self, folder: str | Path) -> None:
-        file = Path(folder) / f"{uuid.uuid4().hex}{SUFFIX}"
+    def __init__(self, folder: str | Path, agent: str = "", options: str = "") -> None:
+        self._folder, self._agent, self._options = Path(folder), agent, options
+        self._about: Mapping[str, Any] | None = None
+        self._file: BinaryIO | None = None
+        """None: before `begin`, and when nothing is written any more."""
         try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            self._file: BinaryIO = file.open("wb")
+            self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise HostError(f"cannot be written: {error.strerror}", place=f"log {str(folder)!r}") from error
+            raise self._error(error.strerror) from error
+        if not os.access(self._folder, os.W_OK | os.X_OK):
+            raise self._error("the folder is not this user's")
+
+    def another(self) -> DecisionLog:
+        """Return a log in the same folder, for a process that was forked off the one that writes this one.
+
+        It begins as this one; if no file can be made, nothing is written, as with a full disk.
+        """
+        other = copy(self)
+        other._file = None
+        if self._about is not None:
+            with suppress(HostError):
+                other.begin(self._about)
+        return other
+
+    def begin(self, about: Mapping[str, Any]) -> None:
+        """Make the file, and write what the agent has said about itself.
+
+        Raises:
+            HostError: The file cannot be made, or the agent's options are too long.
+        """
+        self._about = about
+        values = {AGENT: self._agent, OPTIONS: self._options, ABOUT: dict(about)}
+        try:
+            frame = encode(Message("about", values))
+            self._file = (self._folder / f"{uuid.uuid4().hex}{SUFFIX}").open("xb")
+        except (OSError, WireError) as error:
+            raise self._error(error) from error
+        self._append(frame)
 
     def write(self, request: Request, actions: Actions) -> None:
         """Write the answer to a request."""
@@ -58,14 +103,32 @@ class DecisionLog:
 
     def close(self) -> None:
         """Close the file; may be called again."""
-        self._file.close()
+        file, self._file = self._file, None
+        if file is not None:
+            with suppress(OSError):
+                file.close()
 
     def _write(self, kind: str, request: Request, values: Any, arrays: Any = None) -> None:
         batch = request.batch
-        message = Message(kind, values, {"seed": batch.seed, "step": batch.step, **(arrays or {})})
-        with suppress(OSError):  # a full disk does not end the run; the replay names what is missing
-            self._file.write(encode(message))
+        if self._file is not None:
+            arrays = {"seed": batch.seed, "step": batch.step, **(arrays or {})}
+            self._append(encode(Message(kind, values, arrays)))
+
+    def _append(self, frame: bytes) -> None:
+        """Write a message; if the disk is full, the log ends here, and its replay says what is missing."""
+        assert self._file is not None
+        try:
+            self._file.write(frame)
             self._file.flush()
+        except OSError:
+            self.close()
+
+    def _error(self, problem: object) -> HostError:
+        return HostError(
+            f"cannot be written: {problem}",
+            place=f"log {str(self._folder)!r}",
+            remedy="name a folder in which files can be made",
+        )
 
 
 class Replayed:
@@ -73,24 +136,26 @@ class Replayed:
 
     Args:
         folder: Of the log.
+        agent: The agent's locator.
+        options: The arguments of its policy, as `Wanted` has them.
 
     Raises:
-        HostError: There is none, or it holds two answers to one question.
+        HostError: It holds no decisions of the agent, or two answers to one question, or a file is damaged.
     """
 
     link = None
 
-    def __init__(self, folder: str | Path) -> None:
-        self._place = f"replay {str(folder)!r}"
+    def __init__(self, folder: str | Path, agent: str = "", options: str = "") -> None:
+        self._place = place_of(folder)
         self._found: dict[tuple[int, int], Any] = {}
         self._answers: list[tuple[Request, Actions]] = []
-        files = sorted(Path(folder).glob(f"*{SUFFIX}"))
-        if not files:
-            remedy = "name the folder of a `log`"
-            raise HostError("holds no decisions", place=self._place, remedy=remedy)
-        for file in files:
-            for message in messages_of(file):
-                self._add(message)
+        found = recorded(folder)
+        mine = [each for each in found if (each.agent, each.options) == (agent, options)]
+        if not mine:
+            raise not_recorded(folder, found, agent, options)
+        for each in mine:
+            for message in islice(messages_of(each.file), 1, None):
+                self._add(message, each.file)
 
     def open(self) -> None:
         """Do nothing."""
@@ -99,14 +164,11 @@ class Replayed:
         """Do nothing."""
 
     def ask(self, request: Request) -> None:
-        """Answer a request, but for agents whose answer was late."""
+        """Answer a request."""
         batch = request.batch
         keys = zip(batch.seed.tolist(), batch.step.tolist(), strict=True)
         missing = Failed("the log has no decision of this step")
-        found = [self._found.get(key, missing) for key in keys]
-        in_time = np.array([each is not LATE for each in found], np.bool_)
-        if in_time.any():
-            self._answers.append((part_of(request, in_time), [each for each in found if each is not LATE]))
+        self._answers.append((request, [self._found.get(key, missing) for key in keys]))
 
     def take(self) -> list[tuple[Request, Actions]]:
         """Return the answers since the last call."""
@@ -116,15 +178,9 @@ class Replayed:
     def end(self) -> None:
         """Do nothing."""
 
-    def _add(self, message: Message) -> None:
-        arrays, values = message.arrays, message.values
-        seeds, steps = arrays["seed"].tolist(), arrays["step"].tolist()
-        if message.kind == "acted":
-            results: Sequence[Any] = [*arrays["actions"]]
-        else:
-            problem = values.get("problem")
-            results = [LATE if values.get(LATE) else Failed(str(problem))] * len(seeds)
-        for key, result in zip(zip(seeds, steps, strict=True), results, strict=True):
+    def _add(self, message: Message, file: Path) -> None:
+        keys, results = _decisions(message, file)
+        for key, result in zip(keys, results, strict=True):
             if not _is_same(self._found.setdefault(key, result), result):
                 raise HostError(
                     f"holds two decisions of the agent's seed {key[0]} at step {key[1]}",
@@ -140,15 +196,90 @@ def _is_same(one: Any, other: Any) -> bool:
     return type(one) is type(other) and one == other
 
 
+def _decisions(message: Message, file: Path) -> tuple[list[tuple[int, int]], list[Any]]:
+    """Return the seeds and steps of a message's agents, and their decisions.
+
+    Raises:
+        HostError: The message of the file holds none.
+    """
+    arrays, values = message.arrays, message.values
+    seed, step, actions = (arrays.get(name, np.zeros(())) for name in ("seed", "step", "actions"))
+    is_keyed = seed.ndim == 1 and seed.shape == step.shape and seed.dtype.kind + step.dtype.kind in KEYS
+    is_answer = message.kind == "failed" or (message.kind == "acted" and actions.shape[:1] == seed.shape)
+    if not (is_keyed and is_answer):
+        raise HostError("a message holds no decisions", place=str(file), remedy=FILE_REMEDY)
+    keys = [*zip(seed.tolist(), step.tolist(), strict=True)]
+    if message.kind == "acted":
+        return keys, [*actions]
+    return keys, [Late() if values.get(LATE) else Failed(str(values.get("problem")))] * len(keys)
+
+
+class Recorded(NamedTuple):
+    """Whose decisions a file of a log holds."""
+
+    file: Path
+    agent: str
+    """Its locator."""
+    options: str
+    """As `Wanted` has them."""
+    about: Mapping[str, Any]
+    """What the agent has said about itself."""
+
+
+def recorded(folder: str | Path) -> list[Recorded]:
+    """Return whose decisions the files of a log hold; a file that ends in its first message is left out.
+
+    Raises:
+        HostError: No file holds any, or a file is damaged.
+    """
+    try:
+        files = sorted(each for each in Path(folder).iterdir() if each.suffix == SUFFIX)
+    except OSError as error:
+        raise HostError(f"cannot be read: {error.strerror}", place=place_of(folder), remedy=REMEDY) from error
+    found = [each for each in map(_recorded, files) if each is not None]
+    if not found:
+        raise HostError("holds no decisions", place=place_of(folder), remedy=REMEDY)
+    return found
+
+
+def _recorded(file: Path) -> Recorded | None:
+    first = next(messages_of(file), None)
+    if first is None:
+        return None
+    agent, options, about = (first.values.get(name) for name in (AGENT, OPTIONS, ABOUT))
+    is_named = first.kind == "about" and isinstance(agent, str) and isinstance(options, str)
+    if is_named and isinstance(about, Mapping):
+        return Recorded(file, str(agent), str(options), about)
+    raise HostError("does not begin with an agent", place=str(file), remedy=FILE_REMEDY)
+
+
+def not_recorded(folder: str | Path, found: Sequence[Recorded], agent: str, options: str) -> HostError:
+    """Return the error for an agent of which a log holds no decisions."""
+    known = sorted({f"{each.agent} {each.options}" for each in found})
+    return HostError(
+        f"holds no decisions of {agent!r} with the options {options}, but of {', '.join(known)}",
+        place=place_of(folder),
+        remedy=REMEDY,
+    )
+
+
+def place_of(folder: str | Path) -> str:
+    """Return the place of a log, for errors."""
+    return f"replay {str(folder)!r}"
+
+
 def messages_of(file: Path) -> Iterator[Message]:
-    """Yield the messages of a file; the last one may have been cut off."""
-    content, place = file.read_bytes(), 0
-    while place + 4 <= len(content):
-        try:
-            size = frame_size(content[place : place + 4])
-            if place + size > len(content):
-                return
-            yield decode(content[place : place + size])
-        except WireError as error:
-            raise HostError(f"is no log: {error}", place=str(file)) from error
-        place += size
+    """Yield the messages of a file; the last one may have been cut off.
+
+    Raises:
+        HostError: It is no log, or cannot be read.
+    """
+    try:
+        with file.open("rb") as content:
+            while len(start := content.read(4)) == 4:
+                frame = start + content.read(frame_size(start) - 4)
+                if len(frame) < frame_size(start):
+                    return
+                yield decode(frame)
+    except (OSError, WireError) as error:
+        raise HostError(f"is no log: {error}", place=str(file), remedy=FILE_REMEDY) from error

@@ -29,6 +29,9 @@ class HostError(SmartsError):
 class Link(Protocol):
     """A connection to an agent elsewhere, which carries messages."""
 
+    about: Mapping[str, Any] | None
+    """What the agent has said about itself; None: nothing yet."""
+
     def send(self, message: Message | bytes) -> None:
         """Send a message, or its bytes, or as much of it as goes without waiting."""
         ...
@@ -77,11 +80,13 @@ START_TIME = 60.0
 
 
 def about(link: Link, place: str) -> Mapping[str, Any]:
-    """Return what the agent behind a new link says about itself.
+    """Return what the agent behind a link says about itself; waits for it if the link is new.
 
     Raises:
         HostError: It cannot be made, or is silent.
     """
+    if link.about is not None:
+        return link.about
     try:
         message = link.wait(time.monotonic() + START_TIME)
     except Exception as error:  # of a socket, of Ray, of the wire
@@ -90,7 +95,12 @@ def about(link: Link, place: str) -> Mapping[str, Any]:
         ) from error
     if message.kind != "about":
         problem = one_line(str(message.values.get("problem", f"it has sent {message.kind!r}")))
-        raise HostError(f"the agent cannot be made: {problem}", place=place)
+        raise HostError(
+            f"the agent cannot be made: {problem}",
+            place=place,
+            remedy="mend it, or its options, where it runs",
+        )
+    link.about = message.values
     return message.values
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -37,6 +38,8 @@ class RayLink:
 
     def __init__(self, actor: Any) -> None:
         self._actor: Any = actor
+        self._owner = os.getpid()
+        self.about: Mapping[str, Any] | None = None
         self._answers: deque[Any] = deque()  # references
 
     def send(self, message: Message | bytes) -> None:
@@ -65,7 +68,7 @@ class RayLink:
         """End the actor; may be called again."""
         actor, self._actor = self._actor, None
         self._answers.clear()
-        if actor is not None and ray.is_initialized():
+        if actor is not None and self._owner == os.getpid() and ray.is_initialized():
             ray.kill(actor)
 
     def _next(self, seconds: float) -> Message | None:

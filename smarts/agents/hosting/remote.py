@@ -2,16 +2,69 @@
 
 from __future__ import annotations
 
+import os
 import time
+from collections.abc import Mapping
 from typing import Any
 
 from numpy.typing import NDArray
 
-from smarts.agents.hosting.facts import check_observation, check_period, interface_from
+from smarts.agents.hosting.facts import facts_from
 from smarts.agents.hosting.options import START_TIME, HostError, Link, Starter, about
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.agents.spec import AgentSpec
 from smarts_agent_kit.service import checked_actions, one_line, request_of
+
+
+class Started:
+    """A starter whose agent has been started, to ask what it is: the first `open` returns that one.
+
+    Args:
+        start: Starts the agent.
+
+    Raises:
+        SmartsError: It does not start, or what it says of itself cannot be.
+    """
+
+    def __init__(self, start: Starter) -> None:
+        self.start, self.place, self._owner = start, start.place, os.getpid()
+        self._link: Link | None = start.open()
+        try:
+            self.facts = facts_from(about(self._link, self.place), self.place)
+        except BaseException:
+            self.close()
+            raise
+
+    def open(self) -> Link:
+        """Return a link to an agent; see `Starter`."""
+        link, self._link = self._link, None
+        if link is None:
+            return self.start.open()
+        if self._owner == os.getpid() and _is_there(link):
+            return link
+        link.close()
+        return self.start.open()
+
+    def close(self) -> None:
+        """End the agent, unless a link to it was returned; may be called again."""
+        link, self._link = self._link, None
+        if link is not None:
+            link.close()
+
+    def __del__(self) -> None:
+        if getattr(self, "_link", None) is not None:
+            self.close()
+
+    def __getstate__(self) -> Mapping[str, Any]:
+        return {**self.__dict__, "_link": None}
+
+
+def _is_there(link: Link) -> bool:
+    """Return whether the agent behind a link that has been idle is there still."""
+    try:
+        return link.receive() is None
+    except Exception:  # of a socket, of Ray, of the wire
+        return False
 
 
 class RemoteAgent(BatchAgent):
@@ -30,17 +83,11 @@ class RemoteAgent(BatchAgent):
     period: Any  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def __init__(self, start: Starter) -> None:
-        self.start = start
-        self._link: Link | None = start.open()
+        self.start = start if isinstance(start, Started) else Started(start)
+        self.interface, self.observation, self.period = self.start.facts
+        self._link: Link | None = None
         self._number = 0
-        try:
-            facts = about(self._link, start.place)
-            self.interface = interface_from(facts.get("interface"), start.place)
-            self.observation = check_observation(facts.get("observation"), start.place)
-            self.period = check_period(facts.get("period"), start.place)
-        except BaseException:
-            self.close()
-            raise
+        self._is_closed = False
 
     def act(self, obs: ActionBatch) -> NDArray:
         """Return the agent's actions.
@@ -49,27 +96,35 @@ class RemoteAgent(BatchAgent):
             HostError: It fails, or does not answer.
         """
         self._number += 1
+        if self._is_closed:
+            raise HostError(
+                "the agent was closed, or has failed before", place=self.start.place, remedy="make it again"
+            )
         if self._link is None:
-            raise HostError("the agent was closed", place=self.start.place)
+            self._link = self.start.open()
         try:
+            about(self._link, self.start.place)
             self._link.send(request_of(obs, self._number))
             answer = self._link.wait(time.monotonic() + START_TIME)
-            if answer.kind != "acted" or answer.values.get("number") != self._number:
+            if answer.kind != "acted" or answer.number != self._number:
                 raise HostError(f"the agent {answer.values.get('problem', 'gives no answer')}")
             return checked_actions(answer.arrays.get("actions"), len(obs.env_id))
         except Exception as error:  # of a socket, of Ray, of the wire or of the agent
             self.close()
             problem = error.problem if isinstance(error, HostError) else f"{type(error).__name__}: {error}"
-            raise HostError(one_line(problem), place=self.start.place) from error
+            raise HostError(
+                one_line(problem), place=self.start.place, remedy="see what the agent has printed"
+            ) from error
 
     def close(self) -> None:
-        """End the connection; may be called again."""
-        link, self._link = self._link, None
+        """End the agent; may be called again."""
+        link, self._link, self._is_closed = self._link, None, True
         if link is not None:
             link.close()
+        self.start.close()
 
     def __del__(self) -> None:
-        if hasattr(self, "_link"):
+        if getattr(self, "_link", None) is not None:
             self.close()
 
 
@@ -79,6 +134,5 @@ def remote_spec(start: Starter) -> AgentSpec:
     Raises:
         HostError: It does not start, or has no interface.
     """
-    agent: Any = RemoteAgent(start)
-    agent.close()
-    return AgentSpec(agent.interface, RemoteAgent, [start])
+    started = Started(start)
+    return AgentSpec(started.facts.interface, RemoteAgent, [started])

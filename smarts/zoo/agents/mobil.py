@@ -30,6 +30,7 @@ class MobilDriver(Driver):
         threshold: Least gain [m/s^2].
         bias_right: Gain of a lane farther right [m/s^2].
         safe_braking: The hardest that a change may make anyone brake [m/s^2].
+        junction_margin: As of `Driver`.
     """
 
     def __init__(
@@ -44,8 +45,9 @@ class MobilDriver(Driver):
         threshold: float = 0.2,
         bias_right: float = 0.0,
         safe_braking: float = SAFE_BRAKING,
+        junction_margin: float = 1.0,
     ) -> None:
-        super().__init__(tau, accel, decel, min_gap, speed_factor, max_speed)
+        super().__init__(tau, accel, decel, min_gap, speed_factor, max_speed, junction_margin)
         place = type(self).__name__
         for name, value in (("politeness", politeness), ("threshold", threshold)):
             check_number(name, value, most=100.0, place=place)
@@ -107,7 +109,7 @@ class MobilDriver(Driver):
 
 
 class AggressiveDriver(MobilDriver):
-    """Drives 20% above the limit, close behind leaders, and takes every gap in the lanes beside.
+    """Drives 20% above the limit, close behind leaders, and takes small gaps, beside it and at junctions.
 
     Args:
         tau: As of `MobilDriver`, as are all others.
@@ -120,6 +122,7 @@ class AggressiveDriver(MobilDriver):
         threshold: See `tau`.
         bias_right: See `tau`.
         safe_braking: See `tau`.
+        junction_margin: See `tau`.
     """
 
     def __init__(
@@ -134,6 +137,7 @@ class AggressiveDriver(MobilDriver):
         threshold: float = 0.1,
         bias_right: float = 0.0,
         safe_braking: float = 6.0,
+        junction_margin: float = 0.4,
     ) -> None:
         super().__init__(
             tau,
@@ -146,4 +150,5 @@ class AggressiveDriver(MobilDriver):
             threshold,
             bias_right,
             safe_braking,
+            junction_margin,
         )

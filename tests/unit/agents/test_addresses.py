@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager
 
 import numpy as np
 import pytest
@@ -19,17 +19,18 @@ from smarts.agents.hosting.options import HostError
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface, DoneCriteria
 from smarts.agents.options import Waypoints
+from smarts.env.casting import check_agent
 from smarts.errors import SmartsError
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo import make_agent, make_spec
 from smarts_agent_kit import ActionBatch
 from smarts_agent_kit.channel import Channel, ClosedError
-from smarts_agent_kit.handshake import SECRET, RefusedError, admit, greet
+from smarts_agent_kit.handshake import SECRET, BusyError, RefusedError, admit, greet
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
 from smarts_agent_kit.service import request_of
 from smarts_agent_kit.wire import VERSION, Message, WireError, encode
 from tests.unit.agents.test_wire import fuzzed
-from tests.unit.env.test_hosts import nothing_is_left  # noqa: F401
+from tests.unit.env.test_hosts import nothing_is_left, resources  # noqa: F401
 
 KIT_AGENT = """
 from smarts_agent_kit import BatchAgent, uniform
@@ -197,27 +198,32 @@ def test_10_000_fuzzed_messages_leave_the_server_as_it_was(tmp_path):
 
 
 def test_10_000_fuzzed_answers_are_errors():
+    errors = 0
     for frame in fuzzed(3, 10_000):
         near, far = socket.socketpair()
         with far:
             far.sendall(frame)
-        with closing(Channel(near)) as channel, suppress(WireError, ClosedError):
-            channel.wait(soon())
+        with closing(Channel(near)) as channel:
+            try:
+                channel.wait(soon())
+            except (WireError, ClosedError):
+                errors += 1
+    assert errors > 5_000  # the others' changes left a message that is one
 
 
-def handshake(server_secret, client_secret):
+def handshake(server_secret, client_secret, **more):
     """Return what client and server raise."""
     near, far = socket.socketpair()
     raised = {}
 
-    def run(side, function, *arguments):
+    def run(side, function, *arguments, **more):
         try:
-            function(*arguments)
+            function(*arguments, **more)
         except Exception as error:
             raised[side] = type(error)
 
     with closing(Channel(near)) as client, closing(Channel(far)) as server:
-        thread = threading.Thread(target=run, args=("server", admit, server, server_secret))
+        thread = threading.Thread(target=run, args=("server", admit, server, server_secret), kwargs=more)
         thread.start()
         run("client", greet, client, client_secret, soon())
         client.close()
@@ -253,6 +259,12 @@ def test_a_wrong_greeting_is_refused_by_both_sides(hello):
         one.send(Message("proof", {"proof": "0"}))
         with pytest.raises(RefusedError):
             greet(two, "", soon())
+
+
+def test_a_server_without_room_says_so_to_clients_that_know_the_secret():
+    full = {"has_room": lambda: False}
+    assert handshake("a" * 16, "a" * 16, **full) == {"client": BusyError, "server": BusyError}
+    assert handshake("a" * 16, "b" * 16, **full) == {"client": RefusedError, "server": RefusedError}
 
 
 def test_before_the_proof_messages_are_short():
@@ -357,3 +369,45 @@ def test_an_agent_that_is_gone_is_an_error(tmp_path):
         agent = RemoteAgent(AtAddress(address))
     with pytest.raises(HostError):
         ask_for_ever(agent)  # its process ends soon after that of the server
+
+
+def test_more_simulators_than_a_server_has_room_for_are_turned_away(tmp_path, monkeypatch):
+    (tmp_path / "sitecustomize.py").write_text(
+        "import smarts_agent_kit.server\nsmarts_agent_kit.server.MOST_CONNECTIONS = 1\n"
+    )
+    with kit_agent(tmp_path) as address:
+        with closing(AtAddress(address).open()) as link:
+            assert link.wait(soon()).kind == "about"
+            with pytest.raises(HostError) as raised:
+                make_agent(address)
+            assert address in raised.value.place
+            assert isinstance(raised.value.__cause__, BusyError)
+        until = soon()
+        while True:
+            try:
+                return make_agent(address)[0].close()
+            except HostError:
+                assert time.monotonic() < until, "there is no room after the first has left"
+                time.sleep(0.05)
+
+
+def test_connections_that_say_nothing_keep_no_simulator_out(tmp_path):
+    with kit_agent(tmp_path) as address, ExitStack() as idle:
+        for _ in range(100):
+            idle.enter_context(socket.create_connection(parse_address(address)))
+        agent = make_agent(address)[0]
+        assert len(agent.act(batch())) == 3
+        agent.close()
+
+
+def test_an_agent_at_an_address_that_cannot_be_cast_is_ended_with_the_error(tmp_path):
+    """The error holds the frames in which the agent was made."""
+    agent = KIT_AGENT.replace('["speed"]', '["no_such_feature"]')
+    (tmp_path / "blind.py").write_text(agent)
+    command = ("-m", "smarts_agent_kit", "blind:Drawing", "--address", "127.0.0.1:0")
+    with served(*command, PYTHONPATH=str(tmp_path)) as address:
+        before = resources()[2]
+        with pytest.raises(SmartsError) as raised:
+            check_agent(address, {})
+        assert resources()[2] == before
+        assert address in raised.value.place

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from smarts_agent_kit.channel import Channel, ClosedError
-from smarts_agent_kit.wire import DTYPES, LARGEST, LENGTHS, Message, WireError, decode, encode
+from smarts_agent_kit.wire import ALIGNED, DTYPES, LARGEST, LENGTHS, Message, WireError, decode, encode
 
 PLAIN = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats(allow_nan=False) | st.text(),
@@ -68,7 +68,8 @@ def framed(head, data=b""):
     if isinstance(head, list) and len(head) == 3 and isinstance(head[2], list | dict):
         head = [*head[:2], msgpack.packb(head[2])]
     head = head if isinstance(head, bytes) else msgpack.packb(head)
-    return LENGTHS.pack(4 + len(head) + len(data), len(head)) + head + data
+    data = bytes(-len(head) % ALIGNED) + data
+    return LENGTHS.pack(LENGTHS.size - 4 + len(head) + len(data), len(head), 0) + head + data
 
 
 NESTED = b"\x93\xa3act\x81\xa1a" + b"\x91" * 900 + b"\x90\x90"
@@ -79,8 +80,10 @@ NESTED = b"\x93\xa3act\x81\xa1a" + b"\x91" * 900 + b"\x90\x90"
     [
         b"",
         b"\x01",
-        struct.pack("<II", 2**30, 4),
-        struct.pack("<II", 4, 2**31),
+        struct.pack("<IIQ", 2**30, 4, 0),
+        struct.pack("<IIQ", 12, 2**31, 0),
+        struct.pack("<IIQ", 12, 4, 0),
+        struct.pack("<IIQ", 20, 6, 0) + msgpack.packb(["act", {}, b""])[:6],
         framed(b""),
         framed(b"\xc1"),
         framed(["act", {}]),
@@ -154,10 +157,10 @@ def pair():
 def test_messages_of_any_size_cross_a_socket_in_parts():
     one, two = pair()
     near, far = Channel(one), Channel(two)
-    large = Message("act", {"number": 1}, {"a": np.arange(900_000.0)})
+    large = Message("act", {}, {"a": np.arange(900_000.0)}, 1)
     for _ in range(5):
         near.send(large)
-    near.send(Message("act", {"number": 2}))
+    near.send(Message("act", {}, {}, 2))
     assert near.has_outgoing
     found = []
     while len(found) < 6:
@@ -165,7 +168,7 @@ def test_messages_of_any_size_cross_a_socket_in_parts():
         message = far.receive()
         if message is not None:
             found.append(message)
-    assert [each.values["number"] for each in found] == [1, 1, 1, 1, 1, 2]
+    assert [each.number for each in found] == [1, 1, 1, 1, 1, 2]
     assert np.array_equal(found[0].arrays["a"], large.arrays["a"])
     near.close()
     with pytest.raises(ClosedError):
@@ -190,3 +193,28 @@ def test_silence_ends_a_wait():
         channel.wait(0.0)
     one.close()
     channel.close()
+
+
+def nested(levels):
+    return [nested(levels - 1)] if levels else 1
+
+
+@pytest.mark.parametrize(
+    ("values", "arrays"),
+    [
+        ({"inner": b"bytes"}, {}),
+        ({"inner": {3: "a number as the key"}}, {}),
+        ({"inner": nested(30)}, {}),
+        ({}, {str(number): np.zeros(1) for number in range(300)}),
+        ({}, {"inner": np.zeros((1,) * 9)}),
+        ({}, {"inner": np.zeros((0, 2**24))}),
+    ],
+)
+def test_what_is_not_received_is_not_sent(values, arrays):
+    with pytest.raises(WireError):
+        encode(Message("about", values, arrays))
+
+
+def test_the_deepest_values_and_tuples_arrive():
+    values = {"deep": nested(15), "pair": (1, "b")}
+    assert decode(encode(Message("about", values))).values == {**values, "pair": [1, "b"]}

@@ -157,7 +157,7 @@ def test_the_team_goes_on_where_an_agent_dies_and_not_where_one_is_cut():
 
 
 class Shares(Game):
-    """All of 12 agents get the sum of 0.6^i over those that play their good action, one of four.
+    """Each of 12 agents gets the sum of 0.6^i over the agents i that play their good action, one of four.
 
     The last agents' shares are 1/275 of the first's, and drown in the noise of exploring teammates. The score
     is the share of agents that play their good action greedily.

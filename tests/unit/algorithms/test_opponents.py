@@ -27,7 +27,7 @@ def play(rig, steps, epsilon=0.2):
 
 @pytest.mark.parametrize("sharing", ["none", "all", {"odd": ["b"], "even": ["a", "c"]}])
 def test_values_are_the_expectation_over_what_the_others_are_expected_to_do(sharing):
-    """Summed over all joint actions of the two others, who may also be absent."""
+    """The expectation is a sum over all joint actions of the two other agents, which may be absent."""
     rig = Rig("opponent_q", Ragged, sharing=sharing)
     rig.learner.update_joint(rig.rollout(64, epsilon=1.0))
     for group in rig.spec.groups:

@@ -133,8 +133,8 @@ def test_constraints_do_not_move_the_joint_value(variant):
 
 def matrix_score(seed, name="qtran", steps=4_000, **settings):
     """Return the payoff of the joint action that greedy agents play after learning from random ones."""
-    explore = {"epsilon": (1.0, 1.0), "learning_starts": 200, "updates_per_step": 0.5, "batch_size": 64}
-    rig = Rig(name, Matrix, seed=seed, lr=3e-3, **explore, **settings)
+    learn = {"learning_starts": 200, "updates_per_step": 0.5, "batch_size": 64}
+    rig = Rig(name, Matrix, seed=seed, lr=3e-3, **learn, **settings)
     for _ in range(0, steps, 16):
         rig.learner.update_joint(rig.rollout(8, epsilon=1.0))
     return 2 * rig.rollout(1, explore=False).rewards[0, 0, 0]

@@ -220,7 +220,7 @@ def test_each_networks_gradient_is_clipped_by_its_own_norm(clip, monkeypatch):
 
 
 def test_learning_rates_follow_their_schedule():
-    from algorithms.joint.learner import JointTrainingData
+    from algorithms.joint.training_data import JointTrainingData
 
     rig = Rig("ppo", Constant, lr=[[0, 1e-2], [100, 1e-3]])
     learner = rig.learner
@@ -235,7 +235,7 @@ def test_learning_rates_follow_their_schedule():
 
 @pytest.mark.parametrize("name", ["ppo", "commnet", "mf_ac"])
 def test_the_entropy_bonus_follows_its_schedule(name, monkeypatch):
-    from algorithms.joint.learner import JointTrainingData
+    from algorithms.joint.training_data import JointTrainingData
 
     replay = REPLAY if name == "mf_ac" else {}
     rig = Rig(name, Constant, entropy_coeff=[[0, 1e5], [100, 0.0]], **replay)

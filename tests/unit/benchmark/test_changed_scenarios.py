@@ -12,6 +12,7 @@ from benchmark.report.comparing import read_side, scenarios_apart
 from benchmark.report.content import make_report
 from benchmark.report.leaderboard import make_leaderboard
 from benchmark.report.markdown import report_text
+from benchmark.report.summary import Summaries
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
@@ -62,6 +63,10 @@ def finish(experiment, root, **facts):
         labels = {"algorithm": "ppo", "training_seed": run.seed, "task": "loop", "task_traffic": ALONE}
         write_table(agent_episodes([["goal", "goal"]] * 2, mode="greedy", **labels), folder.table)
     return folder
+
+
+def text_of(root):
+    return report_text(make_report(read_results(root)), Summaries({"completion": {}}), {})
 
 
 def digests(experiment):
@@ -133,10 +138,12 @@ def test_reports_name_a_scenario_that_was_not_the_same(tmp_path):
     write_run(tmp_path, "a2c", table())
     write_run(tmp_path, "maac", table(traffic=SOCIAL), traffic=SOCIAL, scenarios={"intersection": "three"})
     unfinished = write_run(tmp_path, "dqn", None, scenarios={"intersection": "two"})
-    assert "not the same" not in report_text(make_report(read_results(tmp_path)), {})
+    assert "not the same" not in report_text(
+        make_report(read_results(tmp_path)), Summaries({"completion": {}}), {}
+    )
     shutil.rmtree(unfinished)
     write_run(tmp_path, "dqn", table(), scenarios={"intersection": "two"})
-    text = report_text(make_report(read_results(tmp_path)), {})
+    text = text_of(tmp_path)
     place = f"intersection, {ALONE}, seed 1"
     assert f"{SAID} two in dqn, {place}; one in ppo, {place}." in text
 

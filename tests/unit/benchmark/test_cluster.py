@@ -97,8 +97,12 @@ def test_without_an_address_ray_is_its_own_whatever_else_there_is(listener, monk
         ({}, []),
         ({"env_runners": 5}, []),
         ({"env_runners": 6}, [7, 6]),
+        ({"env_runners": 1, "learners": 4}, []),
+        ({"learners": 5, "env_runners": 1}, [7, 6]),
         ({"learner_gpus": 2}, []),
         ({"learner_gpus": 3}, [3, 2]),
+        ({"learners": 3, "learner_gpus": 1}, []),
+        ({"learners": 4, "learner_gpus": 1}, [4, 3]),
     ],
 )
 def test_a_run_that_could_never_be_placed_is_refused(needed, named):

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from benchmark.experiment.config import Environment
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import with_defaults
 from benchmark.metrics import compute
 from benchmark.results.files import FormatError, ResultsError

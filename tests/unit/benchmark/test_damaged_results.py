@@ -109,7 +109,7 @@ def test_a_metric_that_a_table_has_no_numbers_of_is_not_available(tmp_path, chan
 def test_what_one_of_several_tables_lacks_is_not_nought():
     whole = table_of(algorithm="ppo", training_seed=1)
     part = with_counts(
-        table_of(algorithm="maddpg", training_seed=1).drop(columns=["collisions", "safe_time"]), whole
+        table_of(algorithm="maddpg", training_seed=1).drop(columns=["collisions", "safe_decisions"]), whole
     )
     table = join_tables([whole, part])
     found = compute(table, ["algorithm"], ["collision_rate", "completion_rate", "safety"])

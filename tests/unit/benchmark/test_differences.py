@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -78,27 +79,72 @@ def test_who_cannot_be_compared_has_no_rank():
     }
 
 
-def behaving(count, agents=1.0, **columns):
-    table = agent_episodes([["goal", "goal"]] * count)
-    return table.assign(**columns, controlling_agents=agents, longitudinal_commands=agents)
+def commanding(count, speed, steering, **labels):
+    table = agent_episodes([["goal", "goal"]] * count, **labels)
+    return table.assign(speed_commands=speed, steering_commands=steering, command_metres=100.0)
 
 
 def test_a_value_needs_enough_to_measure_and_has_its_count():
-    table = behaving(6, control_diversity=0.5)
-    table.loc[table.index[:3], ["controlling_agents", "control_diversity"]] = 0.0
-    row = compute(table, metrics=["control_diversity"]).iloc[0]
+    row = compute(commanding(12, 1.0, 1.0), metrics=["control_diversity"]).iloc[0]
     assert math.isnan(row["value"])
-    assert (row["n"], row["count"], row["counted"]) == (12, 9.0, "agent-episodes with 20 commands")
-    table.loc[table.index[0], ["controlling_agents", "control_diversity"]] = 1.0, 1.0
+    assert (row["n"], row["count"], row["counted"]) == (24, 48.0, "commands")
+    table = commanding(12, 3.0, 1.0)
+    table.loc[table.index[:12], "steering_commands"] = 0.0
     row = compute(table, metrics=["control_diversity"]).iloc[0]
-    assert (row["value"], row["count"]) == (0.55, 10.0)
-    assert row["low"] < 0.55 < row["high"]
+    # 72 commands along and 12 across.
+    parts = np.array([72.0, 12.0]) / 84.0
+    assert (row["value"], row["count"]) == (pytest.approx(-(parts * np.log2(parts)).sum()), 84.0)
+    assert row["low"] < row["value"] < row["high"]
+
+
+def test_the_diversity_of_seeds_is_the_mean_of_theirs():
+    # One brakes only, the other steers only: each alone is not diverse.
+    tables = [commanding(10, 5.0, 0.0, training_seed=1), commanding(10, 0.0, 5.0, training_seed=2)]
+    row = compute(pd.concat(tables, ignore_index=True), metrics=["control_diversity"]).iloc[0]
+    assert row["value"] == 0.0
+    assert row["terms"]["longitudinal_share"] == 0.5
 
 
 def test_no_interval_of_no_width():
-    row = compute(behaving(6, control_diversity=0.5), metrics=["control_diversity"]).iloc[0]
-    assert (row["value"], row["note"]) == (0.5, NO_SPREAD)
+    row = compute(commanding(6, 5.0, 5.0), metrics=["control_diversity"]).iloc[0]
+    assert (row["value"], row["note"]) == (1.0, NO_SPREAD)
     assert math.isnan(row["low"])
+
+
+def test_terms_of_an_index_need_enough_each():
+    given = {"opportunities": 1.0, "overtakes": 0.0, "contested": 0.5, "pushed_in": 0.5}
+    row = compute(agent_episodes([["goal"]] * 12).assign(**given), metrics=["competitive"]).iloc[0]
+    # Twelve opportunities, of which none was taken; six contested encounters are too few.
+    assert (row["value"], row["note"]) == (0.0, "without going_first; no interval: all episodes are alike")
+    row = compute(agent_episodes([["goal"]] * 24).assign(**given), metrics=["competitive"]).iloc[0]
+    assert row["value"] == 0.5
+
+
+class TestGeneralization:
+    def table(self, *, train=10, **held_out):
+        """Return 10 training episodes of one agent, `train` of them at the goal, and held-out ones."""
+
+        def episodes(goals, count=10):
+            return [["goal"]] * goals + [["time_out"]] * (count - goals)
+
+        tables = [agent_episodes(episodes(train))]
+        for name, goals in held_out.items():
+            tables.append(agent_episodes(episodes(goals), split="held_out", variation=name))
+        return pd.concat(tables, ignore_index=True)
+
+    def test_is_the_mean_over_variations_and_names_the_worst(self):
+        row = compute(self.table(train=8, dense=6, wet=2, dark=10), metrics=["generalization"]).iloc[0]
+        # 6 / 8, 2 / 8, and no credit above 1.
+        assert row["value"] == pytest.approx((0.75 + 0.25 + 1.0) / 3)
+        assert row["worst"] == "intersection@wet"
+        assert (row["terms"]["train_completion"], row["terms"]["held_out_completion"]) == (0.8, 0.2)
+        assert row["low"] < row["value"] < row["high"]
+
+    def test_needs_a_training_that_completes(self):
+        assert compute(self.table(train=5, wet=5), metrics=["generalization"]).iloc[0]["value"] == 1.0
+        row = compute(self.table(train=4, wet=4), metrics=["generalization"]).iloc[0]
+        assert math.isnan(row["value"])
+        assert (row["worst"], row["terms"]["held_out_completion"]) == ("intersection@wet", 0.4)
 
 
 @pytest.mark.parametrize("seeds", [1, 3])

@@ -5,13 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from benchmark.metrics.encounters import COLLIDED, UNRESOLVED, WENT_FIRST, YIELDED, find_encounters
+from benchmark.metrics.encounters import COLLIDED, FIRST, SECOND, UNRESOLVED, find_encounters
 from smarts.types.events import Outcome
 from tests.measuring import (
     CROSS,
     QUICKLY,
     ROAD,
     SLOWLY,
+    SOUTH_NORTH,
     WEST_EAST,
     following,
     meeting,
@@ -20,21 +21,21 @@ from tests.measuring import (
     totals,
     value,
 )
-from tests.recordings import LENGTH, Drive, across, at_speed, episode_of, lane_drop
+from tests.recordings import LENGTH, Drive, across, at_speed, at_speeds, episode_of, lane_drop
 
 
 class TestEncounters:
     def test_a_scripted_yielder(self, tmp_path):
         gives_way = meeting(tmp_path, SLOWLY, QUICKLY)
         stays_behind = following(tmp_path, 0.0, speed=5.0)
-        assert value("collaborative", gives_way) == 1.0
+        assert value("collaborative", gives_way, times=10) == 1.0
         assert value("competitive", stays_behind, times=10) == 0.0
 
     def test_a_scripted_overtaker(self, tmp_path):
         goes_first = meeting(tmp_path, QUICKLY, SLOWLY)
         moves_out = np.clip((np.arange(151) - 20) * 0.16, 0.0, 3.2)
         passes = following(tmp_path, moves_out)
-        assert value("collaborative", goes_first) == 0.0
+        assert value("collaborative", goes_first, times=10) == 0.0
         assert value("competitive", passes, times=10) == 1.0
 
     def test_post_encroachment_time_is_from_the_rear_of_the_first_to_the_front_of_the_second(self, tmp_path):
@@ -42,18 +43,19 @@ class TestEncounters:
         found = find_encounters(meeting(tmp_path, SLOWLY, QUICKLY))
         other_leaves = (90.4 + LENGTH / 2 - 20.0) / 10.0
         agent_arrives = 6.0 + (89.6 - LENGTH / 2 - 55.0) / 10.0
-        assert found.result.tolist() == [YIELDED]
+        assert found.result.tolist() == [SECOND]
         assert found.gap_time == pytest.approx([agent_arrives - other_leaves], abs=0.15)
 
     def test_near_misses_are_unsafe_and_collisions_have_no_gap(self, tmp_path):
         near = meeting(tmp_path, [10.0] * 10 + [8.0] * 50 + [10.0] * 40, QUICKLY)
         wide = meeting(tmp_path, SLOWLY, QUICKLY)
-        crash = meeting(tmp_path, [10.0] * 60, [11.0] * 60, outcome=Outcome.COLLISION, partner=1)
+        crash = meeting(tmp_path, [10.0] * 60, [10.0] * 60, outcome=Outcome.COLLISION, partner=1)
         assert term("safety", "post_encroachment_time", near) == 0.0
         assert term("safety", "post_encroachment_time", wide) == 1.0
         assert find_encounters(crash).result.tolist() == [COLLIDED]
         assert find_encounters(crash).gap_time.tolist() == [0.0]
-        assert value("collaborative", crash) == 0.0
+        assert value("collaborative", crash, times=10) == 0.0
+        assert math.isnan(value("collaborative", crash, times=9))
 
     def test_none_where_arrivals_are_more_than_three_seconds_apart(self, tmp_path):
         # Predicted: agent 5.76 s; other (86.4 - 2 - s) / 10.
@@ -62,20 +64,12 @@ class TestEncounters:
         assert len(find_encounters(apart).agent) == 0
         assert len(find_encounters(close).agent) == 1
 
-    def test_one_that_could_not_be_won_is_not_counted(self, tmp_path):
-        # At +3 m/s^2, 37.6 m take 2.7 s and 57.6 m take 3.7 s; the other needs 1.44 s or 3.94 s.
-        hopeless = meeting(tmp_path, [10.0] * 5 + SLOWLY, QUICKLY, begin=50.0, other_begin=70.0)
-        hopeful = meeting(tmp_path, SLOWLY, QUICKLY, other_begin=45.0)
-        assert find_encounters(hopeless).could_win.tolist() == [False]
-        assert find_encounters(hopeful).could_win.tolist() == [True]
-        assert math.isnan(value("collaborative", hopeless))
-
     def test_who_never_clears_the_crossing_has_not_given_way(self, tmp_path):
         stops = [10.0] * 10 + [5.0] * 40 + [0.0] * 150
         episode = meeting(tmp_path, stops, QUICKLY + [0.0] * 80, outcome=Outcome.TIME_OUT)
         found = totals(episode)
-        assert found["unresolved_encounters"] == 1.0
-        assert math.isnan(value("collaborative", episode))
+        assert found["unresolved_first"] == 1.0
+        assert math.isnan(value("collaborative", episode, times=10))
 
     def test_a_merge_by_changing_lanes_where_a_lane_ends(self, tmp_path):
         graph = lane_drop()
@@ -87,7 +81,7 @@ class TestEncounters:
         )
         other = Drive(lane, at_speed(8.0, 100, 12.0), route=("before", "after"))
         found = find_encounters(episode_of(tmp_path, graph, agent, other))
-        assert found.result.tolist() == [YIELDED]
+        assert found.result.tolist() == [SECOND]
         swapped = find_encounters(
             episode_of(
                 tmp_path,
@@ -96,7 +90,7 @@ class TestEncounters:
                 Drive(["before_0"], at_speed(5.0, 100, 10.0), t=moves_over, route=("before", "after")),
             )
         )
-        assert swapped.result.tolist() == [WENT_FIRST]
+        assert swapped.result.tolist() == [FIRST]
 
     def test_two_that_stay_in_lanes_of_their_own_do_not_meet(self, tmp_path):
         beside = episode_of(
@@ -106,7 +100,7 @@ class TestEncounters:
             Drive(["road_1"], at_speed(8.0, 50), route=["road"]),
         )
         assert len(find_encounters(beside).agent) == 0
-        assert math.isnan(value("collaborative", beside))
+        assert math.isnan(value("collaborative", beside, times=10))
 
 
 def at_distances(folder, speed, distance, other_speed, other_distance):
@@ -144,17 +138,125 @@ class TestOpening:
         episode = at_distances(tmp_path, speed, distance, other_speed, other_distance)
         assert len(find_encounters(episode).agent) == opens
 
-    @pytest.mark.parametrize(("arrival", "could_win"), [(3.6, False), (3.8, True)])
-    def test_who_could_win(self, tmp_path, arrival, could_win):
-        # At +3 m/s^2 from 10 m/s, 57.6 m take 3.70 s.
-        episode = at_distances(tmp_path, 10.0, 57.6, 10.0, 10.0 * arrival)
-        assert find_encounters(episode).could_win.tolist() == [could_win]
+    @pytest.mark.parametrize(
+        ("lead", "is_first", "is_second"),
+        [
+            (0.1, False, False),
+            (0.3, True, False),
+            (2.9, True, False),
+            (-0.1, False, False),
+            (-0.3, False, True),
+            (-2.9, False, True),
+        ],
+    )
+    def test_which_one_is_predicted_first(self, tmp_path, lead, is_first, is_second):
+        # The agent arrives in 4 s.
+        found = find_encounters(at_distances(tmp_path, 5.0, 20.0, 10.0, 10.0 * (4.0 + lead)))
+        assert found.lead == pytest.approx([lead])
+        assert (found.is_predicted_first.tolist(), found.is_predicted_second.tolist()) == (
+            [is_first],
+            [is_second],
+        )
+
+
+FASTER = [10.0] * 5 + [16.0] * 80
+"""Half a second as predicted, then 6 m/s faster."""
+SECOND_TO_COME = dict(begin=20.0, other_begin=30.0)
+"""The agent arrives in 6.775 s, the other in 5.45 s; without it in 5.775 s and 6.45 s."""
+
+
+class TestOrder:
+    """Which of the two went first, against the prediction."""
+
+    @pytest.mark.parametrize(
+        ("mine", "others", "counted"),
+        [
+            pytest.param(QUICKLY, QUICKLY, "kept_first", id="both as predicted"),
+            pytest.param(SLOWLY, QUICKLY, "gave_way", id="the agent slows down"),
+            # The other gains 2.2 s, the agent loses nothing.
+            pytest.param(QUICKLY, FASTER, "lost_first", id="the other speeds up"),
+            # At 9 m/s the agent loses 0.6 s of the 2.2 s.
+            pytest.param([9.0] * 120, FASTER, "lost_first", id="the agent loses less than the other gains"),
+            pytest.param(SLOWLY, FASTER, "gave_way", id="the agent loses more than the other gains"),
+        ],
+    )
+    def test_of_an_agent_that_is_predicted_first(self, tmp_path, mine, others, counted):
+        found = sums("collaborative", meeting(tmp_path, [10.0, *mine], [10.0, *others]))
+        names = ("kept_first", "gave_way", "lost_first", "collided_first", "unresolved_first")
+        assert {name: found[name] for name in names} == {name: float(name == counted) for name in names}
+        contested = sums("competitive", meeting(tmp_path / "again", [10.0, *mine], [10.0, *others]))[
+            "contested"
+        ]
+        assert contested == 0.0
+
+    @pytest.mark.parametrize(
+        ("mine", "others", "pushed"),
+        [
+            pytest.param(QUICKLY, QUICKLY, 0.0, id="both as predicted"),
+            pytest.param(FASTER, QUICKLY, 1.0, id="the agent gains 2.4 s"),
+            pytest.param(QUICKLY, SLOWLY, 0.0, id="the other loses 3.5 s"),
+            pytest.param(FASTER, SLOWLY, 0.0, id="the other loses more than the agent gains"),
+        ],
+    )
+    def test_of_an_agent_that_is_predicted_second(self, tmp_path, mine, others, pushed):
+        episode = meeting(tmp_path, mine, others, **SECOND_TO_COME)
+        found = sums("competitive", episode)
+        assert (found["contested"], found["pushed_in"]) == (1.0, pushed)
+        assert value("competitive", episode, times=10) == pushed
+        assert math.isnan(value("competitive", episode, times=9))
+        assert not any(sums("collaborative", episode).values())
+
+    def test_exactly_one_of_two_agents_is_predicted_first(self, tmp_path):
+        episode = episode_of(
+            tmp_path,
+            CROSS,
+            Drive(across(CROSS, *WEST_EAST), at_speeds(SLOWLY, 30.0), agent="a", route=WEST_EAST),
+            Drive(across(CROSS, *SOUTH_NORTH), at_speeds(QUICKLY, 20.0), agent="b", route=SOUTH_NORTH),
+        )
+        found = totals(episode)
+        assert (found["gave_way"], found["gave_way_egos"], found["contested"]) == (1.0, 1.0, 1.0)
+        assert found["pushed_in"] == 0.0
+        assert term("collaborative", "encounters_with_egos", episode) == 1.0
+        assert math.isnan(term("collaborative", "encounters_with_social_vehicles", episode))
+
+    def test_braking_that_is_imposed(self, tmp_path):
+        # The other brakes with 3, then 5 m/s^2 before it arrives, and with 8 m/s^2 long after.
+        brakes = np.zeros(121)
+        brakes[[10, 20, 115]] = -3.0, -5.0, -8.0
+        episode = meeting(tmp_path, FASTER, QUICKLY, acceleration=brakes, **SECOND_TO_COME)
+        assert value("imposed_braking", episode) == 5.0
+        assert math.isnan(value("imposed_braking", meeting(tmp_path / "first", QUICKLY, QUICKLY)))
+
+    @pytest.mark.parametrize(
+        ("mine", "others", "counted"),
+        [
+            pytest.param([8.0] * 10 + [4.0] * 90, [8.0] * 100, "gave_way", id="the agent slows down"),
+            pytest.param([8.0] * 100, [8.0] * 10 + [12.0] * 70, "lost_first", id="the other speeds up"),
+        ],
+    )
+    def test_where_a_lane_ends_it_is_of_the_place_where_the_order_is_settled(
+        self, tmp_path, mine, others, counted
+    ):
+        # Both at 8 m/s with the agent 2 m ahead: predicted first by 0.25 s, less what is driven sideways.
+        moves_over = np.clip((np.arange(101) - 30) * 0.16, 0.0, 3.2)
+        lane = ["before_1", ":junction_0_0", "after_0"]
+        mine, others = mine[:60], others[:60]
+        route = ("before", "after")
+        episode = episode_of(
+            tmp_path,
+            lane_drop(),
+            Drive(["before_0"], at_speeds(mine, 12.0), t=moves_over[:61], agent="a", route=route),
+            Drive(lane, at_speeds(others, 10.0), route=route),
+        )
+        assert find_encounters(episode).lead == pytest.approx([0.25], abs=0.05)
+        found = sums("collaborative", episode)
+        assert (found[counted], found["kept_first"]) == (1.0, 0.0)
 
 
 class TestHowItEnds:
     @pytest.mark.parametrize(
         ("clears", "result", "counts"),
-        [(14.0, YIELDED, [1.0, 0.0]), (16.0, UNRESOLVED, [0.0, 1.0])],
+        [(14.0, SECOND, [1.0, 0.0]), (16.0, UNRESOLVED, [0.0, 1.0])],
     )
     def test_who_gives_way_clears_the_section_within_15_seconds(self, tmp_path, clears, result, counts):
         # 95.5 m is where the agent's rear leaves it, 55.5 m after a first second at 10 m/s; the half metre
@@ -163,7 +265,7 @@ class TestHowItEnds:
         episode = meeting(tmp_path, [10.0] * 10 + [slowly] * 160, QUICKLY + [10.0] * 50)
         assert find_encounters(episode).result.tolist() == [result]
         found = sums("collaborative", episode)
-        assert [found["yielded"], found["unresolved_encounters"]] == counts
+        assert [found["gave_way"], found["unresolved_first"]] == counts
 
     @pytest.mark.parametrize(("steps", "result"), [(140, COLLIDED), (160, UNRESOLVED)])
     def test_a_collision_after_15_seconds_is_not_this_encounters(self, tmp_path, steps, result):
@@ -185,7 +287,7 @@ class TestHowItEnds:
 
     def test_a_collision_after_both_have_left_is_not_this_encounters(self, tmp_path):
         episode = meeting(tmp_path, SLOWLY, QUICKLY, outcome=Outcome.COLLISION, partner=1)
-        assert find_encounters(episode).result.tolist() == [YIELDED]
+        assert find_encounters(episode).result.tolist() == [SECOND]
 
     @pytest.mark.parametrize(("steps_apart", "safe"), [(9, 0.0), (10, 0.0), (11, 1.0)])
     @pytest.mark.parametrize("is_first", [False, True], ids=["the agent second", "the agent first"])
@@ -198,10 +300,10 @@ class TestHowItEnds:
         begin, other_begin = (first, second) if is_first else (second, first)
         episode = meeting(tmp_path, QUICKLY, QUICKLY, begin=begin, other_begin=other_begin)
         found = find_encounters(episode)
-        assert found.result.tolist() == [WENT_FIRST if is_first else YIELDED]
+        assert found.result.tolist() == [FIRST if is_first else SECOND]
         assert found.gap_time == pytest.approx([steps_apart / 10])
         answer = sums("safety", episode)
-        assert (answer["safe_gaps"], answer["gaps"]) == (safe, 1.0)
+        assert (answer["safe_gaps"], answer["timed_gaps"]) == (safe, 1.0)
 
     def test_who_comes_into_a_lane_from_another_meets_at_its_begin(self, tmp_path):
         # Both turn into the road to the east, whose begin is the section, a line.
@@ -220,5 +322,5 @@ class TestHowItEnds:
             Drive(ways[1], at_speed(10.0, 120, begins[1] + LENGTH / 2 - other_leaves + 0.5), route=WEST_EAST),
         )
         found = find_encounters(episode)
-        assert found.result.tolist() == [YIELDED]
+        assert found.result.tolist() == [SECOND]
         assert found.gap_time == pytest.approx([2.1])

@@ -162,15 +162,13 @@ def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(experimen
         process = start(*command)
         wait_for(partial(has_trained_on, run, len(lines)), process)
         assert progress(run)[: len(lines)] == lines
-    stop = experiment.parent / "results/tiny/.stop"
-    assert not stop.exists()
     (worker,) = workers(process.pid)
     os.kill(worker, signal.SIGSTOP)  # so that it never saves
     process.send_signal(signal.SIGTERM)
-    wait_for(stop.exists, process)
+    while not process.stderr.readline().startswith("stopping: "):
+        assert process.poll() is None
     process.send_signal(signal.SIGTERM)
     assert finish(process)[0] == 130
-    assert not stop.exists()
     with suppress(ProcessLookupError):
         os.kill(worker, signal.SIGKILL)
 

@@ -1,5 +1,6 @@
 """Exported policies act as their checkpoints do, greedily, on the observations that those see."""
 
+import json
 import subprocess
 import sys
 
@@ -14,13 +15,16 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
 from benchmark.running.exporting import export_policy
-from benchmark.running.training import algorithm_of
+from benchmark.running.training import algorithm_of, checkpoint_files
 from benchmark.running.zoo_contract import check_entry
+from smarts.agents.hosting.facts import interface_from
 from smarts.agents.policy import ActionBatch
 from smarts.errors import SmartsError, UnknownNameError
 from smarts.observations.lists import feature_list
 from smarts.registry import import_own
 from smarts.zoo import make_agent, make_spec
+from smarts_agent_kit.exported import ExportedPolicy as KitPolicy
+from smarts_agent_kit.exported import ExportError
 
 pytestmark = pytest.mark.slow
 
@@ -47,7 +51,7 @@ def make(tmp_path_factory):
         folder = RunFolder(root / "run")
         folder.open(run.content())
         with algorithm_of(run) as algo:
-            folder.save(folder.checkpoint, algo, {})
+            folder.keep("checkpoint", checkpoint_files(algo, {}))
         return run, folder
 
     yield make
@@ -108,6 +112,7 @@ def test_the_actions_are_those_of_the_checkpoint(make, tmp_path, name, settings,
     run, folder = make(name, settings, f"{{agents: 4{more}}}")
     exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
     agents = [make_spec_of(exported, f"agent-{k}").build_agent() for k in range(4)]
+    of_the_kit = [KitPolicy(exported, f"agent-{k}") for k in range(4)]
     index = feature_list("benchmark").layout(4)["agent_index"]
     compared = 0
     for step, (vectors, masks, alive, reset, actions) in enumerate(recorded(run, folder, 80)):
@@ -117,6 +122,7 @@ def test_the_actions_are_those_of_the_checkpoint(make, tmp_path, name, settings,
             mask = None if masks is None else masks[rows, k]
             batch = batch_of(own, mask, rows, step, (step == 0) | reset[rows])
             given = agent.act(batch)
+            assert of_the_kit[k].act(batch).tobytes() == given.tobytes()
             compared += len(rows)
             if given.ndim == 1:
                 np.testing.assert_array_equal(given, actions[rows, k])
@@ -166,6 +172,15 @@ def test_an_exported_agent_keeps_the_contract_and_needs_no_learner(make, tmp_pat
         "assert not {'algorithms', 'benchmark', 'torch', 'ray'} & {*sys.modules}, 'imports a learner'"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+    code = (
+        "import json, sys; from smarts_agent_kit.exported import ExportedPolicy;"
+        f"policy = ExportedPolicy({str(exported)!r}); print(json.dumps(policy.interface));"
+        "assert not {'smarts', 'numba', 'torch', 'ray'} & {*sys.modules}, 'needs more than the kit'"
+    )
+    said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert interface_from(json.loads(said), "there") == spec.interface
+    with pytest.raises(ExportError):
+        KitPolicy(exported, "agent-9")
     with pytest.raises(SmartsError, match="exists"):
         export_policy(folder.path, "plain-driver", tmp_path, checkpoint="last")
     with pytest.raises(SmartsError, match="Plain"):

@@ -36,9 +36,11 @@ def test_rates_returns_and_what_is_not_known():
     assert math.isnan(found["progress_speed"])
 
 
-def test_commands_count_from_twenty_on():
+def test_commands_count_from_fifty_on():
     metric = Metric()
-    log(metric, *[(1, 0.0, "")] * 10, *[("change_lane_left", 0.0, "")] * 9, (2, 0.0, "goal"))
+    log(metric, *[(1, 0.0, "")] * 25, *[("change_lane_left", 0.0, "")] * 24)
+    assert math.isnan(metric.compute()["control_diversity"])
+    log(metric, (2, 0.0, "goal"))
     assert metric.compute()["control_diversity"] == 1.0
 
 

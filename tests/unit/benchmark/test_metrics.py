@@ -185,18 +185,27 @@ class TestDecisions:
     def test_control_diversity(self, tmp_path):
         slow, left, keep = LaneAction.slow_down, LaneAction.change_lane_left, LaneAction.keep_lane
 
-        def diversity(actions, times=10):
+        def diversity(actions, times=2):
             return value("control_diversity", self.drive(tmp_path, actions), times=times)
 
-        assert diversity([slow] * 10 + [left] * 10 + [keep] * 50) == 1.0
-        assert diversity([slow] * 20) == 0.0
+        assert diversity([slow] * 15 + [left] * 15 + [keep] * 50) == 1.0
+        assert diversity([slow] * 25) == 0.0
         quarter = -(0.75 * math.log2(0.75) + 0.25 * math.log2(0.25))
         split = [slow] * 15 + [left] * 5
-        assert diversity(split) == pytest.approx(quarter)
+        assert diversity(split, times=3) == pytest.approx(quarter)
         assert term("control_diversity", "longitudinal_share", self.drive(tmp_path, split)) == 0.75
-        assert math.isnan(diversity([slow] * 19))
-        # Of nine agent-episodes there is no mean.
-        assert math.isnan(diversity(split, times=9))
+        # 20 commands on 100 m.
+        assert term("control_diversity", "commands_per_100_m", self.drive(tmp_path, split)) == 20.0
+        # 48 and 50 commands in all.
+        assert math.isnan(diversity([slow] * 24))
+        assert diversity([slow] * 25) == 0.0
+
+    def test_commands_of_all_agents_count_together(self, tmp_path):
+        slow, left = LaneAction.slow_down, LaneAction.change_lane_left
+        one = self.drive(tmp_path / "one", [slow] * 40)
+        other = self.drive(tmp_path / "other", [left] * 40)
+        assert value("control_diversity", one) != value("control_diversity", one, other)
+        assert value("control_diversity", one, other) == 1.0
 
     def commands(self, folder, decisions, **more):
         """Return how many commands were along the road, and how many across."""
@@ -204,7 +213,7 @@ class TestDecisions:
             ["road_1"], **{"s": at_speed(5.0, 250), **more}, agent="a", route=["road"], decisions=decisions
         )
         found = sums("control_diversity", episode_of(folder, ROAD, drive))
-        return found["longitudinal_commands"], found["lateral_commands"]
+        return found["speed_commands"], found["steering_commands"]
 
     @pytest.mark.parametrize(("is_effective", "expected"), [(True, (20.0, 10.0)), (False, (20.0, 0.0))])
     def test_lane_changes_are_commands_if_they_were_carried_out(self, tmp_path, is_effective, expected):
@@ -327,9 +336,9 @@ class TestOutcomes:
     @pytest.mark.parametrize(
         ("gap", "least"),
         [
-            pytest.param(20.0, 1.5, id="2 s at first"),
-            pytest.param(95.0, 9.0, id="9.5 s at first"),
-            pytest.param(110.0, 10.0, id="11 s at first"),
+            pytest.param(20.5, 1.6, id="2.1 s at first"),
+            pytest.param(29.5, 2.5, id="3.0 s at first"),
+            pytest.param(50.0, 3.0, id="5 s at first"),
         ],
     )
     def test_least_time_to_collision(self, tmp_path, gap, least):
@@ -338,12 +347,14 @@ class TestOutcomes:
         assert value("least_time_to_collision", episode) == pytest.approx(least)
 
 
-def test_generalization_is_what_is_left_of_both_rates():
+def test_generalization_is_the_smaller_of_two_ratios():
     names = ("train_agents", "train_goals", "train_collisions", "held_out_agents", "held_out_goals")
     found = dict(zip(names, (100.0, 90.0, 10.0, 50.0, 25.0), strict=True)) | {"held_out_collisions": 0.0}
     measure = METRICS["generalization"]
     # Completion falls from 0.9 to 0.5; there are fewer collisions, which makes up for nothing.
-    assert measure.value(found) == pytest.approx(1.0 - 0.4 / 2)
+    assert measure.value(found) == pytest.approx(0.5 / 0.9)
+    # Non-collision falls from 0.9 to 0.4.
+    assert measure.value(found | {"held_out_collisions": 30.0}) == pytest.approx(0.4 / 0.9)
     assert np.isnan(measure.value(found | {"train_goals": 49.0}))
     assert np.isnan(measure.value(found | {"held_out_agents": 0.0}))
 

@@ -5,9 +5,10 @@ import pytest
 import yaml
 
 from benchmark.experiment.algorithm_settings import CONFIGS
-from benchmark.experiment.config import Experiment, VehicleName, check_whole, read_experiment
+from benchmark.experiment.config import Experiment, check_whole, read_experiment
 from benchmark.experiment.own_code import own_digests
 from benchmark.experiment.runs import run_from, runs_of, scripted_runs_of
+from benchmark.experiment.values import VehicleName
 from benchmark.metrics import METRICS, Measure, write_table
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import FINISHED, RunFolder
@@ -257,16 +258,6 @@ def test_physics_and_actions_are_checked(tmp_path, change, said):
     assert any(said in problem for problem in problems_of(file, change)), problems_of(file, change)
 
 
-def test_a_policy_that_needs_the_benchmarks_observation(tmp_path):
-    file = tmp_path / "mine.yaml"
-    file.write_text(
-        f"algorithms: [ppo]\n{HEAD}environment: {{observation: raw}}\nscripted: [gap_acceptance, parked]\n"
-    )
-    (problem,) = problems_of(file)
-    assert "scripted[0]: 'gap_acceptance'" in problem
-    assert "'raw'" in problem
-
-
 def test_experiments_made_in_python_are_checked_like_files(folder):
     (folder / "own_python.py").write_text(POLICY)
     given = {"algorithms": ["ppo"], "tasks": ["loop"], "imports": [str(folder / "own_python.py")]}
@@ -318,8 +309,7 @@ def package(tmp_path):
         ("other.py", False),
     ],
 )
-def test_a_digest_covers_what_own_code_imports(package, monkeypatch, file, counts):
-    monkeypatch.setattr("smarts.registry._GIVEN", {})
+def test_a_digest_covers_what_own_code_imports(package, file, counts):
     imports = [str(package), str(package.parent / "own_far.py")]
     part = {"reward": "own_package.main:Mine", "other": ["no_such_module:A", "plain text"]}
     before = own_digests(imports, part)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmark.experiment.config import Environment, Evaluation, TrainingTask
+from benchmark.experiment.config import Evaluation, TrainingTask
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import TaskSetting
 from benchmark.running.environments import environment
 from benchmark.running.played import held_out_of

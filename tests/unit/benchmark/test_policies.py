@@ -18,7 +18,7 @@ from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.testing import EVALUATION_SEED
-from benchmark.running.training import algorithm_of
+from benchmark.running.training import algorithm_of, checkpoint_files
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ActionError
@@ -50,7 +50,7 @@ def make(tmp_path_factory):
         folder = RunFolder(root / "run")
         folder.open(run.content())
         with algorithm_of(run) as algo:
-            folder.save(folder.checkpoint, algo, {})
+            folder.keep("checkpoint", checkpoint_files(algo, {}))
         return run, folder
 
     yield make

@@ -31,7 +31,9 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
 
     training = RunProgress("training", 0.5, 6, 1500, 60.0, 867.4, 1.41, 0.75, 0.25)
     assert lines("waiting") == []
-    assert lines("starting") == [f"{NAME}: starting (compiling kernels that are not cached)"]
+    assert lines("starting") == [
+        f"{NAME}: starting (waiting for free CPUs, or compiling kernels that are not cached)"
+    ]
     expected = (
         f"{NAME}: training 50%, iteration 6, 867 steps/s, return 1.41, completion 0.75, collision 0.25, "
         "1.0 min left"

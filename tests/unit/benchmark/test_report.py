@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 import re
 import subprocess
 import sys
@@ -14,13 +15,26 @@ from PIL import Image
 
 from algorithms.registry import ALGORITHMS
 from benchmark.metrics import METRICS
+from benchmark.report.against_paper import WORDS, compare_with
 from benchmark.report.content import make_report
 from benchmark.report.curves import seeds_curve
 from benchmark.report.latex import escaped
-from benchmark.report.paper import is_non_inferior, printed
+from benchmark.report.marl_eval import marl_eval_json
+from benchmark.report.paper import paper, printed
 from benchmark.report.radar import axes_of_radar, draw_radar
 from benchmark.report.style import colour, line, new_figure, png
-from benchmark.report.wording import count, figures, intervals, mark, mark_meaning, printed_text
+from benchmark.report.summary import draw_profile, summaries_of
+from benchmark.report.values import Value
+from benchmark.report.wording import (
+    count,
+    figures,
+    intervals,
+    mark,
+    mark_meaning,
+    not_counted,
+    printed_text,
+    standing,
+)
 from benchmark.report.writing import write_report
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
@@ -93,15 +107,15 @@ def test_a_cells_numbers(folder):
     assert figures(cell) == "0.25 / 0.75"
     # Wilson at n = 8: (p + z^2/16) / (1 + z^2/8) -+ z / (1 + z^2/8) sqrt(p (1 - p) / 8 + z^2/256)
     assert intervals(cell) == "[0.07, 0.59] / [0.41, 0.93]"
-    # Four test episodes are too few to be set against the paper's.
-    assert (printed_text(cell.printed), mark(cell), cell.is_short) == ("0.1 / 0.07", "", True)
+    # Far more arrive than in the paper, but of eight agents 2 collide.
+    assert (printed_text(cell.printed), mark(cell)) == ("0.1 / 0.07", "undecided")
     assert count(cell) == "1 seed, 4 episodes; this checkpoint"
     assert (cell.completion.n, cell.completion.episodes, cell.completion.seeds) == (8, 4, 1)
     assert figures(cells_of(report, "ppo", "sampled")["intersection", ALONE]) == "1.00 / 0.00"
     reference = cells_of(report, "keep_lane", "sampled")["intersection", ALONE]
     assert (figures(reference), reference.printed, reference.rank) == ("1.00 / 0.00", (), None)
     missing = cells_of(report, "ppo")["intersection", SOCIAL]
-    assert (figures(missing), missing.is_non_inferior, printed_text(missing.printed)) == (
+    assert (figures(missing), missing.comparison, printed_text(missing.printed)) == (
         "",
         None,
         "0.5 / 0.45",
@@ -113,34 +127,106 @@ def test_generalization_has_its_raw_pairs(folder):
     name, task, traffic, found = next(report.generalization())
     assert (name, task, traffic) == ("ppo", "intersection", ALONE)
     # Both rates fall from 0.75 to 0.
-    assert found.value == 0.25
+    assert (found.value, found.worst) == (0.0, "intersection@dense")
     assert (found.terms["train_completion"], found.terms["held_out_completion"]) == (0.75, 0.0)
 
 
-def test_non_inferior_to_the_paper():
-    cells = printed("maddpg", "intersection", ALONE)
-    # Wilson's bounds of 0 and 40 of 40: z^2 / (40 + z^2) = 0.0876.
-    assert is_non_inferior(cells, 0.087, 0.913)
-    assert not is_non_inferior(cells, 0.088, 1.0)
-    assert not is_non_inferior(cells, 0.0, 0.912)
-    assert is_non_inferior((), 0.0, 1.0) is None
-    both = printed("commnet", "double_merge", ALONE)
-    assert printed_text(both) == "0.46 / 0.45 (main text 0.7 / 0.25)"
-    assert not is_non_inferior(both, 0.7, 0.25)
-    assert printed("commnet", "double_merge", SOCIAL)[0].completion == 0.5
+def rate(value, low, high):
+    """Return a rate with its interval."""
+    return Value("", value, low, high, 0, 0.0, "", 0, 0, "", "")
 
 
-def test_marks_on_enough_episodes(tmp_path):
-    write_experiment(tmp_path, algorithms=["ppo", "commnet"])
-    write_run(tmp_path, "ppo", [agent_episodes(PERFECT[:1] * 200, mode="greedy")])
-    mixed = [*HOPELESS[:1] * 50, *PERFECT[:1] * 150]
-    write_run(tmp_path, "commnet", [agent_episodes(mixed, mode="greedy")])
-    report = make_report(read_results(tmp_path))
-    assert mark(cells_of(report, "ppo")["intersection", ALONE]) == "non-inferior"
-    # Wilson of 0.1 and 0.07 of 40: up to 0.2305, from 0.0233.
-    assert mark_meaning(cells_of(report, "ppo")["intersection", ALONE]) == (
-        "Non-inferior: collision up to 0.230 and completion from 0.024"
+class TestAgainstThePaper:
+    """Words from both uncertainties; the paper's interval is Wilson's at n = 20."""
+
+    def word(self, theirs, collision, completion, spread=0.0):
+        """Return the word of two rates whose intervals reach as far as `spread` to both sides."""
+        ours = tuple(rate(x, max(x - spread, 0.0), min(x + spread, 1.0)) for x in (collision, completion))
+        found = compare_with(theirs, ours, ours)
+        return found and found.word
+
+    def test_the_interval_of_the_difference(self):
+        # Wilson of 0 of 20: up to z^2 / (20 + z^2) = 0.1611; that of 20 of 20 is its mirror image.
+        (theirs,) = printed("maddpg", "intersection", ALONE)
+        ours = rate(0.1, 0.04, 0.2), rate(0.9, 0.8, 0.96)
+        collision, completion = compare_with([theirs], ours, ours).gaps
+        # 0.1 - hypot(0.06, 0.1611) and 0.1 + hypot(0.1, 0), and their mirror images.
+        assert (collision.value, collision.low, collision.high) == pytest.approx(
+            (0.1, -0.0719, 0.2), abs=1e-4
+        )
+        assert (completion.low, completion.high) == pytest.approx((-0.2, 0.0719), abs=1e-4)
+
+    @pytest.mark.parametrize(
+        ("collision", "completion", "spread", "word"),
+        [
+            pytest.param(0.0, 1.0, 0.0, "non-inferior", id="the same, surely"),
+            # Against 0 and 1 only our own spread counts on the pessimistic side: 0.02 + 0.05.
+            pytest.param(0.02, 0.98, 0.05, "non-inferior", id="within the margin"),
+            pytest.param(0.03, 0.97, 0.05, "undecided", id="not surely within the margin"),
+            pytest.param(0.0, 0.97, 0.05, "undecided", id="the weaker of two counts"),
+            pytest.param(0.5, 0.5, 0.05, "worse", id="surely worse"),
+        ],
     )
+    def test_words_where_the_paper_is_perfect(self, collision, completion, spread, word):
+        assert self.word(printed("maddpg", "intersection", ALONE), collision, completion, spread) == word
+
+    def test_better_needs_both_figures(self):
+        # 0.5 / 0.45; Wilson at n = 20 reaches 0.2 to each side.
+        theirs = printed("ppo", "intersection", SOCIAL)
+        assert self.word(theirs, 0.2, 0.75) == "better"
+        assert self.word(theirs, 0.2, 0.62) == "non-inferior"
+        assert self.word(theirs, 0.38, 0.75) == "non-inferior"
+
+    def test_better_is_possible_in_32_cells(self):
+        cells = [
+            printed(name, task, traffic)
+            for name in paper()["algorithms"]
+            for task in paper()["tasks"]
+            for traffic in paper()["traffic"]
+        ]
+        assert len(cells) == 42
+        assert sum(self.word(cell, 0.0, 1.0) == "better" for cell in cells) == 32
+
+    def test_nothing_without_figures_or_intervals(self):
+        assert self.word((), 0.0, 1.0) is None
+        unknown = rate(0.5, np.nan, np.nan)
+        theirs = printed("ppo", "intersection", SOCIAL)
+        assert compare_with(theirs, (unknown, unknown), (unknown, unknown)) is None
+
+    def test_all_printed_variants_count(self):
+        both = printed("commnet", "double_merge", ALONE)
+        assert printed_text(both) == "0.46 / 0.45 (main text 0.7 / 0.25)"
+        # Better than 0.7 / 0.25, but not than the other.
+        assert self.word(both[1:], 0.4, 0.5) == "better"
+        assert self.word(both, 0.4, 0.5) != "better"
+        assert printed("commnet", "double_merge", SOCIAL)[0].completion == 0.5
+
+    def test_a_cell_that_degenerate_driving_passes_does_not_count(self, tmp_path):
+        # The paper's PPO has 0.1 / 0.07 here.
+        write_experiment(tmp_path, algorithms=["ppo", "maddpg"], scripted=["parked", "random"])
+        many = PERFECT[:1] * 200
+        for name in ("ppo", "maddpg"):
+            write_run(tmp_path, name, [agent_episodes(many, mode="greedy")])
+        stands = [["not_moving", "not_moving"]] * 200
+        write_run(tmp_path, "parked", [agent_episodes(stands, mode="scripted")], seed=-1)
+        some = [["goal", "time_out"]] * 200
+        write_run(tmp_path, "random", [agent_episodes(some, mode="scripted")], seed=-1)
+        report = make_report(read_results(tmp_path))
+        cell = cells_of(report, "ppo")["intersection", ALONE]
+        assert (mark(cell), cell.passed_by) == ("better", ("random",))
+        assert "random" in not_counted(cell)
+        assert "misprint" in not_counted(cell)
+        assert cells_of(report, "maddpg")["intersection", ALONE].passed_by == ()
+        _, first, second = standing(report)
+        assert "1 of 1 cells that count" in first
+        assert "1 more" in first
+        assert "keep_lane" in second
+
+    def test_the_meaning_of_a_mark_has_the_differences(self, folder):
+        cell = cells_of(make_report(read_results(folder.parent)), "ppo")["intersection", ALONE]
+        assert mark(cell) in WORDS
+        assert "collision +0.15 [" in mark_meaning(cell)
+        assert "completion +0.68 [" in mark_meaning(cell)
 
 
 def test_no_two_algorithms_look_alike():
@@ -287,7 +373,7 @@ def test_latex_prints_names_as_they_are(folder):
 
 
 def test_pictures_are_pictures(folder):
-    for name in ("radar", "learning_curves", "outcomes"):
+    for name in ("radar", "radar_all", "learning_curves", "outcomes"):
         assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         assert f"({name}.png)" in (folder / "report.md").read_text()
 
@@ -345,3 +431,48 @@ def test_the_command_needs_neither_simulator_nor_learners(tmp_path):
         [sys.executable, "-c", program, str(tmp_path)], capture_output=True, text=True, check=True
     )
     assert done.stdout.split("\n")[:2] == [str(tmp_path / "report" / "report.html"), "[]"]
+
+
+class TestSummaries:
+    @pytest.fixture
+    def report(self, tmp_path):
+        """Two algorithms with two seeds in one cell, and one with a seed less."""
+        write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac"], seeds=[1, 2])
+        for name, seed, goals in (("ppo", 1, 4), ("ppo", 2, 3), ("dqn", 1, 3), ("dqn", 2, 1), ("maac", 1, 4)):
+            outcomes = [["goal", "goal"]] * goals + [["collision", "goal"]] * (4 - goals)
+            lines = [
+                [1, 500, 2.5, 200, 0.0, 0.5, 0.5, "", "", ""],
+                [2, 1000, 5.0, 200, 0.0, 0.5, 0.5, 1, 0.5, 0.25],
+            ]
+            table = agent_episodes(outcomes, mode="greedy")
+            write_run(tmp_path, name, [table], seed=seed, progress=lines)
+        return make_report(read_results(tmp_path))
+
+    def test_have_algorithms_with_equally_many_seeds(self, report):
+        summaries = summaries_of(report)
+        assert {name: values.tolist() for name, values in summaries.scores["completion"].items()} == {
+            "dqn": [[7 / 8], [5 / 8]],
+            "ppo": [[1.0], [7 / 8]],
+            "maac": [[1.0]],
+        }
+        rows = {row[0]: row for row in summaries.mean_rows()}
+        assert rows["PPO"][1].startswith("0.94 [")
+        assert (rows["PPO"][3], rows["MAAC"][1]) == ("2 x 1", "1.00")
+        improvement = {tuple(row[:2]): row[2] for row in summaries.improvement_rows()}
+        # Of four pairs three are won and one is a tie.
+        assert improvement["DQN", "PPO"].startswith("0.12 [")
+        assert draw_profile(summaries).startswith(b"\x89PNG")
+
+    def test_marl_eval_has_validations_and_episodes(self, report):
+        found = json.loads(marl_eval_json(report.results, "greedy"))
+        run = found["smarts_bench"][f"intersection, {ALONE}"]["dqn"]["seed_2"]
+        assert run["step_0"] == {
+            "step_count": 1000,
+            "elapsed_time": 5.0,
+            "return": [1.0],
+            "completion_rate": [0.5],
+            "collision_rate": [0.25],
+        }
+        assert "step_1" not in run
+        assert run["absolute_metrics"]["completion_rate"] == [1.0, 0.5, 0.5, 0.5]
+        assert run["absolute_metrics"]["collision_rate"] == [0.0, 0.5, 0.5, 0.5]

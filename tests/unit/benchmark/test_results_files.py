@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.experiment.config import Budget, Environment, Experiment, read_experiment
+from benchmark.experiment.config import Budget, Experiment, read_experiment
+from benchmark.experiment.environment import Environment
 from benchmark.report.provenance import circumstances
 from benchmark.results.commands import keep_command
 from benchmark.results.files import (
@@ -28,10 +29,16 @@ from benchmark.results.reading import read_results
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.jobs import JobScheduler, jobs_of
+from benchmark.running.training import checkpoint_files
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
 from tests.raising import raises
 
 ROOT = Path(__file__).parents[3]
+
+
+def save(folder, weights, state):
+    """Keep a last checkpoint, as the driver of a run does."""
+    folder.keep("checkpoint", checkpoint_files(FakeAlgo(weights), state))
 
 
 class FakeAlgo:
@@ -136,7 +143,7 @@ def test_a_second_writer_is_refused_and_a_dead_one_is_not_in_the_way(tmp_path):
 def test_results_of_another_config_are_refused(tmp_path):
     folder = RunFolder(tmp_path / "run")
     folder.open({"a": 1})
-    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
+    save(folder, "1", {"iteration": 1})
     folder.note(status="training")
     folder.open({"a": 1})
     with raises(ResultsError, folder.config, values=["a (1, here 2)"]):
@@ -177,7 +184,7 @@ def test_a_budget_may_grow_and_nothing_else_may_change(tmp_path, there, here, fi
     ]
     folder = RunFolder(tmp_path / "run")
     folder.open(contents[0])
-    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
+    save(folder, "1", {"iteration": 1})
     folder.note(status="finished")
     with raises(ResultsError, folder.config, values=["seed"]):
         folder.check({**contents[1], "seed": 2})
@@ -259,7 +266,7 @@ def test_a_checkpoint_without_its_run_file_still_belongs_to_its_config(tmp_path)
     folder = RunFolder(tmp_path / "run")
     content = {"a": 1, "rate": [[0, 1e-05]], "minutes": None}
     folder.open(content)
-    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
+    save(folder, "1", {"iteration": 1})
     folder.open(content)
     with raises(ResultsError, folder.config, values=["a (1, here 2)"]):
         folder.open({"a": 2})
@@ -270,7 +277,7 @@ def test_a_checkpoint_without_its_run_file_still_belongs_to_its_config(tmp_path)
 def test_a_checkpoint_of_a_config_that_is_not_known_is_not_used(tmp_path, killed_while_saving, has_run_file):
     folder = RunFolder(tmp_path / "run")
     folder.open({"a": 1})
-    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
+    save(folder, "1", {"iteration": 1})
     folder.config.unlink()
     if has_run_file:
         folder.note(status="training")
@@ -294,7 +301,7 @@ def test_a_damaged_config_says_what_to_do(tmp_path):
 
 def test_a_checkpoint_that_does_not_say_how_far_training_was_is_refused(tmp_path):
     folder = RunFolder(tmp_path)
-    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
+    save(folder, "1", {"iteration": 1})
     (folder.checkpoint / "training.json").unlink()
     with raises(ResultsError, "training.json") as caught:
         folder.training_state()
@@ -366,8 +373,8 @@ def test_an_unwritable_folder_is_named(tmp_path):
 def test_checkpoints_carry_how_far_training_was(tmp_path):
     folder = RunFolder(tmp_path)
     assert folder.training_state() is None
-    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
-    folder.save(folder.checkpoint, FakeAlgo("2"), {"iteration": 2})
+    save(folder, "1", {"iteration": 1})
+    save(folder, "2", {"iteration": 2})
     assert folder.training_state() == {"iteration": 2}
     assert (folder.checkpoint / "weights").read_text() == "2"
     assert {path.name for path in tmp_path.iterdir()} == {"checkpoint"}

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from benchmark.metrics.leaders import time_to_collision
-from tests.maps import Road, graph_of
+from benchmark.metrics.collision_times import time_to_collision
+from smarts.types.agent_states import ChangePhase
+from smarts.types.events import Outcome
 from tests.measuring import (
     CROSS,
     ROAD,
@@ -22,11 +23,16 @@ from tests.measuring import (
 from tests.recordings import DT, LENGTH, Drive, across, at_speed, episode_of
 
 
-class TestSafety:
-    def test_time_to_collision_along_the_lane(self, tmp_path):
-        # 20 m apart, bumper to bumper, closing at 10 m/s.
-        times = time_to_collision(following(tmp_path, 0.0, speed=15.0, steps=10))
-        assert times[:, 0] == pytest.approx(2.0 - DT * np.arange(11))
+class TestTimeToCollision:
+    def test_along_the_lane(self, tmp_path):
+        # 20.5 m apart, bumper to bumper, closing at 10 m/s: they overlap at the first tenth after 2.05 s.
+        times = time_to_collision(following(tmp_path, 0.0, speed=15.0, steps=10, gap=20.5))
+        assert times[:, 0] == pytest.approx(2.1 - DT * np.arange(11))
+
+    @pytest.mark.parametrize(("gap", "expected"), [(29.5, 3.0), (30.5, math.inf)])
+    def test_the_horizon_is_three_seconds(self, tmp_path, gap, expected):
+        times = time_to_collision(following(tmp_path, 0.0, speed=15.0, steps=2, gap=gap))
+        assert times[0, 0] == pytest.approx(expected)
 
     def test_it_follows_the_path_into_the_junction(self, tmp_path):
         lanes = across(CROSS, *WEST_EAST)
@@ -34,11 +40,47 @@ class TestSafety:
             tmp_path,
             CROSS,
             Drive(lanes, at_speed(10.0, 10, 60.0), agent="a", route=WEST_EAST),
-            Drive(lanes, at_speed(0.0, 10, 84.0), route=WEST_EAST),
+            Drive(lanes, at_speed(0.0, 10, 83.5), route=WEST_EAST),
         )
         assert time_to_collision(episode)[0, 0] == pytest.approx(2.0)
 
-    def test_nobody_beside_and_nobody_faster_counts(self, tmp_path):
+    @pytest.mark.parametrize(
+        ("other_begin", "expected"),
+        [
+            # Centres cross at 91.6 m and 88.4 m. Both at 10 m/s: footprints of 4 m x 1.8 m overlap while each
+            # centre is less than 2.9 m from the crossing, so both from 2.87 s on at the latest.
+            pytest.param(57.8, 2.8, id="both at once"),
+            # The other comes 2 s later, when the agent has gone.
+            pytest.param(37.8, math.inf, id="the agent has passed"),
+        ],
+    )
+    def test_crossing_paths(self, tmp_path, other_begin, expected):
+        crossing = meeting(
+            tmp_path, [10.0] * 5, [10.0] * 5, begin=61.0, other_begin=other_begin, outcome=Outcome.NONE
+        )
+        assert time_to_collision(crossing)[0, 0] == pytest.approx(expected)
+
+    def test_a_collision_on_crossing_paths_is_preceded_by_small_times(self, tmp_path):
+        crash = meeting(tmp_path, [10.0] * 55, [10.0] * 55, begin=36.0, other_begin=32.8)
+        times = time_to_collision(crash)[:, 0]
+        # They touch when both centres are 2.9 m before the crossing: after 5.27 s.
+        assert np.isinf(times[:22]).all()
+        assert times[24:53] == pytest.approx(5.3 - DT * np.arange(24, 53))
+
+    def test_merging_paths(self, tmp_path):
+        ways = across(CROSS, "north_in", "east_out"), across(CROSS, "west_in", "east_out")
+        begins = [sum(CROSS.length[CROSS.lane_of_id(lane)] for lane in way[:2]) for way in ways]
+        routes = ("north_in", "east_out"), WEST_EAST
+        episode = episode_of(
+            tmp_path,
+            CROSS,
+            Drive(ways[0], at_speed(10.0, 5, begins[0] - 15.0), agent="a", route=routes[0]),
+            Drive(ways[1], at_speed(10.0, 5, begins[1] - 15.0), route=routes[1]),
+        )
+        # Both would be at the begin of the road to the east in 1.5 s.
+        assert 0.0 < time_to_collision(episode)[0, 0] < 1.5
+
+    def test_neither_beside_nor_faster_ones_count(self, tmp_path):
         episode = episode_of(
             tmp_path,
             ROAD,
@@ -48,27 +90,50 @@ class TestSafety:
         )
         assert np.isinf(time_to_collision(episode)).all()
 
+    def test_a_faster_follower_counts(self, tmp_path):
+        episode = episode_of(
+            tmp_path,
+            ROAD,
+            Drive(["road_0"], at_speed(5.0, 2, 50.0), agent="a", route=["road"]),
+            Drive(["road_0"], at_speed(15.0, 2, 50.0 - LENGTH - 19.5), route=["road"]),
+        )
+        assert time_to_collision(episode)[0, 0] == pytest.approx(2.0)
+
     @pytest.mark.parametrize(
         ("own", "lane", "other", "expected"),
         [
-            pytest.param(-1.5, "road_0", 0.5, 2.0, id="on its lane, along it"),
+            pytest.param(-1.5, "road_0", 0.2, 2.0, id="1.7 m aside in one lane"),
             pytest.param(-1.7, "road_0", 0.5, math.inf, id="beside its lane, straight on, 2.2 m past it"),
             pytest.param(-1.7, "road_0", 0.0, 2.0, id="beside its lane, straight on, 1.7 m aside"),
-            pytest.param(0.0, "road_1", -1.3, math.inf, id="1.9 m from who is in the lane beside"),
-            pytest.param(0.0, "road_1", -1.5, 2.0, id="1.7 m from who reaches in"),
-            pytest.param(1.3, "road_1", 0.0, math.inf, id="1.9 m from the lane beside"),
+            pytest.param(0.0, "road_1", -1.3, math.inf, id="1.9 m from one in the lane beside"),
+            pytest.param(0.0, "road_1", -1.5, 2.0, id="1.7 m from one that reaches in"),
             pytest.param(1.5, "road_1", 0.0, 2.0, id="reaching into the lane beside"),
         ],
     )
-    def test_whose_way_it_is_in(self, tmp_path, own, lane, other, expected):
-        """Cars of 1.8 m in lanes of 3.2 m, 20 m apart, closing at 10 m/s."""
+    def test_offsets_are_held(self, tmp_path, own, lane, other, expected):
+        """Cars of 1.8 m in lanes of 3.2 m, 19.5 m apart, closing at 10 m/s."""
         episode = episode_of(
             tmp_path,
             ROAD,
             Drive(["road_0"], at_speed(15.0, 2, 10.0), t=own, agent="a", route=["road"]),
-            Drive([lane], at_speed(5.0, 2, 30.0 + LENGTH), t=other, route=["road"]),
+            Drive([lane], at_speed(5.0, 2, 29.5 + LENGTH), t=other, route=["road"]),
         )
         assert time_to_collision(episode)[0, 0] == pytest.approx(expected)
+
+    @pytest.mark.parametrize(
+        ("phase", "expected"),
+        [
+            (ChangePhase.NONE, math.inf),
+            (ChangePhase.REQUESTED, 2.0),
+            (ChangePhase.MOVING, 2.0),
+            (ChangePhase.ABORTED, math.inf),
+        ],
+    )
+    def test_an_agent_that_changes_lanes_is_in_its_target_lane(self, tmp_path, phase, expected):
+        target = {"change_phase": int(phase), "target_lane": ROAD.lane_of_id("road_1")}
+        own = Drive(["road_0"], at_speed(15.0, 2, 10.0), agent="a", route=["road"], agents=target)
+        ahead = Drive(["road_1"], at_speed(5.0, 2, 29.5 + LENGTH), route=["road"])
+        assert time_to_collision(episode_of(tmp_path, ROAD, own, ahead))[0, 0] == pytest.approx(expected)
 
     @pytest.mark.parametrize("t", [0.0, -2.0], ids=["along the lane", "straight on"])
     def test_speeds_of_oncoming_vehicles_add_up(self, tmp_path, t):
@@ -76,41 +141,33 @@ class TestSafety:
             tmp_path,
             ROAD,
             Drive(["road_0"], at_speed(10.0, 2, 10.0), t=t, agent="a", route=["road"]),
-            Drive(["road_0"], at_speed(-5.0, 2, 40.0 + LENGTH), t=t, is_oncoming=True, route=["road"]),
+            Drive(["road_0"], at_speed(-5.0, 2, 39.7 + LENGTH), t=t, is_oncoming=True, route=["road"]),
         )
-        assert time_to_collision(episode)[0, 0] == pytest.approx(30.0 / 15.0)
+        assert time_to_collision(episode)[0, 0] == pytest.approx(2.0)
 
-    @pytest.mark.parametrize(("away", "is_seen"), [(190.0, True), (210.0, False)])
-    def test_planned_paths_reach_200_metres_beyond_the_lane(self, tmp_path, away, is_seen):
-        roads = {
-            "near": Road([(0.0, 0.0), (50.0, 0.0)]),
-            "far": Road([(50.0 + away, 0.0), (150.0 + away, 0.0)]),
-        }
-        episode = episode_of(
-            tmp_path,
-            graph_of(roads, [(("near", 0), ("far", 0))]),
-            Drive(["near_0"], at_speed(10.0, 2, 40.0), agent="a", route=["near", "far"]),
-            Drive(["far_0"], at_speed(0.0, 2, 10.0), route=["far"]),
-        )
-        expected = (10.0 + away + 10.0 - LENGTH) / 10.0 if is_seen else math.inf
-        assert time_to_collision(episode)[0, 0] == pytest.approx(expected)
+    def test_it_is_of_the_decisions(self, tmp_path):
+        episode = following(tmp_path, 0.0, speed=15.0, steps=10, gap=20.5, actions=[(0, 0), (5, 0)])
+        assert np.flatnonzero(np.isfinite(time_to_collision(episode)[:, 0])).tolist() == [0, 5]
 
-    @pytest.mark.parametrize(("driven", "seconds"), [(4.9, 0.0), (5.1, 1.1)])
-    def test_driving_time_is_of_who_drove_five_metres(self, tmp_path, driven, seconds):
-        found = sums("safety", following(tmp_path, speed=driven, steps=10))
-        assert found["driving_time"] == pytest.approx(seconds)
-        assert found["safe_time"] == pytest.approx(seconds)
 
-    def test_share_of_time_and_terms_without_encounters(self, tmp_path):
-        # 2.0 s at first, 0.1 s less each step: above 1.5 s at five of eleven instants.
-        episode = following(tmp_path, 0.0, speed=15.0, steps=10)
-        assert term("safety", "time_to_collision", episode) == pytest.approx(5 / 11)
+class TestSafety:
+    @pytest.mark.parametrize(("driven", "agents"), [(4.9, 0.0), (5.1, 1.0)])
+    def test_an_agent_counts_that_drove_five_metres(self, tmp_path, driven, agents):
+        episode = following(tmp_path, speed=driven, steps=10, outcome=Outcome.COLLISION)
+        found = sums("safety", episode)
+        assert (found["driven_agents"], found["driven_collisions"]) == (agents, agents)
+        assert (found["timed_decisions"], found["safe_decisions"]) == (11.0 * agents, 11.0 * agents)
+        assert value("safety", episode) == pytest.approx(0.5 if agents else math.nan, nan_ok=True)
+
+    def test_share_of_decisions_and_terms_without_encounters(self, tmp_path):
+        # 2.1 s at first, 0.1 s less each step: above 1.5 s at six of eleven instants.
+        episode = following(tmp_path, 0.0, speed=15.0, steps=10, gap=20.5)
+        assert term("safety", "time_to_collision", episode) == pytest.approx(6 / 11)
         assert math.isnan(term("safety", "post_encroachment_time", episode))
-        assert value("safety", episode) == pytest.approx((1.0 + 5 / 11) / 2)
+        assert value("safety", episode) == pytest.approx((1.0 + 6 / 11) / 2)
 
-    def test_a_parked_car_has_no_driving_time(self, tmp_path):
-        episode = parked(tmp_path)
-        assert math.isnan(term("safety", "time_to_collision", episode))
+    def test_a_parked_car_has_no_safety(self, tmp_path):
+        assert math.isnan(value("safety", parked(tmp_path)))
 
 
 class TestCutIn:

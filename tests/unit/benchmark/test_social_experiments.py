@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from benchmark.experiment.config import Environment, read_experiment
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import task_settings_of, with_defaults
 from benchmark.running.environments import environment
 from benchmark.running.experiment import check_task_settings
@@ -70,11 +71,18 @@ def test_where_an_agent_acts_is_no_part_of_a_run_and_when_is():
         return Environment(hosts={"idm-v0": host}).content()
 
     plain = Environment().content()
-    assert kept(where="process", patience=3.0) == plain == Environment(hosts={"*": "ray"}).content()
+    assert kept(where="process") == plain == Environment(hosts={"*": "ray"}).content()
     late = kept(where="process", delay_steps=3)
     assert late["hosts"] == {"idm-v0": {"delay_steps": 3}}
     assert Environment(**late).content() == late
     assert with_defaults({"environment": late}) == {"environment": late}
+    impatient = kept(where="process", patience=3.0)
+    assert impatient["hosts"] == {"idm-v0": {"patience": 3.0}}
+    assert Environment(**impatient).content() == impatient
+    timely = kept(where="ray", deadline_ms=50.0)
+    assert timely == kept(where="process", deadline_ms=50.0)
+    assert timely["hosts"] == {"idm-v0": {"where": "process", "deadline_ms": 50.0}}
+    assert Environment(**timely).content() == timely
 
 
 def test_an_experiment_is_kept_with_all_that_its_hosts_say():
@@ -87,18 +95,23 @@ def test_an_experiment_is_kept_with_all_that_its_hosts_say():
 
 
 @pytest.mark.parametrize(
-    "hosts",
+    ("hosts", "count"),
     [
-        "{idm-v0: elsewhere}",
-        "{idm-v0: {patiense: 3}}",
-        "{idm-v0: {patience: 0}}",
-        "{idm-v0: {deadline_ms: 20, delay_steps: 3}}",
-        "process",
+        ("{smarts.zoo:idm-v0: elsewhere}", 1),
+        ("{smarts.zoo:idm-v0: {patiense: 3}}", 1),
+        ("{smarts.zoo:idm-v0: {where: process, patience: 0}}", 1),
+        ("{smarts.zoo:idm-v0: {deadline_ms: 20, delay_steps: 3}}", 1),
+        ("{smarts.zoo:idm-v0: {replay: /no/such/folder}}", 1),
+        ("{mobil-v0: process}", 1),
+        ("{smarts.zoo:idm-v0: {where: process, patience: 0, delay: 3}, mobil-v0: ray}", 3),
+        ("process", 1),
     ],
 )
-def test_hosts_that_cannot_be_are_errors_of_the_file(read, hosts):
-    with pytest.raises(ConfigError):
+def test_hosts_that_cannot_be_are_errors_of_the_file_once_each(read, hosts, count):
+    with pytest.raises(ConfigError) as raised:
         read(BASE + SOCIAL + f"  hosts: {hosts}\n")
+    assert len(raised.value.problems) == count
+    assert all("union" not in str(each) and "literal[" not in str(each) for each in raised.value.problems)
 
 
 def test_agents_that_learn_in_bubbles_reach_the_environment(read):

@@ -8,13 +8,16 @@ import pytest
 
 from benchmark.statistics import (
     arcsine_interval,
+    bootstrap_counts,
     bootstrap_interval,
-    bootstrap_totals,
     checkpoint_interval,
     design_effect,
     holm,
     interquartile_mean,
     paired_difference,
+    performance_profile,
+    probability_of_improvement,
+    stratified_interval,
     wilson_interval,
 )
 from smarts.types.streams import Purpose, stream
@@ -97,13 +100,13 @@ def test_seeds_that_agree_by_chance_tell_no_more_than_their_trials(rates):
 
 def test_resampling_stays_in_its_stratum():
     totals = np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 5.0]])
-    drawn = bootstrap_totals(totals, stream(1, Purpose.RESAMPLING), [0, 0, 1], repeats=500)
+    drawn = bootstrap_counts([0, 0, 1], stream(1, Purpose.RESAMPLING), repeats=500) @ totals
     assert {tuple(row) for row in drawn} == {(2.0, 5.0), (4.0, 5.0), (6.0, 5.0)}
 
 
 def test_resampling_keeps_episodes_whole():
     totals = np.array([[1.0, 1.0], [0.0, 2.0], [3.0, 0.0]])
-    drawn = bootstrap_totals(totals, stream(1, Purpose.RESAMPLING), repeats=500)
+    drawn = bootstrap_counts([0, 0, 0], stream(1, Purpose.RESAMPLING), repeats=500) @ totals
     sums = {tuple(np.sum(each, axis=0)) for each in itertools.product(totals, repeat=3)}
     assert {tuple(row) for row in drawn} <= sums
     assert len({tuple(row) for row in drawn}) > 5
@@ -113,8 +116,8 @@ def test_resampling_keeps_episodes_whole():
 def test_holm_and_interquartile_mean():
     assert holm([0.01, 0.04, np.nan, 0.03]) == pytest.approx([0.03, 0.06, np.nan, 0.06], nan_ok=True)
     assert interquartile_mean([0.0, 1.0, 2.0, 100.0, np.nan]) == pytest.approx(1.5)
-    # Of five values, the second and the fourth count by three quarters.
-    assert interquartile_mean([0.0, 1.0, 2.0, 4.0, 9.0]) == pytest.approx((0.75 + 2.0 + 3.0) / 2.5)
+    # A quarter of five, rounded down, is one value at each end.
+    assert interquartile_mean([0.0, 1.0, 2.0, 4.0, 9.0]) == pytest.approx((1.0 + 2.0 + 4.0) / 3)
 
 
 def test_a_difference_by_hand():
@@ -173,3 +176,37 @@ def simulated(rate, other, starts):
         return (ends < p).mean(axis=-1)
 
     return np.array([paired_difference(each, True).p_value for each in play(rate) - play(other)])
+
+
+class TestSummaries:
+    """The values are those of rliable 1.2.0."""
+
+    SCORES = np.array([[0.0, 0.5], [0.25, 0.75], [1.0, 1.0], [0.5, 0.25]])
+
+    def test_the_interquartile_mean_is_over_runs_and_tasks(self):
+        # Of 0, 0.25, 0.25, 0.5, 0.5, 0.75, 1, 1 the middle four.
+        assert interquartile_mean(self.SCORES) == (0.25 + 0.5 + 0.5 + 0.75) / 4
+
+    def test_a_profile_counts_what_is_above(self):
+        assert performance_profile(self.SCORES, [-0.1, 0.25, 0.5, 1.0]).tolist() == [1.0, 5 / 8, 3 / 8, 0.0]
+
+    def test_improvement_counts_ties_half(self):
+        one, other = np.array([[1.0, 0.5], [0.0, 0.5]]), np.array([[0.5, 0.5]])
+        # In the first task 1 of 2 pairs, in the second 2 ties.
+        assert probability_of_improvement(one, other) == 0.5
+        assert probability_of_improvement(one + 1.0, other) == 1.0
+        assert probability_of_improvement(self.SCORES[:3], self.SCORES[1:]) == pytest.approx(
+            1.0 - probability_of_improvement(self.SCORES[1:], self.SCORES[:3])
+        )
+
+    def test_runs_are_drawn_within_their_task(self):
+        # Each task has one value, so that every resample is alike.
+        scores = np.tile([0.2, 0.8], (5, 1))
+        low, high = stratified_interval(np.mean, stream(1, Purpose.RESAMPLING), scores, repeats=50)
+        assert (low, high) == pytest.approx((0.5, 0.5))
+        low, high = stratified_interval(interquartile_mean, stream(1, Purpose.RESAMPLING), self.SCORES)
+        assert 0.0 < low < 0.5 < high < 1.0
+        ends = stratified_interval(
+            lambda each: performance_profile(each, [0.1, 0.6]), stream(1, Purpose.RESAMPLING), self.SCORES
+        )
+        assert np.shape(ends) == (2, 2)

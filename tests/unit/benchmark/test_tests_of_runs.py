@@ -1,10 +1,15 @@
 """Which episodes a test consists of: those that do not count are made up for by the worlds that follow."""
 
-from benchmark.experiment.config import Environment, Evaluation, TrainingTask
-from benchmark.experiment.runs import TaskSetting
+import pandas as pd
+
+from benchmark.experiment.config import Evaluation, Experiment, TrainingTask
+from benchmark.experiment.environment import Environment
+from benchmark.experiment.runs import TaskSetting, scripted_runs_of
 from benchmark.metrics import join_tables
+from benchmark.metrics.table import read_table
 from benchmark.results.files import ResultsError
-from benchmark.running.testing import Part, _measured
+from benchmark.results.run_folder import FINISHED, RunFolder
+from benchmark.running.testing import Part, _measured, play_scripted
 from smarts.types.events import Outcome
 from tests.raising import raises
 from tests.recordings import Drive, at_speed, record, straight
@@ -59,3 +64,27 @@ def test_for_each_that_does_not_count_the_next_world_is_played(tmp_path):
 def test_a_test_in_which_nothing_counts_is_refused(tmp_path):
     with raises(ResultsError, values=[10]):
         measured(tmp_path, 2, invalid=range(100))
+
+
+def test_a_scripted_policy_gets_the_observation_that_it_reads(tmp_path):
+    """The gap-acceptance policy drives alike, whatever the experiment's agents observe."""
+    tables = []
+    for name, observation in (("benchmark", "benchmark"), ("few", ["speed", "action_mask"])):
+        environment = {"observation": observation, "reward": "route_metres", "agents": 2}
+        experiment = Experiment(
+            name=name,
+            algorithms=["ppo"],
+            tasks=["intersection"],
+            traffic=["random_social_vehicles"],
+            scripted=["gap_acceptance"],
+            environment=environment,
+            evaluation={"episodes": 1, "held_out_episodes": 0},
+        )
+        (run,) = scripted_runs_of(experiment)
+        folder = RunFolder(tmp_path / name)
+        folder.path.mkdir()
+        *_, noted = play_scripted(run, folder)
+        assert noted.values["status"] == FINISHED
+        tables.append(read_table(folder.table))
+    assert len(tables[0]) == 2
+    pd.testing.assert_frame_equal(*tables)

@@ -4,7 +4,8 @@ from contextlib import closing
 
 import pytest
 
-from benchmark.experiment.config import Environment, read_experiment
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import task_settings_of
 from benchmark.running.environments import create, environment
 from smarts.config import ConfigError

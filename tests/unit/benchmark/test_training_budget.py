@@ -11,6 +11,8 @@ from benchmark.results.progress import read_progress
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import training
 from benchmark.running.cluster import start_ray
+from benchmark.running.messages import Began
+from benchmark.running.writing import RunWriter
 
 pytestmark = pytest.mark.slow
 
@@ -58,13 +60,19 @@ def _ray():
     ray.shutdown()
 
 
+def begun(run, folder):
+    """Return the writer of a run that begins or continues."""
+    writer = RunWriter(run, folder)
+    writer.take(Began({}, {}))
+    return writer
+
+
 @pytest.mark.usefixtures("_ray")
 def test_minutes_are_those_of_training_over_a_restart(tmp_path, clock):
     file = tmp_path / "tiny.yaml"
     file.write_text(TINY)
     (run,) = runs_of(read_experiment(file))
     folder = RunFolder(tmp_path / "run")
-    folder.open(run.content())
 
     def one(algo):
         algo.train = clock.slow(TRAINING, algo.train)
@@ -72,13 +80,15 @@ def test_minutes_are_those_of_training_over_a_restart(tmp_path, clock):
         return training.Training(run, folder, algo)
 
     with training.algorithm_of(run) as algo:
-        first = one(algo)
-        assert next(first.go()).seconds == TRAINING
+        first, writer = one(algo), begun(run, folder)
+        taken = (writer.take(message) for message in first.go())
+        assert next(filter(None, taken)).seconds == TRAINING
         assert (first.ended_by, first.validations) == (None, 1)
     clock.now += 10_000.0  # nobody is there
     with training.algorithm_of(run) as algo:
-        second = one(algo)
+        second, writer = one(algo), begun(run, folder)
         # Three seconds in all, of which the first was before the restart.
-        assert [progress.seconds for progress in second.go()] == [2.0, 3.0]
+        taken = (writer.take(message) for message in second.go())
+        assert [progress.seconds for progress in taken if progress] == [2.0, 3.0]
         assert (second.ended_by, second.validations) == ("minutes", 3)
     assert read_progress(folder.progress)[0]["seconds"].tolist() == [1.0, 2.0, 3.0]

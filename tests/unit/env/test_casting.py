@@ -245,7 +245,8 @@ def test_failures_in_the_steps_of_a_reset_are_in_its_infos(tmp_path, monkeypatch
     try:
         _, infos = env.reset(seed=1)
         failures = infos["me"]["social_failures"]
-        assert failures["social-agent-pair-first"] == "raised SystemExit: no idea"
+        raised = f"raised SystemExit: no idea ({tmp_path / 'failing_agents.py'}:7)"
+        assert failures["social-agent-pair-first"] == raised
         *_, infos = env.step({"me": "keep_lane"})
         assert "social-agent-pair-first" not in infos["me"].get("social_failures", {})
     finally:

@@ -1,13 +1,15 @@
 """Social agents in processes of their own: the same trajectories, and failures that stay theirs."""
 
 import os
+import re
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import closing
+from contextlib import closing, suppress
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +22,9 @@ from smarts.agents.hosting.options import HostError, HostOptions, about
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import ActionBatch
 from smarts.env.vector import VectorHiWayEnv
-from smarts_agent_kit.channel import Channel
+from smarts_agent_kit.channel import Channel, wait_for
 from smarts_agent_kit.service import LONGEST_PROBLEM
-from smarts_agent_kit.wire import Message
+from smarts_agent_kit.wire import Message, encode
 
 DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:misbehaving-v0"
 MIXED = [{"agent": "idm-v0", "count": 1}, {"agent": DRAWING, "count": 1}]
@@ -159,6 +161,7 @@ def test_what_an_agent_raises_is_said_in_the_same_words_everywhere(how):
     (named,) = failures.values()
     assert all(each.isprintable() and len(each) <= LONGEST_PROBLEM for each in named.values())
     assert all("ValueError: not today" in each for each in named.values())
+    assert all(re.search(r"hosted_agents\.py:\d+\)$", each) for each in named.values())
 
 
 def test_a_failure_that_an_address_sends_is_one_line():
@@ -169,6 +172,31 @@ def test_a_failure_that_an_address_sends_is_one_line():
             about(link, "there")
     assert raised.value.problem.isprintable()
     assert "no agent" in raised.value.problem
+
+
+FORKED = """
+import os, sys
+from tests.unit.env.test_hosts import DRAWING, descendants, environment, state, steps
+env = environment([{"agent": DRAWING, "count": 2}], {"*": "process"})
+env.reset()
+[*steps(env, 3)]
+started = descendants()
+child = os.fork()
+found = [state(env) if not result.social_failures else None for result in steps(env, 5)]
+ended = descendants()
+env.close()
+if child == 0:
+    assert ended and not ended & started
+    os._exit(3 if None not in found else 1)
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 3
+assert None not in found and started <= ended
+assert not descendants()
+"""
+
+
+def test_an_environment_that_is_forked_in_mid_episode_has_agents_of_its_own():
+    """The parent's agents are the parent's still, and end with it although the child has copies of all."""
+    subprocess.run([sys.executable, "-c", FORKED], check=True, timeout=60)
 
 
 def workers_of(link):
@@ -202,7 +230,9 @@ def test_a_supervisor_that_is_stopped_is_ended_too(monkeypatch):
     with closing(environment([{"agent": DRAWING}], {"*": "process"})) as env:
         env.reset()
         (link,) = host_of(env).links.values()
-        os.kill(link.pid, signal.SIGSTOP)
+        supervisor = link.pid
+        os.kill(supervisor, signal.SIGSTOP)
+    assert not Path(f"/proc/{supervisor}").exists()
 
 
 def test_every_step_completes_whatever_is_killed():
@@ -210,21 +240,24 @@ def test_every_step_completes_whatever_is_killed():
     social = [{"agent": DRAWING, "count": 1}, {"agent": "random-v0", "count": 1}]
     with closing(environment(social, {"*": {"where": "process", "patience": 5.0}})) as env:
         env.reset()
-        kills = 0
+        kills = wanted = made = 0
         while kills < 50:
             for link in host_of(env).links.values():
                 if draws.random() < 0.7:
                     os.kill(draws.choice([link.pid, *workers_of(link)]), signal.SIGKILL)
                     kills += 1
-            [*steps(env, int(draws.integers(1, 4)))]
+            wanted += (count := int(draws.integers(1, 4)))
+            made += len([*steps(env, count)])
             env.reset()
+    assert made == wanted
 
 
 def decided(log):
     """Return seeds and steps of the decisions in a log: those in time, and late ones."""
     taken, late = set(), set()
     for file in Path(log).glob("*.decisions"):
-        for message in messages_of(file):
+        _, *messages = messages_of(file)
+        for message in messages:
             keys = zip(message.arrays["seed"].tolist(), message.arrays["step"].tolist(), strict=True)
             (late if message.values.get("late") else taken).update(keys)
     return taken, late
@@ -236,18 +269,159 @@ def test_late_answers_are_dropped_and_a_log_of_them_repeats_the_run_bit_by_bit(t
     timing = {"where": "process", "deadline_ms": 60.0, "log": str(tmp_path)}
     with closing(environment(social, {MISBEHAVING: timing})) as env:
         env.reset()
-        states = []
+        states, infos = [], []
         for result in steps(env, 60):
             assert not result.social_failures
             states.append(state(env))
+            infos.append(result.social_infos.get(0, {}))
             time.sleep(0.01)
     taken, late = decided(tmp_path)
     assert {2, 3} <= {step for _, step in late}
     assert len(taken) > len(late)
     assert not taken & late
+    counts = [0, *(info.get("late_decisions", {}).get(MISBEHAVING, 0) for info in infos)]
+    assert sum(max(0, after - before) for before, after in pairwise(counts)) == len(late)
     again, failures = played(social, {MISBEHAVING: {"replay": str(tmp_path)}})
     assert again[1:] == states
     assert failures == {}
+
+
+def test_late_decisions_of_policies_with_one_name_are_added_up():
+    """Policies of one locator with different options; both are stopped, and one may have answered before."""
+    social = [{"agent": MISBEHAVING, "options": {"how": how}} for how in ("sleep", "print_once")]
+    hosts = {MISBEHAVING: {"where": "process", "deadline_ms": 50.0, "patience": 60.0}}
+    with closing(environment(social, hosts)) as env:
+        env.reset()
+        for link in host_of(env).links.values():
+            os.kill(workers_of(link)[0], signal.SIGSTOP)
+        [*steps(env, 2)]
+        counts = [result.social_infos[0]["late_decisions"][MISBEHAVING] for result in steps(env, 4)]
+    assert [after - before for before, after in pairwise(counts)] == [2, 2, 2]
+
+
+def test_a_replay_starts_no_agent(tmp_path, monkeypatch):
+    """The agent's module cannot make it any more, neither here nor in a process."""
+    social = [{"agent": DRAWING, "count": 2}]
+    states, _ = played(social, {DRAWING: {"where": "process", "log": str(tmp_path)}}, count=20)
+    monkeypatch.setattr("smarts.env.casting.make_spec", None)
+    monkeypatch.setattr("subprocess.Popen", None)
+    for hosts in ({DRAWING: {"replay": str(tmp_path)}}, {"*": {"replay": str(tmp_path)}}):
+        assert played(social, hosts, count=20) == (states, {})
+
+
+def test_a_replay_is_of_the_same_agent_and_options(tmp_path):
+    social, hosts = hosted("raise_error", log=str(tmp_path))
+    played(social, hosts, count=3)
+    social[0]["options"] = {"how": "loop"}
+    with pytest.raises(HostError) as raised:
+        environment(social, {MISBEHAVING: {"replay": str(tmp_path)}})
+    assert "loop" in raised.value.problem
+    assert str(tmp_path) in raised.value.place
+
+
+@pytest.fixture(scope="module")
+def drawing_log(tmp_path_factory):
+    """Return the bytes of a log's only file."""
+    folder = tmp_path_factory.mktemp("log")
+    played([{"agent": DRAWING}], {DRAWING: {"where": "process", "log": str(folder)}}, count=5)
+    (file,) = folder.iterdir()
+    return file.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["000.decisions", "zzz.decisions"])
+@pytest.mark.parametrize("length", [0, 3, 10])
+def test_a_file_that_ends_before_its_first_whole_message_is_left_out(tmp_path, drawing_log, name, length):
+    (tmp_path / "good.decisions").write_bytes(drawing_log)
+    (tmp_path / name).write_bytes(drawing_log[:length])
+    for hosts in ({DRAWING: {"replay": str(tmp_path)}}, {"*": {"replay": str(tmp_path)}}):
+        _, failures = played([{"agent": DRAWING}], hosts, count=5)
+        assert not failures
+
+
+def damaged(log):
+    """Yield logs that no version has written, and one of an older version."""
+    values = {"agent": DRAWING, "options": "{}", "about": {}}
+    keys = {"seed": np.zeros(2, np.uint64), "step": np.zeros(2, np.int32)}
+    yield bytes(100)
+    yield b"no log at all, but a text"
+    yield log + bytes(40)
+    yield encode(Message("acted", {}, {**keys, "actions": np.zeros(2)}))
+    yield encode(Message("about", {"agent": DRAWING}))
+    yield encode(Message("about", {**values, "options": 3}))
+    yield encode(Message("about", values))
+    for wrong in ({"observation": ["no_such_feature"]}, {"period": "x"}, {"interface": {"action": None}}):
+        whole = {"interface": {"action": "Lane"}, "observation": ["speed"], "period": 1, **wrong}
+        yield encode(Message("about", {**values, "about": whole}))
+    for arrays in (
+        {},
+        {"seed": keys["seed"], "actions": np.zeros(2)},
+        keys,
+        {**keys, "actions": np.zeros(3)},
+        {**keys, "step": np.zeros(3, np.int32), "actions": np.zeros(2)},
+        {"seed": np.uint64(1), "step": np.int32(1), "actions": np.zeros(())},
+        {**keys, "seed": np.zeros(2), "actions": np.zeros(2)},
+    ):
+        yield log + encode(Message("acted", {}, {name: np.asarray(each) for name, each in arrays.items()}))
+    yield log + log
+    yield log + encode(Message("failed", {"problem": "x"}))
+
+
+def test_damaged_logs_are_errors_that_name_the_file(tmp_path, drawing_log):
+    for number, content in enumerate(damaged(drawing_log)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "bad.decisions").write_bytes(content)
+        for locator in (DRAWING, "*"):
+            with pytest.raises(HostError) as raised:
+                environment([{"agent": DRAWING}], {locator: {"replay": str(folder)}})
+            assert "bad.decisions" in raised.value.place, content
+            assert raised.value.remedy
+
+
+def test_a_log_with_any_byte_changed_raises_no_other_error(tmp_path, drawing_log):
+    draws, file = np.random.default_rng(5), tmp_path / "bad.decisions"
+    for _ in range(500):
+        content = bytearray(drawing_log)
+        content[draws.integers(len(content))] = draws.integers(256)
+        file.write_bytes(content[: draws.integers(len(content))] if draws.random() < 0.2 else content)
+        with suppress(HostError):
+            Replayed(tmp_path, DRAWING, "{}")
+
+
+def test_a_folder_in_place_of_a_file_is_an_error(tmp_path):
+    (tmp_path / "x.decisions").mkdir()
+    with pytest.raises(HostError) as raised:
+        environment([{"agent": DRAWING}], {DRAWING: {"replay": str(tmp_path)}})
+    assert "x.decisions" in raised.value.place
+
+
+def test_a_folder_that_cannot_be_made_is_an_error_before_the_first_step(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(HostError) as raised:
+        environment([{"agent": DRAWING}], {DRAWING: {"where": "process", "log": str(tmp_path / "file")}})
+    assert str(tmp_path / "file") in raised.value.place
+
+
+@pytest.mark.parametrize("where", ["process", "in_process"])
+def test_an_agent_that_is_not_in_the_log_acts_in_this_process_or_is_an_error(tmp_path, drawing_log, where):
+    (tmp_path / "x.decisions").write_bytes(drawing_log)
+    hosts = {"*": {"where": where, "replay": str(tmp_path)}}
+    social = [{"agent": DRAWING}, {"agent": "random-v0"}]
+    if where == "process":
+        with pytest.raises(HostError) as raised:
+            environment(social, hosts)
+        assert str(tmp_path) in raised.value.place
+    else:
+        assert not played(social, hosts, count=5)[1]
+
+
+def test_a_log_of_an_agent_with_other_options_is_an_error_under_others_too(tmp_path):
+    social, hosts = hosted("raise_error", log=str(tmp_path))
+    played(social, hosts, count=3)
+    social[0]["options"] = {"how": "print_once"}
+    with pytest.raises(HostError) as raised:
+        environment(social, {"*": {"replay": str(tmp_path)}})
+    assert "print_once" in raised.value.problem
 
 
 def test_a_replay_without_a_log_is_an_error(tmp_path):
@@ -267,6 +441,7 @@ def logged(folder, *answers):
     )
     for answer in answers:
         with closing(DecisionLog(folder)) as log:
+            log.begin({"period": 1})
             if answer is None:
                 log.write_late(Request(batch))
             else:
@@ -372,6 +547,100 @@ def test_hosts_start_with_the_first_episode_and_only_if_they_are_needed():
         assert env._runner._requests is None
 
 
+FORKED_BEFORE = """
+import os, sys
+from pathlib import Path
+from tests.unit.env.test_hosts import DRAWING, decided, descendants, environment, messages_of, steps
+folder = sys.argv[1]
+env = environment([{"agent": DRAWING}], {DRAWING: {"where": "process", "log": folder}})
+assert not [*Path(folder).iterdir()]
+child = os.fork()
+env.reset()
+started = descendants()
+[*steps(env, 3)]
+assert child or descendants() == started
+env.close()
+if child:
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    files = [[each.kind for each in messages_of(file)] for file in Path(folder).iterdir()]
+    assert files == 2 * [["about", "acted", "acted", "acted"]], files
+else:
+    os._exit(0)
+"""
+
+
+def test_an_environment_that_is_forked_before_its_first_reset_starts_its_agents_once(tmp_path):
+    """Each process writes a log of its own, and an environment that is never reset writes none."""
+    subprocess.run([sys.executable, "-c", FORKED_BEFORE, str(tmp_path)], check=True, timeout=60)
+    social = [{"agent": DRAWING}]
+    _, failures = played(social, {DRAWING: {"replay": str(tmp_path)}}, count=3)
+    assert not failures
+
+
+def test_an_answer_that_came_while_another_agent_was_ended_is_in_time(monkeypatch):
+    """The first agent is stopped, and to end it takes longer than the second one's deadline."""
+    monkeypatch.setattr("smarts.agents.hosting.links.END_TIME", 3.0)
+    social = [{"agent": DRAWING}, {"agent": MISBEHAVING, "options": {"how": "sleep"}}]
+    hosts = {
+        DRAWING: {"where": "process", "patience": 0.1},
+        MISBEHAVING: {"where": "process", "deadline_ms": 2000.0},
+    }
+    with closing(environment(social, hosts)) as env:
+        env.reset()
+        [*steps(env, 1)]
+        link = host_of(env).links[0]
+        assert wait_for([link.channel], time.monotonic() + 10.0)  # the second answer; the third does not come
+        for pid in (*workers_of(link), link.pid):
+            os.kill(pid, signal.SIGSTOP)
+        infos, failures = [], {}
+        for result in steps(env, 3):
+            infos.append(result.social_infos.get(0, {}))
+            failures |= result.social_failures.get(0, {})
+    assert len(failures) == 1
+    assert not any("late_decisions" in info for info in infos)
+
+
+FULL = """
+import resource, signal, sys
+from tests.unit.env.test_hosts import DRAWING, descendants, environment, steps
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+social = [{"agent": DRAWING}, {"agent": "random-v0"}]
+env = environment(social, {"*": {"where": "process", "log": sys.argv[1]}})
+env.reset()
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
+[*steps(env, 10)]
+resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+[*steps(env, 3)]
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
+env.close()
+assert not descendants()
+"""
+
+
+def test_a_full_disk_ends_the_log_and_neither_the_run_nor_its_end(tmp_path):
+    """What is written later does not follow a message that was cut off."""
+    subprocess.run([sys.executable, "-c", FULL, str(tmp_path)], check=True, timeout=60)
+    files = [*tmp_path.iterdir()]
+    assert len(files) == 2
+    for file in files:
+        kinds = [message.kind for message in messages_of(file)]
+        assert kinds[0] == "about"
+        assert 1 < len(kinds) < 11
+        assert set(kinds[1:]) == {"acted"}
+
+
+def test_all_agents_are_ended_though_one_cannot_be():
+    social = [{"agent": DRAWING}, {"agent": "random-v0"}]
+    env = environment(social, {"*": "process"})
+    env.reset()
+    first, second = host_of(env).links.values()
+    process, other = first._process, second.pid
+    os.close(process.stdin.fileno())  # so `close` of this link raises, and its agent ends by itself
+    env.close()
+    assert not Path(f"/proc/{other}").exists()
+    process.wait(10)
+
+
 KILLED = """
 import sys, time
 from tests.unit.env.test_hosts import descendants, environment, hosted, steps
@@ -402,3 +671,20 @@ def is_running(pid):
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def test_an_agent_at_an_address_is_started_once_and_replayed_when_it_is_gone(tmp_path, monkeypatch):
+    from tests.unit.agents.test_addresses import AtAddress, kit_agent
+
+    opened, open_link = [], AtAddress.open
+    monkeypatch.setattr(AtAddress, "open", lambda self: opened.append(self) or open_link(self))
+    with kit_agent(tmp_path) as address:
+        social, log = [{"agent": address}], str(tmp_path / "log")
+        states, failures = played(social, {address: {"log": log}}, count=20)
+        assert len(opened) == 1
+        with closing(environment(social, {})) as env:  # never reset: nothing is left, see the fixture
+            assert not host_of(env).links
+    assert not failures
+    opened.clear()
+    assert played(social, {address: {"replay": log}}, count=20) == (states, {})
+    assert not opened

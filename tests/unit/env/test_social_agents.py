@@ -110,7 +110,9 @@ def test_an_agent_that_raises_fails_in_the_frame_of_that_step(play):
     played.runner.listen(Listener(frames))
     played.reset()
     played.step()
-    assert frames[-1].social_failures == {(0, 1): "raised RuntimeError: no idea"}
+    ((place, problem),) = frames[-1].social_failures.items()
+    assert place == (0, 1)
+    assert problem.startswith(f"raised RuntimeError: no idea ({__file__}:")
     played.step()
     assert frames[-1].social_failures == {}
     assert played.world.agents.release_step[0, SOCIAL] == -1, "its vehicle did not come from traffic"

@@ -189,3 +189,50 @@ def test_sumo_keeps_a_vehicle_that_crosses_without_priority(world, country, arm,
         gone += 0.1 * float(states.speed[slot])
         answer = world.traffic.can_give(slot)
     assert answer == refusal
+
+
+@pytest.mark.parametrize(
+    ("kind", "to", "front", "refusal"),
+    [
+        (
+            'vClass="bus" length="12"',
+            "s",
+            -45.0,
+            Refusal.IN_JUNCTION,
+        ),  # a bus turns around 15 m, the lane around 6 m
+        ('vClass="bus" length="12"', "s", -3.0, Refusal.IN_JUNCTION),
+        ('vClass="bus" length="12"', "s", 30.0, Refusal.NONE),
+        ('vClass="bus" length="12"', "e", -45.0, Refusal.NONE),
+        ('vClass="passenger" length="5"', "s", -45.0, Refusal.NONE),
+    ],
+)
+def test_sumo_keeps_a_vehicle_before_a_turn_that_is_too_tight_for_it(
+    world, country, kind, to, front, refusal
+):
+    """The turn to the right has priority."""
+    begin(
+        world, country.cross(from_arm("w", to, 150, 8).replace('id="calm"', f'id="calm" {kind} maxSpeed="8"'))
+    )
+    slot, states = world.slot("s0"), world.states
+    answer, gone = Refusal.NONE, -52.0
+    while gone < front:
+        world.step()
+        gone += 0.1 * float(states.speed[slot])
+        answer = world.traffic.can_give(slot)
+    assert answer == refusal
+
+
+@pytest.mark.parametrize(("speed", "refusal"), [(12.0, Refusal.NONE), (3.0, Refusal.SIDEWAYS)])
+def test_sumo_keeps_a_slow_vehicle_that_changes_lanes(world, country, speed, refusal):
+    """A lane of 3.2 m in 3 s: it leans by 1.07 / 12 = 0.09 rad, or by 1.07 / 3 = 0.34 rad."""
+    begin(world, country.road(drivers((0, 20, speed)).replace('id="calm"', f'id="calm" maxSpeed="{speed}"')))
+    slot = world.slot("s0")
+    world.traffic._library.vehicle.changeLane("s0", 1, 10.0)
+    answers = []
+    for _ in range(15):
+        world.step()
+        answers.append(world.traffic.can_give(slot))
+    assert answers[-1] == refusal
+    for _ in range(30):
+        world.step()
+    assert world.traffic.can_give(slot) == Refusal.NONE

@@ -120,6 +120,18 @@ class TestHandOver:
         refusals = driven.vehicles.can_accept(np.zeros(2, np.int32), np.arange(2, dtype=np.int32))
         assert refusals.tolist() == [Refusal.KIND, Refusal.NONE]
 
+    @pytest.mark.parametrize(("ahead", "refusal"), [(0.0, Refusal.NONE), (1.6, Refusal.SIDEWAYS)])
+    @pytest.mark.parametrize("turn", [-0.5, 0.5])
+    @pytest.mark.parametrize("kind", [VehicleKind.PASSENGER, VehicleKind.BUS])
+    def test_a_vehicle_that_turns_swings_about_its_rear_axle(self, stage, kind, turn, ahead, refusal):
+        """Its centre moves sideways by the turn; it may not as if it turned the other way."""
+        driven, car = stage([Car(50.0, 0.0, kind=kind)]), vehicle(kind.name.lower())
+        vehicles = driven.world.vehicles
+        vehicles.yaw_rate[0, 0] = turn
+        of_turn = turn * (car.cog_to_rear_axle - car.centre_to_cog)
+        vehicles.lateral_speed[0, 0] = of_turn - math.copysign(ahead, turn)
+        assert driven.vehicles.can_accept(np.zeros(1, np.int32), np.zeros(1, np.int32)).tolist() == [refusal]
+
     @pytest.mark.parametrize(
         ("sideways", "refusal"), [(-1.1, Refusal.NONE), (2.1, Refusal.SIDEWAYS), (-2.1, Refusal.SIDEWAYS)]
     )

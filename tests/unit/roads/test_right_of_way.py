@@ -5,12 +5,16 @@ import math
 import numpy as np
 import pytest
 
+from smarts.observations.arrays import ArrayObservation
+from smarts.observations.surroundings import OWN_VEHICLE, Own
+from smarts.roads.precedence import is_in_the_way
 from smarts.roads.right_of_way import gap_to_wait
 from smarts.roads.sumo_net import read_net
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
 from smarts.zoo.driving import LINE_OVERLAP, Idm
 from tests.maps import crossing
+from tests.unit.observations.test_features import context_of
 from tests.worlds import Car, world_of
 
 from . import maps
@@ -36,7 +40,7 @@ TO_THE_WEST = AgentMission(route=("south_in", "west_out"), goal=GoalKind.POSITIO
 TO_THE_EAST = AgentMission(route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_position=(80.0, -1.6))
 
 
-def gap_of(made, agent=0):
+def gap_of(made, agent=0, margins=1.0):
     """Return what the kernel finds for an agent."""
     state, roads, routes = made.world.state, made.atlas.roads, made.routes.current.value
     slot = made.world.agents.slot[0, agent]
@@ -44,16 +48,32 @@ def gap_of(made, agent=0):
     route = routes.free + routes.number[0, agent]
     rows = range(routes.start[route], routes.start[route + 1])
     (row,) = [row for row in rows if routes.lane[row] == lane]
-    return gap_to_wait(state, roads, routes, 0, slot, row, made.world.vehicles.lane_position[0, slot])
+    return gap_to_wait(
+        state, roads, routes, 0, slot, row, made.world.vehicles.lane_position[0, slot], margins
+    )
 
 
 def wait_for(
-    *cars, rules, speed=8.0, y=-30.0, mission=TO_THE_NORTH, signals=(), step=0, accelerations=(), widths=None
+    *cars,
+    rules,
+    speed=8.0,
+    y=-30.0,
+    mission=TO_THE_NORTH,
+    signals=(),
+    step=0,
+    accelerations=(),
+    widths=None,
+    turns=(),
+    length=5.0,
 ):
-    """Return how far a vehicle from the south drives at most [m]; `accelerations` are those of the cars."""
+    """Return how far a vehicle from the south drives at most [m].
+
+    `accelerations` are those of the cars, `turns` the edges that the cars after the first one signal.
+    """
     graph = crossing(gives_way=rules, widths=widths or {})
-    made = world_of([Car(1.6, y, math.pi / 2, speed, mission), *cars], maps=[graph])
+    made = world_of([Car(1.6, y, math.pi / 2, speed, mission, length=length), *cars], maps=[graph])
     made.world.step[:] = step
+    made.world.vehicles.next_edge[0, 1 : 1 + len(turns)] = [*map(graph.edge_number, turns)]
     made.world.vehicles.acceleration[0, : len(accelerations)] = accelerations
     for turn, light in signals:
         made.world.signals[0, graph.lane_ids.index(f":junction_{TURNS.index(turn)}_0")] = light
@@ -73,7 +93,7 @@ def test_an_empty_junction():
     [(-40.0, 10.0, True), (-89.0, 3.0, False), (-60.0, 0.0, False), (-0.5, 0.0, True)],
 )
 def test_a_vehicle_without_priority_waits_for_those_that_come(x, speed, waits):
-    """Not for those that come later, nor for those that stand in a queue; but for what stands in the way."""
+    """It waits for a vehicle that stands in its way, but neither for later ones nor for a queue."""
     assert wait_for(from_the_west(x, speed), rules=SOUTH_WAITS) == (LINE if waits else np.inf)
 
 
@@ -91,6 +111,28 @@ def test_a_turn_to_the_left_waits_for_oncoming_traffic_only():
     assert wait_for(oncoming, rules=rules, mission=TO_THE_WEST) == LINE
     assert wait_for(oncoming, rules=rules) == np.inf
     assert wait_for(following, rules=rules, mission=TO_THE_WEST) == np.inf
+
+
+@pytest.mark.parametrize(
+    ("turn", "waits"),
+    [("south_out", True), ("west_out", True), ("east_out", False), ("north_in", True), (None, True)],
+)
+def test_a_turn_to_the_left_waits_for_oncoming_vehicles_that_do_not_signal_otherwise(turn, waits):
+    """Two that turn to the left do not meet. An edge that its lane does not lead to says nothing."""
+    rules = {("south", "west"): [("north", "south"), ("north", "west")]}
+    oncoming = Car(-1.6, 45.0, -math.pi / 2, 10.0)
+    turns = (turn,) if turn else ()
+    gap = wait_for(oncoming, rules=rules, mission=TO_THE_WEST, turns=turns)
+    assert (gap == LINE) == waits
+
+
+@pytest.mark.parametrize(("turn", "waits"), [("south_out", False), ("east_out", True), (None, True)])
+def test_a_vehicle_in_the_junction_is_on_the_ways_that_it_signals(turn, waits):
+    """Where it is, the way to the left has hardly left the way straight on."""
+    rules = {("south", "north"): [("north", "east")]}
+    oncoming = Car(-1.6, 7.0, -math.pi / 2, 1.0)
+    gap = wait_for(oncoming, rules=rules, turns=(turn,) if turn else ())
+    assert (gap == LINE) == waits
 
 
 def test_a_red_light_holds_others_back():
@@ -160,6 +202,22 @@ def test_the_room_that_vehicles_need_does_not_depend_on_their_lanes(south, west,
     """
     gap = wait_for(from_the_west(x, 0.0), rules=WEST_WAITS, widths={"south": south, "west": west})
     assert gap == (LINE if waits else np.inf)
+
+
+@pytest.mark.parametrize(("x", "is_there"), [(-2.15, False), (-2.05, True), (5.25, True), (5.35, False)])
+def test_a_vehicle_that_stands_is_in_the_way_of_a_footprint_that_would_touch_it(x, is_there):
+    """That of the way from x = 0.7 to 2.5 comes nearer than 0.3 m to a car of 5 m with its middle at x."""
+    graph = crossing()
+    cars = [Car(1.6, -30.0, math.pi / 2, 0.0, TO_THE_NORTH), from_the_west(x, 0.0)]
+    made = world_of(cars, maps=[graph])
+    roads = made.atlas.roads
+    own, its = (
+        graph.lane_ids.index(f":junction_{TURNS.index(way)}_0")
+        for way in (("south", "north"), ("west", "east"))
+    )
+    rows = range(int(roads.conflict_start[own]), int(roads.conflict_start[own + 1]))
+    (place,) = [row for row in rows if roads.conflict_lane[row] == its]
+    assert is_in_the_way(made.world.state, roads, 0, 0, 1, place, own) == is_there
 
 
 @pytest.mark.parametrize(
@@ -271,3 +329,20 @@ def test_four_vehicles_stop_and_cross_an_all_way_stop():
             break
     assert (place > 20.0).all()
     assert (slowest < 0.5).all()
+
+
+@pytest.mark.parametrize(
+    ("x", "margins", "waits"),
+    [(-45.0, 1.0, True), (-45.0, 0.4, False), (-36.0, 0.4, True), (-53.0, 1.0, False)],
+)
+def test_a_driver_with_smaller_margins_takes_smaller_gaps(x, margins, waits):
+    """It is out of the meeting after 32 m, 2.9 s at 2 m/s^2; the other comes there 3.3 to 4.3 s from now.
+
+    That is x + 2 m, with 10 m/s and 1 m/s^2: 3.80, 3.80, 3.00 and 4.42 s. The margins are 1 s and 0.4 s.
+    """
+    graph = crossing(gives_way=SOUTH_WAITS)
+    made = world_of([Car(1.6, -30.0, math.pi / 2, 8.0, TO_THE_NORTH), from_the_west(x, 10.0)], maps=[graph])
+    assert gap_of(made, margins=margins) == (LINE if waits else np.inf)
+    feature = [{"surroundings": {"margins": margins}}]
+    seen = ArrayObservation(context_of(made), feature).observe(np.ones((1, 1), np.bool_))
+    assert seen[OWN_VEHICLE][0, 0, Own.YIELD_GAP] == (LINE if waits else np.inf)

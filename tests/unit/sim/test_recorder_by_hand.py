@@ -5,16 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smarts.envision.compact_episode import compact_episode
 from smarts.errors import TrafficError
 from smarts.roads.scene import Scene
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.sim.recorder import EpisodeRecorder
+from smarts.stream.reading import CompactEpisode
 from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.events import Contacts, Events, Outcome
 from smarts.types.frame import Frame, Readings
 from smarts.types.mission import AgentMission
 from smarts.types.traffic import Signal, TrafficFiles
+from smarts.types.vehicles import Owner
 from tests import maps
 from tests.worlds import Car, world_of
 
@@ -24,11 +27,11 @@ EGO = AgentMission(route=("road",))
 class Recording:
     """A hand-made world of one simulation, recorded."""
 
-    def __init__(self, folder, cars, capacity=16):
+    def __init__(self, folder, cars, capacity=16, **options):
         self.made = world_of(cars, maps=[maps.straight(length=1000.0)], capacity=capacity)
         self.world = self.made.world
         scene = Scene(self.world, self.made.atlas, self.made.routes)
-        self.recorder = EpisodeRecorder(scene, folder, self.made.pool)
+        self.recorder = EpisodeRecorder(scene, folder, self.made.pool, **options)
         self.folder = folder
         shape = self.world.agents.slot.shape
         self.contacts = Contacts.allocate(*shape, capacity)
@@ -69,6 +72,51 @@ def test_who_was_near_is_recorded_for_15_seconds_more(tmp_path):
     assert steps[0] == list(range(211))
     assert steps[1] == list(range(10 + 150 + 1))
     assert steps[2] == []
+
+
+def test_vehicles_far_from_agents_are_recorded_if_asked_for(tmp_path):
+    cars = [
+        Car(100.0, 0.0, mission=EGO),
+        Car(200.0, 0.0, name="near"),
+        Car(700.0, 3.2, speed=12.344, name="far"),
+    ]
+    recording = Recording(tmp_path, cars, everything=True)
+    recording.begin()
+    recording.step(10)
+    recording.world.vehicles.position[0, 1] = 600.0, 0.0
+    # More rows than a buffer holds.
+    recording.step(2990)
+    episode = recording.read()
+    near, distant, names = (episode.table(name) for name in ("vehicles", "distant", "names"))
+    assert near["step"][near["slot"] == 1].tolist() == list(range(10 + 150 + 1))
+    assert distant["step"][distant["slot"] == 1].tolist() == list(range(10 + 150 + 1, 3001))
+    far = {name: column[distant["slot"] == 2] for name, column in distant.items()}
+    assert far["step"].tolist() == list(range(3001))
+    assert {name: set(column.tolist()) for name, column in far.items() if name != "step"} == {
+        "slot": {2},
+        "generation": {1},
+        "owner": {Owner.TRAFFIC},
+        "x": {70000},
+        "y": {320},
+        "heading": {0},
+        "speed": {1234},
+    }
+    assert sorted(names["name"].tolist()) == ["car", "far", "near"]
+    states = recording.world.vehicles
+    for name in ("kind", "length", "width"):
+        expected = [getattr(states, name)[0, slot] for slot in names["slot"]]
+        np.testing.assert_allclose(names[name], expected, rtol=1e-6)
+
+
+def test_a_recording_of_all_vehicles_plays_without_gaps(tmp_path):
+    cars = [Car(100.0, 0.0, mission=EGO), Car(200.0, 0.0), Car(700.0, 3.2)]
+    recording = Recording(tmp_path, cars, everything=True)
+    recording.begin()
+    recording.world.vehicles.position[0, 1] = 600.0, 0.0
+    recording.step(200)
+    motion = CompactEpisode(compact_episode(recording.read())).motion
+    for number in range(3):
+        assert motion.step[motion.number == number].tolist() == list(range(201))
 
 
 def test_another_vehicle_in_the_same_slot_is_another(tmp_path):

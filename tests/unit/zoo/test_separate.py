@@ -16,7 +16,7 @@ from smarts.errors import SmartsError
 from smarts.zoo import find_entry, make_agent, make_spec
 from smarts.zoo.kit_wheel import build_wheel
 from smarts.zoo.registry import add_folder
-from smarts.zoo.separate import install
+from smarts.zoo.separate import _key, clean, install, uninstall
 from tests.unit.env.test_hosts import nothing_is_left, steps  # noqa: F401
 
 MODULE = """
@@ -152,6 +152,22 @@ def test_a_python_that_does_not_fit_is_an_error_before_anything_is_built(zoo):
     with pytest.raises(HostError):
         install(find_entry(name), "/no/such/python")
     assert built(zoo) == set()
+
+
+def test_environments_go_with_their_agents_or_when_they_are_not_used(zoo):
+    names = [project(zoo, version) for version in "12"]
+    used = [_key(find_entry(name)) for name in names]
+    root = zoo / "cache" / "smarts-bench" / "agents"
+    old = f"{names[0]}-{'0' * 16}"
+    for key in (*used, old, f"gone-v0-{'1' * 16}", f"{names[0]}-more-v0-{'2' * 16}"):
+        (root / f"{key}-py3.11.7" / "lib").mkdir(parents=True)
+    (root / "notes").mkdir()
+    clean([find_entry(names[0]), find_entry(names[1])])
+    assert built(zoo) == {*(f"{key}-py3.11.7" for key in used), "notes"}
+    (root / f"{old}-py3.11.7").mkdir()
+    assert len(uninstall(names[0])) == 2
+    assert built(zoo) == {f"{used[1]}-py3.11.7", "notes"}
+    assert uninstall(names[0]) == []
 
 
 def test_an_agent_without_a_project_has_no_environment(zoo):

@@ -250,8 +250,3 @@ def test_a_seed_is_drawn_where_none_is_given():
     given = algorithms.config("ppo").debugging(seed=0)
     given.validate()
     assert given.seed == 0
-
-
-def test_several_learners_are_refused():
-    with pytest.raises(ValueError, match="num_learners"):
-        algorithms.config("ppo").learners(num_learners=2).validate()

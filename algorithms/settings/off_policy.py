@@ -1,0 +1,206 @@
+"""Settings of the algorithms that learn from replay."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from algorithms.settings.base import EpsilonGreedySettings, OffPolicySettings
+from algorithms.settings.kinds import (
+    WIDEST,
+    Count,
+    FirstAndLastPositive,
+    Graph,
+    NotNegative,
+    Number,
+    Positive,
+    ScheduledFraction,
+    ScheduledWeight,
+    Sharing,
+    SomeWidths,
+    Width,
+    check_heads,
+)
+
+
+class DQNSettings(EpsilonGreedySettings):
+    """Independent DQN."""
+
+    double: bool = True
+    """Whether the online network chooses the next action."""
+    duelling: bool = True
+    """Whether value and advantage have separate streams."""
+    prioritised: bool = False
+    """Whether transitions are drawn by their last temporal difference (Schaul et al. 2016); without `gru`."""
+    priority_alpha: NotNegative = 0.6
+    """Exponent of priorities: 0 is uniform."""
+    priority_beta: NotNegative = 0.4
+    """How far importance weights undo them: 1 entirely."""
+
+    @model_validator(mode="after")
+    def _priorities_fit(self) -> Self:
+        if self.prioritised and self.gru:
+            raise ValueError("prioritised replay ranks single transitions: set gru to 0")
+        return self
+
+
+class VDNSettings(DQNSettings):
+    """VDN."""
+
+    prioritised: Literal[False] = False  # type: ignore[reportIncompatibleVariableOverride]
+    """Always False: the team's loss gives no agent's temporal difference; 'dqn' has prioritised replay."""
+    team_reward: Literal["sum", "mean"] = "sum"
+    """How rewards of the active agents are joined; "mean" where all get the same shared reward."""
+
+
+class QMIXSettings(VDNSettings):
+    """QMIX."""
+
+    mixer_width: Width = 32
+    """Hidden units of the mixer."""
+
+
+class MAVENSettings(QMIXSettings):
+    """MAVEN."""
+
+    latents: Annotated[int, Field(ge=2, le=WIDEST)] = 16
+    """Number of values of the latent that an episode commits to."""
+    lambda_mi: NotNegative = 0.5
+    """Weight of the mutual information between latent and behaviour."""
+    latent_entropy: NotNegative = 0.2
+    """Weight of the entropy of the policy that draws latents, beside standardised returns."""
+
+
+class QTRANSettings(VDNSettings):
+    """QTRAN."""
+
+    variant: Literal["base", "alt"] = "base"
+    """"base": the sum bounds the joint value from above; "alt": tightly in one of each agent's actions."""
+    lambda_opt: NotNegative = 1.0
+    """Weight of the constraint at the agents' best actions."""
+    lambda_nopt: NotNegative = 1.0
+    """Weight of the constraint elsewhere."""
+
+
+class QDPPSettings(OffPolicySettings):
+    """Q-DPP."""
+
+    double: bool = True
+    """Whether the online network chooses the next joint action."""
+    duelling: bool = True
+    """Whether value and advantage have separate streams."""
+    team_reward: Literal["sum", "mean"] = "sum"
+    """How rewards of the active agents are joined; "mean" where all get the same shared reward."""
+    features: Width = 32
+    """Numbers in a diversity vector."""
+    own_share: Annotated[float, Field(ge=1e-5, le=1)] = 1e-3
+    """Share of a squared diversity vector in a direction that no other agent has, which bounds the penalty of
+    equal vectors (of two agents: the logarithm of twice the share, in scaled returns); 1: the sum of VDN."""
+    temperature: FirstAndLastPositive = (1.0, 0.05)
+    """First and last temperature of the sampler, in scaled returns: 1 is the paper's, smaller is greedier."""
+    temperature_steps: NotNegative = 10_000
+    """Environment steps from the first to the last."""
+
+
+class OpponentQSettings(EpsilonGreedySettings):
+    """Q-learning with models of the other agents."""
+
+    lr: ScheduledFraction = 1e-3
+    model_steps: Count = 4
+    """Gradient steps of the models of the other agents on each rollout."""
+
+
+class PR2Settings(OpponentQSettings):
+    """PR2-Q."""
+
+    alpha: Positive = 0.1
+    """Temperature of the others' expected answers, in scaled returns: the smaller, the surer."""
+
+
+class ROMMEOSettings(OpponentQSettings):
+    """ROMMEO-Q."""
+
+    alpha: Positive = 0.1
+    """Weight of the policy's entropy and of the distance of what is expected from what was seen, in scaled
+    returns: the smaller, the more optimistic about the others."""
+
+
+class MADDPGSettings(OffPolicySettings):
+    """MADDPG."""
+
+    lr: ScheduledFraction = 1e-3
+    grad_clip: Positive | None = 0.5
+    batch_size: Count = 256
+    noise: NotNegative = 0.1
+    """Standard deviation of exploration noise on continuous actions in [-1, 1]."""
+    logit_penalty: NotNegative = 1e-3
+    """Weight of the mean square of policy outputs, which keeps samples from freezing."""
+
+
+class BiCNetSettings(MADDPGSettings):
+    """BiCNet."""
+
+    sharing: Sharing = "all"
+    hidden: SomeWidths = (64, 64)
+    """Widths of hidden layers; the last is the width of what agents hand on."""
+
+
+class MAACSettings(OffPolicySettings):
+    """MAAC."""
+
+    hidden: SomeWidths = (64, 64)
+    """Widths of hidden layers; the last is the width of embeddings."""
+    lr: ScheduledFraction = 1e-3
+    batch_size: Count = 256
+    alpha: NotNegative = 0.01
+    """Weight of the policies' entropy, in scaled rewards."""
+    attention_heads: Count = 4
+    """Heads of the critic's attention; they divide the last of `hidden`."""
+
+    @model_validator(mode="after")
+    def _heads_fit(self) -> Self:
+        check_heads(self.attention_heads, self.hidden)
+        return self
+
+
+class MeanFieldSettings(OffPolicySettings):
+    """Settings of both mean-field algorithms."""
+
+    lr: ScheduledFraction = 1e-3
+    graph: Graph = "auto"
+    """Neighbours: "auto" (the environment's graph, else all agents), "environment", "all", "ring", pairs of
+    agents, or in Python `Near`."""
+
+
+class MeanFieldQSettings(MeanFieldSettings):
+    """MF-Q."""
+
+    temperature: Positive = 0.1
+    """Temperature of the Boltzmann policy, in scaled returns: the smaller, the greedier."""
+
+
+class MeanFieldACSettings(MeanFieldSettings):
+    """MF-AC."""
+
+    entropy_coeff: ScheduledWeight = 0.01
+    """Weight of the policies' entropy, in scaled returns, or a schedule over environment steps."""
+
+
+class NetworkedQSettings(EpsilonGreedySettings):
+    """Networked fitted Q-iteration."""
+
+    lr: ScheduledFraction = 1e-3
+    grad_clip: Positive | None = None
+    """Largest gradient norm of each network; null: any. A node that clips its own gradient no longer follows
+    the team's."""
+    graph: Graph = "auto"
+    """Agents that exchange parameters: as `graph` of "mf_q"."""
+    consensus: bool = True
+    """False: the agents exchange nothing, and each fits its own reward."""
+    fit_steps: Count = 50
+    """Steps of a fit before its result gives the next targets."""
+    agreement_rounds: Number = 8
+    """Rounds of averaging at the end of a fit."""
+    max_joint_actions: Count = 4096
+    """Maximum number of joint actions."""

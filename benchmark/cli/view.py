@@ -1,0 +1,126 @@
+"""`smarts-bench view`: episodes in a browser, as a page in one file, or as compact files."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from smarts.errors import SmartsError
+
+if TYPE_CHECKING:
+    from smarts.envision.viewer_page import Embedded
+
+
+def view(
+    paths: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="RUN_OR_EPISODE...",
+            help="Folders of runs or of recorded episodes, single episodes, or .smarts files.",
+            show_default=False,
+        ),
+    ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write a page with the episodes inside, which needs no server.", show_default=False
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write one episode as a compact file (.smarts).", show_default=False)
+    ] = None,
+    begin: Annotated[
+        float | None, typer.Option(help="First time of what is written (s).", show_default="the first step")
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option(help="Last time of what is written (s).", show_default="the last step")
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show simulations that run with SMARTS_ENVISION=host:port.")
+    ] = False,
+    host: Annotated[
+        str, typer.Option(help="Address to listen at; others than this machine's own ask for a token.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="0: any that is free.", min=0, max=65535)] = 8081,
+    browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
+) -> None:
+    """Show recorded episodes and running simulations in a browser."""
+    if not paths and not live:
+        raise SmartsError(
+            "no episode is given",
+            place="view",
+            remedy="name the folder of a run or of recorded episodes, or one episode, or give --live",
+        )
+    if html is not None or out is not None:
+        _write(paths or [], html, out, begin, end)
+        return
+    if begin is not None or end is not None:
+        raise SmartsError(
+            "--begin and --end have no effect on what is served", place="view", remedy="leave them out"
+        )
+    from smarts.envision.episode_library import EpisodeLibrary
+    from smarts.envision.server import ViewServer
+
+    library = EpisodeLibrary(paths) if paths else None
+    server = ViewServer(library, live=live, host=host, port=port)
+    episodes = f"{len(library.entries())} episodes" if library else ""
+    shown = " and ".join(part for part in (episodes, "running simulations" if live else "") if part)
+    typer.echo(f"{shown} at {server.url} (Ctrl-C ends)")
+    if browser:
+        webbrowser.open(server.url)
+    server.run()
+
+
+def _write(
+    paths: list[Path], html: Path | None, out: Path | None, begin: float | None, end: float | None
+) -> None:
+    """Write episodes into files, and say how large these are."""
+    from smarts.envision.viewer_page import page_with
+    from smarts.envision.whole_files import written_whole
+
+    episodes = [_embedded(path, begin, end) for path in paths]
+    files: dict[Path, bytes] = {}
+    if out is not None:
+        if len(episodes) > 1:
+            raise SmartsError(
+                f"{len(episodes)} episodes for one file",
+                place=str(out),
+                remedy="name one episode, or use --html",
+            )
+        files[out] = episodes[0].data
+    if html is not None:
+        files[html] = page_with(episodes).encode()
+    for path, content in files.items():
+        with written_whole(path) as partial:
+            partial.write_bytes(content)
+        typer.echo(f"{path}: {len(content) / 1e6:.2f} MB")
+
+
+def _embedded(path: Path, begin: float | None, end: float | None) -> Embedded:
+    """Return one episode, or a part of it."""
+    from smarts.envision.compact_episode import compact_episode
+    from smarts.envision.episode_library import EpisodeLibrary, read_compact
+    from smarts.envision.viewer_page import Embedded
+    from smarts.sim.episode_files import RecordedEpisode
+
+    entries = EpisodeLibrary([path]).entries()
+    if len(entries) > 1:
+        names = ", ".join(f"{entry.run}/{entry.label}" for entry in entries[:5])
+        raise SmartsError(
+            f"this folder has {len(entries)} episodes",
+            place=str(path),
+            remedy=f"name one of them: {names}{', ...' if len(entries) > 5 else ''}",
+        )
+    entry = entries[0]
+    if begin is None and end is None:
+        return Embedded(entry.id, entry.label, read_compact(path))
+    if path.is_file():
+        raise SmartsError(
+            "--begin and --end cut recorded episodes, not compact files",
+            place=str(path),
+            remedy="name the folder of the recorded episode, or leave them out",
+        )
+    return Embedded(entry.id, entry.label, compact_episode(RecordedEpisode(path), begin, end))

@@ -1,0 +1,121 @@
+"""Types of the values of experiment files: names, lists of them, and what is wrong with others."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field
+
+from algorithms.registry import ALGORITHMS
+from benchmark.scripted import SCRIPTED_POLICIES
+from smarts.config import UnfitError
+from smarts.errors import nearest_names
+from smarts.registry import is_own_name
+from smarts.sstudio.locating import resolved, suite
+from smarts.types.actions import ActionSpaceType
+from smarts.types.traffic import TRAFFIC_ENGINES
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
+ACTION_NAMES = tuple(kind.name for kind in ActionSpaceType if kind != ActionSpaceType.Empty)
+
+Positive = Annotated[int, Field(ge=1)]
+# Sequences are written as lists, and kept as tuples, since nothing of a config changes.
+SEVERAL = Field(min_length=1, strict=False)
+
+
+def _name(text: str) -> str:
+    if not NAME.fullmatch(text):
+        raise UnfitError(f"{text!r} cannot name a folder", "use letters, digits, '.', '_' and '-'")
+    return text
+
+
+def _named(kind: str, known: Iterable[str]) -> Callable[[str], str]:
+    """Return a check that a name is a registered one, or a `module:Class`, which later checks resolve."""
+
+    def check(name: str) -> str:
+        if name not in [*known] and not is_own_name(name):
+            raise UnfitError(f"there is no {kind} {name!r}", nearest_names(name, known))
+        return name
+
+    return check
+
+
+def _action(name: str) -> str:
+    if name not in ACTION_NAMES:
+        raise UnfitError(f"there is no action {name!r}", nearest_names(name, ACTION_NAMES))
+    return name
+
+
+def _metric(name: str) -> str:
+    from benchmark.metrics.registry import METRICS  # here: loads pandas, and most files choose none
+
+    return _named("metric", METRICS)(name)
+
+
+def _scenario(name: str) -> str:
+    folder = name.partition("@")[0]
+    if not folder or (folder not in suite() and not Path(folder).exists()):
+        raise UnfitError(
+            f"there is no scenario {name!r}, neither in the suite nor as a folder here",
+            nearest_names(folder, suite()),
+        )
+    return resolved(name)
+
+
+def _address(text: str) -> str:
+    found = ADDRESS.fullmatch(text)
+    if text != "auto" and not (found and 0 < int(found[1]) < 2**16):
+        raise UnfitError(
+            f"{text!r} is not where a Ray cluster can be", "write auto, or HOST:PORT of its head"
+        )
+    return text
+
+
+def _gpus(count: float) -> float:
+    if count > 1 and count % 1:
+        raise UnfitError(
+            f"{count:g} is more than one GPU, but no whole number", "share one, or take whole ones"
+        )
+    return count
+
+
+def distinct(values: Iterable[Any]) -> Any:
+    """Return values as a tuple, or raise if one of them is there twice."""
+    values = tuple(values)
+    twice = sorted({str(value) for value in values if values.count(value) > 1})
+    if twice:
+        raise UnfitError(f"{', '.join(twice)} is there twice", "name each once")
+    return values
+
+
+def _sorted(values: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(sorted(values))
+
+
+FolderName = Annotated[str, AfterValidator(_name)]
+Algorithm = Annotated[str, AfterValidator(_named("algorithm", ALGORITHMS))]
+Policy = Annotated[str, AfterValidator(_named("scripted policy", SCRIPTED_POLICIES))]
+Metric = Annotated[str, AfterValidator(_metric)]
+Scenario = Annotated[str, AfterValidator(_scenario)]
+Address = Annotated[str, AfterValidator(_address)]
+Gpus = Annotated[float, Field(ge=0, allow_inf_nan=False), AfterValidator(_gpus)]
+Engine = Annotated[str, AfterValidator(_named("traffic engine", TRAFFIC_ENGINES))]
+
+
+DISTINCT = AfterValidator(distinct)
+Names = Annotated[tuple[str, ...], SEVERAL, DISTINCT]
+# In one order, whatever the file's: greedy first.
+Modes = Annotated[tuple[Literal["greedy", "sampled"], ...], SEVERAL, DISTINCT, AfterValidator(_sorted)]
+Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**31)], ...], SEVERAL, DISTINCT]
+Algorithms = Annotated[tuple[Algorithm, ...], SEVERAL, DISTINCT]
+Policies = Annotated[tuple[Policy, ...], Field(strict=False), DISTINCT]
+Metrics = Annotated[tuple[Metric, ...], SEVERAL, DISTINCT]
+Imports = Annotated[tuple[str, ...], Field(strict=False), DISTINCT]
+Wheels = Annotated[tuple[Annotated[int, Field(ge=0, le=3)], ...], Field(strict=False), DISTINCT]
+VehicleName = Literal["generic_sedan", "sedan", "passenger", "bus", "coach", "truck", "motorcycle"]
+# All but Empty, by which agents do nothing.
+ActionName = Annotated[str, AfterValidator(_action)]

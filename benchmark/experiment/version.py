@@ -1,0 +1,103 @@
+"""The benchmark's versions: what a version froze, and in what the present code and scenarios differ from it.
+
+A version freezes, by digest, the scenarios, and the code that makes observations, rewards and metrics.
+Digests of code are of its syntax tree without docstrings: comments, docstrings and layout are free.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+FILE = Path(__file__).with_name("versions.yaml")
+"""Version -> part -> digest; the part `scenarios` is traffic -> scenario -> digest."""
+SCENARIOS = "scenarios"
+_ROOT = Path(__file__).parents[2]
+CODE = {
+    "observation": ("smarts/observations", "smarts/sensors"),
+    "reward": ("smarts/rewards",),
+    "metrics": ("benchmark/metrics", "benchmark/statistics"),
+}
+"""Part -> folders of its code."""
+
+Frozen = Mapping[str, Any]
+Played = Mapping[str, Mapping[str, str]]
+"""Traffic -> scenario -> digest."""
+
+
+@cache
+def versions() -> dict[int, Frozen]:
+    """Return what each version froze."""
+    return yaml.safe_load(FILE.read_text(encoding="utf-8"))
+
+
+@cache
+def code_digests(root: Path = _ROOT) -> dict[str, str]:
+    """Return a digest of each part's code and settings files.
+
+    Args:
+        root: The source tree.
+    """
+    return {part: _digest_of([root / folder for folder in folders]) for part, folders in CODE.items()}
+
+
+def _digest_of(folders: list[Path]) -> str:
+    found = hashlib.blake2b(digest_size=8)
+    for folder in folders:
+        for file in sorted(folder.rglob("*")):
+            if file.suffix in (".py", ".yaml"):
+                text = file.read_text(encoding="utf-8")
+                meaning = _tree(text) if file.suffix == ".py" else json.dumps(yaml.safe_load(text))
+                found.update(f"{file.relative_to(folder).as_posix()}\n{meaning}\n".encode())
+    return found.hexdigest()
+
+
+def _tree(source: str) -> str:
+    """Return the syntax tree of a module without texts that stand alone, such as docstrings."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [each for each in body if not _is_text(each)]  # type: ignore[attr-defined]
+    return ast.dump(tree)
+
+
+def _is_text(node: ast.AST) -> bool:
+    is_constant = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    return is_constant and isinstance(node.value.value, str)  # type: ignore[attr-defined]
+
+
+def changed_code(version: int) -> list[str]:
+    """Return the parts of the present code that differ from a version's."""
+    frozen = versions()[version]
+    return [part for part, digest in code_digests().items() if frozen.get(part) != digest]
+
+
+def changed_scenarios(version: int, played: Played) -> list[str]:
+    """Return the scenarios that are not as a version froze them, or not part of it, as "scenario, traffic".
+
+    Args:
+        version: Of the benchmark.
+        played: Digests of what is played.
+    """
+    frozen = versions()[version][SCENARIOS]
+    return [
+        f"{name}, {traffic}"
+        for traffic, digests in played.items()
+        for name, digest in digests.items()
+        if frozen.get(traffic, {}).get(name) != digest
+    ]
+
+
+def frozen_text(version: int, played: Played) -> str:
+    """Return the content of `FILE` with the present code and scenarios as a version."""
+    known = yaml.safe_load(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+    scenarios = {traffic: dict(digests) for traffic, digests in played.items()}
+    return yaml.safe_dump({**(known or {}), version: {**code_digests(), SCENARIOS: scenarios}})

@@ -1,0 +1,142 @@
+"""Summaries over cells: interquartile mean, performance profile, probability of improvement.
+
+The unit is a training seed in a cell; its scores are its completion and its non-collision rate.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.metrics.results import Frame
+from benchmark.report.content import Report
+from benchmark.report.paper import algorithm_label
+from benchmark.report.style import TEXT, label, line, new_figure, png
+from benchmark.statistics import (
+    interquartile_mean,
+    performance_profile,
+    probability_of_improvement,
+    stratified_interval,
+)
+from smarts.types.streams import Purpose, stream
+
+Floats = NDArray[np.float64]
+
+SCORES = {"completion": ("goals", False), "no collision": ("collisions", True)}
+"""Score -> its column of counts, and whether it is 1 minus their share."""
+PROFILE = "performance_profile"
+"""Name of its file."""
+THRESHOLDS = np.linspace(0.0, 1.0, 101)
+COLUMNS = {
+    "algorithm": "Of all cells of the table",
+    "IQM of completion": "Interquartile mean over training seeds and cells",
+    "IQM of no collision": "Of 1 - collision rate",
+    "seeds x cells": "How many scores there are",
+}
+IMPROVEMENT_COLUMNS = {
+    "first": "X",
+    "second": "Y",
+    "P(X > Y)": "That a training seed of X completes more in a cell than one of Y, mean over cells",
+}
+NOTE = (
+    "Over all cells, of the algorithms that have finished the same number of training seeds in each of them. "
+    "95% intervals: 2,000 resamples of training seeds within each cell (rliable's definitions, Agarwal et "
+    "al., 2021)."
+)
+PROFILE_NOTE = (
+    "Share of training seeds and cells with a completion rate above a threshold; band: 95%, pointwise."
+)
+
+
+@dataclass(frozen=True)
+class Summaries:
+    """Of the algorithms that have finished all cells with equally many seeds."""
+
+    scores: dict[str, dict[str, Floats]]
+    """Score -> algorithm -> values, shape (seeds, cells)."""
+
+    @property
+    def algorithms(self) -> list[str]:
+        """Names."""
+        return [*self.scores["completion"]]
+
+    def mean_rows(self) -> list[list[str]]:
+        """Return a row for each algorithm, with `COLUMNS`."""
+        rows = []
+        for name in self.algorithms:
+            values = [self.scores[score][name] for score in SCORES]
+            texts = [_with_interval(interquartile_mean, each) for each in values]
+            rows.append([algorithm_label(name), *texts, f"{values[0].shape[0]} x {values[0].shape[1]}"])
+        return rows
+
+    def improvement_rows(self) -> list[list[str]]:
+        """Return a row for each pair, with `IMPROVEMENT_COLUMNS`."""
+        found = self.scores["completion"]
+        return [
+            [
+                *map(algorithm_label, pair),
+                _with_interval(probability_of_improvement, *(found[name] for name in pair)),
+            ]
+            for pair in itertools.combinations(found, 2)
+        ]
+
+
+def summaries_of(report: Report) -> Summaries:
+    """Return the summaries of a report's main mode."""
+    table = report.results.table
+    kept: Frame = (
+        table[(table["split"] == "train") & (table["mode"] == report.modes[0])] if len(table) else table
+    )
+    found: dict[str, dict[str, Floats]] = {score: {} for score in SCORES}
+    for name in report.algorithms if len(kept) else ():
+        for score, (column, is_loss) in SCORES.items():
+            values = _by_seed_and_cell(kept[kept["algorithm"] == name], column, report.columns)
+            if values is not None:
+                found[score][name] = 1.0 - values if is_loss else values
+    return Summaries(found)
+
+
+def _by_seed_and_cell(rows: Frame, column: str, cells: list[tuple[str, str]]) -> Floats | None:
+    """Return a rate of each seed in each cell, shape (S, M); None unless all have equally many seeds."""
+    found = []
+    for task, traffic in cells:
+        own = rows[(rows["task"] == task) & (rows["task_traffic"] == traffic) & ~rows["is_invalid"]]
+        sums = own.groupby("training_seed")[[column, "agents"]].sum()
+        found.append((sums[column] / sums["agents"]).to_numpy(float))
+    if not found or not len(found[0]) or len({len(each) for each in found}) > 1:
+        return None
+    return np.stack(found, axis=-1)
+
+
+def _with_interval(statistic: Any, *scores: Floats) -> str:
+    value = statistic(*scores)
+    if min(map(len, scores)) < 2:
+        return f"{value:.2f}"
+    low, high = stratified_interval(statistic, stream(0, Purpose.RESAMPLING), *scores)
+    return f"{value:.2f} [{low:.2f}, {high:.2f}]"
+
+
+def draw_profile(summaries: Summaries) -> bytes:
+    """Return the performance profile of completion, a PNG file."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(TEXT):
+        figure = new_figure(5.2, 3.2)
+        axes = figure.add_subplot()
+        profile = partial(performance_profile, thresholds=THRESHOLDS)
+        for name, values in summaries.scores["completion"].items():
+            axes.plot(THRESHOLDS, profile(values), label=label(name), **line(name))
+            if len(values) > 1:
+                low, high = stratified_interval(profile, stream(0, Purpose.RESAMPLING), values, repeats=500)
+                axes.fill_between(THRESHOLDS, low, high, color=line(name)["color"], alpha=0.12, linewidth=0)
+        axes.set_xlabel("Completion rate")
+        axes.set_ylabel("Share of runs above it")
+        axes.set_xlim(0.0, 1.0)
+        axes.set_ylim(0.0, 1.02)
+        axes.legend(frameon=False, fontsize=7)
+        return png(figure)

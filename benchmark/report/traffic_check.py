@@ -1,0 +1,93 @@
+"""Whether a cell with social vehicles is one: they make naive driving collide, and the agents meet them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from benchmark.experiment.config import EMPTY_ROADS
+from benchmark.metrics.results import Frame
+from benchmark.metrics.table import EPISODE_KEYS
+from benchmark.results.reading import Results, RunResult
+from benchmark.statistics import Difference, paired_difference
+
+NAIVE = ("keep_lane", "random")
+"""Drivers of which one has to collide more often than without social vehicles."""
+RULE_BASED = "gap_acceptance"
+"""Driver that has to meet social vehicles."""
+LEAST_DIFFERENCE, MOST_P = 0.10, 0.01
+LEAST_SHARE = 0.8
+MET = "met_social"
+
+
+@dataclass(frozen=True)
+class TrafficCheck:
+    """Of one cell with social vehicles."""
+
+    task: str
+    traffic: str
+    differences: dict[str, Difference]
+    """Naive driver -> its collision rate minus that on empty roads, paired by episode."""
+    share: float
+    """Of the rule-based driver's agent-episodes with a social vehicle; NaN if that is not known."""
+
+    @property
+    def is_one(self) -> bool:
+        """Whether it is a cell with social vehicles in effect."""
+        collides = any(
+            each.value >= LEAST_DIFFERENCE and each.p_value < MOST_P for each in self.differences.values()
+        )
+        return collides and self.share >= LEAST_SHARE
+
+    def __str__(self) -> str:
+        differences = ", ".join(
+            f"{name} {each.value:+z.2f} (p = {each.p_value:.3f}, {each.pairs} episodes)"
+            for name, each in self.differences.items()
+        )
+        share = f"{self.share:.2f}" if math.isfinite(self.share) else "not measured"
+        verdict = "passes" if self.is_one else "FAILS"
+        return (
+            f"{self.task}, {self.traffic}: {verdict}; collisions against empty roads: "
+            f"{differences or 'not played'}; {RULE_BASED} meets social vehicles in: {share}"
+        )
+
+
+def traffic_checks(results: Results) -> list[TrafficCheck]:
+    """Return the check of each cell with social vehicles in which a scripted policy was played."""
+    tables = {(run.algorithm, run.task, run.traffic): run for run in results.finished if run.is_scripted}
+    cells = dict.fromkeys((task, traffic) for _, task, traffic in tables if traffic != EMPTY_ROADS)
+    found = []
+    for task, traffic in cells:
+        differences = {}
+        for name in NAIVE:
+            empty, social = tables.get((name, task, EMPTY_ROADS)), tables.get((name, task, traffic))
+            if empty is not None and social is not None:
+                differences[name] = _difference(social, empty)
+        rule_based = tables.get((RULE_BASED, task, traffic))
+        found.append(TrafficCheck(task, traffic, differences, _share(rule_based)))
+    return found
+
+
+def failing_cells(results: Results) -> list[str]:
+    """Return the result of each cell that was checked in full and fails."""
+    return [
+        str(each)
+        for each in traffic_checks(results)
+        if each.differences and math.isfinite(each.share) and not each.is_one
+    ]
+
+
+def _rows(run: RunResult) -> Frame:
+    table: Frame = run.table
+    return table[(table["split"] == "train") & ~table["is_invalid"] & (table["agents"] > 0)]
+
+
+def _difference(social: RunResult, empty: RunResult) -> Difference:
+    keys = [name for name in EPISODE_KEYS if name != "traffic"]
+    one, other = (_rows(run).groupby(keys)["collisions"].mean() for run in (social, empty))
+    return paired_difference((one - other).dropna().to_numpy(float), is_share_of_counts=True)
+
+
+def _share(run: RunResult | None) -> float:
+    rows = _rows(run) if run is not None else None
+    return float(rows[MET].mean()) if rows is not None and MET in rows else math.nan

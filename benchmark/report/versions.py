@@ -1,0 +1,80 @@
+"""The version of the benchmark that results are of: one for all, from one clean commit, as it was frozen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchmark.experiment.version import changed_scenarios, versions
+from benchmark.results.files import ResultsError
+from benchmark.results.reading import RunResult
+from benchmark.results.run_folder import CONTINUED
+
+NONE = "of no version"
+
+
+def check_one_version(runs: Sequence[RunResult], place: str) -> None:
+    """Check that all finished runs are of one version of the benchmark.
+
+    Args:
+        runs: Finished or not.
+        place: Named in the error.
+
+    Raises:
+        ResultsError: They are not; names the runs of each version.
+    """
+    found: dict[int | None, list[str]] = {}
+    for run in runs:
+        if run.table is not None:
+            found.setdefault(run.benchmark_version, []).append(str(run))
+    if len(found) > 1:
+        said = "; ".join(f"{_named(version)}: {', '.join(names)}" for version, names in found.items())
+        raise ResultsError(
+            f"results of several versions of the benchmark are not mixed: {said}",
+            place=place,
+            remedy="keep each version in a folder of its own",
+        )
+
+
+def version_lines(runs: Sequence[RunResult]) -> list[str]:
+    """Return sentences on the version and the commits of finished runs, and in what they do not fit it."""
+    finished = [run for run in runs if run.table is not None]
+    if not finished:
+        return []
+    version = finished[0].benchmark_version
+    if version is None:
+        return [
+            "Of no version of the benchmark: made before version 1, or for an experiment of its own. Metrics "
+            "whose definition has changed since are n/a."
+        ]
+    commits: dict[str, list[str]] = {}
+    for run in finished:
+        commits.setdefault(", then ".join(_commits(run)), []).append(str(run))
+    (first, *others) = commits
+    if not others and first and "+" not in first and "," not in first:
+        return [f"Benchmark version {version}, commit {first}.", *_changed(version, finished)]
+    said = "; ".join(f"{commit or 'unknown'}: {', '.join(names)}" for commit, names in commits.items())
+    marked = f"These are not of one clean commit (+: with changes that were not committed): {said}."
+    return [f"Benchmark version {version}. {marked}", *_changed(version, finished)]
+
+
+def _named(version: int | None) -> str:
+    return NONE if version is None else f"version {version}"
+
+
+def _commits(run: RunResult) -> list[str]:
+    """Return the distinct commits of a run, that of its beginning first."""
+    facts = (run.facts, *run.facts.get(CONTINUED, ()))
+    return [*dict.fromkeys(str(each.get("commit") or "") for each in facts)]
+
+
+def _changed(version: int, runs: Sequence[RunResult]) -> list[str]:
+    if version not in versions():
+        return [f"This program does not know what version {version} froze."]
+    found: dict[str, list[str]] = {}
+    for run in runs:
+        for scenario in changed_scenarios(version, {run.traffic: run.scenarios}):
+            found.setdefault(scenario, []).append(str(run))
+    return [
+        f"Not as version {version} froze it: the scenario {scenario} of {', '.join(names)}."
+        for scenario, names in found.items()
+    ]

@@ -1,0 +1,80 @@
+"""The only writer of a run's results: the driver, from the messages of the run's process."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from benchmark.experiment.runs import Run, ScriptedRun
+from benchmark.results.files import files_in
+from benchmark.results.progress import add_progress, begin_progress
+from benchmark.results.run_folder import SCENARIOS, TRAINING, RunFolder
+from benchmark.running.messages import Began, Kept, Line, Message, Noted, Start
+from benchmark.running.progress import RunProgress
+
+if TYPE_CHECKING:
+    from benchmark.running.scalars import Scalars
+
+
+class RunWriter:
+    """Writes what the process of a run reports, in that order, each message whole or not at all.
+
+    Args:
+        run: The run, or the test of a scripted policy.
+        folder: Of its results; begun or resumed.
+
+    Raises:
+        ResultsError: The folder cannot be used.
+    """
+
+    def __init__(self, run: Run | ScriptedRun, folder: RunFolder) -> None:
+        self._run, self._folder = run, folder
+        self._scalars: Scalars | None = None
+        folder.open(run.content())
+
+    def start(self) -> Start:
+        """Return what the run's process needs to continue."""
+        checkpoint = self._folder.checkpoint
+        return Start(str(self._folder.path), files_in(checkpoint) if checkpoint.exists() else {})
+
+    def take(self, message: Message) -> RunProgress | None:
+        """Write what a message says; return it if it is progress.
+
+        Raises:
+            ResultsError: The disk is full, the folder cannot be written to, or what is there is damaged.
+        """
+        match message:
+            case RunProgress():
+                return message
+            case Began():
+                self._begin(message)
+            case Noted(values):
+                self._folder.note(**values)
+            case Line(columns):
+                add_progress(self._folder.progress, columns)
+                if self._scalars is not None:
+                    self._scalars.add(columns)
+            case Kept(place, content):
+                self._folder.keep(place, content)
+        return None
+
+    def close(self) -> None:
+        """Write what is left; may be called again."""
+        scalars, self._scalars = self._scalars, None
+        if scalars is not None:
+            with suppress(OSError):  # of a full disk; progress.csv has the same
+                scalars.close()
+
+    def _begin(self, began: Began) -> None:
+        """Note where a training runs, and cut its progress to what its checkpoint has."""
+        if self._folder.status is None:
+            scenarios = {SCENARIOS: dict(began.scenarios)}
+            self._folder.note(status=TRAINING, run=str(self._run), **scenarios, **began.circumstances)
+        else:
+            self._folder.note_continuation(began.circumstances)
+        # Imported here, since TensorBoard's writer takes long, and most commands write nothing.
+        from benchmark.running.scalars import Scalars
+
+        state = self._folder.training_state()
+        lines = begin_progress(self._folder.progress, state["iteration"] if state else 0)
+        self._scalars = Scalars(self._folder.tensorboard, lines)

@@ -1,0 +1,142 @@
+"""The table of all algorithms, docs/algorithms_table.md, from the registry, the tests and committed results.
+
+    python -m perf.algorithms_table
+
+Its columns: paradigm and M-level of the registry; the number of tests that docs/algorithms.md names as
+oracles, each of which must exist; scores on the algorithm's own games, of the same page; the best greedy
+evaluations of results/yardsticks; the end of the curve at the intersection of results/all_algorithms, else of
+results/paper_table.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from algorithms.registry import ALGORITHMS
+from perf.yardstick_games import results
+from perf.yardstick_games.recipes import YARDSTICKS
+from perf.yardstick_games.results import RunFile
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCE, TABLE = ROOT / "docs" / "algorithms.md", ROOT / "docs" / "algorithms_table.md"
+TESTS = ROOT / "tests" / "unit" / "algorithms"
+CURVES = ROOT / "results" / "all_algorithms", ROOT / "results" / "paper_table"
+"""Experiments with curves at the intersection; of an algorithm in both, the first is shown."""
+
+HEAD = """# All algorithms
+
+Made by `python -m perf.algorithms_table` from the registry, [the algorithms' page](algorithms.md) and
+committed results.
+
+- **M-level**: the multi-agent intelligence that the SMARTS paper grants this kind of algorithm.
+- **Checks**: tests against the definition, named as oracles on the page.
+- **Own games**: scores after few steps, in brackets that of a worse baseline or of a wrong implementation.
+- **foraging, spread, matrices**: [yardsticks](algorithms.md#yardsticks), the best greedy evaluation of the
+  mean over seeds, in brackets the number of seeds and the environment steps.
+- **Intersection**: completion / collision of the last 100 episodes of sampled play after so many
+  agent-steps, one seed, no traffic: 200,000 with default settings (`smarts-bench run all_algorithms.yaml`),
+  or 1,000,000 of the paper's table with tuned ones.
+
+"""
+
+
+def page(curves: Sequence[Path] = CURVES, yardsticks: Path = results.FOLDER) -> str:
+    """Return the page."""
+    sections, failing = sections_of(SOURCE.read_text()), failing_scores(SOURCE.read_text())
+    runs = results.runs_in(yardsticks)
+    head = ["algorithm", "paradigm", "M-level", "checks", "own games", *YARDSTICKS, "intersection"]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for name, entry in ALGORITHMS.items():
+        cells = [
+            f"[`{name}`](algorithms.md#{name})",
+            str(entry.paradigm),
+            entry.level,
+            str(len(checks_of(sections[name]))),
+            own_games(sections[name]["Score"], failing),
+            *(yardstick(runs, game, name) for game in YARDSTICKS),
+            next(filter(None, (intersection(folder / name) for folder in curves)), ""),
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return HEAD + "\n".join(lines) + "\n"
+
+
+def sections_of(text: str) -> dict[str, dict[str, str]]:
+    """Return {algorithm: {bullet: text}} of the page's sections."""
+    found = {}
+    for part in re.split(r"^### ", text, flags=re.MULTILINE)[1:]:
+        name = part.partition("\n")[0].strip("` ")
+        body = re.split(r"^## ", part, flags=re.MULTILINE)[0]
+        bullets = re.findall(r"^- \*\*(.+?)\*\*: (.+?)(?=^- \*\*|\Z)", body, re.MULTILINE | re.DOTALL)
+        found[name] = {bullet: " ".join(words.split()) for bullet, words in bullets}
+    return found
+
+
+def failing_scores(text: str) -> dict[str, str]:
+    """Return {game: score of the failing baseline} of the page's table of games."""
+    rows = re.findall(r"^\| ([a-z ]+) \| .+ \| .+ \| (.+) \|$", text, re.MULTILINE)
+    return {game: baseline.partition(":")[0] for game, baseline in rows}
+
+
+def checks_of(section: Mapping[str, str]) -> set[str]:
+    """Return the tests that a section names as oracles.
+
+    Raises:
+        LookupError: One of them does not exist.
+    """
+    named = set(re.findall(r"`([\w/]+\.py::\w+)`", section.get("Oracle", "")))
+    for place in sorted(named):
+        file, _, test = place.partition("::")
+        if f"def {test}(" not in (TESTS / file).read_text():
+            raise LookupError(f"there is no {test} in {TESTS / file}: correct {SOURCE}")
+    return named
+
+
+def own_games(scores: str, failing: Mapping[str, str]) -> str:
+    """Return "game score (worse score)" of each game in a section's line of scores."""
+    games: list[list[str]] = []
+    for clause in scores.rstrip(".").split("; "):
+        begun = re.fullmatch(r"(.+?), [\d,]+(?: steps)?[^:]*: (-?[\d.]+)(?:, )?(.*)", clause)
+        if begun is None:  # a comparison of the game before
+            games[-1][2] = ", ".join(filter(None, (games[-1][2], clause)))
+        else:
+            games.append(list(begun.groups()))
+    shown = []
+    for game, score, worse in games:
+        baseline = worse if "`" in worse else failing[re.sub(" with .*", "", game)]
+        shown.append(f"{game} {score} ({baseline})")
+    return "; ".join(shown)
+
+
+def yardstick(runs: list[RunFile], game: str, name: str) -> str:
+    """Return the best greedy evaluation on a game, seeds and steps."""
+    own = [run for run in runs if (run.game, run.algorithm) == (game, name)]
+    if not own:
+        return ""
+    steps = min(run.curve[-1].steps for run in own)
+    return f"{results.best(own):.2f} ({len(own)}, {steps / 1e6:.2g}M)"
+
+
+def intersection(folder: Path) -> str:
+    """Return completion / collision at the end of an algorithm's curve."""
+    files = sorted(folder.glob("intersection/*/seed_*/progress.csv"))
+    if not files:
+        return ""
+    with files[0].open() as file:
+        shown = [row for row in csv.DictReader(file) if row["completion"]]
+    if not shown:
+        return ""
+    last = shown[-1]
+    return f"{float(last['completion']):.2f} / {float(last['collision']):.2f} ({int(last['agent_steps']):,})"
+
+
+def main() -> None:
+    """Write the page."""
+    TABLE.write_text(page())
+    print(f"wrote {TABLE}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Published games as vector environments; their episodes are those of the published packages."""

@@ -1,0 +1,147 @@
+"""The games, how their scores are read, and the settings that each algorithm is trained with."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from smarts.registry import load_own
+
+
+class Published(NamedTuple):
+    """A score from elsewhere.
+
+    Attributes:
+        algorithm: Its name there.
+        score: In the units of the game's score.
+        training: What it was trained with.
+    """
+
+    algorithm: str
+    score: float
+    training: str
+
+
+class Yardstick(NamedTuple):
+    """One game.
+
+    Attributes:
+        target: `module:class` of the vector environment.
+        steps: Environment steps of a full training.
+        measure: What the score is.
+        scale: Factor on an episode's return, summed over agents.
+        offset: Added to it.
+        published: Scores from elsewhere.
+    """
+
+    target: str
+    steps: int
+    measure: str
+    scale: float = 1.0
+    offset: float = 0.0
+    published: tuple[Published, ...] = ()
+
+    def score(self, total: float) -> float:
+        """Return the score of an episode's return, summed over agents."""
+        return self.scale * total + self.offset
+
+    def make(self, num_envs: int) -> Any:
+        """Return copies of the game."""
+        return load_own(self.target, "game")(num_envs)
+
+
+class Recipe(NamedTuple):
+    """How an algorithm is trained.
+
+    Attributes:
+        fragment: Steps of each copy between two updates.
+        settings: The algorithm's settings that differ from its defaults.
+        num_envs: Copies of the game.
+        steps: Environment steps, if others than the game's.
+    """
+
+    fragment: int
+    settings: dict[str, Any]
+    num_envs: int = 64
+    steps: int | None = None
+
+
+_PAPER = "Papoudakis et al. 2021 (EPyMARL)"
+YARDSTICKS = {
+    "foraging": Yardstick(
+        "perf.yardstick_games.foraging:Foraging",
+        2_000_000,
+        "share of the food loaded, Foraging-8x8-2p-2f-coop-v3 (1 is best)",
+        published=(
+            Published("VDN", 1.00, f"2M steps, {_PAPER}"),
+            Published("QMIX", 0.96, f"2M steps, {_PAPER}"),
+            Published("IPPO, MAPPO", 1.00, f"20M steps, {_PAPER}"),
+        ),
+    ),
+    "spread": Yardstick(
+        "perf.yardstick_games.spread:Spread",
+        2_000_000,
+        "return in the publication's units: 2 x - 75, x the sum of simple_spread_v3's rewards over agents",
+        scale=2.0,
+        offset=-75.0,
+        published=(Published("MAPPO, MADDPG and others", -137.5, f"about this level, {_PAPER}"),),
+    ),
+    "matrices": Yardstick(
+        "perf.yardstick_games.matrices:Matrices",
+        50_000,
+        "payoff in 16 random 5 x 5 matrices of two agents, scaled: 1 the best joint action of each, 0 random",
+    ),
+}
+"""Games by name."""
+
+_VALUES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "batch_size": 256, "updates_per_step": 1 / 32}
+_FORAGING = {**_VALUES, "reward_scale": 10.0, "epsilon_steps": 200_000}
+_POLICIES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "minibatch_size": 800}
+_SPREAD = {**_VALUES, "gamma": 0.95, "epsilon_steps": 200_000, "reward_scale": 0.2}
+_MATRIX = {"hidden": (64, 64), "lr": 1e-3, "epsilon": (1.0, 0.2), "epsilon_steps": 40_000}
+_MATRIX_POLICIES = {"hidden": (64, 64), "lr": 3e-3, "minibatch_size": None, "epochs": 4}
+
+_ABLATIONS: dict[str, dict[str, Any]] = {
+    "unscaled": {"reward_scale": 1.0},
+    "unshared": {"sharing": "none"},
+    "early_greedy": {"epsilon_steps": 10_000},
+    "slow": {"lr": 3e-4},
+}
+
+
+def _ablated(**changed: Any) -> Recipe:
+    """Return VDN's recipe with changed settings, for half of the steps."""
+    return Recipe(8, {**_FORAGING, **changed}, steps=1_000_000)
+
+
+RECIPES: dict[str, dict[str, Recipe]] = {
+    "foraging": {
+        "vdn": Recipe(8, _FORAGING),
+        "qmix": Recipe(8, _FORAGING),
+        "ppo": Recipe(50, {**_POLICIES, "normalize_values": True}),
+        "centralised_v": Recipe(50, _POLICIES),
+        **{f"vdn-{name}": _ablated(**changed) for name, changed in _ABLATIONS.items()},
+        "ppo-gru": Recipe(50, {**_POLICIES, "normalize_values": True, "gru": 64, "sequence_length": 10}),
+    },
+    "spread": {
+        "ppo": Recipe(50, {**_POLICIES, "gamma": 0.95, "normalize_values": True}),
+        "centralised_v": Recipe(50, {**_POLICIES, "gamma": 0.95}),
+        "maddpg": Recipe(
+            8,
+            {
+                "sharing": "all",
+                "gamma": 0.95,
+                "batch_size": 512,
+                "updates_per_step": 1 / 64,
+                "hidden": (64, 64),
+            },
+        ),
+        "vdn": Recipe(8, _SPREAD),
+        "qmix": Recipe(8, _SPREAD),
+    },
+    "matrices": {
+        **{name: Recipe(8, _MATRIX) for name in ("dqn", "vdn", "qmix", "qtran", "networked_q")},
+        **{name: Recipe(16, _MATRIX_POLICIES) for name in ("ppo", "centralised_v")},
+        "maddpg": Recipe(8, {"hidden": (64, 64)}),
+    },
+}
+"""Settings by game and algorithm; "ppo-gru" is a variant of "ppo"."""

@@ -1,0 +1,177 @@
+"""The files of runs, and the page and the picture that are made of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from perf.yardstick_games.recipes import YARDSTICKS, Yardstick
+
+FOLDER = Path(__file__).resolve().parents[2] / "results" / "yardsticks"
+RANDOM = "random"
+
+
+class Evaluation(NamedTuple):
+    """Mean scores after so many environment steps.
+
+    Attributes:
+        steps: Environment steps of training.
+        greedy: Score of greedy play, NaN for random play.
+        sampled: Score of play as in training.
+        looped: Share of the greedy episodes in which all agents saw again what they had seen before.
+        seconds: Processor time of the training so far [s].
+    """
+
+    steps: int
+    greedy: float
+    sampled: float
+    looped: float
+    seconds: float
+
+
+class RunFile(NamedTuple):
+    """A run: what made it, and its curve.
+
+    Attributes:
+        game: Name of the game.
+        algorithm: Name of the algorithm, or "random".
+        seed: Of the training.
+        about: Command, commit and settings.
+        curve: Evaluations, the last at the end of the training.
+    """
+
+    game: str
+    algorithm: str
+    seed: int
+    about: Mapping[str, Any]
+    curve: list[Evaluation]
+
+
+def file_of(folder: Path, game: str, algorithm: str, seed: int) -> Path:
+    """Return where a run lies."""
+    return folder / game / f"{algorithm}_{seed}.csv"
+
+
+def write(folder: Path, run: RunFile) -> None:
+    """Write a run; a file is never half written."""
+    out = io.StringIO()
+    out.write(f"# {json.dumps(dict(run.about))}\n")
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(Evaluation._fields)
+    rows.writerows(
+        [e.steps, f"{e.greedy:.4f}", f"{e.sampled:.4f}", f"{e.looped:.3f}", f"{e.seconds:.0f}"]
+        for e in run.curve
+    )
+    file = file_of(folder, run.game, run.algorithm, run.seed)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_suffix(".part")
+    part.write_text(out.getvalue())
+    part.replace(file)
+
+
+def read(file: Path) -> RunFile:
+    """Read a run."""
+    first, *rest = file.read_text().splitlines()
+    algorithm, _, seed = file.stem.rpartition("_")
+    rows = csv.DictReader(rest)
+    curve = [
+        Evaluation(int(row["steps"]), *(float(row[name]) for name in Evaluation._fields[1:])) for row in rows
+    ]
+    return RunFile(file.parent.name, algorithm, int(seed), json.loads(first.removeprefix("# ")), curve)
+
+
+def runs_in(folder: Path) -> list[RunFile]:
+    """Return all runs, by game in the order of the table, algorithm and seed."""
+    games = list(YARDSTICKS)
+    found = [read(file) for file in folder.glob("*/*.csv")]
+    return sorted(found, key=lambda run: (games.index(run.game), run.algorithm, run.seed))
+
+
+def page(folder: Path = FOLDER) -> str:
+    """Return the Markdown page of all runs."""
+    runs = runs_in(folder)
+    parts = [HEAD]
+    for name, game in YARDSTICKS.items():
+        own = [run for run in runs if run.game == name]
+        if own:
+            parts.append(section(name, game, own))
+    return "\n".join(parts)
+
+
+HEAD = """# Yardsticks
+
+Games of other publications, played by our algorithms. `python -m perf.yardsticks --games GAME` trains
+and writes this page, `python -m perf.yardsticks --page` only writes it. The settings are in
+`perf/yardstick_games/recipes.py`, and with the commit in the first line of each run's file. Scores are means
+over 200 fixed episodes and over seeds. "Best" is the highest greedy evaluation of the mean over seeds, as
+EPyMARL's publication reports it; "last" is at the end. Sampled play explores as at the end of the training.
+"Looped" is the share of greedy episodes in which all agents see again what they saw before: without memory
+such a team repeats itself for ever.
+
+![curves](curves.png)
+"""
+
+
+def section(name: str, game: Yardstick, runs: Sequence[RunFile]) -> str:
+    """Return the part of the page about one game."""
+    lines = [
+        f"## {name}\n",
+        f"{game.measure[0].upper()}{game.measure[1:]}.\n",
+        "| algorithm | seeds | steps | greedy, last | by seed | greedy, best | sampled, last | looped |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for algorithm in dict.fromkeys(run.algorithm for run in runs):
+        own = [run for run in runs if run.algorithm == algorithm]
+        lines.append(row(algorithm, own))
+    lines += [f"| *{p.algorithm}* | | *{p.training}* | *{p.score:.2f}* | | | | |" for p in game.published]
+    return "\n".join(lines) + "\n"
+
+
+def row(algorithm: str, runs: Sequence[RunFile]) -> str:
+    """Return the line of an algorithm's runs."""
+    ends = [run.curve[-1] for run in runs]
+    greedy, sampled, looped = (
+        f"{np.mean([getattr(e, name) for e in ends]):.2f}" for name in ("greedy", "sampled", "looped")
+    )
+    if algorithm == RANDOM:
+        return f"| `{algorithm}` | | | | | | {sampled} | |"
+    steps = " ".join(f"{count:,}" for count in dict.fromkeys(end.steps for end in ends))
+    seeds = ", ".join(f"{end.greedy:.2f}" for end in ends)
+    cells = (str(len(runs)), steps, greedy, seeds, f"{best(runs):.2f}", sampled, looped)
+    return f"| `{algorithm}` | {' | '.join(cells)} |"
+
+
+def best(runs: Sequence[RunFile]) -> float:
+    """Return the highest greedy evaluation of the mean over runs."""
+    shortest = min(len(run.curve) for run in runs)
+    return float(np.mean([[e.greedy for e in run.curve[:shortest]] for run in runs], 0).max())
+
+
+def draw(folder: Path = FOLDER) -> None:
+    """Draw greedy and sampled curves of all runs, a panel for each game."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    runs = [run for run in runs_in(folder) if run.algorithm != RANDOM]
+    games = list(dict.fromkeys(run.game for run in runs))
+    figure = Figure(figsize=(5 * max(len(games), 1), 4), layout="constrained")
+    FigureCanvasAgg(figure)
+    for game, axes in zip(games, figure.subplots(1, max(len(games), 1), squeeze=False)[0], strict=False):
+        names = list(dict.fromkeys(run.algorithm for run in runs if run.game == game))
+        for run in runs:
+            if run.game != game:
+                continue
+            colour = f"C{names.index(run.algorithm)}"
+            steps = [e.steps for e in run.curve]
+            label = run.algorithm if run.seed == min(r.seed for r in runs if r[:2] == run[:2]) else None
+            axes.plot(steps, [e.greedy for e in run.curve], colour, label=label)
+            axes.plot(steps, [e.sampled for e in run.curve], colour, linestyle=":", linewidth=0.8)
+        axes.set(title=game, xlabel="environment steps", ylabel="score, greedy (dotted: sampled)")
+        axes.legend(fontsize="small")
+    figure.savefig(folder / "curves.png", dpi=80, metadata={"Software": None})

@@ -1,0 +1,132 @@
+"""Recorded episodes as compact episodes: what a browser plays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.arrays import Ints
+from smarts.envision.recorded_lights import recorded_lights
+from smarts.errors import RecordError, SmartsError
+from smarts.sim.episode_files import RecordedEpisode
+from smarts.stream.container import framed
+from smarts.stream.encoder import EpisodeEncoder
+from smarts.stream.motion import PER_METRE, PER_RADIAN
+from smarts.stream.road_map import map_message, origin_of
+from smarts.stream.tables import OUTCOMES, STATIC, STEPPED
+from smarts.types.episode_schema import BUBBLE_POSES, SIGNALS
+from smarts.types.events import Outcome
+
+STEPS = 100
+"""Of one message."""
+
+_LASTING = SIGNALS.name, BUBBLE_POSES.name
+"""Tables whose rows hold until the next one."""
+
+Columns = Mapping[str, NDArray]
+
+
+def compact_episode(episode: RecordedEpisode, begin: float | None = None, end: float | None = None) -> bytes:
+    """Return a recorded episode as a compact episode.
+
+    Args:
+        episode: The episode.
+        begin: First time that is wanted [s]; None: the first.
+        end: Last time that is wanted [s]; None: the last.
+
+    Raises:
+        SmartsError: A table or the map is damaged or missing, or nothing is between these times.
+    """
+    try:
+        return b"".join(framed(messages_of(episode, _steps(episode, begin, end))))
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        raise RecordError(
+            f"the tables of the recorded episode do not fit together: {error}",
+            place=str(episode.folder),
+            remedy="bring the folder back from a copy, or record the episode again",
+        ) from error
+
+
+def messages_of(episode: RecordedEpisode, steps: Ints) -> Iterator[dict[str, Any]]:
+    """Yield the messages of some consecutive steps of a recorded episode."""
+    graph, facts = episode.roads(), episode.facts
+    encoder = EpisodeEncoder(map_message(graph, str(facts["map"])), origin_of(graph), facts)
+    yield from encoder.opening()
+    static = {table.name: episode.table(table.name) for table in STATIC}
+    static = {name: columns for name, columns in static.items() if name == "agents" or _rows(columns)}
+    yield from encoder.static({**static, "names": episode.table("names")})
+    tables = {table.name: episode.table(table.name) for table in STEPPED if table is not OUTCOMES}
+    tables[OUTCOMES.name] = _outcomes(episode.table("agents"))
+    near = {**episode.table("vehicles"), "lights": recorded_lights(episode, graph)}
+    tables["vehicles"] = _with_distant(near, episode.table("distant"), episode.table("names"))
+    in_order = {
+        name: _by_step(columns) for name, columns in tables.items() if _rows(columns) or name == "vehicles"
+    }
+    for begin in range(0, len(steps), STEPS):
+        of_chunk = steps[begin : begin + STEPS]
+        rows = {name: _of(columns, of_chunk) for name, columns in in_order.items()}
+        if begin == 0:
+            # What lasts until it changes is needed from before the first step, too.
+            until = np.arange(of_chunk[-1] + 1, dtype=np.int32)
+            rows |= {name: _of(in_order[name], until) for name in _LASTING if name in in_order}
+        yield from encoder.chunk(of_chunk, rows)
+    yield from encoder.end(bool(facts["is_complete"]), str(facts["remark"]))
+
+
+def _steps(episode: RecordedEpisode, begin: float | None, end: float | None) -> Ints:
+    """Return the steps between two times."""
+    dt, last = float(episode.facts["dt"]), int(episode.facts["steps"])
+    first = 0 if begin is None or math.isnan(begin) else max(0.0, begin / dt)
+    behind = last if end is None or math.isnan(end) else min(last, end / dt)
+    if first > behind:
+        raise SmartsError(
+            f"nothing lies between {begin or 0:g} s and {last * dt if end is None else end:g} s",
+            place=str(episode.folder),
+            remedy=f"the episode goes from 0 to {last * dt:g} s",
+        )
+    return np.arange(math.ceil(first), math.floor(behind) + 1, dtype=np.int32)
+
+
+def _outcomes(agents: Columns) -> dict[str, NDArray]:
+    """Return how agents ended, from the table `agents`."""
+    rows = np.flatnonzero((agents["outcome"] != Outcome.NONE) & (agents["end_step"] >= 0))
+    columns = {"step": agents["end_step"][rows], "agent": rows}
+    return columns | {name: agents[name][rows] for name in ("outcome", "partner_slot", "partner_generation")}
+
+
+def _with_distant(near: Columns, distant: Columns, names: Columns) -> Columns:
+    """Return the rows of vehicles near agents and far from them; the latter show no lights."""
+    if not _rows(distant):
+        return near
+    known, wanted = (
+        each["slot"].astype(np.int64) << 32 | each["generation"].astype(np.int64) for each in (names, distant)
+    )
+    order = np.argsort(known)
+    row = order[np.searchsorted(known[order], wanted)]
+    far = {
+        **{name: distant[name] for name in ("step", "slot", "generation", "owner")},
+        **{name: names[name][row] for name in ("kind", "length", "width")},
+        **{name: distant[name] / PER_METRE for name in ("x", "y", "speed")},
+        "heading": distant["heading"] / PER_RADIAN,
+        "lights": np.zeros(len(row), np.int8),
+    }
+    return {name: np.concatenate([near[name], column]) for name, column in far.items()}
+
+
+def _rows(columns: Columns) -> int:
+    return len(next(iter(columns.values())))
+
+
+def _by_step(columns: Columns) -> Columns:
+    order = np.argsort(columns["step"], kind="stable")
+    return {name: column[order] for name, column in columns.items()}
+
+
+def _of(columns: Columns, steps: Ints) -> Columns:
+    """Return the rows of consecutive steps."""
+    rows = slice(*np.searchsorted(columns["step"], [steps[0], steps[-1] + 1]).tolist())
+    return {name: column[rows] for name, column in columns.items()}

@@ -1,0 +1,253 @@
+"""The episodes that a viewer may open: found in folders, listed, and turned into compact episodes."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import threading
+from collections import Counter, OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from smarts.envision.compact_episode import compact_episode
+from smarts.errors import SmartsError
+from smarts.sim.episode_files import RecordedEpisode
+from smarts.stream.reading import CompactEpisode
+from smarts.types.episode_schema import EPISODE
+from smarts.types.events import Outcome
+
+SUFFIX = ".smarts"
+"""Of files with one compact episode."""
+MOST_CACHED = 256 << 20
+"""Bytes of compact episodes that are kept."""
+_ID_DIGITS = 12
+_EPISODES = "episodes"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the list of episodes."""
+
+    id: str
+    label: str
+    run: str
+    """The folders above the episode, from the one that was given."""
+    policy: str = ""
+    scenario: str = ""
+    traffic: str = ""
+    episode: int = 0
+    seed: int = 0
+    steps: int = 0
+    seconds: float = 0.0
+    agents: int = 0
+    """Of the episode, without social agents."""
+    outcomes: Mapping[str, int] = field(default_factory=dict)
+    """How many of these agents ended in which way."""
+    complete: bool = False
+    invalid: bool = False
+    pair: str = ""
+    """The same for episodes with the same scenario, traffic and starts, whatever drove."""
+    error: str = ""
+    """Why the episode cannot be opened."""
+
+
+class EpisodeLibrary:
+    """Recorded and compact episodes below some folders.
+
+    Ids do not depend on what else is there, so that links stay valid; no path ever comes from a caller.
+
+    Args:
+        roots: Folders of runs or of episodes, single episodes, files of compact episodes.
+
+    Raises:
+        SmartsError: A path does not exist, or has no episode.
+    """
+
+    def __init__(self, roots: Sequence[Path]) -> None:
+        self._roots = [Path(root) for root in roots]
+        for root in self._roots:
+            if next(_episodes_below(root), None) is None:
+                raise SmartsError(
+                    "there is no recorded episode" if root.exists() else "there is no such file or folder",
+                    place=str(root),
+                    remedy="name a folder recorded with simulation=Options(record=FOLDER), a run's with "
+                    f"keep_episodes: true, one of the episodes, or a {SUFFIX} file",
+                )
+        self._lock = threading.Lock()
+        self._paths: dict[str, Path] = {}
+        self._entries: dict[tuple[Path, int], Entry] = {}
+        self._compact = _Cache()
+        self.entries()
+
+    def entries(self) -> list[Entry]:
+        """Return what is there now, damaged episodes included."""
+        found: list[Entry] = []
+        with self._lock:
+            paths: dict[str, Path] = {}
+            for root in self._roots:
+                for path in sorted(_episodes_below(root)):
+                    number = _id(path, paths)
+                    if paths.get(number) == path:
+                        continue
+                    paths[number] = path
+                    found.append(self._entry(number, path, root))
+            self._paths = paths
+        return found
+
+    def path(self, number: str) -> Path | None:
+        """Return the place of an episode, None if there is no such id."""
+        with self._lock:
+            return self._paths.get(number)
+
+    def compact(self, number: str) -> bytes | None:
+        """Return a compact episode, None if there is no such id; two callers that ask for one share the work.
+
+        Raises:
+            SmartsError: The episode is damaged.
+        """
+        path = self.path(number)
+        return None if path is None else self._compact.get(number, path)
+
+    def _entry(self, number: str, path: Path, root: Path) -> Entry:
+        try:
+            marker = path if path.is_file() else path / f"{EPISODE.name}.parquet"
+            key = path, marker.stat().st_mtime_ns
+            if key not in self._entries:
+                self._entries[key] = _entry_of(number, path, root)
+            return self._entries[key]
+        except OSError as error:
+            return Entry(number, path.name, _run(path, root), error=str(error.strerror or error))
+
+
+def read_compact(path: Path) -> bytes:
+    """Return an episode as a compact episode, whichever it is on disk.
+
+    Raises:
+        SmartsError: It is damaged.
+    """
+    if path.is_dir():
+        return compact_episode(RecordedEpisode(path))
+    CompactEpisode.load(path, only_static=True)
+    return path.read_bytes()
+
+
+def outcomes_of(agents: Mapping[str, Any]) -> dict[str, int]:
+    """Return how many agents ended in which way, from the table `agents`; social agents do not count."""
+    outcomes = np.asarray(agents["outcome"])[np.asarray(agents["interface"]) < 0].tolist()
+    names = {int(outcome): outcome.name.lower() for outcome in Outcome}
+    return dict(Counter(names.get(outcome, str(outcome)) for outcome in outcomes))
+
+
+def _episodes_below(root: Path) -> Iterator[Path]:
+    """Yield episodes: folders that have the table `episode`, and files of compact episodes."""
+    if root.is_file():
+        yield root
+        return
+    if (root / f"{EPISODE.name}.parquet").exists():
+        yield root
+        return
+    for found in root.rglob(f"{EPISODE.name}.parquet"):
+        if not any(part.startswith(".") for part in found.relative_to(root).parts):
+            yield found.parent
+    yield from root.rglob(f"*{SUFFIX}")
+
+
+def _id(path: Path, known: Mapping[str, Path]) -> str:
+    """Return the id of an episode: of its last folders' names, and of all where two are alike."""
+    place = path.resolve()
+    for name in ("/".join(place.parts[-4:]), str(place)):
+        number = hashlib.sha256(name.encode(errors="surrogateescape")).hexdigest()[:_ID_DIGITS]
+        if known.get(number, path) == path:
+            break
+    return number
+
+
+def _run(path: Path, root: Path) -> str:
+    """Return the folders above an episode, from the one that was given."""
+    place, above = path.resolve(), root.resolve().parent
+    parts = place.parent.parts[len(above.parts) :] or (place.parent.name,)
+    return _shown("/".join(part for part in parts if part != _EPISODES))
+
+
+def _shown(text: str) -> str:
+    """Return a text without the bytes of names that are not UTF-8."""
+    return text.encode(errors="replace").decode()
+
+
+def _entry_of(number: str, path: Path, root: Path) -> Entry:
+    label, run = _shown(path.name.removesuffix(SUFFIX)), _run(path, root)
+    try:
+        if path.is_dir():
+            episode = RecordedEpisode(path)
+            facts, agents = episode.facts, episode.table("agents")
+        else:
+            compact = CompactEpisode.load(path, only_static=True)
+            facts, agents = compact.facts, compact.tables["agents"]
+        is_ego = np.asarray(agents["interface"]) < 0
+        return Entry(
+            id=number,
+            label=label,
+            run=run,
+            scenario=str(facts["scenario"]),
+            traffic=str(facts["traffic"]),
+            episode=int(facts["episode"]),
+            seed=int(facts["seed"]),
+            steps=int(facts["steps"]),
+            seconds=_finite(float(facts["steps"]) * float(facts["dt"])),
+            agents=int(np.count_nonzero(is_ego)),
+            outcomes=outcomes_of(agents),
+            complete=bool(facts["is_complete"]),
+            invalid=bool(facts["is_invalid"]),
+            pair=_pair(facts, agents, is_ego),
+        )
+    except SmartsError as error:
+        return Entry(number, label, run, error=error.problem)
+    except (KeyError, TypeError, ValueError) as error:
+        return Entry(number, label, run, error=f"its tables do not fit together: {error!r}")
+
+
+def _pair(facts: Mapping[str, Any], agents: Mapping[str, Any], is_ego: Any) -> str:
+    starts = np.stack([np.asarray(agents[name], float)[is_ego] for name in ("start_x", "start_y")], -1)
+    same = [str(facts[name]) for name in ("scenario", "traffic", "traffic_seed")]
+    return hashlib.sha256(repr((same, np.rint(starts * 100).tolist())).encode()).hexdigest()[:_ID_DIGITS]
+
+
+def _finite(value: float) -> float:
+    # JSON has no other numbers.
+    return value if math.isfinite(value) else 0.0
+
+
+def as_json(entries: Sequence[Entry]) -> list[dict[str, Any]]:
+    """Return entries as JSON can hold them."""
+    return [asdict(entry) for entry in entries]
+
+
+class _Cache:
+    """Compact episodes by id, the last used ones up to `MOST_CACHED` bytes; each is made once at a time."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._making: dict[str, threading.Lock] = {}
+        self._made: OrderedDict[str, tuple[int, bytes]] = OrderedDict()
+
+    def get(self, number: str, path: Path) -> bytes:
+        """Return an episode; make it if it is not there or has changed."""
+        with self._lock:
+            making = self._making.setdefault(number, threading.Lock())
+        with making:
+            changed = (path if path.is_file() else path / f"{EPISODE.name}.parquet").stat().st_mtime_ns
+            with self._lock:
+                found = self._made.get(number)
+                if found is not None and found[0] == changed:
+                    self._made.move_to_end(number)
+                    return found[1]
+            data = read_compact(path)
+            with self._lock:
+                self._made[number] = changed, data
+                while len(self._made) > 1 and sum(len(each) for _, each in self._made.values()) > MOST_CACHED:
+                    self._made.popitem(last=False)
+            return data

@@ -1,0 +1,184 @@
+/** Where recordings come from: the page itself, the server it came from, or a file that the user drops. */
+
+import { agentsOf } from "./agents";
+import { decodeContainer } from "./format";
+import { Recording } from "./episode";
+
+export interface Entry {
+  id: string;
+  label: string;
+  run: string;
+  scenario: string;
+  traffic: string;
+  episode: number;
+  seconds: number;
+  agents: number;
+  outcomes: Record<string, number>;
+  isComplete: boolean;
+  /** Episodes with the same one are the same test episode. */
+  pair: string;
+  policy: string;
+  /** Why it cannot be opened; empty if it can. */
+  error: string;
+  isLive: boolean;
+}
+
+export interface Library {
+  entries: Entry[];
+  load(id: string): Promise<Recording>;
+  hasLive: boolean;
+  /** Whether its recordings belong side by side. */
+  isTogether: boolean;
+}
+
+const text = (value: unknown): string =>
+  typeof value === "string" ? value : value === undefined || value === null ? "" : String(value);
+const number = (value: unknown): number => (Number.isFinite(Number(value)) ? Number(value) : 0);
+
+function entryOf(id: string, raw: Record<string, unknown>): Entry {
+  const outcomes = typeof raw.outcomes === "object" && raw.outcomes !== null ? raw.outcomes : {};
+  return {
+    id,
+    label: text(raw.label ?? raw.folder) || `episode ${id}`,
+    run: text(raw.run),
+    scenario: text(raw.scenario),
+    traffic: text(raw.traffic),
+    episode: number(raw.episode),
+    seconds: number(raw.seconds),
+    agents: number(raw.agents),
+    outcomes: Object.fromEntries(Object.entries(outcomes).map(([name, count]) => [name, number(count)])),
+    isComplete: raw.complete !== false,
+    pair: text(raw.pair),
+    policy: text(raw.policy),
+    error: text(raw.error),
+    isLive: false,
+  };
+}
+
+/** Describes a recording that came without a list. */
+export function describe(id: string, recording: Recording, label: string): Entry {
+  const { facts } = recording;
+  const outcomes: Record<string, number> = {};
+  const egos = agentsOf(recording).filter((agent) => agent.isEgo);
+  for (const { outcome } of egos)
+    outcomes[outcome.toLowerCase()] = (outcomes[outcome.toLowerCase()] ?? 0) + 1;
+  const seconds = (recording.lastStep - recording.firstStep) * recording.dt;
+  return {
+    ...entryOf(id, { ...facts, label, seconds, agents: egos.length, complete: facts.is_complete }),
+    outcomes,
+  };
+}
+
+async function open(bytes: Uint8Array): Promise<Recording> {
+  const { messages, damage } = await decodeContainer(bytes);
+  const recording = new Recording(messages);
+  if (damage || !recording.hasEnded) recording.remark ||= damage || "the recording is cut off";
+  return recording;
+}
+
+function decodeBase64(base64: string): Uint8Array {
+  const binary = atob(base64.replace(/\s/g, ""));
+  const bytes = new Uint8Array(binary.length);
+  for (let i = 0; i < binary.length; i++) bytes[i] = binary.charCodeAt(i);
+  return bytes;
+}
+
+/** Recordings inside the page: `<script type="application/octet-stream" data-label=...>` with base64. */
+async function embedded(): Promise<Library | null> {
+  const scripts = [
+    ...document.querySelectorAll<HTMLScriptElement>('script[type="application/octet-stream"]'),
+  ];
+  if (!scripts.length) return null;
+  const recordings = new Map<string, Recording>();
+  const entries: Entry[] = [];
+  for (const [i, script] of scripts.entries()) {
+    const id = script.dataset.id ?? String(i);
+    const recording = await open(decodeBase64(script.textContent ?? ""));
+    recordings.set(id, recording);
+    entries.push(describe(id, recording, script.dataset.label ?? ""));
+    script.remove();
+  }
+  return fromMap(entries, recordings);
+}
+
+function fromMap(entries: Entry[], recordings: Map<string, Recording>): Library {
+  return {
+    entries,
+    hasLive: false,
+    isTogether: true,
+    load: async (id) => {
+      const found = recordings.get(id);
+      if (!found) throw new Error(`there is no episode ${id}`);
+      return found;
+    },
+  };
+}
+
+async function fetchOk(path: string, init?: RequestInit): Promise<Response> {
+  const response = await fetch(path, { credentials: "same-origin", cache: "no-store", ...init });
+  if (response.ok) return response;
+  const answer = (await response.text()).slice(0, 500);
+  let reason = answer;
+  try {
+    const parsed: unknown = JSON.parse(answer);
+    if (typeof parsed === "object" && parsed !== null)
+      reason =
+        text((parsed as Record<string, unknown>).error ?? (parsed as Record<string, unknown>).detail) ||
+        answer;
+  } catch {
+    // The answer is plain text.
+  }
+  throw new Error(reason || `the server answered ${response.status}`);
+}
+
+/** Exchanges the token of a printed link for a cookie, and takes it out of the address. */
+export async function exchangeToken(): Promise<void> {
+  const parts = new URLSearchParams(location.hash.slice(1));
+  const token = parts.get("token");
+  if (!token) return;
+  parts.delete("token");
+  history.replaceState(null, "", `${location.pathname}${location.search}${parts.size ? `#${parts}` : ""}`);
+  await fetchOk("/api/token", {
+    method: "POST",
+    headers: { "content-type": "application/json" },
+    body: JSON.stringify({ token }),
+  });
+}
+
+async function served(): Promise<Library> {
+  await exchangeToken();
+  const info = (await (await fetchOk("/api/info")).json()) as Record<string, unknown>;
+  const library: Library = {
+    entries: await listEpisodes(),
+    hasLive: info.live === true,
+    isTogether: false,
+    load: async (id) =>
+      open(new Uint8Array(await (await fetchOk(`/api/episodes/${encodeURIComponent(id)}`)).arrayBuffer())),
+  };
+  return library;
+}
+
+export async function listEpisodes(): Promise<Entry[]> {
+  const raw: unknown = await (await fetchOk("/api/episodes")).json();
+  const list = Array.isArray(raw) ? raw : ((raw as { episodes?: unknown[] }).episodes ?? []);
+  return list.map((each) => each as Record<string, unknown>).map((each) => entryOf(text(each.id), each));
+}
+
+/** Opens a file that the user chose. */
+export async function fromFiles(files: readonly File[]): Promise<Library> {
+  const recordings = new Map<string, Recording>();
+  const entries: Entry[] = [];
+  for (const [i, file] of files.entries()) {
+    const recording = await open(new Uint8Array(await file.arrayBuffer()));
+    recordings.set(String(i), recording);
+    entries.push(describe(String(i), recording, file.name));
+  }
+  return fromMap(entries, recordings);
+}
+
+export async function findLibrary(): Promise<Library> {
+  const inside = await embedded();
+  if (inside) return inside;
+  if (location.protocol.startsWith("http")) return served();
+  return fromMap([], new Map());
+}

@@ -1,0 +1,220 @@
+/** The list of recordings and of simulations that run: sorted, filtered, chosen for the grid. */
+
+import { outcomeText, outcomeTone } from "./agents";
+import { h, iconButton } from "./dom";
+import type { Entry } from "./library";
+
+type Key = "scenario" | "outcome" | "seconds" | "agents";
+const HEADS: [Key, string][] = [
+  ["scenario", "episode"],
+  ["outcome", "outcomes"],
+  ["agents", "agents"],
+  ["seconds", "time"],
+];
+const MOST = 9;
+const SEVERITY: Record<string, number> = { bad: 1000, warn: 30, plain: 1, good: 0 };
+
+/** How badly an episode ended: the part of its agents that failed, collisions before others. */
+export function severity(entry: Entry): number {
+  const counts = Object.entries(entry.outcomes);
+  const all = counts.reduce((sum, [, count]) => sum + count, 0) || 1;
+  const bad = counts.reduce(
+    (sum, [name, count]) =>
+      sum + count * (SEVERITY[outcomeTone(name.toUpperCase())] + (name === "collision" ? 500 : 0)),
+    0,
+  );
+  return entry.error ? -1 : bad / all;
+}
+
+function compare(key: Key, a: Entry, b: Entry): number {
+  if (key === "outcome") return severity(a) - severity(b);
+  if (key === "scenario")
+    return a.scenario.localeCompare(b.scenario) || a.run.localeCompare(b.run) || a.episode - b.episode;
+  return a[key] - b[key];
+}
+
+export class List {
+  readonly element: HTMLDialogElement;
+  private entries: Entry[] = [];
+  private open: readonly string[] = [];
+  private key: Key = "scenario";
+  private isDescending = false;
+  private readonly body = h("div", { class: "rows", role: "rowgroup" });
+  private readonly heads: HTMLElement;
+  private readonly filter: HTMLInputElement;
+  private readonly note = h("p", { class: "note", role: "status" });
+
+  constructor(
+    private readonly onOpen: (ids: string[]) => void,
+    onFile: (files: File[]) => void,
+  ) {
+    this.filter = h("input", {
+      type: "search",
+      placeholder: "filter: scenario, run, outcome",
+      "aria-label": "filter",
+      onInput: () => this.draw(),
+    });
+    this.heads = h(
+      "div",
+      { class: "heads", role: "row" },
+      ...HEADS.map(([key, name]) =>
+        h(
+          "button",
+          { type: "button", role: "columnheader", "data-key": key, onClick: () => this.sort(key) },
+          name,
+        ),
+      ),
+    );
+    const file = h("input", {
+      type: "file",
+      accept: ".smarts",
+      multiple: true,
+      hidden: true,
+      onChange: () => onFile([...(file.files ?? [])]),
+    });
+    this.element = h(
+      "dialog",
+      { class: "list", "aria-label": "episodes" },
+      h(
+        "header",
+        {},
+        h("h2", {}, "Episodes"),
+        this.filter,
+        h("button", { type: "button", class: "text-button", onClick: () => file.click() }, "open a file"),
+        file,
+        iconButton("close", "Close", () => this.element.close(), "esc"),
+      ),
+      h("div", { class: "table", role: "table", "aria-label": "episodes" }, this.heads, this.body),
+      this.note,
+    );
+    this.element.addEventListener("click", (event) => {
+      if (event.target === this.element) this.element.close();
+    });
+  }
+
+  show(entries: Entry[], open: readonly string[]): void {
+    this.entries = entries;
+    this.open = open;
+    this.draw();
+  }
+
+  toggle(): void {
+    if (this.element.open) this.element.close();
+    else {
+      this.element.showModal();
+      this.draw();
+    }
+  }
+
+  private sort(key: Key): void {
+    this.isDescending = key === this.key ? !this.isDescending : key === "outcome";
+    this.key = key;
+    this.draw();
+  }
+
+  private draw(): void {
+    const words = this.filter.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const shown = this.entries.filter((entry) => {
+      const all = [
+        entry.label,
+        entry.scenario,
+        entry.traffic,
+        entry.run,
+        entry.policy,
+        ...Object.keys(entry.outcomes),
+      ]
+        .join(" ")
+        .toLowerCase();
+      return words.every((word) => all.includes(word));
+    });
+    shown.sort(
+      (a, b) => Number(b.isLive) - Number(a.isLive) || (this.isDescending ? -1 : 1) * compare(this.key, a, b),
+    );
+    for (const head of this.heads.children) {
+      const isKey = (head as HTMLElement).dataset.key === this.key;
+      head.setAttribute("aria-sort", isKey ? (this.isDescending ? "descending" : "ascending") : "none");
+    }
+    this.body.replaceChildren(...shown.map((entry) => this.row(entry)));
+    this.note.textContent = this.entries.length
+      ? `${shown.length} of ${this.entries.length}; up to ${MOST} side by side with +`
+      : "No episodes. Open a .smarts file, or drop one here.";
+  }
+
+  private row(entry: Entry): HTMLElement {
+    const isOpen = this.open.includes(entry.id);
+    const partners = entry.pair
+      ? this.entries.filter((other) => other.pair === entry.pair && other.id !== entry.id && !other.error)
+      : [];
+    const title = entry.scenario || entry.label;
+    const under = [
+      entry.run,
+      entry.policy,
+      entry.traffic && `traffic ${entry.traffic}`,
+      entry.scenario ? entry.label : "",
+    ]
+      .filter(Boolean)
+      .join(" · ");
+    const outcomes = Object.entries(entry.outcomes)
+      .filter(([name]) => name !== "none")
+      .map(([name, count]) =>
+        h(
+          "span",
+          { class: "badge", "data-tone": outcomeTone(name.toUpperCase()) },
+          count > 1 ? `${count} ${outcomeText(name)}` : outcomeText(name),
+        ),
+      );
+    const name = h(
+      "button",
+      { class: "open", type: "button", disabled: entry.error !== "", onClick: () => this.choose([entry.id]) },
+      h("b", {}, title),
+      entry.isLive ? h("span", { class: "badge", "data-tone": "live" }, "live") : null,
+      h("small", {}, under),
+    );
+    const add = h(
+      "button",
+      {
+        class: "add",
+        type: "button",
+        disabled: entry.error !== "" || (!isOpen && this.open.length >= MOST),
+        "aria-pressed": String(isOpen),
+        "aria-label": isOpen ? `Remove ${title} from the grid` : `Show ${title} beside the others`,
+        onClick: () => this.toggleOne(entry.id),
+      },
+      isOpen ? "−" : "+",
+    );
+    const both = partners.length
+      ? h(
+          "button",
+          {
+            class: "text-button",
+            type: "button",
+            onClick: () => this.choose([entry.id, ...partners.map((other) => other.id)].slice(0, MOST)),
+          },
+          "compare",
+        )
+      : null;
+    return h(
+      "div",
+      { class: "row", role: "row", "data-open": isOpen, "data-error": entry.error !== "" },
+      h("div", { role: "cell", class: "first" }, name, both),
+      h(
+        "div",
+        { role: "cell", class: "outcomes" },
+        ...(entry.error ? [h("span", { class: "error" }, entry.error)] : outcomes),
+      ),
+      h("div", { role: "cell", class: "count" }, entry.agents ? String(entry.agents) : ""),
+      h("div", { role: "cell", class: "count" }, entry.seconds ? `${entry.seconds.toFixed(0)} s` : ""),
+      add,
+    );
+  }
+
+  private choose(ids: string[]): void {
+    this.onOpen(ids);
+    this.element.close();
+  }
+
+  private toggleOne(id: string): void {
+    const next = this.open.includes(id) ? this.open.filter((each) => each !== id) : [...this.open, id];
+    if (next.length) this.onOpen(next);
+  }
+}

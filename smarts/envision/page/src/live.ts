@@ -1,0 +1,78 @@
+/** Simulations that run now: one WebSocket, which comes back by itself. */
+
+import { type Address, decode, type Message, type Source } from "./format";
+
+const SHORTEST_WAIT = 500;
+const LONGEST_WAIT = 10_000;
+
+export type LiveState = "connecting" | "connected" | "lost";
+
+export class Live {
+  sources: Source[] = [];
+  state: LiveState = "connecting";
+  onSources: (sources: Source[]) => void = () => {};
+  onMessage: (source: string, message: Message) => void = () => {};
+  onState: (state: LiveState) => void = () => {};
+  private socket: WebSocket | null = null;
+  private watched: readonly string[] = [];
+  private wait = SHORTEST_WAIT;
+  private chain: Promise<void> = Promise.resolve();
+  private readonly serials = new Map<string, number>();
+
+  connect(): void {
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    socket.addEventListener("open", () => {
+      this.wait = SHORTEST_WAIT;
+      this.setState("connected");
+      this.tell();
+    });
+    socket.addEventListener("message", (event: MessageEvent<unknown>) => {
+      if (!(event.data instanceof ArrayBuffer)) return;
+      const bytes = new Uint8Array(event.data);
+      // Messages are decoded side by side and taken up in order.
+      const decoded = decode(bytes).catch((error: unknown) => ({
+        type: "error" as const,
+        text: String(error),
+        source: "",
+        serial: 0,
+      }));
+      this.chain = this.chain.then(async () => this.take(await decoded));
+    });
+    socket.addEventListener("close", () => {
+      this.setState("lost");
+      this.serials.clear();
+      setTimeout(() => this.connect(), this.wait);
+      this.wait = Math.min(LONGEST_WAIT, 1.7 * this.wait);
+    });
+  }
+
+  /** Asks for the states of these simulations. */
+  watch(ids: readonly string[]): void {
+    this.watched = ids;
+    this.tell();
+  }
+
+  private tell(): void {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ watch: this.watched }));
+  }
+
+  private take(message: (Message & Address) | null): void {
+    if (!message) return;
+    if (message.type === "sources") {
+      this.sources = message.sources;
+      this.onSources(message.sources);
+      return;
+    }
+    const { source, serial } = message;
+    if (message.type === "episode") this.serials.set(source, serial);
+    else if (message.type !== "error" && this.serials.get(source) !== serial) return;
+    this.onMessage(source, message);
+  }
+
+  private setState(state: LiveState): void {
+    this.state = state;
+    this.onState(state);
+  }
+}

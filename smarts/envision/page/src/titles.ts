@@ -1,0 +1,34 @@
+/** What views and problems are called. */
+
+import { describe, type Entry } from "./library";
+import type { View } from "./view";
+
+export const reason = (error: unknown): string => (error instanceof Error ? error.message : String(error));
+
+export function titleOf(entry: Entry | undefined, id: string): string {
+  if (!entry) return id;
+  if (entry.isLive) return entry.label;
+  return entry.policy || entry.run
+    ? `${entry.scenario || entry.label} · ${entry.policy || entry.run}`
+    : entry.scenario || entry.label;
+}
+
+export function subtitle(view: View): string {
+  const { facts } = view.recording;
+  const parts = [
+    facts.traffic && `traffic ${String(facts.traffic)}`,
+    facts.seed !== undefined && `seed ${String(facts.seed)}`,
+    facts.episode !== undefined && `episode ${String(facts.episode)}`,
+  ];
+  return parts.filter(Boolean).join(" · ") || describe(view.id, view.recording, "").label;
+}
+
+/** What a cell says: how its agents have ended so far. */
+export function statusOf(view: View): [string, string] {
+  const ended = view.agents.filter(
+    (agent) => agent.isEgo && agent.endStep >= 0 && view.step >= agent.endStep && agent.outcome !== "NONE",
+  );
+  const worst =
+    ended.find((agent) => agent.tone === "bad") ?? ended.find((agent) => agent.tone === "warn") ?? ended[0];
+  return worst ? [worst.outcomeText, worst.tone] : ["", "plain"];
+}

@@ -1,0 +1,92 @@
+"""The built page: served, or as a file with episodes inside."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from smarts.errors import SmartsError
+
+PAGE = Path(__file__).parent / "viewer.html"
+MOST_BYTES = 2_000_000
+"""Of a page with episodes inside."""
+_PLACE = "<!--EPISODE-->"
+_INLINE = re.compile(r"<(script|style)\b([^>]*)>(.*?)</\1>", re.DOTALL | re.IGNORECASE)
+_LOADS_NOTHING = (
+    "default-src 'none'; base-uri 'none'; object-src 'none'; form-action 'none'; img-src 'self' blob: data:"
+)
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """An episode inside a page."""
+
+    id: str
+    label: str
+    data: bytes
+    """The compact episode."""
+
+
+@cache
+def viewer_page() -> str:
+    """Return the page.
+
+    Raises:
+        SmartsError: It was not built.
+    """
+    try:
+        return PAGE.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SmartsError(
+            f"the page that shows episodes cannot be read: {error.strerror}",
+            place=str(PAGE),
+            remedy="install the package again; in a checkout, build the page with `make page`",
+        ) from error
+
+
+def policy_of(page: str) -> str:
+    """Return the page's content security policy: nothing runs but the code and the style that were built."""
+    hashes: dict[str, list[str]] = {"script": [], "style": []}
+    for kind, attributes, text in _INLINE.findall(page):
+        if "application/octet-stream" not in attributes:
+            digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+            hashes[kind.lower()].append(f"'sha256-{digest}'")
+    sources = [f"{kind}-src {' '.join(found)}" for kind, found in hashes.items() if found]
+    return "; ".join([_LOADS_NOTHING, *sources])
+
+
+def page_with(episodes: Sequence[Embedded], page: str | None = None) -> str:
+    """Return the page with episodes inside, which needs neither server nor network.
+
+    Raises:
+        SmartsError: The page is larger than `MOST_BYTES`, or was not built.
+    """
+    page = viewer_page() if page is None else page
+    if page.count(_PLACE) != 1:
+        raise SmartsError(
+            f"the page has {page.count(_PLACE)} places for episodes instead of one",
+            place=str(PAGE),
+            remedy="build the page again with `make page`",
+        )
+    scripts = "".join(
+        f'<script type="application/octet-stream" data-id="{html.escape(each.id)}" '
+        f'data-label="{html.escape(each.label)}">{base64.b64encode(each.data).decode()}</script>'
+        for each in episodes
+    )
+    head = f'<meta http-equiv="Content-Security-Policy" content="{html.escape(policy_of(page))}">'
+    before, _, behind = page.partition(_PLACE)
+    whole = re.sub(r"<head[^>]*>", lambda found: found[0] + head, before, count=1) + scripts + behind
+    size = len(whole.encode())
+    if size > MOST_BYTES:
+        raise SmartsError(
+            f"a page of {size / 1e6:.1f} MB, more than {MOST_BYTES / 1e6:.0f} MB",
+            place=", ".join(each.label for each in episodes),
+            remedy="give fewer episodes, or a part with --begin and --end (s); a file of --out may be larger",
+        )
+    return whole

@@ -1,0 +1,88 @@
+"""Sequences of messages as bytes. docs/envision.md describes the format.
+
+A message is a msgpack map with the key `type`. A compact episode is `MAGIC`, then messages, each behind its
+length; a live stream is the same messages, one in each WebSocket frame.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import msgpack
+
+from smarts.errors import RecordError
+from smarts.stream.arrays import damaged
+
+VERSION = 1
+"""Of the format of messages."""
+MAGIC = b"SMARTSEP"
+"""The first bytes of a compact episode."""
+MOST_BYTES = 8 << 20
+"""Of a message."""
+
+_LENGTH = struct.Struct("<I")
+
+Message = Mapping[str, Any]
+
+
+def pack(message: Message) -> bytes:
+    """Return the bytes of one message.
+
+    Raises:
+        RecordError: It is larger than `MOST_BYTES`.
+    """
+    packed: bytes = msgpack.packb(message)  # pyright: ignore[reportAssignmentType] -- it is never None
+    if len(packed) > MOST_BYTES:
+        raise RecordError(
+            f"a message '{message['type']}' of {len(packed)} bytes",
+            place="the stream",
+            remedy=f"send it in parts of at most {MOST_BYTES} bytes",
+        )
+    return packed
+
+
+def unpack(packed: bytes) -> dict[str, Any]:
+    """Return the message in some bytes.
+
+    Raises:
+        RecordError: They are none.
+    """
+    if len(packed) > MOST_BYTES:
+        raise damaged(f"a message of {len(packed)} bytes")
+    try:
+        message = msgpack.unpackb(packed)
+    except (ValueError, TypeError, RecursionError, msgpack.exceptions.UnpackException) as error:
+        raise damaged(f"no msgpack: {error}") from error
+    if not isinstance(message, dict) or not isinstance(message.get("type"), str):
+        raise damaged("a message without type")
+    return message
+
+
+def framed(messages: Iterable[Message]) -> Iterator[bytes]:
+    """Yield a compact episode, message by message."""
+    yield MAGIC
+    for message in messages:
+        packed = pack(message)
+        yield _LENGTH.pack(len(packed)) + packed
+
+
+def messages_in(data: bytes) -> Iterator[dict[str, Any]]:
+    """Yield the whole messages of a compact episode; a file that is cut ends with the last whole one.
+
+    Raises:
+        RecordError: The bytes are no compact episode, or a message is damaged.
+    """
+    if data[: len(MAGIC)] != MAGIC:
+        raise damaged(f"the first bytes are {data[:8]!r}, not {MAGIC!r}")
+    at = len(MAGIC)
+    while at + _LENGTH.size <= len(data):
+        (length,) = _LENGTH.unpack_from(data, at)
+        if length > MOST_BYTES:
+            raise damaged(f"a message of {length} bytes at byte {at}")
+        at += _LENGTH.size
+        if at + length > len(data):
+            return
+        yield unpack(data[at : at + length])
+        at += length

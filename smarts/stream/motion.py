@@ -1,0 +1,156 @@
+"""Motion of vehicles as messages `steps`: a few bytes for each vehicle and step.
+
+A message holds K steps and can be read without those before it. A run is a vehicle that is there without a
+gap; columns of more than one step are packed as runs. N is the number of rows: vehicles, summed over steps.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.arrays import Bools, Floats, Ints
+from smarts.errors import RecordError
+from smarts.stream.arrays import packed_array, packed_runs, unpacked_array, unpacked_runs
+
+PER_METRE = 100
+"""Units of x, y and speed: 1 cm, 1 cm/s."""
+PER_RADIAN = 1800 / math.pi
+"""Units of angles: 0.1 degree."""
+TURN = 3600
+"""Units of a whole turn."""
+OWNER_BITS = 0b111
+BRAKES, LEFT, RIGHT, AIR_LOCK, LEAVING, COLLIDED = (1 << bit for bit in range(3, 9))
+"""Bits of `Motion.flags`: brake light, turn indicators, in an air-lock, waits to go back to traffic, has
+collided."""
+
+MOST_ROWS = 1_000_000
+"""Of one message."""
+_ONE_STEP = {"x": np.int32, "y": np.int32, "heading": np.int16, "speed": np.int16, "steer": np.int16}
+"""Types of the columns of a message of one step."""
+
+
+class Motion(NamedTuple):
+    """Rows of vehicles and steps, ordered by number, then step; shape (N,) each."""
+
+    number: Ints
+    """The stream's short name of the vehicle."""
+    step: Ints
+    x: Ints
+    """From the map's origin [cm]."""
+    y: Ints
+    heading: Ints
+    """Counter-clockwise from +x [0.1 degree]."""
+    speed: Ints
+    """[cm/s]"""
+    steer: Ints
+    """Of the front wheels, positive to the left [0.1 degree]; 0 where unknown."""
+    flags: NDArray[np.uint16]
+    """The owner in `OWNER_BITS`, and the bits behind."""
+
+    @classmethod
+    def of(
+        cls,
+        number: NDArray,
+        step: NDArray,
+        position: Floats,
+        heading: NDArray,
+        speed: NDArray,
+        steer: NDArray,
+        flags: NDArray,
+    ) -> Motion:
+        """Return rows from SI units, in any order; `position` is relative to the origin, shape (N, 2)."""
+        order = np.lexsort((step, number))
+
+        def whole(values: NDArray, per_unit: float) -> Ints:
+            # Values that are not finite are of vehicles that failed: they stay where 0 is.
+            return np.rint(np.nan_to_num(values[order].astype(np.float64) * per_unit)).astype(np.int32)
+
+        return cls(
+            number[order].astype(np.int32),
+            step[order].astype(np.int32),
+            whole(position[:, 0], PER_METRE),
+            whole(position[:, 1], PER_METRE),
+            whole(heading, PER_RADIAN),
+            whole(speed, PER_METRE),
+            whole(steer, PER_RADIAN),
+            flags[order].astype(np.uint16),
+        )
+
+
+def steps_message(steps: Ints, motion: Motion, *, compress: bool = True) -> dict[str, Any]:
+    """Return a message of some steps.
+
+    Args:
+        steps: Their numbers, increasing, shape (K,).
+        motion: Of these steps.
+        compress: Whether to spend time on making it small.
+    """
+    begin = np.searchsorted(steps, motion.step)
+    first = _first_of_runs(motion.number, begin)
+    starts = np.flatnonzero(first)
+
+    def plain(values: NDArray, kind: type) -> dict[str, Any]:
+        return packed_array(values.astype(kind), compress=compress)
+
+    message = {
+        "type": "steps",
+        "step": plain(steps, np.int32),
+        "number": plain(motion.number[starts], np.uint32),
+        "flags": plain(motion.flags, np.uint16),
+    }
+    if len(steps) == 1:
+        return message | {name: plain(getattr(motion, name), kind) for name, kind in _ONE_STEP.items()}
+    return message | {
+        "begin": plain(begin[starts], np.uint16),
+        "count": plain(np.diff(starts, append=len(first)), np.uint16),
+        **{
+            name: packed_runs(
+                getattr(motion, name), first, turn=TURN if name == "heading" else 0, compress=compress
+            )
+            for name in _ONE_STEP
+        },
+    }
+
+
+def motion_of(message: dict[str, Any]) -> Motion:
+    """Return the rows of a message `steps`; headings have no jumps within a run.
+
+    Raises:
+        RecordError: It is damaged.
+    """
+    steps, number = unpacked_array(message.get("step")), unpacked_array(message.get("number"))
+    begin, count = np.zeros(len(number), np.int64), np.ones(len(number), np.int64)
+    if len(steps) != 1 or "count" in message:
+        begin, count = (unpacked_array(message.get(name)).astype(np.int64) for name in ("begin", "count"))
+    if not (len(number) == len(begin) == len(count)) or (count < 1).any() or count.sum() > MOST_ROWS:
+        raise _damaged(f"{len(number)} runs of {count.sum()} rows")
+    if (begin < 0).any() or (begin + count > len(steps)).any() or (np.diff(steps) <= 0).any():
+        raise _damaged("runs that are longer than the steps, or steps in disorder")
+    starts = np.cumsum(count) - count
+    x, y, heading, speed, steer = (unpacked_runs(message.get(name), starts) for name in _ONE_STEP)
+    columns = x, y, heading, speed, steer
+    flags = unpacked_array(message.get("flags"))
+    rows = int(count.sum())
+    if any(len(column) != rows for column in (*columns, flags)):
+        raise _damaged(f"columns that have not {rows} rows")
+    place = np.arange(rows) - np.repeat(starts - begin, count)
+    return Motion(np.repeat(number, count).astype(np.int32), steps[place], *columns, flags.astype(np.uint16))
+
+
+def _first_of_runs(number: NDArray, place: NDArray) -> Bools:
+    """Return which rows are the first of their run, shape (N,)."""
+    first = np.ones(len(number), np.bool_)
+    first[1:] = (number[1:] != number[:-1]) | (place[1:] != place[:-1] + 1)
+    return first
+
+
+def _damaged(problem: str) -> RecordError:
+    return RecordError(
+        f"a damaged message 'steps': {problem}",
+        place="the stream",
+        remedy="bring the file back from a copy, or make it again",
+    )

@@ -1,0 +1,187 @@
+"""Facts and tables of an episode as messages, under the names of `smarts.types.episode_schema`."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.errors import RecordError
+from smarts.stream.arrays import packed_array, unpacked_array
+from smarts.stream.container import VERSION, Message
+from smarts.types.actions import ActionSpaceType, LaneAction
+from smarts.types.agent_states import AgentStatus, ChangePhase
+from smarts.types.episode_schema import (
+    AGENT_FAILURES,
+    AGENT_STATES,
+    AGENTS,
+    BUBBLE_POSES,
+    BUBBLE_RINGS,
+    BUBBLES,
+    DECISIONS,
+    EXTRAS,
+    HOLDS,
+    INTEGERS,
+    NUMBERS,
+    ROUTES,
+    SIGNALS,
+    TEXT,
+    TRANSFERS,
+    Column,
+    Table,
+)
+from smarts.types.events import Event, Outcome
+from smarts.types.mission import GoalKind
+from smarts.types.traffic import Signal
+from smarts.types.transfers import Reason, Refusal
+from smarts.types.vehicles import Owner, VehicleKind
+
+_AGENT = Column("agent", "int32", "row of the agent in agents, -1 where it is unknown")
+OUTCOMES = Table(
+    "outcomes",
+    "a row for each agent whose episode ended",
+    (
+        _AGENT,
+        Column("step", "int32", "that ended it"),
+        Column("outcome", "int8", "Outcome"),
+        Column("partner_slot", "int32", "vehicle that it collided with, -1 for none"),
+        Column("partner_generation", "int32", "of that vehicle"),
+    ),
+)
+"""The one table that recorded episodes do not have: there it is part of `agents`."""
+STATIC = (AGENTS, HOLDS, ROUTES, BUBBLES, BUBBLE_RINGS)
+"""The tables of an episode that are sent before its steps."""
+_STEPPED = AGENT_STATES, DECISIONS, SIGNALS, EXTRAS, TRANSFERS, BUBBLE_POSES, AGENT_FAILURES
+STEPPED = (
+    *(replace(t, columns=(*t.columns, _AGENT)) if "agent_id" in t.names else t for t in _STEPPED),
+    OUTCOMES,
+)
+"""Those whose rows are sent with their steps. Rows of an agent say which row of `agents` it is, since agents
+may have an agent_id in turn."""
+MOST_ROWS = 20_000
+"""Of one message."""
+
+_ENUMERATIONS: tuple[type[enum.IntEnum] | type[enum.IntFlag], ...] = (
+    *(Owner, Outcome, Event, VehicleKind, AgentStatus, ChangePhase, Signal),
+    *(ActionSpaceType, LaneAction, Reason, Refusal, GoalKind),
+)
+_LISTS = {NUMBERS: np.dtype(np.float32), INTEGERS: np.dtype(np.int32)}
+
+Columns = Mapping[str, Any]
+"""Columns by name: arrays, or sequences, all of one length."""
+
+
+def episode_message(facts: Mapping[str, Any], origin: tuple[float, float]) -> dict[str, Any]:
+    """Return the first message of an episode.
+
+    Args:
+        facts: The row of the table `episode`, or what is known of it.
+        origin: What positions of vehicles and lanes are relative to [m].
+    """
+    return {
+        "type": "episode",
+        "version": VERSION,
+        "facts": {name: _plain(value) for name, value in facts.items()},
+        "names": {
+            each.__name__: {str(int(member)): str(member.name) for member in each.__members__.values()}
+            for each in _ENUMERATIONS
+        },
+        "origin": list(origin),
+    }
+
+
+def table_messages(schema: Table, columns: Columns, *, append: bool = False) -> list[dict[str, Any]]:
+    """Return the messages of a table, or of further rows of it."""
+    arrays = {c.name: _typed(c.kind, columns[c.name]) for c in schema.columns if c.name in columns}
+    rows = len(next(iter(arrays.values()))) if arrays else 0
+    if any(len(each) != rows for each in arrays.values()):
+        raise ValueError(f"table {schema.name}: columns of different lengths")
+    return [
+        {
+            "type": "table",
+            "name": schema.name,
+            "append": append or begin > 0,
+            "columns": {column: _column(each[begin : begin + MOST_ROWS]) for column, each in arrays.items()},
+        }
+        for begin in range(0, max(rows, 1), MOST_ROWS)
+    ]
+
+
+def columns_message(kind: str, columns: Columns) -> dict[str, Any]:
+    """Return a message that has columns of its own, such as `vehicles`."""
+    arrays = {name: each if isinstance(each, np.ndarray) else [*each] for name, each in columns.items()}
+    return {"type": kind, **{name: _column(each) for name, each in arrays.items()}}
+
+
+def columns_of(message: Message) -> dict[str, Any]:
+    """Return the columns of a message `table`: arrays, and lists of texts or of arrays.
+
+    Raises:
+        RecordError: It is damaged.
+    """
+    named = message.get("columns")
+    if not isinstance(named, dict):
+        raise _damaged(message, "no columns")
+    columns = {str(name): values_of(named, name) for name in named}
+    if len({len(each) for each in columns.values()}) > 1:
+        raise _damaged(message, "columns of different lengths")
+    return columns
+
+
+def values_of(columns: Message, name: str) -> Any:
+    """Return one of the columns of a message.
+
+    Raises:
+        RecordError: It is missing or damaged.
+    """
+    try:
+        return _values(columns[name])
+    except (KeyError, TypeError, AttributeError, IndexError, ValueError) as error:
+        raise _damaged(columns, f"column {name}: {error}") from error
+
+
+def _typed(kind: str, values: Sequence[Any] | NDArray) -> Any:
+    if kind == TEXT:
+        return [str(each) for each in values]
+    if kind in _LISTS:
+        return [np.asarray(each, _LISTS[kind]) for each in values]
+    return np.asarray(values).astype(kind)
+
+
+def _column(values: Any) -> Any:
+    """Return a column as it is in a message."""
+    if isinstance(values, np.ndarray):
+        return packed_array(values)
+    if not values or isinstance(values[0], str):
+        return values
+    offsets = np.cumsum([0, *map(len, values)]).astype(np.uint32)
+    return packed_array(np.concatenate(values)) | {"o": packed_array(offsets)}
+
+
+def _values(column: Any) -> Any:
+    if isinstance(column, list):
+        return [str(each) for each in column]
+    values = unpacked_array(column)
+    if "o" not in column:
+        return values
+    offsets = unpacked_array(column["o"]).astype(np.int64)
+    if len(offsets) < 1 or offsets[0] != 0 or offsets[-1] != len(values) or (np.diff(offsets) < 0).any():
+        raise ValueError("lists with wrong offsets")
+    return np.split(values, offsets[1:-1]) if len(offsets) > 1 else []
+
+
+def _plain(value: Any) -> Any:
+    """Return a number or text that msgpack knows."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _damaged(message: Message, problem: str) -> RecordError:
+    return RecordError(
+        f"a damaged table '{message.get('name', message.get('type'))}': {problem}",
+        place="the stream",
+        remedy="bring the file back from a copy, or make it again",
+    )

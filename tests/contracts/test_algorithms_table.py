@@ -1,0 +1,45 @@
+"""The table of all algorithms is what its command writes, and its parts are read as they are meant."""
+
+import pytest
+
+from algorithms.registry import ALGORITHMS
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.runs import runs_of
+from perf import algorithms_table as table
+from tests.blocks import ROOT
+
+
+def test_the_committed_table_is_what_the_command_writes():
+    assert table.TABLE.read_text() == table.page()
+
+
+def test_every_algorithm_has_a_line_with_checks():
+    lines = [line for line in table.page().splitlines() if line.startswith("| [`")]
+    assert len(lines) == len(ALGORITHMS)
+    assert all(int(line.split(" | ")[3]) >= 1 for line in lines)
+
+
+def test_own_games_show_the_failing_score_where_a_line_names_no_other():
+    failing = {"cues": "0", "recall": "0.5"}
+    assert table.own_games("cues, 6,000 steps: -1.000; recall with `gru`, 3,200: 0.9.", failing) == (
+        "cues -1.000 (0); recall with `gru` 0.9 (0.5)"
+    )
+    assert table.own_games("cues, 40 steps: 0.8; `ppo` 0.1.", failing) == "cues 0.8 (`ppo` 0.1)"
+
+
+def test_a_check_that_does_not_exist_is_refused():
+    with pytest.raises(LookupError, match="test_nothing"):
+        table.checks_of({"Oracle": "equal (`test_coma.py::test_nothing`)"})
+
+
+def test_the_end_of_a_curve_is_its_last_row_with_finished_episodes(tmp_path):
+    folder = tmp_path / "intersection" / "no_social_vehicles" / "seed_1"
+    folder.mkdir(parents=True)
+    rows = ("iteration,agent_steps,completion,collision", "1,500,0.25,0.5", "2,1000,0.75,0.125", "3,1500,,")
+    (folder / "progress.csv").write_text("\n".join(rows))
+    assert table.intersection(tmp_path) == "0.75 / 0.12 (1,000)"
+
+
+def test_the_experiment_trains_every_algorithm():
+    runs = runs_of(read_experiment(ROOT / "configs" / "all_algorithms.yaml", []))
+    assert sorted(run.algorithm for run in runs) == sorted(ALGORITHMS)

@@ -1,0 +1,202 @@
+"""The games of `perf/yardstick_games` equal those of the published packages, and their page is up to date."""
+
+import subprocess
+import sys
+
+import gymnasium
+import lbforaging  # noqa: F401 - registers the game
+import numpy as np
+import pytest
+from mpe2 import simple_spread_v3
+
+from algorithms.joint.conformance import check_vector_env
+from algorithms.joint.env import episode_seed
+from algorithms.joint.rollout import View
+from algorithms.joint.sampler import EvaluatedStep
+from algorithms.registry import ALGORITHMS
+from perf.yardstick_games import results
+from perf.yardstick_games.foraging import LOAD, Foraging, near_food
+from perf.yardstick_games.matrices import Matrices, scaled
+from perf.yardstick_games.recipes import RECIPES, YARDSTICKS, Published, Yardstick
+from perf.yardstick_games.results import Evaluation, RunFile
+from perf.yardstick_games.spread import Spread
+from perf.yardsticks import Loops, random_play
+from tests.blocks import ROOT
+
+SEED = 7
+
+
+def fresh_foraging(row, episode):
+    """Return a new game of the package (a reset would mind the last places) and what it shows."""
+    env = gymnasium.make("Foraging-8x8-2p-2f-coop-v3").unwrapped
+    return env, np.array(env.reset(seed=episode_seed(SEED, row, episode))[0])
+
+
+def together(seen, rng):
+    """Return actions (2,) of agents that mostly walk to the first food and load it, else act at random."""
+    actions = rng.integers(6, size=2)
+    for agent in np.flatnonzero(rng.random(2) < 0.8):
+        down, right = seen[agent][:2] - seen[agent][6:8]
+        if abs(down) + abs(right) == 1:
+            actions[agent] = LOAD
+        elif abs(down) > abs(right):
+            actions[agent] = 2 if down > 0 else 1
+        else:
+            actions[agent] = 4 if right > 0 else 3
+    return actions
+
+
+def test_foraging_equals_the_packages_game_step_by_step():
+    copies = 3
+    game, rng = Foraging(copies), np.random.default_rng(0)
+    now = game.reset(SEED, np.arange(copies))
+    theirs = [fresh_foraging(row, 0) for row in range(copies)]
+    episodes, loads = [0] * copies, 0
+    for _ in range(500):
+        seen = now.observations[0][""].copy()
+        assert np.array_equal(seen, [shown for _, shown in theirs])
+        actions = np.stack([together(each, rng) for each in seen])
+        now = game.step((actions,))
+        for row, (env, _) in enumerate(theirs):
+            shown, rewards, over, _, _ = env.step(actions[row])
+            assert now.rewards[row] == pytest.approx(rewards)
+            assert now.reset[row] == over
+            assert now.terminated[row].all() == (not env.field.any())
+            loads += sum(rewards) > 0
+            theirs[row] = env, np.array(shown)
+            if over:
+                place = now.final.rows.tolist().index(row)
+                assert np.array_equal(now.final.observations[0][""][place], shown)
+                episodes[row] += 1
+                theirs[row] = fresh_foraging(row, episodes[row])
+    assert loads > 20
+    assert min(episodes) > 5
+
+
+def test_food_is_near_in_eight_cells_around_and_two_straight_away():
+    food = np.zeros((8, 8), int)
+    food[4, 4] = 3
+    near = {(r, c) for r in range(1, 7) for c in range(1, 7) if near_food(food, r, c)}
+    square = {(r, c) for r in (3, 4, 5) for c in (3, 4, 5)}
+    assert near == square | {(2, 4), (6, 4), (4, 2), (4, 6)}
+
+
+def test_spread_equals_the_packages_game_step_by_step():
+    copies = 2
+    game, rng = Spread(copies), np.random.default_rng(0)
+    now = game.reset(SEED, np.arange(copies))
+    theirs = [simple_spread_v3.parallel_env() for _ in range(copies)]
+    shown = [env.reset(seed=episode_seed(SEED, row, 0))[0] for row, env in enumerate(theirs)]
+    for t in range(1, 501):
+        seen = np.array([list(each.values()) for each in shown])
+        np.testing.assert_allclose(now.observations[0][""], seen, atol=1e-6)
+        actions = rng.integers(5, size=(copies, 3))
+        now = game.step((actions,))
+        for row, env in enumerate(theirs):
+            given = dict(zip(env.agents, actions[row].tolist(), strict=True))
+            shown[row], rewards, _, cut, _ = env.step(given)
+            np.testing.assert_allclose(now.rewards[row], list(rewards.values()), atol=1e-5)
+            assert now.truncated[row].tolist() == list(cut.values())
+            if now.reset[row]:
+                shown[row] = env.reset(seed=episode_seed(SEED, row, t // 25))[0]
+
+
+def test_matrices_pay_the_team_1_for_the_best_actions_and_0_on_average():
+    payoffs = scaled(np.array([[[1.0, 2.0], [3.0, 6.0]]]))
+    assert np.allclose(payoffs, [[[-2 / 3, -1 / 3], [0, 1]]])
+    game = Matrices(4)
+    game.reset(SEED, np.arange(4))
+    best = [np.unravel_index(game.payoffs[k].argmax(), (5, 5)) for k in game.number]
+    step = game.step((np.array(best),))
+    assert step.rewards.sum(1) == pytest.approx(1)
+    assert step.terminated.all()
+
+
+@pytest.mark.parametrize("name", YARDSTICKS)
+def test_games_keep_the_contract_and_a_row_equals_the_run_alone(name):
+    check_vector_env(YARDSTICKS[name].make(3), steps=60)
+    many, alone = YARDSTICKS[name].make(3), YARDSTICKS[name].make(1)
+    rng = np.random.default_rng(1)
+    steps = many.reset(SEED, np.arange(3)), alone.reset(SEED, np.array([2]))
+    for _ in range(60):
+        assert np.array_equal(steps[0].observations[0][""][2:], steps[1].observations[0][""])
+        actions = rng.integers(many.num_actions, size=(3, many.num_agents))
+        steps = many.step((actions,)), alone.step((actions[2:],))
+        assert np.array_equal(steps[0].rewards[2:], steps[1].rewards)
+
+
+@pytest.mark.parametrize("name", YARDSTICKS)
+def test_a_saved_game_continues(name):
+    game, other = YARDSTICKS[name].make(2), YARDSTICKS[name].make(2)
+    game.reset(SEED, np.arange(2))
+    other.set_state(game.get_state())
+    actions = np.zeros((2, game.num_agents), int)
+    for _ in range(game.length + 1):
+        one, two = game.step((actions,)), other.step((actions,))
+        assert np.array_equal(one.observations[0][""], two.observations[0][""])
+
+
+def test_recipes_set_what_algorithms_have():
+    for game, recipes in RECIPES.items():
+        assert game in YARDSTICKS
+        for name, recipe in recipes.items():
+            kind = ALGORITHMS[name.partition("-")[0]].settings
+            assert kind(**recipe.settings, rollout_fragment_length=recipe.fragment)
+
+
+def test_the_page_shows_means_over_seeds_and_the_best_of_the_mean(tmp_path):
+    curves = {1: [(0, 0.0), (10, 0.8), (20, 0.6)], 2: [(0, 0.0), (10, 0.6), (20, 1.0)]}
+    for seed, points in curves.items():
+        curve = [Evaluation(steps, greedy, greedy / 2, 0.25, 3.0) for steps, greedy in points]
+        results.write(tmp_path, RunFile("foraging", "vdn", seed, {"commit": "abc"}, curve))
+    results.write(tmp_path, RunFile("foraging", "random", 1, {}, [Evaluation(0, np.nan, 0.01, np.nan, 0.0)]))
+    page = results.page(tmp_path)
+    assert "| `vdn` | 2 | 20 | 0.80 | 0.60, 1.00 | 0.80 | 0.40 | 0.25 |" in page
+    assert "| `random` | | | | | | 0.01 | |" in page
+    assert results.read(results.file_of(tmp_path, "foraging", "vdn", 1)).about == {"commit": "abc"}
+
+
+def test_scores_are_scaled_returns():
+    game = Yardstick("", 1, "", scale=2.0, offset=-75.0, published=(Published("x", 0.0, ""),))
+    assert game.score(-31.25) == -137.5
+
+
+def test_episodes_loop_where_all_agents_see_again_what_they_saw_before():
+    loops = Loops()
+    for first, second in (((1, 1), (1, 1)), ((2, 1), (1, 2)), ((1, 1), (1, 1))):
+        seen = np.array([first, second], np.float32)[:, :, None]
+        view = View(({"": seen},), np.ones((2, 2), bool), (None,), None, None)
+        step = YARDSTICKS["matrices"].make(2).reset(SEED, np.arange(2))
+        loops(EvaluatedStep(np.array([5, -1]), view, (), (), step))
+    assert loops.looped == {5}
+
+
+def test_random_play_scores_what_is_expected():
+    assert random_play("matrices", 1, 4_000).curve[-1].sampled == pytest.approx(0, abs=0.05)
+    assert random_play("foraging", 1, 200).curve[-1].sampled < 0.05
+
+
+def test_the_committed_page_is_what_the_command_writes():
+    assert (results.FOLDER / "README.md").read_text() == results.page()
+
+
+@pytest.mark.slow
+def test_the_command_trains_what_is_missing_and_writes_the_page(tmp_path):
+    arguments = ["--games", "matrices", "--algorithms", "vdn", "--seeds", "1", "--steps", "1024"]
+    command = [
+        sys.executable,
+        "-m",
+        "perf.yardsticks",
+        *arguments,
+        "--episodes",
+        "10",
+        "--out",
+        str(tmp_path),
+    ]
+    first = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert first.returncode == 0, first.stderr[-3000:]
+    run = results.read(results.file_of(tmp_path, "matrices", "vdn", 1))
+    assert run.curve[-1].steps == 1024
+    assert "`vdn`" in (tmp_path / "README.md").read_text()
+    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "runs" not in again.stdout

@@ -1,0 +1,66 @@
+"""Simulations that run in another process, shown by the server in real Chromium."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.envision.pages import ROOT
+from tests.viewers import serving
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+STARTED = 180_000
+"""Time for a simulation to start and compile its kernels [ms]."""
+
+
+@contextmanager
+def running(address: str) -> Iterator[None]:
+    """Run two simulations in a process of their own."""
+    process = subprocess.Popen([sys.executable, "-m", "tests.envision.live_run", address], cwd=ROOT)
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+def wait_for_time(page: Page, more: float = 0.0) -> float:
+    """Wait until the time of playback has grown; return it [s]."""
+    now = "parseFloat(document.querySelector('.time').textContent)"
+    before = page.evaluate(now)
+    page.wait_for_function(f"() => {now} > {before + more}", timeout=STARTED)
+    return float(page.evaluate(now))
+
+
+def test_what_runs_appears_moves_and_can_be_joined_late(open_page):
+    with serving(page="", live=True) as server:
+        page = open_page(url=server.url)
+        expect(page.locator(".live-state")).to_have_text("live")
+        with running(f"127.0.0.1:{server.port}"):
+            expect(page.locator(".cell")).to_have_count(2, timeout=STARTED)
+            expect(page.locator(".live")).to_be_visible()
+            wait_for_time(page, 1.0)
+            late = open_page(url=server.url)
+            expect(late.locator(".cell")).to_have_count(2)
+            wait_for_time(late, 1.0)
+            expect(late.locator(".chip")).to_have_count(4)
+        expect(page.locator(".live-state")).to_have_text("live")
+
+
+def test_the_page_comes_back_when_the_server_does(open_page):
+    with serving(page="", live=True) as server:
+        port = server.port
+        page = open_page(url=server.url, may_lose_connection=True)
+        with running(f"127.0.0.1:{port}"):
+            expect(page.locator(".cell")).to_have_count(2, timeout=STARTED)
+            wait_for_time(page, 1.0)
+            server.stop()
+            expect(page.locator(".live-state")).to_contain_text("lost", timeout=20_000)
+            with serving(page="", live=True, port=port):
+                expect(page.locator(".live-state")).to_have_text("live", timeout=20_000)
+                expect(page.locator(".cell")).to_have_count(2, timeout=20_000)
+                wait_for_time(page, 1.0)

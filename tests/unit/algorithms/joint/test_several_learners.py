@@ -1,0 +1,155 @@
+"""Several learners: each takes its rows of every minibatch, and all become what one learner becomes."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import ray
+import torch
+from ray.exceptions import RayError
+
+import algorithms
+from algorithms.parts.noise import RowGenerator, exponential
+from tests.unit.algorithms.joint.test_rllib_contract import FAST, build, small, train, weights
+from tests.unit.algorithms.learner_processes import LR, Process, arrays, learn, rig
+from tests.unit.algorithms.rigs import EVERY
+
+assert build  # a fixture
+
+pytestmark = pytest.mark.usefixtures("cluster")
+
+TOLERANCE = 0.02 * LR
+"""Of weights: Adam divides gradients by their size, so the float error of a small one is a part of `lr`."""
+VARIANTS = [
+    ("ppo", {"sharing": "all", "gru": 8}),
+    ("dqn", {"prioritised": True}),
+    ("vdn", {"gru": 8}),
+    ("qtran", {"variant": "alt"}),
+    ("maddpg", {"sharing": "all"}),
+    ("maac", {"sharing": {"both": ["a", "c"], "own": ["b"]}}),
+]
+
+
+@pytest.fixture(scope="module")
+def processes(cluster, tmp_path_factory):
+    """Provide two processes that meet in a file."""
+    meeting = tmp_path_factory.mktemp("meeting") / "point"
+    actors: list[Any] = [Process.remote(rank, 2, str(meeting)) for rank in range(2)]  # type: ignore[attr-defined]
+    yield actors
+    for actor in actors:
+        ray.kill(actor)
+
+
+def every(processes, method, *given):
+    """Return what a method of all processes returns."""
+    return ray.get([getattr(process, method).remote(*given) for process in processes])
+
+
+def check_equal(name, processes, settings):
+    """Compare one learner with two that get the same rollouts."""
+    one = rig(name, **settings)
+    rollouts, results = [], {}
+    before = arrays(one.weights())
+    for made in range(3):
+        rollouts.append(one.rollout(24))
+        results = learn(one.learner, rollouts[-1:], made)
+    expected = arrays(one.weights())
+    assert any((before[name] != expected[name]).any() for name in before)
+    (first, reported, _), (second, also, drawn) = every(processes, "learn", name, rollouts, settings)
+    for leaf, array in expected.items():
+        np.testing.assert_allclose(first[leaf], array, atol=TOLERANCE, rtol=1e-4, err_msg=leaf)
+        np.testing.assert_array_equal(first[leaf], second[leaf], err_msg=leaf)
+    assert reported == also
+    assert reported.keys() == results.keys()
+    for leaf, value in results.items():
+        assert reported[leaf] == pytest.approx(value, rel=1e-3, abs=1e-5), leaf
+    assert drawn == one.learner.rng.random()
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_two_learners_become_what_one_becomes(name, processes):
+    check_equal(name, processes, {})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "settings"), VARIANTS)
+def test_two_learners_become_what_one_becomes_with_other_settings(name, settings, processes):
+    check_equal(name, processes, settings)
+
+
+def test_learners_begin_with_the_weights_of_the_first(processes):
+    first, second = every(processes, "first_weights", "ppo")
+    other = arrays(rig("ppo", seed=1).weights())
+    assert any((first[leaf] != other[leaf]).any() for leaf in other)
+    for leaf, array in first.items():
+        np.testing.assert_array_equal(second[leaf], array, err_msg=leaf)
+
+
+def test_random_numbers_are_those_of_the_whole_minibatch(processes):
+    generator = RowGenerator()
+    expected, after = exponential(torch.zeros(5, 3), generator), exponential(torch.zeros(3), generator)
+    parts = every(processes, "drawn", 5)
+    assert [rows.tolist() for rows, *_ in parts] == [[0, 2, 4], [1, 3]]
+    for rows, numbers, whole, later in parts:
+        assert torch.equal(numbers, expected[rows])
+        assert torch.equal(whole, expected[:, 0])
+        assert torch.equal(later, after)
+
+
+def test_all_learners_take_a_minibatch_of_fewer_rows_than_learners_whole(processes):
+    for rows, numbers, whole, _ in every(processes, "drawn", 1):
+        assert rows.tolist() == [0]
+        assert torch.equal(numbers[:, 0], whole)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+def test_a_training_continues_with_another_number_of_learners(build, tmp_path, name):
+    alone, two = build(small(name)), build(small(name).learners(num_learners=2, num_cpus_per_learner=0))
+    for algo in (alone, two):
+        train(algo, 2)
+        algo.save_to_path(str(tmp_path / f"{len(algo.learner_group)}"))
+    alone.restore_from_path(str(tmp_path / "2"))
+    two.restore_from_path(str(tmp_path / "0"))
+    control = build(small(name))
+    for algo, count in ((alone, 2), (two, 2), (control, 4)):
+        result = train(algo, count)
+        assert result["learners"]["agent_0"]["gradient_norm"] > 0
+    for algo in (alone, two):
+        for leaf, array in weights(control).items():
+            np.testing.assert_allclose(weights(algo)[leaf], array, atol=1e-4, err_msg=leaf)
+
+
+@pytest.mark.slow
+def test_a_lost_learner_ends_the_training(build):
+    algo = build(small("ppo").learners(num_learners=2, num_cpus_per_learner=0))
+    train(algo, 1)
+    ray.kill(algo.learner_group._workers[1])
+    with pytest.raises((RayError, RuntimeError)):
+        train(algo, 1)
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [
+        ({"num_learners": -1}, "num_learners=-1"),
+        ({"num_learners": "2"}, "num_learners='2'"),
+        ({"num_learners": 2.0}, r"num_learners=2\.0"),
+        ({"num_learners": 33}, "num_learners=33"),
+        ({"num_learners": 2, "num_cpus_per_learner": -1}, "num_cpus_per_learner=-1"),
+        ({"num_learners": 2, "num_cpus_per_learner": "some"}, "num_cpus_per_learner='some'"),
+        ({"num_learners": 2, "num_gpus_per_learner": -1}, "num_gpus_per_learner=-1"),
+    ],
+)
+def test_learners_that_cannot_be_are_refused(settings, named):
+    config = algorithms.config("ppo").training(**FAST["ppo"])
+    config.learners(num_learners=32).validate()
+    with pytest.raises(ValueError, match=named):
+        config.learners(**settings).validate()
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_refused():
+    with pytest.raises(ValueError, match="num_gpus_per_learner=1"):
+        algorithms.config("ppo").learners(num_gpus_per_learner=1).validate()
+    algorithms.config("ppo").learners(num_gpus_per_learner=1, num_learners=1).validate()

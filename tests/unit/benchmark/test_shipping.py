@@ -1,0 +1,253 @@
+"""What is shipped to machines of a cluster, and what comes back from them."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from benchmark.experiment.config import Experiment
+from benchmark.experiment.runs import runs_of
+from benchmark.results.files import ResultsError, files_in, write_files
+from benchmark.results.progress import read_progress
+from benchmark.results.run_folder import RunFolder
+from benchmark.running import shipping
+from benchmark.running.importing import as_on_the_driver
+from benchmark.running.messages import Began, Kept, Line, Noted
+from benchmark.running.progress import RunProgress
+from benchmark.running.shipping import shipped_code
+from benchmark.running.writing import RunWriter
+from smarts import shipped
+from smarts.errors import SmartsError
+from smarts.sstudio.build import build_scenario
+from tests.raising import raises
+
+SCENARIO = """
+from pathlib import Path
+
+from smarts.sstudio import gen_scenario
+from smarts.sstudio import types as t
+
+mission = t.Mission(t.Route(begin=("east_half", 0, 30), end=("west_half", 1, 200)))
+gen_scenario(
+    t.Scenario(map_spec=t.MapSpec(source="../roads"), ego_missions=[mission]),
+    output_dir=Path(__file__).parent,
+)
+"""
+
+
+def experiment_of(folder, **values):
+    """Return an experiment on a cluster with own code and a scenario whose map is beside its folder."""
+    (folder / "own.py").write_text("FOUND = __file__\n")
+    (folder / "ring").mkdir()
+    (folder / "ring" / "scenario.py").write_text(SCENARIO)
+    write_files(folder / "roads", _loop_map())
+    return Experiment(
+        name="far",
+        imports=[str(folder / "own.py")],
+        algorithms=["ppo"],
+        tasks=[str(folder / "ring")],
+        traffic=["no_social_vehicles"],
+        seeds=[1],
+        resources={"address": "127.0.0.1:1"},
+        **{"environment": {"agents": 1}, **values},
+    )
+
+
+def _loop_map():
+    loop = shipped.PROGRAM / "scenarios" / "loop"
+    return {name: content for name, content in files_in(loop).items() if name.startswith("map.")}
+
+
+def unpacked(experiment, to):
+    """Ship an experiment's code, as Ray does, into a folder."""
+    with shipped_code(experiment) as code, zipfile.ZipFile(code["working_dir"]) as archive:
+        archive.extractall(to)
+        return code
+
+
+def test_what_is_unpacked_needs_nothing_of_the_drivers_machine(tmp_path):
+    home, there = tmp_path / "home", tmp_path / "there"
+    home.mkdir()
+    experiment = experiment_of(home)
+    code = unpacked(experiment, there)
+    key = build_scenario(home / "ring").directory.name
+    home.rename(tmp_path / "gone")
+    assert not [*there.rglob("*.pyc")]
+    program = f"""
+import json, sys
+from importlib.metadata import version
+import smarts, benchmark
+from benchmark.running.machine import commit
+from smarts import shipped
+from smarts.registry import import_own, own_paths
+from smarts.sstudio.build import build_scenario
+from smarts.sstudio.locating import locate
+shipped.restore_times()
+import_own([{str(home / "own.py")!r}])
+import own
+built = build_scenario({str(home / "ring")!r})
+places = [smarts.__file__, benchmark.__file__, own.FOUND, str(built.directory)]
+paths = [str(shipped.original(path)) for path in own_paths()]
+print(json.dumps([*places, version("smarts-bench"), commit(), locate("loop").label, paths]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": str(there), "HOME": str(tmp_path)},
+        cwd=there,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    *places, version, commit, label, paths = json.loads(done.stdout.splitlines()[-1])
+    assert all(Path(place).is_relative_to(there) for place in places), places
+    assert Path(places[-1]).name == key  # not built again
+    assert (version, label) == (shipping.version("smarts-bench"), "loop")
+    assert commit == (shipping.commit() or None)
+    assert paths == [str(home / "own.py")]
+    assert code["env_vars"].keys() == {"SMARTS_ZOO"}
+    times = json.loads((there / "shipped" / "times.json").read_text())
+    for name, nanoseconds in times.items():
+        assert (there / name).stat().st_mtime_ns == nanoseconds == (shipped.PROGRAM / name).stat().st_mtime_ns
+
+
+def test_equal_code_makes_equal_archives(tmp_path):
+    experiment = experiment_of(tmp_path)
+    contents = []
+    for _ in range(2):
+        with shipped_code(experiment) as code:
+            contents.append(Path(code["working_dir"]).read_bytes())
+    assert contents[0] == contents[1]
+    assert not Path(code["working_dir"]).exists()
+
+
+def test_without_a_cluster_nothing_is_shipped(tmp_path):
+    experiment = experiment_of(tmp_path)
+    alone = experiment.model_copy(update={"resources": type(experiment.resources)()})
+    with shipped_code(alone) as code:
+        assert code is None
+
+
+def test_what_cannot_be_shipped_is_named(tmp_path, monkeypatch):
+    logging = {"agents": 1, "hosts": {"idm-v0": {"where": "ray", "log": "decisions"}}}
+    experiment = experiment_of(tmp_path, environment=logging)
+    with raises(SmartsError, "environment.hosts.idm-v0.log", values=["decisions"]), shipped_code(experiment):
+        pass
+    silent = experiment.model_copy(update={"environment": type(experiment.environment)(agents=1)})
+    (tmp_path / "own.py").write_bytes(b"#" + os.urandom(2_000_000).hex().encode())
+    monkeypatch.setattr(shipping, "MOST_BYTES", 1_000_000)
+    with raises(ResultsError, tmp_path / "own.py"), shipped_code(silent):
+        pass
+    (tmp_path / "own.py").unlink()
+    with raises(ResultsError, tmp_path / "own.py"), shipped_code(silent):
+        pass
+
+
+def test_paths_are_themselves_on_the_drivers_machine(tmp_path, monkeypatch):
+    assert shipped.local(tmp_path) == tmp_path == shipped.original(tmp_path)
+    monkeypatch.setattr(shipped, "SHIPPED", tmp_path / "shipped")
+    here = tmp_path / "shipped" / "home" / "own.py"
+    write_files(here.parent, {"own.py": b""})
+    assert shipped.local("/home/own.py") == here
+    assert shipped.original(here) == Path("/home/own.py")
+    assert shipped.local("home/own.py") == Path("home/own.py")
+    assert shipped.local("/home/other.py") == Path("/home/other.py")
+    shipped.restore_times()  # without the file of times
+
+
+def test_a_temporary_folder_is_removed_though_its_process_is_killed(tmp_path):
+    program = """
+import tempfile, time
+from benchmark.running.scratch import scratch_folder
+with scratch_folder() as folder:
+    print(tempfile.mkdtemp(), flush=True)
+    time.sleep(600)
+"""
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, env=environment, text=True
+    )
+    assert process.stdout
+    inner = Path(process.stdout.readline().strip())
+    (folder,) = tmp_path.iterdir()
+    assert inner.parent == folder
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    end = time.monotonic() + 60
+    while folder.exists():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def run(tmp_path):
+    experiment = Experiment(name="far", algorithms=["ppo"], tasks=["loop"], seeds=[1])
+    return next(iter(runs_of(experiment)))
+
+
+def line(iteration):
+    return Line({"iteration": iteration, "agent_steps": 10 * iteration, "seconds": 1.0, "completion": 0.5})
+
+
+def test_messages_become_a_runs_folder(tmp_path, run):
+    folder = RunFolder(tmp_path / "run")
+    writer = RunWriter(run, folder)
+    assert writer.start().checkpoint == {}
+    writer.take(Began({"begun": "now"}, {"loop": "abc"}))
+    files = {"training.json": b'{"iteration": 2}', "learner/state.pkl": b"\x00\xff"}
+    for message in (line(1), line(2), Kept("checkpoint", files), line(3)):
+        assert writer.take(message) is None
+    progress = RunProgress("training", 0.5)
+    assert writer.take(progress) is progress
+    writer.close()
+    assert files_in(folder.checkpoint) == files
+    assert folder.facts()["scenarios"] == {"loop": "abc"}
+    assert (folder.status, folder.facts()["begun"]) == ("training", "now")
+    assert folder.read_config()["algorithm"] == "ppo"
+
+    # The process was lost after its third iteration.
+    again = RunWriter(run, folder)
+    assert again.start().checkpoint == files
+    again.take(Began({"begun": "later"}, {"loop": "abc"}))
+    assert read_progress(folder.progress)[0]["iteration"].tolist() == [1, 2]
+    again.take(line(3))
+    for message in (
+        Kept("episodes/greedy-loop/old", {"a": b"1"}),
+        Kept("episodes", {}),
+        Kept("episodes/greedy-loop/new", {"a": b"2"}),
+        Kept("episodes.parquet", b"table"),
+        Noted({"status": "finished"}),
+    ):
+        again.take(message)
+    again.close()
+    assert files_in(folder.episodes) == {"greedy-loop/new/a": b"2"}
+    assert folder.table.read_bytes() == b"table"
+    assert folder.status == "finished"
+    assert [each["begun"] for each in folder.facts()["continued"]] == ["later"]
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path, run):
+    (tmp_path / "run").write_text("a file")
+    with raises(ResultsError, tmp_path / "run"):
+        RunWriter(run, RunFolder(tmp_path / "run"))
+    for folder in (tmp_path / "run", tmp_path / "run" / "ppo" / "loop"):
+        with raises(ResultsError, tmp_path / "run"):
+            RunFolder(folder).check_writable()
+    writer = RunWriter(run, RunFolder(tmp_path / "other"))
+    (tmp_path / "other" / "episodes").write_text("a file")
+    with raises(ResultsError, tmp_path / "other" / "episodes"):
+        writer.take(Kept("episodes", {}))
+
+
+def test_errors_name_files_of_the_drivers_machine():
+    with (
+        raises(ResultsError, "/home/results/run/checkpoint/a.pkl"),
+        as_on_the_driver({"/tmp/x": "/home/results/run"}),
+    ):
+        raise ResultsError("damaged", place="/tmp/x/checkpoint/a.pkl")

@@ -1,0 +1,177 @@
+"""Versions of the benchmark: what they freeze, and that their results are not mixed."""
+
+import shutil
+
+import pytest
+import yaml
+
+from benchmark.experiment import version
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.runs import runs_of, scripted_runs_of
+from benchmark.experiment.version import CODE, changed_scenarios, code_digests, frozen_text
+from benchmark.report.comparing import compare_sides, read_side
+from benchmark.report.content import make_report
+from benchmark.report.leaderboard import make_leaderboard
+from benchmark.report.versions import version_lines
+from benchmark.results.files import ResultsError
+from benchmark.results.reading import read_results
+from benchmark.results.run_folder import FINISHED, RunFolder
+from benchmark.running import experiment as running
+from benchmark.running.experiment import check_version
+from smarts.config import ConfigError
+from smarts.errors import SmartsError
+from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
+from tests.raising import raises
+
+CONFIG = """
+algorithms: [ppo]
+tasks: [loop]
+traffic: [no_social_vehicles]
+scripted: [parked]
+environment: {agents: 2}
+"""
+
+
+def write(root, algorithm, number, **facts):
+    """Write a finished run of a version of the benchmark."""
+    folder = RunFolder(write_run(root, algorithm, [agent_episodes([["goal", "goal"]] * 3, mode="greedy")]))
+    content = yaml.safe_load(folder.config.read_text())
+    if number is not None:
+        folder.config.write_text(yaml.safe_dump(content | {"benchmark_version": number}))
+    folder.note(status=FINISHED, **facts)
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """A source tree with a file for each part."""
+    for folders in CODE.values():
+        for folder in folders:
+            (tmp_path / folder).mkdir(parents=True)
+            (tmp_path / folder / "part.py").write_text(
+                '"""Doc."""\n\n\ndef f(x):\n    """Doc."""\n    return x\n'
+            )
+    (tmp_path / "smarts/rewards/rewards.yaml").write_text("goal: 1.0\n")
+    return tmp_path
+
+
+class TestDigests:
+    @pytest.mark.parametrize(
+        ("text", "is_same"),
+        [
+            ('"""Other."""\n\n\ndef f(x):\n    # A comment.\n    return (x)\n', True),
+            ("def f(x):\n    return -x\n", False),
+            ("def g(x):\n    return x\n", False),
+        ],
+    )
+    def test_of_code_see_what_it_does(self, tree, text, is_same):
+        before = code_digests(tree)
+        (tree / "benchmark/metrics/part.py").write_text(text)
+        code_digests.cache_clear()
+        after = code_digests(tree)
+        assert [part for part in CODE if before[part] != after[part]] == ([] if is_same else ["metrics"])
+
+    def test_of_settings_see_their_values(self, tree):
+        before = code_digests(tree)
+        (tree / "smarts/rewards/rewards.yaml").write_text("# A comment.\ngoal:   1.0\n")
+        code_digests.cache_clear()
+        assert code_digests(tree) == before
+        (tree / "smarts/rewards/rewards.yaml").write_text("goal: 2.0\n")
+        code_digests.cache_clear()
+        assert [part for part in CODE if code_digests(tree)[part] != before[part]] == ["reward"]
+
+
+@pytest.fixture
+def frozen(tmp_path, monkeypatch):
+    """Version 1 is the present code, and a scenario with digest "abc"."""
+    file = tmp_path / "versions.yaml"
+    monkeypatch.setattr(version, "FILE", file)
+    file.write_text(frozen_text(1, {ALONE: {"intersection": "abc"}}))
+    version.versions.cache_clear()
+    yield file
+    version.versions.cache_clear()
+
+
+class TestRefusals:
+    def experiment(self, tmp_path, more="benchmark_version: 1\n"):
+        file = tmp_path / "mine.yaml"
+        file.write_text(CONFIG + more)
+        return read_experiment(file)
+
+    def test_a_scenario_that_differs_is_named(self, tmp_path, frozen):
+        assert changed_scenarios(1, {ALONE: {"intersection": "abc"}}) == []
+        assert changed_scenarios(1, {ALONE: {"intersection": "abd"}}) == [f"intersection, {ALONE}"]
+        with raises(SmartsError, "benchmark_version", values=["loop", ALONE, 1]):
+            check_version(self.experiment(tmp_path))
+        check_version(self.experiment(tmp_path, ""))
+
+    def test_code_that_differs_is_named(self, tmp_path, frozen, monkeypatch):
+        content = yaml.safe_load(frozen.read_text())
+        content[1]["reward"] = "0000"
+        content[1]["scenarios"][ALONE] |= running.scenarios_by_traffic(self.experiment(tmp_path))[ALONE]
+        frozen.write_text(yaml.safe_dump(content))
+        version.versions.cache_clear()
+        with raises(SmartsError, "benchmark_version", values=["reward"]):
+            check_version(self.experiment(tmp_path))
+
+    @pytest.mark.parametrize("commit", ["0123456789ab", "0123456789ab+"])
+    def test_a_tree_with_changes_is_refused(self, tmp_path, frozen, monkeypatch, commit):
+        monkeypatch.setattr(running, "commit", lambda: commit)
+        content = yaml.safe_load(frozen.read_text())
+        content[1]["scenarios"][ALONE] |= running.scenarios_by_traffic(self.experiment(tmp_path))[ALONE]
+        frozen.write_text(yaml.safe_dump(content))
+        version.versions.cache_clear()
+        if commit.endswith("+"):
+            with raises(SmartsError, "benchmark_version", values=[1]):
+                check_version(self.experiment(tmp_path))
+        else:
+            check_version(self.experiment(tmp_path))
+
+    def test_an_unknown_version(self, tmp_path, frozen):
+        with pytest.raises(ConfigError, match="7"):
+            self.experiment(tmp_path, "benchmark_version: 7\n")
+
+    def test_a_run_is_not_continued_under_another_version(self, tmp_path, frozen):
+        versioned, other = (self.experiment(tmp_path, more) for more in ("benchmark_version: 1\n", ""))
+        for runs in (runs_of, scripted_runs_of):
+            (here,), (there,) = ([*runs(each)][:1] for each in (versioned, other))
+            assert here.content()["benchmark_version"] == 1
+            assert "benchmark_version" not in there.content()
+        folder = RunFolder(tmp_path / "run")
+        folder.open(next(runs_of(other)).content())
+        folder.note(status=FINISHED)
+        with pytest.raises(ResultsError, match="benchmark_version"):
+            folder.check(next(runs_of(versioned)).content())
+
+
+class TestResults:
+    def test_of_several_versions_are_not_mixed(self, tmp_path, frozen):
+        write_experiment(tmp_path / "mixed", algorithms=["ppo", "dqn"])
+        write(tmp_path / "mixed", "ppo", 1)
+        write(tmp_path / "mixed", "dqn", None)
+        with raises(ResultsError, str(tmp_path / "mixed"), values=["ppo, intersection", "dqn", "version 1"]):
+            make_report(read_results(tmp_path / "mixed"))
+        for name, number in (("one", 1), ("none", None)):
+            write_experiment(tmp_path / name)
+            write(tmp_path / name, "ppo", number)
+        sides = [read_side(tmp_path / name) for name in ("one", "none")]
+        with pytest.raises(ResultsError, match="version 1"):
+            compare_sides(*sides, ["completion_rate"], "greedy")
+        # The leaderboard ranks them apart.
+        assert len(make_leaderboard([tmp_path / "one", tmp_path / "none"]).protocols) == 2
+
+    def test_say_their_version_and_commit(self, tmp_path, frozen):
+        write_experiment(tmp_path / "one", algorithms=["ppo", "dqn"])
+        for name in ("ppo", "dqn"):
+            write(tmp_path / "one", name, 1, commit="0123456789ab", scenarios={"intersection": "abc"})
+        assert version_lines(read_results(tmp_path / "one").runs) == [
+            "Benchmark version 1, commit 0123456789ab."
+        ]
+        shutil.rmtree(tmp_path / "one" / "dqn")
+        write(tmp_path / "one", "dqn", 1, commit="0123456789ab+", scenarios={"intersection": "abd"})
+        first, second = version_lines(read_results(tmp_path / "one").runs)
+        assert "0123456789ab+: dqn, intersection" in first
+        assert "intersection" in second
+        assert "dqn" in second
+        write_experiment(tmp_path / "old")
+        write(tmp_path / "old", "ppo", None)
+        assert "before version 1" in version_lines(read_results(tmp_path / "old").runs)[0]

@@ -1,0 +1,156 @@
+import json
+import re
+import shutil
+import socket
+
+import pytest
+
+from smarts.envision.episode_library import EpisodeLibrary
+from smarts.envision.server import ViewServer
+from smarts.errors import SmartsError
+from smarts.stream.reading import CompactEpisode
+from tests.compact_fixtures import FOLDER
+from tests.viewers import PAGE, ask, serving
+
+
+@pytest.fixture(scope="module")
+def episodes(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    for name in ("intersection", "bubbles"):
+        shutil.copy(FOLDER / f"{name}.smarts", folder)
+    (folder / "damaged.smarts").write_bytes((FOLDER / "bubbles.smarts").read_bytes()[:40])
+    (folder / "foreign.smarts").write_bytes(b"PAR1 <script>")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def server(episodes):
+    with serving(EpisodeLibrary([episodes])) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def guarded(episodes):
+    with serving(EpisodeLibrary([episodes]), host="0.0.0.0", token="secret") as running:
+        yield running
+
+
+def listed(server):
+    return {each["label"]: each for each in json.loads(ask(server, "/api/episodes")[2])}
+
+
+def test_the_page_allows_only_what_was_built(server):
+    status, headers, body = ask(server, "/")
+    assert (status, body.decode()) == (200, PAGE)
+    policy = headers["content-security-policy"]
+    assert policy.count("'sha256-") == 2
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert headers["x-content-type-options"] == "nosniff"
+    assert json.loads(ask(server, "/api/info")[2])["episodes"] == 4
+
+
+def test_episodes_are_listed_and_played(server):
+    entries = listed(server)
+    whole = entries["intersection"]
+    assert whole["outcomes"] == {"goal": 4}
+    assert (whole["agents"], whole["complete"], whole["seconds"]) == (4, True, pytest.approx(43.0))
+    status, _, body = ask(server, f"/api/episodes/{whole['id']}")
+    assert status == 200
+    assert CompactEpisode(body).is_whole
+
+
+@pytest.mark.parametrize("name", ["damaged", "foreign"])
+def test_damaged_episodes_are_listed_with_their_errors(server, name):
+    entry = listed(server)[name]
+    assert entry["error"]
+    status, _, body = ask(server, f"/api/episodes/{entry['id']}")
+    assert status == 422
+    assert json.loads(body)["error"] == entry["error"]
+    assert ask(server, "/")[0] == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/api/episodes/000000000000",
+        "/api/episodes/../../etc/passwd",
+        "/api/episodes/..%2f..%2fetc%2fpasswd",
+        "/../etc/passwd",
+        "/%2e%2e/%2e%2e/etc/passwd",
+        "/etc/passwd",
+        "/api/episodes/%00",
+    ],
+)
+def test_other_paths_are_not_found(server, path):
+    assert ask(server, path)[0] == 404
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH"])
+def test_nothing_can_be_changed(server, method):
+    assert ask(server, "/api/episodes", method=method)[0] == 405
+
+
+@pytest.mark.parametrize("host", ["evil.example", "localhost.evil.example:80", "127.0.0.1.evil.example", ""])
+def test_names_that_lead_to_loopback_are_refused(server, host):
+    assert ask(server, "/api/episodes", host=host)[0] in (400, 421)
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1:1"])
+def test_pages_of_other_sites_are_refused(server, origin):
+    assert ask(server, "/api/episodes", origin=origin)[0] == 403
+
+
+def test_the_own_page_is_no_other_site(server):
+    origin = f"http://127.0.0.1:{server.port}"
+    assert ask(server, "/api/episodes", origin=origin)[0] == 200
+
+
+def test_elsewhere_a_token_is_needed(guarded):
+    assert ask(guarded, "/")[0] == 200
+    assert guarded.url.endswith("/#token=secret")
+    for headers in ({}, {"authorization": "Bearer wrong"}, {"cookie": f"envision_{guarded.port}=secret"}):
+        assert ask(guarded, "/api/episodes", **headers)[0] == 401
+    assert ask(guarded, "/api/episodes", authorization="Bearer secret")[0] == 200
+
+
+def test_the_token_is_exchanged_for_a_cookie(guarded):
+    status, headers, _ = ask(guarded, "/api/token", method="POST", body=json.dumps({"token": "secret"}))
+    assert status == 200
+    cookie = headers["set-cookie"]
+    assert re.search("httponly", cookie, re.IGNORECASE)
+    assert re.search("samesite=strict", cookie, re.IGNORECASE)
+    assert "secret" not in cookie
+    assert ask(guarded, "/api/episodes", cookie=cookie.partition(";")[0])[0] == 200
+
+
+@pytest.mark.parametrize(
+    "body", ["", "[]", "{}", '{"token": "é"}', '{"token": 7}', "\0", "x" * 10**6, "[" * 900]
+)
+def test_wrong_tokens_get_no_cookie(guarded, body):
+    status, headers, _ = ask(guarded, "/api/token", method="POST", body=body.encode())
+    assert status == 401
+    assert "set-cookie" not in headers
+
+
+def test_a_recording_that_comes_later_is_listed(tmp_path):
+    shutil.copy(FOLDER / "bubbles.smarts", tmp_path / "first.smarts")
+    library = EpisodeLibrary([tmp_path])
+    before = {entry.label: entry.id for entry in library.entries()}
+    shutil.copy(FOLDER / "intersection.smarts", tmp_path / "earlier.smarts")
+    after = {entry.label: entry.id for entry in library.entries()}
+    assert after.keys() == {"first", "earlier"}
+    assert after["first"] == before["first"]
+
+
+def test_folders_without_episodes_are_refused(tmp_path):
+    for path in (tmp_path, tmp_path / "missing"):
+        with pytest.raises(SmartsError, match=re.escape(str(path))):
+            EpisodeLibrary([path])
+
+
+def test_a_port_that_is_taken_is_refused():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(SmartsError, match=str(port)):
+            ViewServer(None, port=port, page=PAGE)

@@ -1,0 +1,101 @@
+"""A real environment, a real server, a real viewer."""
+
+import json
+
+import numpy as np
+import pytest
+from websockets.sync.client import connect
+
+from smarts.env.vector import VectorHiWayEnv
+from smarts.errors import SmartsError
+from smarts.sim.assembly import ENVISION, Options
+from smarts.sim.outlet import Address
+from smarts.stream.container import unpack
+from smarts.stream.motion import OWNER_BITS, motion_of
+from smarts.stream.tables import columns_of
+from smarts.types.vehicles import Owner
+from tests.viewers import serving
+
+KEEP = [np.zeros((2, 4), np.int64)]
+LIMIT = 60
+
+
+@pytest.fixture
+def server():
+    with serving(live=True) as running:
+        yield running
+
+
+@pytest.fixture
+def env(server, monkeypatch):
+    monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
+    made = VectorHiWayEnv(2, ["intersection"], 4, seed=1)
+    yield made
+    made.close()
+
+
+def messages(server):
+    with connect(
+        f"ws://127.0.0.1:{server.port}/live", origin=f"http://127.0.0.1:{server.port}", max_size=None
+    ) as browser:
+        while True:
+            message = unpack(browser.recv(timeout=LIMIT))
+            if message["type"] == "sources" and len(message["sources"]) == 2:
+                browser.send(json.dumps({"watch": [row["id"] for row in message["sources"]]}))
+            yield message
+
+
+def test_an_environment_is_shown(server, env):
+    env.reset()
+    found, shown = {}, set()
+    for message in messages(server):
+        env.step(KEEP)
+        if message["type"] == "steps":
+            motion = motion_of(message)
+            shown.add((message["source"], message["serial"], int(motion.step[0])))
+            egos = motion.flags & OWNER_BITS == Owner.AGENT
+            assert 1 <= egos.sum() <= 4
+        elif message["type"] == "table":
+            found.setdefault(message["name"], []).append(columns_of(message))
+        if len(shown) >= 20 and "extras" in found:
+            break
+    assert len({source for source, _, _ in shown}) == 2
+    agents = found["agents"][0]
+    assert agents["name"] == ["agent-0", "agent-1", "agent-2", "agent-3"]
+    assert set(agents["interface"]) == {-1}
+    states = found["agent_states"][-1]
+    assert set(states["agent"]) <= {0, 1, 2, 3}
+    assert "reward" in {name for extras in found["extras"] for name in extras["name"]}
+
+
+def test_steps_are_the_same_with_and_without_a_viewer(server, env, monkeypatch):
+    monkeypatch.delenv(ENVISION)
+    alone = VectorHiWayEnv(2, ["intersection"], 4, seed=1)
+    env.reset()
+    alone.reset()
+    for _ in range(20):
+        shown, hidden = env.step(KEEP), alone.step(KEEP)
+        np.testing.assert_array_equal(shown.rewards, hidden.rewards)
+    alone.close()
+
+
+def test_an_environment_runs_without_a_server(monkeypatch):
+    # Port 9 refuses.
+    env = VectorHiWayEnv(2, ["intersection"], 4, seed=1, simulation=Options(envision="127.0.0.1:9"))
+    env.reset()
+    env.step(KEEP)
+    env.close()
+    env.close()
+
+
+@pytest.mark.parametrize(
+    "text", ["8081", "localhost", "host:0", "host:99999", "http://host:1/", "a b:1", ":1"]
+)
+def test_other_texts_are_no_addresses(text):
+    with pytest.raises(SmartsError, match="envision"):
+        Options(envision=text)
+
+
+def test_addresses():
+    assert Address.parse("host:80", "x") == Address("host", 80)
+    assert Address.parse("to-ken_1@10.0.0.1:8081", "x") == Address("10.0.0.1", 8081, "to-ken_1")

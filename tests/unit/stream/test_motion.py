@@ -1,0 +1,106 @@
+import math
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smarts.errors import RecordError
+from smarts.stream.container import pack, unpack
+from smarts.stream.motion import Motion, motion_of, steps_message
+
+
+def random_rows(seed, vehicles=12, steps=40):
+    """Return rows of vehicles that come and go, in any order, as SI units."""
+    rng = np.random.default_rng(seed)
+    there = rng.random((vehicles, steps)) < 0.8
+    number, step = np.nonzero(there)
+    order = rng.permutation(len(number))
+    position = rng.uniform(0, 20_000, (len(number), 2))
+    heading = rng.uniform(-math.pi, math.pi, len(number))
+    speed, steer = rng.uniform(-5, 60, len(number)), rng.uniform(-0.6, 0.6, len(number))
+    flags = rng.integers(0, 512, len(number))
+    return tuple(each[order] for each in (number, step, position, heading, speed, steer, flags))
+
+
+@pytest.mark.parametrize("compress", [True, False])
+@given(seed=st.integers(0, 2**32), first=st.integers(0, 10**6))
+def test_rows_come_back_within_half_a_unit(compress, seed, first):
+    number, step, position, heading, speed, steer, flags = random_rows(seed)
+    motion = Motion.of(number, step + first, position, heading, speed, steer, flags)
+    steps = np.arange(first, first + 40)
+    found = motion_of(unpack(pack(steps_message(steps, motion, compress=compress))))
+    order = np.lexsort((step, number))
+    np.testing.assert_array_equal(found.number, number[order])
+    np.testing.assert_array_equal(found.step, step[order] + first)
+    np.testing.assert_array_equal(found.flags, flags[order])
+    assert np.abs(np.stack([found.x, found.y], -1) / 100 - position[order]).max() <= 0.005 + 1e-9
+    assert np.abs(found.speed / 100 - speed[order]).max() <= 0.005 + 1e-9
+    off = np.radians(found.heading / 10) - heading[order]
+    assert np.abs(np.remainder(off + math.pi, 2 * math.pi) - math.pi).max() <= math.radians(0.05) + 1e-9
+    assert np.abs(np.radians(found.steer / 10) - steer[order]).max() <= math.radians(0.05) + 1e-9
+
+
+def test_headings_are_unwrapped_within_a_run():
+    heading = np.radians([170, 179, -172, -163, 178])
+    zeros = np.zeros(5)
+    steps = np.array([0, 1, 2, 3, 5])
+    motion = Motion.of(zeros, steps, np.zeros((5, 2)), heading, zeros, zeros, zeros)
+    found = motion_of(steps_message(np.arange(6), motion))
+    # Step 4 is missing, so a new run begins at step 5.
+    assert found.heading.tolist() == [1700, 1790, 1880, 1970, 1780]
+
+
+def test_codes_of_even_motion_are_hand_computable():
+    zeros, steps = np.zeros(4), np.arange(4)
+    position = np.stack([10 + 1.5 * steps, 20 - 0.5 * steps], -1)
+    message = steps_message(steps, Motion.of(zeros, steps, position, *[zeros] * 4), compress=False)
+    # 1000 cm, then steps of 150 and -50 cm: zigzag codes 2000, 300, 99; lowest bytes first.
+    low, high = [2000 & 255, 300 & 255, 300 & 255, 300 & 255], [2000 >> 8, 1, 1, 1]
+    assert list(message["x"]["d"]) == low + high + [0] * 8
+    assert list(message["y"]["d"])[1:4] == [99] * 3
+
+
+def test_a_message_of_one_step_has_plain_columns():
+    zeros, rows = np.zeros(3), np.arange(3)
+    motion = Motion.of(rows, zeros + 7, np.ones((3, 2)), zeros + 1, zeros + 2, zeros, zeros)
+    message = unpack(pack(steps_message(np.array([7]), motion)))
+    assert "count" not in message
+    assert "begin" not in message
+    assert message["heading"]["t"] == "i2"
+    for found, sent in zip(motion_of(message), motion, strict=True):
+        np.testing.assert_array_equal(found, sent)
+
+
+def test_steps_without_vehicles():
+    none = np.zeros(0)
+    message = steps_message(np.arange(3), Motion.of(none, none, np.zeros((0, 2)), *[none] * 4))
+    assert len(motion_of(unpack(pack(message))).x) == 0
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"x": b"no array"},
+        {"x": {"t": "i4", "e": 1, "d": b"no zlib", "z": True, "n": 20}},
+        {"x": {"t": "i4", "e": 1, "d": zlib.compress(bytes(10**6)), "z": True, "n": 20}},
+        {"x": {"t": "i4", "e": 1, "d": zlib.compress(bytes(20)), "z": True, "n": 1 << 40}},
+        {"x": {"t": "i4", "e": 1, "d": b"\0" * 7}},
+        {"speed": {"t": "i4", "e": 1, "d": b"\0" * 16}},
+        {"flags": {"t": "u2", "d": b"\0" * 2}},
+        {"flags": {"t": "x9", "d": b"\0" * 10}},
+        {"count": {"t": "u2", "d": b"\xff\xff"}},
+        {"count": {"t": "u2", "d": b"\0\0"}},
+        {"begin": {"t": "i2", "d": b"\xff\xff"}},
+        {"number": {"t": "u4", "d": b""}},
+        {"step": None},
+        {"step": {"t": "i4", "d": b"\0"}},
+        {"step": {"t": "i4", "d": b"\0" * 20}},
+    ],
+)
+def test_damaged_steps_are_refused(damage):
+    zeros, steps = np.zeros(5), np.arange(5)
+    message = steps_message(steps, Motion.of(zeros, steps, np.zeros((5, 2)), *[zeros] * 4))
+    with pytest.raises(RecordError):
+        motion_of({**message, **damage})
