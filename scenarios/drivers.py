@@ -29,16 +29,16 @@ courteous_car = t.TrafficActor(
     speed=t.Distribution(sigma=0.1, mean=0.8),
     min_gap=t.Distribution(mean=3.0, sigma=0),
     lane_changing_model=t.LaneChangingModel(cooperative=1.0, speed_gain=0.0),
-    junction_model=t.JunctionModel(impatience=0.0, timegap_minor=2.5),
+    junction_model=t.JunctionModel(impatience=0.0),
 )
 """Keeps distance, lets others change lanes, and enters junctions in large gaps only."""
 
 normal_car = t.TrafficActor(
     name="normal_car",
     lane_changing_model=t.LaneChangingModel(cooperative=0.5),
-    junction_model=t.JunctionModel(impatience=0.0),
+    junction_model=t.JunctionModel(impatience=0.5),
 )
-"""Drives at the limit; SUMO's defaults."""
+"""Drives at the limit, and makes others brake a little at junctions."""
 
 aggressive_car = t.TrafficActor(
     name="aggressive_car",
@@ -56,7 +56,7 @@ inattentive_car = t.TrafficActor(
     tau=1.5,
     sigma=0.7,
     lane_changing_model=t.LaneChangingModel(cooperative=0.0),
-    junction_model=t.JunctionModel(impatience=0.0, ignore_junction_foe_prob=1.0),
+    junction_model=t.JunctionModel(impatience=0.5, ignore_junction_foe_prob=1.0),
     reaction_time=1.0,
 )
 """Obeys signs and follows leaders, but drives on where a vehicle crosses its way inside a junction, and
@@ -69,8 +69,8 @@ KINDS = {
     "inattentive": {inattentive_car: 1.0},
 }
 """The drivers of version 1's tasks, each kind by itself."""
-ALL_KINDS = {courteous_car: 0.25, normal_car: 0.25, aggressive_car: 0.25, inattentive_car: 0.25}
-"""Of a vehicle of version 1's tasks; SUMO draws its kind."""
+ALL_KINDS = {courteous_car: 0.3, normal_car: 0.4, aggressive_car: 0.2, inattentive_car: 0.1}
+"""The mixture of version 1's tasks; SUMO draws each vehicle's kind."""
 
 MIXED = {impatient_car: 0.5, patient_car: 0.5}
 IMPATIENT = {impatient_car: 1.0}
