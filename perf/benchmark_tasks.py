@@ -1,9 +1,9 @@
-"""Play an experiment's scripted policies in this process, and check that its tasks tell good driving from bad.
+"""Play an experiment's scripted policies, and check that its tasks tell good driving from bad.
 
     python -m perf.benchmark_tasks configs/benchmark_v1.yaml results/tasks [--set KEY=VALUE]...
 
-Writes and prints what `smarts-bench run CONFIG --set algorithms=[]` and `smarts-bench check-traffic` do, without
-Ray and without progress. Tests that are finished are not played again. Cells with social vehicles come first.
+Writes and prints what `smarts-bench run CONFIG --set algorithms=[]` and `smarts-bench check-traffic` do, in
+this process, without Ray. Finished tests are not played again. Cells with social vehicles come first.
 """
 
 from __future__ import annotations

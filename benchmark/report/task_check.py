@@ -135,8 +135,6 @@ def _difference(one: RunResult, other: RunResult, column: str) -> Difference:
 def _equal(social: RunResult, empty: RunResult) -> float:
     keys = [*(name for name in EPISODE_KEYS if name != "traffic"), "agent"]
     one, other = (_rows(run).set_index(keys)[["outcome", "seconds"]] for run in (social, empty))
-    both = one.join(other, rsuffix="_empty", how="inner")
-    is_equal = (both["outcome"] == both["outcome_empty"]) & (
-        (both["seconds"] - both["seconds_empty"]).abs() < SAME_TIME
-    )
+    one, other = one.align(other, join="inner", axis=0)
+    is_equal = (one["outcome"] == other["outcome"]) & ((one["seconds"] - other["seconds"]).abs() < SAME_TIME)
     return float(is_equal.mean())
