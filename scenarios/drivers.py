@@ -55,7 +55,7 @@ inattentive_car = t.TrafficActor(
     name="inattentive_car",
     tau=1.5,
     sigma=0.7,
-    lane_changing_model=t.LaneChangingModel(cooperative=0.0),
+    lane_changing_model=t.LaneChangingModel(cooperative=0.5),
     junction_model=t.JunctionModel(impatience=0.5, ignore_junction_foe_prob=1.0),
     reaction_time=1.0,
 )

@@ -109,4 +109,4 @@ class TestTwoWay:
     def test_both_ways_have_oncoming_traffic(self, starts):
         for _, social in starts:
             ways = [way for way, _, _ in social]
-            assert min(ways.count(1), ways.count(-1)) >= 5
+            assert min(ways.count(1), ways.count(-1)) >= 3
