@@ -42,8 +42,8 @@ ENCOUNTER_TIMEOUT = 15.0
 section [s]."""
 
 UNRESOLVED, SECOND, FIRST, COLLIDED, WAITING = range(5)
-"""How an encounter ends for the agent: neither entered; the other entered first, and the agent has left the
-section in time; the agent entered first; they collided; the other entered first, and the agent has not left."""
+"""How an encounter ends for the agent: neither entered; the other entered first, and the agent left the
+section in time; the agent entered first; they collided; the other entered first, and the agent was late."""
 
 _KIND, _BEGIN, _END, _OTHER_BEGIN, _OTHER_END, _NAME = range(6)
 _AGENT, _OTHER, _STEP, _LEAD, _RESULT, _COURTESY, _GAP_TIME, _BRAKING, _COLUMNS = range(9)
@@ -268,8 +268,7 @@ def _follow(
             left = _passed(left, motion.odometer[k, own], leave, k)
             came2 = _passed(came2, motion.odometer[k, other], arrive2, k)
             left2 = _passed(left2, motion.odometer[k, other], leave2, k)
-        if last == opened + timeout and max(came, came2) >= 0.0:
-            last = k + timeout
+        last = _first_entry(came, came2, opened) + timeout
         if left >= 0.0 and left2 >= 0.0:
             break
     # How late each is where it arrives, at least if it has not at the end, or where the order is settled.
@@ -294,6 +293,14 @@ def _follow(
         into[_RESULT] = SECOND if left >= 0.0 else WAITING
         into[_GAP_TIME] = max(came - left2, 0.0) * dt if came >= 0.0 and left2 >= 0.0 else np.nan
     return k
+
+
+@kernel
+def _first_entry(came: float, came2: float, opened: int) -> int:
+    """Return when the first of two entered, or when the encounter opened if neither has."""
+    if came < 0.0 and came2 < 0.0:
+        return opened
+    return int(max(came, came2) if min(came, came2) < 0.0 else min(came, came2))
 
 
 @kernel

@@ -36,7 +36,7 @@ AGAINST_PAPER = (
     "interval of d excludes 0. Non-inferior: the one-sided 95% pessimistic end is within 0.075. Worse: the "
     "two-sided interval is on the wrong side of 0. Else undecided. A cell has the weaker word of its two "
     "figures. Not counted: cells that random, keep-lane or parked driving passes (better or non-inferior), "
-    "cells with social vehicles that differ too little from those without, and figures that look like misprints."
+    "cells with social vehicles that hardly differ from those without, and figures that look like misprints."
 )
 BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
 THESE_CHECKPOINTS = "these checkpoints"

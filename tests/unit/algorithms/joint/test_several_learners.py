@@ -15,9 +15,17 @@ import torch
 import algorithms
 from algorithms.errors import LearnerFailure
 from algorithms.parts.noise import RowGenerator, exponential
-from algorithms.ppo import PPOLearner
 from tests.unit.algorithms.joint.test_rllib_contract import FAST, build, small, train, weights
-from tests.unit.algorithms.learner_processes import LR, Process, arrays, learn, rig
+from tests.unit.algorithms.learner_processes import (
+    LR,
+    Failing,
+    Process,
+    arrays,
+    learn,
+    poison,
+    process_id,
+    rig,
+)
 from tests.unit.algorithms.rigs import EVERY
 
 assert build  # a fixture
@@ -150,7 +158,7 @@ def test_a_training_continues_with_another_number_of_learners(build, tmp_path, n
 
 def processes_of(algo):
     """Return the ids of the learners' processes."""
-    return [each.get() for each in algo.learner_group.foreach_learner(lambda learner: os.getpid())]
+    return [each.get() for each in algo.learner_group.foreach_learner(process_id)]
 
 
 def assert_gone(pids):
@@ -159,21 +167,6 @@ def assert_gone(pids):
     while alive := [pid for pid in pids if Path(f"/proc/{pid}").exists()]:
         assert time.monotonic() < deadline, alive
         time.sleep(0.1)
-
-
-def poison(learner):
-    """Make a weight of a learner's first network NaN."""
-    with torch.no_grad():
-        next(iter(learner.net("agent_0").parameters())).view(-1)[0] = math.nan
-
-
-class Failing(PPOLearner):
-    """Fails in the second of two learners only."""
-
-    def update_minibatch(self, batch):
-        if self.parallel.rank == 1:
-            raise ValueError("half a loss")
-        super().update_minibatch(batch)
 
 
 @pytest.mark.slow
@@ -228,8 +221,8 @@ def test_weights_that_are_not_finite_are_an_error_that_names_their_network(name)
     learn(made.learner, rollouts[:1])
     before = arrays(made.weights())
     with torch.no_grad():
-        made.learner.net("agent_1").trained_parameters()[0].view(-1)[0] = math.inf
-    with pytest.raises(LearnerFailure, match=r"weights of .*agent_1.* are not finite after 96 env"):
+        made.learner.net("b").trained_parameters()[0].view(-1)[0] = math.inf
+    with pytest.raises(LearnerFailure, match=r"weights of .*\bb\b.* are not finite after 96 env"):
         learn(made.learner, rollouts[1:], 1)
     assert all(np.isfinite(array).all() for array in before.values())
 
