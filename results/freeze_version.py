@@ -15,6 +15,7 @@ from pathlib import Path
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.version import FILE, frozen_text
 from benchmark.running.played import scenarios_by_traffic
+from smarts.errors import SmartsError
 
 
 def main() -> None:
@@ -26,7 +27,11 @@ def main() -> None:
     given = parser.parse_args()
     experiment = read_experiment(given.experiment)
     played, environment = scenarios_by_traffic(experiment), experiment.environment
-    FILE.write_text(frozen_text(given.version, played, environment, replaces=given.replace))
+    try:
+        text = frozen_text(given.version, played, environment, replaces=given.replace)
+    except SmartsError as error:
+        parser.exit(1, f"error: {error}\n")
+    FILE.write_text(text)
     print(f"wrote {FILE}")
 
 
