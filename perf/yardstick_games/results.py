@@ -140,7 +140,8 @@ def section(name: str, game: Yardstick, runs: Sequence[RunFile]) -> str:
 def row(algorithm: str, runs: Sequence[RunFile]) -> str:
     """Return the line of an algorithm's runs."""
     ends = [run.curve[-1] for run in runs]
-    greedy, sampled = (scored(np.mean([getattr(e, x) for e in ends]), runs) for x in ("greedy", "sampled"))
+    means = (float(np.mean([getattr(e, name) for e in ends])) for name in ("greedy", "sampled"))
+    greedy, sampled = (scored(mean, runs) for mean in means)
     if algorithm == RANDOM:
         return f"| `{algorithm}` | | | | | | {np.mean([e.sampled for e in ends]):.2f} | |"
     steps = " ".join(f"{count:,}" for count in dict.fromkeys(end.steps for end in ends))
