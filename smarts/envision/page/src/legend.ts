@@ -1,8 +1,9 @@
 /** What colours mean. */
 
 import { h } from "./dom";
-import { Driver, type Recording } from "./episode";
+import type { Recording } from "./episode";
 import { DARK, type Rgb, type Theme } from "./scene/palette";
+import { Driver } from "./snapshot";
 
 const ENTRIES: [Driver, string][] = [
   [Driver.Ego, "ego"],

@@ -1,6 +1,7 @@
 /** Simulations that run now: one WebSocket, which comes back by itself. */
 
-import { type Address, decode, type Message, type Source } from "./format";
+import { decode } from "./format";
+import type { Address, Message, Source } from "./messages";
 
 const SHORTEST_WAIT = 500;
 const LONGEST_WAIT = 10_000;

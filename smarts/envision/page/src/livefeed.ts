@@ -1,7 +1,7 @@
 /** Recordings that grow: one for each simulation that is watched. */
 
 import { Recording } from "./episode";
-import type { Message, Source } from "./format";
+import type { Message, Source } from "./messages";
 import type { Entry } from "./library";
 import { Live, type LiveState } from "./live";
 import type { View } from "./view";

@@ -172,7 +172,7 @@ export class Panel {
     const with_ = isOver && agent.partner ? `with ${agent.partner}` : "";
     this.status.textContent =
       with_ || (state ? `${state.status}${change}` : agent.isEgo ? "ego" : "social agent");
-    const speed = state ? recording.speedAt(state.vehicle, step) : NaN;
+    const speed = state?.speed ?? NaN;
     this.speed.textContent = Number.isFinite(speed) ? speed.toFixed(1) : "–";
     this.slow.textContent = Number.isFinite(speed) ? `m/s · ${(3.6 * speed).toFixed(0)} km/h` : "m/s";
     this.fillProgress(state);

@@ -2,7 +2,8 @@
 
 import { Color, Group, type Mesh, Scene } from "three";
 import { type Agent, agentsOf, type Marker, markersOf } from "./agents";
-import { Driver, type Recording, Snapshot } from "./episode";
+import type { Box, Recording } from "./episode";
+import { Snapshot } from "./snapshot";
 import { Clock } from "./playback";
 import { Bodies } from "./scene/bodies";
 import { Bubbles } from "./scene/bubbles";
@@ -48,6 +49,7 @@ export class View {
   ) {
     this.scene.matrixAutoUpdate = false;
     this.scene.background = new Color();
+    recording.chunks.onArrival = () => (this.isDirty = true);
     this.scene.add(...this.bodies.meshes);
     this.refresh();
   }
@@ -106,8 +108,10 @@ export class View {
   }
 
   /** The rectangle where the agents drive, or the map where there are none. */
-  region(): { x0: number; y0: number; x1: number; y1: number } {
+  region(): Box {
     const [bx0, by0, bx1, by1] = this.recording.map?.bounds ?? [0, 0, 100, 100];
+    const { reach } = this.recording;
+    if (reach.x0 > reach.x1) return { x0: bx0, y0: by0, x1: bx1, y1: by1 };
     const box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity };
     const add = (x: number, y: number) => {
       box.x0 = Math.min(box.x0, x - MARGIN);
@@ -115,14 +119,8 @@ export class View {
       box.x1 = Math.max(box.x1, x + MARGIN);
       box.y1 = Math.max(box.y1, y + MARGIN);
     };
-    const probe = new Snapshot();
-    const { firstStep, lastStep } = this.recording;
-    for (let i = 0; i <= 12; i++) {
-      this.recording.sample(Math.floor(firstStep + (i / 12) * (lastStep - firstStep)), probe);
-      for (let k = 0; k < probe.count; k++)
-        if (probe.agent[k] >= 0 || probe.driver[k] === Driver.Ego) add(probe.x[k], probe.y[k]);
-    }
-    if (box.x0 === Infinity) return { x0: bx0, y0: by0, x1: bx1, y1: by1 };
+    add(reach.x0, reach.y0);
+    add(reach.x1, reach.y1);
     for (const { goal } of this.agents) if (goal) add(goal.x, goal.y);
     const clipped = {
       x0: Math.max(box.x0, bx0 - 8),
@@ -138,7 +136,7 @@ export class View {
   update(seconds: number, theme: Theme): void {
     const { recording, rig, now } = this;
     const step = Math.min(recording.lastStep, Math.max(recording.firstStep, this.step));
-    recording.sample(step, now);
+    const isThere = recording.sample(step, now);
     this.follow(seconds);
     rig.update(seconds);
     (this.scene.background as Color).setRGB(...theme.ground);
@@ -147,7 +145,7 @@ export class View {
     this.overlays?.update(now, this.agents, this.chosen, step, theme, rig.pixel);
     const isFar = rig.pixel * rig.aim.distance > FAR;
     this.bodies.update(now, recording.vehicles, theme, this.clock.t, isFar);
-    this.isDirty = false;
+    this.isDirty = !isThere;
   }
 
   private follow(seconds: number): void {

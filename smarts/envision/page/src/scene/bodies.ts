@@ -9,7 +9,8 @@ import {
   Mesh,
   RawShaderMaterial,
 } from "three";
-import { AIR_LOCK, COLLIDED, Snapshot, type Vehicle } from "../episode";
+import type { Vehicle } from "../episode";
+import { AIR_LOCK, COLLIDED, type Snapshot } from "../snapshot";
 import type { Rgb, Theme } from "./palette";
 import { Shape, shapeOf, SHAPES } from "./shapes";
 
@@ -164,7 +165,7 @@ export class Bodies {
     this.meshes = this.fleets.map((fleet) => fleet.mesh);
   }
 
-  update(from: Snapshot, vehicles: readonly Vehicle[], theme: Theme, seconds: number, isFar: boolean): void {
+  update(from: Snapshot, vehicles: readonly (Vehicle | undefined)[], theme: Theme, seconds: number, isFar: boolean): void {
     const { uniforms } = this.material;
     uniforms.glass.value = theme.glass;
     uniforms.tyre.value = theme.tyre;

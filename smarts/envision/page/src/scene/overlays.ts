@@ -2,7 +2,8 @@
 
 import type { Group, Mesh } from "three";
 import type { Agent } from "../agents";
-import { COLLIDED, Driver, type Recording, Snapshot } from "../episode";
+import type { Recording } from "../episode";
+import { COLLIDED, Driver, type Snapshot } from "../snapshot";
 import { Decals } from "./decals";
 import { Lines } from "./lines";
 import { CAUTION_LIGHT, GO_LIGHT, type Rgb, STOP_LIGHT, type Theme } from "./palette";

@@ -1,6 +1,6 @@
 /** Colours of the scene, for a dark and a light page. */
 
-import { Driver } from "../episode";
+import { Driver } from "../snapshot";
 
 export type Rgb = readonly [number, number, number];
 
