@@ -138,6 +138,16 @@ export function agentsOf(recording: Recording): Agent[] {
   return agents;
 }
 
+/** Returns where the egos of a recording start: x, y of each [cm]. */
+export function startsOf(recording: Recording): [number, number][] {
+  const table = recording.table("agents");
+  const [x, y, interfaces] = ["start_x", "start_y", "interface"].map((name) => table.numbers(name));
+  const starts: [number, number][] = [];
+  for (let row = 0; row < Math.min(table.rows, x.length, y.length); row++)
+    if (!(interfaces[row] >= 0)) starts.push([Math.round(100 * x[row]), Math.round(100 * y[row])]);
+  return starts;
+}
+
 /** Returns what the table outcomes says, by row of agents. */
 function endsOf(recording: Recording): Map<number, { step: number; outcome: number; partner: string }> {
   const table = recording.table("outcomes");

@@ -1,6 +1,6 @@
 /** Where recordings come from: the page itself, the server it came from, or a file that the user drops. */
 
-import { agentsOf } from "./agents";
+import { agentsOf, startsOf } from "./agents";
 import { isEpisode, readContainer } from "./container";
 import { Recording } from "./episode";
 import { FormatError } from "./msgpack";
@@ -30,6 +30,8 @@ export interface Library {
   hasLive: boolean;
   /** Whether its recordings belong side by side. */
   isTogether: boolean;
+  /** Whether the list comes from a server, and may grow. */
+  isServed: boolean;
 }
 
 const LARGEST_FILE = 512 << 20;
@@ -69,8 +71,25 @@ export function describe(id: string, recording: Recording, label: string): Entry
   return {
     ...entryOf(id, { ...facts, label, seconds, agents: egos.length, complete: facts.is_complete }),
     outcomes,
+    pair: pairOf(recording),
   };
 }
+
+/** The same for the same test episode, whatever drove. */
+function pairOf(recording: Recording): string {
+  const { scenario, traffic, traffic_seed: seed } = recording.facts;
+  const starts = startsOf(recording);
+  return scenario && starts.length ? JSON.stringify([scenario, traffic, seed, starts]) : "";
+}
+
+/** A library without episodes. */
+export const NOTHING: Library = {
+  entries: [],
+  hasLive: false,
+  isTogether: false,
+  isServed: false,
+  load: () => Promise.reject(new Error("nothing is open")),
+};
 
 /** Reads a recording; the bytes stay, since states are decoded from them again. */
 async function open(bytes: Uint8Array): Promise<Recording> {
@@ -136,6 +155,7 @@ function fromMap(entries: Entry[], recordings: Map<string, Recording>): Library 
     entries,
     hasLive: false,
     isTogether: true,
+    isServed: false,
     load: async (id) => {
       const found = recordings.get(id);
       if (!found) throw new Error(`there is no episode ${id}`);
@@ -182,6 +202,7 @@ async function served(): Promise<Library> {
     entries: await listEpisodes(),
     hasLive: info.live === true,
     isTogether: false,
+    isServed: true,
     load: async (id) =>
       open(new Uint8Array(await (await fetchOk(`/api/episodes/${encodeURIComponent(id)}`)).arrayBuffer())),
   };

@@ -34,6 +34,7 @@ export class Panel {
   private readonly body: HTMLElement;
   private view: View | null = null;
   private shown: { agent: Agent | null; version: number } = { agent: null, version: -1 };
+  private chipsOf = "";
   private drawn: Chart[] = [];
   private speeds: Series = { name: "speed", steps: [], values: [] };
   private last = NaN;
@@ -69,6 +70,7 @@ export class Panel {
   show(view: View | null): void {
     this.view = view;
     this.shown = { agent: null, version: -1 };
+    this.chipsOf = "";
     this.last = NaN;
     this.update();
   }
@@ -89,16 +91,9 @@ export class Panel {
   }
 
   private rebuild(view: View, agent: Agent | null): void {
-    const isOther = agent !== this.shown.agent;
     this.shown = { agent, version: view.revision };
     this.last = NaN;
-    this.chips.replaceChildren(
-      ...view.agents.slice(0, MOST_CHIPS).map((each) => this.chip(each, each === agent)),
-    );
-    if (isOther)
-      this.chips
-        .querySelector<HTMLElement>("[aria-selected=true]")
-        ?.scrollIntoView({ block: "nearest", inline: "nearest" });
+    this.showChips(view, agent);
     if (!agent) return;
     this.name.textContent = agent.name;
     const { recording } = view;
@@ -135,6 +130,25 @@ export class Panel {
     );
   }
 
+  /** Draws the agents' names where they have changed, and the chosen one's place. */
+  private showChips(view: View, chosen: Agent | null): void {
+    const shown = view.agents.slice(0, MOST_CHIPS);
+    const key = shown.map((each) => `${each.row} ${each.name} ${each.outcome}`).join("\n");
+    if (key !== this.chipsOf) {
+      this.chipsOf = key;
+      const rest = view.agents.length - shown.length;
+      const more = rest > 0 ? [h("span", { class: "more" }, `and ${rest} more: click on their vehicles`)] : [];
+      this.chips.replaceChildren(...shown.map((each) => this.chip(each, false)), ...more);
+    }
+    shown.forEach((each, i) => {
+      const chip = this.chips.children[i];
+      const isChosen = each.row === chosen?.row;
+      const isNew = isChosen && chip.getAttribute("aria-selected") !== "true";
+      chip.setAttribute("aria-selected", String(isChosen));
+      if (isNew) chip.scrollIntoView({ block: "nearest", inline: "nearest" });
+    });
+  }
+
   private chip(agent: Agent, isChosen: boolean): HTMLElement {
     return h(
       "button",
@@ -146,11 +160,17 @@ export class Panel {
         "data-kind": agent.isEgo ? "ego" : "social",
         "data-tone": agent.tone,
         title: `${agent.name}: ${agent.outcomeText}`,
-        onClick: () => this.onChoose(agent),
+        onClick: () => this.choose(agent.row),
       },
       h("i", { class: "dot" }),
       agent.name,
     );
+  }
+
+  private choose(row: number): void {
+    // Agents are read anew when something has arrived.
+    const agent = this.view?.agents.find((each) => each.row === row);
+    if (agent) this.onChoose(agent);
   }
 
   private markPresent(view: View, step: number): void {

@@ -33,12 +33,26 @@ function isSoftware(): boolean {
   return /swiftshader|llvmpipe|software/i.test(renderer);
 }
 
+const NO_WEBGL = "This browser draws no 3D pictures: WebGL is switched off, or the graphics driver is blocked.";
+
+function rendererOf(): WebGLRenderer | null {
+  try {
+    const renderer = new WebGLRenderer({ antialias: !isSoftware(), powerPreference: "high-performance" });
+    renderer.outputColorSpace = LinearSRGBColorSpace;
+    renderer.setScissorTest(true);
+    renderer.domElement.setAttribute("aria-hidden", "true");
+    return renderer;
+  } catch {
+    return null;
+  }
+}
+
 export class Stage {
   readonly element = h("main", { class: "stage", "aria-label": "scene" });
   onFocus: (index: number) => void = () => {};
   onPick: (view: View, place: number) => void = () => {};
   onExpand: (index: number) => void = () => {};
-  private readonly renderer: WebGLRenderer;
+  private readonly renderer: WebGLRenderer | null;
   private readonly grid = h("div", { class: "grid" });
   private cells: Cell[] = [];
   private ratio = 1;
@@ -49,11 +63,11 @@ export class Stage {
   private pressed: { cell: Cell; x: number; y: number; moved: number } | null = null;
 
   constructor() {
-    this.renderer = new WebGLRenderer({ antialias: !isSoftware(), powerPreference: "high-performance" });
-    this.renderer.outputColorSpace = LinearSRGBColorSpace;
-    this.renderer.setScissorTest(true);
-    this.renderer.domElement.setAttribute("aria-hidden", "true");
-    this.element.append(this.renderer.domElement, this.grid);
+    this.renderer = rendererOf();
+    if (this.renderer) this.element.append(this.renderer.domElement, this.grid);
+    else this.element.append(h("p", { class: "no-picture", role: "alert" }, NO_WEBGL));
+    // Graphics drivers that start again have lost all, which is made again with the next picture.
+    this.renderer?.domElement.addEventListener("webglcontextrestored", () => (this.isResized = true));
     new ResizeObserver(() => (this.isResized = true)).observe(this.element);
     this.listen();
   }
@@ -101,8 +115,8 @@ export class Stage {
     const [columns, rows] = gridOf(Math.max(1, this.cells.length), height > width);
     this.grid.style.gridTemplateColumns = `repeat(${columns}, minmax(0, 1fr))`;
     this.grid.style.gridTemplateRows = `repeat(${rows}, minmax(0, 1fr))`;
-    this.renderer.setPixelRatio(Math.min(2, devicePixelRatio) * this.ratio);
-    this.renderer.setSize(width, height);
+    this.renderer?.setPixelRatio(Math.min(2, devicePixelRatio) * this.ratio);
+    this.renderer?.setSize(width, height);
     for (const { view, element } of this.cells) view.rig.resize(element.clientWidth, element.clientHeight);
     this.isResized = false;
   }
@@ -111,10 +125,10 @@ export class Stage {
   draw(seconds: number, theme: Theme, isForced: boolean): boolean {
     const isFresh =
       isForced || this.isResized || this.cells.some(({ view }) => view.isDirty || view.rig.isMoving);
-    if (!isFresh) return false;
+    const { renderer } = this;
+    if (!isFresh || !renderer) return false;
     if (this.isResized) this.layOut();
     this.adapt(seconds);
-    const { renderer } = this;
     const whole = this.element.getBoundingClientRect();
     renderer.setClearColor(0, 1);
     for (const cell of this.cells) {

@@ -100,6 +100,7 @@ export class Timeline {
     const text = `${seconds(clock.t)} / ${seconds(clock.end)} s`;
     if (this.time.textContent !== text) {
       this.time.textContent = text;
+      this.track.setAttribute("aria-valuemin", clock.begin.toFixed(1));
       this.track.setAttribute("aria-valuenow", clock.t.toFixed(1));
       this.track.setAttribute("aria-valuemax", clock.end.toFixed(1));
       this.track.setAttribute("aria-valuetext", `${seconds(clock.t)} seconds`);
@@ -107,7 +108,9 @@ export class Timeline {
     setIcon(this.playButton, clock.isPlaying ? "pause" : "play", clock.isPlaying ? "Pause" : "Play");
     if (this.speed.value !== String(clock.speed)) this.speed.value = String(clock.speed);
     this.live.hidden = !clock.isLive;
-    this.live.toggleAttribute("data-on", clock.isPlaying);
+    const isOn = clock.isPlaying && clock.isFollowing;
+    this.live.toggleAttribute("data-on", isOn);
+    this.live.setAttribute("aria-label", isOn ? "live" : "back to live");
     this.drawMarks();
   }
 

@@ -98,6 +98,11 @@ export class View {
     this.bubbles = new Bubbles(this.recording, this.group);
   }
 
+  /** Whether all that has arrived is taken up. */
+  get isCurrent(): boolean {
+    return this.version === this.recording.version;
+  }
+
   get step(): number {
     return this.clock.t / this.recording.dt;
   }

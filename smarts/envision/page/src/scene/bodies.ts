@@ -12,7 +12,8 @@ import {
 import type { Vehicle } from "../episode";
 import { AIR_LOCK, COLLIDED, type Snapshot } from "../snapshot";
 import type { Rgb, Theme } from "./palette";
-import { Shape, shapeOf, SHAPES } from "./shapes";
+import type { Shape } from "./shape";
+import { shapeOf, SHAPES } from "./shapes";
 
 const VERTEX = `
 precision highp float;
