@@ -83,6 +83,9 @@ export interface Decision {
   choice: number;
   labels: string[];
   probabilities: number[] | null;
+  /** Of the parts of a continuous action, where they were recorded. */
+  means: Numbers | null;
+  deviations: Numbers | null;
   /** Continuous parts: name, value, from -1 to 1. */
   parts: { name: string; value: number; low: number; high: number }[];
   isLegal: boolean[];
@@ -222,6 +225,8 @@ export function decisionOf(recording: Recording, agent: Agent, step: number): De
     choice: isDiscrete ? Math.round(values[0]) : -1,
     labels: isDiscrete ? labels : [],
     probabilities: probabilities && isDiscrete ? Array.from(probabilities) : null,
+    means: isDiscrete ? null : extraAt(recording, agent, "mean", taken),
+    deviations: isDiscrete ? null : extraAt(recording, agent, "std", taken),
     parts: isDiscrete ? [] : parts(kind, values),
     isLegal: labels.map((_, i) => ((mask >> i) & 1) === 1),
   };

@@ -3,7 +3,6 @@
 import {
   type Agent,
   type AgentState,
-  type Decision,
   decisionOf,
   extraSeries,
   type Series,
@@ -12,6 +11,9 @@ import {
 } from "./agents";
 import { Chart } from "./charts";
 import { h } from "./dom";
+import { ActionMeters } from "./meters";
+import { observedBy } from "./observed";
+import { SightPanel } from "./sightpanel";
 import type { View } from "./view";
 
 const MOST_CHIPS = 60;
@@ -26,9 +28,8 @@ export class Panel {
   private readonly slow = h("span", { class: "unit" });
   private readonly progress = h("div", { class: "bar" }, h("i", {}));
   private readonly progressText = h("span", { class: "small" });
-  private readonly action = h("section", { class: "action", "aria-label": "action" });
-  private readonly rows: { element: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
-  private readonly actionHead = h("h3", {}, "action");
+  private readonly action = new ActionMeters();
+  private readonly sight = new SightPanel();
   private readonly charts = h("section", { class: "charts" });
   private readonly empty = h("p", { class: "empty" }, "No agent in this recording.");
   private readonly body: HTMLElement;
@@ -55,8 +56,9 @@ export class Panel {
       h("div", { class: "title" }, this.name, this.badge),
       this.status,
       headline,
-      this.action,
+      this.action.element,
       this.charts,
+      this.sight.element,
     );
     this.element = h(
       "aside",
@@ -196,7 +198,8 @@ export class Panel {
     this.speed.textContent = Number.isFinite(speed) ? speed.toFixed(1) : "–";
     this.slow.textContent = Number.isFinite(speed) ? `m/s · ${(3.6 * speed).toFixed(0)} km/h` : "m/s";
     this.fillProgress(state);
-    this.fillAction(decisionOf(recording, agent, step), state);
+    this.action.show(decisionOf(recording, agent, step), state);
+    this.sight.show(observedBy(recording, agent, step));
     for (const chart of this.drawn) chart.update(step);
   }
 
@@ -209,87 +212,4 @@ export class Panel {
       : "0";
     this.progressText.textContent = isKnown ? `${Math.max(0, left).toFixed(0)} m to the goal` : "";
   }
-
-  private fillAction(decision: Decision | null, state: AgentState | null): void {
-    const lines: { name: string; part: number; text: string; isChosen: boolean; isLegal: boolean }[] = [];
-    if (decision && decision.choice >= 0) {
-      decision.labels.forEach((name, i) => {
-        const isChosen = i === decision.choice;
-        const p = decision.probabilities?.[i];
-        lines.push({
-          name,
-          part: p ?? (isChosen ? 1 : 0),
-          text: p === undefined ? "" : `${(100 * p).toFixed(0)}%`,
-          isChosen,
-          isLegal: decision.isLegal[i],
-        });
-      });
-    } else if (decision) {
-      for (const { name, value, low, high } of decision.parts)
-        lines.push({
-          name,
-          part: Math.abs(value) / Math.max(Math.abs(low), Math.abs(high)),
-          text: value.toFixed(2),
-          isChosen: true,
-          isLegal: true,
-        });
-    }
-    if (state) {
-      lines.push({
-        name: "throttle",
-        part: state.throttle,
-        text: state.throttle.toFixed(2),
-        isChosen: false,
-        isLegal: true,
-      });
-      lines.push({
-        name: "brake",
-        part: state.brake,
-        text: state.brake.toFixed(2),
-        isChosen: false,
-        isLegal: true,
-      });
-      const angle = (state.steering * 180) / Math.PI;
-      lines.push({
-        name: "steering",
-        part: Math.abs(angle) / 35,
-        text: `${angle.toFixed(1)}°`,
-        isChosen: false,
-        isLegal: true,
-      });
-    }
-    this.action.hidden = !lines.length;
-    while (this.rows.length < lines.length) this.rows.push(row());
-    if (this.action.children.length !== lines.length + 1)
-      this.action.replaceChildren(
-        this.actionHead,
-        ...this.rows.slice(0, lines.length).map((each) => each.element),
-      );
-    const isDistribution = decision?.probabilities != null;
-    this.actionHead.textContent = isDistribution ? "action, with its distribution" : "action";
-    lines.forEach((line, i) => {
-      const { element, bar, value } = this.rows[i];
-      element.firstElementChild!.textContent = line.name;
-      bar.style.width = `${Math.min(100, Math.max(0, 100 * (line.part || 0)))}%`;
-      value.textContent = line.text;
-      element.toggleAttribute("data-chosen", line.isChosen);
-      element.toggleAttribute("data-barred", !line.isLegal);
-    });
-  }
-}
-
-function row(): { element: HTMLElement; bar: HTMLElement; value: HTMLElement } {
-  const bar = h("i", {});
-  const value = h("span", { class: "number" });
-  return {
-    element: h(
-      "div",
-      { class: "meter" },
-      h("span", { class: "name" }),
-      h("div", { class: "bar" }, bar),
-      value,
-    ),
-    bar,
-    value,
-  };
 }

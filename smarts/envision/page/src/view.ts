@@ -11,6 +11,7 @@ import { Rig } from "./scene/camera";
 import { Overlays } from "./scene/overlays";
 import type { Theme } from "./scene/palette";
 import { type Lane, lanesOf, Roads } from "./scene/roads";
+import { Sight } from "./scene/sight";
 
 const MARGIN = 22;
 const WIDEST = 420;
@@ -32,6 +33,7 @@ export class View {
   private lanes: Lane[] = [];
   private roads: Roads | null = null;
   private overlays: Overlays | null = null;
+  private readonly sight: Sight;
   private bubbles: Bubbles | null = null;
   private rings = 0;
   private group: Group | null = null;
@@ -50,7 +52,8 @@ export class View {
     this.scene.matrixAutoUpdate = false;
     this.scene.background = new Color();
     recording.chunks.onArrival = () => (this.isDirty = true);
-    this.scene.add(...this.bodies.meshes);
+    this.sight = new Sight(recording);
+    this.scene.add(...this.bodies.meshes, ...this.sight.meshes);
     this.refresh();
   }
 
@@ -148,6 +151,7 @@ export class View {
     this.roads?.update(theme, rig.pixel);
     this.bubbles?.update(step, theme);
     this.overlays?.update(now, this.agents, this.chosen, step, theme, rig.pixel);
+    this.sight.update(now, this.chosen, step, theme, rig.pixel);
     const isFar = rig.pixel * rig.aim.distance > FAR;
     this.bodies.update(now, recording.vehicles, theme, this.clock.t, isFar);
     this.isDirty = !isThere;
@@ -184,6 +188,7 @@ export class View {
     this.bodies.dispose();
     this.roads?.dispose();
     this.overlays?.dispose();
+    this.sight.dispose();
     this.bubbles?.dispose();
   }
 }
