@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from smarts.envision.recorded_lights import AFTER_CHANGE as RECORDED_AFTER_CHANGE
 from smarts.envision.recorded_lights import BEFORE_TURN as RECORDED_BEFORE_TURN
@@ -18,7 +19,13 @@ EDGES = [f"{arm}_{way}" for arm in ("west", "south", "east", "north") for way in
 WEST_IN = EDGES.index("west_in")
 
 
-def vehicles(lane, s=0.0, speed=10.0, route=-1, slot=None):
+def vehicles(
+    lane: ArrayLike,
+    s: ArrayLike = 0.0,
+    speed: ArrayLike = 10.0,
+    route: ArrayLike = -1,
+    slot: ArrayLike | None = None,
+):
     """Return rows of vehicles, one for each lane given."""
     lanes = np.atleast_1d(lane)
     count = len(lanes)
