@@ -353,10 +353,10 @@ export class App {
     const hasMoved = this.advance(elapsed) || this.isForced;
     this.stage.draw(elapsed, this.theme, hasMoved);
     this.isForced = false;
-    if (hasMoved) this.timeline.update();
+    if (hasMoved) this.timeline.tick(now);
     if (now - this.panelAt > PANEL_RATE) {
       this.panelAt = now;
-      this.timeline.update();
+      this.timeline.tick(now);
       this.panel.update();
       this.views.forEach((view, i) => this.stage.setStatus(i, ...statusOf(view)));
     }

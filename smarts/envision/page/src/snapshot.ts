@@ -26,6 +26,8 @@ export class Snapshot {
   steer = new Float32Array(64);
   flags = new Uint16Array(64);
   driver = new Uint8Array(64);
+  /** Whether it may be in the picture. */
+  isSeen = new Uint8Array(64);
   /** Row in the table agents, -1 for none. */
   agent = new Int32Array(64);
   /** Place of each vehicle number in the arrays, -1 for none. */
@@ -39,6 +41,7 @@ export class Snapshot {
         this[name] = new Float32Array(size);
       this.flags = new Uint16Array(size);
       this.driver = new Uint8Array(size);
+      this.isSeen = new Uint8Array(size);
       this.agent = new Int32Array(size);
     }
     if (numbers > this.place.length) this.place = new Int32Array(2 * numbers);

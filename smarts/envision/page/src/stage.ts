@@ -8,11 +8,11 @@ import type { View } from "./view";
 
 ColorManagement.enabled = false;
 
-const SLOW = 1 / 32;
+const SLOW = 1 / 45;
 const FAST = 1 / 55;
 const PATIENCE = 24;
 const TRUST = 180;
-const COARSEST = 0.6;
+const COARSEST = 0.5;
 const CLICK = 6;
 /** Metres of a pixel up to which all egos show their names. */
 const CLOSE = 0.14;
@@ -22,6 +22,8 @@ interface Cell {
   element: HTMLElement;
   status: HTMLElement;
   labels: HTMLElement;
+  /** Its place on the canvas, from the lower left, and its size. */
+  box: { x: number; y: number; width: number; height: number };
 }
 
 /** Whether pictures are drawn without a graphics processor, where smooth edges cost too much. */
@@ -107,7 +109,7 @@ export class Stage {
     const expand = iconButton("expand", `Show only ${view.title}`, () => this.onExpand(index));
     const head = h("div", { class: "cell-head" }, name, status, expand);
     const element = h("section", { class: "cell", "aria-label": view.title }, labels, isOneOfMany && head);
-    return { view, element, status, labels };
+    return { view, element, status, labels, box: { x: 0, y: 0, width: 1, height: 1 } };
   }
 
   private layOut(): void {
@@ -117,7 +119,14 @@ export class Stage {
     this.grid.style.gridTemplateRows = `repeat(${rows}, minmax(0, 1fr))`;
     this.renderer?.setPixelRatio(Math.min(2, devicePixelRatio) * this.ratio);
     this.renderer?.setSize(width, height);
-    for (const { view, element } of this.cells) view.rig.resize(element.clientWidth, element.clientHeight);
+    // Sizes are read here alone: to ask for them in each picture makes the browser lay out the page.
+    const whole = this.element.getBoundingClientRect();
+    for (const cell of this.cells) {
+      const box = cell.element.getBoundingClientRect();
+      const [x, y] = [box.left - whole.left, whole.bottom - box.bottom];
+      cell.box = { x, y, width: box.width, height: box.height };
+      cell.view.rig.resize(box.width, box.height);
+    }
     this.isResized = false;
   }
 
@@ -129,13 +138,11 @@ export class Stage {
     if (!isFresh || !renderer) return false;
     if (this.isResized) this.layOut();
     this.adapt(seconds);
-    const whole = this.element.getBoundingClientRect();
     renderer.setClearColor(0, 1);
     for (const cell of this.cells) {
-      const box = cell.element.getBoundingClientRect();
-      const [x, y] = [box.left - whole.left, whole.bottom - box.bottom];
-      renderer.setViewport(x, y, box.width, box.height);
-      renderer.setScissor(x, y, box.width, box.height);
+      const { x, y, width, height } = cell.box;
+      renderer.setViewport(x, y, width, height);
+      renderer.setScissor(x, y, width, height);
       cell.view.update(seconds, theme);
       renderer.render(cell.view.scene, cell.view.rig.camera);
       this.label(cell);
@@ -156,9 +163,8 @@ export class Stage {
   }
 
   /** Writes the names of agents beside their vehicles. */
-  private label({ view, element, labels }: Cell): void {
+  private label({ view, labels, box: { width, height } }: Cell): void {
     const { now, rig } = view;
-    const [width, height] = [element.clientWidth, element.clientHeight];
     let used = 0;
     const isNear = rig.pixel * rig.aim.distance < CLOSE;
     for (let i = 0; i < now.count && this.cells.length < 5; i++) {

@@ -10,6 +10,7 @@ import { Bubbles } from "./scene/bubbles";
 import { Rig } from "./scene/camera";
 import { Overlays } from "./scene/overlays";
 import type { Theme } from "./scene/palette";
+import { Detail } from "./scene/shape";
 import { type Lane, lanesOf, Roads } from "./scene/roads";
 import { Sight } from "./scene/sight";
 
@@ -17,6 +18,10 @@ const MARGIN = 22;
 const WIDEST = 420;
 /** Metres of a pixel from which wheels are not drawn. */
 const FAR = 0.16;
+/** And from which bodies are blocks: cars are 13 pixels long. */
+const AFAR = 0.35;
+/** From the middle of a vehicle to the end of its lights and its shadow [m]. */
+const REACH = 12;
 const PATIENCE = 400;
 
 export class View {
@@ -148,12 +153,15 @@ export class View {
     this.follow(seconds);
     rig.update(seconds);
     (this.scene.background as Color).setRGB(...theme.ground);
-    this.roads?.update(theme, rig.pixel);
+    const metres = rig.pixel * rig.aim.distance;
+    const afar = rig.aim.tilt < 0.1 ? Detail.Tops : Detail.Block;
+    const detail = metres > AFAR ? afar : metres > FAR ? Detail.Coarse : Detail.All;
+    for (let i = 0; i < now.count; i++) now.isSeen[i] = rig.sees(now.x[i], now.y[i], REACH) ? 1 : 0;
+    this.roads?.update(theme, rig.pixel, metres);
     this.bubbles?.update(step, theme);
-    this.overlays?.update(now, this.agents, this.chosen, step, theme, rig.pixel);
+    this.overlays?.update(now, this.agents, this.chosen, step, theme, rig.pixel, metres);
     this.sight.update(now, this.chosen, step, theme, rig.pixel);
-    const isFar = rig.pixel * rig.aim.distance > FAR;
-    this.bodies.update(now, recording.vehicles, theme, this.clock.t, isFar);
+    this.bodies.update(now, recording.vehicles, theme, this.clock.t, detail);
     this.isDirty = !isThere;
   }
 

@@ -22,6 +22,8 @@ const SOLID = 2;
 const CENTRE = 3;
 const STOP_AT_LIGHTS = 1;
 const KERB = 0.28;
+/** Metres of a pixel up to which dashed lines are drawn. */
+const DASHES = 0.7;
 /** Pieces of dashed lines in a map; the lines of larger ones are not drawn to their end. */
 const MOST_PIECES = 400_000;
 
@@ -153,18 +155,27 @@ export class Roads {
   readonly meshes: Mesh[];
   private readonly materials: RawShaderMaterial[];
 
+  private readonly dashes: Mesh;
+  private painted: Theme | null = null;
+
   constructor(lanes: readonly Lane[]) {
     const [surface, surfaceMaterial] = surfaces(lanes);
-    const [paint, paintMaterial] = paints(lanes);
-    this.meshes = [surface, paint];
+    const [solid, dashed] = paintsOf(lanes);
+    const paintMaterial = paintMaterialOf();
+    this.dashes = meshOf(dashed, paintMaterial);
+    this.meshes = [surface, meshOf(solid, paintMaterial), this.dashes];
     this.materials = [surfaceMaterial, paintMaterial];
   }
 
-  update(theme: Theme, pixel: number): void {
-    for (const material of this.materials) {
-      material.uniforms.tones.value = theme.tones.flat();
-      if (material.uniforms.pixel) material.uniforms.pixel.value = pixel;
+  /** Paints in the colours of a theme; `metres` is the size of a pixel at the middle of the picture. */
+  update(theme: Theme, pixel: number, metres: number): void {
+    // From afar dashed lines are fainter than can be seen, and there are very many.
+    this.dashes.visible = metres < DASHES;
+    for (const { uniforms } of this.materials) {
+      if (theme !== this.painted) uniforms.tones.value = theme.tones.flat();
+      if (uniforms.pixel) uniforms.pixel.value = pixel;
     }
+    this.painted = theme;
   }
 
   dispose(): void {
@@ -282,8 +293,9 @@ class Paint {
   }
 }
 
-function paints(lanes: readonly Lane[]): [Mesh, RawShaderMaterial] {
-  const paint = new Paint();
+/** Returns the solid lines and the dashed ones. */
+function paintsOf(lanes: readonly Lane[]): [Paint, Paint] {
+  const [paint, dashed] = [new Paint(), new Paint()];
   for (const lane of lanes) {
     if (lane.points.length < 4 || lane.isJunction) continue;
     for (const [side, code] of [
@@ -292,8 +304,8 @@ function paints(lanes: readonly Lane[]): [Mesh, RawShaderMaterial] {
     ] as const) {
       // Two lanes share a dashed line: the lane to its right paints it.
       if (code === DASHED && side > 0)
-        paint.pieces -= walk(shifted(lane.points, lane.width / 2), 3, 4.5, paint.pieces, (piece) =>
-          paint.line(piece, 0.075, Tone.White),
+        dashed.pieces -= walk(shifted(lane.points, lane.width / 2), 3, 4.5, dashed.pieces, (piece) =>
+          dashed.line(piece, 0.075, Tone.White),
         );
       if (code === SOLID) paint.line(shifted(lane.points, side * (lane.width / 2 - 0.12)), 0.06, Tone.Edge);
       if (code === CENTRE)
@@ -301,11 +313,19 @@ function paints(lanes: readonly Lane[]): [Mesh, RawShaderMaterial] {
     }
     if (lane.stop) stopLine(lane, paint);
   }
+  return [paint, dashed];
+}
+
+function meshOf(paint: Paint, material: RawShaderMaterial): Mesh {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(paint.position), 3));
   geometry.setAttribute("side", new BufferAttribute(new Float32Array(paint.side), 3));
   geometry.setIndex(new BufferAttribute(new Uint32Array(paint.index), 1));
-  const material = new RawShaderMaterial({
+  return flat(geometry, material, 1);
+}
+
+function paintMaterialOf(): RawShaderMaterial {
+  return new RawShaderMaterial({
     vertexShader: PAINT_VERTEX,
     fragmentShader: PAINT_FRAGMENT,
     depthWrite: false,
@@ -313,7 +333,6 @@ function paints(lanes: readonly Lane[]): [Mesh, RawShaderMaterial] {
     transparent: true,
     uniforms: { tones: { value: [] }, pixel: { value: 0.001 } },
   });
-  return [flat(geometry, material, 1), material];
 }
 
 function stopLine(lane: Lane, paint: Paint): void {

@@ -24,13 +24,25 @@ export interface Arrays {
 /** A rounded rectangle at height z: from x0 to x1, of a half width, with corners of a radius in metres. */
 type Ring = [z: number, x0: number, x1: number, half: number, radius: number];
 
+/** How much of a body is drawn. */
+export enum Detail {
+  All,
+  /** Without wheels. */
+  Coarse,
+  /** A block with its lights. */
+  Block,
+  /** What of the block is seen from above. */
+  Tops,
+}
+
+const UP = [0, 0, 1];
 const CORNER = 2;
 const SPOKES = 10;
 
 export class Shape {
   readonly arrays: Arrays;
-  /** The number of corners that are drawn from afar: those before the wheels. */
-  readonly coarse: number;
+  /** From corner to corner of `index`: what is drawn at each distance, by `Detail`. */
+  readonly ranges: readonly [number, number][];
   private readonly details: (() => void)[] = [];
   private readonly position: number[] = [];
   private readonly normal: number[] = [];
@@ -45,9 +57,20 @@ export class Shape {
     readonly height: number,
     build: (shape: Shape) => void,
   ) {
+    this.tops();
+    const tops = this.index.length;
+    this.box(Part.Body, [-0.5, 0.5], [-0.49, 0.49], [0.1, this.isTall ? 0.98 : 0.6]);
+    const block = this.index.length;
     build(this);
-    this.coarse = this.index.length;
+    const coarse = this.index.length;
     for (const add of this.details) add();
+    this.turnOutwards();
+    this.ranges = [
+      [block, Infinity],
+      [block, coarse - block],
+      [0, block],
+      [0, tops],
+    ];
     this.arrays = {
       position: new Float32Array(this.position),
       normal: new Float32Array(this.normal),
@@ -55,6 +78,38 @@ export class Shape {
       part: new Float32Array(this.part),
       index: new Uint16Array(this.index),
     };
+  }
+
+  private get isTall(): boolean {
+    return this.height > 2;
+  }
+
+  /** Adds what is seen from above of vehicles that are a few pixels long. */
+  private tops(): void {
+    const flat = (part: Part, x0: number, x1: number, y: number, z: number) =>
+      this.quad([x0, -y, z], [x1, -y, z], [x1, y, z], [x0, y, z], UP, part);
+    flat(Part.Body, -0.5, 0.5, 0.49, this.isTall ? 0.98 : 0.6);
+    flat(Part.TailLight, -0.52, -0.43, 0.45, this.isTall ? 0.985 : 0.62);
+    if (this.isTall) return;
+    flat(Part.Glass, -0.4, 0.22, 0.42, 0.9);
+    flat(Part.Body, -0.3, 0.07, 0.37, 0.95);
+  }
+
+  /** Turns all triangles so that their corners go round counter-clockwise seen from outside. */
+  private turnOutwards(): void {
+    const { position, normal, index } = this;
+    const at = (list: number[], i: number) => list.slice(3 * i, 3 * i + 3);
+    const metres = (i: number) => {
+      const [x, y, z] = at(position, i);
+      return [x * this.length, y * this.width, z * this.height];
+    };
+    for (let i = 0; i < index.length; i += 3) {
+      const [a, b, c] = index.slice(i, i + 3);
+      const face = cross(minus(metres(b), metres(a)), minus(metres(c), metres(a)));
+      const out = [a, b, c].map((each) => at(normal, each));
+      const facing = out.reduce((sum, n) => sum + n[0] * face[0] + n[1] * face[1] + n[2] * face[2], 0);
+      if (facing < 0) [index[i + 1], index[i + 2]] = [c, b];
+    }
   }
 
   /** Adds the sides between rings, each with its part, and the top of the last one. */
