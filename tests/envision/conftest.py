@@ -35,6 +35,7 @@ def open_page(browser: Browser, tmp_path: Path) -> Iterator[Callable[..., Page]]
         url: str = "",
         scheme: str = "dark",
         may_lose_connection: bool = False,
+        script: str = "",
     ) -> Page:
         width, height = size
         context = browser.new_context(
@@ -43,6 +44,8 @@ def open_page(browser: Browser, tmp_path: Path) -> Iterator[Callable[..., Page]]
             color_scheme="dark" if scheme == "dark" else "light",
         )
         contexts.append(context)
+        if script:
+            context.add_init_script(script)
         page = context.new_page()
         page.on("pageerror", lambda error: problems.append(str(error)))
 

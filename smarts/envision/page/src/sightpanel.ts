@@ -8,13 +8,13 @@ const MOST_ROWS = 24;
 const COLOUR = [0.93, 0.95, 0.97];
 
 export class SightPanel {
-  readonly element = h("section", { class: "sight", "aria-label": "observation" });
+  readonly element = h("section", { class: "sight", "aria-label": "observation", hidden: true });
   private shown = "";
 
   /** Shows an observation; where there is none, nothing. */
   show(observed: Observed | null): void {
     const key = observed?.key ?? "";
-    if (key === this.shown && !this.element.hidden) return;
+    if (key === this.shown) return;
     this.shown = key;
     this.element.hidden = observed === null;
     if (!observed) return;

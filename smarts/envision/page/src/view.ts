@@ -158,7 +158,7 @@ export class View {
     const detail = metres > AFAR ? afar : metres > FAR ? Detail.Coarse : Detail.All;
     for (let i = 0; i < now.count; i++) now.isSeen[i] = rig.sees(now.x[i], now.y[i], REACH) ? 1 : 0;
     this.roads?.update(theme, rig.pixel, metres);
-    this.bubbles?.update(step, theme);
+    this.bubbles?.update(step, theme, rig.pixel);
     this.overlays?.update(now, this.agents, this.chosen, step, theme, rig.pixel, metres);
     this.sight.update(now, this.chosen, step, theme, rig.pixel);
     this.bodies.update(now, recording.vehicles, theme, this.clock.t, detail);
