@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import PIL.Image
+import PIL.ImageColor
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -393,7 +394,7 @@ def test_texts_have_enough_contrast(open_page, scheme):
     }
 
     def luminance(colour):
-        parts = np.array([int(colour.strip()[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+        parts = np.array(PIL.ImageColor.getrgb(colour.strip())) / 255
         linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
         return float(linear @ [0.2126, 0.7152, 0.0722])
 

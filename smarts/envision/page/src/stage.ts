@@ -26,20 +26,25 @@ interface Cell {
   box: { x: number; y: number; width: number; height: number };
 }
 
-/** Whether pictures are drawn without a graphics processor, where smooth edges cost too much. */
-function isSoftware(): boolean {
-  const gl = document.createElement("canvas").getContext("webgl");
-  const name = gl?.getExtension("WEBGL_debug_renderer_info");
-  const renderer = gl && name ? String(gl.getParameter(name.UNMASKED_RENDERER_WEBGL)) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software/i.test(renderer);
+/** The name of what draws; null where nothing does. */
+function graphics(): string | null {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) return null;
+  const name = gl.getExtension("WEBGL_debug_renderer_info");
+  const renderer = name ? String(gl.getParameter(name.UNMASKED_RENDERER_WEBGL)) : "";
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return renderer;
 }
 
 const NO_WEBGL = "This browser draws no 3D pictures: WebGL is switched off, or the graphics driver is blocked.";
 
 function rendererOf(): WebGLRenderer | null {
+  const name = graphics();
+  if (name === null) return null;
+  // Without a graphics processor smooth edges cost too much.
+  const antialias = !/swiftshader|llvmpipe|software/i.test(name);
   try {
-    const renderer = new WebGLRenderer({ antialias: !isSoftware(), powerPreference: "high-performance" });
+    const renderer = new WebGLRenderer({ antialias, powerPreference: "high-performance" });
     renderer.outputColorSpace = LinearSRGBColorSpace;
     renderer.setScissorTest(true);
     renderer.domElement.setAttribute("aria-hidden", "true");
