@@ -63,7 +63,7 @@ export class App {
         seek: (t) => this.player.seek(t),
         step: (steps) => this.player.stepBy(steps),
         setSpeed: (speed) => this.player.setSpeed(speed),
-        goLive: () => this.player.goLive(),
+        goLive: () => this.session.goLive(),
       },
       (marker) => this.chooseOf(marker),
     );

@@ -26,6 +26,8 @@ export class Session {
   /** Whether simulations that run are shown without being asked for; those in `pending` first. */
   private isAutomatic = true;
   private pending: readonly string[] = [];
+  /** Simulations that have begun another episode while the user looks at the past of the one before. */
+  private readonly waiting = new Set<string>();
   /** Counts calls of `open`: one that takes long does not undo a later one. */
   private turn = 0;
 
@@ -121,8 +123,14 @@ export class Session {
     }
   }
 
-  /** Shows the next episode of a simulation that runs. */
+  /** Shows the next episode of a simulation that runs; not while the user looks at the past of this one. */
   private async reopenLive(id: string): Promise<void> {
+    const clock = this.views.find((view) => view.id === id)?.clock;
+    if (clock?.isLive && clock.end > clock.begin && !(clock.isPlaying && clock.isFollowing)) {
+      this.waiting.add(id);
+      return;
+    }
+    this.waiting.delete(id);
     const fresh = this.views.some((view) => view.id === id) ? await this.load(id) : null;
     const index = this.views.findIndex((view) => view.id === id);
     if (!fresh || index < 0) {
@@ -152,8 +160,24 @@ export class Session {
     await this.open(good.map((entry) => entry.id));
   }
 
+  /** Goes to what is newest. */
+  goLive(): void {
+    this.player.goLive();
+    this.takeWaiting();
+  }
+
+  /** Shows the next episode where the user has come back to the end of the one before. */
+  private takeWaiting(): void {
+    for (const id of this.waiting) {
+      const clock = this.views.find((view) => view.id === id)?.clock;
+      if (!clock) this.waiting.delete(id);
+      else if (clock.isPlaying && clock.isFollowing) void this.reopenLive(id);
+    }
+  }
+
   /** Takes up what has come from simulations that run; returns whether there was anything. */
   takeUp(): boolean {
+    this.takeWaiting();
     if (!this.feed?.takeUp(this.views)) return false;
     this.player.syncEnds();
     return true;
