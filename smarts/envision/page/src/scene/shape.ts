@@ -91,8 +91,8 @@ export class Shape {
     flat(Part.Body, -0.5, 0.5, 0.49, this.isTall ? 0.98 : 0.6);
     flat(Part.TailLight, -0.52, -0.43, 0.45, this.isTall ? 0.985 : 0.62);
     if (this.isTall) return;
-    flat(Part.Glass, -0.4, 0.22, 0.42, 0.9);
-    flat(Part.Body, -0.3, 0.07, 0.37, 0.95);
+    flat(Part.Glass, -0.37, 0.2, 0.42, 0.9);
+    flat(Part.Body, -0.29, 0.1, 0.4, 0.95);
   }
 
   /** Turns all triangles so that their corners go round counter-clockwise seen from outside. */

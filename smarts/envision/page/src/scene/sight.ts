@@ -34,6 +34,8 @@ varying vec2 at;
 void main() { gl_FragColor = texture2D(cells, at); }`;
 const GRID_ALPHA = 0.42;
 const POINT = 0.22;
+/** The grid that lies on the ground, where there are several. */
+const ON_GROUND = "occupancy";
 
 /** A square of cells on the ground: x points ahead, y to the left. */
 class Floor {
@@ -115,7 +117,8 @@ export class Sight {
 
   private draw(observed: Observed | null, theme: Theme): void {
     const { paths, marks } = this;
-    this.floor.show(observed?.grids[0], theme.sight);
+    const grids = observed?.grids ?? [];
+    this.floor.show(grids.find(({ name }) => name === ON_GROUND) ?? grids[0], theme.sight);
     paths.begin();
     marks.begin();
     for (const path of observed?.waypoints ?? []) {
