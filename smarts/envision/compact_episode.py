@@ -23,6 +23,8 @@ from smarts.types.events import Outcome
 
 STEPS = 100
 """Of one message."""
+MOST_STEPS = 10_000_000
+"""Of an episode."""
 
 _LASTING = SIGNALS.name, BUBBLE_POSES.name
 """Tables whose rows hold until the next one."""
@@ -43,7 +45,7 @@ def compact_episode(episode: RecordedEpisode, begin: float | None = None, end: f
     """
     try:
         return b"".join(framed(messages_of(episode, _steps(episode, begin, end))))
-    except (KeyError, ValueError, IndexError, TypeError) as error:
+    except (LookupError, ValueError, TypeError, ArithmeticError) as error:
         raise RecordError(
             f"the tables of the recorded episode do not fit together: {error}",
             place=str(episode.folder),
@@ -80,8 +82,10 @@ def messages_of(episode: RecordedEpisode, steps: Ints) -> Iterator[dict[str, Any
 def _steps(episode: RecordedEpisode, begin: float | None, end: float | None) -> Ints:
     """Return the steps between two times."""
     dt, last = float(episode.facts["dt"]), int(episode.facts["steps"])
-    first = 0 if begin is None or math.isnan(begin) else max(0.0, begin / dt)
-    behind = last if end is None or math.isnan(end) else min(last, end / dt)
+    if not (dt > 0 and 0 <= last <= MOST_STEPS):
+        raise ValueError(f"{last} steps of {dt} s")
+    first = 0 if begin is None or math.isnan(begin) else max(0.0, _exact(begin / dt))
+    behind = last if end is None or math.isnan(end) else min(last, _exact(end / dt))
     if first > behind:
         raise SmartsError(
             f"nothing lies between {begin or 0:g} s and {last * dt if end is None else end:g} s",
@@ -89,6 +93,11 @@ def _steps(episode: RecordedEpisode, begin: float | None, end: float | None) -> 
             remedy=f"the episode goes from 0 to {last * dt:g} s",
         )
     return np.arange(math.ceil(first), math.floor(behind) + 1, dtype=np.int32)
+
+
+def _exact(steps: float) -> float:
+    """Return a number of steps without the rounding of a division, as of 0.3 by 0.1."""
+    return round(steps) if math.isfinite(steps) and math.isclose(steps, round(steps)) else steps
 
 
 def _outcomes(agents: Columns) -> dict[str, NDArray]:
@@ -106,7 +115,10 @@ def _with_distant(near: Columns, distant: Columns, names: Columns) -> Columns:
         each["slot"].astype(np.int64) << 32 | each["generation"].astype(np.int64) for each in (names, distant)
     )
     order = np.argsort(known)
-    row = order[np.searchsorted(known[order], wanted)]
+    place = np.minimum(np.searchsorted(known[order], wanted), len(known) - 1)
+    if (known[order][place] != wanted).any():
+        raise ValueError("distant has vehicles that names has not")
+    row = order[place]
     far = {
         **{name: distant[name] for name in ("step", "slot", "generation", "owner")},
         **{name: names[name][row] for name in ("kind", "length", "width")},

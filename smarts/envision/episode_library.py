@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import math
 import threading
 from collections import Counter, OrderedDict
@@ -150,10 +151,10 @@ def _episodes_below(root: Path) -> Iterator[Path]:
     if (root / f"{EPISODE.name}.parquet").exists():
         yield root
         return
-    for found in root.rglob(f"{EPISODE.name}.parquet"):
-        if not any(part.startswith(".") for part in found.relative_to(root).parts):
-            yield found.parent
-    yield from root.rglob(f"*{SUFFIX}")
+    for found in itertools.chain(root.rglob(f"{EPISODE.name}.parquet"), root.rglob(f"*{SUFFIX}")):
+        # Names with a dot are of what is being written.
+        if not any(part.startswith(".") for part in found.relative_to(root).parts) and found.is_file():
+            yield found if found.suffix == SUFFIX else found.parent
 
 
 def _id(path: Path, known: Mapping[str, Path]) -> str:
@@ -206,7 +207,7 @@ def _entry_of(number: str, path: Path, root: Path) -> Entry:
         )
     except SmartsError as error:
         return Entry(number, label, run, error=error.problem)
-    except (KeyError, TypeError, ValueError) as error:
+    except (LookupError, TypeError, ValueError, ArithmeticError) as error:
         return Entry(number, label, run, error=f"its tables do not fit together: {error!r}")
 
 
