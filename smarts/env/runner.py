@@ -22,6 +22,7 @@ from smarts.errors import ScenarioError, SmartsError
 from smarts.geometry.binding import bind
 from smarts.sim.assembly import Assembly
 from smarts.types.agent_states import AgentStatus
+from smarts.types.bubbles import BubbleStates
 from smarts.types.episode import EpisodeStart
 from smarts.types.frame import Frame
 
@@ -204,6 +205,11 @@ class SimulationRunner:
             self.take_social_failures(),
         )
 
+    @property
+    def bubbles(self) -> BubbleStates | None:
+        """Where bubbles are; None: the run has none."""
+        return None if self._frame is None else self._frame.bubbles
+
     def take_social_failures(self) -> dict[int, dict[str, str]]:
         """Return the failures since the last result, as in `Transition`: after a reset, of its own steps."""
         taken, self._social_failures = self._social_failures, {}
@@ -250,13 +256,8 @@ class SimulationRunner:
         """
         start, kept_out = self.starts[row], self._entries.kept_out(row)
         info: dict[str, Any] = {"kept_out": kept_out} if kept_out else {}
-        if (
-            start is not None
-            and start.bubbles
-            and self._frame is not None
-            and self._frame.bubbles is not None
-        ):
-            info["bubbles"] = self._frame.bubbles.counted(row, start.bubbles)
+        if start is not None and start.bubbles and self.bubbles is not None:
+            info["bubbles"] = self.bubbles.counted(row, start.bubbles)
         if self._requests is not None and (late := self._requests.late_decisions(row)):
             info["late_decisions"] = late
         return info

@@ -23,6 +23,8 @@ from smarts.types.events import Outcome
 
 STEPS = 100
 """Of one message."""
+POLICY = "policy"
+"""The one fact that recorded episodes do not have."""
 MOST_STEPS = 10_000_000
 """Of an episode."""
 
@@ -32,19 +34,22 @@ _LASTING = SIGNALS.name, BUBBLE_POSES.name
 Columns = Mapping[str, NDArray]
 
 
-def compact_episode(episode: RecordedEpisode, begin: float | None = None, end: float | None = None) -> bytes:
+def compact_episode(
+    episode: RecordedEpisode, begin: float | None = None, end: float | None = None, *, policy: str = ""
+) -> bytes:
     """Return a recorded episode as a compact episode.
 
     Args:
         episode: The episode.
         begin: First time that is wanted [s]; None: the first.
         end: Last time that is wanted [s]; None: the last.
+        policy: What drove the egos, for those who watch.
 
     Raises:
         SmartsError: A table or the map is damaged or missing, or nothing is between these times.
     """
     try:
-        return b"".join(framed(messages_of(episode, _steps(episode, begin, end))))
+        return b"".join(framed(messages_of(episode, _steps(episode, begin, end), policy)))
     except (LookupError, ValueError, TypeError, ArithmeticError) as error:
         raise RecordError(
             f"the tables of the recorded episode do not fit together: {error}",
@@ -53,9 +58,9 @@ def compact_episode(episode: RecordedEpisode, begin: float | None = None, end: f
         ) from error
 
 
-def messages_of(episode: RecordedEpisode, steps: Ints) -> Iterator[dict[str, Any]]:
+def messages_of(episode: RecordedEpisode, steps: Ints, policy: str = "") -> Iterator[dict[str, Any]]:
     """Yield the messages of some consecutive steps of a recorded episode."""
-    graph, facts = episode.roads(), episode.facts
+    graph, facts = episode.roads(), {**episode.facts, POLICY: policy}
     encoder = EpisodeEncoder(map_message(graph, str(facts["map"])), origin_of(graph), facts)
     yield from encoder.opening()
     static = {table.name: episode.table(table.name) for table in STATIC}
