@@ -25,7 +25,7 @@ from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed
 from smarts.rewards.own import Reward
 from smarts.rewards.weights import Rewards
-from smarts.sim.assembly import Options, shown
+from smarts.sim.options import Options, shown
 from smarts.types.actions import ActionSpaceType
 from smarts.types.streams import check_seed
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, NoReturn, Protocol
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from smarts.agents.checks import check_instance
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.env.actions import ActionEncoder
 from smarts.env.decisions import choose_observed, join_events
+from smarts.env.listeners import DecisionNotes, StepListener
 from smarts.env.social_agents import SocialAgentRequests, add_by_name
 from smarts.errors import ScenarioError, SmartsError
 from smarts.geometry.binding import bind
@@ -43,18 +44,6 @@ class NotCopied:
             remedy="hand over what makes it, such as functools.partial(HiWayEnv, ...), and make it there: "
             "with the same seed it plays the same episodes",
         )
-
-
-class StepListener(Protocol):
-    """Receives every step, such as an array adapter."""
-
-    def collect(self, frame: Frame, is_last: bool) -> object:
-        """Take in one step of a decision, or a reset; `is_last` if the decision ends with it."""
-        ...
-
-    def reset(self, egos: Bools) -> None:
-        """Begin episodes of these egos, shape (B, E)."""
-        ...
 
 
 class EpisodeKey(NamedTuple):
@@ -121,6 +110,7 @@ class SimulationRunner:
         """Takes the agents' actions."""
         self._schedule, self._recorder = assembly.schedule, assembly.recorder
         self._listeners = tuple(listeners)
+        self._notes: list[DecisionNotes] = []
         self._requests = SocialAgentRequests(assembly, self.encoder, host) if assembly.policies else None
         self._entries = assembly.entries
         self._pool, self.learns_in_bubbles = assembly.pool, assembly.learns_in_bubbles
@@ -153,6 +143,11 @@ class SimulationRunner:
     def listen(self, listener: StepListener) -> None:
         """Show every step to one more listener."""
         self._listeners = (*self._listeners, listener)
+
+    def note(self, notes: DecisionNotes) -> None:
+        """Add to the record of each decision from now on."""
+        self._notes.append(notes)
+        self.listen(notes)
 
     def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
         """Begin episodes in some simulations, by row.
@@ -193,6 +188,8 @@ class SimulationRunner:
         Raises:
             ScenarioError: No ego enters.
         """
+        for notes in self._notes:
+            notes.before_decision()
         self._decide(self._every)
         return Transition(
             self._acted,
@@ -290,6 +287,9 @@ class SimulationRunner:
         has_reward = has_reward & self._acted
         has_reward[list(self._failures)] = False
         self._recorder.annotate("reward", rewards, has_reward, self._decided)
+        for notes in self._notes:
+            for name, values in notes.rewards().items():
+                self._recorder.annotate(name, values, has_reward & notes.mask, self._decided)
         self._recorder.finish(~self.running)
 
     def dispatch(self) -> None:

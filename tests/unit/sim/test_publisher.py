@@ -8,7 +8,7 @@ from websockets.sync.client import connect
 
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import SmartsError
-from smarts.sim.assembly import ENVISION, Options
+from smarts.sim.options import ENVISION, Options
 from smarts.sim.outlet import Address
 from smarts.stream.container import unpack
 from smarts.stream.motion import OWNER_BITS, motion_of
