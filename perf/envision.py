@@ -78,7 +78,7 @@ def view(port: int, is_stalled: bool, received: Any, stop: Event) -> None:
 
 
 def _bytes_received(connection: socket.socket) -> int:
-    """Return how many bytes have come through a connection: `tcpi_bytes_received` in Linux' struct tcp_info."""
+    """Return how many bytes have come: `tcpi_bytes_received` of Linux."""
     info = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
     return int.from_bytes(info[128:136], "little")
 

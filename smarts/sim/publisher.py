@@ -96,8 +96,9 @@ class EpisodePublisher:
             if row < len(self._rows):
                 self._begin(self._rows[row], start)
         now, events, outlet = time.monotonic(), frame.events, self._outlet
-        is_new = events.just_done.any(axis=1) | events.finished
-        for row, (shown, has_news) in enumerate(zip(self._rows, is_new.tolist(), strict=False)):
+        some_news = np.count_nonzero(events.just_done) or np.count_nonzero(events.finished)
+        for row, shown in enumerate(self._rows):
+            has_news = bool(some_news and (events.just_done[row].any() or events.finished[row]))
             if has_news:
                 self._take_outcomes(row, shown, frame)
             if shown.is_over:
@@ -108,7 +109,7 @@ class EpisodePublisher:
                 self._send(row, shown, frame)
             if row in frame.failures:
                 self._end(shown, False, f"invalid: {frame.failures[row].problem}")
-            elif events.finished[row]:
+            elif has_news and events.finished[row]:
                 self._end(shown, True, "")
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
@@ -228,21 +229,20 @@ class EpisodePublisher:
 
     def _new_names(self, row: int, shown: _Row) -> list[tuple[int, int, str]]:
         """Return slot, generation and name of the vehicles that are new."""
-        world, used = self._scene.world, int(self._buffers.used[0])
-        slots, generations = self._buffers.vehicles[:used, 1:3].astype(np.int32).T
-        is_new = shown.named[slots] != generations
-        if not is_new.any():
+        world = self._scene.world
+        generations = world.vehicles.generation[row]
+        is_new = world.vehicles.alive[row] & (shown.named != generations)
+        if not np.count_nonzero(is_new):
             return []
-        slots, generations = slots[is_new], generations[is_new]
-        shown.named[slots] = generations
-        return [
-            (slot, generation, world.registry.name(row, slot))
-            for slot, generation in zip(slots.tolist(), generations.tolist(), strict=True)
-        ]
+        slots = np.flatnonzero(is_new)
+        shown.named[slots] = generations[slots]
+        return [(slot, int(generations[slot]), world.registry.name(row, slot)) for slot in slots.tolist()]
 
     def _signals(self, row: int) -> list[tuple[int, int]]:
         """Return lane and light where there is one."""
         lights = self._scene.world.signals[row]
+        if not np.count_nonzero(lights):
+            return []
         lanes = np.flatnonzero(lights)
         return [*zip(lanes.tolist(), lights[lanes].tolist(), strict=True)]
 
