@@ -1,6 +1,6 @@
 """Freeze what an experiment plays as a version of the benchmark.
 
-    python results/freeze_version.py 1 configs/paper_table.yaml
+    python results/freeze_version.py 1 configs/benchmark_v1.yaml
 
 Writes digests of its scenarios, and of the code of observations, rewards and metrics, and its settings of the
 environment into `benchmark/experiment/versions.yaml`. Runs with `benchmark_version: 1` are refused while
