@@ -19,10 +19,11 @@ from smarts.roads.kernels import centre_at
 from smarts.roads.lane_graph import ConflictKind, Yields
 from smarts.types.world import State
 
-BEGIN, END, OTHER_BEGIN, OTHER_END, LINE, CAP, WIDTH, LANE, MARGINS = range(9)
-"""Columns of a meeting: from and to, until the tail is past, along the own way; from and to along the other
-lane; distance to the last point before it at which to wait, negative behind it [m]; highest speed up to it
-[m/s]; width of the own lane there [m]; the own lane; the driver's margins, in those below."""
+BEGIN, END, OTHER_BEGIN, OTHER_END, LINE, CAP, WIDTH, LANE, MARGINS, GAIN, MEETING = range(11)
+"""Columns of a meeting, and how many: from and to, until the tail is past, along the own way; from and to along
+the other lane; distance to the last point before it at which to wait, negative behind it [m]; highest speed
+up to it [m/s]; width of the own lane there [m]; the own lane; the driver's margins, in those below; mean
+acceleration until it is left [m/s^2]."""
 
 MARGIN_AFTER = 1.0
 """Time from when the vehicle is out of a meeting until one with the right of way comes there [s]."""
@@ -31,9 +32,7 @@ MARGIN_BEFORE = 0.5
 SHORT_MARGIN = 0.4
 """Both, towards vehicles that have to give way, and of a vehicle that is on its way through [s]."""
 SPEEDING_UP = 2.0
-"""Acceleration with which the vehicle comes to a meeting, at most [m/s^2]..."""
-CROSSING = 2.0
-"""...and with which it leaves the meeting, at least [m/s^2]."""
+"""Acceleration with which the vehicle comes to a meeting, at most [m/s^2]."""
 OTHERS_SPEEDING_UP = 1.0
 """Acceleration of others but those that start: they let vehicles by that are in the junction [m/s^2]."""
 SLACK = 0.2
@@ -135,13 +134,13 @@ def waits(
     its_acceleration = SPEEDING_UP if starts else OTHERS_SPEEDING_UP
     its_first = _soonest(to_begin, its_speed, its_acceleration, max(roads.lane_speed[its_lane], its_speed))
     cap = max(meeting[CAP], 1.0)
-    last = _soonest(end, min(speed, cap), CROSSING, cap)
+    last = _soonest(end, min(speed, cap), meeting[GAIN], cap)
     before = after = SHORT_MARGIN
     if yields == _THIS and not is_past:
         before, after = MARGIN_BEFORE, MARGIN_AFTER
     before, after = meeting[MARGINS] * before, meeting[MARGINS] * after
     if is_merge:
-        slower = max(its_speed - min(cap, speed + CROSSING * last), 0.0)
+        slower = max(its_speed - min(cap, speed + meeting[GAIN] * last), 0.0)
         after += 0.5 * slower * slower / MERGE_BRAKING / max(its_speed, 1.0)
     if its_first > last + after or its_last < first - before:
         return False

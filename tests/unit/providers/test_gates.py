@@ -173,10 +173,10 @@ def test_what_is_left_of_the_pose_decays_without_a_jump(world, country, offset, 
         ("w", "e", -15.0, Refusal.NONE),  # the main road has priority
         ("w", "e", 0.0, Refusal.NONE),
         ("s", "n", -30.0, Refusal.NONE),  # 8 m/s: it needs 0.8 m and 8^2 / (2 * 4.5) m = 7.1 m to stop
-        ("s", "n", -13.0, Refusal.IN_JUNCTION),
-        ("s", "n", 0.0, Refusal.IN_JUNCTION),
+        ("s", "n", -13.0, Refusal.WITHOUT_PRIORITY),
+        ("s", "n", 0.0, Refusal.WITHOUT_PRIORITY),
         ("s", "n", 20.0, Refusal.NONE),
-        ("w", "n", 0.0, Refusal.IN_JUNCTION),  # a left turn across the oncoming lane
+        ("w", "n", 0.0, Refusal.WITHOUT_PRIORITY),  # a left turn across the oncoming lane
     ],
 )
 def test_sumo_keeps_a_vehicle_that_crosses_without_priority(world, country, arm, to, front, refusal):
@@ -198,9 +198,9 @@ def test_sumo_keeps_a_vehicle_that_crosses_without_priority(world, country, arm,
             'vClass="bus" length="12"',
             "s",
             -45.0,
-            Refusal.IN_JUNCTION,
+            Refusal.TIGHT_TURN,
         ),  # a bus turns around 15 m, the lane around 6 m
-        ('vClass="bus" length="12"', "s", -3.0, Refusal.IN_JUNCTION),
+        ('vClass="bus" length="12"', "s", -3.0, Refusal.TIGHT_TURN),
         ('vClass="bus" length="12"', "s", 30.0, Refusal.NONE),
         ('vClass="bus" length="12"', "e", -45.0, Refusal.NONE),
         ('vClass="passenger" length="5"', "s", -45.0, Refusal.NONE),

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from smarts.dynamics.performance import performance
 from smarts.observations.arrays import ArrayObservation
 from smarts.observations.surroundings import OWN_VEHICLE, Own
 from smarts.roads.precedence import is_in_the_way
@@ -49,7 +50,7 @@ def gap_of(made, agent=0, margins=1.0):
     rows = range(routes.start[route], routes.start[route + 1])
     (row,) = [row for row in rows if routes.lane[row] == lane]
     return gap_to_wait(
-        state, roads, routes, 0, slot, row, made.world.vehicles.lane_position[0, slot], margins
+        state, roads, routes, performance(), 0, slot, row, made.world.vehicles.lane_position[0, slot], margins
     )
 
 
