@@ -28,14 +28,13 @@ from smarts.roads.precedence import (
     MEETING,
     OTHERS_BRAKING,
     SPEEDING_UP,
-    STANDING,
     can_stop,
     gap_to_stop,
     stop_before,
     waits,
 )
 from smarts.types.traffic import Signal
-from smarts.types.vehicles import Owner
+from smarts.types.vehicles import STANDING, Owner
 from smarts.types.world import State
 
 NEAR = 10.0
@@ -78,7 +77,7 @@ def gap_to_wait(
     - for vehicles that have to give way, but are past their line or can no longer stop there;
     - where the map does not say, for the one that comes first;
     - at a junction where all have to stop, until it has stopped at its line, and then for vehicles that
-      have stopped at theirs and go;
+      have stopped at theirs before, or go;
     - where it could not leave a meeting, because a vehicle stands behind it on its way.
 
     A vehicle that stands at its line has the right of way over one that stands, too, only in its turn: the
