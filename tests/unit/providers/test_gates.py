@@ -222,6 +222,26 @@ def test_sumo_keeps_a_vehicle_before_a_turn_that_is_too_tight_for_it(
     assert answer == refusal
 
 
+@pytest.mark.parametrize(("x", "refusal"), [(-60.0, Refusal.NONE), (-30.0, Refusal.TIGHT_TURN)])
+def test_sumo_keeps_a_vehicle_before_a_tight_turn_behind_the_next_junction(world, country, x, refusal):
+    """A bus drives straight on at x = 0 m and turns to the right at x = 60 m."""
+    nodes = {"a": (-200, 0), "b": (0, 0), "c": (60, 0), "d": (60, -200), "e": (0, 200)}
+    edges = "".join(
+        f'<edge id="{one}{other}" from="{one}" to="{other}" speed="15"/>'
+        for pair in ("ab", "bc", "cd", "be")
+        for one, other in (pair, pair[::-1])
+    )
+    places = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in nodes.items())
+    net = country.net("turn_behind", (f"<nodes>{places}</nodes>", f"<edges>{edges}</edges>"))
+    bus = '<vType id="bus" vClass="bus" length="12" maxSpeed="8" sigma="0"/>'
+    trip = '<vehicle id="s0" type="bus" depart="0" departPos="100"><route edges="ab bc cd"/></vehicle>'
+    begin(world, country.files(net, bus + trip))
+    slot, states = world.slot("s0"), world.states
+    while float(states.position[slot, 0]) < x:
+        world.step()
+    assert world.traffic.can_give(slot) == refusal
+
+
 @pytest.mark.parametrize(("speed", "refusal"), [(12.0, Refusal.NONE), (3.0, Refusal.SIDEWAYS)])
 def test_sumo_keeps_a_slow_vehicle_that_changes_lanes(world, country, speed, refusal):
     """A lane of 3.2 m in 3 s: it leans by 1.07 / 12 = 0.09 rad, or by 1.07 / 3 = 0.34 rad."""
