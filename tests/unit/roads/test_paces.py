@@ -31,7 +31,7 @@ def test_strong_vehicles_do_not_use_all_of_their_power():
 
 
 def test_what_the_kinds_can_do():
-    """From the parameters of the vehicles: bus 30,000 N, 188 kW, 14,860 kg, 0.4 rad/s, axles 7.184 m apart."""
+    """A bus: 30,000 N, 188 kW, 14,860 kg, steering 0.4 rad/s, axles 7.184 m apart."""
     found = performance()
     bus = [column[VehicleKind.BUS] for column in found]
     assert bus == pytest.approx([30_000 / 14_860 - 0.008 * 9.81, 188_000 / 14_860, 0.4 / 7.184])
@@ -43,7 +43,7 @@ def test_straight_lanes_are_driven_at_their_limit():
 
 
 def test_bends_and_the_steering_limit_the_pace():
-    """A quarter circle of 30 m, 47.1 m long: sqrt(3 * 30) m/s = 9.49 m/s, and more near its ends, where the
+    """A quarter circle of 30 m, 47.1 m long: sqrt(3 * 30) m/s = 9.49 m/s, and more near its ends. There the
     bend, measured over 4 m, is smaller: by a half, then by a quarter. One whose steering takes for ever drives
     with 2 m/s for 5 m at either end, where the bend changes.
     """
