@@ -192,10 +192,11 @@ class SumoGate:
             if not len(following):
                 break
             lane = int(following[0])
-        s = np.arange(0.0, length, 1.0)
-        heading = np.interp(s, np.concatenate(at), np.unwrap(np.concatenate(headings)))
-        if len(s) < 2 * WINDOW:
+        if not at:
             return 0.0
+        # Before and behind the junction the way is straight.
+        s = np.arange(-WINDOW, length + WINDOW + 1.0)
+        heading = np.interp(s, np.concatenate(at), np.unwrap(np.concatenate(headings)))
         bends = np.abs(heading[WINDOW:] - heading[:-WINDOW]) / WINDOW
         bends = bends[bends * radius > 1.0]
         if not len(bends):

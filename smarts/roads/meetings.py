@@ -106,6 +106,10 @@ def _line_before(
         return begin
     for i in range(len(places)):
         gives_way = is_entered or roads.conflict_yields[places[i]] == _THIS
-        if gives_way and meetings[i, BEGIN] < begin < meetings[i, END] and meetings[i, LINE] == line:
+        if (
+            gives_way
+            and meetings[i, BEGIN] < begin < meetings[i, END] + CLEARANCE
+            and meetings[i, LINE] == line
+        ):
             return line
     return begin
