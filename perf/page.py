@@ -1,4 +1,4 @@
-"""How fast the page draws, in headless Chromium that draws by software: `python perf/page.py`.
+"""How fast the page draws, in headless Chromium that draws by software: `python -m perf.page`.
 
 Prints, for episodes of 60 s with so many vehicles at a time: bytes of the compact episode, seconds until the
 first picture, pictures a second while it plays, from above and from the side.
@@ -6,16 +6,14 @@ first picture, pictures a second while it plays, from above and from the side.
 
 from __future__ import annotations
 
+import argparse
 import shutil
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import Page, ViewportSize, sync_playwright
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from smarts.roads.lane_graph import LaneGraph
 from smarts.stream.container import framed
@@ -25,13 +23,10 @@ from smarts.stream.tables import columns_message, episode_message
 from tests.envision.pages import CHROMIUM, FLAGS, page_with
 from tests.maps import Road, graph_of
 
-VEHICLES = (25, 300, 1000)
 STEPS = 600
 CHUNK = 100
 DT = 0.1
 SIZE: ViewportSize = {"width": 1280, "height": 800}
-SECONDS = 4.0
-"""For which pictures are counted."""
 COUNT = """seconds => new Promise(resolve => {
   let pictures = 0;
   const begin = performance.now();
@@ -113,7 +108,7 @@ def _messages(graph: LaneGraph, motion: Motion, vehicles: int):
     yield {"type": "end", "is_complete": True, "remark": ""}
 
 
-def measure(page: Page, file: Path, mode: str) -> tuple[float, float]:
+def measure(page: Page, file: Path, mode: str, seconds: float) -> tuple[float, float]:
     """Return seconds until the first picture, and pictures a second."""
     begin = time.perf_counter()
     page.goto(f"{file.as_uri()}#cam={mode}")
@@ -121,17 +116,23 @@ def measure(page: Page, file: Path, mode: str) -> tuple[float, float]:
     page.evaluate("() => new Promise(resolve => requestAnimationFrame(() => requestAnimationFrame(resolve)))")
     first = time.perf_counter() - begin
     page.wait_for_timeout(1500)
-    return first, float(page.evaluate(COUNT, SECONDS))
+    return first, float(page.evaluate(COUNT, seconds))
 
 
 def main() -> None:
     """Measure and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--vehicles", type=int, nargs="+", default=[25, 300, 1000])
+    parser.add_argument("--seconds", type=float, default=4.0, help="for which pictures are counted")
+    arguments = parser.parse_args()
     folder = Path(tempfile.mkdtemp())
     graph = town()
     print("vehicles   bytes  bytes/row  first picture [s]  pictures/s top  free")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which(CHROMIUM), args=FLAGS)
-        for vehicles in VEHICLES:
+        for vehicles in arguments.vehicles:
             data = episode_of(graph, vehicles)
             file = folder / f"{vehicles}.html"
             file.write_text(page_with([data]))
@@ -139,7 +140,7 @@ def main() -> None:
             first = 0.0
             for mode in ("top", "free"):
                 page = browser.new_page(viewport=SIZE)
-                first, rate = measure(page, file, mode)
+                first, rate = measure(page, file, mode, arguments.seconds)
                 rates.append(rate)
                 page.close()
             each = len(data) / (vehicles * (STEPS + 1))
