@@ -196,7 +196,8 @@ class SumoGate:
             return 0.0
         # Before and behind the junction the way is straight.
         s = np.arange(-WINDOW, length + WINDOW + 1.0)
-        heading = np.interp(s, np.concatenate(at), np.unwrap(np.concatenate(headings)))
+        turned = np.asarray(np.unwrap(np.concatenate(headings)), np.float64)
+        heading = np.interp(s, np.concatenate(at), turned)
         bends = np.abs(heading[WINDOW:] - heading[:-WINDOW]) / WINDOW
         bends = bends[bends * radius > 1.0]
         if not len(bends):
