@@ -57,15 +57,17 @@ SMALLEST = {
     "traffic": ["--scenarios", "loop", "--steps", "50", "--repeats", "1"],
 }
 """Arguments of the scripts that run in the tests' process."""
-WITH_RAY = {
+IN_OWN_PROCESS = {
+    "envision": ["--seconds", "2"],
     "joint": ["--seconds", "0.01"],
     "training": [
         *("--algorithms", "ppo", "--scenario", "two_way", "--seconds", "0.01", "--stages"),
         *("--set", "settings.ppo.rollout_fragment_length=32"),
     ],
+    "page": ["--vehicles", "10", "--seconds", "0.5"],
     "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
 }
-"""Arguments of scripts that start Ray; these run in their own processes."""
+"""Arguments of scripts that start Ray, other processes or a browser."""
 ELSEWHERE = {
     "algorithms_table",
     "bubble_maps",
@@ -79,7 +81,7 @@ ELSEWHERE = {
 
 
 def test_every_script_is_tested():
-    assert {*SMALLEST, *WITH_RAY, *ELSEWHERE} == SCRIPTS
+    assert {*SMALLEST, *IN_OWN_PROCESS, *ELSEWHERE} == SCRIPTS
 
 
 @pytest.mark.slow
@@ -96,9 +98,9 @@ def test_script(script, monkeypatch, capsys, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("script", WITH_RAY)
-def test_script_with_ray(script):
-    command = [sys.executable, "-m", f"perf.{script}", *WITH_RAY[script]]
+@pytest.mark.parametrize("script", IN_OWN_PROCESS)
+def test_script_in_its_own_process(script):
+    command = [sys.executable, "-m", f"perf.{script}", *IN_OWN_PROCESS[script]]
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr[-3000:]
     assert ended.stdout.strip()
