@@ -10,7 +10,8 @@ import type { Vehicle } from "../episode";
 import { AIR_LOCK, COLLIDED, type Snapshot } from "../snapshot";
 import { Instances } from "./instances";
 import type { Rgb, Theme } from "./palette";
-import type { Detail, Shape } from "./shape";
+import { Copies } from "./copies";
+import { Detail, type Shape } from "./shape";
 import { shapeOf, SHAPES } from "./shapes";
 
 const VERTEX = `
@@ -67,10 +68,16 @@ void main() {
   gl_FragColor = vec4(shown, 1.0);
 }`;
 
+const NUMBERS = { pose: 4, form: 4, paint: 3 };
+
+/** The vehicles of one class: instances nearby, where few are in the picture, and copies of few corners from afar. */
 class Fleet {
   readonly mesh: Mesh;
+  readonly meshes: Mesh[];
   private readonly geometry = new InstancedBufferGeometry();
   private readonly instances: Instances;
+  private readonly afar: Readonly<Record<Detail.Block | Detail.Tops, Copies>>;
+  private used: Instances | Copies;
 
   constructor(
     private readonly shape: Shape,
@@ -82,19 +89,32 @@ class Fleet {
     this.geometry.setAttribute("normal", new BufferAttribute(normal, 3));
     this.geometry.setAttribute("pivot", new BufferAttribute(pivot, 3));
     this.geometry.setAttribute("part", new BufferAttribute(part, 1));
-    this.instances = new Instances(this.geometry, { pose: 4, form: 4, paint: 3 });
+    this.instances = new Instances(this.geometry, NUMBERS);
+    this.used = this.instances;
+    this.afar = {
+      [Detail.Block]: new Copies(shape.stencil(Detail.Block), NUMBERS),
+      [Detail.Tops]: new Copies(shape.stencil(Detail.Tops), NUMBERS),
+    };
     this.mesh = new Mesh(this.geometry, material);
-    this.mesh.frustumCulled = false;
-    this.mesh.renderOrder = 10;
+    this.meshes = [this.mesh, ...[Detail.Block, Detail.Tops].map((each) => this.meshOf(each as Detail.Block, material))];
+    for (const mesh of this.meshes) {
+      mesh.frustumCulled = false;
+      mesh.renderOrder = 10;
+    }
   }
 
-  begin(): void {
-    this.instances.begin();
+  private meshOf(detail: Detail.Block | Detail.Tops, material: RawShaderMaterial): Mesh {
+    return new Mesh(this.afar[detail].geometry, material);
+  }
+
+  begin(detail: Detail): void {
+    this.used = detail === Detail.Block || detail === Detail.Tops ? this.afar[detail] : this.instances;
+    this.used.begin();
   }
 
   add(from: Snapshot, i: number, vehicle: Vehicle | undefined, colour: Rgb): void {
-    const at = this.instances.add();
-    const { values } = this.instances;
+    const at = this.used.add();
+    const { values } = this.used;
     values[at] = from.x[i];
     values[at + 1] = from.y[i];
     values[at + 2] = from.heading[i];
@@ -110,12 +130,14 @@ class Fleet {
 
   /** Shows what was added. */
   end(detail: Detail): void {
-    this.instances.end();
-    this.geometry.setDrawRange(...this.shape.ranges[detail]);
-    this.mesh.visible = this.instances.count > 0;
+    this.used.end();
+    if (this.used === this.instances) this.geometry.setDrawRange(...this.shape.ranges[detail]);
+    const all = [this.instances, this.afar[Detail.Block], this.afar[Detail.Tops]];
+    this.meshes.forEach((mesh, i) => (mesh.visible = all[i] === this.used && this.used.count > 0));
   }
 
   dispose(): void {
+    for (const copies of Object.values(this.afar)) copies.dispose();
     this.geometry.dispose();
   }
 }
@@ -138,7 +160,7 @@ export class Bodies {
 
   constructor() {
     this.fleets = SHAPES.map((shape) => new Fleet(shape, this.material));
-    this.meshes = this.fleets.map((fleet) => fleet.mesh);
+    this.meshes = this.fleets.flatMap((fleet) => fleet.meshes);
   }
 
   update(from: Snapshot, vehicles: readonly (Vehicle | undefined)[], theme: Theme, seconds: number, detail: Detail): void {
@@ -148,7 +170,7 @@ export class Bodies {
     uniforms.light.value = theme.light;
     uniforms.social.value = theme.drivers[1];
     uniforms.blink.value = (seconds * 1.5) % 1 < 0.55 ? 1 : 0;
-    for (const fleet of this.fleets) fleet.begin();
+    for (const fleet of this.fleets) fleet.begin(detail);
     for (let i = 0; i < from.count; i++) {
       if (!from.isSeen[i]) continue;
       const vehicle = vehicles[from.number[i]];

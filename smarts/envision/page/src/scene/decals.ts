@@ -1,12 +1,7 @@
 /** Soft rounded shapes on the ground: shadows, glows, lights, goals, hits, the ring of the chosen vehicle. */
 
-import {
-  BufferAttribute,
-  InstancedBufferGeometry,
-  Mesh,
-  RawShaderMaterial,
-} from "three";
-import { Instances } from "./instances";
+import { Mesh, RawShaderMaterial } from "three";
+import { Copies } from "./copies";
 import type { Rgb } from "./palette";
 
 const VERTEX = `
@@ -59,33 +54,25 @@ export interface Decal {
 
 export class Decals {
   readonly mesh: Mesh;
-  private readonly geometry = new InstancedBufferGeometry();
   private readonly material = new RawShaderMaterial({
     vertexShader: VERTEX,
     fragmentShader: FRAGMENT,
     transparent: true,
     depthWrite: false,
   });
-  private readonly instances: Instances;
+  private readonly copies: Copies;
 
   constructor(order: number, z: number) {
-    const quad = [
-      [-1, -1],
-      [1, -1],
-      [1, 1],
-      [-1, -1],
-      [1, 1],
-      [-1, 1],
-    ].flatMap(([x, y]) => [x, y, z]);
-    this.geometry.setAttribute("position", new BufferAttribute(new Float32Array(quad), 3));
-    this.instances = new Instances(this.geometry, { pose: 4, shape: 4, fill: 4, edge: 4 });
-    this.mesh = new Mesh(this.geometry, this.material);
+    const position = { values: [-1, -1, z, 1, -1, z, 1, 1, z, -1, 1, z], size: 3 };
+    const square = { attributes: { position }, corners: 4, index: [0, 1, 2, 0, 2, 3] };
+    this.copies = new Copies(square, { pose: 4, shape: 4, fill: 4, edge: 4 });
+    this.mesh = new Mesh(this.copies.geometry, this.material);
     this.mesh.frustumCulled = false;
     this.mesh.renderOrder = order;
   }
 
   begin(): void {
-    this.instances.begin();
+    this.copies.begin();
   }
 
   add(decal: Decal): void {
@@ -93,7 +80,7 @@ export class Decals {
     const { x, y, angle = 0, corner = 0, soft = 0.05, fill, alpha } = decal;
     const at = this.put(x, y, angle, length, width, corner, soft, fill, alpha);
     const colour = decal.edge ?? fill;
-    const { values } = this.instances;
+    const { values } = this.copies;
     values[at + 3] = decal.edgeWidth ?? 0;
     set(values, at + 12, colour[0], colour[1], colour[2], decal.edgeAlpha ?? 0);
   }
@@ -112,8 +99,8 @@ export class Decals {
     fill: Rgb,
     alpha: number,
   ): number {
-    const at = this.instances.add();
-    const { values } = this.instances;
+    const at = this.copies.add();
+    const { values } = this.copies;
     set(values, at, x, y, angle, 0);
     set(values, at + 4, halfLength, halfWidth, corner, soft);
     set(values, at + 8, fill[0], fill[1], fill[2], alpha);
@@ -122,12 +109,12 @@ export class Decals {
   }
 
   end(): void {
-    this.instances.end();
-    this.mesh.visible = this.instances.count > 0;
+    this.copies.end();
+    this.mesh.visible = this.copies.count > 0;
   }
 
   dispose(): void {
-    this.geometry.dispose();
+    this.copies.dispose();
     this.material.dispose();
   }
 }
