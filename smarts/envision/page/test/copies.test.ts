@@ -15,7 +15,7 @@ it("gives each corner of a copy the copy's numbers, also when there are more tha
     copies.begin();
     for (let i = 0; i < count; i++) {
       const at = copies.add();
-      copies.values.set([i, -i, count], at);
+      copies.values.set([i, 2 * i, count], at);
     }
     copies.end();
     const { geometry } = copies;
@@ -26,7 +26,7 @@ it("gives each corner of a copy the copy's numbers, also when there are more tha
       const corner = index.getX(k);
       const i = Math.floor(k / 3);
       expect(Math.floor(corner / 3)).toBe(i);
-      expect([pose.getX(corner), pose.getY(corner), shade.getX(corner)]).toEqual([i, 0 - i, count]);
+      expect([pose.getX(corner), pose.getY(corner), shade.getX(corner)]).toEqual([i, 2 * i, count]);
       expect([position.getX(corner), position.getY(corner)]).toEqual([[0, 0], [1, 0], [1, 1]][k % 3]);
     }
   }
