@@ -178,16 +178,8 @@ class JointView:
         for block, leaves in zip(columns_of(self.spec.spaces.blocks), self.observations, strict=True):
             there = self.alive[..., block, None]
             flat = (leaf.flatten(axis) if leaf.dim() > axis else leaf[..., None] for leaf in leaves.values())
-            parts += [(leaf, there) for leaf in flat]
-        widths = [leaf.shape[-2] * leaf.shape[-1] for leaf, _ in parts]
-        joint = self.alive.new_empty(
-            *self.alive.shape[:-1], sum(widths) + self.alive.shape[-1], dtype=torch.float32
-        )
-        *slots, flags = joint.split([*widths, self.alive.shape[-1]], -1)
-        for (leaf, there), slot in zip(parts, slots, strict=True):
-            torch.mul(leaf, there, out=slot.unflatten(-1, leaf.shape[-2:]))
-        flags.copy_(self.alive)
-        return joint
+            parts += [(leaf * there).flatten(-2) for leaf in flat]
+        return torch.cat([*parts, self.alive.float()], -1)
 
     def _order(self, group: Group) -> dict[str, Any]:
         fresh = None if self.fresh is None else self.fresh[..., group.columns]

@@ -11,6 +11,18 @@ from tests.blocks import ROOT
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
 PLACE = "a new folder"
 SMALLEST = {
+    "benchmark_tasks": [
+        *(
+            "configs/benchmark_v1.yaml",
+            PLACE,
+            "--set",
+            "tasks=[loop]",
+            "--set",
+            "traffic=[no_social_vehicles]",
+        ),
+        *("--set", "scripted=[parked, gap_acceptance]", "--set", "evaluation.episodes=1"),
+        *("--set", "benchmark_version=null", "--set", "evaluation.held_out_episodes=0"),
+    ],
     "bubble_kinds": [PLACE, "--kinds", "position", "--seconds", "2"],
     "bubbles": ["--scenarios", "loop", "--worlds", "1", "--bubbles", "1", "--steps", "5"],
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
@@ -38,21 +50,24 @@ SMALLEST = {
     "roads": ["--poses", "50", "--repeats", "1"],
     "same_episodes": [str(ROOT), str(ROOT), "--scenarios", "loop", "--apis", "vector", "--steps", "5"],
     "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],
+    "social_drivers": ["--kinds", "normal", "--encounters", "1"],
     "stopping": [],
     "takeovers": ["--scenario", "intersection", "--agents", "8", "--vehicles", "20", "--steps", "10"],
     "traffic_step": ["--scenarios", "two_way", "--policies", "keep_lane", "--episodes", "8"],
     "traffic": ["--scenarios", "loop", "--steps", "50", "--repeats", "1"],
 }
 """Arguments of the scripts that run in the tests' process."""
-WITH_RAY = {
+IN_OWN_PROCESS = {
+    "envision": ["--seconds", "2"],
     "joint": ["--seconds", "0.01"],
     "training": [
         *("--algorithms", "ppo", "--scenario", "two_way", "--seconds", "0.01", "--stages"),
         *("--set", "settings.ppo.rollout_fragment_length=32"),
     ],
+    "page": ["--vehicles", "10", "--seconds", "0.5"],
     "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
 }
-"""Arguments of scripts that start Ray; these run in their own processes."""
+"""Arguments of scripts that start Ray, other processes or a browser."""
 ELSEWHERE = {
     "algorithms_table",
     "bubble_maps",
@@ -66,7 +81,7 @@ ELSEWHERE = {
 
 
 def test_every_script_is_tested():
-    assert {*SMALLEST, *WITH_RAY, *ELSEWHERE} == SCRIPTS
+    assert {*SMALLEST, *IN_OWN_PROCESS, *ELSEWHERE} == SCRIPTS
 
 
 @pytest.mark.slow
@@ -83,9 +98,9 @@ def test_script(script, monkeypatch, capsys, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("script", WITH_RAY)
-def test_script_with_ray(script):
-    command = [sys.executable, "-m", f"perf.{script}", *WITH_RAY[script]]
+@pytest.mark.parametrize("script", IN_OWN_PROCESS)
+def test_script_in_its_own_process(script):
+    command = [sys.executable, "-m", f"perf.{script}", *IN_OWN_PROCESS[script]]
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr[-3000:]
     assert ended.stdout.strip()

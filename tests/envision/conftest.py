@@ -5,17 +5,20 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
 
 from tests.envision.pages import CHROMIUM, FLAGS, page_with
 
 DESKTOP, PHONE = (1280, 800), (390, 844)
+PATIENCE = 180_000
+"""Time for the browser to do what it is asked, which draws by software on a machine that is busy [ms]."""
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     found = shutil.which(CHROMIUM)
     assert found, f"{CHROMIUM} is missing: `make install` gets it"
+    expect.set_options(timeout=PATIENCE)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=found, args=FLAGS)
         yield browser
@@ -35,6 +38,7 @@ def open_page(browser: Browser, tmp_path: Path) -> Iterator[Callable[..., Page]]
         url: str = "",
         scheme: str = "dark",
         may_lose_connection: bool = False,
+        script: str = "",
     ) -> Page:
         width, height = size
         context = browser.new_context(
@@ -42,7 +46,10 @@ def open_page(browser: Browser, tmp_path: Path) -> Iterator[Callable[..., Page]]
             has_touch=size == PHONE,
             color_scheme="dark" if scheme == "dark" else "light",
         )
+        context.set_default_timeout(PATIENCE)
         contexts.append(context)
+        if script:
+            context.add_init_script(script)
         page = context.new_page()
         page.on("pageerror", lambda error: problems.append(str(error)))
 

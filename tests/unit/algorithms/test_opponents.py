@@ -50,11 +50,20 @@ def test_values_are_the_expectation_over_what_the_others_are_expected_to_do(shar
                 torch.testing.assert_close(found[:, i], total, rtol=1e-4, atol=1e-5)
 
 
+def keep_first_in(losses):
+    """Return what keeps each module's first loss and takes no gradient step."""
+
+    def keep(each):
+        for module, loss in each.items():
+            losses.setdefault(module, loss.item())
+
+    return keep
+
+
 def test_the_models_loss_is_the_cross_entropy_of_the_others_actions_and_absences(monkeypatch):
     rig, losses = Rig("opponent_q", Ragged, model_steps=1), {}
     rollout = rig.rollout(40, epsilon=1.0)
-    step = lambda loss, module: losses.setdefault(module, loss.item())  # noqa: E731
-    monkeypatch.setattr(rig.learner, "step_optimizer", step)
+    monkeypatch.setattr(rig.learner, "step_each", keep_first_in(losses))
     rig.learner.update_joint(rollout)
     alive, (actions,), (leaves,) = rollout.views.alive[:-1], rollout.actions, rollout.views[:-1].observations
     assert not alive.all()
@@ -74,7 +83,7 @@ def test_the_temporal_difference_is_written_out():
     rig, losses = Rig("opponent_q", Ragged, gamma=0.9, reward_scale=0.5), {}
     rig.learner.update_joint(rig.rollout(64, epsilon=1.0))
     batch = replayed(rig, 32, 40, epsilon=1.0)
-    rig.learner.step_optimizer = lambda loss, module: losses.setdefault(module, loss.item())
+    rig.learner.step_each = keep_first_in(losses)
     rig.learner.polyak_update = lambda *modules, tau: None
     rig.learner.update_minibatch(batch)
     for i, (group, own) in enumerate(batch.groups()):

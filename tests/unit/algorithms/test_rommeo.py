@@ -103,8 +103,11 @@ def test_the_temporal_difference_is_soft(monkeypatch):
     rig, losses = Rig("rommeo", Ragged, gamma=0.9, reward_scale=0.5, alpha=ALPHA), {}
     rig.learner.update_joint(rig.rollout(64, epsilon=1.0))
     batch = replayed(rig, 32, 40, epsilon=1.0)
-    step = lambda loss, module: losses.setdefault(module, loss.item())  # noqa: E731
-    monkeypatch.setattr(rig.learner, "step_optimizer", step)
+    monkeypatch.setattr(
+        rig.learner,
+        "step_each",
+        lambda each: losses.update({name: loss.item() for name, loss in each.items()}),
+    )
     monkeypatch.setattr(rig.learner, "polyak_update", lambda *modules, tau: None)
     rig.learner.update_minibatch(batch)
     for i, (group, own) in enumerate(batch.groups()):

@@ -237,7 +237,10 @@ def test_generalization_compares_the_splits_of_each_cell(held_out):
         assert len(trained) == 3 * 2
         assert set(table["traffic"]) == {traffic}
         (found,) = compute(table[table["mode"] == "greedy"], metrics=["generalization"]).to_dict("records")
-        for split, rows in (("train", trained), ("held_out", held)):
+        task, worst = found["worst"].split("@")
+        assert task == "double_merge"
+        assert worst in variations
+        for split, rows in (("train", trained), ("held_out", held[held["variation"] == worst])):
             assert found["terms"][f"{split}_completion"] == (rows["outcome"] == "goal").mean()
             assert found["terms"][f"{split}_non_collision"] == 1 - (rows["outcome"] == "collision").mean()
 

@@ -136,7 +136,9 @@ def test_a_node_that_is_lost_costs_a_run_what_came_after_its_checkpoint(driver):
 def test_a_driver_and_an_env_runner_that_are_lost(driver):
     with nodes(1, 1, 1, 1) as cluster:
         run = folder_of(driver)
-        process = begin(driver, cluster, "--set", "resources.env_runners=2")
+        # Long enough that a runner can be killed before the training has ended, also on a busy machine.
+        settings = ("--set", "resources.env_runners=2", "--set", "budget.agent_steps=40000")
+        process = begin(driver, cluster, *settings)
         wait_for((run / "checkpoint").exists, process)
         os.killpg(process.pid, signal.SIGKILL)
         finish(process)
@@ -145,7 +147,7 @@ def test_a_driver_and_an_env_runner_that_are_lost(driver):
         eventually(lambda: not cluster.workers("ray::_execute") and not cluster.workers("ray::Importing"))
         eventually(lambda: not cluster.left_over())
 
-        process = begin(driver, cluster, "--set", "resources.env_runners=2")
+        process = begin(driver, cluster, *settings)
         wait_for(lambda: lines(run) > kept, process)
         first = lines(run)
         (place, *_) = [
