@@ -185,7 +185,7 @@ def test_unknown_keywords_are_named_with_environment_and_remedy(name, make):
 
 
 def test_environments_that_do_not_draw_say_what_does():
-    with pytest.raises(TypeError, match=r"VectorHiWayEnv .* render_mode.* smarts-bench render"):
+    with pytest.raises(TypeError, match=r"VectorHiWayEnv .*render_mode.* smarts-bench render"):
         VectorHiWayEnv(1, ["loop"], 1, render_mode="rgb_array")
 
 
