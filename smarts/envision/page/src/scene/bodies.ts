@@ -2,16 +2,17 @@
 
 import {
   BufferAttribute,
-  DoubleSide,
   DynamicDrawUsage,
   InstancedBufferAttribute,
   InstancedBufferGeometry,
   Mesh,
   RawShaderMaterial,
 } from "three";
-import { AIR_LOCK, COLLIDED, Snapshot, type Vehicle } from "../episode";
+import type { Vehicle } from "../episode";
+import { AIR_LOCK, COLLIDED, type Snapshot } from "../snapshot";
 import type { Rgb, Theme } from "./palette";
-import { Shape, shapeOf, SHAPES } from "./shapes";
+import type { Detail, Shape } from "./shape";
+import { shapeOf, SHAPES } from "./shapes";
 
 const VERTEX = `
 precision highp float;
@@ -125,10 +126,10 @@ class Fleet {
     this.flags.setX(at, from.flags[i] & (COLLIDED | AIR_LOCK | 0x38));
   }
 
-  /** Shows what was added; from afar without details. */
-  end(isFar: boolean): void {
+  /** Shows what was added. */
+  end(detail: Detail): void {
     this.geometry.instanceCount = this.count;
-    this.geometry.setDrawRange(0, isFar ? this.shape.coarse : Infinity);
+    this.geometry.setDrawRange(...this.shape.ranges[detail]);
     this.mesh.visible = this.count > 0;
     for (const attribute of [this.pose, this.form, this.paint, this.flags]) {
       attribute.clearUpdateRanges();
@@ -149,7 +150,6 @@ export class Bodies {
   private readonly material = new RawShaderMaterial({
     vertexShader: VERTEX,
     fragmentShader: FRAGMENT,
-    side: DoubleSide,
     uniforms: {
       glass: { value: [0, 0, 0] },
       tyre: { value: [0, 0, 0] },
@@ -164,7 +164,7 @@ export class Bodies {
     this.meshes = this.fleets.map((fleet) => fleet.mesh);
   }
 
-  update(from: Snapshot, vehicles: readonly Vehicle[], theme: Theme, seconds: number, isFar: boolean): void {
+  update(from: Snapshot, vehicles: readonly (Vehicle | undefined)[], theme: Theme, seconds: number, detail: Detail): void {
     const { uniforms } = this.material;
     uniforms.glass.value = theme.glass;
     uniforms.tyre.value = theme.tyre;
@@ -173,10 +173,11 @@ export class Bodies {
     uniforms.blink.value = (seconds * 1.5) % 1 < 0.55 ? 1 : 0;
     for (const fleet of this.fleets) fleet.begin();
     for (let i = 0; i < from.count; i++) {
+      if (!from.isSeen[i]) continue;
       const vehicle = vehicles[from.number[i]];
       this.fleets[shapeOf(vehicle?.kind ?? 0)].add(from, i, vehicle, theme.drivers[from.driver[i] as 0]);
     }
-    for (const fleet of this.fleets) fleet.end(isFar);
+    for (const fleet of this.fleets) fleet.end(detail);
   }
 
   dispose(): void {

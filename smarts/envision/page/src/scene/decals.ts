@@ -118,6 +118,26 @@ export class Decals {
     set(edge, at, colour[0], colour[1], colour[2], decal.edgeAlpha ?? 0);
   }
 
+  /** Adds a shape without a rim; takes numbers, since there are many in each picture. */
+  put(
+    x: number,
+    y: number,
+    angle: number,
+    halfLength: number,
+    halfWidth: number,
+    corner: number,
+    soft: number,
+    fill: Rgb,
+    alpha: number,
+  ): void {
+    if (this.count === this.capacity) this.grow(2 * this.capacity);
+    const at = 4 * this.count++;
+    set(this.arrays.pose, at, x, y, angle, 0);
+    set(this.arrays.shape, at, halfLength, halfWidth, corner, soft);
+    set(this.arrays.fill, at, fill[0], fill[1], fill[2], alpha);
+    set(this.arrays.edge, at, 0, 0, 0, 0);
+  }
+
   end(): void {
     this.geometry.instanceCount = this.count;
     this.mesh.visible = this.count > 0;
