@@ -111,7 +111,10 @@ def flow(origin: LanePoint, goal: LanePoint, rate: float, drivers: Drivers = MIX
 
 
 def placed(
-    places: Iterable[LanePoint], goal: LanePoint, moment: float, drivers: Drivers = MIXED
+    places: Iterable[tuple[str, int, float]],
+    goal: tuple[str, int],
+    moment: float,
+    drivers: Drivers = MIXED,
 ) -> list[t.Flow]:
     """Return single vehicles at given places; each draws its kind of driver.
 
