@@ -20,7 +20,7 @@ RenderMode = Literal["rgb_array", "human"]
 RENDER_MODES = ("rgb_array", "human")
 NO_MODE = (
     'nothing is drawn: the environment was made without render_mode; give render_mode="rgb_array", or record '
-    "episodes with simulation=Options(record=FOLDER), which smarts-bench view and render show"
+    "episodes with simulation=Options(record=FOLDER), which smarts-bench render draws"
 )
 
 

@@ -256,14 +256,15 @@ class SumoGate:
     def _stops(self, shadow: Shadow, reach: float) -> Sequence[float]:
         """Return the distances at which the vehicle may have to stop, for a light or for right of way [m]."""
         vehicle, stops = self._library.vehicle, []
-        for _, _, distance, state in vehicle.getNextTLS(shadow.id)[:1]:
+        for _, _, distance, state in vehicle.getNextTLS(shadow.id):
             if state in "rRu" and distance < reach:
                 stops.append(distance)
         left = self._library.lane.getLength(shadow.lane) - shadow.position
         if left < reach:
-            for _, has_priority, is_open, _, _, state, _, _ in vehicle.getNextLinks(shadow.id)[:1]:
-                if not has_priority and (not is_open or state == "s"):
+            for lane, has_priority, is_open, _, _, state, _, length in vehicle.getNextLinks(shadow.id):
+                if not has_priority and (not is_open or state == "s") and left < reach:
                     stops.append(left)
+                left += length + self._library.lane.getLength(lane)
         return stops
 
     def _way(self, shadow: Shadow) -> tuple[str, ...]:

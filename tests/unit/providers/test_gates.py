@@ -242,6 +242,36 @@ def test_sumo_keeps_a_vehicle_before_a_tight_turn_behind_the_next_junction(world
     assert world.traffic.can_give(slot) == refusal
 
 
+@pytest.mark.parametrize(("priority", "refusal"), [(9, Refusal.NONE), (1, Refusal.SPEED)])
+def test_sumo_takes_no_vehicle_that_it_would_brake_hard_for_the_junction_after_the_next(
+    world, country, priority, refusal
+):
+    """At 25 m/s, 25^2 / (2 * 4.5) m = 69 m to stop; the line of the second junction is about 60 m ahead."""
+    nodes = {
+        "a": (-300, 0),
+        "b": (0, 0),
+        "c": (45, 0),
+        "d": (300, 0),
+        "e": (0, 200),
+        "n": (45, 200),
+        "s": (45, -200),
+    }
+    edges = "".join(
+        f'<edge id="{one}{other}" from="{one}" to="{other}" speed="30" priority="{rank}"/>'
+        for pair, rank in zip(("ab", "bc", "cd", "be", "nc", "cs"), [priority] * 4 + [5] * 2, strict=True)
+        for one, other in (pair, pair[::-1])
+    )
+    places = "".join(
+        f'<node id="{name}" x="{x}" y="{y}" type="{"priority_stop" if name == "c" else "priority"}"/>'
+        for name, (x, y) in nodes.items()
+    )
+    net = country.net(f"stop_behind_{priority}", (f"<nodes>{places}</nodes>", f"<edges>{edges}</edges>"))
+    begin(world, country.files(net, ""))
+    slot = world.admit(-55.0, -1.6, 0.0, 25.0)
+    world.set_route(slot, ("ab", "bc", "cd"))
+    assert after(world, slot, -30.0, -1.6, speed=25.0) == refusal
+
+
 @pytest.mark.parametrize(("speed", "refusal"), [(12.0, Refusal.NONE), (3.0, Refusal.SIDEWAYS)])
 def test_sumo_keeps_a_slow_vehicle_that_changes_lanes(world, country, speed, refusal):
     """A lane of 3.2 m in 3 s: it leans by 1.07 / 12 = 0.09 rad, or by 1.07 / 3 = 0.34 rad."""

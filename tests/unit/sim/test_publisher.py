@@ -159,9 +159,7 @@ def test_a_process_that_was_forked_off_is_shown_beside_its_parent(server, env):
             time.sleep(0.02)
     try:
         # Between two episodes a simulation does not run.
-        found = listed(
-            server, lambda rows: sum(row["running"] for row in rows) == 4, lambda: env.step(KEEP)
-        )
+        found = listed(server, lambda rows: sum(row["running"] for row in rows) == 4, lambda: env.step(KEEP))
         assert {row["pid"] for row in found} == {os.getpid(), child}
     finally:
         os.kill(child, signal.SIGKILL)

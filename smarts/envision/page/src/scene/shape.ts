@@ -1,5 +1,7 @@
 /** A body as triangles, built from lofted rings. Lengths are fractions of length, width and height. */
 
+import type { Stencil } from "./copies";
+
 export enum Part {
   Body,
   Glass,
@@ -78,6 +80,24 @@ export class Shape {
       part: new Float32Array(this.part),
       index: new Uint16Array(this.index),
     };
+  }
+
+  /** What is drawn of it from afar, by itself. */
+  stencil(detail: Detail.Block | Detail.Tops): Stencil {
+    const [begin, count] = this.ranges[detail];
+    const index = this.arrays.index.subarray(begin, begin + count);
+    const corners = Math.max(...index) + 1;
+    const part = (name: "position" | "normal" | "pivot" | "part", size: number) => ({
+      values: this.arrays[name].subarray(0, size * corners),
+      size,
+    });
+    const attributes = {
+      position: part("position", 3),
+      normal: part("normal", 3),
+      pivot: part("pivot", 3),
+      part: part("part", 1),
+    };
+    return { attributes, corners, index };
   }
 
   private get isTall(): boolean {
