@@ -52,7 +52,7 @@ def view(port: int, is_stalled: bool, received: Any, stop: Event) -> None:
 
     os.nice(10)
     uri, origin = f"ws://127.0.0.1:{port}/live", f"http://127.0.0.1:{port}"
-    with connect(uri, origin=origin, max_size=None, max_queue=1) as server:  # pyright: ignore[reportArgumentType]
+    with connect(uri, origin=origin, max_size=None, max_queue=1, ping_interval=None) as server:  # pyright: ignore[reportArgumentType]
         watched: list[str] = []
         while not stop.is_set():
             if is_stalled and watched:

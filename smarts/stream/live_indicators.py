@@ -152,7 +152,8 @@ class _Lanes:
         self.length = along[last] - along[first]
         bend = wrap_angle(self.into - self.out)
         self.side = np.where(self.is_inside & (np.abs(bend) > TURN_ANGLE), np.sign(bend), 0).astype(np.int8)
-        self._tree = shapely.STRtree(shapely.points(self.begin))
+        begin: Any = shapely.points(self.begin)
+        self._tree = shapely.STRtree(begin)
         self._ways: dict[int, list[Way]] = {}
 
     def after(self, lane: int) -> list[int]:
