@@ -1,8 +1,7 @@
 """The benchmark's versions: what a version froze, and in what the present code and scenarios differ from it.
 
-A version freezes, by digest, the scenarios, and the code that makes observations, rewards and metrics; and,
-by value, the settings of the environment. Digests of code are of its syntax tree without docstrings:
-comments, docstrings and layout are free. The simulator's own code is not frozen: results name their commit.
+A version freezes, by digest, the scenarios, and the code that makes observations, rewards and metrics.
+Digests of code are of its syntax tree without docstrings: comments, docstrings and layout are free.
 """
 
 from __future__ import annotations
@@ -17,13 +16,9 @@ from typing import Any
 
 import yaml
 
-from benchmark.experiment.environment import Environment
-from smarts.config import ConfigError, fitted
-from smarts.errors import SmartsError
-
 FILE = Path(__file__).with_name("versions.yaml")
-"""Version -> part -> digest; `scenarios` is traffic -> scenario -> digest, `environment` setting -> value."""
-SCENARIOS, ENVIRONMENT = "scenarios", "environment"
+"""Version -> part -> digest; the part `scenarios` is traffic -> scenario -> digest."""
+SCENARIOS = "scenarios"
 _ROOT = Path(__file__).parents[2]
 CODE = {
     "observation": ("smarts/observations", "smarts/sensors"),
@@ -101,40 +96,8 @@ def changed_scenarios(version: int, played: Played) -> list[str]:
     ]
 
 
-def changed_settings(version: int, environment: Environment) -> list[str]:
-    """Return the settings of the environment that are not as a version froze them.
-
-    Args:
-        version: Of the benchmark.
-        environment: That of an experiment or a run; settings that came after the version have their defaults.
-    """
-    try:
-        frozen = fitted(versions()[version][ENVIRONMENT], Environment).content()
-    except (KeyError, ConfigError):  # frozen without them, or with settings that are gone
-        return [f"all of {ENVIRONMENT}"]
-    present = environment.content()
-    return sorted(name for name in {*frozen, *present} if frozen.get(name) != present.get(name))
-
-
-def frozen_text(version: int, played: Played, environment: Environment, *, replaces: bool = False) -> str:
-    """Return the content of `FILE` with the present code, scenarios and settings as a version.
-
-    Args:
-        version: To be frozen.
-        played: Digests of what is played.
-        environment: Its settings.
-        replaces: Whether the version may be there already.
-
-    Raises:
-        SmartsError: It is.
-    """
-    known = (yaml.safe_load(FILE.read_text(encoding="utf-8")) if FILE.exists() else None) or {}
-    if version in known and not replaces:
-        raise SmartsError(
-            f"version {version} is frozen already, and results may be of it",
-            place=str(FILE),
-            remedy=f"freeze version {max(known) + 1}, or give --replace if there are no results of it",
-        )
+def frozen_text(version: int, played: Played) -> str:
+    """Return the content of `FILE` with the present code and scenarios as a version."""
+    known = yaml.safe_load(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
     scenarios = {traffic: dict(digests) for traffic, digests in played.items()}
-    frozen = {**code_digests(), SCENARIOS: scenarios, ENVIRONMENT: environment.content()}
-    return yaml.safe_dump({**known, version: frozen})
+    return yaml.safe_dump({**(known or {}), version: {**code_digests(), SCENARIOS: scenarios}})

@@ -101,8 +101,7 @@ class AgentPool:
         self._refused: list[set[int]] = [set() for _ in range(worlds)]
         self._cleared: list[_Cleared] = []
         state = world.state
-        # `_hold` writes the whole mission.
-        self.clear_with((*state.agents, *state.guidance))
+        self.clear_with((*state.agents, *state.missions, *state.guidance))
 
     def columns(self, interface: int) -> slice:
         """Return the columns of the agents of an interface, given by its number."""

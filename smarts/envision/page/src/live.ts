@@ -1,7 +1,6 @@
 /** Simulations that run now: one WebSocket, which comes back by itself. */
 
-import { decode } from "./format";
-import type { Address, Message, Source } from "./messages";
+import { type Address, decode, type Message, type Source } from "./format";
 
 const SHORTEST_WAIT = 500;
 const LONGEST_WAIT = 10_000;
@@ -14,7 +13,6 @@ export class Live {
   onSources: (sources: Source[]) => void = () => {};
   onMessage: (source: string, message: Message) => void = () => {};
   onState: (state: LiveState) => void = () => {};
-  onProblem: (text: string) => void = () => {};
   private socket: WebSocket | null = null;
   private watched: readonly string[] = [];
   private wait = SHORTEST_WAIT;
@@ -36,19 +34,11 @@ export class Live {
       // Messages are decoded side by side and taken up in order.
       const decoded = decode(bytes).catch((error: unknown) => ({
         type: "error" as const,
-        text: `a message of a simulation is damaged: ${error instanceof Error ? error.message : String(error)}`,
+        text: String(error),
         source: "",
         serial: 0,
       }));
-      this.chain = this.chain.then(async () => {
-        const message = await decoded;
-        try {
-          // What a connection that is gone has left behind would mix with the next one's.
-          if (this.socket === socket) this.take(message);
-        } catch (error) {
-          this.onProblem(`a message of a simulation cannot be shown: ${String(error)}`);
-        }
-      });
+      this.chain = this.chain.then(async () => this.take(await decoded));
     });
     socket.addEventListener("close", () => {
       this.setState("lost");
@@ -75,13 +65,9 @@ export class Live {
       this.onSources(message.sources);
       return;
     }
-    if (message.type === "error") {
-      this.onProblem(message.text);
-      return;
-    }
     const { source, serial } = message;
     if (message.type === "episode") this.serials.set(source, serial);
-    else if (this.serials.get(source) !== serial) return;
+    else if (message.type !== "error" && this.serials.get(source) !== serial) return;
     this.onMessage(source, message);
   }
 
