@@ -137,7 +137,7 @@ def test_a_driver_and_an_env_runner_that_are_lost(driver):
     with nodes(1, 1, 1, 1) as cluster:
         run = folder_of(driver)
         # Long enough that a runner can be killed before the training has ended, also on a busy machine.
-        settings = ("--set", "resources.env_runners=2", "--set", "budget.agent_steps=40000")
+        settings = ("--set", "resources.env_runners=2", "--set", "budget.agent_steps=18000")
         process = begin(driver, cluster, *settings)
         wait_for((run / "checkpoint").exists, process)
         os.killpg(process.pid, signal.SIGKILL)
