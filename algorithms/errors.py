@@ -60,6 +60,10 @@ class RunnerFailure(AlgorithmError):  # noqa: N818
     """No environment runner has answered for several iterations."""
 
 
+class LearnerFailure(AlgorithmError):  # noqa: N818
+    """A learner's process is lost, or what it learned is not finite."""
+
+
 class CheckpointError(AlgorithmError):
     """A checkpoint that does not match the algorithm, agents, spaces, groups or networks."""
 

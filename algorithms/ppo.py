@@ -24,9 +24,9 @@ from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group, JointSpec
-from algorithms.joint.stacking import StackedGroups, outputs_where, stack_groups
+from algorithms.joint.stacking import StackedGroups, stack_groups
 from algorithms.parts.moments import RunningMoments
-from algorithms.parts.networks import Encoder, orthogonal, perceptron
+from algorithms.parts.networks import Encoder, orthogonal, outputs_where, perceptron
 
 
 class LocalValue(LearnerModule):
@@ -167,7 +167,7 @@ class PPOLearner(OnPolicyLearner):
             return stack.outputs(view, self._plain_policy)
         if plain := self._plain_policy(stack.whole):
             encoder, body = plain
-            return outputs_where(view.alive, encoder(view.observations), body)
+            return outputs_where(view.alive, encoder, body, view.observations)
         return self.net(stack.whole.id).policy(view)
 
     def _scaled_values(self, stack: StackedGroups, view: GroupView) -> Tensor:
@@ -175,7 +175,7 @@ class PPOLearner(OnPolicyLearner):
             return stack.outputs(view, self._plain_value).squeeze(-1)
         if plain := self._plain_value(stack.whole):
             encoder, body = plain
-            return outputs_where(view.alive, encoder(view.observations), body).squeeze(-1)
+            return outputs_where(view.alive, encoder, body, view.observations).squeeze(-1)
         return self.net(critic_of(stack.whole)).value(view)
 
 

@@ -14,8 +14,10 @@ import csv
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import fmean
 
 from algorithms.registry import ALGORITHMS
+from benchmark.experiment.config import EMPTY_ROADS
 from perf.yardstick_games import results
 from perf.yardstick_games.recipes import YARDSTICKS
 from perf.yardstick_games.results import RunFile
@@ -25,6 +27,7 @@ SOURCE, TABLE = ROOT / "docs" / "algorithms.md", ROOT / "docs" / "algorithms_tab
 TESTS = ROOT / "tests" / "unit" / "algorithms"
 CURVES = ROOT / "results" / "all_algorithms", ROOT / "results" / "paper_table"
 """Experiments with curves at the intersection; of an algorithm in both, the first is shown."""
+CURVE_COLUMNS = ("completion", "collision", "agent_steps")
 
 HEAD = """# All algorithms
 
@@ -34,11 +37,12 @@ committed results.
 - **M-level**: the multi-agent intelligence that the SMARTS paper grants this kind of algorithm.
 - **Checks**: tests against the definition, named as oracles on the page.
 - **Own games**: scores after few steps, in brackets that of a worse baseline or of a wrong implementation.
-- **foraging, spread, matrices**: [yardsticks](algorithms.md#yardsticks), the best greedy evaluation of the
-  mean over seeds, in brackets the number of seeds and the environment steps.
-- **Intersection**: completion / collision of the last 100 episodes of sampled play after so many
-  agent-steps, one seed, no traffic: 200,000 with default settings (`smarts-bench run all_algorithms.yaml`),
-  or 1,000,000 of the paper's table with tuned ones.
+- **foraging, spread, matrices**: [yardsticks](algorithms.md#yardsticks), the best greedy evaluation of
+  the mean over seeds, in brackets the number of seeds and the environment steps. One seed does not tell
+  how others would turn out: small differences between such scores prove nothing.
+- **Intersection**: completion / collision of the last 100 episodes of sampled play, mean over seeds, in
+  brackets their number and the agent-steps, no traffic: with default settings (`results/all_algorithms`,
+  if it is there), else of the paper's table with tuned ones.
 
 """
 
@@ -116,20 +120,21 @@ def yardstick(runs: list[RunFile], game: str, name: str) -> str:
     if not own:
         return ""
     steps = min(run.curve[-1].steps for run in own)
-    return f"{results.best(own):.2f} ({len(own)}, {steps / 1e6:.2g}M)"
+    return f"{results.best(own):.2f} ({results.seeds_of(own)}, {steps / 1e6:.2g}M)"
 
 
 def intersection(folder: Path) -> str:
-    """Return completion / collision at the end of an algorithm's curve."""
-    files = sorted(folder.glob("intersection/*/seed_*/progress.csv"))
-    if not files:
+    """Return completion / collision at the end of an algorithm's curves, mean over seeds."""
+    ends = []
+    for path in sorted(folder.glob(f"intersection/{EMPTY_ROADS}/seed_*/progress.csv")):
+        with path.open() as file:
+            shown = [row for row in csv.DictReader(file) if row["completion"]]
+        ends += [[float(shown[-1][name]) for name in CURVE_COLUMNS]] if shown else []
+    if not ends:
         return ""
-    with files[0].open() as file:
-        shown = [row for row in csv.DictReader(file) if row["completion"]]
-    if not shown:
-        return ""
-    last = shown[-1]
-    return f"{float(last['completion']):.2f} / {float(last['collision']):.2f} ({int(last['agent_steps']):,})"
+    completion, collision, steps = (fmean(column) for column in zip(*ends, strict=True))
+    seeds = f"{len(ends)} seed{'s'[: len(ends) != 1]}"
+    return f"{completion:.2f} / {collision:.2f} ({seeds}, {steps / 1e6:.2g}M)"
 
 
 def main() -> None:

@@ -16,6 +16,7 @@ import argparse
 import json
 import multiprocessing
 import os
+import socket
 import tempfile
 import time
 from multiprocessing.synchronize import Event
@@ -51,14 +52,14 @@ def view(port: int, is_stalled: bool, received: Any, stop: Event) -> None:
 
     os.nice(10)
     uri, origin = f"ws://127.0.0.1:{port}/live", f"http://127.0.0.1:{port}"
-    with connect(uri, origin=origin, max_size=None, max_queue=1, compression=None) as socket:  # pyright: ignore[reportArgumentType]
+    with connect(uri, origin=origin, max_size=None, max_queue=1, ping_interval=None) as server:  # pyright: ignore[reportArgumentType]
         watched: list[str] = []
         while not stop.is_set():
             if is_stalled and watched:
                 time.sleep(0.1)
                 continue
             try:
-                packed = socket.recv(timeout=1.0)
+                packed = server.recv(timeout=1.0)
             except TimeoutError:
                 continue
             assert isinstance(packed, bytes)
@@ -67,13 +68,19 @@ def view(port: int, is_stalled: bool, received: Any, stop: Event) -> None:
                 found = [row["id"] for row in message["sources"]][:9]
                 if found != watched:
                     watched = found
-                    socket.send(json.dumps({"watch": watched}))
+                    server.send(json.dumps({"watch": watched}))
             elif message["type"] == "steps":
                 rows = len(motion_of(message).x)
                 with received.get_lock():
                     received[0] += 1
                     received[1] += rows
-                    received[2] += len(packed)
+                    received[2] = _bytes_received(server.socket)
+
+
+def _bytes_received(connection: socket.socket) -> int:
+    """Return how many bytes have come: `tcpi_bytes_received` of Linux."""
+    info = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
+    return int.from_bytes(info[128:136], "little")
 
 
 def resident(pid: int) -> float:

@@ -1,7 +1,9 @@
 """How fast the page draws, in headless Chromium that draws by software: `python -m perf.page`.
 
 Prints, for episodes of 60 s with so many vehicles at a time: bytes of the compact episode, seconds until the
-first picture, pictures a second while it plays, from above and from the side.
+first picture; then, while it plays from above and from the side, pictures a second, processor time of the
+page's main thread for each, and the size of the canvas, which the page lowers where pictures come slowly. The
+first line is a page that only clears a canvas of the full size: what the browser itself takes here.
 """
 
 from __future__ import annotations
@@ -27,6 +29,19 @@ STEPS = 600
 CHUNK = 100
 DT = 0.1
 SIZE: ViewportSize = {"width": 1280, "height": 800}
+EMPTY = """<body style="margin:0"><canvas width="956" height="692"></canvas><script>
+const gl = document.querySelector("canvas").getContext("webgl2", {antialias: false, alpha: false});
+let shade = 0;
+(function draw() {
+  gl.clearColor((shade = (shade + 0.01) % 1), 0, 0, 1);
+  gl.clear(gl.COLOR_BUFFER_BIT);
+  requestAnimationFrame(draw);
+})();
+</script>"""
+CANVAS = """() => {
+  const { width, height } = document.querySelector("canvas");
+  return width + "x" + height;
+}"""
 COUNT = """seconds => new Promise(resolve => {
   let pictures = 0;
   const begin = performance.now();
@@ -108,15 +123,30 @@ def _messages(graph: LaneGraph, motion: Motion, vehicles: int):
     yield {"type": "end", "is_complete": True, "remark": ""}
 
 
-def measure(page: Page, file: Path, mode: str, seconds: float) -> tuple[float, float]:
-    """Return seconds until the first picture, and pictures a second."""
+def rate_of(page: Page, seconds: float) -> str:
+    """Return pictures a second, milliseconds of the main thread for each, and the size of the canvas."""
+    session = page.context.new_cdp_session(page)
+    session.send("Performance.enable", {"timeDomain": "threadTicks"})
+
+    def busy() -> float:
+        metrics = session.send("Performance.getMetrics")["metrics"]
+        return next(metric["value"] for metric in metrics if metric["name"] == "TaskDuration")
+
+    before = busy()
+    rate = float(page.evaluate(COUNT, seconds))
+    each = 1000 * (busy() - before) / (rate * seconds)
+    return f"{rate:8.0f} {each:8.1f} {page.evaluate(CANVAS):>9s}"
+
+
+def measure(page: Page, file: Path, mode: str, seconds: float) -> tuple[float, str]:
+    """Return seconds until the first picture, and what `rate_of` says of playing."""
     begin = time.perf_counter()
     page.goto(f"{file.as_uri()}#cam={mode}")
     page.wait_for_selector(".app[data-ready]")
     page.evaluate("() => new Promise(resolve => requestAnimationFrame(() => requestAnimationFrame(resolve)))")
     first = time.perf_counter() - begin
-    page.wait_for_timeout(1500)
-    return first, float(page.evaluate(COUNT, seconds))
+    page.wait_for_timeout(3000)
+    return first, rate_of(page, seconds)
 
 
 def main() -> None:
@@ -129,22 +159,24 @@ def main() -> None:
     arguments = parser.parse_args()
     folder = Path(tempfile.mkdtemp())
     graph = town()
-    print("vehicles   bytes  bytes/row  first picture [s]  pictures/s top  free")
+    print("vehicles   bytes  bytes/row  first [s]  mode  pictures/s  ms main    canvas")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which(CHROMIUM), args=FLAGS)
+        empty = browser.new_page(viewport=SIZE)
+        empty.set_content(EMPTY)
+        empty.wait_for_timeout(1000)
+        print(f"{'empty':>8s} {'':7s} {'':10s} {'':10s} {'':>5s} {rate_of(empty, arguments.seconds)}")
+        empty.close()
         for vehicles in arguments.vehicles:
             data = episode_of(graph, vehicles)
             file = folder / f"{vehicles}.html"
             file.write_text(page_with([data]))
-            rates = []
-            first = 0.0
+            each = len(data) / (vehicles * (STEPS + 1))
             for mode in ("top", "free"):
                 page = browser.new_page(viewport=SIZE)
                 first, rate = measure(page, file, mode, arguments.seconds)
-                rates.append(rate)
+                print(f"{vehicles:8d} {len(data):7d} {each:10.2f} {first:10.2f} {mode:>5s} {rate}")
                 page.close()
-            each = len(data) / (vehicles * (STEPS + 1))
-            print(f"{vehicles:8d} {len(data):7d} {each:10.2f} {first:18.2f} {rates[0]:15.0f} {rates[1]:5.0f}")
         browser.close()
     shutil.rmtree(folder)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from smarts.sstudio import types as t
@@ -22,6 +22,55 @@ patient_car = t.TrafficActor(
     junction_model=t.JunctionModel(drive_after_yellow_time=1.0, impatience=0.5),
 )
 """Drives below the limit and makes room for others (values of the paper's listing)."""
+
+courteous_car = t.TrafficActor(
+    name="courteous_car",
+    tau=1.5,
+    speed=t.Distribution(sigma=0.1, mean=0.8),
+    min_gap=t.Distribution(mean=3.0, sigma=0),
+    lane_changing_model=t.LaneChangingModel(cooperative=1.0, speed_gain=0.0),
+    junction_model=t.JunctionModel(impatience=0.0),
+)
+"""Keeps distance, lets others change lanes, and enters junctions in large gaps only."""
+
+normal_car = t.TrafficActor(
+    name="normal_car",
+    lane_changing_model=t.LaneChangingModel(cooperative=0.5),
+    junction_model=t.JunctionModel(impatience=0.5),
+)
+"""Drives at the limit, and makes others brake a little at junctions."""
+
+aggressive_car = t.TrafficActor(
+    name="aggressive_car",
+    accel=3.5,
+    tau=0.7,
+    speed=t.Distribution(sigma=0.1, mean=1.2),
+    min_gap=t.Distribution(mean=1.5, sigma=0),
+    lane_changing_model=t.LaneChangingModel(cooperative=0.0, assertive=2.0, speed_gain=2.0),
+    junction_model=t.JunctionModel(impatience=1.0, timegap_minor=0.5),
+)
+"""Drives above the limit, closely behind others, and makes others brake at junctions and lane changes."""
+
+inattentive_car = t.TrafficActor(
+    name="inattentive_car",
+    tau=1.5,
+    sigma=0.7,
+    lane_changing_model=t.LaneChangingModel(cooperative=0.5),
+    junction_model=t.JunctionModel(impatience=0.5, ignore_junction_foe_prob=1.0),
+    reaction_time=1.0,
+)
+"""Obeys signs and follows leaders, but drives on where a vehicle crosses its way inside a junction, and
+brakes late for one that changes into its lane."""
+
+KINDS = {
+    "courteous": {courteous_car: 1.0},
+    "normal": {normal_car: 1.0},
+    "aggressive": {aggressive_car: 1.0},
+    "inattentive": {inattentive_car: 1.0},
+}
+"""The drivers of version 1's tasks, each kind by itself."""
+ALL_KINDS = {courteous_car: 0.3, normal_car: 0.4, aggressive_car: 0.2, inattentive_car: 0.1}
+"""The mixture of version 1's tasks; SUMO draws each vehicle's kind."""
 
 MIXED = {impatient_car: 0.5, patient_car: 0.5}
 IMPATIENT = {impatient_car: 1.0}
@@ -59,6 +108,40 @@ def flow(origin: LanePoint, goal: LanePoint, rate: float, drivers: Drivers = MIX
         via=tuple(options.pop("via", ())),
     )
     return t.Flow(route=route, rate=rate, actors=dict(drivers), randomly_spaced=True, **options)
+
+
+def placed(
+    places: Iterable[tuple[str, int, float]],
+    goal: tuple[str, int],
+    moment: float,
+    drivers: Drivers = MIXED,
+) -> list[t.Flow]:
+    """Return single vehicles at given places; each draws its kind of driver.
+
+    Args:
+        places: Where their front bumpers are when they appear; offsets [m].
+        goal: Where they leave.
+        moment: When they appear [s]: shortly before the warm-up ends, they are there when an episode begins.
+        drivers: Weight of each kind of driver, all with one `depart_speed`.
+    """
+    return [
+        t.Flow(
+            route=t.Route(begin=place, end=(*goal, "max")),
+            rate=1,  # an hour, so that only the first vehicle comes
+            begin=moment,
+            end=moment + 1.0,
+            actors=dict(drivers),
+        )
+        for place in places
+    ]
+
+
+def slowly(drivers: Drivers, speed: float) -> dict[t.TrafficActor, float]:
+    """Return the same drivers in vehicles that are slow: `speed` [m/s] times each kind's factor."""
+    return {
+        replace(actor, name=f"slow_{actor.name}", max_speed=speed * actor.speed.mean): weight
+        for actor, weight in drivers.items()
+    }
 
 
 def traffic(

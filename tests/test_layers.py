@@ -40,6 +40,7 @@ THIRD_PARTY = {
     "msgpack": ("smarts_agent_kit/", "smarts/stream/"),
     "starlette": "smarts/envision/",
     "uvicorn": "smarts/envision/",
+    "av": "smarts/envision/",
     "websockets": ("smarts/envision/", "smarts/sim/outlet.py"),
 }
 

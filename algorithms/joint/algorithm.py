@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
 
 import ray
 from ray import cloudpickle
+from ray.exceptions import GetTimeoutError, RayActorError, RayTaskError
 from ray.rllib.algorithms.algorithm import Algorithm
 from ray.rllib.core import COMPONENT_LEARNER, COMPONENT_RL_MODULE, DEFAULT_MODULE_ID
 from ray.rllib.utils.metrics import (
@@ -19,8 +22,9 @@ from ray.rllib.utils.metrics import (
     WEIGHTS_SEQ_NO,
 )
 
-from algorithms.errors import AlgorithmError, CheckpointError, RunnerFailure
+from algorithms.errors import AlgorithmError, CheckpointError, LearnerFailure, RunnerFailure
 from algorithms.joint.config import JointConfig
+from algorithms.joint.data_parallel import FAILURE
 from algorithms.joint.learner import JointTorchLearner
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.runner import SAMPLERS, JointEnvRunner, SampleResult
@@ -33,6 +37,8 @@ SIGNATURE = "checkpoint_signature"
 KILLED = "num_hung_env_runners_killed"
 RESTART_POLL = 0.2
 """Time between two looks whether a lost runner is back [s]."""
+LEARNER_ANSWERS = 10.0
+"""Time for learners to show that they are there, after one of them was lost [s]."""
 
 
 class JointAlgorithm(Algorithm):
@@ -76,7 +82,12 @@ class JointAlgorithm(Algorithm):
         return spaces[SPEC][0]
 
     def training_step(self) -> None:
-        """Sample with the newest weights, then learn (RLlib)."""
+        """Sample with the newest weights, then learn (RLlib).
+
+        Raises:
+            RunnerFailure: No environment runner answers.
+            LearnerFailure: A learner's process is lost, or weights are not finite any more.
+        """
         replies = self._replies()
         self.metrics.aggregate([reply.metrics for reply in replies], key=ENV_RUNNER_RESULTS)
         rollouts: list[JointRollout] = []
@@ -88,7 +99,11 @@ class JointAlgorithm(Algorithm):
         data: Any = JointRollout.concat(rollouts)
         if self.config.num_learners:
             data = ray.put(data)
-        results = self.learner_group.update(training_data=JointTrainingData(data), timesteps=steps)
+        with self._named_failures():
+            results = self.learner_group.update(training_data=JointTrainingData(data), timesteps=steps)
+        failures = {number: result[FAILURE] for number, result in enumerate(results) if FAILURE in result}
+        if failures:
+            self._fail(failures)
         self.metrics.aggregate(results, key=LEARNER_RESULTS)
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
@@ -193,14 +208,55 @@ class JointAlgorithm(Algorithm):
 
     def runner_state(self) -> dict[str, Any]:
         """Return weights and counters as runners take them over."""
-        weights = self.learner_group.get_state(
-            components=f"{COMPONENT_LEARNER}/{COMPONENT_RL_MODULE}", inference_only=True
-        )[COMPONENT_LEARNER]
+        with self._named_failures():
+            weights = self.learner_group.get_state(
+                components=f"{COMPONENT_LEARNER}/{COMPONENT_RL_MODULE}", inference_only=True
+            )[COMPONENT_LEARNER]
         return {
             COMPONENT_RL_MODULE: weights[COMPONENT_RL_MODULE],
             WEIGHTS_SEQ_NO: weights[WEIGHTS_SEQ_NO],
             NUM_ENV_STEPS_SAMPLED_LIFETIME: self._steps(),
         }
+
+    @contextmanager
+    def _named_failures(self) -> Iterator[None]:
+        """Raise what a learner raised, and say which are lost."""
+        try:
+            yield
+        except RayTaskError as error:
+            if isinstance(error.cause, AlgorithmError):
+                raise error.cause from None
+            raise
+        except RayActorError as error:
+            lost = {number: "its process is lost" for number in self._silent_learners()}
+            self._fail(lost or {0: f"{type(error).__name__}: {error}"})
+
+    def _silent_learners(self) -> list[int]:
+        """Return the numbers of learners that do not answer any more."""
+        pings = [worker.__ray_ready__.remote() for worker in self.learner_group._workers]
+        ray.wait(pings, num_returns=len(pings), timeout=LEARNER_ANSWERS)
+        silent = []
+        for number, ping in enumerate(pings):
+            try:
+                ray.get(ping, timeout=0)
+            except (RayActorError, GetTimeoutError):
+                silent.append(number)
+        return silent
+
+    def _fail(self, reasons: Mapping[int, str]) -> NoReturn:
+        """End all learners, since none goes on without the others, and raise.
+
+        Args:
+            reasons: What happened, by the learner's number.
+        """
+        for worker in self.learner_group._workers:
+            ray.kill(worker)
+        said = "; ".join(f"learner {number}: {reason}" for number, reason in reasons.items())
+        raise LearnerFailure(
+            f"{said} (of {self.config.num_learners})",
+            place="learners",
+            remedy="see their logs; continue from the last checkpoint, with any number of learners",
+        )
 
     def _steps(self) -> int:
         return int(self.metrics.peek((ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME), default=0))

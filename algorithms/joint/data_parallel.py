@@ -7,6 +7,7 @@ learner computes of all rows. A minibatch that all of them process whole fulfils
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TypeVar
@@ -17,7 +18,11 @@ from torch import Tensor, distributed
 from algorithms.joint.batch import JointBatch
 from algorithms.parts.noise import RowGenerator
 
+logger = logging.getLogger(__name__)
+
 B = TypeVar("B", bound=JointBatch)
+FAILURE = "failure"
+"""Key of what one of several learners returns in place of results: its error."""
 
 
 class DataParallel:
@@ -79,3 +84,14 @@ class DataParallel:
         """Overwrite tensors by those of the first learner."""
         for tensor in tensors if self.size > 1 else ():
             distributed.broadcast(tensor.detach(), 0)
+
+    def failure(self, error: Exception) -> dict[str, str]:
+        """Return the error of one of several learners as its results, and leave the others.
+
+        A learner that only raised would leave them waiting for its gradients; so their next exchange fails.
+        """
+        if self.size == 1:
+            raise error
+        logger.error("learner %d has failed", self.rank, exc_info=error)
+        distributed.destroy_process_group()
+        return {FAILURE: f"{type(error).__name__}: {error}"}

@@ -1,11 +1,14 @@
-"""Detects non-finite rewards, observations and states."""
+"""Detects non-finite rewards, observations, states and weights."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+import torch
+from torch import Tensor
 
+from algorithms.errors import LearnerFailure
 from algorithms.joint.env import Bools, Ints, JointStep
 
 
@@ -36,3 +39,24 @@ def _numbers(step: JointStep) -> Iterator[tuple[Ints, np.ndarray]]:
         if moment.state is not None:
             arrays.append(moment.state)
         yield from ((rows, array) for array in arrays if array.dtype.kind == "f")
+
+
+def check_weights(networks: Mapping[str, Sequence[Tensor]], steps: int) -> None:
+    """Raise if weights are not finite: no update mends them, and no checkpoint should hold them.
+
+    Args:
+        networks: Parameters of each network.
+        steps: Environment steps so far.
+
+    Raises:
+        LearnerFailure: They are not; names the networks.
+    """
+    flat = [p for own in networks.values() for p in own]
+    if not flat or bool(torch.stack(torch._foreach_norm(flat)).isfinite().all()):  # pyright: ignore[reportPrivateImportUsage]
+        return
+    broken = [name for name, own in networks.items() if not all(p.isfinite().all() for p in own)]
+    raise LearnerFailure(
+        f"weights of {', '.join(broken or networks)} are not finite after {steps} environment steps",
+        place="learner",
+        remedy="lower `lr`, set `grad_clip`, or make rewards smaller with `reward_scale`",
+    )

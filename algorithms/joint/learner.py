@@ -17,6 +17,7 @@ from torch import Tensor, distributed
 from algorithms.joint.batch import JointView, OnPolicyBatch, ReplayBatch, cut_sequences, to_tensor
 from algorithms.joint.config import JointConfig
 from algorithms.joint.data_parallel import DataParallel
+from algorithms.joint.finite import check_weights
 from algorithms.joint.module import critic_of
 from algorithms.joint.replay import JointReplay
 from algorithms.joint.rollout import JointRollout
@@ -157,7 +158,17 @@ class JointTorchLearner(TorchLearner):
         follow(pairs, tau)
 
     def update(self, *, training_data: TrainingData, timesteps: dict[str, Any], **kwargs: Any) -> Any:  # type: ignore[override]
-        """Learn from one rollout (RLlib)."""
+        """Learn from one rollout (RLlib).
+
+        Raises:
+            LearnerFailure: Weights are not finite any more. Several learners return it, see `failure`.
+        """
+        try:
+            return self._learn(training_data, timesteps)
+        except Exception as error:
+            return self.parallel.failure(error)
+
+    def _learn(self, training_data: TrainingData, timesteps: dict[str, Any]) -> dict[str, Any]:
         if not isinstance(training_data, JointTrainingData):
             raise TypeError(f"joint learners take JointTrainingData, not {type(training_data).__name__}")
         self.before_gradient_based_update(timesteps=timesteps)
@@ -167,6 +178,7 @@ class JointTorchLearner(TorchLearner):
         with torch_threads(self.config.torch_threads):
             self.update_joint(training_data.rollout)  # type: ignore[arg-type] - the reference is solved
         self.after_gradient_based_update(timesteps=timesteps)
+        check_weights(self._parameters, self.env_steps)
         self._report()
         return self.metrics.reduce()
 

@@ -53,17 +53,6 @@ class StackedGroups:
         return [group for group in self.groups if group.id not in absent]
 
 
-def outputs_where(alive: Tensor, features: Tensor, network: nn.Module) -> Tensor:
-    """Return a network's outputs (M, n, P) of features (M, n, d) where `alive` (M, n), and 0 elsewhere.
-
-    Rows of inactive agents, often half of a batch, are not evaluated.
-    """
-    chosen = alive.flatten().nonzero().squeeze(-1)
-    outputs = network(features.flatten(0, 1).index_select(0, chosen))
-    whole = outputs.new_zeros(alive.numel(), outputs.shape[-1])
-    return whole.index_copy(0, chosen, outputs).unflatten(0, alive.shape)
-
-
 def stack_groups(groups: Sequence[Group], plain: Plain) -> tuple[StackedGroups, ...]:
     """Return the groups, stacked where they can be, block by block."""
     found: list[StackedGroups] = []

@@ -26,7 +26,7 @@ def render(
     ],
     out: Annotated[
         Path,
-        typer.Option(help="File to write; the suffix selects the format (.gif, .mp4 with ffmpeg, .png)."),
+        typer.Option(help="File to write; the suffix selects the format (.mp4, .gif, .png)."),
     ] = Path("episode.gif"),
     at: Annotated[
         float | None, typer.Option(help="Time of a .png (s).", show_default="the last step")

@@ -36,11 +36,17 @@ def report(
     out: Annotated[
         Path | None, typer.Option(help="Folder to write to.", show_default="RESULTS/report")
     ] = None,
+    episodes: Annotated[
+        bool,
+        typer.Option(
+            "--episodes", help="Write pages of the best, the worst and failed test episodes, and link them."
+        ),
+    ] = False,
 ) -> None:
     """Write the report of an experiment (HTML, Markdown, CSV, LaTeX), finished or not."""
     from benchmark.report.writing import write_report
 
-    typer.echo(write_report(results, out))
+    typer.echo(write_report(results, out, episodes=episodes))
 
 
 def leaderboard(
@@ -68,13 +74,20 @@ def check_traffic(
     Keep-lane or random driving has to collide at least 0.10 more often than on empty roads (p < 0.01).
 
     Gap acceptance has to meet social vehicles in 80% of its agent-episodes.
+
+    It also has to complete 0.9, and to end otherwise than on empty roads; random and empty-road driving have
+    to complete less, and creeping has to have a lower return.
     """
+    from benchmark.report.task_check import score_table, task_checks
     from benchmark.report.traffic_check import traffic_checks
     from benchmark.results.reading import read_results
 
-    checks = traffic_checks(read_results(results))
+    found = read_results(results)
+    checks, tasks = traffic_checks(found), task_checks(found)
+    typer.echo(score_table(found) + "\n")
     typer.echo("\n".join(map(str, checks)) or "no scripted policy was played in a cell with social vehicles")
-    if not checks or not all(check.is_one for check in checks):
+    typer.echo("\n" + "\n".join(map(str, tasks)))
+    if not checks or not all(check.is_one for check in checks) or any(task.failures for task in tasks):
         raise typer.Exit(1)
 
 

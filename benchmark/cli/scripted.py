@@ -165,7 +165,7 @@ def _shown(tally: Tally) -> str:
 
 def _line(names: Sequence[str], episodes: str, seconds: str, shares: Sequence[str]) -> str:
     policy, scenario, traffic = names
-    return f"{policy:<16}{scenario:<14}{traffic:<24}{episodes:>8}{seconds:>5}" + "".join(
+    return f"{policy:<16}{scenario:<18}{traffic:<24}{episodes:>8}{seconds:>5}" + "".join(
         f"{share:>{20 if name in WITH_INTERVAL else 12}}" for name, share in zip(SHOWN, shares, strict=True)
     )
 

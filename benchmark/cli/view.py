@@ -11,6 +11,7 @@ import typer
 from smarts.errors import SmartsError
 
 if TYPE_CHECKING:
+    from smarts.envision.episode_library import EpisodeLibrary
     from smarts.envision.viewer_page import Embedded
 
 
@@ -78,9 +79,15 @@ def _write(
     paths: list[Path], html: Path | None, out: Path | None, begin: float | None, end: float | None
 ) -> None:
     """Write episodes into files, and say how large these are."""
+    from smarts.envision.episode_library import EpisodeLibrary
     from smarts.envision.viewer_page import page_with
     from smarts.envision.whole_files import written_whole
 
+    if html is not None and out is None and begin is None and end is None:
+        library = EpisodeLibrary(paths)
+        if len(library.entries()) > len(paths):
+            _write_notable(library, html)
+            return
     episodes = [_embedded(path, begin, end) for path in paths]
     files: dict[Path, bytes] = {}
     if out is not None:
@@ -97,6 +104,21 @@ def _write(
         with written_whole(path) as partial:
             partial.write_bytes(content)
         typer.echo(f"{path}: {len(content) / 1e6:.2f} MB")
+
+
+def _write_notable(library: EpisodeLibrary, html: Path) -> None:
+    """Write the best, the worst, and one of each further kind of failure of many episodes."""
+    from smarts.envision.notable_episodes import notable_episodes, write_pages
+
+    chosen = notable_episodes(library.entries())
+    if not chosen:
+        raise SmartsError(
+            f"none of {len(library.entries())} episodes is whole and valid",
+            place=str(html),
+            remedy="name one episode",
+        )
+    for notable, page in write_pages(library, chosen, html):
+        typer.echo(f"{page}: {notable.label}")
 
 
 def _embedded(path: Path, begin: float | None, end: float | None) -> Embedded:
@@ -123,4 +145,5 @@ def _embedded(path: Path, begin: float | None, end: float | None) -> Embedded:
             place=str(path),
             remedy="name the folder of the recorded episode, or leave them out",
         )
-    return Embedded(entry.id, entry.label, compact_episode(RecordedEpisode(path), begin, end))
+    part = compact_episode(RecordedEpisode(path), begin, end, policy=entry.policy)
+    return Embedded(entry.id, entry.label, part)

@@ -33,6 +33,8 @@ def check_experiment(values: Values) -> Iterator[Fault]:
     except OwnCodeError as error:
         yield Fault(("imports",), *_message_and_remedy(error))
         return
+    if values.get("algorithms") == [] and not values.get("scripted"):
+        yield Fault(("algorithms",), "there is nothing to run", "name an algorithm or a scripted policy")
     broken = yield from _own_names(values)
     sound = {**values, "algorithms": [n for n in _strings(values.get("algorithms")) if n not in broken]}
     yield from _settings(sound)

@@ -158,8 +158,9 @@ class Experiment(Section):
     description: str = ""
     """A line for the report."""
     benchmark_version: Annotated[int, AfterValidator(_known_version)] | None = None
-    """Version of the benchmark that the results are of: runs are refused where scenarios, observation, reward
-    or metrics differ from what it froze, or with changes that are not committed. null: of no version."""
+    """Version of the benchmark that the results are of: runs are refused where scenarios, observation,
+    reward, metrics or environment settings differ from what it froze, or with changes that are not
+    committed. null: of no version."""
     imports: Imports = ()
     """Python files and folders in which module:Class below is found: x.py is module x, a folder x is package
     x. Relative to this file, or else to the working directory."""

@@ -149,12 +149,14 @@ class Environment(Driving):
     vehicles of traffic in these bubbles, `agents` of them at a time."""
     episode_time: Annotated[float, Field(gt=0, le=86_400)] | None = None
     """Length of the episodes in which agents learn in bubbles [s]."""
+    time_limit: Annotated[float, Field(gt=0, le=86_400)] | None = None
+    """Time after which an agent's episode ends [s]; null: 100 s."""
 
     @model_serializer(mode="wrap")
     def _without_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
         # A run without these is the same run as before there were any.
         kept = serialize(self)
-        for name in ("traffic_step", "social_agents", "learn_in_bubbles", "episode_time"):
+        for name in ("traffic_step", "social_agents", "learn_in_bubbles", "episode_time", "time_limit"):
             if getattr(self, name) == type(self).model_fields[name].default:
                 kept.pop(name, None)
         if not self.hosts:

@@ -111,7 +111,7 @@ Names = Annotated[tuple[str, ...], SEVERAL, DISTINCT]
 # In one order, whatever the file's: greedy first.
 Modes = Annotated[tuple[Literal["greedy", "sampled"], ...], SEVERAL, DISTINCT, AfterValidator(_sorted)]
 Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**31)], ...], SEVERAL, DISTINCT]
-Algorithms = Annotated[tuple[Algorithm, ...], SEVERAL, DISTINCT]
+Algorithms = Annotated[tuple[Algorithm, ...], Field(strict=False), DISTINCT]
 Policies = Annotated[tuple[Policy, ...], Field(strict=False), DISTINCT]
 Metrics = Annotated[tuple[Metric, ...], SEVERAL, DISTINCT]
 Imports = Annotated[tuple[str, ...], Field(strict=False), DISTINCT]

@@ -1,7 +1,8 @@
 """The benchmark's versions: what a version froze, and in what the present code and scenarios differ from it.
 
-A version freezes, by digest, the scenarios, and the code that makes observations, rewards and metrics.
-Digests of code are of its syntax tree without docstrings: comments, docstrings and layout are free.
+A version freezes, by digest, the scenarios, and the code that makes observations, rewards and metrics; and,
+by value, the settings of the environment. Digests of code are of its syntax tree without docstrings:
+comments, docstrings and layout are free. The simulator's own code is not frozen: results name their commit.
 """
 
 from __future__ import annotations
@@ -16,9 +17,13 @@ from typing import Any
 
 import yaml
 
+from benchmark.experiment.environment import Environment
+from smarts.config import ConfigError, fitted
+from smarts.errors import SmartsError
+
 FILE = Path(__file__).with_name("versions.yaml")
-"""Version -> part -> digest; the part `scenarios` is traffic -> scenario -> digest."""
-SCENARIOS = "scenarios"
+"""Version -> part -> digest; `scenarios` is traffic -> scenario -> digest, `environment` setting -> value."""
+SCENARIOS, ENVIRONMENT = "scenarios", "environment"
 _ROOT = Path(__file__).parents[2]
 CODE = {
     "observation": ("smarts/observations", "smarts/sensors"),
@@ -96,8 +101,40 @@ def changed_scenarios(version: int, played: Played) -> list[str]:
     ]
 
 
-def frozen_text(version: int, played: Played) -> str:
-    """Return the content of `FILE` with the present code and scenarios as a version."""
-    known = yaml.safe_load(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+def changed_settings(version: int, environment: Environment) -> list[str]:
+    """Return the settings of the environment that are not as a version froze them.
+
+    Args:
+        version: Of the benchmark.
+        environment: That of an experiment or a run; settings that came after the version have their defaults.
+    """
+    try:
+        frozen = fitted(versions()[version][ENVIRONMENT], Environment).content()
+    except (KeyError, ConfigError):  # frozen without them, or with settings that are gone
+        return [f"all of {ENVIRONMENT}"]
+    present = environment.content()
+    return sorted(name for name in {*frozen, *present} if frozen.get(name) != present.get(name))
+
+
+def frozen_text(version: int, played: Played, environment: Environment, *, replaces: bool = False) -> str:
+    """Return the content of `FILE` with the present code, scenarios and settings as a version.
+
+    Args:
+        version: To be frozen.
+        played: Digests of what is played.
+        environment: Its settings.
+        replaces: Whether the version may be there already.
+
+    Raises:
+        SmartsError: It is.
+    """
+    known = (yaml.safe_load(FILE.read_text(encoding="utf-8")) if FILE.exists() else None) or {}
+    if version in known and not replaces:
+        raise SmartsError(
+            f"version {version} is frozen already, and results may be of it",
+            place=str(FILE),
+            remedy=f"freeze version {max(known) + 1}, or give --replace if there are no results of it",
+        )
     scenarios = {traffic: dict(digests) for traffic, digests in played.items()}
-    return yaml.safe_dump({**(known or {}), version: {**code_digests(), SCENARIOS: scenarios}})
+    frozen = {**code_digests(), SCENARIOS: scenarios, ENVIRONMENT: environment.content()}
+    return yaml.safe_dump({**known, version: frozen})

@@ -4,7 +4,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from benchmark.metrics.encounters import COLLIDED, FIRST, SECOND, UNRESOLVED, Encounters, find_encounters
+from benchmark.metrics.encounters import (
+    COLLIDED,
+    FIRST,
+    SECOND,
+    UNRESOLVED,
+    WAITING,
+    Encounters,
+    find_encounters,
+)
 from benchmark.metrics.episode_data import EpisodeData
 from benchmark.metrics.measure import Columns, Floats, Measure, Totals, share
 from smarts.arrays import Bools
@@ -35,7 +43,7 @@ def _endings(encounters: Encounters) -> Mapping[str, Bools]:
         "kept_first": first & (result == FIRST),
         "collided_first": first & (result == COLLIDED),
         "lost_first": first & (result == SECOND) & ~encounters.is_courtesy,
-        "unresolved_first": first & (result == UNRESOLVED),
+        "unresolved_first": first & np.isin(result, (UNRESOLVED, WAITING)),
     }
 
 

@@ -42,7 +42,7 @@ def measure(episode: EpisodeData) -> Columns:
 
 
 def _contested(episode: EpisodeData) -> dict[str, Floats]:
-    """Return resolved encounters in which the agent was predicted second, and those in which it pushed in."""
+    """Return encounters in which the agent was predicted second and one entered, and which it pushed into."""
     encounters = episode.shared(find_encounters)
     is_contested = encounters.is_predicted_second & (encounters.result != UNRESOLVED)
     pushes = is_contested & (encounters.result == FIRST) & ~encounters.is_courtesy

@@ -38,10 +38,12 @@ MIN_SPEED = 1.0
 LEAST_LEAD, MOST_LEAD = 0.2, 3.0
 """Between the predicted arrivals, for one of the two to be predicted first [s]."""
 ENCOUNTER_TIMEOUT = 15.0
-"""Time from the opening within which a vehicle that enters second clears the section [s]."""
+"""Time from the opening within which one enters, and from then until the one that enters second has left the
+section [s]."""
 
-UNRESOLVED, SECOND, FIRST, COLLIDED = range(4)
-"""How an encounter ends for the agent: the other entered first, or the agent did, or they collided."""
+UNRESOLVED, SECOND, FIRST, COLLIDED, WAITING = range(5)
+"""How an encounter ends for the agent: neither entered; the other entered first, and the agent left the
+section in time; the agent entered first; they collided; the other entered first, and the agent was late."""
 
 _KIND, _BEGIN, _END, _OTHER_BEGIN, _OTHER_END, _NAME = range(6)
 _AGENT, _OTHER, _STEP, _LEAD, _RESULT, _COURTESY, _GAP_TIME, _BRAKING, _COLUMNS = range(9)
@@ -241,10 +243,10 @@ def _follow(
     arrive, arrive2, leave, leave2 = np.inf, np.inf, np.inf, np.inf
     came, came2, left, left2 = -1.0, -1.0, -1.0, -1.0
     place, place2, settled, ahead_by = 0.0, 0.0, -1.0, 0.0
-    last = min(len(motion.path) - 1, opened + round(ENCOUNTER_TIMEOUT / dt))
-    k = opened
-    for now in range(opened, last + 1):
-        k = now
+    timeout = round(ENCOUNTER_TIMEOUT / dt)
+    k, last = opened - 1, opened + timeout
+    while k < min(last, len(motion.path) - 1):
+        k += 1
         found = _section_at(motion, table, own, other, k)
         goes_on = found >= 0 and sections[found][_NAME] == section[_NAME]
         if goes_on and not is_change:
@@ -266,6 +268,7 @@ def _follow(
             left = _passed(left, motion.odometer[k, own], leave, k)
             came2 = _passed(came2, motion.odometer[k, other], arrive2, k)
             left2 = _passed(left2, motion.odometer[k, other], leave2, k)
+        last = _first_entry(came, came2, opened) + timeout
         if left >= 0.0 and left2 >= 0.0:
             break
     # How late each is where it arrives, at least if it has not at the end, or where the order is settled.
@@ -287,9 +290,17 @@ def _follow(
         into[_RESULT] = FIRST
         into[_GAP_TIME] = max(came2 - left, 0.0) * dt if came2 >= 0.0 and left >= 0.0 else np.nan
     elif came2 >= 0.0:
-        into[_RESULT] = SECOND if left >= 0.0 else UNRESOLVED
+        into[_RESULT] = SECOND if left >= 0.0 else WAITING
         into[_GAP_TIME] = max(came - left2, 0.0) * dt if came >= 0.0 and left2 >= 0.0 else np.nan
     return k
+
+
+@kernel
+def _first_entry(came: float, came2: float, opened: int) -> int:
+    """Return when the first of two entered, or when the encounter opened if neither has."""
+    if came < 0.0 and came2 < 0.0:
+        return opened
+    return int(max(came, came2) if min(came, came2) < 0.0 else min(came, came2))
 
 
 @kernel

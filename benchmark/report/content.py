@@ -13,6 +13,7 @@ from benchmark.metrics.results import Frame
 from benchmark.report.against_paper import ONE_SIDED, BothLevels, Comparison, compare_with, passing
 from benchmark.report.paper import Printed, misprint, paper, printed
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
+from benchmark.report.traffic_check import TrafficCheck, traffic_checks
 from benchmark.report.values import (
     GENERALIZATION,
     MODES,
@@ -41,11 +42,18 @@ class TableCell:
     passed_by: tuple[str, ...]
     """Degenerate drivers that pass the paper's cell, which therefore does not count."""
     misprint: str
-    """What is odd about the paper's figures, "" for nothing."""
+    """Why the paper's figures look like a misprint and do not count, "" if they do not."""
     rank: int | None
     """Among the learning algorithms of the column; None without another one to compare with."""
     is_tied: bool
     """Whether one that it was compared with has the same rank."""
+    is_without_traffic: bool = False
+    """Whether it is a cell with social vehicles in name only, which therefore does not count."""
+
+    @property
+    def counts(self) -> bool:
+        """Whether the comparison with the paper says anything."""
+        return not (self.passed_by or self.misprint or self.is_without_traffic)
 
     @property
     def is_best(self) -> bool:
@@ -81,6 +89,11 @@ class Report:
     @cached_property
     def _one_sided_by_key(self) -> dict[Key, Value]:
         return by_key(self.one_sided)
+
+    @cached_property
+    def traffic_checks(self) -> list[TrafficCheck]:
+        """Of cells with social vehicles in which scripted policies were played."""
+        return traffic_checks(self.results)
 
     @cached_property
     def modes(self) -> list[str]:
@@ -168,6 +181,7 @@ class Report:
             misprint(name, task, traffic),
             standing.rank if standing else None,
             standing is not None and standing.is_tied,
+            any((x.task, x.traffic, x.is_one) == (task, traffic, False) for x in self.traffic_checks),
         )
 
     def _figures(self, name: str, task: str, traffic: str, mode: str) -> BothLevels | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from itertools import groupby
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from benchmark.metrics import METRICS
 from benchmark.report import provenance, tables, wording
 from benchmark.report.content import Report, Row, TableCell
+from benchmark.report.episode_pages import EpisodeLinks
 from benchmark.report.figures import KINDS, draw_cells, legend
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.style import data_uri
@@ -39,13 +41,16 @@ def _source(file: str) -> str:
     return _templates().loader.get_source(_templates(), file)[0]
 
 
-def report_page(report: Report, summaries: Summaries, profile: bytes | None) -> str:
+def report_page(
+    report: Report, summaries: Summaries, profile: bytes | None, links: Sequence[EpisodeLinks] = ()
+) -> str:
     """Return a report as an HTML page.
 
     Args:
         report: What it says.
         summaries: Over its cells.
         profile: Picture of the performance profile, a PNG file; None without summaries.
+        links: To recorded test episodes.
     """
     results = report.results
     rows, notes = tables.metrics_table(report)
@@ -78,6 +83,7 @@ def report_page(report: Report, summaries: Summaries, profile: bytes | None) -> 
             for kind in KINDS
         ],
         summary=_summary(summaries, profile),
+        episodes=links,
         generalization=tables.generalization_rows(report),
         generalization_columns=tables.GENERALIZATION_COLUMNS.items(),
         differences=tables.difference_rows(report),

@@ -74,5 +74,5 @@ def _printed(cell: TableCell) -> str:
     if not cell.printed:
         return ""
     stars = {BETTER: r"\ast\ast", NON_INFERIOR: r"\ast"}.get(wording.mark(cell), "")
-    mark = f"$^{{{f'({stars})' if cell.passed_by else stars}}}$" if stars else ""
+    mark = f"$^{{{f'({stars})' if not cell.counts else stars}}}$" if stars else ""
     return rf"{{\small {wording.printed_text(cell.printed)}{mark}}}"

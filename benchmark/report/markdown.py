@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from benchmark.metrics import METRICS
 from benchmark.report import provenance, tables, wording
 from benchmark.report.content import Report, TableCell
+from benchmark.report.episode_pages import EpisodeLinks
 from benchmark.report.figures import KINDS
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, NOTE, PROFILE, PROFILE_NOTE, Summaries
 
 
-def report_text(report: Report, summaries: Summaries, pictures: Iterable[str]) -> str:
+def report_text(
+    report: Report, summaries: Summaries, pictures: Iterable[str], links: Sequence[EpisodeLinks] = ()
+) -> str:
     """Return a report as Markdown.
 
     Args:
         report: What it says.
         summaries: Over its cells.
         pictures: Names of the kinds of plots that lie beside it.
+        links: To recorded test episodes.
     """
     results = report.results
     parts = [f"# {results.name}", results.description, " ".join(provenance.totals(results))]
@@ -44,6 +48,11 @@ def report_text(report: Report, summaries: Summaries, pictures: Iterable[str]) -
         if kind.name in there:
             parts += [f"## {kind.title}", f"![{kind.title}]({kind.name}.png)", kind.note]
     parts += ["## All metrics", *_metrics(report), "## Generalization", _generalization(report)]
+    if links:
+        parts += [
+            "## Test episodes",
+            table(["Algorithm", "Task", "Traffic", "Seed", "Episodes"], _episodes(links), 5),
+        ]
     parts += ["## Definitions", _definitions(report)]
     parts += ["## Runs and machine", "\n".join(f"    {command}" for command in provenance.commands(results))]
     parts += ["\n".join(f"- {name}: {'; '.join(each)}" for name, each in provenance.circumstances(results))]
@@ -118,6 +127,11 @@ def _generalization(report: Report) -> str:
         if rows
         else "No held-out variations were played."
     )
+
+
+def _episodes(links: Sequence[EpisodeLinks]) -> Iterator[list[str]]:
+    for each in links:
+        yield [*each.names, "<br>".join(f"[{text}]({place})" for text, place in each.links) or each.problem]
 
 
 def _definitions(report: Report) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -41,8 +42,14 @@ def printed(algorithm: str, task: str, traffic: str) -> tuple[Printed, ...]:
 
 
 def misprint(algorithm: str, task: str, traffic: str) -> str:
-    """Return what is odd about a cell of the paper, "" for nothing."""
+    """Return why a cell of the paper looks like a misprint, "" if it does not."""
     return paper()["misprints"].get(traffic, {}).get(task, {}).get(algorithm, "")
+
+
+def impossible_sum(cells: Sequence[Printed]) -> str:
+    """Return what is odd about two exclusive rates that sum to more than 1, "" if none do."""
+    sums = (cell.collision + cell.completion for cell in cells)
+    return ", ".join(f"the paper's two rates sum to {each:.2f}" for each in sums if each > 1.0 + 1e-9)
 
 
 def algorithm_label(name: str) -> str:

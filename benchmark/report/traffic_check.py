@@ -32,20 +32,33 @@ class TrafficCheck:
     """Of the rule-based driver's agent-episodes with a social vehicle; NaN if that is not known."""
 
     @property
-    def is_one(self) -> bool:
-        """Whether it is a cell with social vehicles in effect."""
-        collides = any(
+    def collides(self) -> bool | None:
+        """Whether a naive driver collides more often; None if those that were played do not tell."""
+        if any(
             each.value >= LEAST_DIFFERENCE and each.p_value < MOST_P for each in self.differences.values()
-        )
-        return collides and self.share >= LEAST_SHARE
+        ):
+            return True
+        return False if self.differences.keys() == {*NAIVE} else None
+
+    @property
+    def meets(self) -> bool | None:
+        """Whether the rule-based driver meets social vehicles; None if that is not known."""
+        return self.share >= LEAST_SHARE if math.isfinite(self.share) else None
+
+    @property
+    def is_one(self) -> bool | None:
+        """Whether it is a cell with social vehicles in effect: both hold. None if that is not known."""
+        if False in (self.collides, self.meets):
+            return False
+        return None if None in (self.collides, self.meets) else True
 
     def __str__(self) -> str:
         differences = ", ".join(
-            f"{name} {each.value:+z.2f} (p = {each.p_value:.3f}, {each.pairs} episodes)"
+            f"{name} {each.value:+z.2f} ({_shown(each.p_value)}, {each.pairs} episodes)"
             for name, each in self.differences.items()
         )
         share = f"{self.share:.2f}" if math.isfinite(self.share) else "not measured"
-        verdict = "passes" if self.is_one else "FAILS"
+        verdict = {True: "passes", False: "FAILS", None: "not known"}[self.is_one]
         return (
             f"{self.task}, {self.traffic}: {verdict}; collisions against empty roads: "
             f"{differences or 'not played'}; {RULE_BASED} meets social vehicles in: {share}"
@@ -68,13 +81,8 @@ def traffic_checks(results: Results) -> list[TrafficCheck]:
     return found
 
 
-def failing_cells(results: Results) -> list[str]:
-    """Return the result of each cell that was checked in full and fails."""
-    return [
-        str(each)
-        for each in traffic_checks(results)
-        if each.differences and math.isfinite(each.share) and not each.is_one
-    ]
+def _shown(p_value: float) -> str:
+    return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"
 
 
 def _rows(run: RunResult) -> Frame:

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from benchmark.experiment.version import changed_scenarios, versions
+from benchmark.experiment.environment import Environment
+from benchmark.experiment.version import (
+    ENVIRONMENT,
+    changed_code,
+    changed_scenarios,
+    changed_settings,
+    versions,
+)
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import RunResult
 from benchmark.results.run_folder import CONTINUED
+from smarts.config import ConfigError, fitted
 
 NONE = "of no version"
 
@@ -73,8 +81,19 @@ def _changed(version: int, runs: Sequence[RunResult]) -> list[str]:
     found: dict[str, list[str]] = {}
     for run in runs:
         for scenario in changed_scenarios(version, {run.traffic: run.scenarios}):
-            found.setdefault(scenario, []).append(str(run))
-    return [
-        f"Not as version {version} froze it: the scenario {scenario} of {', '.join(names)}."
-        for scenario, names in found.items()
-    ]
+            found.setdefault(f"the scenario {scenario}", []).append(str(run))
+        for name in _changed_settings(version, run):
+            found.setdefault(f"environment.{name}", []).append(str(run))
+    lines = [f"Not as version {version} froze it: {x} of {', '.join(names)}." for x, names in found.items()]
+    if "metrics" in changed_code(version):
+        lines.append(f"This report's code of metrics is not as version {version} froze it.")
+    return lines
+
+
+def _changed_settings(version: int, run: RunResult) -> list[str]:
+    if ENVIRONMENT not in run.config:
+        return []
+    try:
+        return changed_settings(version, fitted(run.config[ENVIRONMENT], Environment))
+    except (ConfigError, TypeError):
+        return ["(unreadable)"]

@@ -5,9 +5,8 @@ from __future__ import annotations
 from benchmark.metrics.results import THIS_CHECKPOINT
 from benchmark.report.against_paper import DEGENERATE, NON_INFERIOR, PASSES, WORDS
 from benchmark.report.content import Report, TableCell
-from benchmark.report.paper import Printed, algorithm_label
+from benchmark.report.paper import Printed, algorithm_label, impossible_sum, task_label, traffic_label
 from benchmark.report.protocol import differing_scenarios
-from benchmark.report.traffic_check import failing_cells
 from benchmark.report.versions import version_lines
 
 MODE_TITLES = {"greedy": "Greedy", "sampled": "Sampled", "scripted": "Scripted"}
@@ -36,10 +35,12 @@ AGAINST_PAPER = (
     "paper's by Wilson's at 20 trials (40 agent-episodes / a design effect of 2). Better: the two-sided 95% "
     "interval of d excludes 0. Non-inferior: the one-sided 95% pessimistic end is within 0.075. Worse: the "
     "two-sided interval is on the wrong side of 0. Else undecided. A cell has the weaker word of its two "
-    "figures. Not counted: cells that random, keep-lane or parked driving passes (better or non-inferior)."
+    "figures. Not counted: cells that random, keep-lane or parked driving passes (better or non-inferior), "
+    "cells with social vehicles that hardly differ from those without, and figures that look like misprints."
 )
 BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
 THESE_CHECKPOINTS = "these checkpoints"
+SAME_TASK = "hardly differs from the cell without social vehicles"
 NO_RUN = "no finished run"
 
 
@@ -78,9 +79,16 @@ def mark(cell: TableCell) -> str:
 
 
 def not_counted(cell: TableCell) -> str:
-    """Return why the paper's cell does not count, or what is odd about it; empty if neither."""
+    """Return why the paper's cell does not count, and what else is odd about it; empty if neither."""
+    reasons = _reasons(cell)
+    found = [f"not counted: {', '.join(reasons)}" if reasons else "", impossible_sum(cell.printed)]
+    return "; ".join(filter(None, found))
+
+
+def _reasons(cell: TableCell) -> list[str]:
     names = ", ".join(map(algorithm_label, cell.passed_by))
-    return "; ".join(filter(None, (f"not counted: {names} passes" if names else "", cell.misprint)))
+    traffic = SAME_TASK if cell.is_without_traffic else ""
+    return [*filter(None, (f"{names} passes" if names else "", traffic, cell.misprint))]
 
 
 def mark_meaning(cell: TableCell) -> str:
@@ -116,23 +124,33 @@ def standing(report: Report) -> list[str]:
     """Return sentences on the version, on runs that must not be compared, and on the paper."""
     runs = report.results.runs
     sentences = version_lines(runs) + differing_scenarios((run, str(run)) for run in runs)
-    sentences += [f"Not a cell with social vehicles in effect: {x}." for x in failing_cells(report.results)]
+    doubts = {False: "Not", None: "Not known to be"}
+    sentences += [
+        f"{doubts[check.is_one]} a cell with social vehicles in effect: {check}."
+        for check in report.traffic_checks
+        if not check.is_one
+    ]
     return sentences + [line for mode in report.modes for line in _against_paper(report, mode)]
 
 
 def _against_paper(report: Report, mode: str) -> list[str]:
     """Return how many cells have which word, and which do not count."""
-    every = [cell for row in report.main_table(mode) for cell in row.cells if mark(cell)]
+    every = [(row, cell) for row in report.main_table(mode) for cell in row.cells if mark(cell)]
     if not every:
         return []
-    counted = [mark(cell) for cell in every if not cell.passed_by]
+    counted = [mark(cell) for _, cell in every if cell.counts]
     passed = sum(word in PASSES for word in counted)
     words = ", ".join(f"{word} in {counted.count(word)}" for word in reversed(WORDS))
     title, share = MODE_TITLES[mode], f"{passed} of {len(counted)} cells that count"
     lines = [f"{title}: better than or {NON_INFERIOR} to the paper in {share} ({words})."]
-    if len(counted) < len(every):
-        left_out = len(every) - len(counted)
-        lines[0] += f" {left_out} more are not counted, since a degenerate driver passes them."
+    left_out = [
+        f"{algorithm_label(row.algorithm)}, {task_label(cell.task)}, {traffic_label(cell.traffic)}: "
+        f"{mark(cell)}, but {', '.join(_reasons(cell))}"
+        for row, cell in every
+        if not cell.counts
+    ]
+    if left_out:
+        lines.append(f"{title}: not counted: {'; '.join(left_out)}.")
     absent = ", ".join(name for name in DEGENERATE if name not in report.scripted)
     if absent:
         lines.append(f"{title}: not played, so it is not known whether they pass cells: {absent}.")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report, make_report
+from benchmark.report.episode_pages import EPISODES, EpisodeLinks, write_episodes
 from benchmark.report.figures import KINDS, draw_all
 from benchmark.report.html import report_page
 from benchmark.report.latex import main_table
@@ -25,12 +27,13 @@ PAGE, TEXT, VALUES, DIFFERENCES = "report.html", "report.md", "values.csv", "dif
 MARL_EVAL = "marl_eval.json"
 
 
-def write_report(root: Path, out: Path | None = None) -> Path:
+def write_report(root: Path, out: Path | None = None, *, episodes: bool = False) -> Path:
     """Make an experiment's report from what is on disk; return its page.
 
     Args:
         root: The experiment's results.
         out: Folder of the report, by default `report` among the results.
+        episodes: Whether to write pages with recorded test episodes beside it, and link them.
 
     Raises:
         ResultsError: There are no results, or the folder cannot be written to or holds something else.
@@ -38,11 +41,12 @@ def write_report(root: Path, out: Path | None = None) -> Path:
     results = read_results(root)
     folder = (out or root / FOLDER).absolute()
     _check_free(folder)
-    files = report_files(make_report(results))
+    report = make_report(results)
 
     def write(partial: Path) -> None:
         partial.mkdir(parents=True)
-        for name, content in files.items():
+        links = write_episodes(results, report.modes[0], partial) if episodes else []
+        for name, content in report_files(report, links).items():
             (partial / name).write_bytes(content)
 
     # `report` may be called while a run writes its own.
@@ -50,15 +54,20 @@ def write_report(root: Path, out: Path | None = None) -> Path:
     return folder / PAGE
 
 
-def report_files(report: Report) -> dict[str, bytes]:
-    """Return name and content of the files of a report."""
+def report_files(report: Report, links: Sequence[EpisodeLinks] = ()) -> dict[str, bytes]:
+    """Return name and content of the files of a report.
+
+    Args:
+        report: What it says.
+        links: To recorded test episodes.
+    """
     pictures = {kind.name: draw_all(kind, report) for kind in KINDS} if report.columns else {}
     summaries = summaries_of(report)
     if summaries.algorithms:
         pictures[PROFILE] = draw_profile(summaries)
     texts = {
-        PAGE: report_page(report, summaries, pictures.get(PROFILE)),
-        TEXT: report_text(report, summaries, pictures),
+        PAGE: report_page(report, summaries, pictures.get(PROFILE), links),
+        TEXT: report_text(report, summaries, pictures, links),
         MARL_EVAL: marl_eval_json(report.results, report.modes[0]),
         VALUES: values_csv(report.values),
         DIFFERENCES: differences_csv(report),
@@ -101,7 +110,7 @@ def _check_free(folder: Path) -> None:
         raise ResultsError("is a file, not a folder", place=str(folder), remedy="choose another --out")
     if folder.is_dir() and any(folder.iterdir()):
         pictures = (f"{name}.png" for name in (*(kind.name for kind in KINDS), PROFILE))
-        known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, "main_table_*.tex", *pictures]
+        known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, "main_table_*.tex", EPISODES, *pictures]
         others = {*folder.iterdir()}.difference(*map(folder.glob, known))
         if others:
             raise ResultsError(

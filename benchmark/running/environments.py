@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmark.experiment.environment import Driving, Host
 from benchmark.experiment.runs import TaskSetting
-from smarts.agents.benchmark import benchmark_interface
+from smarts.agents.benchmark import MAX_STEPS, benchmark_interface
 from smarts.agents.interface import AgentInterface
 from smarts.env.vector import VectorHiWayEnv
 from smarts.observations.lists import Observed, feature_list
@@ -18,6 +18,8 @@ from smarts.types.actions import ActionSpaceType
 
 NAME = "smarts-bench"
 """Of the training environment among RLlib's."""
+DT = 0.1
+"""Length of a step [s]."""
 
 
 def environment(
@@ -39,7 +41,7 @@ def environment(
         scenarios: Others than the task setting's, such as held-out variations.
         record: Where episodes are written to.
         discount: Of the learner, which shaped rewards have to agree with; by default that of the weights.
-        max_episode_steps: Of each agent, by default the benchmark's.
+        max_episode_steps: Of each agent, instead of the task setting's time limit.
         traffic_step: Of the training environment alone; see `Options`.
         observation: Instead of the task setting's, with the same rewards.
 
@@ -51,11 +53,15 @@ def environment(
     reward = given.reward
     if reward is None and observation is not None:
         reward = feature_list(given.observation).reward
-    limit = {} if max_episode_steps is None else {"max_episode_steps": max_episode_steps}
+    if max_episode_steps is None:
+        max_episode_steps = MAX_STEPS if given.time_limit is None else max(1, round(given.time_limit / DT))
     return VectorHiWayEnv(
         num_envs or task_setting.num_envs,
         list(scenarios or task_setting.task.scenarios),
-        agents={name: interface_of(each).replace(**limit) for name, each in given.driving().items()},
+        agents={
+            name: interface_of(each).replace(max_episode_steps=max_episode_steps)
+            for name, each in given.driving().items()
+        },
         decision_interval=given.decision_interval,
         observation=given.observation if observation is None else observation,
         reward=reward,

@@ -18,7 +18,7 @@ from benchmark.experiment.config import Experiment
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import Run, task_settings_of
-from benchmark.experiment.version import changed_code, changed_scenarios
+from benchmark.experiment.version import changed_code, changed_scenarios, changed_settings
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
 from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
@@ -120,13 +120,14 @@ def check_version(experiment: Experiment) -> None:
     """Check that an experiment plays what its version of the benchmark froze.
 
     Raises:
-        SmartsError: A scenario or a part of the code differs, or the source tree has changes.
+        SmartsError: A scenario, code or a setting of the environment differs, or the source tree has changes.
     """
     version = experiment.benchmark_version
     if version is None:
         return
     changed = [f"scenario {name}" for name in changed_scenarios(version, scenarios_by_traffic(experiment))]
     changed += [f"code of {part}" for part in changed_code(version)]
+    changed += [f"environment.{name}" for name in changed_settings(version, experiment.environment)]
     place, remedy = "benchmark_version", "leave it out, or restore what the version froze"
     if changed:
         raise SmartsError(f"differs from version {version}: {', '.join(changed)}", place=place, remedy=remedy)

@@ -59,6 +59,8 @@ SCRIPTED_POLICIES = Registry(
         "parked": "benchmark.scripted.simple:Parked",
         "random": "benchmark.scripted.simple:RandomActions",
         "gap_acceptance": "benchmark.scripted.gap_acceptance:GapAcceptancePolicy",
+        "empty_road": "benchmark.scripted.gap_acceptance:EmptyRoad",
+        "creep": "benchmark.scripted.gap_acceptance:Creep",
     },
     _adopt,
 )

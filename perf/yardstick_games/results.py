@@ -108,11 +108,15 @@ HEAD = """# Yardsticks
 
 Games of other publications, played by our algorithms. `python -m perf.yardsticks --games GAME` trains
 and writes this page, `python -m perf.yardsticks --page` only writes it. The settings are in
-`perf/yardstick_games/recipes.py`, and with the commit in the first line of each run's file. Scores are means
-over 200 fixed episodes and over seeds. "Best" is the highest greedy evaluation of the mean over seeds, as
-EPyMARL's publication reports it; "last" is at the end. Sampled play explores as at the end of the training.
-"Looped" is the share of greedy episodes in which all agents see again what they saw before: without memory
-such a team repeats itself for ever.
+`perf/yardstick_games/recipes.py`, and with the commit in the first line of each run's file.
+
+Scores are means over 200 fixed episodes and over training seeds; in brackets how many seeds, where they
+are fewer than three: such a score does not tell how further seeds would turn out, and differences
+between them prove nothing. "Best" is the highest greedy evaluation of the mean over seeds, as EPyMARL's
+publication reports it (of several seeds); it is chosen on the same episodes, so it is too high by
+chance. "Last" is at the end. Sampled play explores as at the end of the training. "Looped" is the share
+of greedy episodes in which all agents see again what they saw before: without memory such a team repeats
+itself for ever.
 
 ![curves](curves.png)
 """
@@ -136,15 +140,25 @@ def section(name: str, game: Yardstick, runs: Sequence[RunFile]) -> str:
 def row(algorithm: str, runs: Sequence[RunFile]) -> str:
     """Return the line of an algorithm's runs."""
     ends = [run.curve[-1] for run in runs]
-    greedy, sampled, looped = (
-        f"{np.mean([getattr(e, name) for e in ends]):.2f}" for name in ("greedy", "sampled", "looped")
-    )
+    means = (float(np.mean([getattr(e, name) for e in ends])) for name in ("greedy", "sampled"))
+    greedy, sampled = (scored(mean, runs) for mean in means)
     if algorithm == RANDOM:
-        return f"| `{algorithm}` | | | | | | {sampled} | |"
+        return f"| `{algorithm}` | | | | | | {np.mean([e.sampled for e in ends]):.2f} | |"
     steps = " ".join(f"{count:,}" for count in dict.fromkeys(end.steps for end in ends))
-    seeds = ", ".join(f"{end.greedy:.2f}" for end in ends)
-    cells = (str(len(runs)), steps, greedy, seeds, f"{best(runs):.2f}", sampled, looped)
+    seeds = ", ".join(f"{run.seed}: {end.greedy:.2f}" for run, end in zip(runs, ends, strict=True))
+    looped = f"{np.mean([e.looped for e in ends]):.2f}"
+    cells = (str(len(runs)), steps, greedy, seeds, scored(best(runs), runs), sampled, looped)
     return f"| `{algorithm}` | {' | '.join(cells)} |"
+
+
+def scored(score: float, runs: Sequence[RunFile]) -> str:
+    """Return a score, with the number of training seeds behind it where they are fewer than three."""
+    return f"{score:.2f}" + (f" ({seeds_of(runs)})" if len(runs) < 3 else "")
+
+
+def seeds_of(runs: Sequence[RunFile]) -> str:
+    """Return how many training seeds there are, in words."""
+    return f"{len(runs)} seed{'s'[: len(runs) != 1]}"
 
 
 def best(runs: Sequence[RunFile]) -> float:
@@ -172,6 +186,10 @@ def draw(folder: Path = FOLDER) -> None:
             label = run.algorithm if run.seed == min(r.seed for r in runs if r[:2] == run[:2]) else None
             axes.plot(steps, [e.greedy for e in run.curve], colour, label=label)
             axes.plot(steps, [e.sampled for e in run.curve], colour, linestyle=":", linewidth=0.8)
-        axes.set(title=game, xlabel="environment steps", ylabel="score, greedy (dotted: sampled)")
+        most = max(sum(run[:2] == (game, name) for run in runs) for name in names)
+        title = (
+            f"{game}, {most} seed{'s'[: most != 1]} each at most" if most > 1 else f"{game}, one seed each"
+        )
+        axes.set(title=title, xlabel="environment steps", ylabel="score, greedy (dotted: sampled)")
         axes.legend(fontsize="small")
     figure.savefig(folder / "curves.png", dpi=80, metadata={"Software": None})

@@ -20,6 +20,7 @@ from smarts.controllers.tracking import SPEED_GAIN
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.paces import Performance
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands, LaneAction
 from smarts.types.agent_states import AgentStatus, ChangePhase
@@ -119,7 +120,7 @@ def follow_lanes(
             if command_type == BY_NAME and int(values[b, a, 0]) == _SLOW:
                 _slow_down(points, speed)
             elif command_type == FALLBACK:
-                _limit_fallback(state, roads, routes, b, a, row, s, points)
+                _limit_fallback(state, roads, routes, abilities.performance, b, a, row, s, points)
             length[b, a] = len(points)
 
 
@@ -136,14 +137,22 @@ def _stand_if_lost(state: State, commands: Commands, b: int, a: int, row: int) -
 
 @kernel
 def _limit_fallback(
-    state: State, roads: Roads, routes: RouteTable, b: int, a: int, row: int, s: float, points: Floats
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    performance: Performance,
+    b: int,
+    a: int,
+    row: int,
+    s: float,
+    points: Floats,
 ) -> None:
     """Lower a reference's speeds behind others and, for a vehicle of traffic, at lights and junctions."""
     slot = state.agents.slot[b, a]
     limit_by_leaders(state, b, slot, points)
     if state.vehicles.home[b, slot] != _NOBODY:
         limit_by_lights(state, roads, b, slot, routes.lane[row], s, points)
-        limit_by_right_of_way(state, roads, routes, b, slot, row, s, points)
+        limit_by_right_of_way(state, roads, routes, performance, b, slot, row, s, points)
 
 
 @kernel

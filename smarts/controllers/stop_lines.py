@@ -7,6 +7,7 @@ from smarts.controllers.leaders import brake_to
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
+from smarts.roads.paces import Performance
 from smarts.roads.right_of_way import gap_to_wait
 from smarts.types.traffic import Signal
 from smarts.types.world import State
@@ -47,7 +48,15 @@ def limit_by_lights(
 
 @kernel
 def limit_by_right_of_way(
-    state: State, roads: Roads, routes: RouteTable, b: int, slot: int, row: int, s: float, points: Floats
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    performance: Performance,
+    b: int,
+    slot: int,
+    row: int,
+    s: float,
+    points: Floats,
 ) -> None:
     """Lower a reference's speeds so that the vehicle waits at junctions where others go first.
 
@@ -55,13 +64,14 @@ def limit_by_right_of_way(
         state: The state of the world.
         roads: The maps' lanes.
         routes: The agents' routes.
+        performance: Of each kind of vehicle.
         b: The simulation.
         slot: The vehicle.
         row: The row in `routes` of the lane that it steers for.
         s: Position of its centre along the lane [m].
         points: The reference, shape (R, 4), see `Commands`; its speeds are lowered.
     """
-    room = gap_to_wait(state, roads, routes, b, slot, row, s)
+    room = gap_to_wait(state, roads, routes, performance, b, slot, row, s)
     speed = max(state.vehicles.speed[b, slot], 0.0)
     if speed * speed <= 2.0 * HARDEST * room:
         brake_to(points, room - min(GAP, 0.5 * room) if room > CLOSE else -GAP, 0.0)

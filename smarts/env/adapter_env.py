@@ -10,6 +10,7 @@ from gymnasium.spaces import Box, Dict, Space
 
 from smarts.agents.options import InterfaceError
 from smarts.env.actions import Own, Parsed, element_of
+from smarts.env.agent_notes import note_agents
 from smarts.env.dict_env import DictEnv, StepResult
 from smarts.env.groups import AgentGroup, make_groups, rewards_of
 from smarts.env.observation_collector import ObservationCollector
@@ -40,6 +41,7 @@ class AdapterDictEnv(DictEnv):
         assembly, self._groups = make_groups(settings)
         adapters = [group.adapter for group in self._groups]
         runner = SimulationRunner(assembly, adapters, period=settings.decision_interval)
+        note_agents(runner, self._groups, settings)
         self._places = {
             name: (number, place)
             for number, group in enumerate(self._groups)

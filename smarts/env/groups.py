@@ -65,6 +65,8 @@ class AgentGroup:
     action: Space
     kind: ActionSpaceType
     """How their interfaces say that they act."""
+    context: AdapterContext
+    """Of the adapter."""
     encoding: ActionEncoding | None = None
     """The adapter, if it is an `ActionEncoding` too."""
 
@@ -175,6 +177,7 @@ def _group(
         observation=space_of(assembled({field.name: box_of(field) for field in fields})),
         action=action_space(context.action) if encoding is None else encoding.action_space,
         kind=context.action,
+        context=context,
         encoding=encoding,
     )
 

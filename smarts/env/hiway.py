@@ -18,13 +18,14 @@ from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
 from smarts.env.dict_env import DictEnv
 from smarts.env.groups import context_of
 from smarts.env.observation_collector import ObservationCollector
+from smarts.env.rendering import RENDER_MODES, Renderer, RenderMode, check_render_mode
 from smarts.env.runner import NotCopied, SimulationRunner
 from smarts.env.settings import ALL, EnvSettings
 from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed
 from smarts.rewards.own import Reward
 from smarts.rewards.weights import Rewards
-from smarts.sim.assembly import Options, shown
+from smarts.sim.options import Options, shown
 from smarts.types.actions import ActionSpaceType
 from smarts.types.streams import check_seed
 
@@ -50,12 +51,14 @@ class HiWayEnv(NotCopied, gym.Env):
         learn_in_bubbles: See `EnvSettings`. An agent ends where its vehicle leaves the bubble, and appears
             again with another; there are steps without any agent.
         episode_time: See `EnvSettings`.
+        render_mode: `"rgb_array"`: `render` returns pictures; `"human"`: each step is shown in a window or a
+            notebook.
 
     Raises:
         SmartsError: A scenario or an agent is invalid.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012
+    metadata = {"render_modes": [*RENDER_MODES]}  # noqa: RUF012
 
     def __init__(
         self,
@@ -71,7 +74,9 @@ class HiWayEnv(NotCopied, gym.Env):
         social_agents: Sequence[Any] = (),
         learn_in_bubbles: bool | Sequence[str] = False,
         episode_time: float | None = None,
+        render_mode: RenderMode | None = None,
     ) -> None:
+        check_render_mode(render_mode, "HiWayEnv")
         check_instance("agent_specs", agent_specs, Mapping, "a dict of specs by the agents' names")
         settings = EnvSettings(
             scenarios,
@@ -89,6 +94,8 @@ class HiWayEnv(NotCopied, gym.Env):
         self.agent_specs = dict(self._env.specs)
         self.agent_ids = list(agent_specs)
         """The names of all agents, active or not."""
+        self._renderer = Renderer(self._env.runner, render_mode, "HiWayEnv")
+        self.metadata, self.render_mode = self._renderer.metadata, render_mode
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -97,7 +104,9 @@ class HiWayEnv(NotCopied, gym.Env):
         if seed is not None:
             check_seed(seed, "reset")
         super().reset(seed=seed, options=options)
-        return self._env.reset(seed)
+        result = self._env.reset(seed)
+        self._renderer.after_step()
+        return result
 
     def step(self, action: Mapping[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
         """Step until the next decision; return observations, rewards, terminated, truncated, infos by agent.
@@ -106,6 +115,7 @@ class HiWayEnv(NotCopied, gym.Env):
         its last agents were only cut short. See `DictEnv.step` for actions and errors.
         """
         result = self._env.step(action)
+        self._renderer.after_step()
         over, cut = result.finished, result.finished and any(result.truncated.values())
         terminated, truncated = {**result.terminated, ALL: over}, {**result.truncated, ALL: cut}
         return result.observations, result.rewards, terminated, truncated, result.infos
@@ -153,8 +163,13 @@ class HiWayEnv(NotCopied, gym.Env):
         runner.listen(made)
         return made
 
+    def render(self) -> Any:
+        """Return a picture, shape (600, 800, 3), or show it; see `Renderer.render`."""
+        return self._renderer.render()
+
     def close(self) -> None:
         """Free the simulation; may be called again."""
+        self._renderer.close()
         self._env.close()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Unpack
@@ -11,22 +10,30 @@ from gymnasium.spaces import Space
 from pettingzoo import ParallelEnv
 
 from smarts.env.adapter_env import AdapterDictEnv
+from smarts.env.rendering import RENDER_MODES, Renderer, RenderMode, check_render_mode
 from smarts.env.runner import NotCopied
-from smarts.env.settings import NO_RENDERING, Agents, EnvOptions, EnvSettings, make_settings, refuse_bubbles
+from smarts.env.settings import Agents, EnvOptions, EnvSettings, make_settings, refuse_bubbles
 
 
 class ParallelHiWayEnv(NotCopied, ParallelEnv):
     """A simulation as PettingZoo's `ParallelEnv`; see `hiway_parallel_env`."""
 
-    metadata = {"name": "hiway_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
+    metadata = {  # noqa: RUF012
+        "name": "hiway_v0",
+        "render_modes": [*RENDER_MODES],
+        "is_parallelizable": True,
+    }
 
-    def __init__(self, settings: EnvSettings) -> None:
+    def __init__(self, settings: EnvSettings, render_mode: RenderMode | None = None) -> None:
+        check_render_mode(render_mode, "hiway_parallel_env")
         self._env = AdapterDictEnv(settings)
         self.possible_agents = list(self._env.columns)
         self.agents: list[str] = []
         self.observation_spaces = self._env.observation_spaces
         self.action_spaces = self._env.action_spaces
-        self.render_mode = None
+        self.render_mode = render_mode
+        self._renderer = Renderer(self._env.runner, render_mode, "ParallelHiWayEnv")
+        self.metadata = {**self.metadata, **self._renderer.metadata}
 
     def observation_space(self, agent: str) -> Space:
         """Return the space of an agent's observations; the same object each time."""
@@ -42,6 +49,7 @@ class ParallelHiWayEnv(NotCopied, ParallelEnv):
         """Begin the next episode, or with a seed the first one of that seed."""
         observations, infos = self._env.reset(seed)
         self.agents = self._env.agents
+        self._renderer.after_step()
         return observations, infos
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
@@ -51,18 +59,20 @@ class ParallelHiWayEnv(NotCopied, ParallelEnv):
         """
         result = self._env.step(actions)
         self.agents = self._env.agents
+        self._renderer.after_step()
         return result.observations, result.rewards, result.terminated, result.truncated, result.infos
 
     def annotate(self, name: str, values: Mapping[str, Any]) -> None:
         """Add values to the record of the agents' next decision; see `DictEnv.annotate`."""
         self._env.annotate(name, values)
 
-    def render(self) -> None:
-        """Draw nothing, and warn: `smarts-bench render` draws recorded episodes."""
-        warnings.warn(NO_RENDERING, stacklevel=2)
+    def render(self) -> Any:
+        """Return a picture, shape (600, 800, 3), or show it; see `Renderer.render`."""
+        return self._renderer.render()
 
     def close(self) -> None:
         """Free the simulation; may be called again."""
+        self._renderer.close()
         self._env.close()
 
 
@@ -71,6 +81,7 @@ def hiway_parallel_env(
     agents: Agents = 4,
     *,
     action_mask: bool = False,
+    render_mode: RenderMode | None = None,
     **options: Unpack[EnvOptions],
 ) -> ParallelHiWayEnv:
     """Return a simulation as a PettingZoo parallel environment.
@@ -82,13 +93,15 @@ def hiway_parallel_env(
         agents: How many agents of the benchmark, or specs or interfaces by name. A spec's adapters are
             applied to the observations, rewards and actions.
         action_mask: Whether observations hold the mask too: `{"observation": ..., "action_mask": ...}`.
+        render_mode: `"rgb_array"`: `render` returns pictures; `"human"`: each step is shown in a window or a
+            notebook.
         options: See `EnvSettings`.
 
     Raises:
-        SmartsError: A scenario or an agent is invalid.
+        SmartsError: A scenario, an agent or the render mode is invalid.
     """
     settings = make_settings(
         "hiway_parallel_env", scenarios, agents, options=options, action_mask=action_mask
     )
     refuse_bubbles("hiway_parallel_env", settings)
-    return ParallelHiWayEnv(settings)
+    return ParallelHiWayEnv(settings, render_mode)

@@ -15,7 +15,7 @@ from smarts.env.dict_env import StepResult
 from smarts.env.runner import NotCopied
 from smarts.env.settings import ALL, EnvSettings, refuse_bubbles
 from smarts.errors import SmartsError, nearest_names
-from smarts.sim.assembly import shown
+from smarts.sim.options import shown
 from smarts.types.streams import check_seed
 
 _OLD_NAMES = {"agent_specs": "agents"}

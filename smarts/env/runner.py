@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, NoReturn, Protocol
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +17,13 @@ from smarts.agents.checks import check_instance
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.env.actions import ActionEncoder
 from smarts.env.decisions import choose_observed, join_events
+from smarts.env.listeners import DecisionNotes, StepListener
 from smarts.env.social_agents import SocialAgentRequests, add_by_name
 from smarts.errors import ScenarioError, SmartsError
 from smarts.geometry.binding import bind
 from smarts.sim.assembly import Assembly
 from smarts.types.agent_states import AgentStatus
+from smarts.types.bubbles import BubbleStates
 from smarts.types.episode import EpisodeStart
 from smarts.types.frame import Frame
 
@@ -42,18 +44,6 @@ class NotCopied:
             remedy="hand over what makes it, such as functools.partial(HiWayEnv, ...), and make it there: "
             "with the same seed it plays the same episodes",
         )
-
-
-class StepListener(Protocol):
-    """Receives every step, such as an array adapter."""
-
-    def collect(self, frame: Frame, is_last: bool) -> object:
-        """Take in one step of a decision, or a reset; `is_last` if the decision ends with it."""
-        ...
-
-    def reset(self, egos: Bools) -> None:
-        """Begin episodes of these egos, shape (B, E)."""
-        ...
 
 
 class EpisodeKey(NamedTuple):
@@ -120,6 +110,7 @@ class SimulationRunner:
         """Takes the agents' actions."""
         self._schedule, self._recorder = assembly.schedule, assembly.recorder
         self._listeners = tuple(listeners)
+        self._notes: list[DecisionNotes] = []
         self._requests = SocialAgentRequests(assembly, self.encoder, host) if assembly.policies else None
         self._entries = assembly.entries
         self._pool, self.learns_in_bubbles = assembly.pool, assembly.learns_in_bubbles
@@ -152,6 +143,11 @@ class SimulationRunner:
     def listen(self, listener: StepListener) -> None:
         """Show every step to one more listener."""
         self._listeners = (*self._listeners, listener)
+
+    def note(self, notes: DecisionNotes) -> None:
+        """Add to the record of each decision from now on."""
+        self._notes.append(notes)
+        self.listen(notes)
 
     def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
         """Begin episodes in some simulations, by row.
@@ -192,6 +188,8 @@ class SimulationRunner:
         Raises:
             ScenarioError: No ego enters.
         """
+        for notes in self._notes:
+            notes.before_decision()
         self._decide(self._every)
         return Transition(
             self._acted,
@@ -203,6 +201,11 @@ class SimulationRunner:
             dict(self._failures),
             self.take_social_failures(),
         )
+
+    @property
+    def bubbles(self) -> BubbleStates | None:
+        """Where bubbles are; None: the run has none."""
+        return None if self._frame is None else self._frame.bubbles
 
     def take_social_failures(self) -> dict[int, dict[str, str]]:
         """Return the failures since the last result, as in `Transition`: after a reset, of its own steps."""
@@ -250,13 +253,8 @@ class SimulationRunner:
         """
         start, kept_out = self.starts[row], self._entries.kept_out(row)
         info: dict[str, Any] = {"kept_out": kept_out} if kept_out else {}
-        if (
-            start is not None
-            and start.bubbles
-            and self._frame is not None
-            and self._frame.bubbles is not None
-        ):
-            info["bubbles"] = self._frame.bubbles.counted(row, start.bubbles)
+        if start is not None and start.bubbles and self.bubbles is not None:
+            info["bubbles"] = self.bubbles.counted(row, start.bubbles)
         if self._requests is not None and (late := self._requests.late_decisions(row)):
             info["late_decisions"] = late
         return info
@@ -289,6 +287,9 @@ class SimulationRunner:
         has_reward = has_reward & self._acted
         has_reward[list(self._failures)] = False
         self._recorder.annotate("reward", rewards, has_reward, self._decided)
+        for notes in self._notes:
+            for name, values in notes.rewards().items():
+                self._recorder.annotate(name, values, has_reward & notes.mask, self._decided)
         self._recorder.finish(~self.running)
 
     def dispatch(self) -> None:

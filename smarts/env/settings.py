@@ -69,8 +69,8 @@ class EnvOptions(SimulationOptions, total=False):
 
 
 NO_RENDERING = (
-    "environments do not draw: record episodes with simulation=Options(record=FOLDER), and draw them with "
-    "smarts-bench render"
+    "it does not draw: SingleHiWayEnv, hiway_parallel_env and HiWayEnv do; of any, record episodes with "
+    "simulation=Options(record=FOLDER), and draw them with smarts-bench render"
 )
 
 

@@ -11,6 +11,7 @@ import gymnasium as gym
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapter_env import AdapterDictEnv
+from smarts.env.rendering import RENDER_MODES, Renderer, RenderMode, check_render_mode
 from smarts.env.runner import NotCopied
 from smarts.env.settings import EnvOptions, make_settings, refuse_bubbles
 from smarts.errors import ActionError
@@ -29,13 +30,15 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         agent: Its spec or interface; by default, that of the benchmark. A spec's adapters are applied to the
             observation, the reward and the action.
         action_mask: Whether observations hold the mask of the lane actions too, which is in each info.
+        render_mode: `"rgb_array"`: `render` returns pictures; `"human"`: each step is shown in a window or a
+            notebook.
         options: See `EnvSettings`.
 
     Raises:
         SmartsError: A scenario or the agent is invalid.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012
+    metadata = {"render_modes": [*RENDER_MODES]}  # noqa: RUF012
 
     def __init__(
         self,
@@ -43,8 +46,10 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         agent: AgentSpec | AgentInterface | None = None,
         *,
         action_mask: bool = False,
+        render_mode: RenderMode | None = None,
         **options: Unpack[EnvOptions],
     ) -> None:
+        check_render_mode(render_mode, "SingleHiWayEnv")
         agents = 1 if agent is None else {AGENT: agent}
         settings = make_settings(
             "SingleHiWayEnv", scenarios, agents, options=options, action_mask=action_mask
@@ -53,6 +58,8 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         self._env = AdapterDictEnv(settings)
         self.observation_space = self._env.observation_spaces[AGENT]
         self.action_space = self._env.action_spaces[AGENT]
+        self._renderer = Renderer(self._env.runner, render_mode, "SingleHiWayEnv")
+        self.metadata, self.render_mode = self._renderer.metadata, render_mode
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -62,6 +69,7 @@ class SingleHiWayEnv(NotCopied, gym.Env):
             check_seed(seed, "reset")
         super().reset(seed=seed, options=options)
         observations, infos = self._env.reset(seed)
+        self._renderer.after_step()
         return observations[AGENT], infos[AGENT]
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -75,6 +83,7 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         result = self._env.step({AGENT: action})
         if AGENT not in result.observations:
             raise ActionError("the episode is over", place="SingleHiWayEnv.step", remedy="call reset()")
+        self._renderer.after_step()
         return (
             result.observations[AGENT],
             result.rewards[AGENT],
@@ -87,6 +96,11 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         """Add the agent's value to the record of its next decision; see `DictEnv.annotate`."""
         self._env.annotate(name, {AGENT: values})
 
+    def render(self) -> Any:
+        """Return a picture, shape (600, 800, 3), or show it; see `Renderer.render`."""
+        return self._renderer.render()
+
     def close(self) -> None:
         """Free the simulation; may be called again."""
+        self._renderer.close()
         self._env.close()

@@ -33,7 +33,7 @@ class StayingAgents(NotCopied, ParallelEnv):
 
     def __init__(self, env: ParallelHiWayEnv) -> None:
         self._env = env
-        self.metadata, self.render_mode = env.metadata, None
+        self.metadata, self.render_mode = env.metadata, env.render_mode
         self.possible_agents, self.agents = env.possible_agents, []
         self._vectors: dict[str, Box] = {}
         self._choices: dict[str, Discrete] = {}
@@ -113,9 +113,9 @@ class StayingAgents(NotCopied, ParallelEnv):
             for name, mask in (self._no_choice | masks).items()
         }
 
-    def render(self) -> None:
-        """Draw nothing, and warn: `smarts-bench render` draws recorded episodes."""
-        self._env.render()
+    def render(self) -> Any:
+        """Return a picture, or show it; see `Renderer.render`."""
+        return self._env.render()
 
     def close(self) -> None:
         """Free the simulation; may be called again."""

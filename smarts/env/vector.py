@@ -14,6 +14,7 @@ from smarts.agents.checks import check_whole
 from smarts.agents.options import InterfaceError
 from smarts.arrays import Bools, Singles
 from smarts.env.actions import Own, arrays_of
+from smarts.env.agent_notes import note_agents
 from smarts.env.groups import ALONE, AgentGroup, box_of, make_groups, rewards_of
 from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
 from smarts.env.settings import Agents, EnvOptions, make_settings
@@ -66,6 +67,7 @@ class VectorHiWayEnv(NotCopied):
         self._runner = SimulationRunner(
             assembly, [group.adapter for group in self._groups], period=settings.decision_interval
         )
+        note_agents(self._runner, self._groups, settings)
         self.agents = tuple(name for group in self._groups for name in group.agents)
         self.spaces = Spaces(tuple(_block(group) for group in self._groups))
         self._seed = settings.seed

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import shutil
-import subprocess
 from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from itertools import chain
 from pathlib import Path
-from typing import IO, cast
 
 import numpy as np
 import PIL.Image
@@ -16,6 +14,8 @@ from numpy.typing import NDArray
 from smarts.envision.whole_files import PARTIAL, written_whole
 from smarts.errors import SmartsError
 
+QUALITY = 20
+"""Of a film: the encoder's constant rate factor, 0 without loss to 51."""
 Image = NDArray[np.uint8]
 
 MOVING = (".gif", ".mp4")
@@ -28,20 +28,13 @@ def check_format(out: Path) -> None:
     """Check that the format of a file can be written.
 
     Raises:
-        SmartsError: The suffix is unknown, or ffmpeg is missing for a .mp4.
+        SmartsError: The suffix is unknown.
     """
-    suffix = out.suffix.lower()
-    if suffix not in MOVING + STILL:
+    if out.suffix.lower() not in MOVING + STILL:
         raise SmartsError(
             f"there is no picture format '{out.suffix}'",
             place=str(out),
             remedy=f"end the name with one of {', '.join(MOVING + STILL)}",
-        )
-    if suffix == ".mp4" and shutil.which("ffmpeg") is None:
-        raise SmartsError(
-            "the program ffmpeg, which writes .mp4, was not found",
-            place=str(out),
-            remedy="install ffmpeg, or write a .gif",
         )
 
 
@@ -60,7 +53,7 @@ def write_moving(images: Iterable[Image], out: Path, seconds: float) -> None:
         seconds: Duration of each frame, clipped to `LONGEST_SHOWN` [s].
 
     Raises:
-        SmartsError: ffmpeg failed; the error holds its message.
+        SmartsError: The file cannot be written.
     """
     write = _write_gif if out.suffix.lower() == ".gif" else _write_mp4
     with written_whole(out) as partial:
@@ -81,21 +74,26 @@ def _write_gif(images: Iterator[Image], out: Path, seconds: float) -> None:
 
 
 def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> None:
+    """Write H.264 by the encoder that comes with PyAV."""
+    # Only those who write films wait for it.
+    import av
+    from av.error import FFmpegError
+    from av.video.stream import VideoStream
+
     first = next(images)
-    size = f"{first.shape[1]}x{first.shape[0]}"
-    command = ["ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size]
-    command += ["-r", f"{1 / seconds:g}", "-i", "-", "-pix_fmt", "yuv420p", str(out)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        feed = cast("IO[bytes]", process.stdin)
-        # If ffmpeg exits early, its message is read below.
-        with contextlib.suppress(BrokenPipeError):
-            feed.write(first.tobytes())
-            for image in images:
-                feed.write(image.tobytes())
-        _, message = process.communicate()
-    if process.returncode:
+    rate = Fraction(1 / seconds).limit_denominator(1000)
+    try:
+        with av.open(str(out), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+            stream = container.add_stream("libx264", rate=rate, options={"crf": str(QUALITY)})
+            assert isinstance(stream, VideoStream)
+            stream.height, stream.width = first.shape[:2]
+            stream.pix_fmt = "yuv420p"
+            for image in chain([first], images):
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+            container.mux(stream.encode(None))
+    except FFmpegError as error:
         raise SmartsError(
-            f"ffmpeg failed: {message.decode(errors='replace').strip()}",
-            place=str(out.name.removeprefix(PARTIAL)),
-            remedy="write a .gif instead",
-        )
+            f"the film cannot be encoded: {error.strerror}",
+            place=out.name.removeprefix(PARTIAL),
+            remedy="check that there is room on the disk, or write a .gif instead",
+        ) from error

@@ -23,6 +23,10 @@ from smarts.types.events import Outcome
 
 STEPS = 100
 """Of one message."""
+POLICY = "policy"
+"""The one fact that recorded episodes do not have."""
+MOST_STEPS = 10_000_000
+"""Of an episode."""
 
 _LASTING = SIGNALS.name, BUBBLE_POSES.name
 """Tables whose rows hold until the next one."""
@@ -30,20 +34,23 @@ _LASTING = SIGNALS.name, BUBBLE_POSES.name
 Columns = Mapping[str, NDArray]
 
 
-def compact_episode(episode: RecordedEpisode, begin: float | None = None, end: float | None = None) -> bytes:
+def compact_episode(
+    episode: RecordedEpisode, begin: float | None = None, end: float | None = None, *, policy: str = ""
+) -> bytes:
     """Return a recorded episode as a compact episode.
 
     Args:
         episode: The episode.
         begin: First time that is wanted [s]; None: the first.
         end: Last time that is wanted [s]; None: the last.
+        policy: What drove the egos, for those who watch.
 
     Raises:
         SmartsError: A table or the map is damaged or missing, or nothing is between these times.
     """
     try:
-        return b"".join(framed(messages_of(episode, _steps(episode, begin, end))))
-    except (KeyError, ValueError, IndexError, TypeError) as error:
+        return b"".join(framed(messages_of(episode, _steps(episode, begin, end), policy)))
+    except (LookupError, ValueError, TypeError, ArithmeticError) as error:
         raise RecordError(
             f"the tables of the recorded episode do not fit together: {error}",
             place=str(episode.folder),
@@ -51,9 +58,9 @@ def compact_episode(episode: RecordedEpisode, begin: float | None = None, end: f
         ) from error
 
 
-def messages_of(episode: RecordedEpisode, steps: Ints) -> Iterator[dict[str, Any]]:
+def messages_of(episode: RecordedEpisode, steps: Ints, policy: str = "") -> Iterator[dict[str, Any]]:
     """Yield the messages of some consecutive steps of a recorded episode."""
-    graph, facts = episode.roads(), episode.facts
+    graph, facts = episode.roads(), {**episode.facts, POLICY: policy}
     encoder = EpisodeEncoder(map_message(graph, str(facts["map"])), origin_of(graph), facts)
     yield from encoder.opening()
     static = {table.name: episode.table(table.name) for table in STATIC}
@@ -80,8 +87,10 @@ def messages_of(episode: RecordedEpisode, steps: Ints) -> Iterator[dict[str, Any
 def _steps(episode: RecordedEpisode, begin: float | None, end: float | None) -> Ints:
     """Return the steps between two times."""
     dt, last = float(episode.facts["dt"]), int(episode.facts["steps"])
-    first = 0 if begin is None or math.isnan(begin) else max(0.0, begin / dt)
-    behind = last if end is None or math.isnan(end) else min(last, end / dt)
+    if not (dt > 0 and 0 <= last <= MOST_STEPS):
+        raise ValueError(f"{last} steps of {dt} s")
+    first = 0 if begin is None or math.isnan(begin) else max(0.0, _exact(begin / dt))
+    behind = last if end is None or math.isnan(end) else min(last, _exact(end / dt))
     if first > behind:
         raise SmartsError(
             f"nothing lies between {begin or 0:g} s and {last * dt if end is None else end:g} s",
@@ -89,6 +98,11 @@ def _steps(episode: RecordedEpisode, begin: float | None, end: float | None) -> 
             remedy=f"the episode goes from 0 to {last * dt:g} s",
         )
     return np.arange(math.ceil(first), math.floor(behind) + 1, dtype=np.int32)
+
+
+def _exact(steps: float) -> float:
+    """Return a number of steps without the rounding of a division, as of 0.3 by 0.1."""
+    return round(steps) if math.isfinite(steps) and math.isclose(steps, round(steps)) else steps
 
 
 def _outcomes(agents: Columns) -> dict[str, NDArray]:
@@ -106,7 +120,10 @@ def _with_distant(near: Columns, distant: Columns, names: Columns) -> Columns:
         each["slot"].astype(np.int64) << 32 | each["generation"].astype(np.int64) for each in (names, distant)
     )
     order = np.argsort(known)
-    row = order[np.searchsorted(known[order], wanted)]
+    place = np.minimum(np.searchsorted(known[order], wanted), len(known) - 1)
+    if (known[order][place] != wanted).any():
+        raise ValueError("distant has vehicles that names has not")
+    row = order[place]
     far = {
         **{name: distant[name] for name in ("step", "slot", "generation", "owner")},
         **{name: names[name][row] for name in ("kind", "length", "width")},

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
+import json
 import math
 import threading
 from collections import Counter, OrderedDict
@@ -13,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from smarts.envision.compact_episode import compact_episode
+from smarts.envision.compact_episode import POLICY, compact_episode
 from smarts.errors import SmartsError
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.stream.reading import CompactEpisode
@@ -26,6 +28,8 @@ MOST_CACHED = 256 << 20
 """Bytes of compact episodes that are kept."""
 _ID_DIGITS = 12
 _EPISODES = "episodes"
+_FOLDERS_TO_RUN = 3
+"""From an episode to the folder of its run, with the part of the test and `episodes` between."""
 
 
 @dataclass(frozen=True)
@@ -130,9 +134,24 @@ def read_compact(path: Path) -> bytes:
         SmartsError: It is damaged.
     """
     if path.is_dir():
-        return compact_episode(RecordedEpisode(path))
+        return compact_episode(RecordedEpisode(path), policy=policy_of_run(path))
     CompactEpisode.load(path, only_static=True)
     return path.read_bytes()
+
+
+def policy_of_run(episode: Path) -> str:
+    """Return what drove the egos in an episode of a run, "" if it is of none.
+
+    That is the algorithm or the scripted policy in `run.json`, of a run's folder above the episode.
+    """
+    for folder in [*episode.absolute().parents][:_FOLDERS_TO_RUN]:
+        try:
+            facts = json.loads((folder / "run.json").read_bytes())
+        except (OSError, ValueError):
+            continue
+        named = facts.get("run") if isinstance(facts, dict) else None
+        return named.partition(",")[0] if isinstance(named, str) else ""
+    return ""
 
 
 def outcomes_of(agents: Mapping[str, Any]) -> dict[str, int]:
@@ -150,10 +169,10 @@ def _episodes_below(root: Path) -> Iterator[Path]:
     if (root / f"{EPISODE.name}.parquet").exists():
         yield root
         return
-    for found in root.rglob(f"{EPISODE.name}.parquet"):
-        if not any(part.startswith(".") for part in found.relative_to(root).parts):
-            yield found.parent
-    yield from root.rglob(f"*{SUFFIX}")
+    for found in itertools.chain(root.rglob(f"{EPISODE.name}.parquet"), root.rglob(f"*{SUFFIX}")):
+        # Names with a dot are of what is being written.
+        if not any(part.startswith(".") for part in found.relative_to(root).parts) and found.is_file():
+            yield found if found.suffix == SUFFIX else found.parent
 
 
 def _id(path: Path, known: Mapping[str, Path]) -> str:
@@ -192,6 +211,7 @@ def _entry_of(number: str, path: Path, root: Path) -> Entry:
             id=number,
             label=label,
             run=run,
+            policy=str(facts.get(POLICY) or policy_of_run(path)),
             scenario=str(facts["scenario"]),
             traffic=str(facts["traffic"]),
             episode=int(facts["episode"]),
@@ -206,7 +226,7 @@ def _entry_of(number: str, path: Path, root: Path) -> Entry:
         )
     except SmartsError as error:
         return Entry(number, label, run, error=error.problem)
-    except (KeyError, TypeError, ValueError) as error:
+    except (LookupError, TypeError, ValueError, ArithmeticError) as error:
         return Entry(number, label, run, error=f"its tables do not fit together: {error!r}")
 
 

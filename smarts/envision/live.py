@@ -18,9 +18,12 @@ from smarts.errors import RecordError, SmartsError
 from smarts.stream.arrays import unpacked_array
 from smarts.stream.container import Message, pack, unpack
 from smarts.stream.live_encoder import LiveEncoder
+from smarts.stream.road_map import LANE_COLUMNS
 
 MOST_SOURCES = 32
 """Simulations that are known at a time."""
+MOST_MAPS = 256
+"""Of one process."""
 MOST_WATCHED = 9
 """Simulations that one viewer watches."""
 MOST_WAITING = 8 << 20
@@ -111,9 +114,11 @@ class LiveHub:
                 self._take(unpack(await socket.receive_bytes()), maps, mine)
         except (WebSocketDisconnect, RuntimeError, AssertionError):
             pass
-        except (SmartsError, KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
+        # A message that was made with care can raise anything: its sender is at fault, whatever it is.
+        except Exception as error:
             text = error.problem if isinstance(error, SmartsError) else f"a message is damaged: {error!r}"
-            await socket.close(_POLICY, text.encode()[:120].decode(errors="ignore"))
+            with contextlib.suppress(RuntimeError):
+                await socket.close(_POLICY, text.encode(errors="replace")[:120].decode(errors="ignore"))
         finally:
             for number in mine:
                 self._lose(self._sources[number])
@@ -125,14 +130,16 @@ class LiveHub:
         viewer = Viewer()
         self._viewers.add(viewer)
         viewer.put(self._list())
-        sending = asyncio.create_task(self._send(socket, viewer))
+        tasks = {asyncio.create_task(each(socket, viewer)) for each in (self._listen, self._send)}
         try:
-            await self._listen(socket, viewer)
-        except (WebSocketDisconnect, RuntimeError, KeyError):
-            pass
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+                    task.result()
         finally:
             self._viewers.discard(viewer)
-            sending.cancel()
+            for task in tasks:
+                task.cancel()
 
     async def _listen(self, socket: WebSocket, viewer: Viewer) -> None:
         times: deque[float] = deque(maxlen=MOST_REQUESTS)
@@ -165,9 +172,7 @@ class LiveHub:
                 try:
                     await asyncio.wait_for(socket.send_bytes(packed), STALLED)
                 except (TimeoutError, WebSocketDisconnect, RuntimeError):
-                    # One that is gone cannot be closed any more.
-                    with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-                        await socket.close(_POLICY, "too slow")
+                    # To say good-bye to one that takes nothing would wait, too.
                     return
             if viewer.is_stale:
                 viewer.is_stale = False
@@ -184,9 +189,10 @@ class LiveHub:
     def _take(self, message: dict[str, Any], maps: dict[int, Message], mine: set[str]) -> None:
         """Take one message of a publisher: the map first, then episodes, each with frames."""
         if message["type"] == "map":
-            check_map(message["message"])
             x, y = map(float, message["origin"])
-            maps[int(message["map"])] = {**message["message"], "origin": [x, y]}
+            maps[int(message["map"])] = {**checked_map(message["message"]), "origin": [x, y]}
+            if len(maps) > MOST_MAPS:
+                raise RecordError(f"more than {MOST_MAPS} maps", place="a publisher")
             return
         number = str(message["source"])
         if message["type"] == "begin":
@@ -210,7 +216,11 @@ class LiveHub:
         self, number: str, message: dict[str, Any], maps: Mapping[int, Message], mine: set[str]
     ) -> None:
         if number not in self._sources and len(self._sources) >= MOST_SOURCES:
-            raise RecordError(f"more than {MOST_SOURCES} simulations at a time", place=number)
+            gone = [each for each in self._sources.values() if each.gone]
+            if not gone:
+                raise RecordError(f"more than {MOST_SOURCES} simulations at a time", place=number)
+            # Programs that make one environment after another.
+            del self._sources[min(gone, key=lambda each: each.gone).id]
         if number in self._sources and number not in mine and not self._sources[number].gone:
             raise RecordError("a simulation of another process has the same id", place=number)
         facts = {str(name): value for name, value in message["facts"].items()}
@@ -244,7 +254,8 @@ class LiveHub:
     def _lose(self, source: Source) -> None:
         """Note that a simulation's process is gone."""
         if source.is_running:
-            for message in source.encoder.end(False, "the simulation's process has gone"):
+            end = {"type": "end", "is_complete": False, "remark": "the simulation's process has gone"}
+            for message in source.encoder.take(end, is_watched=True):
                 self._relay(source.id, message)
         source.is_running, source.gone, source.rate = False, time.monotonic(), 0.0
 
@@ -270,26 +281,30 @@ class LiveHub:
         return pack({"type": "sources", "sources": [source.row() for source in self._sources.values()]})
 
 
-def check_map(message: Any) -> None:
-    """Check that a publisher's map is one, since viewers get it as it is.
+def checked_map(message: Any) -> Message:
+    """Return a publisher's map without what does not belong to it, since viewers get it as it is.
 
     Raises:
-        RecordError: It is not.
+        RecordError: It is no map; `KeyError`, `TypeError` and the like say the same.
     """
-    if (
-        not isinstance(message, dict)
-        or message.get("type") != "map"
-        or not isinstance(message["lanes"], dict)
-    ):
+    if not isinstance(message, dict) or message.get("type") != "map":
         raise RecordError("no map", place="a publisher")
-    start = unpacked_array(message["lanes"]["start"]).astype(np.int64)
+    given = {name: message["lanes"][name] for name in LANE_COLUMNS}
+    start = unpacked_array(given["start"]).astype(np.int64)
     lanes = len(start) - 1
     if lanes < 1 or start[0] != 0 or (np.diff(start) < 0).any():
         raise RecordError("a map with lanes in disorder", place="a publisher")
-    for name, column in message["lanes"].items():
-        length = int(column.get("n", len(column["d"]))) // int(column["t"][1])
+    for name, column in given.items():
+        length = len(unpacked_array(column))
         if length != {"start": lanes + 1, "x": start[-1], "y": start[-1]}.get(name, lanes):
             raise RecordError(f"a map whose column {name} has {length} values", place="a publisher")
+    return {
+        "type": "map",
+        "digest": str(message["digest"]),
+        "bounds": [*map(float, message["bounds"])],
+        "lanes": given,
+        "edges": [*map(str, message["edges"])],
+    }
 
 
 def _wanted(text: str) -> tuple[str, ...] | None:

@@ -28,6 +28,8 @@ from smarts.stream.container import MOST_BYTES, VERSION
 DEFAULT_PORT = 8081
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _MOST_TOKEN_BYTES = 1024
+_STANDSTILL = 60_000
+"""A connection that takes nothing for so long is ended [ms]."""
 _FRAMES = "frame-ancestors 'self' http://localhost:* http://127.0.0.1:*"
 """Notebooks show the page in a frame, from another port."""
 
@@ -153,7 +155,7 @@ class ViewServer:
             access_log=False,
             ws="websockets-sansio",
             ws_max_size=MOST_BYTES,
-            ws_per_message_deflate=False,
+            ws_per_message_deflate=True,
             timeout_graceful_shutdown=1,
             lifespan="off",
             proxy_headers=False,
@@ -248,6 +250,9 @@ def _listen(host: str, port: int) -> socket.socket:
         listener = socket.socket(family, kind, protocol)
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if hasattr(socket, "TCP_USER_TIMEOUT"):
+                # Connections have it, too: one that takes nothing is not kept for what it was to get.
+                listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _STANDSTILL)
             listener.bind(address)
             listener.listen(64)
         except BaseException:

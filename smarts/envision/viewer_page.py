@@ -74,14 +74,7 @@ def page_with(episodes: Sequence[Embedded], page: str | None = None) -> str:
             place=str(PAGE),
             remedy="build the page again with `make page`",
         )
-    scripts = "".join(
-        f'<script type="application/octet-stream" data-id="{html.escape(each.id)}" '
-        f'data-label="{html.escape(each.label)}">{base64.b64encode(each.data).decode()}</script>'
-        for each in episodes
-    )
-    head = f'<meta http-equiv="Content-Security-Policy" content="{html.escape(policy_of(page))}">'
-    before, _, behind = page.partition(_PLACE)
-    whole = re.sub(r"<head[^>]*>", lambda found: found[0] + head, before, count=1) + scripts + behind
+    whole = _whole(page, episodes)
     size = len(whole.encode())
     if size > MOST_BYTES:
         raise SmartsError(
@@ -90,3 +83,19 @@ def page_with(episodes: Sequence[Embedded], page: str | None = None) -> str:
             remedy="give fewer episodes, or a part with --begin and --end (s); a file of --out may be larger",
         )
     return whole
+
+
+def room_of_page(episodes: Sequence[Embedded]) -> int:
+    """Return how many bytes the page has with episodes inside."""
+    return len(_whole(viewer_page(), episodes).encode())
+
+
+def _whole(page: str, episodes: Sequence[Embedded]) -> str:
+    scripts = "".join(
+        f'<script type="application/octet-stream" data-id="{html.escape(each.id)}" '
+        f'data-label="{html.escape(each.label)}">{base64.b64encode(each.data).decode()}</script>'
+        for each in episodes
+    )
+    head = f'<meta http-equiv="Content-Security-Policy" content="{html.escape(policy_of(page))}">'
+    before, _, behind = page.partition(_PLACE)
+    return re.sub(r"<head[^>]*>", lambda found: found[0] + head, before, count=1) + scripts + behind

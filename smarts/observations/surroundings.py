@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from smarts.arrays import Bools, Floats, Ints
+from smarts.dynamics.performance import performance
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
@@ -23,6 +24,7 @@ from smarts.observations.way_ahead import (
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_ways import place_on_lane, row_of
+from smarts.roads.paces import Performance
 from smarts.roads.right_of_way import gap_to_wait
 from smarts.types.agent_states import ChangePhase
 from smarts.types.interface import Field
@@ -134,7 +136,7 @@ class Surroundings(Feature):
         """Return the function that observes; see `Feature`."""
         scene = self.context.scene
         known = scene.world.state, scene.atlas.roads, scene.routes.current, self.context.agent_ids
-        return bind(_observe, *known, self._margins, *out)
+        return bind(_observe, *known, performance(), self._margins, *out)
 
 
 @kernel
@@ -143,6 +145,7 @@ def _observe(
     roads: Roads,
     routes: RouteTable,
     agent_ids: Ints,
+    performance: Performance,
     margins: float,
     own_vehicle: Floats,
     lane_traffic: Floats,
@@ -151,7 +154,17 @@ def _observe(
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if observe_mask[b, g]:
-                _write(state, roads, routes, b, agent_ids[g], margins, own_vehicle[b, g], lane_traffic[b, g])
+                _write(
+                    state,
+                    roads,
+                    routes,
+                    performance,
+                    b,
+                    agent_ids[g],
+                    margins,
+                    own_vehicle[b, g],
+                    lane_traffic[b, g],
+                )
 
 
 @kernel
@@ -159,6 +172,7 @@ def _write(
     state: State,
     roads: Roads,
     routes: RouteTable,
+    performance: Performance,
     b: int,
     a: int,
     margins: float,
@@ -190,7 +204,7 @@ def _write(
     goal = _distance_to_goal(state, b, a)
     light, light_gap = _write_lane(state, roads, routes, b, slot, row, s, route, goal, lanes[0])
     own[_ALLOWED], own[_LIGHT], own[_LIGHT_GAP] = lanes[0, _LANE_ALLOWED], light, light_gap
-    own[_YIELD_GAP] = gap_to_wait(state, roads, routes, b, slot, row, s, margins)
+    own[_YIELD_GAP] = gap_to_wait(state, roads, routes, performance, b, slot, row, s, margins)
     for side in range(1, 3):
         other = int(roads.lane_left[lane] if side == 1 else roads.lane_right[lane])
         if other < 0 or roads.lane_kind[other] != roads.lane_kind[lane] or roads.lane_inside[lane]:

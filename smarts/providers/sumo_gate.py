@@ -15,12 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from smarts.controllers.drivable_path import RESERVED
 from smarts.controllers.model_predictive import sharpest_curvatures
 from smarts.geometry.binding import bind
-from smarts.geometry.frames import wrap_angle
 from smarts.providers.gates import compare_with_chord, find_too_close
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_shadow import Shadow
@@ -43,8 +44,10 @@ MOST_BRAKING = 4.5
 """Deceleration that traffic ahead, a light or right of way may demand [m/s^2]."""
 TURN_AHEAD = 100.0
 """Distance to a junction at which its turn counts [m]."""
-MOST_SWING = 0.6
+MOST_SWING = 0.45
 """By how much a vehicle may have to leave its lane in a turn [m]."""
+WINDOW = 4
+"""Distance over which the bends of a turn are measured [m]."""
 SMALL = 6.0
 """Vehicles with a smaller turning radius can make all turns [m]."""
 MOST_LEAN = 0.15
@@ -71,14 +74,14 @@ class SumoGate:
         self._rows, self._slots = np.full(1, row, np.int32), np.zeros(1, np.int32)
         self._found = np.zeros(1, np.bool_)
         self._onward: dict[str, tuple[str, ...]] = {}
-        self._turns: dict[str, tuple[float, float]] = {}
+        self._swings: dict[tuple[str, float], float] = {}
         self._radii: list[float] = (1.0 / np.maximum(sharpest_curvatures(), 1e-9)).tolist()
         self._bound_to: LaneGraph | None = None
 
     def reset(self, roads: LaneGraph) -> None:
         """Begin an episode on a map."""
         self._onward.clear()
-        self._turns.clear()
+        self._swings.clear()
         if roads is self._bound_to:
             return
         self._roads = self._bound_to = roads
@@ -108,10 +111,10 @@ class SumoGate:
     def refusal_to_give(self, slot: int, name: str) -> Refusal:
         """Return why an agent cannot take over a vehicle that SUMO drives.
 
-        That is IN_JUNCTION from where the vehicle can no longer stop before a junction that it enters without
-        priority, or against the light, until its front and its centre are out of the junction; and from
-        `TURN_AHEAD` before a turn that is too tight for it, until it is through. It is SIDEWAYS where the
-        vehicle leans to its lane.
+        That is WITHOUT_PRIORITY from where the vehicle can no longer stop before a junction that it enters
+        without priority, or against the light, until its front and its centre are out of the junction;
+        TIGHT_TURN from `TURN_AHEAD` before a turn that is too tight for it, until it is through; SIDEWAYS
+        where the vehicle leans to its lane.
         """
         lane, roads, states = self._library.vehicle.getLaneID(name), self._roads, self._states
         if not lane:
@@ -120,8 +123,10 @@ class SumoGate:
         for number in {roads.lane_of_id(lane), int(states.lane[slot])}:
             if number < 0 or not roads.is_internal[number]:
                 continue
-            if not self._has_priority(number) or self._is_tight(roads.lane_ids[number], radius):
-                return Refusal.IN_JUNCTION
+            if self._is_tight(roads.lane_ids[number], radius):
+                return Refusal.TIGHT_TURN
+            if not self._has_priority(number):
+                return Refusal.WITHOUT_PRIORITY
         if lane.startswith(":"):
             return Refusal.NONE
         position = self._library.vehicle.getLanePosition(name)
@@ -129,11 +134,30 @@ class SumoGate:
             return Refusal.SIDEWAYS
         speed, left = float(states.speed[slot]), self._library.lane.getLength(lane) - position
         needed = self._dt * speed + 0.5 * speed * speed / MOST_BRAKING
-        if left < (needed if radius < SMALL else TURN_AHEAD):
-            for _, has_priority, _, _, via, *_ in self._library.vehicle.getNextLinks(name)[:1]:
-                if (left < needed and not has_priority) or self._is_tight(via, radius):
-                    return Refusal.IN_JUNCTION
-        return Refusal.NONE
+        if left >= (needed if radius < SMALL else TURN_AHEAD):
+            return Refusal.NONE
+        links = self._library.vehicle.getNextLinks(name)
+        if self._turns_tightly(links, left, radius):
+            return Refusal.TIGHT_TURN
+        return Refusal.WITHOUT_PRIORITY if left < needed and links and not links[0][1] else Refusal.NONE
+
+    def _turns_tightly(self, links: Sequence[Any], left: float, radius: float) -> bool:
+        """Return whether one of SUMO's links that begins within `TURN_AHEAD` is too tight for a vehicle.
+
+        Args:
+            links: On the vehicle's way; the first one begins `left` [m] ahead.
+            left: See `links`.
+            radius: Of the vehicle's tightest turn [m].
+        """
+        if radius < SMALL:
+            return False
+        for lane, _, _, _, via, _, _, length in links:
+            if left >= TURN_AHEAD:
+                break
+            if self._is_tight(via, radius):
+                return True
+            left += length + self._library.lane.getLength(lane)
+        return False
 
     def _lean(self, slot: int, lane: int, position: float) -> float:
         """Return the angle of a vehicle to a lane on which its front is at SUMO's `position` [m] [rad]."""
@@ -148,23 +172,38 @@ class SumoGate:
         """
         if radius < SMALL or not lane:
             return False
-        if lane not in self._turns:
-            self._turns[lane] = self._turn_of(self._roads.lane_of_id(lane))
-        lane_radius, turn = self._turns[lane]
-        return (radius - lane_radius) * (1.0 / math.cos(min(0.5 * turn, 1.25)) - 1.0) > MOST_SWING
+        key = lane, radius
+        if key not in self._swings:
+            self._swings[key] = self._swing(self._roads.lane_of_id(lane), radius / RESERVED)
+        return self._swings[key] > MOST_SWING
 
-    def _turn_of(self, lane: int) -> tuple[float, float]:
-        """Return the mean radius [m] and the angle [rad] of a way from a lane through its junction."""
-        roads, length, turn = self._roads, 0.0, 0.0
+    def _swing(self, lane: int, radius: float) -> float:
+        """Return by how much a vehicle leaves its way from a lane through its junction [m].
+
+        What counts of the way is the part that is tighter than the vehicle's turning radius [m].
+        """
+        roads, headings, at, length = self._roads, [], [], 0.0
         while lane >= 0 and roads.is_internal[lane]:
             points = slice(int(roads.point_start[lane]), int(roads.point_start[lane + 1]))
-            turn += float(wrap_angle(np.diff(roads.point_heading[points])).sum())
+            headings.append(roads.point_heading[points])
+            at.append(length + roads.point_s[points])
             length += float(roads.length[lane])
             following = roads.successors(lane)
             if not len(following):
                 break
             lane = int(following[0])
-        return length / max(abs(turn), 1e-6), abs(turn)
+        if not at:
+            return 0.0
+        # Before and behind the junction the way is straight.
+        s = np.arange(-WINDOW, length + WINDOW + 1.0)
+        turned = np.asarray(np.unwrap(np.concatenate(headings)), np.float64)
+        heading = np.interp(s, np.concatenate(at), turned)
+        bends = np.abs(heading[WINDOW:] - heading[:-WINDOW]) / WINDOW
+        bends = bends[bends * radius > 1.0]
+        if not len(bends):
+            return 0.0
+        turn = min(0.5 * float(bends.sum()), 1.25)
+        return (radius - 1.0 / float(bends.mean())) * (1.0 / math.cos(turn) - 1.0)
 
     def _has_priority(self, lane: int) -> bool:
         """Return whether vehicles that now enter a lane inside a junction have priority."""
@@ -217,14 +256,15 @@ class SumoGate:
     def _stops(self, shadow: Shadow, reach: float) -> Sequence[float]:
         """Return the distances at which the vehicle may have to stop, for a light or for right of way [m]."""
         vehicle, stops = self._library.vehicle, []
-        for _, _, distance, state in vehicle.getNextTLS(shadow.id)[:1]:
+        for _, _, distance, state in vehicle.getNextTLS(shadow.id):
             if state in "rRu" and distance < reach:
                 stops.append(distance)
         left = self._library.lane.getLength(shadow.lane) - shadow.position
         if left < reach:
-            for _, has_priority, is_open, _, _, state, _, _ in vehicle.getNextLinks(shadow.id)[:1]:
-                if not has_priority and (not is_open or state == "s"):
+            for lane, has_priority, is_open, _, _, state, _, length in vehicle.getNextLinks(shadow.id):
+                if not has_priority and (not is_open or state == "s") and left < reach:
                     stops.append(left)
+                left += length + self._library.lane.getLength(lane)
         return stops
 
     def _way(self, shadow: Shadow) -> tuple[str, ...]:

@@ -223,6 +223,11 @@ def make_rewards(
     return Rewards(context, reward, discount)
 
 
+def is_weighted(reward: Reward) -> bool:
+    """Return whether a reward is a sum of weighted terms, not the user's own."""
+    return not callable(reward) and not (isinstance(reward, str) and is_own_name(reward))
+
+
 def own_reward(name: str) -> Any:
     """Import the reward that a `module:Class` names.
 

@@ -17,12 +17,14 @@ from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads
 from smarts.roads.kernels import centre_at
 from smarts.roads.lane_graph import ConflictKind, Yields
+from smarts.types.vehicles import STANDING
 from smarts.types.world import State
 
-BEGIN, END, OTHER_BEGIN, OTHER_END, LINE, CAP, WIDTH, LANE, MARGINS = range(9)
-"""Columns of a meeting: from and to, until the tail is past, along the own way; from and to along the other
-lane; distance to the last point before it at which to wait, negative behind it [m]; highest speed up to it
-[m/s]; width of the own lane there [m]; the own lane; the driver's margins, in those below."""
+BEGIN, END, OTHER_BEGIN, OTHER_END, LINE, CAP, WIDTH, LANE, MARGINS, GAIN, MEETING = range(11)
+"""Columns of a meeting, and their number: from and to, until the tail is past, along the own way; along the
+other lane; distance to the last point before it at which to wait, negative behind it [m]; highest speed
+up to it [m/s]; width of the own lane there [m]; the own lane; the driver's margins, in those below; mean
+acceleration until it is left [m/s^2]."""
 
 MARGIN_AFTER = 1.0
 """Time from when the vehicle is out of a meeting until one with the right of way comes there [s]."""
@@ -31,9 +33,7 @@ MARGIN_BEFORE = 0.5
 SHORT_MARGIN = 0.4
 """Both, towards vehicles that have to give way, and of a vehicle that is on its way through [s]."""
 SPEEDING_UP = 2.0
-"""Acceleration with which the vehicle comes to a meeting, at most [m/s^2]..."""
-CROSSING = 2.0
-"""...and with which it leaves the meeting, at least [m/s^2]."""
+"""Acceleration with which the vehicle comes to a meeting, at most [m/s^2]."""
 OTHERS_SPEEDING_UP = 1.0
 """Acceleration of others but those that start: they let vehicles by that are in the junction [m/s^2]."""
 SLACK = 0.2
@@ -46,8 +46,6 @@ MERGE_BRAKING = 2.5
 """How hard the one behind may have to brake where two lanes merge [m/s^2]."""
 MERGE_GAP = 2.0
 """To the vehicle ahead where two lanes merge [m]."""
-STANDING = 0.5
-"""A slower vehicle stands [m/s]."""
 CREEPING = 4.0
 """A slower vehicle at its line may take its turn [m/s]."""
 NEAR_LINE = 8.0
@@ -58,6 +56,8 @@ NOSE = 1.0
 """A vehicle that stands nearer to a meeting is in the way [m]."""
 TURN_TIME = 4.0
 """How long it is one vehicle's turn, of several that stand and wait for each other [s]."""
+PATIENCE = 15.0
+"""Where all have to stop, vehicles take turns, too, if the first one has not gone for so long [s]."""
 ASIDE_GAP = 0.3
 """A vehicle that stands in a meeting is in the way if it is nearer to the vehicle that passes [m]."""
 ALONG_STEP = 0.5
@@ -135,13 +135,13 @@ def waits(
     its_acceleration = SPEEDING_UP if starts else OTHERS_SPEEDING_UP
     its_first = _soonest(to_begin, its_speed, its_acceleration, max(roads.lane_speed[its_lane], its_speed))
     cap = max(meeting[CAP], 1.0)
-    last = _soonest(end, min(speed, cap), CROSSING, cap)
+    last = _soonest(end, min(speed, cap), meeting[GAIN], cap)
     before = after = SHORT_MARGIN
     if yields == _THIS and not is_past:
         before, after = MARGIN_BEFORE, MARGIN_AFTER
     before, after = meeting[MARGINS] * before, meeting[MARGINS] * after
     if is_merge:
-        slower = max(its_speed - min(cap, speed + CROSSING * last), 0.0)
+        slower = max(its_speed - min(cap, speed + meeting[GAIN] * last), 0.0)
         after += 0.5 * slower * slower / MERGE_BRAKING / max(its_speed, 1.0)
     if its_first > last + after or its_last < first - before:
         return False
@@ -253,12 +253,21 @@ def _waits_for_standing(
     if yields != _THIS and speed >= STANDING:
         return False
     is_waiting = speed < CREEPING and (is_past or meeting[LINE] <= NEAR_LINE)
-    return not (is_waiting and _goes_before(state, b, slot, other))
+    return not (is_waiting and _goes_before(state, b, slot, other, yields))
 
 
 @kernel
-def _goes_before(state: State, b: int, slot: int, other: int) -> bool:
-    """Return whether it is one vehicle's turn before another's: an order of all that changes with time."""
+def _goes_before(state: State, b: int, slot: int, other: int, yields: int) -> bool:
+    """Return whether it is one vehicle's turn before that of another one, which stands.
+
+    Where all have to stop, that is who has stopped first; elsewhere an order of all that changes with time.
+    """
+    if yields == _BOTH:
+        since, its_since = state.vehicles.standing_since[b, slot], state.vehicles.standing_since[b, other]
+        if since < 0:
+            return True
+        if (state.step[b] - max(since, its_since)) * state.dt < PATIENCE:
+            return since < its_since or (since == its_since and slot < other)
     turn = 2 * int(state.step[b] * state.dt / TURN_TIME) + 1
     return (slot + 1) * turn * 40503 % 65536 < (other + 1) * turn * 40503 % 65536
 

@@ -13,30 +13,28 @@ import numpy as np
 
 from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import wrapped
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
-from smarts.roads.lane_ways import next_row, place_on_lane, row_of
+from smarts.roads.lane_ways import place_on_lane, row_of
+from smarts.roads.meetings import list_meetings
+from smarts.roads.paces import Performance, acceleration_over
 from smarts.roads.precedence import (
     BEGIN,
     CAP,
     END,
-    LANE,
+    GAIN,
     LINE,
     MARGINS,
-    OTHER_BEGIN,
-    OTHER_END,
+    MEETING,
     OTHERS_BRAKING,
     SPEEDING_UP,
-    STANDING,
-    WIDTH,
     can_stop,
     gap_to_stop,
     stop_before,
     waits,
 )
 from smarts.types.traffic import Signal
-from smarts.types.vehicles import Owner
+from smarts.types.vehicles import STANDING, Owner
 from smarts.types.world import State
 
 NEAR = 10.0
@@ -44,8 +42,6 @@ EASY_BRAKING = 2.0
 """Meetings are looked for from `NEAR` [m] before where a vehicle brakes this hard to its line on [m/s^2]."""
 FORESIGHT = 8.0
 """Vehicles that come to a meeting later than this are left aside [s]."""
-LATERAL = 3.0
-"""Lateral acceleration in turns [m/s^2]."""
 STUCK = 1.0
 """A vehicle behind a slower one, with which it cannot clear a meeting, does not enter it [m/s]."""
 ROOM = 1.5
@@ -65,6 +61,7 @@ def gap_to_wait(
     state: State,
     roads: Roads,
     routes: RouteTable,
+    performance: Performance,
     b: int,
     slot: int,
     row: int,
@@ -80,7 +77,7 @@ def gap_to_wait(
     - for vehicles that have to give way, but are past their line or can no longer stop there;
     - where the map does not say, for the one that comes first;
     - at a junction where all have to stop, until it has stopped at its line, and then for vehicles that
-      have stopped at theirs and go;
+      have stopped at theirs before, or go;
     - where it could not leave a meeting, because a vehicle stands behind it on its way.
 
     A vehicle that stands at its line has the right of way over one that stands, too, only in its turn: the
@@ -90,6 +87,7 @@ def gap_to_wait(
         state: The state of the world.
         roads: The maps' lanes.
         routes: The agents' routes.
+        performance: Of each kind of vehicle.
         b: The simulation.
         slot: The vehicle.
         row: The row in `routes` of the lane that it steers for.
@@ -102,15 +100,20 @@ def gap_to_wait(
     if not roads.lane_inside[routes.lane[row]] and lane_length(roads, routes.lane[row]) - s - half > horizon:
         return np.inf
     places = np.empty(_MOST_MEETINGS, np.int32)
-    meetings = np.empty((_MOST_MEETINGS, 9))
+    meetings = np.empty((_MOST_MEETINGS, MEETING))
     lanes, begins = np.empty(_MOST_LANES, np.int32), np.empty(_MOST_LANES)
-    count, length = _list_meetings(
-        roads, routes, m, row, -s - half, half, horizon, places, meetings, lanes, begins
+    kind = vehicles.kind[b, slot]
+    agility = performance.agility[kind]
+    count, length = list_meetings(
+        roads, routes, m, row, -s - half, half, agility, horizon, places, meetings, lanes, begins
     )
     if count == 0:
         return np.inf
     places, meetings = places[:count], meetings[:count]
     meetings[:, MARGINS] = margins
+    for i in range(count):
+        top = max(meetings[i, CAP], 1.0)
+        meetings[i, GAIN] = acceleration_over(performance, kind, meetings[i, END], speed, top)
     lanes, begins = lanes[:length], begins[:length]
     gap = min(
         gap_to_stop(state, roads, b, slot, lanes, begins),
@@ -125,76 +128,6 @@ def gap_to_wait(
             continue
         gap = min(gap, _gap_for(state, roads, routes, b, slot, other, places, meetings))
     return gap
-
-
-@kernel
-def _list_meetings(
-    roads: Roads,
-    routes: RouteTable,
-    m: int,
-    row: int,
-    begin: float,
-    half: float,
-    horizon: float,
-    places: Ints,
-    meetings: Floats,
-    lanes: Ints,
-    begins: Floats,
-) -> tuple[int, int]:
-    """List the own way's lanes and meetings; return how many meetings and lanes.
-
-    Args:
-        roads: The maps' lanes.
-        routes: The agents' routes.
-        m: The map.
-        row: Of the first lane.
-        begin: From the front bumper to its begin [m].
-        half: Half of the vehicle's length [m].
-        horizon: Lines that are farther are left aside [m].
-        places: Written: rows of `Roads.conflict_lane`.
-        meetings: Written: their columns, see `BEGIN`.
-        lanes: Written: the lanes of the way.
-        begins: Written: distance of the front bumper to their begins [m].
-    """
-    count, length, base, cap, left = 0, 0, roads.lane_base[m], np.inf, 2.0 * half + 5.0
-    while row >= 0 and length < len(lanes):
-        lane = int(routes.lane[row])
-        is_inside = roads.lane_inside[lane]
-        if not is_inside:
-            cap = np.inf
-        if begin > horizon:
-            # Of a junction that is entered all lanes count, and the road behind it, as far as it needs.
-            was_inside = length > 0 and roads.lane_inside[lanes[length - 1]]
-            if left < 0.0 or (is_inside and not was_inside):
-                break
-            left -= 0.0 if is_inside else lane_length(roads, lane)
-        lanes[length], begins[length] = lane, begin
-        length += 1
-        if is_inside:
-            cap = min(cap, _speed_in(roads, lane))
-            for place in range(roads.conflict_start[lane], roads.conflict_start[lane + 1]):
-                if count < len(places) and begin + roads.conflict_extent[place, 0] > 0.0:
-                    places[count] = place
-                    meetings[count, BEGIN] = begin + roads.conflict_extent[place, 0]
-                    meetings[count, END] = begin + roads.conflict_extent[place, 1] + 2.0 * half
-                    meetings[count, OTHER_BEGIN] = roads.conflict_other_extent[place, 0]
-                    meetings[count, OTHER_END] = roads.conflict_other_extent[place, 1]
-                    meetings[count, LINE] = begin
-                    meetings[count, CAP] = cap
-                    meetings[count, WIDTH] = roads.lane_width[lane]
-                    meetings[count, LANE] = lane
-                    count += 1
-        begin += lane_length(roads, lane)
-        row = next_row(roads, routes, m, row, base)
-    return count, length
-
-
-@kernel
-def _speed_in(roads: Roads, lane: int) -> float:
-    """Return the speed at which a lane inside a junction is driven [m/s]."""
-    first, last = roads.point_start[lane], roads.point_start[lane + 1] - 1
-    turn = abs(wrapped(roads.point_heading[last] - roads.point_heading[first]))
-    return min(roads.lane_speed[lane], math.sqrt(LATERAL * lane_length(roads, lane) / max(turn, 1e-3)))
 
 
 @kernel

@@ -101,7 +101,8 @@ class AgentPool:
         self._refused: list[set[int]] = [set() for _ in range(worlds)]
         self._cleared: list[_Cleared] = []
         state = world.state
-        self.clear_with((*state.agents, *state.missions, *state.guidance))
+        # `_hold` writes the whole mission.
+        self.clear_with((*state.agents, *state.guidance))
 
     def columns(self, interface: int) -> slice:
         """Return the columns of the agents of an interface, given by its number."""

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import os
-import sys
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from smarts.agents.interface import AgentInterface
@@ -19,10 +17,10 @@ from smarts.arrays import Bools
 from smarts.controllers import action_format
 from smarts.controllers.action_masks import ActionMasker
 from smarts.controllers.set import ControllerSet
-from smarts.errors import ScenarioError, SmartsError
+from smarts.errors import ScenarioError, nearest_names
 from smarts.providers.traffic_engine import TrafficEngine
 from smarts.providers.traffic_engines import traffic_of
-from smarts.providers.vehicle import SUBSTEPS, FleetVehicles
+from smarts.providers.vehicle import FleetVehicles
 from smarts.providers.vehicle_surface import DRY, RoadSurfaces
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
@@ -36,6 +34,7 @@ from smarts.sim.events import AgentEvents, LearningInBubbles
 from smarts.sim.interest import interest_of
 from smarts.sim.manoeuvres import Manoeuvres
 from smarts.sim.map_matching import MapMatcher
+from smarts.sim.options import ENVISION, Options
 from smarts.sim.outlet import Address
 from smarts.sim.ownership import Ownership
 from smarts.sim.recorders import AnnotatedRecorder, Recorders
@@ -53,98 +52,6 @@ from smarts.types.frame import Frame
 from smarts.types.interface import AgentRules
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
-
-ENVISION = "SMARTS_ENVISION"
-"""Environment variable: address of a viewer's server for simulations whose options name none."""
-VIEWER = "127.0.0.1:8081"
-"""Where `smarts-bench view --live` is by default."""
-LONGEST_SUBSTEP = 0.02
-"""Of the vehicles' dynamics [s]; made for 0.01."""
-LONGEST_TRAFFIC_STEP = 1.0
-"""Reaction time of SUMO's drivers [s]."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """How a simulation is run.
-
-    Raises:
-        SmartsError: A step is longer than the tyres' bristles take in `SUBSTEPS` parts, or none at all; a
-            path has no points; or the friction is out of its range.
-    """
-
-    dt: float = 0.1
-    """Length of a step [s], 0.001 to 0.2."""
-    path: int = 64
-    """The most points of a path that an agent gives as its action."""
-    record: str | Path | None = None
-    """Where episodes are written to; None: nowhere."""
-    record_all: bool = False
-    """Whether vehicles far from agents are recorded, too, in a table of their own."""
-    envision: str | None = None
-    """Server of `smarts-bench view --live` that shows the simulations, as "host:port" or "token@host:port".
-    It may come and go. None: what the environment variable SMARTS_ENVISION says; "": nowhere."""
-    traffic_engine: str | None = None
-    """Which of `TRAFFIC_ENGINES` drives the traffic; None: the one that the scenario names."""
-    traffic_step: float | None = None
-    """Length of SUMO's step [s], a multiple of `dt` up to 1, for training: 0.5 halves the time of training.
-    Between SUMO's poses, vehicles move evenly. Such episodes cannot be recorded. None: `dt`."""
-    friction: float | None = None
-    """Of the road under agents' vehicles where the scenario has no patch, 0.05 to 2; None: dry, 0.9."""
-
-    def __post_init__(self) -> None:
-        if not 0.001 <= self.dt <= LONGEST_SUBSTEP * SUBSTEPS:
-            raise SmartsError(
-                f"a step of {self.dt} s",
-                place="Options.dt",
-                remedy=f"give 0.001 to {LONGEST_SUBSTEP * SUBSTEPS} s, for which tyres are made",
-            )
-        self._check_traffic_step()
-        if self.record_all and self.record is None:
-            raise SmartsError(
-                "record_all is set, and nothing is recorded",
-                place="Options.record_all",
-                remedy="name a folder with record, or leave out record_all",
-            )
-        if self.envision:
-            Address.parse(self.envision, "Options.envision")
-        if self.friction is not None and not 0.05 <= self.friction <= 2.0:
-            raise SmartsError(
-                f"a friction of {self.friction}",
-                place="Options.friction",
-                remedy="give 0.05 to 2; ice has about 0.1, a wet road 0.5, dry asphalt 0.9",
-            )
-        if isinstance(self.path, bool) or not isinstance(self.path, int) or self.path < 1:
-            raise InterfaceError(
-                f"path is {self.path!r}", place="Options", remedy="give a number of points, 1 or more"
-            )
-
-    def _check_traffic_step(self) -> None:
-        step = self.traffic_step
-        if step is None:
-            return
-        steps = round(step / self.dt) if math.isfinite(step) else 0
-        if steps < 1 or step > LONGEST_TRAFFIC_STEP or abs(steps * self.dt - step) > 1e-9:
-            raise SmartsError(
-                f"a traffic step of {step} s",
-                place="Options.traffic_step",
-                remedy=f"give a multiple of dt, {self.dt} s, up to {LONGEST_TRAFFIC_STEP} s",
-            )
-        if self.record is not None:
-            raise SmartsError(
-                f"traffic_step is {step}, and episodes are recorded, for tests",
-                place="Options.traffic_step",
-                remedy="leave out traffic_step: tests run with exact traffic",
-            )
-
-
-def shown(options: Options | None) -> Options:
-    """Return options that show the simulations in a browser, on this machine if nothing else is said."""
-    options = options or Options()
-    if options.envision is None and not os.environ.get(ENVISION):
-        print(f"envision: shown by `smarts-bench view --live` at http://{VIEWER}", file=sys.stderr)
-        return replace(options, envision=VIEWER)
-    return options
 
 
 @dataclass(frozen=True)
@@ -329,8 +236,11 @@ def _assemble(
     world, rules = scene.world, agent_rules(interfaces, options.dt)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles}, pool)
     entries = Entries(world, ownership, scene.routes, pool)
-    recorder = _recorder(scene, pool, options, [policy.name for policy in cast.policies])
+    observers = _observers(names, options)
+    recorder = _recorder(scene, pool, options, [policy.name for policy in cast.policies], observers)
     looked_at = {**looked_at, **_unread(cast, pool)}
+    for agent_id in observers:
+        looked_at.pop(agent_id, None)
     controllers = ControllerSet(scene, rules.action.tolist(), schedule.speeds)
     alive = alive_rules(interfaces, names, world.egos)
     interest = interest_of(world, interfaces, schedule, entries)
@@ -374,6 +284,18 @@ def _unread(cast: Cast, pool: AgentPool) -> dict[int, Collection[str]]:
     return {agent_id: () for part in columns for agent_id in range(part.start, part.stop)}
 
 
+def _observers(names: Sequence[str], options: Options) -> list[int]:
+    """Return the agent_ids of the egos whose observations are recorded."""
+    for name in options.record_observations:
+        if name not in names:
+            raise InterfaceError(
+                f"there is no agent {name!r}",
+                place="Options.record_observations",
+                remedy=nearest_names(str(name), names),
+            )
+    return [names.index(name) for name in options.record_observations]
+
+
 def _names(agents: Sequence[str], egos: int) -> tuple[str, ...]:
     names = tuple(agents) or agent_names(egos)
     if len(names) != egos or len(set(names)) != egos:
@@ -393,7 +315,7 @@ def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
 
 
 def _recorder(
-    scene: Scene, pool: AgentPool, options: Options, policies: Sequence[str]
+    scene: Scene, pool: AgentPool, options: Options, policies: Sequence[str], observers: Sequence[int]
 ) -> AnnotatedRecorder | None:
     parts: list[AnnotatedRecorder] = []
     if options.record is not None:
@@ -401,7 +323,8 @@ def _recorder(
         from smarts.sim.recorder import EpisodeRecorder
 
         folder = Path(options.record)
-        parts.append(EpisodeRecorder(scene, folder, pool, policies, everything=options.record_all))
+        chosen = {"everything": options.record_all, "observers": observers}
+        parts.append(EpisodeRecorder(scene, folder, pool, policies, **chosen))
     viewer = os.environ.get(ENVISION, "") if options.envision is None else options.envision
     if viewer:
         from smarts.sim.publisher import EpisodePublisher

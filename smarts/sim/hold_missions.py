@@ -12,7 +12,7 @@ from smarts.errors import MapError
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.corridors import Corridor
-from smarts.sim.starts import corridor_of, distance_along, free_flow_time
+from smarts.sim.starts import corridor_of, distance_along, mean_limit, time_at
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.world import World
 
@@ -30,6 +30,8 @@ class _Way:
     mission: AgentMission
     end: float
     """Distance of the goal along the route [m]."""
+    mean_limit: float
+    """Mean speed of a driver at the limits [m/s]."""
 
 
 class HoldMissions:
@@ -60,7 +62,8 @@ class HoldMissions:
         graph = self._atlas.graphs[map_number]
         begin = distance_along(way.corridor, graph, lane, float(vehicles.lane_position[row, slot]))
         length = max(0.0, way.end - (0.0 if math.isnan(begin) else begin))
-        time = free_flow_time(graph, way.mission.route, lane, length, float(vehicles.speed[row, slot]))
+        limit, speed = float(graph.speed_limit[lane]), float(vehicles.speed[row, slot])
+        time = time_at(way.mean_limit, limit, length, speed)
         return replace(way.mission, route_length=length, free_flow_time=time)
 
     def _find_way(self, map_number: int, edges: tuple[int, ...]) -> _Way | None:
@@ -86,4 +89,5 @@ class HoldMissions:
             goal_lane=lane,
             goal_s=goal_s,
         )
-        return _Way(corridor, mission, distance_along(corridor, graph, lane, goal_s, last=True))
+        end = distance_along(corridor, graph, lane, goal_s, last=True)
+        return _Way(corridor, mission, end, mean_limit(graph, route))

@@ -18,6 +18,7 @@ from smarts.roads.kernels import (
 )
 from smarts.roads.scene import Scene
 from smarts.types.mission import GoalKind
+from smarts.types.vehicles import STANDING
 from smarts.types.world import State
 
 FARTHEST_STEP = 10.0
@@ -35,7 +36,7 @@ class MapMatcher:
         self._match = bind(match_vehicles, scene.world.state, scene.atlas.roads, scene.routes.current)
 
     def match(self, env_mask: Bools) -> None:
-        """Write lane, lane_position and lane_offset of all vehicles, and where agents are on their routes.
+        """Write the places of all vehicles, since when they stand, and where agents are on their routes.
 
         On its route, an agent's `remaining` is the distance to the goal, on the last lap of several, and 0
         behind it, and `lane_changes` are those that the goal's lane demands; off the route both stay as
@@ -46,7 +47,7 @@ class MapMatcher:
 
 @kernel
 def match_vehicles(state: State, roads: Roads, routes: RouteTable, env_mask: Bools) -> None:
-    """Write the places of all vehicles and the progress of all agents."""
+    """Write the places of all vehicles, since when they stand, and the progress of all agents."""
     vehicles, agents, maps, route = state.vehicles, state.agents, state.map, routes.number
     worlds, capacity = vehicles.alive.shape
     room = candidates()
@@ -67,6 +68,7 @@ def match_vehicles(state: State, roads: Roads, routes: RouteTable, env_mask: Boo
                 vehicles.lane[b, v] = place[0]
                 vehicles.lane_position[b, v] = place[1]
                 vehicles.lane_offset[b, v] = place[2]
+                _note_standing(state, b, v)
         for a in range(agents.slot.shape[1]):
             v = agents.slot[b, a]
             if v < 0:
@@ -88,6 +90,16 @@ def match_vehicles(state: State, roads: Roads, routes: RouteTable, env_mask: Boo
             if corridor[v] >= 0:
                 is_new = agents.entry_step[b, a] == state.step[b]
                 _measure(state, roads, routes, corridor[v], b, a, is_new)
+
+
+@kernel
+def _note_standing(state: State, b: int, slot: int) -> None:
+    """Write since when a vehicle stands."""
+    vehicles = state.vehicles
+    if abs(vehicles.speed[b, slot]) >= STANDING:
+        vehicles.standing_since[b, slot] = -1
+    elif vehicles.standing_since[b, slot] < 0:
+        vehicles.standing_since[b, slot] = state.step[b]
 
 
 @kernel

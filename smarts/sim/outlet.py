@@ -1,24 +1,38 @@
-"""The connection of a publisher to a viewer's server, in a thread of its own."""
+"""The connection of a publisher to a viewer's server."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
+import select
+import socket
+import struct
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from smarts.errors import RecordError, SmartsError
+from smarts.errors import SmartsError
 from smarts.stream.container import pack
+
+if TYPE_CHECKING:
+    from websockets.client import ClientProtocol
 
 MOST_WAITING = 4 << 20
 """Bytes that wait to be sent; beyond, all of them are dropped."""
 _RETRY = 2.0
 """From one attempt to connect to the next [s]."""
+_CONNECTING = 5.0
+"""The longest time that an attempt takes [s]."""
 _LAST_WORDS = 0.5
 """How long `close` waits for what is still to be sent [s]."""
+_STANDSTILL = 30_000
+"""A server that takes nothing for so long is given up [ms]."""
+_LOOK = 0.05
+"""From one look of the thread at what waits to the next [s]."""
 Content = Mapping[str, Any]
 _ADDRESS = re.compile(r"(?:(?P<token>[^@\s]+)@)?(?P<host>[^@\s/]+):(?P<port>\d{1,5})")
 
@@ -52,6 +66,10 @@ class Address:
 class Outlet:
     """Sends messages to a server while there is one; `put` never waits and never raises.
 
+    The caller's thread writes to the socket what that takes at once: to hand each message to another thread
+    would cost the caller several times as much. A thread of the outlet connects, answers the server, and
+    sends what the socket did not take.
+
     Args:
         address: Of the server.
     """
@@ -64,81 +82,213 @@ class Outlet:
         """Grows whenever what was put before may not have arrived: all that lasts is to be put again."""
         self.is_open = False
         """Whether there is a server."""
-        self._waiting: deque[Content | Callable[[], Content]] = deque()
+        self._connection: socket.socket | None = None
+        self._protocol: ClientProtocol | None = None
+        self._begun = memoryview(b"")
+        """The rest of a frame whose beginning has been sent."""
+        self._answers: deque[bytes] = deque()
+        """To the server's pings."""
+        self._waiting: deque[bytes] = deque()
+        self._to_make: deque[tuple[Callable[[], Content] | bytes, int]] = deque()
+        """Messages that the thread makes, and those that came after them, with their sizes."""
         self._bytes = 0
-        self._closing = False
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
+        self._closing = threading.Event()
         # A daemon, since a program that ends without closing is not to hang.
         self._thread = threading.Thread(target=self._work, name="envision-outlet", daemon=True)
         self._thread.start()
 
-    def put(self, message: Content | Callable[[], Content], size: int) -> None:
-        """Queue a message of about so many bytes; if too much waits, all of it is dropped.
+    def put(self, message: Content | Callable[[], Content], epoch: int, size: int = 0) -> None:
+        """Send a message, or queue it; if too much waits, all of it is dropped.
 
-        A message that takes time to make can be a function that returns it, called by the thread.
+        Args:
+            message: One that takes time to make can be a function that returns it, called by the thread.
+            epoch: In which that was put which it builds on; in another one, the message is ignored.
+            size: About how many bytes a function's message has.
         """
-        with self._changed:
-            if not self.is_open:
+        if not self.is_open or self.process != os.getpid():
+            return
+        packed = message if callable(message) else _packed(message)
+        if packed is None:
+            return
+        with self._lock:
+            if not self.is_open or self.epoch != epoch:
                 return
-            self._waiting.append(message)
-            self._bytes += size
+            if callable(packed) or self._to_make:
+                size = size if callable(packed) else len(packed)
+                self._to_make.append((packed, size))
+                self._bytes += size
+            else:
+                self._send(packed)
             if self._bytes > MOST_WAITING:
                 self._drop()
-            self._changed.notify()
 
     def close(self) -> None:
         """Send what waits, for half a second at most, and end; may be called again."""
-        with self._changed:
-            self._closing = True
-            self._changed.notify()
+        # In a process that was forked off, the thread and perhaps a lock that it held stayed behind.
         if self.process == os.getpid():
-            self._thread.join(_LAST_WORDS)
+            self._closing.set()
+            self._thread.join(_LAST_WORDS + 4 * _LOOK)
+
+    def _send(self, packed: bytes) -> None:
+        """Queue a message as a WebSocket frame, and send what the socket takes."""
+        frame = _header(len(packed)) + packed
+        self._waiting.append(frame)
+        self._bytes += len(frame)
+        self._flush()
+
+    def _flush(self) -> None:
+        """Send what waits, as far as the socket takes it."""
+        assert self._connection is not None
+        while self._begun or self._answers or self._waiting:
+            if not self._begun:
+                # A frame is sent to its end, whatever is dropped behind it.
+                if self._answers:
+                    self._begun = memoryview(self._answers.popleft())
+                else:
+                    self._begun = memoryview(self._waiting.popleft())
+                    self._bytes -= len(self._begun)
+            try:
+                sent = self._connection.send(self._begun)
+            except (BlockingIOError, InterruptedError):
+                return
+            except OSError:
+                # The thread finds the same, and connects again.
+                self.is_open = False
+                return
+            self._begun = self._begun[sent:]
 
     def _drop(self) -> None:
         self._waiting.clear()
+        self._to_make.clear()
         self._bytes = 0
         self.epoch += 1
 
     def _work(self) -> None:
-        # Only runs that are watched wait for it.
-        from websockets.exceptions import WebSocketException
-        from websockets.sync.client import connect
-
-        address = self._address
-        headers = {"Authorization": f"Bearer {address.token}"} if address.token else {}
-        uri = f"ws://{address.host}:{address.port}/publish"
-        options: dict[str, Any] = {
-            "open_timeout": 5,
-            "close_timeout": 1,
-            "max_size": 4096,
-            "compression": None,
-        }
-        while not self._closing:
-            try:
-                with connect(uri, additional_headers=headers, proxy=None, **options) as connection:
-                    self._send(connection)
+        while not self._closing.is_set():
             # Whatever is wrong with a viewer is none of the simulation's business.
-            except (OSError, WebSocketException, EOFError, RecordError):
-                pass
-            with self._changed:
+            with contextlib.suppress(Exception):
+                self._serve()
+            with self._lock:
                 self.is_open = False
                 self._drop()
-                if not self._closing:
-                    self._changed.wait(_RETRY)
+                if self._connection is not None:
+                    self._connection.close()
+                self._connection = self._protocol = None
+            self._closing.wait(_RETRY)
 
-    def _send(self, connection: Any) -> None:
-        """Send messages as they come, until the outlet is closed or the server is gone."""
-        with self._changed:
+    def _serve(self) -> None:
+        """Connect, and send until the outlet is closed or the server is gone."""
+        connection = socket.create_connection((self._address.host, self._address.port), _CONNECTING)
+        self._connection = connection
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):
+            # A server that stands still, or whose machine is gone, is given up.
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _STANDSTILL)
+        protocol = _shaken(connection, self._address)
+        connection.setblocking(False)
+        with self._lock:
+            self._protocol, self._begun = protocol, memoryview(b"")
+            self._answers.clear()
             self._drop()
             self.is_open = True
-        while True:
-            with self._changed:
-                while not self._waiting and not self._closing:
-                    self._changed.wait()
-                messages = [*self._waiting]
-                self._waiting.clear()
-                self._bytes = 0
-                if not messages:
+        while not self._closing.is_set() and self.is_open:
+            has_rest = bool(self._begun or self._waiting or self._answers)
+            readable, _, _ = select.select([connection], [connection] if has_rest else [], [], _LOOK)
+            with self._lock:
+                if readable:
+                    self._listen(connection, protocol)
+                self._flush()
+            self._make()
+        self._say_last(connection, protocol)
+
+    def _listen(self, connection: socket.socket, protocol: ClientProtocol) -> None:
+        """Take what the server says: pings, which are answered, or its end."""
+        data = connection.recv(1 << 16)
+        if data:
+            protocol.receive_data(data)
+        else:
+            protocol.receive_eof()
+        protocol.events_received()
+        self._answers.extend(protocol.data_to_send())
+        if not data or protocol.close_expected():
+            self.is_open = False
+
+    def _make(self) -> None:
+        """Make and send the messages that wait to be made, and those behind them."""
+        while self._to_make:
+            with self._lock:
+                if not self._to_make:
                     return
-            for message in messages:
-                connection.send(pack(message() if callable(message) else message))
+                epoch, (first, size) = self.epoch, self._to_make[0]
+            packed = _packed(first()) if callable(first) else first
+            with self._lock:
+                if self.epoch != epoch:
+                    continue
+                self._to_make.popleft()
+                self._bytes -= size
+                if packed is not None and self.is_open:
+                    self._send(packed)
+
+    def _say_last(self, connection: socket.socket, protocol: ClientProtocol) -> None:
+        """Send what is still to be sent, for half a second at most, and part."""
+        self._make()
+        with self._lock:
+            self.is_open = False
+            protocol.send_close(1000)
+            self._waiting.extend(protocol.data_to_send())
+        until = time.monotonic() + _LAST_WORDS
+        while (self._begun or self._waiting) and time.monotonic() < until:
+            select.select([], [connection], [], _LOOK)
+            with self._lock:
+                self._flush()
+
+
+def _shaken(connection: socket.socket, address: Address) -> ClientProtocol:
+    """Return the protocol of a connection whose server has taken it.
+
+    Raises:
+        Exception: It has not.
+    """
+    # Only runs that are watched wait for it.
+    from websockets.client import ClientProtocol
+    from websockets.uri import parse_uri
+
+    host = f"[{address.host}]" if ":" in address.host else address.host
+    protocol = ClientProtocol(parse_uri(f"ws://{host}:{address.port}/publish"), max_size=4096)
+    request = protocol.connect()
+    if address.token:
+        request.headers["Authorization"] = f"Bearer {address.token}"
+    protocol.send_request(request)
+    connection.sendall(b"".join(protocol.data_to_send()))
+    while not protocol.events_received():
+        if protocol.handshake_exc is not None:
+            raise protocol.handshake_exc
+        data = connection.recv(4096)
+        if not data:
+            raise ConnectionError("the server has ended the connection")
+        protocol.receive_data(data)
+    if protocol.handshake_exc is not None:
+        raise protocol.handshake_exc
+    return protocol
+
+
+def _header(length: int) -> bytes:
+    """Return the header of a binary frame of a client.
+
+    Clients have to mask what they send, lest a web page chooses the bytes that a proxy sees. No page chooses
+    these, so the key is 0, which leaves them as they are and costs nothing.
+    """
+    if length < 126:
+        return struct.pack("!BBI", 0x82, 0x80 | length, 0)
+    if length < 1 << 16:
+        return struct.pack("!BBHI", 0x82, 0x80 | 126, length, 0)
+    return struct.pack("!BBQI", 0x82, 0x80 | 127, length, 0)
+
+
+def _packed(message: Content) -> bytes | None:
+    """Return the bytes of a message, None if it has none: then it is too large, or a number is."""
+    try:
+        return pack(message)
+    except (SmartsError, ValueError, TypeError, OverflowError):
+        return None

@@ -11,6 +11,7 @@ import itertools
 import os
 import socket
 import time
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -39,7 +40,6 @@ INTERVAL = 1 / 60
 _MOST_EXTRAS = 256
 """Annotations that wait for the next frame."""
 _numbers = itertools.count()
-_shown = 0
 
 
 @dataclass
@@ -56,8 +56,8 @@ class _Row:
     due: float = 0.0
     known: tuple[int, int, int] = (0, 0, 0)
     """How many agents, holds and outcomes were sent."""
-    named: dict[int, int] = field(default_factory=dict)
-    """Slot -> generation of the vehicle whose name was sent."""
+    named: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
+    """Generation of the vehicle in each slot whose name was sent, 0 for none."""
     outcomes: dict[int, tuple[int, ...]] = field(default_factory=dict)
     """Agent's number -> step, outcome, slot and generation of the vehicle that it collided with."""
     extras: list[tuple[str, int, int, list[float]]] = field(default_factory=list)
@@ -75,15 +75,13 @@ class EpisodePublisher:
     """
 
     def __init__(self, scene: Scene, address: Address, pool: AgentPool, policies: Sequence[str] = ()) -> None:
-        global _shown
         world = scene.world
         self._scene, self._address, self._pool, self._policies = scene, address, pool, tuple(policies)
-        self._outlet = Outlet(address)
-        machine, process, number = socket.gethostname(), os.getpid(), next(_numbers)
-        count = min(world.worlds, max(0, MOST_SHOWN - _shown))
-        _shown += count
-        self._rows = [_Row(f"{machine}-{process}-{number}-{row}") for row in range(count)]
-        self._maps_sent: tuple[int, set[int]] = -1, set()
+        shown = sum(len(each._rows) for each in _publishers)
+        count = min(world.worlds, max(0, MOST_SHOWN - shown))
+        self._rows = [_Row("") for _ in range(count)]
+        _publishers.add(self)
+        self._connect()
         agents = world.agents.slot.shape
         self._no_actions = Actions.allocate(*agents)
         self._buffers = Rows.allocate(world.vehicles.capacity, agents[1])
@@ -93,23 +91,25 @@ class EpisodePublisher:
         """Send what is due of a frame, before the next step overwrites it."""
         if self._outlet.process != os.getpid():
             # The thread and the connection stayed in the process that forked.
-            self._outlet = Outlet(self._address)
+            self._connect()
         for row, start in frame.starts.items():
             if row < len(self._rows):
                 self._begin(self._rows[row], start)
-        now, events = time.monotonic(), frame.events
+        now, events, outlet = time.monotonic(), frame.events, self._outlet
+        some_news = np.count_nonzero(events.just_done) or np.count_nonzero(events.finished)
         for row, shown in enumerate(self._rows):
-            has_news = bool(events.just_done[row].any() or events.finished[row])
+            has_news = bool(some_news and (events.just_done[row].any() or events.finished[row]))
             if has_news:
                 self._take_outcomes(row, shown, frame)
-            if shown.is_over or not self._outlet.is_open:
+            if shown.is_over:
                 continue
-            if frame.env_mask[row] and (has_news or now >= shown.due or shown.epoch != self._outlet.epoch):
+            is_due = has_news or now >= shown.due or shown.epoch != outlet.epoch
+            if is_due and outlet.is_open and frame.env_mask[row]:
                 shown.due = now + INTERVAL
                 self._send(row, shown, frame)
             if row in frame.failures:
                 self._end(shown, False, f"invalid: {frame.failures[row].problem}")
-            elif events.finished[row]:
+            elif has_news and events.finished[row]:
                 self._end(shown, True, "")
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
@@ -130,12 +130,20 @@ class EpisodePublisher:
 
     def close(self) -> None:
         """Say that the simulations are over, and end; may be called again."""
-        global _shown
         for shown in self._rows:
             self._end(shown, False, "closed before its end")
-        _shown -= len(self._rows)
         self._rows = []
         self._outlet.close()
+
+    def _connect(self) -> None:
+        """Open a connection, under names that no other process has."""
+        self._outlet = Outlet(self._address)
+        # Also for a publisher that nobody closes.
+        weakref.finalize(self, self._outlet.close)
+        machine, process, number = socket.gethostname(), os.getpid(), next(_numbers)
+        for row, shown in enumerate(self._rows):
+            shown.source, shown.epoch = f"{machine}-{process}-{number}-{row}", -1
+        self._maps_sent: tuple[int, set[int]] = -1, set()
 
     def _begin(self, shown: _Row, start: EpisodeStart) -> None:
         self._end(shown, False, "reset before its end")
@@ -149,15 +157,15 @@ class EpisodePublisher:
             shown.is_over = True
             self._put(shown, {"type": "end", "is_complete": is_complete, "remark": remark})
 
-    def _put(self, shown: _Row, message: Content, size: int = 200) -> None:
-        self._outlet.put({**message, "source": shown.source, "serial": shown.serial}, size)
+    def _put(self, shown: _Row, message: Content) -> None:
+        self._outlet.put({**message, "source": shown.source, "serial": shown.serial}, shown.epoch)
 
     def _send(self, row: int, shown: _Row, frame: Frame) -> None:
         """Send a frame of one simulation, and before it what lasts and has not been sent."""
         epoch = self._outlet.epoch
         if shown.epoch != epoch:
             shown.epoch, shown.known = epoch, (0, 0, 0)
-            shown.named.clear()
+            shown.named = np.zeros(self._scene.world.vehicles.capacity, np.int32)
             self._open(row, shown, epoch)
         known = len(self._pool.starts[row]), len(self._pool.holds[row]), len(shown.outcomes)
         if known != shown.known:
@@ -166,7 +174,7 @@ class EpisodePublisher:
             graph = self._scene.atlas.graphs[shown.start.map]
             starts, holds = self._pool.starts[row], self._pool.holds[row]
             tables = static_tables(starts, holds, shown.outcomes, self._policies, graph, shown.start.bubbles)
-            self._put(shown, {"type": "static", "tables": tables}, 200 * len(starts))
+            self._put(shown, {"type": "static", "tables": tables})
         actions = self._no_actions if frame.actions is None else frame.actions
         self._take.to(frame.events, frame.contacts, actions)(row)
         blocks = [
@@ -184,7 +192,7 @@ class EpisodePublisher:
             "extras": shown.extras[:],
         }
         shown.extras.clear()
-        self._put(shown, message, 500 + sum(map(len, blocks)))
+        self._put(shown, message)
 
     def _open(self, row: int, shown: _Row, epoch: int) -> None:
         """Send which episode it is, and its map if the server does not have it."""
@@ -203,6 +211,7 @@ class EpisodePublisher:
                     "origin": list(origin_of(graph)),
                     "message": map_message(graph, ""),
                 },
+                epoch,
                 size,
             )
         facts = {
@@ -216,22 +225,24 @@ class EpisodePublisher:
             "traffic_seed": start.traffic_seed,
         }
         who = {"host": socket.gethostname(), "pid": os.getpid(), "world": row}
-        self._put(shown, {"type": "begin", "facts": facts, "map": start.map, **who}, 500)
+        self._put(shown, {"type": "begin", "facts": facts, "map": start.map, **who})
 
     def _new_names(self, row: int, shown: _Row) -> list[tuple[int, int, str]]:
         """Return slot, generation and name of the vehicles that are new."""
-        world, used = self._scene.world, int(self._buffers.used[0])
-        vehicles = self._buffers.vehicles[:used, 1:3].astype(int).tolist()
-        found = []
-        for slot, generation in vehicles:
-            if shown.named.get(slot) != generation:
-                shown.named[slot] = generation
-                found.append((slot, generation, world.registry.name(row, slot)))
-        return found
+        world = self._scene.world
+        generations = world.vehicles.generation[row]
+        is_new = world.vehicles.alive[row] & (shown.named != generations)
+        if not np.count_nonzero(is_new):
+            return []
+        slots = np.flatnonzero(is_new)
+        shown.named[slots] = generations[slots]
+        return [(slot, int(generations[slot]), world.registry.name(row, slot)) for slot in slots.tolist()]
 
     def _signals(self, row: int) -> list[tuple[int, int]]:
         """Return lane and light where there is one."""
         lights = self._scene.world.signals[row]
+        if not np.count_nonzero(lights):
+            return []
         lanes = np.flatnonzero(lights)
         return [*zip(lanes.tolist(), lights[lanes].tolist(), strict=True)]
 
@@ -260,3 +271,7 @@ class EpisodePublisher:
                     int(agents.outcome[row, agent_id]),
                     *map(int, partner),
                 )
+
+
+_publishers: weakref.WeakSet[EpisodePublisher] = weakref.WeakSet()
+"""Those of this process."""

@@ -19,6 +19,7 @@ from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
 from smarts.sim.episode_tables import Ending, agents_table, extras_table, routes_table
+from smarts.sim.observation_notes import Note, observation_notes, observations_table
 from smarts.sim.recorder_handovers import HandoverNotes, handover_tables
 from smarts.sim.recorder_kernel import (
     AGENT_ROWS,
@@ -32,6 +33,7 @@ from smarts.sim.recorder_kernel import (
     take_frame,
 )
 from smarts.sim.recorder_thread import WriterThread
+from smarts.stream.road_map import origin_of
 from smarts.types.actions import Actions
 from smarts.types.agent_states import UNSET
 from smarts.types.episode import AgentStart, EpisodeStart
@@ -40,6 +42,7 @@ from smarts.types.episode_schema import (
     DECISIONS,
     DISTANT,
     NAMES,
+    OBSERVATIONS,
     SIGNALS,
     TABLE,
     VEHICLES,
@@ -48,6 +51,8 @@ from smarts.types.episode_schema import (
 from smarts.types.events import Outcome
 from smarts.types.frame import Frame
 
+OBSERVED = "observation/"
+"""Begins the names of annotations that say what an agent observes."""
 _CUT_SHORT = "reset or closed before its end"
 _OVERLAP = "vehicles overlapped at the start"
 
@@ -81,15 +86,20 @@ class _Episode:
     """By the agent's number."""
     extras: list[tuple[str, int, Ints, Floats]] = field(default_factory=list)
     """Name, step, agents (S,), values (S, ...)."""
+    observations: list[Note] = field(default_factory=list)
     small: dict[str, list[Floats]] = field(
-        default_factory=lambda: {
-            AGENT_STATES.name: [],
-            DECISIONS.name: [],
-            SIGNALS.name: [],
-            DISTANT.name: [],
-        }
+        default_factory=lambda: {table.name: [] for table in (AGENT_STATES, DECISIONS, SIGNALS, DISTANT)}
     )
     """Rows of the tables that are written in one piece."""
+
+    def annotate(self, name: str, step: int, agents: Ints, values: Floats) -> None:
+        """Take what is said about agents (S,), values (S, ...)."""
+        if name.startswith(OBSERVED):
+            what = name.removeprefix(OBSERVED)
+            pairs = zip(agents.tolist(), values, strict=True)
+            self.observations += [(step, each, what, numbers) for each, numbers in pairs]
+        else:
+            self.extras.append((name, step, agents, values))
 
 
 class EpisodeRecorder:
@@ -105,6 +115,7 @@ class EpisodeRecorder:
         pool: The agents of each episode.
         policies: Names of the social policies, by number.
         everything: Whether to record vehicles far from agents, too.
+        observers: Agent_ids of the egos whose observations are recorded.
 
     Raises:
         RecordError: The folder cannot be written to.
@@ -118,10 +129,12 @@ class EpisodeRecorder:
         policies: Sequence[str] = (),
         *,
         everything: bool = False,
+        observers: Sequence[int] = (),
     ) -> None:
         world = scene.world
         worlds, agents = world.agents.slot.shape
         self._scene, self._pool, self._policies = scene, pool, tuple(policies)
+        self._observers = tuple(observers)
         self._store = EpisodeStore(folder)
         self._thread = WriterThread(str(folder))
         self._episodes: list[_Episode | None] = [None] * worlds
@@ -150,6 +163,9 @@ class EpisodeRecorder:
             episode = self._episodes[row]
             if episode is not None:
                 self._take_notes(row, episode, is_busy)
+                if self._observers:
+                    origin = np.array(origin_of(episode.graph))
+                    episode.observations += observation_notes(frame, row, self._observers, origin)
                 if frame.bubbles is not None and episode.start.bubbles:
                     count = len(episode.start.bubbles)
                     episode.handovers.take_bubbles(episode.steps, row, count, frame.bubbles)
@@ -165,7 +181,7 @@ class EpisodeRecorder:
         """Add to the record what an algorithm says about its decisions, or what came of them.
 
         Args:
-            name: What it is, such as "probabilities" or "reward".
+            name: What it is, such as "probabilities" or "reward"; behind `OBSERVED`, what is observed.
             values: Numbers of each agent, shape (B, N, ...), N at most A.
             agent_ids: Mask of the agents whose values are recorded, shape (B, N).
             step: Step of the state on which each simulation's decision was made, shape (B,); by default now,
@@ -178,7 +194,7 @@ class EpisodeRecorder:
             if episode is not None:
                 chosen = np.flatnonzero(agent_ids[row]).astype(np.int32)
                 # Fancy indexing copies: the caller may reuse its array.
-                episode.extras.append((name, int(steps[row]), chosen, table[row, chosen]))
+                episode.annotate(name, int(steps[row]), chosen, np.asarray(table[row, chosen]))
 
     def finish(self, env_mask: Bools) -> None:
         """Have the episodes of some simulations written, since all has been said about them.
@@ -343,6 +359,7 @@ class EpisodeRecorder:
         notes, starts = episode.handovers, episode.agents
         writer.append("agents", agents_table(starts, notes.holds, episode.endings, small, numbers))
         writer.append("extras", extras_table(episode.extras))
+        writer.append(OBSERVATIONS.name, observations_table(episode.observations))
         columns = [*zip(*episode.names, strict=True)] or [()] * len(NAMES.columns)
         writer.append(NAMES.name, dict(zip(NAMES.names, columns, strict=True)))
         vehicles = {(slot, generation): name for slot, generation, name, *_ in episode.names}

@@ -219,11 +219,26 @@ def free_flow_time(roads: LaneGraph, route: Sequence[str], lane: int, length: fl
     """Return how long a driver at the limits takes for a route, from a speed at its start [s]."""
     if not route:
         return 0.0
+    return time_at(mean_limit(roads, route), float(roads.speed_limit[lane]), length, speed)
+
+
+def mean_limit(roads: LaneGraph, route: Sequence[str]) -> float:
+    """Return the mean speed of a driver at the limits over a route [m/s]."""
     edges = [roads.edge_number(name) for name in route]
     firsts = [int(roads.edge_first_lane[edge]) for edge in edges]
     lengths, limits = roads.length[firsts], roads.speed_limit[firsts]
-    mean = float(lengths.sum() / (lengths / limits).sum())
-    limit = float(roads.speed_limit[lane])
+    return float(lengths.sum() / (lengths / limits).sum())
+
+
+def time_at(mean: float, limit: float, length: float, speed: float) -> float:
+    """Return how long a driver takes for a length [m] at a mean speed, from a speed at its start [s].
+
+    Args:
+        mean: See `mean_limit` [m/s].
+        limit: Of the lane at the start [m/s].
+        length: [m]
+        speed: [m/s]
+    """
     return length / mean + max(0.0, limit - speed) ** 2 / (2 * _ACCELERATION * limit)
 
 

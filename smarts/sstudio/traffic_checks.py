@@ -22,6 +22,8 @@ LARGEST = 1e6
 """Bound of values without a bound of their own, so that nothing overflows in SUMO."""
 LATEST = 1e9
 """The latest time [s]."""
+LONGEST_REACTION = 10.0
+"""The longest reaction time [s]."""
 LONGEST_WARM_UP = 3600.0
 """The longest warm-up, which every reset simulates [s]."""
 HIGHEST_RATE = 36_000.0
@@ -117,7 +119,7 @@ class TrafficChecks(Checks):
         self.choice(actor.vehicle_type, VEHICLE_TYPES, f"{where}.vehicle_type")
         positive = ("accel", "decel", "emergency_decel", "max_speed", "tau")
         self.numbers(actor, where, above=0, **dict.fromkeys(positive, LARGEST))
-        self.numbers(actor, where, sigma=1)
+        self.numbers(actor, where, sigma=1, reaction_time=LONGEST_REACTION)
         for name in ("speed", "imperfection", "min_gap"):
             self._distribution(getattr(actor, name), f"{where}.{name}")
         if isinstance(actor.depart_speed, str):

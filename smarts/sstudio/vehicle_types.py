@@ -148,6 +148,7 @@ def _attributes(actor: TrafficActor, generator: Generator) -> Attributes:
         "minGap": max(actor.min_gap.sample(generator), 0.0),
         "maxSpeed": actor.max_speed,
         **_speed_factor(actor.speed, generator),
+        **({"actionStepLength": actor.reaction_time} if actor.reaction_time else {}),
     }
     for model in (actor.lane_changing_model, actor.junction_model):
         attributes |= {} if model in ignored else dict(model)

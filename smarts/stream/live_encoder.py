@@ -11,6 +11,7 @@ from smarts.arrays import Floats
 from smarts.errors import RecordError
 from smarts.stream.container import Message
 from smarts.stream.encoder import EpisodeEncoder
+from smarts.stream.live_indicators import LiveIndicators
 from smarts.stream.tables import OUTCOMES, Columns, table_messages
 from smarts.types.episode_schema import AGENT_STATES, BUBBLE_POSES, DECISIONS, SIGNALS, VEHICLES, Table
 
@@ -50,6 +51,7 @@ class LiveEncoder:
         x, y = road_map["origin"]
         self._stamp = {"source": source, "serial": serial}
         self._encoder = EpisodeEncoder(road_map, (x, y), facts, self._stamp)
+        self._indicators = LiveIndicators(road_map, max(1e-3, float(facts.get("dt", 0.1))))
         self._static: dict[str, Columns] = {}
         self._outcomes: Columns = {}
         self._frame: _Frame | None = None
@@ -96,6 +98,7 @@ class LiveEncoder:
     def _take_static(self, tables: Mapping[str, Any]) -> list[dict[str, Any]]:
         """Take tables that last; of outcomes, return those that are new."""
         self._static = {name: dict(tables[name]) for name in _STATIC if tables.get(name)}
+        self._indicators.take_routes(self._static.get("routes", {}))
         made, known = self._encoder.static(self._static), len(self._outcomes.get("agent", ()))
         self._outcomes = {name: [*tables["outcomes"][name]] for name in ("agent", *_OUTCOME)}
         new = {name: values[known:] for name, values in self._outcomes.items()}
@@ -130,7 +133,8 @@ class LiveEncoder:
             raise self._bad(f"{len(vehicles['step'])} vehicles")
         if any((tables[name]["step"] != step).any() for name in ("vehicles", "agent_states")):
             raise self._bad("rows of another step")
-        vehicles["lights"] = (vehicles["acceleration"] <= BRAKING).astype(np.int8)
+        braking = (vehicles["acceleration"] <= BRAKING).astype(np.int8)
+        vehicles["lights"] = braking | self._indicators.lights(vehicles, step)
         agents = np.array([*map(int, message["agent"])], np.int64)
         for rows in tables.values():
             if "agent_id" in rows:

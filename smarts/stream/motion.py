@@ -29,8 +29,10 @@ collided."""
 
 MOST_ROWS = 1_000_000
 """Of one message."""
-_ONE_STEP = {"x": np.int32, "y": np.int32, "heading": np.int16, "speed": np.int16, "steer": np.int16}
-"""Types of the columns of a message of one step."""
+_FARTHEST = float(1 << 30)
+"""The largest number of units of any column."""
+_COLUMNS = "x", "y", "heading", "speed", "steer"
+"""That are packed as runs."""
 
 
 class Motion(NamedTuple):
@@ -67,7 +69,8 @@ class Motion(NamedTuple):
 
         def whole(values: NDArray, per_unit: float) -> Ints:
             # Values that are not finite are of vehicles that failed: they stay where 0 is.
-            return np.rint(np.nan_to_num(values[order].astype(np.float64) * per_unit)).astype(np.int32)
+            units = np.nan_to_num(values[order].astype(np.float64) * per_unit, posinf=0.0, neginf=0.0)
+            return np.rint(np.clip(units, -_FARTHEST, _FARTHEST)).astype(np.int32)
 
         return cls(
             number[order].astype(np.int32),
@@ -102,17 +105,16 @@ def steps_message(steps: Ints, motion: Motion, *, compress: bool = True) -> dict
         "number": plain(motion.number[starts], np.uint32),
         "flags": plain(motion.flags, np.uint16),
     }
-    if len(steps) == 1:
-        return message | {name: plain(getattr(motion, name), kind) for name, kind in _ONE_STEP.items()}
+    if len(steps) > 1:
+        message |= {
+            "begin": plain(begin[starts], np.uint16),
+            "count": plain(np.diff(starts, append=len(first)), np.uint16),
+        }
     return message | {
-        "begin": plain(begin[starts], np.uint16),
-        "count": plain(np.diff(starts, append=len(first)), np.uint16),
-        **{
-            name: packed_runs(
-                getattr(motion, name), first, turn=TURN if name == "heading" else 0, compress=compress
-            )
-            for name in _ONE_STEP
-        },
+        name: packed_runs(
+            getattr(motion, name), first, turn=TURN if name == "heading" else 0, compress=compress
+        )
+        for name in _COLUMNS
     }
 
 
@@ -131,7 +133,7 @@ def motion_of(message: dict[str, Any]) -> Motion:
     if (begin < 0).any() or (begin + count > len(steps)).any() or (np.diff(steps) <= 0).any():
         raise _damaged("runs that are longer than the steps, or steps in disorder")
     starts = np.cumsum(count) - count
-    x, y, heading, speed, steer = (unpacked_runs(message.get(name), starts) for name in _ONE_STEP)
+    x, y, heading, speed, steer = (unpacked_runs(message.get(name), starts) for name in _COLUMNS)
     columns = x, y, heading, speed, steer
     flags = unpacked_array(message.get("flags"))
     rows = int(count.sum())

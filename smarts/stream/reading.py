@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from smarts.arrays import Floats
 from smarts.errors import RecordError
 from smarts.stream.container import VERSION, Message, messages_in
 from smarts.stream.motion import Motion, motion_of
@@ -32,9 +33,9 @@ class CompactEpisode:
         if first is None or first["type"] != "episode":
             raise _bad("it does not begin with the message 'episode'", "bring the file back from a copy")
         check_version(first)
-        self.facts: dict[str, Any] = first.get("facts", {})
+        self.facts: dict[str, Any] = _facts_of(first)
         """The row of the table `episode`."""
-        self.origin = np.asarray(first.get("origin", (0.0, 0.0)), np.float64)
+        self.origin = _origin_of(first)
         """What the positions in `motion` are relative to [m]."""
         self.map: Message | None = None
         """The message of the map."""
@@ -93,6 +94,21 @@ class CompactEpisode:
                 if column in self.tables[name]
             }
         self.tables[name] = columns
+
+
+def _facts_of(message: Message) -> dict[str, Any]:
+    facts = message.get("facts", {})
+    if not isinstance(facts, dict):
+        raise _bad(f"its facts are {type(facts).__name__}, not a map", "bring the file back from a copy")
+    return facts
+
+
+def _origin_of(message: Message) -> Floats:
+    try:
+        x, y = map(float, message.get("origin", (0.0, 0.0)))
+    except (TypeError, ValueError) as error:
+        raise _bad(f"its origin is no position: {error}", "bring the file back from a copy") from error
+    return np.array([x, y])
 
 
 def check_version(message: Message) -> None:

@@ -27,6 +27,7 @@ from smarts.types.episode_schema import (
     HOLDS,
     INTEGERS,
     NUMBERS,
+    OBSERVATIONS,
     ROUTES,
     SIGNALS,
     TEXT,
@@ -55,7 +56,7 @@ OUTCOMES = Table(
 """The one table that recorded episodes do not have: there it is part of `agents`."""
 STATIC = (AGENTS, HOLDS, ROUTES, BUBBLES, BUBBLE_RINGS)
 """The tables of an episode that are sent before its steps."""
-_STEPPED = AGENT_STATES, DECISIONS, SIGNALS, EXTRAS, TRANSFERS, BUBBLE_POSES, AGENT_FAILURES
+_STEPPED = AGENT_STATES, DECISIONS, SIGNALS, EXTRAS, TRANSFERS, BUBBLE_POSES, AGENT_FAILURES, OBSERVATIONS
 STEPPED = (
     *(replace(t, columns=(*t.columns, _AGENT)) if "agent_id" in t.names else t for t in _STEPPED),
     OUTCOMES,

@@ -253,6 +253,23 @@ EXTRAS = Table(
         Column("values", NUMBERS, "the numbers"),
     ),
 )
+OBSERVATIONS = Table(
+    "observations",
+    "a row for each thing that an agent of `record_observations` observed as it decided; positions are "
+    "relative to the map's lower left corner in whole metres",
+    (
+        _step("the state that was observed"),
+        AGENT_ID,
+        Column(
+            "name",
+            TEXT,
+            "waypoints, neighbors, lidar, grid:drivable, grid:occupancy, grid:visible, rgb:top_down, or a "
+            "field of the observation",
+        ),
+        Column("values", NUMBERS, "the numbers, as docs/envision.md says"),
+    ),
+    is_optional=True,
+)
 HOLDS = Table(
     "holds",
     "a row for each time that an agent has had a vehicle, in the order in which they began",
@@ -354,5 +371,6 @@ AGENT_FAILURES = Table(
 TABLES = (
     *(EPISODE, AGENTS, VEHICLES, NAMES, ROUTES, AGENT_STATES, DECISIONS, SIGNALS, EXTRAS),
     *(DISTANT, HOLDS, TRANSFERS, BUBBLES, BUBBLE_RINGS, BUBBLE_POSES, AGENT_FAILURES),
+    OBSERVATIONS,
 )
 TABLE = {table.name: table for table in TABLES}

@@ -43,7 +43,7 @@ class Refusal(enum.IntEnum):
     TOO_CLOSE = 6
     """Another vehicle is too near."""
     IN_JUNCTION = 7
-    """The vehicle is inside a junction; traffic keeps one also from where it can no longer stop before it."""
+    """A part of the vehicle is inside a junction, or will be within two steps."""
     HEADING = 8
     """The vehicle is not aligned with its lane."""
     OFFSET = 9
@@ -55,7 +55,11 @@ class Refusal(enum.IntEnum):
     SPEED = 12
     """Traffic would have to brake the vehicle hard."""
     SIDEWAYS = 13
-    """The vehicle moves sideways faster than a vehicle drives."""
+    """The vehicle moves sideways faster than a vehicle drives, or leans to its lane."""
+    WITHOUT_PRIORITY = 14
+    """Traffic has the vehicle on its way through a junction without priority: it can no longer stop."""
+    TIGHT_TURN = 15
+    """A turn within the next 100 m is too tight for a vehicle of its kind."""
 
 
 class Departure(enum.IntEnum):

@@ -36,11 +36,17 @@ class VehicleKind(enum.IntEnum):
     MOTORCYCLE = 5
 
 
+STANDING = 0.5
+"""A slower vehicle stands [m/s]."""
+NONE_IS_MINUS_ONE = ("lane", "route", "next_edge", "standing_since")
+"""Names of the arrays that are -1, not 0, where there is no vehicle."""
+
+
 class VehicleStates(NamedTuple):
     """The vehicles of one simulation (or of B simulations) at one instant.
 
     Every array has the leading shape `(..., V)`, V the capacity in slots; a slot whose `alive` is false
-    holds no vehicle: its lane, route and next edge are -1, its other values but the generation are zero. The
+    holds no vehicle: those in `NONE_IS_MINUS_ONE` are -1, its other values but the generation are zero. The
     arrays are written in place by the step and are to be read only elsewhere.
     """
 
@@ -85,6 +91,8 @@ class VehicleStates(NamedTuple):
     next_edge: Ints
     """Edge of the map that the vehicle takes after its present one by its planned route: what its turn signal
     shows; inside a junction the edge behind it; -1 if unknown, or at the route's end."""
+    standing_since: Ints
+    """Step of the episode since which the vehicle stands (below `STANDING`), -1 while it moves."""
     home: Bytes
     """The provider that gets the vehicle back when its agent is done; NOBODY: it is removed."""
 
@@ -116,6 +124,7 @@ class VehicleStates(NamedTuple):
             yaw_acceleration=zeros(np.float64),
             route=np.full(shape, -1, np.int32),
             next_edge=np.full(shape, -1, np.int32),
+            standing_since=np.full(shape, -1, np.int32),
             home=zeros(np.int8),
         )
 
@@ -128,7 +137,7 @@ class VehicleStates(NamedTuple):
         """Empty slots, given by an index of the arrays; generations stay, so that none is issued twice."""
         for name, column in self._asdict().items():
             if name != "generation":
-                column[slot] = -1 if name in ("lane", "route", "next_edge") else 0
+                column[slot] = -1 if name in NONE_IS_MINUS_ONE else 0
 
     def of(self, row: int) -> VehicleStates:
         """Return views of the slots of one simulation of a batch."""

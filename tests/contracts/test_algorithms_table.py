@@ -32,12 +32,24 @@ def test_a_check_that_does_not_exist_is_refused():
         table.checks_of({"Oracle": "equal (`test_coma.py::test_nothing`)"})
 
 
-def test_the_end_of_a_curve_is_its_last_row_with_finished_episodes(tmp_path):
-    folder = tmp_path / "intersection" / "no_social_vehicles" / "seed_1"
+def write_curve(root, traffic, seed, *rows):
+    folder = root / "intersection" / traffic / f"seed_{seed}"
     folder.mkdir(parents=True)
-    rows = ("iteration,agent_steps,completion,collision", "1,500,0.25,0.5", "2,1000,0.75,0.125", "3,1500,,")
-    (folder / "progress.csv").write_text("\n".join(rows))
-    assert table.intersection(tmp_path) == "0.75 / 0.12 (1,000)"
+    (folder / "progress.csv").write_text("\n".join(("iteration,agent_steps,completion,collision", *rows)))
+
+
+def test_the_end_of_a_curve_is_its_last_row_with_finished_episodes(tmp_path):
+    write_curve(tmp_path, "no_social_vehicles", 1, "1,500,0.25,0.5", "2,200000,0.75,0.125", "3,300000,,")
+    assert table.intersection(tmp_path) == "0.75 / 0.12 (1 seed, 0.2M)"
+
+
+def test_the_end_of_curves_is_their_mean_over_all_seeds_without_traffic(tmp_path):
+    assert table.intersection(tmp_path) == ""
+    write_curve(tmp_path, "random_social_vehicles", 1, "1,1000000,0.1,0.9")
+    assert table.intersection(tmp_path) == ""
+    write_curve(tmp_path, "no_social_vehicles", 1, "1,1000000,0.9,0.1")
+    write_curve(tmp_path, "no_social_vehicles", 2, "1,1000000,0.5,0.3")
+    assert table.intersection(tmp_path) == "0.70 / 0.20 (2 seeds, 1M)"
 
 
 def test_the_experiment_trains_every_algorithm():

@@ -11,6 +11,18 @@ from tests.blocks import ROOT
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
 PLACE = "a new folder"
 SMALLEST = {
+    "benchmark_tasks": [
+        *(
+            "configs/benchmark_v1.yaml",
+            PLACE,
+            "--set",
+            "tasks=[loop]",
+            "--set",
+            "traffic=[no_social_vehicles]",
+        ),
+        *("--set", "scripted=[parked, gap_acceptance]", "--set", "evaluation.episodes=1"),
+        *("--set", "benchmark_version=null", "--set", "evaluation.held_out_episodes=0"),
+    ],
     "bubble_kinds": [PLACE, "--kinds", "position", "--seconds", "2"],
     "bubbles": ["--scenarios", "loop", "--worlds", "1", "--bubbles", "1", "--steps", "5"],
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
@@ -38,6 +50,7 @@ SMALLEST = {
     "roads": ["--poses", "50", "--repeats", "1"],
     "same_episodes": [str(ROOT), str(ROOT), "--scenarios", "loop", "--apis", "vector", "--steps", "5"],
     "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],
+    "social_drivers": ["--kinds", "normal", "--encounters", "1"],
     "stopping": [],
     "takeovers": ["--scenario", "intersection", "--agents", "8", "--vehicles", "20", "--steps", "10"],
     "traffic_step": ["--scenarios", "two_way", "--policies", "keep_lane", "--episodes", "8"],

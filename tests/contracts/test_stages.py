@@ -13,7 +13,7 @@ from smarts.types.actions import ActionSpaceType
 from smarts.types.guidance import Guidance
 from smarts.types.vehicles import Owner
 
-LOCATION = {"lane", "lane_position", "lane_offset", "next_edge"}
+LOCATION = {"lane", "lane_position", "lane_offset", "next_edge", "standing_since"}
 IDENTITY = {"alive", "generation", "owner", "kind", "length", "width", "home"}
 
 ACTUATORS = {f"agents.{name}" for name in ("steering", "throttle", "brake", "distance_travelled")}

@@ -151,8 +151,14 @@ def test_the_page_shows_means_over_seeds_and_the_best_of_the_mean(tmp_path):
         results.write(tmp_path, RunFile("foraging", "vdn", seed, {"commit": "abc"}, curve))
     results.write(tmp_path, RunFile("foraging", "random", 1, {}, [Evaluation(0, np.nan, 0.01, np.nan, 0.0)]))
     page = results.page(tmp_path)
-    assert "| `vdn` | 2 | 20 | 0.80 | 0.60, 1.00 | 0.80 | 0.40 | 0.25 |" in page
+    few = "0.80 (2 seeds) | 1: 0.60, 2: 1.00 | 0.80 (2 seeds) | 0.40 (2 seeds) | 0.25"
+    assert f"| `vdn` | 2 | 20 | {few} |" in page
     assert "| `random` | | | | | | 0.01 | |" in page
+    for seed in (4, 5, 6):
+        curve = [Evaluation(20, 0.1 * seed, 0.5, 0.0, 3.0)]
+        results.write(tmp_path, RunFile("foraging", "ppo", seed, {}, curve))
+    several = "0.50 | 4: 0.40, 5: 0.50, 6: 0.60 | 0.50 | 0.50 | 0.00"
+    assert f"| `ppo` | 3 | 20 | {several} |" in results.page(tmp_path)
     assert results.read(results.file_of(tmp_path, "foraging", "vdn", 1)).about == {"commit": "abc"}
 
 

@@ -38,6 +38,7 @@ def open_page(browser: Browser, tmp_path: Path) -> Iterator[Callable[..., Page]]
         url: str = "",
         scheme: str = "dark",
         may_lose_connection: bool = False,
+        script: str = "",
     ) -> Page:
         width, height = size
         context = browser.new_context(
@@ -47,6 +48,8 @@ def open_page(browser: Browser, tmp_path: Path) -> Iterator[Callable[..., Page]]
         )
         context.set_default_timeout(PATIENCE)
         contexts.append(context)
+        if script:
+            context.add_init_script(script)
         page = context.new_page()
         page.on("pageerror", lambda error: problems.append(str(error)))
 

@@ -64,3 +64,23 @@ def test_the_page_comes_back_when_the_server_does(open_page):
                 expect(page.locator(".live-state")).to_have_text("live", timeout=20_000)
                 expect(page.locator(".cell")).to_have_count(2, timeout=20_000)
                 wait_for_time(page, 1.0)
+
+
+def test_one_goes_back_in_what_runs_and_returns(open_page):
+    now = "() => parseFloat(document.querySelector('.time').textContent)"
+    with serving(page="", live=True) as server:
+        page = open_page(url=server.url)
+        with running(f"127.0.0.1:{server.port}"):
+            expect(page.locator(".cell")).to_have_count(2, timeout=STARTED)
+            wait_for_time(page, 7.0)
+            late = page.evaluate(now)
+            page.keyboard.press("ArrowLeft")
+            page.wait_for_timeout(1000)
+            back = page.evaluate(now)
+            # It plays on from there, and does not jump to what is newest.
+            assert late - 5.0 < back < late - 1.0
+            expect(page.get_by_role("button", name="back to live")).to_be_visible()
+            wait_for_time(page, 0.3)
+            page.get_by_role("button", name="back to live").click()
+            page.wait_for_function(f"() => parseFloat(document.querySelector('.time').textContent) > {late}")
+            expect(page.get_by_role("button", name="live", exact=True)).to_be_visible()

@@ -5,13 +5,14 @@ import re
 
 import numpy as np
 import PIL.Image
+import PIL.ImageColor
 import pytest
 from playwright.sync_api import Page, expect
 
 from smarts.stream.arrays import packed_array, unpacked_array
 from smarts.stream.container import framed, messages_in
 from tests.envision.conftest import PHONE
-from tests.envision.pages import changed, episode
+from tests.envision.pages import changed, episode, observing, page_with
 
 pytestmark = pytest.mark.browser
 
@@ -282,3 +283,123 @@ def test_lights_are_drawn_as_they_change(open_page):
     assert parts[5][0] > parts[15][0] + 1e-3
     assert parts[15][1] > 2 * parts[5][1]
     assert parts[15][1] > 1e-4
+
+
+def test_what_the_chosen_agent_observes_is_drawn(open_page):
+    data = observing(episode("intersection"))
+    page = open_page(data, fragment="#t=9&cam=follow&agent=agent-0")
+    page.wait_for_timeout(1200)
+    seen = picture(page)
+    # Yellow paths, cyan points of the lidar.
+    assert part_like(seen, (242, 225, 76)) > 1e-3
+    assert part_like(seen, (94, 242, 255)) > 1e-3
+    panel = page.locator(".sight")
+    expect(panel).to_contain_text("2 paths of waypoints, 1 neighbour, 60 lidar points")
+    expect(panel).to_contain_text("speed 7.25")
+    assert panel.locator("canvas").count() == 2
+    pixel = "c => [...c.getContext('2d').getImageData(%s, %s, 1, 1).data]"
+    full, empty = (panel.locator("canvas").first.evaluate(pixel % place) for place in ((3, 3), (20, 20)))
+    assert full[3] == 255
+    assert empty[3] == 0
+    page.keyboard.press("a")
+    page.wait_for_timeout(1200)
+    expect(panel).not_to_be_visible()
+    assert part_like(picture(page), (94, 242, 255)) < 1e-4
+
+
+def test_two_policies_on_the_same_test_episode_are_compared(open_page):
+    def name(policy):
+        def change(message):
+            if message["type"] == "episode":
+                message["facts"]["policy"] = policy
+
+        return change
+
+    data = episode("intersection")
+    page = open_page(
+        changed(data, name("<b>ippo</b>")),
+        episode("bubbles"),
+        changed(data, name("idm")),
+        fragment="#e=1&clock=own",
+    )
+    page.keyboard.press("e")
+    expect(page.locator(".row").filter(has_text="idm")).to_have_count(1)
+    assert page.get_by_role("button", name="compare").count() == 2
+    page.locator(".row").filter(has_text="idm").get_by_role("button", name="compare").click()
+    expect(page.locator(".cell-name")).to_have_text(["intersection · idm", "intersection · <b>ippo</b>"])
+    expect(page.get_by_role("button", name="in step")).to_be_visible()
+    page.keyboard.press("Space")
+    page.keyboard.press("End")
+    page.wait_for_function("() => location.hash.includes('e=2,0&t=43.0')")
+
+
+def test_a_damaged_episode_does_not_hide_the_others(open_page):
+    page = open_page(b"PK\3\4 no episode", episode("bubbles"))
+    expect(page.get_by_role("alert")).to_contain_text(
+        "episode 0 cannot be opened: this is not a compact episode"
+    )
+    expect(page.locator("h1")).to_have_text("bubble_junction")
+    page.keyboard.press("e")
+    expect(page.locator(".row[data-error]")).to_have_count(1)
+
+
+def test_a_page_that_is_cut_inside_its_episode_plays_up_to_the_cut(open_page, tmp_path):
+    whole = page_with([episode("intersection")])
+    head, tail = whole.split('data-label="episode 0">')
+    text, rest = tail.split("</script>", 1)
+    for length in (len(text) * 3 // 4, len(text) * 3 // 4 + 1):
+        file = tmp_path / "cut.html"
+        file.write_text(f'{head}data-label="episode 0">{text[:length]}</script>{rest}')
+        page = open_page(url=file.as_uri(), fragment="#t=1")
+        expect(page.get_by_role("alert")).to_contain_text("cut off")
+        expect(page.locator("h1")).to_have_text("intersection")
+
+
+def test_the_picture_comes_back_after_the_graphics_driver_has_failed(open_page):
+    page = open_page(episode("intersection"), fragment="#t=8&cam=top")
+    page.wait_for_timeout(900)
+    before = picture(page)
+    page.evaluate("""() => {
+        const gl = document.querySelector(".stage canvas").getContext("webgl2");
+        window.lost = gl.getExtension("WEBGL_lose_context");
+        window.lost.loseContext();
+    }""")
+    page.wait_for_timeout(300)
+    page.evaluate("() => window.lost.restoreContext()")
+    page.wait_for_timeout(900)
+    after = picture(page)
+    assert part_like(after, (37, 43, 53)) > 0.01
+    assert np.abs(after - before).mean() < 2
+
+
+def test_a_browser_without_webgl_says_so_and_shows_the_panel(open_page):
+    page = open_page(
+        episode("intersection"),
+        fragment="#t=8",
+        script="HTMLCanvasElement.prototype.getContext = () => null",
+    )
+    expect(page.get_by_role("alert").first).to_contain_text("WebGL")
+    expect(page.locator(".panel h2")).to_have_text("agent-0")
+    page.keyboard.press(".")
+    expect(page.locator(".time")).to_contain_text("8.1 /")
+
+
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_texts_have_enough_contrast(open_page, scheme):
+    page = open_page(episode("intersection"), fragment="#t=8", scheme=scheme)
+    names = ("--text", "--soft", "--faint", "--good", "--bad", "--warn", "--accent")
+    colours = {
+        name: page.evaluate("n => getComputedStyle(document.documentElement).getPropertyValue(n)", name)
+        for name in (*names, "--surface")
+    }
+
+    def luminance(colour):
+        parts = np.array(PIL.ImageColor.getrgb(colour.strip())) / 255
+        linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+        return float(linear @ [0.2126, 0.7152, 0.0722])
+
+    ground = luminance(colours["--surface"])
+    for name in names:
+        high, low = sorted((luminance(colours[name]), ground), reverse=True)
+        # WCAG 2.2, AA.
+        assert (high + 0.05) / (low + 0.05) >= 4.5, name

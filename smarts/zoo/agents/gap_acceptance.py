@@ -103,7 +103,7 @@ def choose(observation: NDArray[np.float32], mask: NDArray[np.bool_], waited: in
         mask: Allowed lane actions, shape (4,).
         waited: What was returned at the decision before, 0 at the first.
     """
-    layout = _layout(len(observation) - _SIZE_WITHOUT_INDEX)
+    layout = layout_of(observation)
     now = {name: observation[place].astype(np.float64) for name, place in layout.items()}
     speed, arrival = float(now["speed"][0]) * SPEED_SCALE, float(now["arrival_order"][0])
     waited = (waited + 1) * bool(speed < 0.5)
@@ -128,6 +128,11 @@ def choose(observation: NDArray[np.float32], mask: NDArray[np.bool_], waited: in
     slowing = _time_to_conflict(path, _driven(speed, -BRAKING), ways, horizons, safe)
     is_better = going == np.inf or going > slowing
     return (LaneAction.keep_lane if is_better else LaneAction.slow_down), waited
+
+
+def layout_of(observation: NDArray[np.float32]) -> dict[str, slice]:
+    """Return the place of each feature in a vector "benchmark"."""
+    return _layout(len(observation) - _SIZE_WITHOUT_INDEX)
 
 
 @cache

@@ -1,6 +1,7 @@
 """Learners in processes of their own, and one to compare them with."""
 
 import math
+import os
 
 import numpy as np
 import ray
@@ -9,6 +10,7 @@ import torch
 from algorithms.joint.data_parallel import DataParallel
 from algorithms.joint.training_data import JointTrainingData
 from algorithms.parts.noise import RowGenerator, exponential
+from algorithms.ppo import PPOLearner
 from tests.games.games import Ragged
 from tests.unit.algorithms.rigs import Rig, known
 
@@ -94,3 +96,23 @@ def replay_of(made):
     """Return a replay buffer with a rollout."""
     made.learner.replay.add(made.rollout(24))
     return made.learner.replay
+
+
+def process_id(learner):
+    """Return the id of a learner's process."""
+    return os.getpid()
+
+
+def poison(learner):
+    """Make a weight of a learner's first network NaN."""
+    with torch.no_grad():
+        next(iter(learner.net("agent_0").parameters())).view(-1)[0] = math.nan
+
+
+class Failing(PPOLearner):
+    """Fails in the second of two learners only."""
+
+    def update_minibatch(self, batch):
+        if self.parallel.rank == 1:
+            raise ValueError("half a loss")
+        super().update_minibatch(batch)

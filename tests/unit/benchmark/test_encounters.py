@@ -5,7 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from benchmark.metrics.encounters import COLLIDED, FIRST, SECOND, UNRESOLVED, find_encounters
+from benchmark.metrics.encounters import (
+    COLLIDED,
+    FIRST,
+    SECOND,
+    UNRESOLVED,
+    WAITING,
+    find_encounters,
+)
 from smarts.types.events import Outcome
 from tests.measuring import (
     CROSS,
@@ -256,20 +263,22 @@ class TestOrder:
 class TestHowItEnds:
     @pytest.mark.parametrize(
         ("clears", "result", "counts"),
-        [(14.0, SECOND, [1.0, 0.0]), (16.0, UNRESOLVED, [0.0, 1.0])],
+        [(21.0, SECOND, [1.0, 0.0]), (22.0, WAITING, [0.0, 1.0])],
     )
     def test_who_gives_way_clears_the_section_within_15_seconds(self, tmp_path, clears, result, counts):
+        # The other enters after (86.5 - 2 - 20) m at 10 m/s, 6.45 s: until 21.5 s the agent may leave.
         # 95.5 m is where the agent's rear leaves it, 55.5 m after a first second at 10 m/s; the half metre
         # is driven well within the last step.
         slowly = (95.5 - 30.0 - 10.0 + 0.2) / (clears - 1.0)
-        episode = meeting(tmp_path, [10.0] * 10 + [slowly] * 160, QUICKLY + [10.0] * 50)
+        stays = QUICKLY + [0.0] * 120
+        episode = meeting(tmp_path, [10.0] * 10 + [slowly] * 230, stays)
         assert find_encounters(episode).result.tolist() == [result]
         found = sums("collaborative", episode)
         assert [found["gave_way"], found["unresolved_first"]] == counts
 
-    @pytest.mark.parametrize(("steps", "result"), [(140, COLLIDED), (160, UNRESOLVED)])
+    @pytest.mark.parametrize(("steps", "result"), [(210, COLLIDED), (220, WAITING)])
     def test_a_collision_after_15_seconds_is_not_this_encounters(self, tmp_path, steps, result):
-        # The other stands in the way, and the agent waits before it.
+        # The other enters after 6.45 s and stands in the way, and the agent waits before it.
         waits = [10.0] * 10 + [5.0] * 80 + [0.0] * (steps - 90)
         stands = [10.0] * 70 + [0.0] * (steps - 70)
         episode = meeting(tmp_path, waits, stands, outcome=Outcome.COLLISION, partner=1)
@@ -277,13 +286,30 @@ class TestHowItEnds:
         assert found.result.tolist() == [result]
         assert np.nan_to_num(found.gap_time, nan=-1.0).tolist() == [0.0 if result == COLLIDED else -1.0]
 
-    @pytest.mark.parametrize(("partner", "result"), [(1, COLLIDED), (-1, UNRESOLVED)])
+    @pytest.mark.parametrize(("partner", "result"), [(1, COLLIDED), (-1, WAITING)])
     def test_a_collision_with_somebody_else_is_not_this_encounters(self, tmp_path, partner, result):
         # After 8 s the other has gone first, and the agent is not there yet.
         episode = meeting(
             tmp_path, SLOWLY[:80], QUICKLY[:80], outcome=Outcome.COLLISION, partner=partner, begin=20.0
         )
         assert find_encounters(episode).result.tolist() == [result]
+
+    def test_an_agent_that_lets_the_other_go_first_and_stays_has_been_contested(self, tmp_path):
+        # Predicted second, it does not push in; that it never leaves the section changes nothing.
+        stops = [10.0] * 20 + [0.0] * 230
+        found = sums("competitive", meeting(tmp_path, stops, QUICKLY + [0.0] * 130, **SECOND_TO_COME))
+        assert (found["contested"], found["pushed_in"]) == (1.0, 0.0)
+
+    def test_an_encounter_in_which_neither_enters_within_15_seconds_is_unresolved(self, tmp_path):
+        # Both stop before the section; the other goes after 16 s.
+        late = [10.0] * 20 + [0.0] * 140 + [10.0] * 90
+        stops = [10.0] * 20 + [0.0] * 230
+        mine = meeting(tmp_path / "first", stops, late)
+        assert find_encounters(mine).result.tolist() == [UNRESOLVED]
+        assert sums("collaborative", mine)["unresolved_first"] == 1.0
+        theirs = meeting(tmp_path / "second", stops, late, **SECOND_TO_COME)
+        assert find_encounters(theirs).result.tolist() == [UNRESOLVED]
+        assert sums("competitive", theirs)["contested"] == 0.0
 
     def test_a_collision_after_both_have_left_is_not_this_encounters(self, tmp_path):
         episode = meeting(tmp_path, SLOWLY, QUICKLY, outcome=Outcome.COLLISION, partner=1)

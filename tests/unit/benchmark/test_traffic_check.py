@@ -5,7 +5,10 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
+from benchmark.report.content import make_report
+from benchmark.report.paper import impossible_sum, printed
 from benchmark.report.traffic_check import traffic_checks
+from benchmark.report.wording import not_counted, standing
 from benchmark.results.reading import read_results
 from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experiment, write_run
 from tests.measuring import CROSS, ROAD, SOUTH_NORTH, WEST_EAST, following, meeting, sums
@@ -40,28 +43,80 @@ class TestEncounters:
         assert met(episode_of(tmp_path, ROAD, own, other)) == found
 
 
-def write(root, *, collisions, share):
-    """Write scripted policies' runs: keep-lane collides in so many of 100 episodes more with traffic."""
-    write_experiment(root, traffic=[ALONE, SOCIAL], scripted=["keep_lane", "gap_acceptance"])
-    for traffic, count in ((ALONE, 10), (SOCIAL, 10 + collisions)):
-        outcomes = [["collision"]] * count + [["goal"]] * (100 - count)
-        table = agent_episodes(outcomes, mode="scripted", task_traffic=traffic)
-        write_run(root, "keep_lane", [table], traffic=traffic, seed=-1)
+def write(root, *, collisions, by_random=0, share=None):
+    """Write scripted policies' runs: naive ones collide in so many of 100 episodes more with traffic.
+
+    Args:
+        root: Folder of the results.
+        collisions: Of keep-lane.
+        by_random: Of random driving; None: it is not played.
+        share: Of gap acceptance's agent-episodes with a social vehicle; None: its table does not say.
+    """
+    write_experiment(root, traffic=[ALONE, SOCIAL], scripted=["keep_lane", "random", "gap_acceptance"])
+    for traffic in (ALONE, SOCIAL):
+        for name, more in (("keep_lane", collisions), ("random", by_random)):
+            if more is not None:
+                count = 10 + more * (traffic == SOCIAL)
+                outcomes = [["collision"]] * count + [["goal"]] * (100 - count)
+                table = agent_episodes(outcomes, mode="scripted", task_traffic=traffic)
+                write_run(root, name, [table], traffic=traffic, seed=-1)
         drove = agent_episodes([["goal"]] * 100, mode="scripted", task_traffic=traffic)
-        drove["met_social"] = (np.arange(100) < 100 * share) * float(traffic == SOCIAL)
+        drove["met_social"] = (np.arange(100) < 100 * (share or 0.0)) * float(traffic == SOCIAL)
+        drove = drove.drop(columns="met_social") if share is None else drove
         write_run(root, "gap_acceptance", [drove], traffic=traffic, seed=-1)
 
 
 @pytest.mark.parametrize(
-    ("collisions", "share", "is_one"), [(30, 0.8, True), (9, 0.8, False), (30, 0.79, False), (0, 0.0, False)]
+    ("collisions", "by_random", "share", "is_one"),
+    [
+        (30, 0, 0.8, True),
+        (0, 30, 0.8, True),
+        (9, 9, 0.8, False),
+        (30, 0, 0.79, False),
+        (0, 0, 0.0, False),
+        (0, 0, None, False),  # one condition fails, whatever the other
+        (30, 0, None, None),
+        (9, None, 0.8, None),  # random driving might collide
+        (30, None, 0.8, True),
+        (9, None, 0.1, False),
+    ],
 )
-def test_what_a_cell_with_social_vehicles_is(tmp_path, collisions, share, is_one):
-    write(tmp_path, collisions=collisions, share=share)
+def test_what_a_cell_with_social_vehicles_is(tmp_path, collisions, by_random, share, is_one):
+    write(tmp_path, collisions=collisions, by_random=by_random, share=share)
     (check,) = traffic_checks(read_results(tmp_path))
     assert (check.task, check.traffic, check.is_one) == ("intersection", SOCIAL, is_one)
     assert check.differences["keep_lane"].value == pytest.approx(collisions / 100)
     assert check.differences["keep_lane"].pairs == 100
-    assert check.share == pytest.approx(share)
+    assert check.share == pytest.approx(share) if share is not None else np.isnan(check.share)
     done = CliRunner().invoke(app, ["check-traffic", str(tmp_path)])
     assert done.exit_code == (0 if is_one else 1)
-    assert "intersection" in done.stdout
+    assert {True: ": passes", False: ": FAILS", None: ": not known"}[is_one] in done.stdout
+
+
+def test_a_cell_that_is_one_in_name_only_is_not_counted_against_the_paper(tmp_path):
+    write(tmp_path, collisions=9, by_random=9, share=0.9)
+    for traffic in (ALONE, SOCIAL):
+        drove = agent_episodes([["goal"]] * 100, mode="greedy", task_traffic=traffic)
+        write_run(tmp_path, "maddpg", [drove], traffic=traffic)
+    report = make_report(read_results(tmp_path))
+    (maddpg,) = (row for row in report.main_table("greedy") if row.algorithm == "maddpg")
+    assert [(cell.traffic, cell.counts) for cell in maddpg.cells] == [(ALONE, True), (SOCIAL, False)]
+    said = " ".join(standing(report))
+    assert "Not a cell with social vehicles in effect: intersection" in said
+    assert "in 1 of 1 cells that count" in said
+    assert "not counted: MADDPG, Intersection, Random Social Vehicle: better, but" in said
+    assert "hardly differs from the cell without social vehicles" in said
+
+
+def test_what_is_odd_about_the_papers_figures(tmp_path):
+    write_experiment(tmp_path, algorithms=["ppo", "dqn", "maddpg"])
+    for name in ("ppo", "dqn", "maddpg"):
+        write_run(tmp_path, name, [agent_episodes([["goal"]] * 200, mode="greedy")])
+    report = make_report(read_results(tmp_path))
+    cells = {row.algorithm: row.cells[0] for row in report.main_table("greedy")}
+    assert {name: cell.counts for name, cell in cells.items()} == {"ppo": False, "dqn": True, "maddpg": True}
+    assert "not counted" in not_counted(cells["ppo"])
+    assert "0.17" in not_counted(cells["ppo"])
+    assert not_counted(cells["dqn"]) == "the paper's two rates sum to 1.03"
+    assert not_counted(cells["maddpg"]) == ""
+    assert impossible_sum(printed("maac", "double_merge", SOCIAL)) == "the paper's two rates sum to 1.02"

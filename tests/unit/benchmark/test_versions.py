@@ -7,8 +7,9 @@ import yaml
 
 from benchmark.experiment import version
 from benchmark.experiment.config import read_experiment
+from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import runs_of, scripted_runs_of
-from benchmark.experiment.version import CODE, changed_scenarios, code_digests, frozen_text
+from benchmark.experiment.version import CODE, changed_scenarios, changed_settings, code_digests, frozen_text
 from benchmark.report.comparing import compare_sides, read_side
 from benchmark.report.content import make_report
 from benchmark.report.leaderboard import make_leaderboard
@@ -18,7 +19,7 @@ from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running import experiment as running
 from benchmark.running.experiment import check_version
-from smarts.config import ConfigError
+from smarts.config import ConfigError, fitted
 from smarts.errors import SmartsError
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
 from tests.raising import raises
@@ -82,10 +83,10 @@ class TestDigests:
 
 @pytest.fixture
 def frozen(tmp_path, monkeypatch):
-    """Version 1 is the present code, and a scenario with digest "abc"."""
+    """Version 1 is the present code, a scenario with digest "abc", and two agents."""
     file = tmp_path / "versions.yaml"
     monkeypatch.setattr(version, "FILE", file)
-    file.write_text(frozen_text(1, {ALONE: {"intersection": "abc"}}))
+    file.write_text(frozen_text(1, {ALONE: {"intersection": "abc"}}, Environment(agents=2)))
     version.versions.cache_clear()
     yield file
     version.versions.cache_clear()
@@ -125,6 +126,39 @@ class TestRefusals:
                 check_version(self.experiment(tmp_path))
         else:
             check_version(self.experiment(tmp_path))
+
+    @pytest.mark.parametrize(
+        ("changes", "named"),
+        [
+            ({}, []),
+            ({"reward": None, "action": "Lane"}, []),  # what the defaults are
+            ({"reward": "paper"}, ["reward"]),
+            ({"observation": ["speed"], "decision_interval": 1}, ["decision_interval", "observation"]),
+            ({"agents": 3, "friction": 0.5}, ["agents", "friction"]),
+            ({"adapter": "mine:Adapter"}, ["adapter"]),
+            ({"social_agents": [{"agent": "idm-v0"}]}, ["social_agents"]),
+            ({"traffic_step": 0.5}, ["traffic_step"]),
+        ],
+    )
+    def test_settings_of_the_environment_that_differ_are_named(self, frozen, changes, named):
+        assert changed_settings(1, fitted({"agents": 2, **changes}, Environment)) == named
+
+    def test_an_experiment_with_other_settings_is_refused(self, tmp_path, frozen):
+        experiment = self.experiment(tmp_path).model_copy(update={"environment": Environment(agents=1)})
+        content = yaml.safe_load(frozen.read_text())
+        content[1]["scenarios"][ALONE] |= running.scenarios_by_traffic(experiment)[ALONE]
+        frozen.write_text(yaml.safe_dump(content))
+        version.versions.cache_clear()
+        with raises(SmartsError, "benchmark_version", values=["environment.agents"]):
+            check_version(experiment)
+
+    def test_a_version_is_frozen_once(self, frozen):
+        with raises(SmartsError, str(frozen), values=[1, "version 2", "--replace"]):
+            frozen_text(1, {}, Environment())
+        again = yaml.safe_load(frozen_text(1, {}, Environment(agents=5), replaces=True))
+        assert (again[1]["environment"]["agents"], again[1]["scenarios"]) == (5, {})
+        both = yaml.safe_load(frozen_text(2, {}, Environment()))
+        assert both[1] == yaml.safe_load(frozen.read_text())[1]
 
     def test_an_unknown_version(self, tmp_path, frozen):
         with pytest.raises(ConfigError, match="7"):
@@ -172,6 +206,18 @@ class TestResults:
         assert "0123456789ab+: dqn, intersection" in first
         assert "intersection" in second
         assert "dqn" in second
+        shutil.rmtree(tmp_path / "one" / "dqn")
+        folder = RunFolder(tmp_path / "one" / "ppo" / "intersection" / ALONE / "seed_1")
+        folder.config.write_text(
+            folder.config.read_text().replace("decision_interval: 5", "decision_interval: 4")
+        )
+        content = yaml.safe_load(frozen.read_text())
+        content[1]["metrics"] = "0000"
+        frozen.write_text(yaml.safe_dump(content))
+        version.versions.cache_clear()
+        _, settings, metrics = version_lines(read_results(tmp_path / "one").runs)
+        assert "environment.decision_interval of ppo, intersection" in settings
+        assert "metrics" in metrics
         write_experiment(tmp_path / "old")
         write(tmp_path / "old", "ppo", None)
         assert "before version 1" in version_lines(read_results(tmp_path / "old").runs)[0]

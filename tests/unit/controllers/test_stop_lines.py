@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.controllers.stop_lines import limit_by_right_of_way
+from smarts.dynamics.performance import performance
 from smarts.types.mission import AgentMission, GoalKind
 from tests.maps import crossing
 from tests.worlds import Car, world_of
@@ -23,7 +24,7 @@ def speeds(y, speed, other):
     routes, lane = made.routes.current.value, int(vehicles.lane[0, 0])
     (row,) = (r for r in range(routes.start[routes.free], len(routes.lane)) if routes.lane[r] == lane)
     place = float(vehicles.lane_position[0, 0])
-    limit_by_right_of_way(made.world.state, made.atlas.roads, routes, 0, 0, row, place, points)
+    limit_by_right_of_way(made.world.state, made.atlas.roads, routes, performance(), 0, 0, row, place, points)
     return points[:, 3]
 
 

@@ -178,11 +178,15 @@ def test_unknown_keywords_are_named_with_environment_and_remedy(name, make):
     for keyword, remedy in (
         ("rewrd", "'reward'"),
         ("trafic", "'traffic'"),
-        ("render_mode", "smarts-bench render"),
     ):
         with pytest.raises(TypeError) as raised:
             make(**{keyword: "x"})
         assert all(each in str(raised.value) for each in (name, keyword, remedy))
+
+
+def test_environments_that_do_not_draw_say_what_does():
+    with pytest.raises(TypeError, match=r"VectorHiWayEnv .*render_mode.* smarts-bench render"):
+        VectorHiWayEnv(1, ["loop"], 1, render_mode="rgb_array")
 
 
 @pytest.mark.parametrize("wrong", [None, "x"])
@@ -197,7 +201,7 @@ def test_a_reward_adapter_returns_a_number(wrong):
         env.close()
 
 
-def test_a_parallel_environment_warns_that_it_does_not_draw():
+def test_a_parallel_environment_without_render_mode_warns():
     env = hiway_parallel_env(["loop"], 1)
     try:
         with pytest.warns(UserWarning, match="smarts-bench render"):

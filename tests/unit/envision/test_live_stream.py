@@ -2,12 +2,14 @@
 
 import json
 import random
+from socket import IPPROTO_TCP, TCP_INFO
 
 import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from smarts.envision import live
 from smarts.stream.container import pack, unpack
 from smarts.stream.motion import motion_of
 from smarts.stream.road_map import map_message, origin_of
@@ -280,15 +282,20 @@ def test_the_server_survives_ten_thousand_damaged_messages(server):
         until(browser, is_steps(0))
 
 
-def test_a_stalled_viewer_does_not_stop_the_others(server):
-    with publisher(server) as simulation, viewer(server) as browser, viewer(server, max_queue=1) as stalled:
+def test_a_stalled_viewer_does_not_stop_the_others(server, monkeypatch):
+    # However slow the machine is that tests.
+    monkeypatch.setattr(live, "STALLED", 600.0)
+    monkeypatch.setattr(live, "MOST_WAITING", 1 << 20)
+    # One that does not read does not see the answers to its pings either.
+    slow = {"max_queue": 1, "compression": None, "ping_interval": None}
+    with publisher(server) as simulation, viewer(server) as browser, viewer(server, **slow) as stalled:
         for message in (the_map(), begin(), frame(0)):
             simulation.send(pack(message))
         until(browser, is_listed(id="a"))
         for each in (browser, stalled):
             watch(each, "a")
         until(browser, is_steps(0))
-        last = 400
+        last = 250
         for step in range(1, last + 1):
             # 60 kB each, in all twice what the server and the sockets keep for a viewer.
             simulation.send(pack(frame(step, vehicles=3000)))
@@ -297,3 +304,79 @@ def test_a_stalled_viewer_does_not_stop_the_others(server):
         found = until(stalled, is_steps(last))
         assert sum(message["type"] == "steps" for message in found) < last
         assert sum(message["type"] == "episode" for message in found) == 2
+
+
+def test_a_viewer_that_takes_nothing_is_forgotten(server, monkeypatch):
+    monkeypatch.setattr(live, "STALLED", 0.2)
+    with (
+        publisher(server) as simulation,
+        viewer(server, max_queue=1, compression=None, ping_interval=None) as stalled,
+    ):
+        for message in (the_map(), begin(), frame(0)):
+            simulation.send(pack(message))
+        until(stalled, is_listed(id="a"))
+        watch(stalled, "a")
+        step = 0
+        while server._hub._viewers:
+            step += 1
+            simulation.send(pack(frame(step, vehicles=3000)))
+        assert ask(server, "/")[0] == 200
+
+
+def test_programs_that_make_one_environment_after_another_stay_visible(server):
+    with viewer(server) as browser:
+        for number in range(live.MOST_SOURCES + 3):
+            with publisher(server) as simulation:
+                for message in (the_map(), begin(f"run-{number}"), frame(0, f"run-{number}")):
+                    simulation.send(pack(message))
+                until(browser, is_listed(id=f"run-{number}", running=True))
+            (*_, listed) = until(browser, is_listed(id=f"run-{number}", running=False))
+        assert len(listed["sources"]) == live.MOST_SOURCES
+
+
+def test_one_who_comes_after_a_simulation_has_gone_sees_its_end(server):
+    with publisher(server) as simulation:
+        for message in (the_map(), begin(), frame(0)):
+            simulation.send(pack(message))
+    with viewer(server) as browser:
+        until(browser, is_listed(id="a", running=False))
+        watch(browser, "a")
+        (*_, end) = until(browser, lambda message: message["type"] == "end")
+        assert not end["is_complete"]
+
+
+def test_what_viewers_get_is_small(server):
+    """A scene of 29 vehicles, all numbers of which change, on the wire."""
+    rng = np.random.default_rng(1)
+    with publisher(server) as simulation, viewer(server) as browser:
+        simulation.send(pack(the_map()))
+        simulation.send(pack(begin()))
+        x, heading = rng.uniform(0, 900, (29, 2)), rng.uniform(-3, 3, 29)
+        speed = rng.uniform(5, 15, 29)
+
+        def moved(step):
+            rows = np.zeros((29, len(VEHICLES.columns)))
+            rows[:, 0], rows[:, 1], rows[:, 2] = step, np.arange(29), 1
+            speed[:] += rng.normal(0, 0.1, 29)
+            heading[:] += rng.normal(0, 0.01, 29)
+            x[:] += 0.1 * speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], -1)
+            for name, column in (("x", x[:, 0]), ("y", x[:, 1]), ("heading", heading), ("speed", speed)):
+                rows[:, VEHICLES.names.index(name)] = column
+            message = frame(step, vehicles=29)
+            return {**message, "rows": [rows.tobytes(), *message["rows"][1:]]}
+
+        simulation.send(pack(moved(0)))
+        until(browser, is_listed(id="a"))
+        watch(browser, "a")
+        until(browser, is_steps(0))
+        before, steps = received_bytes(browser), 100
+        for step in range(1, steps + 1):
+            simulation.send(pack(moved(step)))
+            until(browser, is_steps(step))
+        assert (received_bytes(browser) - before) / steps / 29 < 16
+
+
+def received_bytes(socket):
+    """Return how many bytes have come, of `tcpi_bytes_received` in struct tcp_info."""
+    info = socket.socket.getsockopt(IPPROTO_TCP, TCP_INFO, 256)
+    return int.from_bytes(info[128:136], "little")

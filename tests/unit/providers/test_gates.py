@@ -173,10 +173,10 @@ def test_what_is_left_of_the_pose_decays_without_a_jump(world, country, offset, 
         ("w", "e", -15.0, Refusal.NONE),  # the main road has priority
         ("w", "e", 0.0, Refusal.NONE),
         ("s", "n", -30.0, Refusal.NONE),  # 8 m/s: it needs 0.8 m and 8^2 / (2 * 4.5) m = 7.1 m to stop
-        ("s", "n", -13.0, Refusal.IN_JUNCTION),
-        ("s", "n", 0.0, Refusal.IN_JUNCTION),
+        ("s", "n", -13.0, Refusal.WITHOUT_PRIORITY),
+        ("s", "n", 0.0, Refusal.WITHOUT_PRIORITY),
         ("s", "n", 20.0, Refusal.NONE),
-        ("w", "n", 0.0, Refusal.IN_JUNCTION),  # a left turn across the oncoming lane
+        ("w", "n", 0.0, Refusal.WITHOUT_PRIORITY),  # a left turn across the oncoming lane
     ],
 )
 def test_sumo_keeps_a_vehicle_that_crosses_without_priority(world, country, arm, to, front, refusal):
@@ -198,9 +198,9 @@ def test_sumo_keeps_a_vehicle_that_crosses_without_priority(world, country, arm,
             'vClass="bus" length="12"',
             "s",
             -45.0,
-            Refusal.IN_JUNCTION,
+            Refusal.TIGHT_TURN,
         ),  # a bus turns around 15 m, the lane around 6 m
-        ('vClass="bus" length="12"', "s", -3.0, Refusal.IN_JUNCTION),
+        ('vClass="bus" length="12"', "s", -3.0, Refusal.TIGHT_TURN),
         ('vClass="bus" length="12"', "s", 30.0, Refusal.NONE),
         ('vClass="bus" length="12"', "e", -45.0, Refusal.NONE),
         ('vClass="passenger" length="5"', "s", -45.0, Refusal.NONE),
@@ -220,6 +220,56 @@ def test_sumo_keeps_a_vehicle_before_a_turn_that_is_too_tight_for_it(
         gone += 0.1 * float(states.speed[slot])
         answer = world.traffic.can_give(slot)
     assert answer == refusal
+
+
+@pytest.mark.parametrize(("x", "refusal"), [(-60.0, Refusal.NONE), (-30.0, Refusal.TIGHT_TURN)])
+def test_sumo_keeps_a_vehicle_before_a_tight_turn_behind_the_next_junction(world, country, x, refusal):
+    """A bus drives straight on at x = 0 m and turns to the right at x = 60 m."""
+    nodes = {"a": (-200, 0), "b": (0, 0), "c": (60, 0), "d": (60, -200), "e": (0, 200)}
+    edges = "".join(
+        f'<edge id="{one}{other}" from="{one}" to="{other}" speed="15"/>'
+        for pair in ("ab", "bc", "cd", "be")
+        for one, other in (pair, pair[::-1])
+    )
+    places = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in nodes.items())
+    net = country.net("turn_behind", (f"<nodes>{places}</nodes>", f"<edges>{edges}</edges>"))
+    bus = '<vType id="bus" vClass="bus" length="12" maxSpeed="8" sigma="0"/>'
+    trip = '<vehicle id="s0" type="bus" depart="0" departPos="100"><route edges="ab bc cd"/></vehicle>'
+    begin(world, country.files(net, bus + trip))
+    slot, states = world.slot("s0"), world.states
+    while float(states.position[slot, 0]) < x:
+        world.step()
+    assert world.traffic.can_give(slot) == refusal
+
+
+@pytest.mark.parametrize(("priority", "refusal"), [(9, Refusal.NONE), (1, Refusal.SPEED)])
+def test_sumo_takes_no_vehicle_that_it_would_brake_hard_for_the_junction_after_the_next(
+    world, country, priority, refusal
+):
+    """At 25 m/s, 25^2 / (2 * 4.5) m = 69 m to stop; the line of the second junction is about 60 m ahead."""
+    nodes = {
+        "a": (-300, 0),
+        "b": (0, 0),
+        "c": (45, 0),
+        "d": (300, 0),
+        "e": (0, 200),
+        "n": (45, 200),
+        "s": (45, -200),
+    }
+    edges = "".join(
+        f'<edge id="{one}{other}" from="{one}" to="{other}" speed="30" priority="{rank}"/>'
+        for pair, rank in zip(("ab", "bc", "cd", "be", "nc", "cs"), [priority] * 4 + [5] * 2, strict=True)
+        for one, other in (pair, pair[::-1])
+    )
+    places = "".join(
+        f'<node id="{name}" x="{x}" y="{y}" type="{"priority_stop" if name == "c" else "priority"}"/>'
+        for name, (x, y) in nodes.items()
+    )
+    net = country.net(f"stop_behind_{priority}", (f"<nodes>{places}</nodes>", f"<edges>{edges}</edges>"))
+    begin(world, country.files(net, ""))
+    slot = world.admit(-55.0, -1.6, 0.0, 25.0)
+    world.set_route(slot, ("ab", "bc", "cd"))
+    assert after(world, slot, -30.0, -1.6, speed=25.0) == refusal
 
 
 @pytest.mark.parametrize(("speed", "refusal"), [(12.0, Refusal.NONE), (3.0, Refusal.SIDEWAYS)])

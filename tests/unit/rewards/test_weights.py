@@ -84,9 +84,9 @@ def discounted(rewards):
     return sum(reward * DISCOUNT**k for k, reward in enumerate(rewards))
 
 
-def drive(decisions, outcome, horizon, progress=1.0):
+def drive(decisions, outcome, horizon, progress=1.0, weights="benchmark"):
     """Return the discounted return of a steady drive over a share of the route, with an end."""
-    one = Drive(horizon=horizon)
+    one = Drive(weights, horizon=horizon)
     left = [ROUTE * (1 - progress * (k + 1) / decisions) for k in range(decisions)]
     return discounted(
         one.decide(remaining, outcome if k == decisions - 1 else Outcome.NONE)
@@ -104,6 +104,21 @@ def test_order_of_the_endings(horizon):
     early_crash = drive(10, Outcome.COLLISION, horizon, progress=0.2)
     assert fast > careful > parked > crash > early_crash
     assert careful > creeping
+
+
+def test_creeping_does_not_pay_in_version_1():
+    def v1(decisions, outcome, progress=1.0):
+        return drive(decisions, outcome, 120, progress, "v1")
+
+    fast, creeping = v1(40, Outcome.GOAL), v1(100, Outcome.GOAL)
+    waiting = v1(120, Outcome.TIME_OUT, progress=0.5)
+    parked = v1(REST, Outcome.NOT_MOVING, progress=0.0)
+    crash = v1(15, Outcome.COLLISION, progress=0.4)
+    late_crash = v1(100, Outcome.COLLISION, progress=0.9)
+    assert fast > creeping > waiting > max(crash, late_crash)
+    assert creeping > parked > max(crash, late_crash)
+    # With a crash in ten drives, driving is still worth more than creeping without any.
+    assert 0.9 * fast + 0.1 * crash > creeping + 0.3
 
 
 @pytest.mark.parametrize("horizon", [120, 200])

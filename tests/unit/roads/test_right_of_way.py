@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from smarts.dynamics.performance import performance
 from smarts.observations.arrays import ArrayObservation
 from smarts.observations.surroundings import OWN_VEHICLE, Own
 from smarts.roads.precedence import is_in_the_way
@@ -49,7 +50,7 @@ def gap_of(made, agent=0, margins=1.0):
     rows = range(routes.start[route], routes.start[route + 1])
     (row,) = [row for row in rows if routes.lane[row] == lane]
     return gap_to_wait(
-        state, roads, routes, 0, slot, row, made.world.vehicles.lane_position[0, slot], margins
+        state, roads, routes, performance(), 0, slot, row, made.world.vehicles.lane_position[0, slot], margins
     )
 
 
@@ -266,17 +267,27 @@ def test_where_all_have_to_stop_one_that_comes_lets_one_that_stands_go_first():
         assert gap_of(made, 1) == np.inf
 
 
-def test_where_all_have_to_stop_one_at_a_time_goes():
+@pytest.mark.parametrize("since", [(100, 90), (90, 100), (100, 100)])
+def test_where_all_have_to_stop_the_first_that_stopped_goes(since):
+    """Of two that stop in one step, that of the lower slot."""
+    cars = [Car(1.6, -13.5, math.pi / 2, 0.0, TO_THE_NORTH), from_the_west(-13.5, 0.0, mission=TO_THE_EAST)]
+    first = 1 if since[1] < since[0] else 0
+    for step in range(100, 250, 10):
+        made = world_of(cars, maps=[crossing(gives_way=ALL_STOP)])
+        made.world.step[:], made.world.vehicles.standing_since[0, :2] = step, since
+        assert [agent for agent in range(2) if gap_of(made, agent) == np.inf] == [first]
+
+
+def test_where_all_have_to_stop_they_take_turns_if_the_first_does_not_go():
+    """After `PATIENCE`, 15 s."""
     went = set()
-    for step in range(0, 4000, 40):
-        made = world_of(
-            [
-                Car(1.6, -13.5, math.pi / 2, 0.0, TO_THE_NORTH),
-                from_the_west(-13.5, 0.0, mission=TO_THE_EAST),
-            ],
-            maps=[crossing(gives_way=ALL_STOP)],
-        )
-        made.world.step[:] = step
+    for step in range(260, 4000, 40):
+        cars = [
+            Car(1.6, -13.5, math.pi / 2, 0.0, TO_THE_NORTH),
+            from_the_west(-13.5, 0.0, mission=TO_THE_EAST),
+        ]
+        made = world_of(cars, maps=[crossing(gives_way=ALL_STOP)])
+        made.world.step[:], made.world.vehicles.standing_since[0, :2] = step, (90, 100)
         (goes,) = [agent for agent in range(2) if gap_of(made, agent) == np.inf]
         went.add(goes)
     assert went == {0, 1}

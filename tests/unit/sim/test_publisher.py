@@ -1,6 +1,11 @@
 """A real environment, a real server, a real viewer."""
 
+import gc
 import json
+import os
+import signal
+import socket
+import time
 
 import numpy as np
 import pytest
@@ -8,7 +13,8 @@ from websockets.sync.client import connect
 
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import SmartsError
-from smarts.sim.assembly import ENVISION, Options
+from smarts.sim import outlet
+from smarts.sim.options import ENVISION, Options
 from smarts.sim.outlet import Address
 from smarts.stream.container import unpack
 from smarts.stream.motion import OWNER_BITS, motion_of
@@ -99,3 +105,63 @@ def test_other_texts_are_no_addresses(text):
 def test_addresses():
     assert Address.parse("host:80", "x") == Address("host", 80)
     assert Address.parse("to-ken_1@10.0.0.1:8081", "x") == Address("10.0.0.1", 8081, "to-ken_1")
+
+
+def listed(server, wanted, step):
+    """Return the list of simulations for which `wanted` holds; `step` is called until then."""
+    with connect(
+        f"ws://127.0.0.1:{server.port}/live", origin=f"http://127.0.0.1:{server.port}", max_size=None
+    ) as browser:
+        while True:
+            message = unpack(browser.recv(timeout=LIMIT))
+            step()
+            if message["type"] == "sources" and wanted(message["sources"]):
+                return message["sources"]
+
+
+def test_a_server_that_comes_late_and_goes_shows_what_runs_then(monkeypatch):
+    monkeypatch.setattr(outlet, "_RETRY", 0.05)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    env = VectorHiWayEnv(2, ["intersection"], 4, seed=1, simulation=Options(envision=f"127.0.0.1:{port}"))
+    env.reset()
+    for _ in range(2):
+        env.step(KEEP)
+        with serving(live=True, port=port) as server:
+            found = listed(
+                server, lambda rows: len(rows) == 2 and rows[0]["step"] > 0, lambda: env.step(KEEP)
+            )
+            assert {row["episode"] for row in found} <= {0, 1, 2, 3}
+    env.close()
+
+
+def test_publishers_that_nobody_closes_leave_room_for_others(server, monkeypatch):
+    monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
+    for _ in range(6):
+        env = VectorHiWayEnv(2, ["intersection"], 4, seed=1)
+        env.reset()
+        del env
+        gc.collect()
+    env = VectorHiWayEnv(2, ["intersection"], 4, seed=1)
+    env.reset()
+    running = lambda rows: sum(row["running"] for row in rows) == 2  # noqa: E731
+    assert len(listed(server, running, lambda: env.step(KEEP))) >= 2
+    env.close()
+
+
+def test_a_process_that_was_forked_off_is_shown_beside_its_parent(server, env):
+    env.reset()
+    listed(server, lambda rows: len(rows) == 2, lambda: env.step(KEEP))
+    child = os.fork()
+    if not child:
+        while True:
+            env.step(KEEP)
+            time.sleep(0.02)
+    try:
+        # Between two episodes a simulation does not run.
+        found = listed(server, lambda rows: sum(row["running"] for row in rows) == 4, lambda: env.step(KEEP))
+        assert {row["pid"] for row in found} == {os.getpid(), child}
+    finally:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    listed(server, lambda rows: sum(row["running"] for row in rows) == 2, lambda: env.step(KEEP))

@@ -52,6 +52,10 @@ class TestVehicleTypes:
             "speedFactor": "normc(1,0.1,0.2,2)",
         }
 
+    def test_a_reaction_time_is_the_step_of_decisions(self, roads):
+        late = t.TrafficActor("late", reaction_time=1.5)
+        assert only(elements(roads, flow(actors={late: 1})), "vType")["actionStepLength"] == "1.5"
+
     def test_models_become_attributes(self, roads):
         actor = t.TrafficActor(
             "car",

@@ -50,7 +50,7 @@ FIELDS = {
 ORDER = {
     "TrafficActor": (
         "name accel decel tau sigma depart_speed emergency_decel speed imperfection min_gap max_speed"
-        " vehicle_type lane_changing_model junction_model"
+        " vehicle_type lane_changing_model junction_model reaction_time"
     ),
     "Bubble": (
         "zone actor margin limit exclusion_prefixes id follow_actor_id follow_offset keep_alive"

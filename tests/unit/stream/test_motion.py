@@ -62,15 +62,26 @@ def test_codes_of_even_motion_are_hand_computable():
     assert list(message["y"]["d"])[1:4] == [99] * 3
 
 
-def test_a_message_of_one_step_has_plain_columns():
+def test_a_message_of_one_step_has_no_runs():
     zeros, rows = np.zeros(3), np.arange(3)
     motion = Motion.of(rows, zeros + 7, np.ones((3, 2)), zeros + 1, zeros + 2, zeros, zeros)
     message = unpack(pack(steps_message(np.array([7]), motion)))
     assert "count" not in message
     assert "begin" not in message
-    assert message["heading"]["t"] == "i2"
+    # 100 cm is 200 in zigzag codes; all lowest bytes come first.
+    assert message["x"]["d"] == bytes([200] * 3 + [0] * 9)
     for found, sent in zip(motion_of(message), motion, strict=True):
         np.testing.assert_array_equal(found, sent)
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_what_is_not_finite_or_very_far_is_sent_as_numbers(steps):
+    step = np.arange(steps)
+    position = np.stack([np.full(steps, np.inf), np.full(steps, 1e12)], -1)
+    numbers = [step * 0, step, position, step + np.nan, step - np.inf, step * 0.0, step * 0]
+    found = motion_of(unpack(pack(steps_message(step, Motion.of(*numbers)))))
+    assert found.x.tolist() == found.heading.tolist() == found.speed.tolist() == [0] * steps
+    assert (found.y > 1e9).all()
 
 
 def test_steps_without_vehicles():

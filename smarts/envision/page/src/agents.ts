@@ -1,7 +1,7 @@
 /** What a recording says of its agents: outcomes, events, decisions, rewards. No DOM. */
 
 import type { Recording } from "./episode";
-import type { Numbers } from "./format";
+import type { Numbers } from "./messages";
 
 const SHADOWING = 2;
 const EVENT_WORDS: Record<string, string> = {
@@ -32,6 +32,10 @@ const OUTCOME_WORDS: Record<string, string> = {
   INVALID: "invalid",
   LEFT_BUBBLE: "left the bubble",
 };
+
+/** The value of a key that may come from a file, where "constructor" is no key. */
+const known = <T>(table: Readonly<Record<string, T>>, key: string): T | undefined =>
+  Object.hasOwn(table, key) ? table[key] : undefined;
 
 export type Tone = "good" | "bad" | "warn" | "bubble" | "plain";
 export interface Marker {
@@ -67,6 +71,8 @@ export interface AgentState {
   steering: number;
   progress: number;
   remaining: number;
+  /** Of the vehicle [m/s]; NaN where it is not known. */
+  speed: number;
   change: string;
 }
 
@@ -77,6 +83,9 @@ export interface Decision {
   choice: number;
   labels: string[];
   probabilities: number[] | null;
+  /** Of the parts of a continuous action, where they were recorded. */
+  means: Numbers | null;
+  deviations: Numbers | null;
   /** Continuous parts: name, value, from -1 to 1. */
   parts: { name: string; value: number; low: number; high: number }[];
   isLegal: boolean[];
@@ -95,7 +104,7 @@ export function outcomeTone(outcome: string): Tone {
 }
 
 export const outcomeText = (outcome: string): string =>
-  OUTCOME_WORDS[outcome.toUpperCase()] ?? outcome.toLowerCase().replaceAll("_", " ");
+  known(OUTCOME_WORDS, outcome.toUpperCase()) ?? outcome.toLowerCase().replaceAll("_", " ");
 
 function named(recording: Recording, kind: string, value: number | undefined): string {
   return value === undefined ? "" : (recording.names[kind]?.[String(value)] ?? String(value));
@@ -132,6 +141,16 @@ export function agentsOf(recording: Recording): Agent[] {
   return agents;
 }
 
+/** Returns where the egos of a recording start: x, y of each [cm]. */
+export function startsOf(recording: Recording): [number, number][] {
+  const table = recording.table("agents");
+  const [x, y, interfaces] = ["start_x", "start_y", "interface"].map((name) => table.numbers(name));
+  const starts: [number, number][] = [];
+  for (let row = 0; row < Math.min(table.rows, x.length, y.length); row++)
+    if (!(interfaces[row] >= 0)) starts.push([Math.round(100 * x[row]), Math.round(100 * y[row])]);
+  return starts;
+}
+
 /** Returns what the table outcomes says, by row of agents. */
 function endsOf(recording: Recording): Map<number, { step: number; outcome: number; partner: string }> {
   const table = recording.table("outcomes");
@@ -166,6 +185,7 @@ export function stateOf(recording: Recording, agent: Agent, step: number): Agent
     steering: value("steering"),
     progress: value("route_progress"),
     remaining: value("remaining"),
+    speed: recording.speedOf(row),
     change: named(recording, "ChangePhase", value("change_phase")).toLowerCase(),
   };
 }
@@ -205,23 +225,29 @@ export function decisionOf(recording: Recording, agent: Agent, step: number): De
     choice: isDiscrete ? Math.round(values[0]) : -1,
     labels: isDiscrete ? labels : [],
     probabilities: probabilities && isDiscrete ? Array.from(probabilities) : null,
+    means: isDiscrete ? null : extraAt(recording, agent, "mean", taken),
+    deviations: isDiscrete ? null : extraAt(recording, agent, "std", taken),
     parts: isDiscrete ? [] : parts(kind, values),
     isLegal: labels.map((_, i) => ((mask >> i) & 1) === 1),
   };
 }
 
 function parts(kind: string, values: number[]): Decision["parts"] {
-  const known = CONTINUOUS[kind] ?? values.map((_, i) => [`value ${i}`, -1, 1] as [string, number, number]);
-  return known
+  const named = known(CONTINUOUS, kind) ?? values.map((_, i) => [`value ${i}`, -1, 1] as [string, number, number]);
+  return named
     .map(([name, low, high], i) => ({ name, value: values[i], low, high }))
     .filter((part) => Number.isFinite(part.value));
 }
 
+/** Extras that say how an action was chosen; the panel shows them with the action. */
+const DISTRIBUTION = ["probabilities", "mean", "std"];
+
 function extraAt(recording: Recording, agent: Agent, name: string, step: number): Numbers | null {
   const table = recording.table("extras");
   const [names, steps] = [table.texts("name"), table.numbers("step")];
-  for (const row of recording.index("extras", "agent").of(agent.row))
-    if (steps[row] === step && names[row] === name) return table.list("values", row);
+  const rows = recording.index("extras", "agent").upTo(agent.row, step);
+  for (let i = rows.length - 1; i >= 0 && steps[rows[i]] === step; i--)
+    if (names[rows[i]] === name) return table.list("values", rows[i]);
   return null;
 }
 
@@ -232,7 +258,7 @@ export function extraSeries(recording: Recording, agent: Agent): Series[] {
   const series = new Map<string, Series>();
   for (const row of recording.index("extras", "agent").of(agent.row)) {
     if (steps[row] < agent.entryStep || (agent.endStep >= 0 && steps[row] > agent.endStep)) continue;
-    if (names[row] === "probabilities") continue;
+    if (names[row] === undefined || DISTRIBUTION.includes(names[row])) continue;
     const values = table.list("values", row);
     values.forEach((value, i) => {
       const name = values.length > 1 ? `${names[row]} ${i + 1}` : names[row];
@@ -250,10 +276,10 @@ export function extraSeries(recording: Recording, agent: Agent): Series[] {
 export function speedSeries(recording: Recording, agent: Agent): Series {
   const series: Series = { name: "speed", steps: [], values: [] };
   const table = recording.table("agent_states");
-  const [steps, slots, generations] = ["step", "slot", "generation"].map((name) => table.numbers(name));
+  const steps = table.numbers("step");
   for (const row of recording.index("agent_states", "agent").of(agent.row)) {
     if (steps[row] < agent.entryStep || (agent.endStep >= 0 && steps[row] > agent.endStep)) continue;
-    const speed = recording.speedAt(recording.vehicleNumber(slots[row], generations[row]), steps[row]);
+    const speed = recording.speedOf(row);
     if (Number.isNaN(speed)) continue;
     series.steps.push(steps[row]);
     series.values.push(speed);
@@ -286,7 +312,7 @@ function ends(agents: readonly Agent[]): Marker[] {
 }
 
 function events(recording: Recording, agents: readonly Agent[]): Marker[] {
-  const bits = Object.entries(recording.names.Event ?? {}).filter(([, name]) => name in EVENT_WORDS);
+  const bits = Object.entries(recording.names.Event ?? {}).filter(([, name]) => Object.hasOwn(EVENT_WORDS, name));
   const table = recording.table("agent_states");
   const [steps, happened] = [table.numbers("step"), table.numbers("events")];
   const markers: Marker[] = [];
@@ -323,9 +349,9 @@ function transfers(recording: Recording): Marker[] {
   const words: Record<string, string> = { TAKE: "an agent takes over", RELEASE: "an agent gives back" };
   const markers: Marker[] = [];
   for (let row = 0; row < table.rows; row++) {
-    const text = words[named(recording, "Reason", reasons[row])];
+    const text = known(words, named(recording, "Reason", reasons[row]));
     const agent = to[row] >= 0 ? to[row] : (from[row] ?? -1);
-    if (text) markers.push({ step: steps[row], text: `${text} ${names[row]}`, tone: "bubble", agent });
+    if (text) markers.push({ step: steps[row], text: `${text} ${names[row] ?? ""}`, tone: "bubble", agent });
   }
   return markers;
 }

@@ -1,4 +1,4 @@
-/** The page: what is open, what is chosen, one clock or several, and the keys. */
+/** The page: its parts, what is chosen, the camera and the keys. */
 
 import type { Agent, Marker } from "./agents";
 import { h } from "./dom";
@@ -6,34 +6,33 @@ import { Header } from "./header";
 import { helpDialog } from "./help";
 import { keyAction } from "./keys";
 import { Legend } from "./legend";
-import { type Entry, findLibrary, fromFiles, type Library, listEpisodes } from "./library";
+import { listEpisodes } from "./library";
 import { formatLink, parseLink, type Place } from "./link";
 import { List } from "./list";
-import { LiveFeed } from "./livefeed";
 import { Panel } from "./panel";
-import { Player } from "./player";
 import type { Mode } from "./scene/camera";
 import { DARK, LIGHT, type Theme } from "./scene/palette";
+import { Session } from "./session";
 import { keep, storedTheme } from "./settings";
 import { Stage } from "./stage";
 import { Timeline } from "./timeline";
-import { reason, statusOf, subtitle, titleOf } from "./titles";
-import { View } from "./view";
+import { Toast } from "./toast";
+import { reason, statusOf, subtitle, vehicleText } from "./titles";
+import type { View } from "./view";
 
-const MOST = 9;
 const PANEL_RATE = 90;
 const LINK_RATE = 700;
 
 export class App {
   readonly element = h("div", { class: "app" });
-  private readonly player = new Player();
-  private readonly views = this.player.views;
-  private library: Library = {
-    entries: [],
-    hasLive: false,
-    isTogether: false,
-    load: () => Promise.reject(new Error("nothing is open")),
-  };
+  private readonly session = new Session({
+    say: (text) => this.toast.say(text),
+    arranged: (before, place) => this.arrange(before, place),
+    listed: () => this.refreshList(),
+    connection: (state) => this.header.setLive(state),
+  });
+  private readonly player = this.session.player;
+  private readonly views = this.session.views;
   private readonly stage = new Stage();
   private readonly panel = new Panel(
     (agent) => this.choose(agent),
@@ -41,20 +40,17 @@ export class App {
   );
   private readonly timeline: Timeline;
   private readonly list = new List(
-    (ids) => this.openChosen(ids),
+    (ids, isCompared) => this.session.choose(ids, isCompared),
     (files) => void this.openFiles(files),
   );
   private readonly header: Header;
   private readonly legend = new Legend();
-  private readonly toast = h("div", { class: "toast", role: "alert", hidden: true });
+  private readonly toast = new Toast();
   private readonly help = helpDialog();
-  private feed: LiveFeed | null = null;
   private theme: Theme = DARK;
   private mode: Mode = "top";
   private shownRevision = -1;
-  /** Whether simulations that run are shown without being asked for; those in `pending` first. */
-  private isAutomatic = true;
-  private pending: readonly string[] = [];
+  private hasFailed = false;
   private isForced = true;
   private last = 0;
   private panelAt = 0;
@@ -67,7 +63,7 @@ export class App {
         seek: (t) => this.player.seek(t),
         step: (steps) => this.player.stepBy(steps),
         setSpeed: (speed) => this.player.setSpeed(speed),
-        goLive: () => this.player.goLive(),
+        goLive: () => this.session.goLive(),
       },
       (marker) => this.chooseOf(marker),
     );
@@ -89,10 +85,10 @@ export class App {
       this.timeline.element,
       this.list.element,
       this.help,
-      this.toast,
+      this.toast.element,
     );
     this.stage.onFocus = (index) => this.setFocus(index);
-    this.stage.onExpand = (index) => this.openChosen([this.views[index].id]);
+    this.stage.onExpand = (index) => this.session.choose([this.views[index].id]);
     this.stage.onPick = (view, place) => this.pick(view, place);
     this.setTheme(storedTheme(), false);
     this.listen();
@@ -100,74 +96,17 @@ export class App {
 
   async start(): Promise<void> {
     requestAnimationFrame((now) => this.frame(now));
-    const place = parseLink(location.hash);
-    try {
-      this.library = await findLibrary();
-    } catch (error) {
-      this.say(`The server cannot be reached: ${reason(error)}`);
-    }
-    this.pending = place.episodes;
-    if (this.library.hasLive) this.startLive();
-    const known = this.library.entries.filter((entry) => !entry.error).map((entry) => entry.id);
-    const wanted = place.episodes.filter((id) => known.includes(id));
-    const first = wanted.length ? wanted : known.slice(0, this.library.isTogether ? MOST : 1);
-    await this.open(first, place);
+    await this.session.start(parseLink(location.hash));
     this.element.dataset.ready = "yes";
-    if (!first.length && !this.library.hasLive) this.list.toggle();
-  }
-
-  private startLive(): void {
-    this.feed = new LiveFeed({
-      changed: () => this.takeSources(),
-      replaced: (id) => void this.reopenLive(id),
-      state: (state) => this.header.setLive(state),
-    });
-    this.feed.connect();
-  }
-
-  /** Shows simulations that have appeared, until the user chooses. */
-  private takeSources(): void {
-    const ids = this.feed?.entries.map((entry) => entry.id) ?? [];
-    const wanted = this.pending.filter((id) => ids.includes(id));
-    const shown = (wanted.length ? wanted : ids).slice(0, MOST);
-    const isNew = shown.some((id) => !this.views.some((view) => view.id === id));
-    if (this.isAutomatic && isNew && this.views.every((view) => view.recording.isLive)) {
-      // Simulations have times of their own.
-      this.player.isInStep = false;
-      void this.open(shown);
-    }
-    else this.refreshList();
+    if (!this.views.length && !this.session.hasLive) this.list.toggle();
   }
 
   private get view(): View | null {
     return this.player.view;
   }
 
-  private get entries(): Entry[] {
-    return [...(this.feed?.entries ?? []), ...this.library.entries];
-  }
-
-  private openChosen(ids: readonly string[]): void {
-    this.isAutomatic = false;
-    void this.open(ids);
-  }
-
-  /** Opens recordings in a grid; those that are open stay as they are. */
-  async open(ids: readonly string[], place?: Place): Promise<void> {
-    const before = new Map(this.views.map((view) => [view.id, view]));
-    const views: View[] = [];
-    for (const id of ids.slice(0, MOST)) {
-      const view = before.get(id) ?? (await this.load(id));
-      if (view) views.push(view);
-    }
-    if (!views.length && ids.length) return;
-    for (const view of this.views) if (!views.includes(view)) view.dispose();
-    this.views.splice(0, Infinity, ...views);
-    this.feed?.watch(views.map((view) => view.id));
-    this.arrange(before, place);
-  }
-
-  private arrange(before: Map<string, View>, place?: Place): void {
+  /** Shows the views that are open now. */
+  private arrange(before: ReadonlyMap<string, View>, place?: Place): void {
     this.stage.show(this.views);
     for (const view of this.views)
       if (!before.has(view.id) && this.mode !== view.rig.mode) view.rig.setMode(this.mode);
@@ -186,9 +125,10 @@ export class App {
       }
       this.isForced = true;
     });
+    const { clock } = this.player;
     if (fresh.length && !place) {
-      this.player.clock.seek(this.player.clock.begin);
-      if (!this.player.clock.isPlaying) this.player.clock.play();
+      clock.seek(clock.isLive ? clock.end : clock.begin);
+      if (!clock.isPlaying) clock.play();
     }
     this.element.toggleAttribute("data-empty", this.views.length === 0);
   }
@@ -201,53 +141,12 @@ export class App {
     if (this.mode === "free") view.rig.tip();
   }
 
-  private async load(id: string): Promise<View | null> {
-    const entry = this.entries.find((each) => each.id === id);
-    const live = this.feed?.recording(id);
-    try {
-      const recording = live ?? (await this.library.load(id));
-      if (recording.remark && !live) this.say(`${entry?.label ?? id}: ${recording.remark}`);
-      const view = new View(id, titleOf(entry, id), recording);
-      if (live) {
-        view.clock.isLive = true;
-        view.clock.play();
-      }
-      return view;
-    } catch (error) {
-      this.say(`${entry?.label ?? id} cannot be opened: ${reason(error)}`);
-      return null;
-    }
-  }
-
-  /** Shows the next episode of a simulation that runs. */
-  private async reopenLive(id: string): Promise<void> {
-    const index = this.views.findIndex((view) => view.id === id);
-    if (index < 0) return;
-    const old = this.views[index];
-    const fresh = await this.load(id);
-    if (!fresh) return;
-    Object.assign(fresh.rig.aim, old.rig.aim);
-    fresh.isUnseen = old.isUnseen;
-    fresh.rig.setMode(old.rig.mode);
-    old.dispose();
-    const before = new Map(this.views.map((view) => [view.id, view]));
-    this.views[index] = fresh;
-    before.set(id, fresh);
-    this.arrange(before);
-  }
-
   private async openFiles(files: File[]): Promise<void> {
     try {
-      const library = await fromFiles(files);
-      const { feed } = this;
-      this.library = library;
-      for (const view of this.views) view.dispose();
-      this.views.length = 0;
-      if (feed) feed.watch([]);
+      await this.session.openFiles(files);
       this.list.element.close();
-      await this.open(library.entries.map((entry) => entry.id).slice(0, MOST));
     } catch (error) {
-      this.say(`${files.map((file) => file.name).join(", ")} cannot be opened: ${reason(error)}`);
+      this.toast.say(`${files.map((file) => file.name).join(", ")} cannot be opened: ${reason(error)}`);
     }
   }
 
@@ -308,11 +207,7 @@ export class App {
     this.setFocus(this.views.indexOf(view));
     const agent = view.agents[view.now.agent[place]];
     if (agent) this.choose(agent);
-    else
-      this.say(
-        `${view.recording.vehicles[view.now.number[place]]?.name || "a vehicle"}: ${view.now.speed[place].toFixed(1)} m/s, driven by traffic`,
-        2500,
-      );
+    else this.toast.say(vehicleText(view, place), 2500);
   }
 
   private setMode(mode: Mode): void {
@@ -347,11 +242,12 @@ export class App {
   }
 
   private refreshList(): void {
+    const { entries } = this.session;
     this.list.show(
-      this.entries,
+      entries,
       this.views.map((view) => view.id),
     );
-    this.header.setCount(this.entries.length);
+    this.header.setCount(entries.length);
   }
 
   private async copyLink(): Promise<void> {
@@ -359,25 +255,18 @@ export class App {
     history.replaceState(null, "", formatLink(this.place()));
     try {
       await navigator.clipboard.writeText(link);
-      this.say("The link to this view is copied.", 2500);
+      this.toast.say("The link to this view is copied.", 2500);
     } catch {
-      this.say("The link to this view is in the address bar.", 2500);
+      this.toast.say("The link to this view is in the address bar.", 2500);
     }
-  }
-
-  private say(message: string, duration = 9000): void {
-    this.toast.textContent = message;
-    this.toast.hidden = false;
-    setTimeout(() => {
-      if (this.toast.textContent === message) this.toast.hidden = true;
-    }, duration);
   }
 
   private listen(): void {
     addEventListener("keydown", (event) => this.key(event));
     addEventListener("hashchange", () => {
       const place = parseLink(location.hash);
-      void this.open(place.episodes, place);
+      const open = this.views.map((view) => view.id);
+      void this.session.open(place.episodes.length ? place.episodes : open, place);
     });
     this.element.addEventListener("dragover", (event) => event.preventDefault());
     this.element.addEventListener("drop", (event) => {
@@ -386,10 +275,11 @@ export class App {
       if (files.length) void this.openFiles(files);
     });
     this.list.element.addEventListener("toggle", () => {
-      if (this.list.element.open && location.protocol.startsWith("http") && this.library.entries.length)
+      const { library } = this.session;
+      if (this.list.element.open && library.isServed)
         void listEpisodes().then(
           (entries) => {
-            this.library.entries = entries;
+            library.entries = entries;
             this.refreshList();
           },
           () => undefined,
@@ -449,13 +339,24 @@ export class App {
     requestAnimationFrame((next) => this.frame(next));
     const elapsed = Math.min(0.25, (now - this.last) / 1000);
     this.last = now;
+    try {
+      this.draw(now, elapsed);
+    } catch (error) {
+      // A page that stands still says why, once.
+      if (!this.hasFailed) this.toast.say(`The picture cannot be drawn: ${reason(error)}`);
+      if (!this.hasFailed) console.error(error);
+      this.hasFailed = true;
+    }
+  }
+
+  private draw(now: number, elapsed: number): void {
     const hasMoved = this.advance(elapsed) || this.isForced;
     this.stage.draw(elapsed, this.theme, hasMoved);
     this.isForced = false;
-    if (hasMoved) this.timeline.update();
+    if (hasMoved) this.timeline.tick(now);
     if (now - this.panelAt > PANEL_RATE) {
       this.panelAt = now;
-      this.timeline.update();
+      this.timeline.tick(now);
       this.panel.update();
       this.views.forEach((view, i) => this.stage.setStatus(i, ...statusOf(view)));
     }
@@ -472,12 +373,11 @@ export class App {
   }
 
   private advance(elapsed: number): boolean {
-    if (this.feed?.takeUp(this.views)) this.refreshLive();
+    if (this.session.takeUp()) this.refreshLive();
     return this.player.advance(elapsed);
   }
 
   private refreshLive(): void {
-    this.player.syncEnds();
     const { view } = this;
     if (view && view.revision !== this.shownRevision) {
       this.shownRevision = view.revision;

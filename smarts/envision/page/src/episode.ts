@@ -1,62 +1,26 @@
 /** A recording, as far as it has arrived: the state of all vehicles at any time. No DOM. */
 
-import type { Columns, MapMessage, Message, Scalar, StepsMessage } from "./format";
+import { type Chunk, Chunks, rowOf, type States } from "./chunks";
+import { MOST_VEHICLES } from "./format";
+import type { Columns, MapMessage, Message, Scalar, StepsMessage } from "./messages";
+import { Driver, OWNER, OWNER_AGENT, RETURNING, type Snapshot } from "./snapshot";
 import { StepIndex, Table } from "./tables";
 
-const MOST_LIVE_CHUNKS = 6000;
-export const AIR_LOCK = 1 << 6;
-export const COLLIDED = 1 << 8;
-const OWNER = 7;
-const RETURNING = 1 << 7;
-const OWNER_AGENT = 2;
+/** Of what is live, the past is forgotten beyond this: at 60 frames a second more than a minute stays. */
+const MOST_LIVE_FRAMES = 8000;
+const MOST_LIVE_ROWS = 4_000_000;
+/** Tables whose rows hold until the next one of the same key. */
+const LASTING: Record<string, string> = { signals: "lane", bubble_poses: "bubble" };
+const PASSING = ["agent_states", "decisions", "extras", "observations", ...Object.keys(LASTING)];
 /** Vehicles are not drawn between states that are more steps apart. */
 const WIDEST_GAP = 5;
+const GENERATIONS = 2 ** 32;
 
-/** By whom a vehicle is driven: what its colour says. */
-export enum Driver {
-  Ego,
-  Social,
-  Traffic,
-  Fallback,
-  Other,
-}
-
-/** The vehicles at a time; the arrays are refilled by `sample`, entries from `count` on mean nothing. */
-export class Snapshot {
-  count = 0;
-  number = new Uint32Array(64);
-  x = new Float32Array(64);
-  y = new Float32Array(64);
-  heading = new Float32Array(64);
-  speed = new Float32Array(64);
-  steer = new Float32Array(64);
-  flags = new Uint16Array(64);
-  driver = new Uint8Array(64);
-  /** Row in the table agents, -1 for none. */
-  agent = new Int32Array(64);
-  /** Place of each vehicle number in the arrays, -1 for none. */
-  place = new Int32Array(64).fill(-1);
-
-  reserve(count: number, numbers: number): void {
-    if (count > this.number.length) {
-      const size = 2 * count;
-      this.number = new Uint32Array(size);
-      for (const name of ["x", "y", "heading", "speed", "steer"] as const)
-        this[name] = new Float32Array(size);
-      this.flags = new Uint16Array(size);
-      this.driver = new Uint8Array(size);
-      this.agent = new Int32Array(size);
-    }
-    if (numbers > this.place.length) this.place = new Int32Array(2 * numbers);
-    this.place.fill(-1);
-  }
-}
-
-/** Where the rows of a step lie: rows[i] of the chunk, with the same vehicle's row one step later, or -1. */
+/** Where the states of a step lie: step number `place` of a chunk. */
 interface Frame {
   step: number;
-  chunk: StepsMessage;
-  rows: Int32Array;
+  chunk: Chunk;
+  place: number;
 }
 
 export interface Vehicle {
@@ -69,12 +33,21 @@ export interface Vehicle {
   width: number;
 }
 
+export interface Box {
+  x0: number;
+  y0: number;
+  x1: number;
+  y1: number;
+}
+
 export class Recording {
   facts: Record<string, Scalar> = {};
   names: Record<string, Record<string, string>> = {};
   origin: [number, number] = [0, 0];
   map: MapMessage | null = null;
-  readonly vehicles: Vehicle[] = [];
+  readonly vehicles: (Vehicle | undefined)[] = [];
+  /** Where agents have driven [m]. */
+  readonly reach: Box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity };
   isComplete = false;
   hasEnded = false;
   remark = "";
@@ -84,17 +57,26 @@ export class Recording {
   private readonly tables = new Map<string, Table>();
   private readonly indices = new Map<string, StepIndex>();
   private readonly frames: Frame[] = [];
+  private rows = 0;
   private readonly numberOf = new Map<number, number>();
-  private pairs = { at: -1, next: new Int32Array(0) };
+  /** The speed of the vehicle of each row of agent_states [m/s]. */
+  private speeds: number[] = [];
+  private pairs: { at: Frame | null; after: Frame | null; next: Int32Array } = {
+    at: null,
+    after: null,
+    next: new Int32Array(0),
+  };
 
   constructor(
     messages: readonly Message[] = [],
     readonly isLive = false,
+    readonly chunks = new Chunks(),
   ) {
     for (const message of messages) this.add(message);
   }
 
-  add(message: Message): void {
+  /** Takes up a message; of states whose bytes are given, some are dropped and decoded again when needed. */
+  add(message: Message, packed: Uint8Array | null = null): void {
     switch (message.type) {
       case "episode":
         this.facts = message.facts;
@@ -111,19 +93,23 @@ export class Recording {
         this.addVehicles(new Table(message.columns));
         break;
       case "steps":
-        this.addSteps(message);
+        this.addSteps(message, packed);
         break;
       case "end":
         this.isComplete = message.isComplete;
         this.hasEnded = true;
         this.remark = message.remark;
+        this.version++;
+        break;
+      case "error":
+        this.remark = message.text;
         break;
     }
   }
 
   get dt(): number {
     const dt = Number(this.facts.dt);
-    return dt > 0 ? dt : 0.1;
+    return dt > 1e-4 && dt < 1e4 ? dt : 0.1;
   }
 
   get firstStep(): number {
@@ -152,17 +138,20 @@ export class Recording {
   }
 
   vehicleNumber(slot: number, generation: number): number {
-    return this.numberOf.get(slot * 0x100000 + generation) ?? -1;
+    return this.numberOf.get(slot * GENERATIONS + generation) ?? -1;
   }
 
   private addTable(name: string, columns: Columns, append: boolean): void {
     const table = this.tables.get(name);
     if (table && append) table.append(columns);
-    else {
-      this.tables.set(name, new Table(columns));
-      for (const id of this.indices.keys()) if (id.startsWith(`${name}.`)) this.indices.delete(id);
-    }
+    else this.replace(name, new Table(columns));
     this.version++;
+  }
+
+  private replace(name: string, table: Table): void {
+    this.tables.set(name, table);
+    for (const id of this.indices.keys()) if (id.startsWith(`${name}.`)) this.indices.delete(id);
+    if (name === "agent_states") this.speeds = [];
   }
 
   private addVehicles(table: Table): void {
@@ -171,40 +160,84 @@ export class Recording {
     const texts = table.texts("name");
     for (let row = 0; row < table.rows; row++) {
       const number = numbers[row];
+      if (!(number >= 0 && number < MOST_VEHICLES && Number.isInteger(number))) continue;
+      // Numbers without a vehicle would make holes, in which arrays are slow.
+      while (this.vehicles.length < number) this.vehicles.push(undefined);
       this.vehicles[number] = {
         number,
         slot: slots[row],
         generation: generations[row],
         name: texts[row] ?? "",
         kind: kinds[row] ?? 0,
-        length: lengths[row] ?? 4.5,
-        width: widths[row] ?? 1.8,
+        length: size(lengths[row], 4.5),
+        width: size(widths[row], 1.8),
       };
-      this.numberOf.set(slots[row] * 0x100000 + generations[row], number);
+      this.numberOf.set(slots[row] * GENERATIONS + generations[row], number);
     }
   }
 
-  private addSteps(chunk: StepsMessage): void {
-    const count = new Int32Array(chunk.step.length);
-    chunk.begin.forEach((begin, run) => {
-      for (let i = 0; i < chunk.count[run]; i++) count[begin + i]++;
+  private addSteps(message: StepsMessage, packed: Uint8Array | null): void {
+    const chunk = this.chunks.add(message, packed);
+    const states = this.chunks.get(chunk);
+    message.step.forEach((step, place) => {
+      if (!this.frames.length || step > this.lastStep) this.frames.push({ step, chunk, place });
     });
-    const rows = Array.from(count, (size) => new Int32Array(size));
-    count.fill(0);
-    let row = 0;
-    chunk.begin.forEach((begin, run) => {
-      for (let i = 0; i < chunk.count[run]; i++) rows[begin + i][count[begin + i]++] = row++;
-    });
-    chunk.step.forEach((step, i) => {
-      if (!this.frames.length || step > this.lastStep) this.frames.push({ step, chunk, rows: rows[i] });
-    });
-    if (this.isLive && this.frames.length > MOST_LIVE_CHUNKS) {
-      this.frames.splice(0, MOST_LIVE_CHUNKS / 2);
-      this.pairs.at = -1;
+    this.rows += message.flags.length;
+    if (states) this.takeSpeeds(states);
+    if (this.isLive && (this.frames.length > MOST_LIVE_FRAMES || this.rows > MOST_LIVE_ROWS)) this.forget();
+  }
+
+  /** Notes the speeds of agents' vehicles, and where they are, so that no other states are needed for them. */
+  private takeSpeeds(states: States): void {
+    const table = this.table("agent_states");
+    const [steps, slots, generations] = ["step", "slot", "generation"].map((name) => table.numbers(name));
+    const { reach } = this;
+    for (let row = this.speeds.length; row < table.rows; row++) {
+      const place = states.step.indexOf(steps[row]);
+      if (place < 0 && steps[row] > states.step[states.step.length - 1]) break;
+      const number = this.vehicleNumber(slots[row], generations[row]);
+      const at = place < 0 || number < 0 ? -1 : rowOf(states, place, number);
+      this.speeds.push(at < 0 ? NaN : 0.01 * states.speed[at]);
+      if (at < 0) continue;
+      const [x, y] = [0.01 * states.x[at], 0.01 * states.y[at]];
+      reach.x0 = Math.min(reach.x0, x);
+      reach.y0 = Math.min(reach.y0, y);
+      reach.x1 = Math.max(reach.x1, x);
+      reach.y1 = Math.max(reach.y1, y);
     }
   }
 
-  /** The place of the newest frame at or before the step. */
+  /** Forgets the older half of what is live. */
+  private forget(): void {
+    this.frames.splice(0, this.frames.length >> 1);
+    this.rows = this.frames.reduce((sum, { chunk }) => sum + (chunk.states?.flags.length ?? 0), 0);
+    const first = this.firstStep;
+    for (const name of PASSING) {
+      const table = this.tables.get(name);
+      if (!table) continue;
+      const steps = table.numbers("step");
+      const kept = new Set<number>();
+      const key = LASTING[name];
+      for (const each of key ? this.index(name, key).keys() : []) {
+        const last = this.index(name, key).at(each, first);
+        if (last >= 0) kept.add(last);
+      }
+      const rows: number[] = [];
+      for (let row = 0; row < table.rows; row++) if (steps[row] >= first || kept.has(row)) rows.push(row);
+      const speeds = name === "agent_states" ? rows.filter((row) => row < this.speeds.length) : [];
+      const ofRows = speeds.map((row) => this.speeds[row]);
+      this.replace(name, table.kept(rows));
+      if (name === "agent_states") this.speeds = ofRows;
+    }
+    this.version++;
+  }
+
+  /** The speed of the vehicle of a row of agent_states [m/s]; NaN where it is not known. */
+  speedOf(row: number): number {
+    return this.speeds[row] ?? NaN;
+  }
+
+  /** The number of the newest frame at or before the step. */
   private frameAt(step: number): number {
     let low = 0;
     let high = this.frames.length - 1;
@@ -216,75 +249,81 @@ export class Recording {
     return low;
   }
 
-  /** Finds, for each row of frame `at`, the row of the same vehicle in the next frame. */
-  private pair(at: number): Int32Array {
-    if (this.pairs.at === at && this.pairs.next.length === this.frames[at].rows.length)
-      return this.pairs.next;
-    const frame = this.frames[at];
-    const next = new Int32Array(frame.rows.length).fill(-1);
-    const after = this.frames[at + 1];
-    if (after) {
-      const rowOf = new Map<number, number>();
-      for (const row of after.rows) rowOf.set(after.chunk.rowNumber[row], row);
-      frame.rows.forEach((row, i) => (next[i] = rowOf.get(frame.chunk.rowNumber[row]) ?? -1));
-      this.pairs = { at, next };
+  /** Finds, for each row of a frame, the row of the same vehicle in the next frame, -1 where it is gone. */
+  private pair(at: Frame, after: Frame | undefined, a: States, b: States | null): Int32Array {
+    if (this.pairs.at === at && this.pairs.after === after) return this.pairs.next;
+    const rows = a.rows[at.place];
+    const next = new Int32Array(rows.length).fill(-1);
+    if (!after || !b) return next;
+    const others = b.rows[after.place];
+    for (let i = 0, k = 0; i < rows.length; i++) {
+      const number = a.rowNumber[rows[i]];
+      while (k < others.length && b.rowNumber[others[k]] < number) k++;
+      if (k < others.length && b.rowNumber[others[k]] === number) next[i] = others[k];
     }
+    this.pairs = { at, after, next };
     return next;
   }
 
-  /** Fills `out` with the vehicles at a time given in steps, interpolated. */
-  sample(step: number, out: Snapshot): void {
-    out.count = 0;
-    if (!this.frames.length) return;
+  /** Fills `out` with the vehicles at a time given in steps, interpolated.
+
+  Returns false, and leaves `out` as it is, where the states have to be decoded first: `chunks.onArrival` says when. */
+  sample(step: number, out: Snapshot): boolean {
+    if (!this.frames.length) {
+      out.count = 0;
+      return true;
+    }
     const at = this.frameAt(step);
-    const { chunk: a, rows, step: first } = this.frames[at];
+    const frame = this.frames[at];
     const after = this.frames[at + 1];
-    const next = this.pair(at);
-    const b = after ? after.chunk : a;
-    const gap = after ? after.step - first : 0;
-    const whole = gap && gap <= WIDEST_GAP ? Math.min(1, Math.max(0, (step - first) / gap)) : 0;
+    const a = this.chunks.get(frame.chunk);
+    const b = after ? this.chunks.get(after.chunk) : null;
+    // Those that come next are decoded before they are needed.
+    const soon = this.frames[Math.min(this.frames.length - 1, at + (a?.step.length ?? 0))];
+    if (soon.chunk !== frame.chunk) this.chunks.get(soon.chunk);
+    if (!a) return false;
+    const gap = after && b ? after.step - frame.step : 0;
+    const part = gap && gap <= WIDEST_GAP ? Math.min(1, Math.max(0, (step - frame.step) / gap)) : 0;
+    this.fill(a, b ?? a, a.rows[frame.place], this.pair(frame, after, a, b), part, gap * this.dt, out);
+    this.assign(frame.step, out);
+    return true;
+  }
+
+  /** Fills `out` with rows of states, moved by a part of the way to the rows `next` of `b`, `gap` seconds later. */
+  private fill(
+    a: States,
+    b: States,
+    rows: Int32Array,
+    next: Int32Array,
+    part: number,
+    gap: number,
+    out: Snapshot,
+  ): void {
     out.reserve(rows.length, this.vehicles.length);
     for (let i = 0; i < rows.length; i++) {
       const row = rows[i];
+      const to = next[i] < 0 ? a : b;
       const other = next[i] < 0 ? row : next[i];
-      const source = next[i] < 0 ? a : b;
       const number = a.rowNumber[row];
-      const reach = 2 * a.speed[row] * this.dt * gap + 100;
-      const part = Math.hypot(source.x[other] - a.x[row], source.y[other] - a.y[row]) <= reach ? whole : 0;
-      out.number[i] = number;
-      out.x[i] = 0.01 * (a.x[row] + part * (source.x[other] - a.x[row]));
-      out.y[i] = 0.01 * (a.y[row] + part * (source.y[other] - a.y[row]));
+      const [dx, dy] = [to.x[other] - a.x[row], to.y[other] - a.y[row]];
+      // A vehicle that is moved by the simulation jumps.
+      const reach = 2 * Math.abs(a.speed[row]) * gap + 100;
+      const share = dx * dx + dy * dy <= reach * reach ? part : 0;
       // Runs of two chunks may differ by whole turns.
-      const turn = source.heading[other] - a.heading[row];
+      const turn = to.heading[other] - a.heading[row];
       const short = turn - 3600 * Math.round(turn / 3600);
-      out.heading[i] = ((a.heading[row] + part * short) * Math.PI) / 1800;
-      out.speed[i] = 0.01 * (a.speed[row] + part * (source.speed[other] - a.speed[row]));
-      out.steer[i] = ((a.steer[row] + part * (source.steer[other] - a.steer[row])) * Math.PI) / 1800;
-      const flags = a.flags[row];
-      out.flags[i] = flags;
+      out.number[i] = number;
+      out.x[i] = 0.01 * (a.x[row] + share * dx);
+      out.y[i] = 0.01 * (a.y[row] + share * dy);
+      out.heading[i] = ((a.heading[row] + share * short) * Math.PI) / 1800;
+      out.speed[i] = 0.01 * (a.speed[row] + share * (to.speed[other] - a.speed[row]));
+      out.steer[i] = ((a.steer[row] + share * (to.steer[other] - a.steer[row])) * Math.PI) / 1800;
+      out.flags[i] = a.flags[row];
       out.agent[i] = -1;
-      const owner = flags & OWNER;
-      out.driver[i] =
-        flags & RETURNING
-          ? Driver.Fallback
-          : owner === OWNER_AGENT
-            ? Driver.Ego
-            : owner <= 1
-              ? Driver.Traffic
-              : Driver.Other;
+      out.driver[i] = driverOf(a.flags[row]);
       out.place[number] = i;
     }
     out.count = rows.length;
-    this.assign(first, out);
-  }
-
-  /** The speed of a vehicle in the state after so many steps [m/s]; NaN where it is not there. */
-  speedAt(number: number, step: number): number {
-    if (!this.frames.length) return NaN;
-    const { chunk, rows, step: found } = this.frames[this.frameAt(step)];
-    if (found !== step) return NaN;
-    for (const row of rows) if (chunk.rowNumber[row] === number) return 0.01 * chunk.speed[row];
-    return NaN;
   }
 
   /** The path of a vehicle over the last steps up to `step`, oldest first, as x, y in turn [m]. */
@@ -293,9 +332,10 @@ export class Recording {
     if (!this.frames.length) return;
     const last = this.frameAt(step);
     for (let at = Math.max(0, last - steps); at <= last; at++) {
-      const { chunk, rows } = this.frames[at];
-      const row = rows.find((each) => chunk.rowNumber[each] === number);
-      if (row !== undefined) out.push(0.01 * chunk.x[row], 0.01 * chunk.y[row]);
+      const { chunk, place } = this.frames[at];
+      const states = this.chunks.get(chunk);
+      const row = states ? rowOf(states, place, number) : -1;
+      if (states && row >= 0) out.push(0.01 * states.x[row], 0.01 * states.y[row]);
     }
   }
 
@@ -326,5 +366,14 @@ export class Recording {
     return false;
   }
 }
+
+function driverOf(flags: number): Driver {
+  const owner = flags & OWNER;
+  if (flags & RETURNING) return Driver.Fallback;
+  return owner === OWNER_AGENT ? Driver.Ego : owner <= 1 ? Driver.Traffic : Driver.Other;
+}
+
+const size = (metres: number | undefined, otherwise: number): number =>
+  metres !== undefined && metres > 0 && metres < 100 ? metres : otherwise;
 
 const EMPTY = new Table();

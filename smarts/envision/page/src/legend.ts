@@ -1,8 +1,9 @@
 /** What colours mean. */
 
 import { h } from "./dom";
-import { Driver, type Recording } from "./episode";
+import type { Recording } from "./episode";
 import { DARK, type Rgb, type Theme } from "./scene/palette";
+import { Driver } from "./snapshot";
 
 const ENTRIES: [Driver, string][] = [
   [Driver.Ego, "ego"],
@@ -49,6 +50,7 @@ export class Legend {
       items.push(item("air-lock", `repeating-linear-gradient(115deg, ${a} 0 3px, ${b} 3px 6px)`));
     }
     if (hasBubbles) items.push(item("bubble", css(theme.bubble), "ring"));
+    if (recording?.table("observations").rows) items.push(item("observed", css(theme.sight), "ring"));
     this.element.replaceChildren(...items);
     this.element.hidden = !recording;
   }

@@ -1,8 +1,9 @@
 /** Where recordings come from: the page itself, the server it came from, or a file that the user drops. */
 
-import { agentsOf } from "./agents";
-import { decodeContainer } from "./format";
+import { agentsOf, startsOf } from "./agents";
+import { isEpisode, readContainer } from "./container";
 import { Recording } from "./episode";
+import { FormatError } from "./msgpack";
 
 export interface Entry {
   id: string;
@@ -29,7 +30,11 @@ export interface Library {
   hasLive: boolean;
   /** Whether its recordings belong side by side. */
   isTogether: boolean;
+  /** Whether the list comes from a server, and may grow. */
+  isServed: boolean;
 }
+
+const LARGEST_FILE = 512 << 20;
 
 const text = (value: unknown): string =>
   typeof value === "string" ? value : value === undefined || value === null ? "" : String(value);
@@ -66,18 +71,43 @@ export function describe(id: string, recording: Recording, label: string): Entry
   return {
     ...entryOf(id, { ...facts, label, seconds, agents: egos.length, complete: facts.is_complete }),
     outcomes,
+    pair: pairOf(recording),
   };
 }
 
+/** The same for the same test episode, whatever drove. */
+function pairOf(recording: Recording): string {
+  const { scenario, traffic, traffic_seed: seed } = recording.facts;
+  const starts = startsOf(recording);
+  return scenario && starts.length ? JSON.stringify([scenario, traffic, seed, starts]) : "";
+}
+
+/** A library without episodes. */
+export const NOTHING: Library = {
+  entries: [],
+  hasLive: false,
+  isTogether: false,
+  isServed: false,
+  load: () => Promise.reject(new Error("nothing is open")),
+};
+
+/** Reads a recording; the bytes stay, since states are decoded from them again. */
 async function open(bytes: Uint8Array): Promise<Recording> {
-  const { messages, damage } = await decodeContainer(bytes);
-  const recording = new Recording(messages);
+  const recording = new Recording();
+  const damage = await readContainer(bytes, (message, packed) => recording.add(message, packed));
   if (damage || !recording.hasEnded) recording.remark ||= damage || "the recording is cut off";
   return recording;
 }
 
+/** Decodes base64; where it is cut, up to the cut. */
 function decodeBase64(base64: string): Uint8Array {
-  const binary = atob(base64.replace(/\s/g, ""));
+  const text = base64.replace(/\s/g, "");
+  let binary: string;
+  try {
+    binary = atob(text.length % 4 ? text.slice(0, -(text.length % 4)) : text);
+  } catch {
+    throw new FormatError("the recording inside the page is no base64");
+  }
   const bytes = new Uint8Array(binary.length);
   for (let i = 0; i < binary.length; i++) bytes[i] = binary.charCodeAt(i);
   return bytes;
@@ -89,15 +119,34 @@ async function embedded(): Promise<Library | null> {
     ...document.querySelectorAll<HTMLScriptElement>('script[type="application/octet-stream"]'),
   ];
   if (!scripts.length) return null;
-  const recordings = new Map<string, Recording>();
-  const entries: Entry[] = [];
+  const parts: Part[] = [];
   for (const [i, script] of scripts.entries()) {
-    const id = script.dataset.id ?? String(i);
-    const recording = await open(decodeBase64(script.textContent ?? ""));
-    recordings.set(id, recording);
-    entries.push(describe(id, recording, script.dataset.label ?? ""));
+    const { textContent, dataset } = script;
+    const read = async () => decodeBase64(textContent ?? "");
+    parts.push({ id: dataset.id ?? String(i), label: dataset.label ?? "", read });
     script.remove();
   }
+  return together(parts);
+}
+
+interface Part {
+  id: string;
+  label: string;
+  read(): Promise<Uint8Array>;
+}
+
+/** Opens recordings that come together; those that are damaged are listed with their errors. */
+async function together(parts: readonly Part[]): Promise<Library> {
+  const recordings = new Map<string, Recording>();
+  const entries: Entry[] = [];
+  for (const { id, label, read } of parts)
+    try {
+      const recording = await open(await read());
+      recordings.set(id, recording);
+      entries.push(describe(id, recording, label));
+    } catch (error) {
+      entries.push(entryOf(id, { label, error: error instanceof Error ? error.message : String(error) }));
+    }
   return fromMap(entries, recordings);
 }
 
@@ -106,6 +155,7 @@ function fromMap(entries: Entry[], recordings: Map<string, Recording>): Library 
     entries,
     hasLive: false,
     isTogether: true,
+    isServed: false,
     load: async (id) => {
       const found = recordings.get(id);
       if (!found) throw new Error(`there is no episode ${id}`);
@@ -152,6 +202,7 @@ async function served(): Promise<Library> {
     entries: await listEpisodes(),
     hasLive: info.live === true,
     isTogether: false,
+    isServed: true,
     load: async (id) =>
       open(new Uint8Array(await (await fetchOk(`/api/episodes/${encodeURIComponent(id)}`)).arrayBuffer())),
   };
@@ -164,16 +215,16 @@ export async function listEpisodes(): Promise<Entry[]> {
   return list.map((each) => each as Record<string, unknown>).map((each) => entryOf(text(each.id), each));
 }
 
-/** Opens a file that the user chose. */
+/** Opens files that the user chose. */
 export async function fromFiles(files: readonly File[]): Promise<Library> {
-  const recordings = new Map<string, Recording>();
-  const entries: Entry[] = [];
-  for (const [i, file] of files.entries()) {
-    const recording = await open(new Uint8Array(await file.arrayBuffer()));
-    recordings.set(String(i), recording);
-    entries.push(describe(String(i), recording, file.name));
-  }
-  return fromMap(entries, recordings);
+  const read = async (file: File) => {
+    const head = new Uint8Array(await file.slice(0, 8).arrayBuffer());
+    if (!isEpisode(head)) throw new FormatError("this is not a compact episode");
+    if (file.size > LARGEST_FILE)
+      throw new FormatError(`it has ${file.size >> 20} MB; the page opens ${LARGEST_FILE >> 20} MB at most`);
+    return new Uint8Array(await file.arrayBuffer());
+  };
+  return together(files.map((file, i) => ({ id: String(i), label: file.name, read: () => read(file) })));
 }
 
 export async function findLibrary(): Promise<Library> {

@@ -1,5 +1,6 @@
 /** The view as a URL fragment, so that a link restores it. */
 
+import { SPEEDS } from "./playback";
 import type { Mode, Orbit } from "./scene/camera";
 
 export interface Place {
@@ -13,6 +14,7 @@ export interface Place {
   orbit: Orbit | null;
 }
 
+const FARTHEST = 1e6;
 const MODES: readonly string[] = ["top", "follow", "free"];
 const MOST = 9;
 
@@ -44,11 +46,11 @@ export function parseLink(fragment: string): Place {
   const parts = new URLSearchParams(fragment.replace(/^#/, ""));
   const mode = parts.get("cam") ?? "top";
   const at = (parts.get("at") ?? "").split(",").map((text) => finite(text, NaN));
-  const isPlace = at.length === 5 && at.every(Number.isFinite) && at[2] > 0;
+  const isPlace = at.length === 5 && at.every((each) => Math.abs(each) <= FARTHEST) && at[2] > 0;
   return {
     episodes: (parts.get("e") ?? "").split(",").filter(Boolean).slice(0, MOST),
     t: Math.max(0, finite(parts.get("t"), 0)),
-    speed: finite(parts.get("speed"), 1),
+    speed: SPEEDS.find((speed) => speed === Number(parts.get("speed"))) ?? 1,
     mode: (MODES.includes(mode) ? mode : "top") as Mode,
     agent: parts.get("agent") ?? "",
     focus: Math.max(0, Math.min(MOST - 1, Math.floor(finite(parts.get("focus"), 0)))),
@@ -57,7 +59,7 @@ export function parseLink(fragment: string): Place {
       ? {
           x: at[0],
           y: at[1],
-          distance: Math.min(5000, at[2]),
+          distance: Math.min(5000, Math.max(9, at[2])),
           azimuth: at[3],
           tilt: Math.min(1.42, Math.max(0, at[4])),
         }

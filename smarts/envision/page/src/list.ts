@@ -45,7 +45,7 @@ export class List {
   private readonly note = h("p", { class: "note", role: "status" });
 
   constructor(
-    private readonly onOpen: (ids: string[]) => void,
+    private readonly onOpen: (ids: string[], isCompared: boolean) => void,
     onFile: (files: File[]) => void,
   ) {
     this.filter = h("input", {
@@ -95,7 +95,7 @@ export class List {
   show(entries: Entry[], open: readonly string[]): void {
     this.entries = entries;
     this.open = open;
-    this.draw();
+    if (this.element.open) this.draw();
   }
 
   toggle(): void {
@@ -121,6 +121,7 @@ export class List {
         entry.traffic,
         entry.run,
         entry.policy,
+        entry.isLive ? "live" : "",
         ...Object.keys(entry.outcomes),
       ]
         .join(" ")
@@ -134,21 +135,31 @@ export class List {
       const isKey = (head as HTMLElement).dataset.key === this.key;
       head.setAttribute("aria-sort", isKey ? (this.isDescending ? "descending" : "ascending") : "none");
     }
-    this.body.replaceChildren(...shown.map((entry) => this.row(entry)));
+    const pairs = new Map<string, Entry[]>();
+    for (const entry of this.entries)
+      if (entry.pair && !entry.error) pairs.set(entry.pair, [...(pairs.get(entry.pair) ?? []), entry]);
+    const focus = this.focused();
+    this.body.replaceChildren(...shown.map((entry) => this.row(entry, pairs.get(entry.pair) ?? [])));
+    // The list of simulations that run is drawn again and again; the keyboard stays where it is.
+    this.body.querySelector<HTMLElement>(focus)?.focus();
     this.note.textContent = this.entries.length
       ? `${shown.length} of ${this.entries.length}; up to ${MOST} side by side with +`
       : "No episodes. Open a .smarts file, or drop one here.";
   }
 
-  private row(entry: Entry): HTMLElement {
+  /** A selector for the button with the focus; "none" where it is elsewhere. */
+  private focused(): string {
+    const button = document.activeElement;
+    const row = this.body.contains(button) ? button?.closest<HTMLElement>(".row") : null;
+    return row ? `[data-id="${CSS.escape(row.dataset.id ?? "")}"] .${button?.classList[0] ?? "open"}` : "none";
+  }
+
+  private row(entry: Entry, pair: readonly Entry[]): HTMLElement {
     const isOpen = this.open.includes(entry.id);
-    const partners = entry.pair
-      ? this.entries.filter((other) => other.pair === entry.pair && other.id !== entry.id && !other.error)
-      : [];
+    const partners = pair.filter((other) => other.id !== entry.id);
     const title = entry.scenario || entry.label;
     const under = [
       entry.run,
-      entry.policy,
       entry.traffic && `traffic ${entry.traffic}`,
       entry.scenario ? entry.label : "",
     ]
@@ -167,6 +178,7 @@ export class List {
       "button",
       { class: "open", type: "button", disabled: entry.error !== "", onClick: () => this.choose([entry.id]) },
       h("b", {}, title),
+      entry.policy ? h("span", { class: "badge" }, entry.policy) : null,
       entry.isLive ? h("span", { class: "badge", "data-tone": "live" }, "live") : null,
       h("small", {}, under),
     );
@@ -186,16 +198,17 @@ export class List {
       ? h(
           "button",
           {
-            class: "text-button",
+            class: "compare text-button",
             type: "button",
-            onClick: () => this.choose([entry.id, ...partners.map((other) => other.id)].slice(0, MOST)),
+            title: `The same test episode of ${partners.map((other) => other.policy || other.run || other.label).join(", ")}`,
+            onClick: () => this.choose([entry.id, ...partners.map((other) => other.id)].slice(0, MOST), true),
           },
           "compare",
         )
       : null;
     return h(
       "div",
-      { class: "row", role: "row", "data-open": isOpen, "data-error": entry.error !== "" },
+      { class: "row", role: "row", "data-id": entry.id, "data-open": isOpen, "data-error": entry.error !== "" },
       h("div", { role: "cell", class: "first" }, name, both),
       h(
         "div",
@@ -208,13 +221,13 @@ export class List {
     );
   }
 
-  private choose(ids: string[]): void {
-    this.onOpen(ids);
+  private choose(ids: string[], isCompared = false): void {
+    this.onOpen(ids, isCompared);
     this.element.close();
   }
 
   private toggleOne(id: string): void {
     const next = this.open.includes(id) ? this.open.filter((each) => each !== id) : [...this.open, id];
-    if (next.length) this.onOpen(next);
+    if (next.length) this.onOpen(next, false);
   }
 }

@@ -1,6 +1,7 @@
 /** Simulations that run now: one WebSocket, which comes back by itself. */
 
-import { type Address, decode, type Message, type Source } from "./format";
+import { decode } from "./format";
+import type { Address, Message, Source } from "./messages";
 
 const SHORTEST_WAIT = 500;
 const LONGEST_WAIT = 10_000;
@@ -13,6 +14,7 @@ export class Live {
   onSources: (sources: Source[]) => void = () => {};
   onMessage: (source: string, message: Message) => void = () => {};
   onState: (state: LiveState) => void = () => {};
+  onProblem: (text: string) => void = () => {};
   private socket: WebSocket | null = null;
   private watched: readonly string[] = [];
   private wait = SHORTEST_WAIT;
@@ -34,11 +36,19 @@ export class Live {
       // Messages are decoded side by side and taken up in order.
       const decoded = decode(bytes).catch((error: unknown) => ({
         type: "error" as const,
-        text: String(error),
+        text: `a message of a simulation is damaged: ${error instanceof Error ? error.message : String(error)}`,
         source: "",
         serial: 0,
       }));
-      this.chain = this.chain.then(async () => this.take(await decoded));
+      this.chain = this.chain.then(async () => {
+        const message = await decoded;
+        try {
+          // What a connection that is gone has left behind would mix with the next one's.
+          if (this.socket === socket) this.take(message);
+        } catch (error) {
+          this.onProblem(`a message of a simulation cannot be shown: ${String(error)}`);
+        }
+      });
     });
     socket.addEventListener("close", () => {
       this.setState("lost");
@@ -65,9 +75,13 @@ export class Live {
       this.onSources(message.sources);
       return;
     }
+    if (message.type === "error") {
+      this.onProblem(message.text);
+      return;
+    }
     const { source, serial } = message;
     if (message.type === "episode") this.serials.set(source, serial);
-    else if (message.type !== "error" && this.serials.get(source) !== serial) return;
+    else if (this.serials.get(source) !== serial) return;
     this.onMessage(source, message);
   }
 

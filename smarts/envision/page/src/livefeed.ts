@@ -1,66 +1,103 @@
-/** Recordings that grow: one for each simulation that is watched. */
+/** Recordings that grow: one for each simulation that is watched, and the episodes that they had before. */
 
-import { Recording } from "./episode";
-import type { Message, Source } from "./format";
-import type { Entry } from "./library";
+import { describe, type Entry } from "./library";
 import { Live, type LiveState } from "./live";
+import type { Message, Source } from "./messages";
+import { Recording } from "./episode";
 import type { View } from "./view";
+
+/** Episodes that are over and can still be opened, of all simulations together. */
+const MOST_PAST = 12;
+const FEWEST_STEPS = 5;
 
 interface Actions {
   changed(): void;
   /** A simulation has begun another episode. */
   replaced(id: string): void;
   state(state: LiveState): void;
+  problem(text: string): void;
+}
+
+interface Past {
+  entry: Entry;
+  recording: Recording;
 }
 
 export class LiveFeed {
   private readonly live = new Live();
   private readonly recordings = new Map<string, Recording>();
+  private readonly past = new Map<string, Past>();
+  private counted = 0;
   private hasNews = false;
 
   constructor(private readonly actions: Actions) {
     this.live.onSources = () => actions.changed();
     this.live.onState = (state) => actions.state(state);
     this.live.onMessage = (source, message) => this.take(source, message);
+    this.live.onProblem = (text) => actions.problem(text);
   }
 
   connect(): void {
     this.live.connect();
   }
 
+  /** What runs, then what has ended, the newest first. */
   get entries(): Entry[] {
-    return this.live.sources.map(entryOf);
+    return [...this.live.sources.map(entryOf), ...[...this.past.values()].map(({ entry }) => entry).reverse()];
   }
 
-  /** The recording of a simulation that runs; it fills when its messages come. */
+  /** The ids of simulations that run. */
+  get running(): string[] {
+    return this.live.sources.map((source) => source.id);
+  }
+
+  /** The recording of a simulation that runs, which fills when its messages come, or of an episode before. */
   recording(id: string): Recording | null {
-    const known = this.recordings.get(id);
-    if (known || !this.live.sources.some((source) => source.id === id)) return known ?? null;
+    const known = this.recordings.get(id) ?? this.past.get(id)?.recording;
+    if (known || !this.running.includes(id)) return known ?? null;
     const recording = new Recording([], true);
     this.recordings.set(id, recording);
     return recording;
   }
 
   watch(ids: readonly string[]): void {
-    const known = ids.filter((id) => this.live.sources.some((source) => source.id === id));
+    const known = ids.filter((id) => this.running.includes(id));
     for (const id of this.recordings.keys()) if (!known.includes(id)) this.recordings.delete(id);
     this.live.watch(known);
   }
 
   private take(source: string, message: Message): void {
     if (message.type === "episode") {
-      const fresh = new Recording([message], true);
-      this.recordings.set(source, fresh);
+      this.keep(source);
+      this.recordings.set(source, new Recording([message], true));
       this.actions.replaced(source);
     } else this.recordings.get(source)?.add(message);
     this.hasNews = true;
+  }
+
+  /** Keeps the episode that a simulation has had until now. */
+  private keep(source: string): void {
+    const recording = this.recordings.get(source);
+    if (!recording || recording.length < FEWEST_STEPS) return;
+    const title = this.live.sources.find((each) => each.id === source)?.title ?? source;
+    const number = Number(recording.facts.episode);
+    const label = Number.isFinite(number) ? `${title}, episode ${number}` : title;
+    const id = `past${this.counted++}`;
+    this.past.set(id, { entry: { ...describe(id, recording, label), run: "live until now" }, recording });
+    for (const oldest of this.past.keys()) if (this.past.size > MOST_PAST) this.past.delete(oldest);
+    this.actions.changed();
   }
 
   /** Brings views up to date; returns whether there was anything. */
   takeUp(views: readonly View[]): boolean {
     if (!this.hasNews) return false;
     this.hasNews = false;
-    for (const view of views) if (view.recording.isLive) view.refresh();
+    for (const view of views)
+      if (view.recording.isLive) {
+        view.refresh();
+        // What is put off for a moment is not to wait for the next message, which may never come.
+        this.hasNews ||= !view.isCurrent;
+      }
     return true;
   }
 }
@@ -72,13 +109,13 @@ function entryOf(source: Source): Entry {
     run: source.host,
     scenario: source.scenario || source.title,
     traffic: "",
-    episode: source.episode,
+    episode: source.episode || 0,
     seconds: 0,
     agents: 0,
     outcomes: {},
     isComplete: false,
     pair: "",
-    policy: source.title,
+    policy: source.policy,
     error: "",
     isLive: true,
   };

@@ -1,6 +1,10 @@
 /** Decodes msgpack. No DOM. */
 
 const DEEPEST = 16;
+/** Lists and maps in one message, and their keys: each takes far more memory than its bytes. */
+const MOST_PARTS = 200_000;
+const MOST_KEYS = 200_000;
+const SHORT = 24;
 
 export type Raw = null | boolean | number | string | Uint8Array | Raw[] | { [key: string]: Raw };
 export type RawMap = { [key: string]: Raw };
@@ -18,6 +22,8 @@ export function unpack(bytes: Uint8Array): Raw {
 
 class Reader {
   at = 0;
+  private parts = 0;
+  private keys = 0;
   private readonly view: DataView;
   private readonly text = new TextDecoder("utf-8", { fatal: false });
 
@@ -110,22 +116,38 @@ class Reader {
   }
 
   private string(count: number): string {
-    return this.text.decode(this.binary(count));
+    const bytes = this.binary(count);
+    if (count > SHORT) return this.text.decode(bytes);
+    // Most texts are short names, for which the decoder is slow.
+    let text = "";
+    for (const byte of bytes) {
+      if (byte > 0x7f) return this.text.decode(bytes);
+      text += String.fromCharCode(byte);
+    }
+    return text;
+  }
+
+  /** Counts a list or a map. */
+  private open(count: number, keys: number): void {
+    if (count > this.bytes.length - this.at) throw new FormatError("a message ends too early");
+    this.keys += keys;
+    if (++this.parts > MOST_PARTS || this.keys > MOST_KEYS) throw new FormatError("a message has too many parts");
   }
 
   private list(count: number, depth: number): Raw[] {
-    if (count > this.bytes.length - this.at) throw new FormatError("a message ends too early");
+    this.open(count, 0);
     const values: Raw[] = [];
     for (let i = 0; i < count; i++) values.push(this.value(depth + 1));
     return values;
   }
 
   private map(count: number, depth: number): RawMap {
-    if (count > this.bytes.length - this.at) throw new FormatError("a message ends too early");
+    this.open(2 * count, count);
     const values = Object.create(null) as RawMap;
     for (let i = 0; i < count; i++) {
       const key = this.value(depth + 1);
-      values[typeof key === "string" ? key : String(key)] = this.value(depth + 1);
+      if (typeof key === "object" && key !== null) throw new FormatError("a message has a key that is no text");
+      values[String(key)] = this.value(depth + 1);
     }
     return values;
   }

@@ -3,7 +3,6 @@
 import {
   type Agent,
   type AgentState,
-  type Decision,
   decisionOf,
   extraSeries,
   type Series,
@@ -12,6 +11,9 @@ import {
 } from "./agents";
 import { Chart } from "./charts";
 import { h } from "./dom";
+import { ActionMeters } from "./meters";
+import { observedBy } from "./observed";
+import { SightPanel } from "./sightpanel";
 import type { View } from "./view";
 
 const MOST_CHIPS = 60;
@@ -26,14 +28,14 @@ export class Panel {
   private readonly slow = h("span", { class: "unit" });
   private readonly progress = h("div", { class: "bar" }, h("i", {}));
   private readonly progressText = h("span", { class: "small" });
-  private readonly action = h("section", { class: "action", "aria-label": "action" });
-  private readonly rows: { element: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
-  private readonly actionHead = h("h3", {}, "action");
+  private readonly action = new ActionMeters();
+  private readonly sight = new SightPanel();
   private readonly charts = h("section", { class: "charts" });
   private readonly empty = h("p", { class: "empty" }, "No agent in this recording.");
   private readonly body: HTMLElement;
   private view: View | null = null;
   private shown: { agent: Agent | null; version: number } = { agent: null, version: -1 };
+  private chipsOf = "";
   private drawn: Chart[] = [];
   private speeds: Series = { name: "speed", steps: [], values: [] };
   private last = NaN;
@@ -54,8 +56,9 @@ export class Panel {
       h("div", { class: "title" }, this.name, this.badge),
       this.status,
       headline,
-      this.action,
+      this.action.element,
       this.charts,
+      this.sight.element,
     );
     this.element = h(
       "aside",
@@ -69,6 +72,7 @@ export class Panel {
   show(view: View | null): void {
     this.view = view;
     this.shown = { agent: null, version: -1 };
+    this.chipsOf = "";
     this.last = NaN;
     this.update();
   }
@@ -89,16 +93,9 @@ export class Panel {
   }
 
   private rebuild(view: View, agent: Agent | null): void {
-    const isOther = agent !== this.shown.agent;
     this.shown = { agent, version: view.revision };
     this.last = NaN;
-    this.chips.replaceChildren(
-      ...view.agents.slice(0, MOST_CHIPS).map((each) => this.chip(each, each === agent)),
-    );
-    if (isOther)
-      this.chips
-        .querySelector<HTMLElement>("[aria-selected=true]")
-        ?.scrollIntoView({ block: "nearest", inline: "nearest" });
+    this.showChips(view, agent);
     if (!agent) return;
     this.name.textContent = agent.name;
     const { recording } = view;
@@ -135,6 +132,25 @@ export class Panel {
     );
   }
 
+  /** Draws the agents' names where they have changed, and the chosen one's place. */
+  private showChips(view: View, chosen: Agent | null): void {
+    const shown = view.agents.slice(0, MOST_CHIPS);
+    const key = shown.map((each) => `${each.row} ${each.name} ${each.outcome}`).join("\n");
+    if (key !== this.chipsOf) {
+      this.chipsOf = key;
+      const rest = view.agents.length - shown.length;
+      const more = rest > 0 ? [h("span", { class: "more" }, `and ${rest} more: click on their vehicles`)] : [];
+      this.chips.replaceChildren(...shown.map((each) => this.chip(each, false)), ...more);
+    }
+    shown.forEach((each, i) => {
+      const chip = this.chips.children[i];
+      const isChosen = each.row === chosen?.row;
+      const isNew = isChosen && chip.getAttribute("aria-selected") !== "true";
+      chip.setAttribute("aria-selected", String(isChosen));
+      if (isNew) chip.scrollIntoView({ block: "nearest", inline: "nearest" });
+    });
+  }
+
   private chip(agent: Agent, isChosen: boolean): HTMLElement {
     return h(
       "button",
@@ -146,11 +162,17 @@ export class Panel {
         "data-kind": agent.isEgo ? "ego" : "social",
         "data-tone": agent.tone,
         title: `${agent.name}: ${agent.outcomeText}`,
-        onClick: () => this.onChoose(agent),
+        onClick: () => this.choose(agent.row),
       },
       h("i", { class: "dot" }),
       agent.name,
     );
+  }
+
+  private choose(row: number): void {
+    // Agents are read anew when something has arrived.
+    const agent = this.view?.agents.find((each) => each.row === row);
+    if (agent) this.onChoose(agent);
   }
 
   private markPresent(view: View, step: number): void {
@@ -172,11 +194,12 @@ export class Panel {
     const with_ = isOver && agent.partner ? `with ${agent.partner}` : "";
     this.status.textContent =
       with_ || (state ? `${state.status}${change}` : agent.isEgo ? "ego" : "social agent");
-    const speed = state ? recording.speedAt(state.vehicle, step) : NaN;
+    const speed = state?.speed ?? NaN;
     this.speed.textContent = Number.isFinite(speed) ? speed.toFixed(1) : "–";
     this.slow.textContent = Number.isFinite(speed) ? `m/s · ${(3.6 * speed).toFixed(0)} km/h` : "m/s";
     this.fillProgress(state);
-    this.fillAction(decisionOf(recording, agent, step), state);
+    this.action.show(decisionOf(recording, agent, step), state);
+    this.sight.show(observedBy(recording, agent, step));
     for (const chart of this.drawn) chart.update(step);
   }
 
@@ -189,87 +212,4 @@ export class Panel {
       : "0";
     this.progressText.textContent = isKnown ? `${Math.max(0, left).toFixed(0)} m to the goal` : "";
   }
-
-  private fillAction(decision: Decision | null, state: AgentState | null): void {
-    const lines: { name: string; part: number; text: string; isChosen: boolean; isLegal: boolean }[] = [];
-    if (decision && decision.choice >= 0) {
-      decision.labels.forEach((name, i) => {
-        const isChosen = i === decision.choice;
-        const p = decision.probabilities?.[i];
-        lines.push({
-          name,
-          part: p ?? (isChosen ? 1 : 0),
-          text: p === undefined ? "" : `${(100 * p).toFixed(0)}%`,
-          isChosen,
-          isLegal: decision.isLegal[i],
-        });
-      });
-    } else if (decision) {
-      for (const { name, value, low, high } of decision.parts)
-        lines.push({
-          name,
-          part: Math.abs(value) / Math.max(Math.abs(low), Math.abs(high)),
-          text: value.toFixed(2),
-          isChosen: true,
-          isLegal: true,
-        });
-    }
-    if (state) {
-      lines.push({
-        name: "throttle",
-        part: state.throttle,
-        text: state.throttle.toFixed(2),
-        isChosen: false,
-        isLegal: true,
-      });
-      lines.push({
-        name: "brake",
-        part: state.brake,
-        text: state.brake.toFixed(2),
-        isChosen: false,
-        isLegal: true,
-      });
-      const angle = (state.steering * 180) / Math.PI;
-      lines.push({
-        name: "steering",
-        part: Math.abs(angle) / 35,
-        text: `${angle.toFixed(1)}°`,
-        isChosen: false,
-        isLegal: true,
-      });
-    }
-    this.action.hidden = !lines.length;
-    while (this.rows.length < lines.length) this.rows.push(row());
-    if (this.action.children.length !== lines.length + 1)
-      this.action.replaceChildren(
-        this.actionHead,
-        ...this.rows.slice(0, lines.length).map((each) => each.element),
-      );
-    const isDistribution = decision?.probabilities != null;
-    this.actionHead.textContent = isDistribution ? "action, with its distribution" : "action";
-    lines.forEach((line, i) => {
-      const { element, bar, value } = this.rows[i];
-      element.firstElementChild!.textContent = line.name;
-      bar.style.width = `${Math.min(100, Math.max(0, 100 * (line.part || 0)))}%`;
-      value.textContent = line.text;
-      element.toggleAttribute("data-chosen", line.isChosen);
-      element.toggleAttribute("data-barred", !line.isLegal);
-    });
-  }
-}
-
-function row(): { element: HTMLElement; bar: HTMLElement; value: HTMLElement } {
-  const bar = h("i", {});
-  const value = h("span", { class: "number" });
-  return {
-    element: h(
-      "div",
-      { class: "meter" },
-      h("span", { class: "name" }),
-      h("div", { class: "bar" }, bar),
-      value,
-    ),
-    bar,
-    value,
-  };
 }

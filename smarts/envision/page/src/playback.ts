@@ -2,14 +2,19 @@
 
 export const SPEEDS = [0.25, 0.5, 1, 2, 4, 8] as const;
 
+/** What is live is followed from here on before its end [s]. */
+const NEAR = 0.5;
+
 export class Clock {
   t = 0;
   speed = 1;
   isPlaying = false;
   begin = 0;
   end = 0;
-  /** Whether the end moves and playback keeps close to it. */
+  /** Whether the end moves. */
   isLive = false;
+  /** Whether playback keeps close to the end that moves, until the user goes back. */
+  isFollowing = true;
 
   constructor(private readonly delay = 0.2) {}
 
@@ -25,20 +30,25 @@ export class Clock {
 
   seek(t: number): void {
     this.t = Math.min(this.end, Math.max(this.begin, t));
+    this.isFollowing = this.t >= this.end - NEAR;
   }
 
   /** Moves by whole steps and stops. */
   step(steps: number, dt: number): void {
     this.isPlaying = false;
-    this.seek(Math.round(this.t / dt + steps * 1) * dt);
+    this.seek((Math.round(this.t / dt) + steps) * dt);
   }
 
   /** Advances by real time; returns whether the time has changed. */
   advance(seconds: number): boolean {
     if (!this.isPlaying) return false;
     const before = this.t;
-    if (this.isLive) this.chase(seconds);
-    else {
+    if (this.isLive && this.isFollowing) this.chase(seconds);
+    else if (this.isLive) {
+      // What is past is forgotten some time.
+      this.t = Math.max(this.begin, this.t + seconds * this.speed);
+      if (this.t >= this.end - this.delay) this.isFollowing = true;
+    } else {
       this.seek(this.t + seconds * this.speed);
       if (this.t >= this.end) this.isPlaying = false;
     }

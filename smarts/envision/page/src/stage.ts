@@ -8,11 +8,11 @@ import type { View } from "./view";
 
 ColorManagement.enabled = false;
 
-const SLOW = 1 / 32;
+const SLOW = 1 / 45;
 const FAST = 1 / 55;
 const PATIENCE = 24;
 const TRUST = 180;
-const COARSEST = 0.6;
+const COARSEST = 0.5;
 const CLICK = 6;
 /** Metres of a pixel up to which all egos show their names. */
 const CLOSE = 0.14;
@@ -22,15 +22,36 @@ interface Cell {
   element: HTMLElement;
   status: HTMLElement;
   labels: HTMLElement;
+  /** Its place on the canvas, from the lower left, and its size. */
+  box: { x: number; y: number; width: number; height: number };
 }
 
-/** Whether pictures are drawn without a graphics processor, where smooth edges cost too much. */
-function isSoftware(): boolean {
-  const gl = document.createElement("canvas").getContext("webgl");
-  const name = gl?.getExtension("WEBGL_debug_renderer_info");
-  const renderer = gl && name ? String(gl.getParameter(name.UNMASKED_RENDERER_WEBGL)) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software/i.test(renderer);
+/** The name of what draws; null where nothing does. */
+function graphics(): string | null {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) return null;
+  const name = gl.getExtension("WEBGL_debug_renderer_info");
+  const renderer = name ? String(gl.getParameter(name.UNMASKED_RENDERER_WEBGL)) : "";
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return renderer;
+}
+
+const NO_WEBGL = "This browser draws no 3D pictures: WebGL is switched off, or the graphics driver is blocked.";
+
+function rendererOf(): WebGLRenderer | null {
+  const name = graphics();
+  if (name === null) return null;
+  // Without a graphics processor smooth edges cost too much.
+  const antialias = !/swiftshader|llvmpipe|software/i.test(name);
+  try {
+    const renderer = new WebGLRenderer({ antialias, powerPreference: "high-performance" });
+    renderer.outputColorSpace = LinearSRGBColorSpace;
+    renderer.setScissorTest(true);
+    renderer.domElement.setAttribute("aria-hidden", "true");
+    return renderer;
+  } catch {
+    return null;
+  }
 }
 
 export class Stage {
@@ -38,7 +59,7 @@ export class Stage {
   onFocus: (index: number) => void = () => {};
   onPick: (view: View, place: number) => void = () => {};
   onExpand: (index: number) => void = () => {};
-  private readonly renderer: WebGLRenderer;
+  private readonly renderer: WebGLRenderer | null;
   private readonly grid = h("div", { class: "grid" });
   private cells: Cell[] = [];
   private ratio = 1;
@@ -49,11 +70,11 @@ export class Stage {
   private pressed: { cell: Cell; x: number; y: number; moved: number } | null = null;
 
   constructor() {
-    this.renderer = new WebGLRenderer({ antialias: !isSoftware(), powerPreference: "high-performance" });
-    this.renderer.outputColorSpace = LinearSRGBColorSpace;
-    this.renderer.setScissorTest(true);
-    this.renderer.domElement.setAttribute("aria-hidden", "true");
-    this.element.append(this.renderer.domElement, this.grid);
+    this.renderer = rendererOf();
+    if (this.renderer) this.element.append(this.renderer.domElement, this.grid);
+    else this.element.append(h("p", { class: "no-picture", role: "alert" }, NO_WEBGL));
+    // Graphics drivers that start again have lost all, which is made again with the next picture.
+    this.renderer?.domElement.addEventListener("webglcontextrestored", () => (this.isResized = true));
     new ResizeObserver(() => (this.isResized = true)).observe(this.element);
     this.listen();
   }
@@ -93,7 +114,7 @@ export class Stage {
     const expand = iconButton("expand", `Show only ${view.title}`, () => this.onExpand(index));
     const head = h("div", { class: "cell-head" }, name, status, expand);
     const element = h("section", { class: "cell", "aria-label": view.title }, labels, isOneOfMany && head);
-    return { view, element, status, labels };
+    return { view, element, status, labels, box: { x: 0, y: 0, width: 1, height: 1 } };
   }
 
   private layOut(): void {
@@ -101,9 +122,16 @@ export class Stage {
     const [columns, rows] = gridOf(Math.max(1, this.cells.length), height > width);
     this.grid.style.gridTemplateColumns = `repeat(${columns}, minmax(0, 1fr))`;
     this.grid.style.gridTemplateRows = `repeat(${rows}, minmax(0, 1fr))`;
-    this.renderer.setPixelRatio(Math.min(2, devicePixelRatio) * this.ratio);
-    this.renderer.setSize(width, height);
-    for (const { view, element } of this.cells) view.rig.resize(element.clientWidth, element.clientHeight);
+    this.renderer?.setPixelRatio(Math.min(2, devicePixelRatio) * this.ratio);
+    this.renderer?.setSize(width, height);
+    // Sizes are read here alone: to ask for them in each picture makes the browser lay out the page.
+    const whole = this.element.getBoundingClientRect();
+    for (const cell of this.cells) {
+      const box = cell.element.getBoundingClientRect();
+      const [x, y] = [box.left - whole.left, whole.bottom - box.bottom];
+      cell.box = { x, y, width: box.width, height: box.height };
+      cell.view.rig.resize(box.width, box.height);
+    }
     this.isResized = false;
   }
 
@@ -111,17 +139,15 @@ export class Stage {
   draw(seconds: number, theme: Theme, isForced: boolean): boolean {
     const isFresh =
       isForced || this.isResized || this.cells.some(({ view }) => view.isDirty || view.rig.isMoving);
-    if (!isFresh) return false;
+    const { renderer } = this;
+    if (!isFresh || !renderer) return false;
     if (this.isResized) this.layOut();
     this.adapt(seconds);
-    const { renderer } = this;
-    const whole = this.element.getBoundingClientRect();
     renderer.setClearColor(0, 1);
     for (const cell of this.cells) {
-      const box = cell.element.getBoundingClientRect();
-      const [x, y] = [box.left - whole.left, whole.bottom - box.bottom];
-      renderer.setViewport(x, y, box.width, box.height);
-      renderer.setScissor(x, y, box.width, box.height);
+      const { x, y, width, height } = cell.box;
+      renderer.setViewport(x, y, width, height);
+      renderer.setScissor(x, y, width, height);
       cell.view.update(seconds, theme);
       renderer.render(cell.view.scene, cell.view.rig.camera);
       this.label(cell);
@@ -142,9 +168,8 @@ export class Stage {
   }
 
   /** Writes the names of agents beside their vehicles. */
-  private label({ view, element, labels }: Cell): void {
+  private label({ view, labels, box: { width, height } }: Cell): void {
     const { now, rig } = view;
-    const [width, height] = [element.clientWidth, element.clientHeight];
     let used = 0;
     const isNear = rig.pixel * rig.aim.distance < CLOSE;
     for (let i = 0; i < now.count && this.cells.length < 5; i++) {

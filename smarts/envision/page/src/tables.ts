@@ -1,14 +1,20 @@
 /** Tables of a recorded episode: columns by name, rows that live streams append. No DOM. */
 
-import type { Column, Columns, Lists, Numbers } from "./format";
+import type { Column, Columns, Lists, Numbers } from "./messages";
 
-const MOST_ROWS = 400_000;
 const NONE = new Float64Array(0);
 
 const isLists = (column: Column): column is Lists => !Array.isArray(column) && "offsets" in column;
 
 function lengthOf(column: Column): number {
   return isLists(column) ? Math.max(0, column.offsets.length - 1) : column.length;
+}
+
+/** The rows that all columns have. */
+function rowsOf(columns: Columns): number {
+  let rows = Infinity;
+  for (const column of Object.values(columns)) rows = Math.min(rows, lengthOf(column));
+  return rows === Infinity ? 0 : rows;
 }
 
 /** Joins typed arrays in a buffer that doubles, so that many short appends cost little. */
@@ -42,8 +48,7 @@ export class Table {
 
   constructor(columns: Columns = {}) {
     this.columns = columns;
-    this.rows = Math.min(...Object.values(columns).map(lengthOf), Infinity);
-    if (this.rows === Infinity) this.rows = 0;
+    this.rows = rowsOf(columns);
   }
 
   /** The column as numbers; empty if there is none. */
@@ -64,21 +69,31 @@ export class Table {
   }
 
   append(columns: Columns): void {
-    const added = new Table(columns);
-    if (!this.rows || this.rows > MOST_ROWS) {
+    if (!this.rows) {
       this.columns = columns;
-      this.rows = added.rows;
       this.growing.clear();
-      return;
-    }
-    for (const [name, column] of Object.entries(this.columns))
-      this.columns[name] = this.joined(name, column, columns[name]);
-    this.rows += added.rows;
+    } else
+      for (const [name, column] of Object.entries(this.columns)) {
+        // A column that the new rows do not have would no longer fit to the others.
+        if (columns[name] === undefined) delete this.columns[name];
+        else this.columns[name] = this.joined(name, column, columns[name]);
+      }
+    this.rows = rowsOf(this.columns);
   }
 
-  private joined(name: string, column: Column, more: Column | undefined): Column {
-    if (more === undefined) return column;
-    if (Array.isArray(column)) return Array.isArray(more) ? (column.push(...more), column) : column;
+  /** Returns a table of some of the rows. */
+  kept(rows: readonly number[]): Table {
+    const kept = Object.create(null) as Columns;
+    for (const [name, column] of Object.entries(this.columns)) kept[name] = chosen(column, rows);
+    return new Table(kept);
+  }
+
+  private joined(name: string, column: Column, more: Column): Column {
+    if (Array.isArray(column)) {
+      // Not by a spread, which fails for very many.
+      if (Array.isArray(more)) for (const text of more) column.push(text);
+      return column;
+    }
     if (Array.isArray(more)) return column;
     if (!isLists(column)) return isLists(more) ? column : this.grow(name, column, more);
     if (!isLists(more)) return column;
@@ -98,6 +113,26 @@ export class Table {
   }
 }
 
+function chosen(column: Column, rows: readonly number[]): Column {
+  if (Array.isArray(column)) return rows.map((row) => column[row]);
+  if (!isLists(column)) return picked(column, rows);
+  const offsets = new Uint32Array(rows.length + 1);
+  rows.forEach((row, i) => (offsets[i + 1] = offsets[i] + column.offsets[row + 1] - column.offsets[row]));
+  const Type = column.values.constructor as new (length: number) => Numbers;
+  const values = new Type(offsets[rows.length]);
+  rows.forEach((row, i) =>
+    values.set(column.values.subarray(column.offsets[row], column.offsets[row + 1]) as never, offsets[i]),
+  );
+  return { values, offsets };
+}
+
+function picked(values: Numbers, rows: readonly number[]): Numbers {
+  const Type = values.constructor as new (length: number) => Numbers;
+  const out = new Type(rows.length);
+  rows.forEach((row, i) => (out[i] = values[row]));
+  return out;
+}
+
 /** Rows of a table by key and step, in order of steps; takes up appended rows at the next look-up. */
 export class StepIndex {
   private readonly rows = new Map<number, number[]>();
@@ -111,10 +146,6 @@ export class StepIndex {
   of(key: number): readonly number[] {
     const steps = this.table.numbers("step");
     const keys = this.table.numbers(this.key);
-    if (this.indexed > steps.length) {
-      this.rows.clear();
-      this.indexed = 0;
-    }
     for (; this.indexed < steps.length; this.indexed++) {
       const list = this.rows.get(keys[this.indexed]);
       if (list) list.push(this.indexed);
@@ -126,6 +157,12 @@ export class StepIndex {
   keys(): number[] {
     this.of(-1);
     return [...this.rows.keys()];
+  }
+
+  /** The rows of the key with steps up to `step`. */
+  upTo(key: number, step: number): readonly number[] {
+    const rows = this.of(key);
+    return rows.slice(0, upper(rows, this.table.numbers("step"), step));
   }
 
   /** The newest row of the key at or before the step; -1 if there is none. */

@@ -7,6 +7,7 @@ import { type Clock, SPEEDS } from "./playback";
 const RANK: Record<Tone, number> = { bad: 4, good: 3, warn: 2, bubble: 1, plain: 0 };
 const NARROW = 0.006;
 const NEAR = 0.05;
+const TICK = 50;
 
 export interface Actions {
   toggle(): void;
@@ -31,6 +32,7 @@ export class Timeline {
   private markers: readonly Marker[] = [];
   private dt = 0.1;
   private drawn = "";
+  private updated = -Infinity;
 
   constructor(
     private readonly actions: Actions,
@@ -91,7 +93,14 @@ export class Timeline {
     return this.clock ? Math.min(1, Math.max(0, (t - this.clock.begin) / this.span)) : 0;
   }
 
-  update(): void {
+  /** Shows the time, at most 20 times a second while it runs: each change makes the browser paint. */
+  tick(now: number): void {
+    if (now - this.updated < TICK && this.clock?.isPlaying) return;
+    this.updated = now;
+    this.update();
+  }
+
+  private update(): void {
     const { clock } = this;
     if (!clock) return;
     const part = this.place(clock.t);
@@ -100,6 +109,7 @@ export class Timeline {
     const text = `${seconds(clock.t)} / ${seconds(clock.end)} s`;
     if (this.time.textContent !== text) {
       this.time.textContent = text;
+      this.track.setAttribute("aria-valuemin", clock.begin.toFixed(1));
       this.track.setAttribute("aria-valuenow", clock.t.toFixed(1));
       this.track.setAttribute("aria-valuemax", clock.end.toFixed(1));
       this.track.setAttribute("aria-valuetext", `${seconds(clock.t)} seconds`);
@@ -107,7 +117,9 @@ export class Timeline {
     setIcon(this.playButton, clock.isPlaying ? "pause" : "play", clock.isPlaying ? "Pause" : "Play");
     if (this.speed.value !== String(clock.speed)) this.speed.value = String(clock.speed);
     this.live.hidden = !clock.isLive;
-    this.live.toggleAttribute("data-on", clock.isPlaying);
+    const isOn = clock.isPlaying && clock.isFollowing;
+    this.live.toggleAttribute("data-on", isOn);
+    this.live.setAttribute("aria-label", isOn ? "live" : "back to live");
     this.drawMarks();
   }
 

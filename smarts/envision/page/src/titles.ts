@@ -1,7 +1,16 @@
 /** What views and problems are called. */
 
 import { describe, type Entry } from "./library";
+import { Driver } from "./snapshot";
 import type { View } from "./view";
+
+const DRIVEN_BY: Record<Driver, string> = {
+  [Driver.Ego]: "driven by an ego",
+  [Driver.Social]: "driven by a social agent",
+  [Driver.Traffic]: "driven by traffic",
+  [Driver.Fallback]: "driven by the fallback controller",
+  [Driver.Other]: "driven by another provider",
+};
 
 export const reason = (error: unknown): string => (error instanceof Error ? error.message : String(error));
 
@@ -31,4 +40,11 @@ export function statusOf(view: View): [string, string] {
   const worst =
     ended.find((agent) => agent.tone === "bad") ?? ended.find((agent) => agent.tone === "warn") ?? ended[0];
   return worst ? [worst.outcomeText, worst.tone] : ["", "plain"];
+}
+
+/** What is said of a vehicle without an agent: number `place` of those that are there now. */
+export function vehicleText(view: View, place: number): string {
+  const { number, speed, driver } = view.now;
+  const name = view.recording.vehicles[number[place]]?.name || "a vehicle";
+  return `${name}: ${speed[place].toFixed(1)} m/s, ${DRIVEN_BY[driver[place] as Driver]}`;
 }

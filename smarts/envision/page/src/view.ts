@@ -2,19 +2,26 @@
 
 import { Color, Group, type Mesh, Scene } from "three";
 import { type Agent, agentsOf, type Marker, markersOf } from "./agents";
-import { Driver, type Recording, Snapshot } from "./episode";
+import type { Box, Recording } from "./episode";
+import { Snapshot } from "./snapshot";
 import { Clock } from "./playback";
 import { Bodies } from "./scene/bodies";
 import { Bubbles } from "./scene/bubbles";
 import { Rig } from "./scene/camera";
 import { Overlays } from "./scene/overlays";
 import type { Theme } from "./scene/palette";
+import { Detail } from "./scene/shape";
 import { type Lane, lanesOf, Roads } from "./scene/roads";
+import { Sight } from "./scene/sight";
 
 const MARGIN = 22;
 const WIDEST = 420;
 /** Metres of a pixel from which wheels are not drawn. */
 const FAR = 0.16;
+/** And from which bodies are blocks: cars are 13 pixels long. */
+const AFAR = 0.35;
+/** From the middle of a vehicle to the end of its lights and its shadow [m]. */
+const REACH = 12;
 const PATIENCE = 400;
 
 export class View {
@@ -31,6 +38,7 @@ export class View {
   private lanes: Lane[] = [];
   private roads: Roads | null = null;
   private overlays: Overlays | null = null;
+  private readonly sight: Sight;
   private bubbles: Bubbles | null = null;
   private rings = 0;
   private group: Group | null = null;
@@ -48,7 +56,9 @@ export class View {
   ) {
     this.scene.matrixAutoUpdate = false;
     this.scene.background = new Color();
-    this.scene.add(...this.bodies.meshes);
+    recording.chunks.onArrival = () => (this.isDirty = true);
+    this.sight = new Sight(recording);
+    this.scene.add(...this.bodies.meshes, ...this.sight.meshes);
     this.refresh();
   }
 
@@ -96,6 +106,11 @@ export class View {
     this.bubbles = new Bubbles(this.recording, this.group);
   }
 
+  /** Whether all that has arrived is taken up. */
+  get isCurrent(): boolean {
+    return this.version === this.recording.version;
+  }
+
   get step(): number {
     return this.clock.t / this.recording.dt;
   }
@@ -106,8 +121,10 @@ export class View {
   }
 
   /** The rectangle where the agents drive, or the map where there are none. */
-  region(): { x0: number; y0: number; x1: number; y1: number } {
+  region(): Box {
     const [bx0, by0, bx1, by1] = this.recording.map?.bounds ?? [0, 0, 100, 100];
+    const { reach } = this.recording;
+    if (reach.x0 > reach.x1) return { x0: bx0, y0: by0, x1: bx1, y1: by1 };
     const box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity };
     const add = (x: number, y: number) => {
       box.x0 = Math.min(box.x0, x - MARGIN);
@@ -115,14 +132,8 @@ export class View {
       box.x1 = Math.max(box.x1, x + MARGIN);
       box.y1 = Math.max(box.y1, y + MARGIN);
     };
-    const probe = new Snapshot();
-    const { firstStep, lastStep } = this.recording;
-    for (let i = 0; i <= 12; i++) {
-      this.recording.sample(Math.floor(firstStep + (i / 12) * (lastStep - firstStep)), probe);
-      for (let k = 0; k < probe.count; k++)
-        if (probe.agent[k] >= 0 || probe.driver[k] === Driver.Ego) add(probe.x[k], probe.y[k]);
-    }
-    if (box.x0 === Infinity) return { x0: bx0, y0: by0, x1: bx1, y1: by1 };
+    add(reach.x0, reach.y0);
+    add(reach.x1, reach.y1);
     for (const { goal } of this.agents) if (goal) add(goal.x, goal.y);
     const clipped = {
       x0: Math.max(box.x0, bx0 - 8),
@@ -138,16 +149,20 @@ export class View {
   update(seconds: number, theme: Theme): void {
     const { recording, rig, now } = this;
     const step = Math.min(recording.lastStep, Math.max(recording.firstStep, this.step));
-    recording.sample(step, now);
+    const isThere = recording.sample(step, now);
     this.follow(seconds);
     rig.update(seconds);
     (this.scene.background as Color).setRGB(...theme.ground);
-    this.roads?.update(theme, rig.pixel);
-    this.bubbles?.update(step, theme);
-    this.overlays?.update(now, this.agents, this.chosen, step, theme, rig.pixel);
-    const isFar = rig.pixel * rig.aim.distance > FAR;
-    this.bodies.update(now, recording.vehicles, theme, this.clock.t, isFar);
-    this.isDirty = false;
+    const metres = rig.pixel * rig.aim.distance;
+    const afar = rig.aim.tilt < 0.1 ? Detail.Tops : Detail.Block;
+    const detail = metres > AFAR ? afar : metres > FAR ? Detail.Coarse : Detail.All;
+    for (let i = 0; i < now.count; i++) now.isSeen[i] = rig.sees(now.x[i], now.y[i], REACH) ? 1 : 0;
+    this.roads?.update(theme, rig.pixel, metres);
+    this.bubbles?.update(step, theme, rig.pixel);
+    this.overlays?.update(now, this.agents, this.chosen, step, theme, rig.pixel, metres);
+    this.sight.update(now, this.chosen, step, theme, rig.pixel);
+    this.bodies.update(now, recording.vehicles, theme, this.clock.t, detail);
+    this.isDirty = !isThere;
   }
 
   private follow(seconds: number): void {
@@ -181,6 +196,7 @@ export class View {
     this.bodies.dispose();
     this.roads?.dispose();
     this.overlays?.dispose();
+    this.sight.dispose();
     this.bubbles?.dispose();
   }
 }

@@ -45,6 +45,9 @@ class TrafficActor(Actor):
     """The driver's lane-changing model."""
     junction_model: JunctionModel = field(default_factory=JunctionModel)
     """The driver's junction model."""
+    reaction_time: float = 0.0
+    """Time from one decision of the driver to the next, in which acceleration is kept [s]; 0: a step (an
+    extension). With a `tau` below it, the driver runs into leaders that brake."""
 
     @property
     def id(self) -> str:

@@ -1,17 +1,31 @@
 """Several learners: each takes its rows of every minibatch, and all become what one learner becomes."""
 
+import math
+import os
+import signal
+import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import ray
 import torch
-from ray.exceptions import RayError
 
 import algorithms
+from algorithms.errors import LearnerFailure
 from algorithms.parts.noise import RowGenerator, exponential
 from tests.unit.algorithms.joint.test_rllib_contract import FAST, build, small, train, weights
-from tests.unit.algorithms.learner_processes import LR, Process, arrays, learn, rig
+from tests.unit.algorithms.learner_processes import (
+    LR,
+    Failing,
+    Process,
+    arrays,
+    learn,
+    poison,
+    process_id,
+    rig,
+)
 from tests.unit.algorithms.rigs import EVERY
 
 assert build  # a fixture
@@ -27,17 +41,31 @@ VARIANTS = [
     ("qtran", {"variant": "alt"}),
     ("maddpg", {"sharing": "all"}),
     ("maac", {"sharing": {"both": ["a", "c"], "own": ["b"]}}),
+    ("ppo", {"grad_clip": 0.01, "lr": [[0, LR], [72, LR / 4]], "normalize_values": True}),
+    ("maddpg", {"grad_clip": 0.01, "grad_clip_by": "norm"}),
+    ("vdn", {"grad_clip": 0.001, "grad_clip_by": "value"}),
+    ("mat", {"grad_clip": 0.01, "normalize_values": True}),
 ]
+
+
+def meeting_in(folder, size):
+    """Yield processes that meet in a file, and end them."""
+    actors: list[Any] = [Process.remote(rank, size, str(folder / "point")) for rank in range(size)]  # type: ignore[attr-defined]
+    yield actors
+    for actor in actors:
+        ray.kill(actor)
 
 
 @pytest.fixture(scope="module")
 def processes(cluster, tmp_path_factory):
-    """Provide two processes that meet in a file."""
-    meeting = tmp_path_factory.mktemp("meeting") / "point"
-    actors: list[Any] = [Process.remote(rank, 2, str(meeting)) for rank in range(2)]  # type: ignore[attr-defined]
-    yield actors
-    for actor in actors:
-        ray.kill(actor)
+    """Provide two processes."""
+    yield from meeting_in(tmp_path_factory.mktemp("two"), 2)
+
+
+@pytest.fixture(scope="module")
+def three(cluster, tmp_path_factory):
+    """Provide three processes, of which none gets equally many rows of a minibatch."""
+    yield from meeting_in(tmp_path_factory.mktemp("three"), 3)
 
 
 def every(processes, method, *given):
@@ -46,7 +74,7 @@ def every(processes, method, *given):
 
 
 def check_equal(name, processes, settings):
-    """Compare one learner with two that get the same rollouts."""
+    """Compare one learner with several that get the same rollouts."""
     one = rig(name, **settings)
     rollouts, results = [], {}
     before = arrays(one.weights())
@@ -55,11 +83,13 @@ def check_equal(name, processes, settings):
         results = learn(one.learner, rollouts[-1:], made)
     expected = arrays(one.weights())
     assert any((before[name] != expected[name]).any() for name in before)
-    (first, reported, _), (second, also, drawn) = every(processes, "learn", name, rollouts, settings)
+    (first, reported, drawn), *others = every(processes, "learn", name, rollouts, settings)
     for leaf, array in expected.items():
         np.testing.assert_allclose(first[leaf], array, atol=TOLERANCE, rtol=1e-4, err_msg=leaf)
-        np.testing.assert_array_equal(first[leaf], second[leaf], err_msg=leaf)
-    assert reported == also
+    for weights_of_other, also, drawn_too in others:
+        for leaf, array in first.items():
+            np.testing.assert_array_equal(array, weights_of_other[leaf], err_msg=leaf)
+        assert (reported, drawn) == (also, drawn_too)
     assert reported.keys() == results.keys()
     for leaf, value in results.items():
         assert reported[leaf] == pytest.approx(value, rel=1e-3, abs=1e-5), leaf
@@ -75,6 +105,12 @@ def test_two_learners_become_what_one_becomes(name, processes):
 @pytest.mark.parametrize(("name", "settings"), VARIANTS)
 def test_two_learners_become_what_one_becomes_with_other_settings(name, settings, processes):
     check_equal(name, processes, settings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EVERY)
+def test_three_learners_become_what_one_becomes(name, three):
+    check_equal(name, three, {})
 
 
 def test_learners_begin_with_the_weights_of_the_first(processes):
@@ -120,13 +156,75 @@ def test_a_training_continues_with_another_number_of_learners(build, tmp_path, n
             np.testing.assert_allclose(weights(algo)[leaf], array, atol=1e-4, err_msg=leaf)
 
 
+def processes_of(algo):
+    """Return the ids of the learners' processes."""
+    return [each.get() for each in algo.learner_group.foreach_learner(process_id)]
+
+
+def assert_gone(pids):
+    """Wait until no process of these is left."""
+    deadline = time.monotonic() + 60
+    while alive := [pid for pid in pids if Path(f"/proc/{pid}").exists()]:
+        assert time.monotonic() < deadline, alive
+        time.sleep(0.1)
+
+
 @pytest.mark.slow
-def test_a_lost_learner_ends_the_training(build):
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_lost_learner_ends_the_training(build, number):
     algo = build(small("ppo").learners(num_learners=2, num_cpus_per_learner=0))
     train(algo, 1)
-    ray.kill(algo.learner_group._workers[1])
-    with pytest.raises((RayError, RuntimeError)):
+    pids = processes_of(algo)
+    os.kill(pids[number], signal.SIGKILL)
+    with pytest.raises(LearnerFailure, match=rf"learner {number}: .*lost.*of 2"):
         train(algo, 1)
+    assert_gone(pids)
+
+
+@pytest.mark.slow
+def test_what_is_not_finite_in_one_learner_ends_the_training_by_name(build):
+    algo = build(small("ppo").learners(num_learners=2, num_cpus_per_learner=0))
+    train(algo, 1)
+    pids = processes_of(algo)
+    algo.learner_group.foreach_learner(poison, remote_actor_ids=[1])
+    with pytest.raises(
+        LearnerFailure, match=r"weights of agent_0.* are not finite after 64 environment steps"
+    ):
+        train(algo, 1)
+    assert_gone(pids)
+
+
+@pytest.mark.slow
+def test_an_error_in_one_learner_ends_the_training_by_name(build):
+    config = small("ppo").training(learner_class=Failing)
+    algo = build(config.learners(num_learners=2, num_cpus_per_learner=0))
+    pids = processes_of(algo)
+    with pytest.raises(LearnerFailure, match="learner 1: ValueError: half a loss"):
+        train(algo, 1)
+    assert_gone(pids)
+
+
+@pytest.mark.slow
+def test_weights_that_are_not_finite_end_the_training_with_a_single_learner(build):
+    for count in (0, 1):
+        algo = build(small("ppo").learners(num_learners=count, num_cpus_per_learner=0))
+        train(algo, 1)
+        algo.learner_group.foreach_learner(poison)
+        with pytest.raises(LearnerFailure, match=r"weights of agent_0.* are not finite"):
+            train(algo, 1)
+
+
+@pytest.mark.parametrize("name", ["ppo", "dqn", "networked_q"])
+def test_weights_that_are_not_finite_are_an_error_that_names_their_network(name):
+    made = rig(name)
+    rollouts = [made.rollout(24) for _ in range(2)]
+    learn(made.learner, rollouts[:1])
+    before = arrays(made.weights())
+    with torch.no_grad():
+        made.learner.net("b").trained_parameters()[0].view(-1)[0] = math.inf
+    with pytest.raises(LearnerFailure, match=r"weights of .*\bb\b.* are not finite after 96 env"):
+        learn(made.learner, rollouts[1:], 1)
+    assert all(np.isfinite(array).all() for array in before.values())
 
 
 @pytest.mark.parametrize(

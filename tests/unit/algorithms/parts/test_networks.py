@@ -25,6 +25,15 @@ def test_outputs_of_chosen_agents_are_those_of_all(agents, share):
         torch.testing.assert_close(own, expected, rtol=1e-4, atol=1e-5)
 
 
+def test_what_other_agents_see_does_not_matter():
+    encoder, chosen = Encoder({"a": Box(-1, 1, (2,))}), torch.tensor([[True, False]])
+    body = perceptron([2, 4, 1])
+    leaves = {"a": torch.tensor([[[1.0, 2.0], [torch.nan, torch.inf]]])}
+    outputs = outputs_where(chosen, encoder, body, leaves)
+    gradients = torch.autograd.grad(outputs.sum(), [*body.parameters()])
+    assert all(each.isfinite().all() for each in (outputs, *gradients))
+
+
 def test_an_image_of_a_chosen_agent_is_seen():
     encoder = Encoder({"image": Box(0, 1, (8, 8, 3))}, 2)
     leaves = {"image": torch.rand(5, 2, 8, 8, 3)}

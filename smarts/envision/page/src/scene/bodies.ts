@@ -2,16 +2,17 @@
 
 import {
   BufferAttribute,
-  DoubleSide,
-  DynamicDrawUsage,
-  InstancedBufferAttribute,
   InstancedBufferGeometry,
   Mesh,
   RawShaderMaterial,
 } from "three";
-import { AIR_LOCK, COLLIDED, Snapshot, type Vehicle } from "../episode";
+import type { Vehicle } from "../episode";
+import { AIR_LOCK, COLLIDED, type Snapshot } from "../snapshot";
+import { Instances } from "./instances";
 import type { Rgb, Theme } from "./palette";
-import { Shape, shapeOf, SHAPES } from "./shapes";
+import { Copies } from "./copies";
+import { Detail, type Shape } from "./shape";
+import { shapeOf, SHAPES } from "./shapes";
 
 const VERTEX = `
 precision highp float;
@@ -24,10 +25,9 @@ attribute vec3 pivot;
 attribute float part;
 attribute vec4 pose, form;
 attribute vec3 paint;
-attribute float flags;
 varying vec3 colour;
 varying vec3 stripe;
-float bit(float n) { return mod(floor(flags / exp2(n)), 2.0); }
+float bit(float n) { return mod(floor(form.w / exp2(n)), 2.0); }
 void main() {
   vec3 p = position * form.xyz;
   vec3 n = normal;
@@ -68,15 +68,16 @@ void main() {
   gl_FragColor = vec4(shown, 1.0);
 }`;
 
+const NUMBERS = { pose: 4, form: 4, paint: 3 };
+
+/** The vehicles of one class: instances nearby, where few are in the picture, and copies of few corners from afar. */
 class Fleet {
   readonly mesh: Mesh;
+  readonly meshes: Mesh[];
   private readonly geometry = new InstancedBufferGeometry();
-  private capacity = 0;
-  private count = 0;
-  private pose!: InstancedBufferAttribute;
-  private form!: InstancedBufferAttribute;
-  private paint!: InstancedBufferAttribute;
-  private flags!: InstancedBufferAttribute;
+  private readonly instances: Instances;
+  private readonly afar: Readonly<Record<Detail.Block | Detail.Tops, Copies>>;
+  private used: Instances | Copies;
 
   constructor(
     private readonly shape: Shape,
@@ -88,56 +89,55 @@ class Fleet {
     this.geometry.setAttribute("normal", new BufferAttribute(normal, 3));
     this.geometry.setAttribute("pivot", new BufferAttribute(pivot, 3));
     this.geometry.setAttribute("part", new BufferAttribute(part, 1));
-    this.grow(32);
-    this.mesh = new Mesh(this.geometry, material);
-    this.mesh.frustumCulled = false;
-    this.mesh.renderOrder = 10;
-  }
-
-  private grow(capacity: number): void {
-    const attribute = (name: string, size: number, old?: InstancedBufferAttribute) => {
-      const values = new Float32Array(capacity * size);
-      if (old) values.set(old.array as Float32Array);
-      const made = new InstancedBufferAttribute(values, size).setUsage(DynamicDrawUsage);
-      this.geometry.setAttribute(name, made);
-      return made;
+    this.instances = new Instances(this.geometry, NUMBERS);
+    this.used = this.instances;
+    this.afar = {
+      [Detail.Block]: new Copies(shape.stencil(Detail.Block), NUMBERS),
+      [Detail.Tops]: new Copies(shape.stencil(Detail.Tops), NUMBERS),
     };
-    if (this.capacity) this.geometry.dispose();
-    this.capacity = capacity;
-    this.pose = attribute("pose", 4, this.pose);
-    this.form = attribute("form", 4, this.form);
-    this.paint = attribute("paint", 3, this.paint);
-    this.flags = attribute("flags", 1, this.flags);
-  }
-
-  begin(): void {
-    this.count = 0;
-  }
-
-  add(from: Snapshot, i: number, vehicle: Vehicle | undefined, colour: Rgb): void {
-    if (this.count === this.capacity) this.grow(2 * this.capacity);
-    const at = this.count++;
-    const length = vehicle?.length || this.shape.length;
-    const width = vehicle?.width || this.shape.width;
-    this.pose.setXYZW(at, from.x[i], from.y[i], from.heading[i], from.steer[i]);
-    this.form.setXYZW(at, length, width, this.shape.height, 0);
-    this.paint.setXYZ(at, colour[0], colour[1], colour[2]);
-    this.flags.setX(at, from.flags[i] & (COLLIDED | AIR_LOCK | 0x38));
-  }
-
-  /** Shows what was added; from afar without details. */
-  end(isFar: boolean): void {
-    this.geometry.instanceCount = this.count;
-    this.geometry.setDrawRange(0, isFar ? this.shape.coarse : Infinity);
-    this.mesh.visible = this.count > 0;
-    for (const attribute of [this.pose, this.form, this.paint, this.flags]) {
-      attribute.clearUpdateRanges();
-      attribute.addUpdateRange(0, this.count * attribute.itemSize);
-      attribute.needsUpdate = true;
+    this.mesh = new Mesh(this.geometry, material);
+    this.meshes = [this.mesh, ...[Detail.Block, Detail.Tops].map((each) => this.meshOf(each as Detail.Block, material))];
+    for (const mesh of this.meshes) {
+      mesh.frustumCulled = false;
+      mesh.renderOrder = 10;
     }
   }
 
+  private meshOf(detail: Detail.Block | Detail.Tops, material: RawShaderMaterial): Mesh {
+    return new Mesh(this.afar[detail].geometry, material);
+  }
+
+  begin(detail: Detail): void {
+    this.used = detail === Detail.Block || detail === Detail.Tops ? this.afar[detail] : this.instances;
+    this.used.begin();
+  }
+
+  add(from: Snapshot, i: number, vehicle: Vehicle | undefined, colour: Rgb): void {
+    const at = this.used.add();
+    const { values } = this.used;
+    values[at] = from.x[i];
+    values[at + 1] = from.y[i];
+    values[at + 2] = from.heading[i];
+    values[at + 3] = from.steer[i];
+    values[at + 4] = vehicle?.length || this.shape.length;
+    values[at + 5] = vehicle?.width || this.shape.width;
+    values[at + 6] = this.shape.height;
+    values[at + 7] = from.flags[i] & (COLLIDED | AIR_LOCK | 0x38);
+    values[at + 8] = colour[0];
+    values[at + 9] = colour[1];
+    values[at + 10] = colour[2];
+  }
+
+  /** Shows what was added. */
+  end(detail: Detail): void {
+    this.used.end();
+    if (this.used === this.instances) this.geometry.setDrawRange(...this.shape.ranges[detail]);
+    const all = [this.instances, this.afar[Detail.Block], this.afar[Detail.Tops]];
+    this.meshes.forEach((mesh, i) => (mesh.visible = all[i] === this.used && this.used.count > 0));
+  }
+
   dispose(): void {
+    for (const copies of Object.values(this.afar)) copies.dispose();
     this.geometry.dispose();
   }
 }
@@ -149,7 +149,6 @@ export class Bodies {
   private readonly material = new RawShaderMaterial({
     vertexShader: VERTEX,
     fragmentShader: FRAGMENT,
-    side: DoubleSide,
     uniforms: {
       glass: { value: [0, 0, 0] },
       tyre: { value: [0, 0, 0] },
@@ -161,22 +160,23 @@ export class Bodies {
 
   constructor() {
     this.fleets = SHAPES.map((shape) => new Fleet(shape, this.material));
-    this.meshes = this.fleets.map((fleet) => fleet.mesh);
+    this.meshes = this.fleets.flatMap((fleet) => fleet.meshes);
   }
 
-  update(from: Snapshot, vehicles: readonly Vehicle[], theme: Theme, seconds: number, isFar: boolean): void {
+  update(from: Snapshot, vehicles: readonly (Vehicle | undefined)[], theme: Theme, seconds: number, detail: Detail): void {
     const { uniforms } = this.material;
     uniforms.glass.value = theme.glass;
     uniforms.tyre.value = theme.tyre;
     uniforms.light.value = theme.light;
     uniforms.social.value = theme.drivers[1];
     uniforms.blink.value = (seconds * 1.5) % 1 < 0.55 ? 1 : 0;
-    for (const fleet of this.fleets) fleet.begin();
+    for (const fleet of this.fleets) fleet.begin(detail);
     for (let i = 0; i < from.count; i++) {
+      if (!from.isSeen[i]) continue;
       const vehicle = vehicles[from.number[i]];
       this.fleets[shapeOf(vehicle?.kind ?? 0)].add(from, i, vehicle, theme.drivers[from.driver[i] as 0]);
     }
-    for (const fleet of this.fleets) fleet.end(isFar);
+    for (const fleet of this.fleets) fleet.end(detail);
   }
 
   dispose(): void {

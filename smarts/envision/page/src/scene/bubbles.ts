@@ -12,6 +12,7 @@ import {
 } from "three";
 import type { Recording } from "../episode";
 import type { Theme } from "./palette";
+import { Lines } from "./lines";
 import { Wall } from "./walls";
 
 const FLOOR_VERTEX = `
@@ -29,6 +30,9 @@ interface Parts {
   zone: Wall;
   margin: Wall;
   floor: Mesh<BufferGeometry, RawShaderMaterial>;
+  /** Where the membrane stands: from above it has no width. */
+  foot: Lines;
+  footOf: Theme | null;
 }
 
 export class Bubbles {
@@ -40,14 +44,16 @@ export class Bubbles {
   ) {
     for (const bubble of new Set(recording.table("bubble_rings").numbers("bubble"))) {
       const zone = this.rings(bubble, 0);
-      const parts = {
+      const parts: Parts = {
         bubble,
         zone: new Wall(zone, 5.5, 0.5),
         margin: new Wall(this.rings(bubble, 1), 1.2, 0.75, true),
         floor: floor(zone),
+        foot: new Lines(3, 2),
+        footOf: null,
       };
       this.parts.push(parts);
-      group.add(parts.zone.mesh, parts.margin.mesh, parts.floor);
+      group.add(parts.zone.mesh, parts.margin.mesh, parts.floor, parts.foot.mesh);
     }
   }
 
@@ -63,21 +69,38 @@ export class Bubbles {
     return rings;
   }
 
-  update(step: number, theme: Theme): void {
+  update(step: number, theme: Theme, pixel: number): void {
     const table = this.recording.table("bubble_poses");
     const index = this.recording.index("bubble_poses", "bubble");
     const [x0, y0] = this.recording.origin;
-    for (const { bubble, zone, margin, floor } of this.parts) {
+    for (const parts of this.parts) {
+      const { bubble, zone, margin, floor, foot } = parts;
+      if (parts.footOf !== theme) this.drawFoot(parts, theme);
+      foot.material.uniforms.pixel.value = pixel;
       const row = index.at(bubble, step);
       const [x, y, angle] = this.pose(bubble, row, step);
       const isActive = row >= 0 && table.numbers("is_active")[row] === 1;
       zone.place(x - x0, y - y0, angle, theme.bubble, isActive ? 1 : 0.25);
       margin.place(x - x0, y - y0, angle, theme.bubble, isActive ? 1 : 0.5);
-      floor.position.set(x - x0, y - y0, 0.01);
-      floor.rotation.z = angle;
+      for (const mesh of [floor, foot.mesh]) {
+        mesh.position.set(x - x0, y - y0, 0.01);
+        mesh.rotation.z = angle;
+      }
       floor.material.uniforms.colour.value = [...theme.bubble, isActive ? 0.1 : 0];
-      for (const mesh of [zone.mesh, margin.mesh, floor]) mesh.visible = row >= 0;
+      for (const mesh of [zone.mesh, margin.mesh, floor, foot.mesh]) mesh.visible = row >= 0;
     }
+  }
+
+  private drawFoot(parts: Parts, theme: Theme): void {
+    parts.footOf = theme;
+    parts.foot.begin();
+    for (const [isMargin, half, alpha] of [
+      [0, 0.2, 0.8],
+      [1, 0.08, 0.4],
+    ])
+      for (const ring of this.rings(parts.bubble, isMargin))
+        parts.foot.ribbon([...ring, ...ring.slice(0, 4)], half, theme.bubble, () => alpha, 0.03);
+    parts.foot.end();
   }
 
   /** The pose at a step; between rows of steps in turn it moves evenly. */
@@ -98,8 +121,9 @@ export class Bubbles {
   }
 
   dispose(): void {
-    for (const { zone, margin, floor } of this.parts) {
-      for (const mesh of [zone.mesh, margin.mesh, floor]) mesh.removeFromParent();
+    for (const { zone, margin, floor, foot } of this.parts) {
+      for (const mesh of [zone.mesh, margin.mesh, floor, foot.mesh]) mesh.removeFromParent();
+      foot.dispose();
       zone.dispose();
       margin.dispose();
       floor.geometry.dispose();

@@ -16,6 +16,8 @@ export interface Orbit {
 const FIELD = 38;
 const EASE = 0.16;
 const STEEPEST = 1.42;
+/** Asked once: to ask makes an object each time. */
+const CALM = typeof matchMedia === "function" ? matchMedia("(prefers-reduced-motion: reduce)") : null;
 const turn = (angle: number) => angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
 
 export class Rig {
@@ -147,7 +149,7 @@ export class Rig {
 
   /** Places the camera after some seconds of real time. */
   update(seconds: number): void {
-    const left = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0 : Math.exp(-seconds / EASE);
+    const left = CALM?.matches ? 0 : Math.exp(-seconds / EASE);
     for (const name of ["x", "y", "distance", "azimuth", "tilt"] as const) this.rest[name] *= left;
     const { x, y, distance, azimuth, tilt } = this.shown;
     const [c, s] = [Math.cos(azimuth), Math.sin(azimuth)];
@@ -159,6 +161,20 @@ export class Rig {
     this.camera.lookAt(x, y, 0);
     this.camera.updateProjectionMatrix();
     this.camera.updateMatrixWorld();
+  }
+
+  /** Whether something of a radius about a point on the ground may be in the picture. */
+  sees(x: number, y: number, radius: number): boolean {
+    const e = this.camera.matrixWorldInverse.elements;
+    const half = Math.tan((FIELD * Math.PI) / 360);
+    const depth = -(e[2] * x + e[6] * y + e[14]);
+    const [right, up] = [e[0] * x + e[4] * y + e[12], e[1] * x + e[5] * y + e[13]];
+    const wide = half * this.camera.aspect;
+    return (
+      depth > this.camera.near - radius &&
+      Math.abs(right) < depth * wide + radius * Math.hypot(1, wide) &&
+      Math.abs(up) < depth * half + radius * Math.hypot(1, half)
+    );
   }
 
   /** The point on the ground under a place in the view, 0 to 1 from the upper left. */

@@ -1,13 +1,7 @@
 /** Soft rounded shapes on the ground: shadows, glows, lights, goals, hits, the ring of the chosen vehicle. */
 
-import {
-  BufferAttribute,
-  DynamicDrawUsage,
-  InstancedBufferAttribute,
-  InstancedBufferGeometry,
-  Mesh,
-  RawShaderMaterial,
-} from "three";
+import { Mesh, RawShaderMaterial } from "three";
+import { Copies } from "./copies";
 import type { Rgb } from "./palette";
 
 const VERTEX = `
@@ -60,82 +54,70 @@ export interface Decal {
 
 export class Decals {
   readonly mesh: Mesh;
-  private readonly geometry = new InstancedBufferGeometry();
   private readonly material = new RawShaderMaterial({
     vertexShader: VERTEX,
     fragmentShader: FRAGMENT,
     transparent: true,
     depthWrite: false,
   });
-  private capacity = 0;
-  private count = 0;
-  private arrays: Record<"pose" | "shape" | "fill" | "edge", Float32Array> = {
-    pose: EMPTY,
-    shape: EMPTY,
-    fill: EMPTY,
-    edge: EMPTY,
-  };
+  private readonly copies: Copies;
 
   constructor(order: number, z: number) {
-    const quad = [
-      [-1, -1],
-      [1, -1],
-      [1, 1],
-      [-1, -1],
-      [1, 1],
-      [-1, 1],
-    ].flatMap(([x, y]) => [x, y, z]);
-    this.geometry.setAttribute("position", new BufferAttribute(new Float32Array(quad), 3));
-    this.grow(32);
-    this.mesh = new Mesh(this.geometry, this.material);
+    const position = { values: [-1, -1, z, 1, -1, z, 1, 1, z, -1, 1, z], size: 3 };
+    const square = { attributes: { position }, corners: 4, index: [0, 1, 2, 0, 2, 3] };
+    this.copies = new Copies(square, { pose: 4, shape: 4, fill: 4, edge: 4 });
+    this.mesh = new Mesh(this.copies.geometry, this.material);
     this.mesh.frustumCulled = false;
     this.mesh.renderOrder = order;
   }
 
-  private grow(capacity: number): void {
-    if (this.capacity) this.geometry.dispose();
-    this.capacity = capacity;
-    for (const name of ["pose", "shape", "fill", "edge"] as const) {
-      const values = new Float32Array(4 * capacity);
-      values.set(this.arrays[name]);
-      this.arrays[name] = values;
-      this.geometry.setAttribute(name, new InstancedBufferAttribute(values, 4).setUsage(DynamicDrawUsage));
-    }
-  }
-
   begin(): void {
-    this.count = 0;
+    this.copies.begin();
   }
 
   add(decal: Decal): void {
-    if (this.count === this.capacity) this.grow(2 * this.capacity);
-    const at = 4 * this.count++;
-    const { pose, shape, fill, edge } = this.arrays;
-    const colour = decal.edge ?? decal.fill;
-    set(pose, at, decal.x, decal.y, decal.angle ?? 0, decal.edgeWidth ?? 0);
-    set(shape, at, decal.half[0], decal.half[1], decal.corner ?? 0, decal.soft ?? 0.05);
-    set(fill, at, decal.fill[0], decal.fill[1], decal.fill[2], decal.alpha);
-    set(edge, at, colour[0], colour[1], colour[2], decal.edgeAlpha ?? 0);
+    const [length, width] = decal.half;
+    const { x, y, angle = 0, corner = 0, soft = 0.05, fill, alpha } = decal;
+    const at = this.put(x, y, angle, length, width, corner, soft, fill, alpha);
+    const colour = decal.edge ?? fill;
+    const { values } = this.copies;
+    values[at + 3] = decal.edgeWidth ?? 0;
+    set(values, at + 12, colour[0], colour[1], colour[2], decal.edgeAlpha ?? 0);
+  }
+
+  /** Adds a shape without a rim; takes numbers, since there are many in each picture.
+
+  Returns where its numbers begin. */
+  put(
+    x: number,
+    y: number,
+    angle: number,
+    halfLength: number,
+    halfWidth: number,
+    corner: number,
+    soft: number,
+    fill: Rgb,
+    alpha: number,
+  ): number {
+    const at = this.copies.add();
+    const { values } = this.copies;
+    set(values, at, x, y, angle, 0);
+    set(values, at + 4, halfLength, halfWidth, corner, soft);
+    set(values, at + 8, fill[0], fill[1], fill[2], alpha);
+    set(values, at + 12, 0, 0, 0, 0);
+    return at;
   }
 
   end(): void {
-    this.geometry.instanceCount = this.count;
-    this.mesh.visible = this.count > 0;
-    for (const name of ["pose", "shape", "fill", "edge"]) {
-      const attribute = this.geometry.getAttribute(name) as InstancedBufferAttribute;
-      attribute.clearUpdateRanges();
-      attribute.addUpdateRange(0, 4 * this.count);
-      attribute.needsUpdate = true;
-    }
+    this.copies.end();
+    this.mesh.visible = this.copies.count > 0;
   }
 
   dispose(): void {
-    this.geometry.dispose();
+    this.copies.dispose();
     this.material.dispose();
   }
 }
-
-const EMPTY = new Float32Array(0);
 
 function set(array: Float32Array, at: number, a: number, b: number, c: number, d: number): void {
   array[at] = a;

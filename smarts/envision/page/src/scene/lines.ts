@@ -12,18 +12,20 @@ import type { Rgb } from "./palette";
 
 const VERTEX = `
 precision highp float;
-uniform mat4 viewMatrix, projectionMatrix;
+uniform mat4 modelMatrix, viewMatrix, projectionMatrix;
 uniform float pixel, widest;
 attribute vec3 position;
 attribute vec3 side;
 attribute vec4 colour;
 varying vec4 shown;
 void main() {
-  vec4 middle = projectionMatrix * viewMatrix * vec4(position, 1.0);
+  vec4 place = modelMatrix * vec4(position, 1.0);
+  vec2 aside = mat2(modelMatrix[0].xy, modelMatrix[1].xy) * side.xy;
+  vec4 middle = projectionMatrix * viewMatrix * place;
   float half_pixel = 0.5 * pixel * middle.w;
   float width = max(side.z, min(half_pixel, widest));
   shown = vec4(colour.rgb, colour.a * clamp(side.z / half_pixel * 1.6, 0.35, 1.0));
-  gl_Position = projectionMatrix * viewMatrix * vec4(position.xy + side.xy * width, position.z, 1.0);
+  gl_Position = projectionMatrix * viewMatrix * vec4(place.xy + aside * width, place.z, 1.0);
 }`;
 
 const FRAGMENT = `

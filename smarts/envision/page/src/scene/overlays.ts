@@ -2,7 +2,8 @@
 
 import type { Group, Mesh } from "three";
 import type { Agent } from "../agents";
-import { COLLIDED, Driver, type Recording, Snapshot } from "../episode";
+import type { Recording } from "../episode";
+import { COLLIDED, Driver, type Snapshot } from "../snapshot";
 import { Decals } from "./decals";
 import { Lines } from "./lines";
 import { CAUTION_LIGHT, GO_LIGHT, type Rgb, STOP_LIGHT, type Theme } from "./palette";
@@ -11,6 +12,9 @@ import { circle, Wall } from "./walls";
 
 const TRAIL = 40;
 const BRAKE = 1 << 3;
+const BLACK: Rgb = [0, 0, 0];
+/** Metres of a pixel up to which vehicles have shadows. */
+const SHADOWS = 0.4;
 const HIT_SECONDS = 2.5;
 const LIGHTS: readonly (Rgb | null)[] = [null, STOP_LIGHT, CAUTION_LIGHT, GO_LIGHT];
 
@@ -86,17 +90,19 @@ export class Overlays {
     step: number,
     theme: Theme,
     pixel: number,
+    metres: number,
   ): void {
     this.route.material.uniforms.pixel.value = pixel;
     this.trails.material.uniforms.pixel.value = pixel;
-    this.drawGround(now, step, theme);
+    this.drawGround(now, step, theme, metres);
     this.drawRoute(chosen, theme);
     this.drawTrails(now, step, theme);
     this.drawRings(now, agents, chosen, step, theme);
     this.placeGoals(agents, chosen, step, theme);
   }
 
-  private drawGround(now: Snapshot, step: number, theme: Theme): void {
+  /** Draws lights, shadows and the glow of brakes; `metres` is the size of a pixel. */
+  private drawGround(now: Snapshot, step: number, theme: Theme, metres: number): void {
     const { under, shadows } = this;
     under.begin();
     const signals = this.recording.table("signals");
@@ -110,33 +116,18 @@ export class Overlays {
     }
     under.end();
     shadows.begin();
+    // From afar a shadow is less than a pixel wide.
+    const hasShadows = metres < SHADOWS;
     for (let i = 0; i < now.count; i++) {
+      if (!now.isSeen[i] || !(hasShadows || now.flags[i] & BRAKE)) continue;
       const vehicle = this.recording.vehicles[now.number[i]];
       const [length, width] = [vehicle?.length ?? 4.5, vehicle?.width ?? 1.8];
       const [x, y, angle] = [now.x[i], now.y[i], now.heading[i]];
-      shadows.add({
-        x: x + 0.18,
-        y: y - 0.16,
-        angle,
-        half: [length / 2, width / 2],
-        corner: 0.5,
-        soft: 0.55,
-        fill: [0, 0, 0],
-        alpha: theme.shadow,
-      });
-      if (now.flags[i] & BRAKE) {
-        const back = length / 2 + 0.45;
-        shadows.add({
-          x: x - back * Math.cos(angle),
-          y: y - back * Math.sin(angle),
-          angle,
-          half: [0.5, width / 2],
-          corner: 0.4,
-          soft: 0.9,
-          fill: STOP_LIGHT,
-          alpha: 0.42,
-        });
-      }
+      if (hasShadows) shadows.put(x + 0.18, y - 0.16, angle, length / 2, width / 2, 0.5, 0.55, BLACK, theme.shadow);
+      if (!(now.flags[i] & BRAKE)) continue;
+      const back = length / 2 + 0.45;
+      const [bx, by] = [x - back * Math.cos(angle), y - back * Math.sin(angle)];
+      shadows.put(bx, by, angle, 0.5, width / 2, 0.4, 0.9, STOP_LIGHT, 0.42);
     }
     shadows.end();
   }

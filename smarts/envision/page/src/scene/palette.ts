@@ -1,6 +1,6 @@
 /** Colours of the scene, for a dark and a light page. */
 
-import { Driver } from "../episode";
+import { Driver } from "../snapshot";
 
 export type Rgb = readonly [number, number, number];
 
@@ -38,6 +38,9 @@ export interface Theme {
   bubble: Rgb;
   goal: Rgb;
   route: Rgb;
+  /** What the chosen agent observes, and the points of its lidar. */
+  sight: Rgb;
+  lidar: Rgb;
   hit: Rgb;
   /** Factor of lights on surfaces that face up, and of those that face away. */
   light: readonly [number, number];
@@ -81,6 +84,8 @@ export const DARK: Theme = {
   bubble: rgb("#a98bff"),
   goal: rgb("#4be39a"),
   route: rgb("#ff6a70"),
+  sight: rgb("#f2e14c"),
+  lidar: rgb("#5ef2ff"),
   hit: rgb("#ffd84a"),
   light: [1.0, 0.52],
 };
@@ -117,6 +122,8 @@ export const LIGHT: Theme = {
   bubble: rgb("#7a4fe0"),
   goal: rgb("#0f9d58"),
   route: rgb("#d7262e"),
+  sight: rgb("#8a5a00"),
+  lidar: rgb("#0077aa"),
   hit: rgb("#ffb800"),
   light: [1.08, 0.62],
 };

@@ -1,7 +1,7 @@
 /** The map as two meshes, surfaces and paint; colours are uniforms, so that a change of theme rebuilds nothing. */
 
 import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, RawShaderMaterial } from "three";
-import type { MapMessage, Numbers } from "../format";
+import type { MapMessage, Numbers } from "../messages";
 import { Table } from "../tables";
 import { type Theme, Tone } from "./palette";
 
@@ -22,6 +22,10 @@ const SOLID = 2;
 const CENTRE = 3;
 const STOP_AT_LIGHTS = 1;
 const KERB = 0.28;
+/** Metres of a pixel up to which dashed lines are drawn. */
+const DASHES = 0.7;
+/** Pieces of dashed lines in a map; the lines of larger ones are not drawn to their end. */
+const MOST_PIECES = 400_000;
 
 export interface Lane {
   /** x, y in turn [m]. */
@@ -151,18 +155,27 @@ export class Roads {
   readonly meshes: Mesh[];
   private readonly materials: RawShaderMaterial[];
 
+  private readonly dashes: Mesh;
+  private painted: Theme | null = null;
+
   constructor(lanes: readonly Lane[]) {
     const [surface, surfaceMaterial] = surfaces(lanes);
-    const [paint, paintMaterial] = paints(lanes);
-    this.meshes = [surface, paint];
+    const [solid, dashed] = paintsOf(lanes);
+    const paintMaterial = paintMaterialOf();
+    this.dashes = meshOf(dashed, paintMaterial);
+    this.meshes = [surface, meshOf(solid, paintMaterial), this.dashes];
     this.materials = [surfaceMaterial, paintMaterial];
   }
 
-  update(theme: Theme, pixel: number): void {
-    for (const material of this.materials) {
-      material.uniforms.tones.value = theme.tones.flat();
-      if (material.uniforms.pixel) material.uniforms.pixel.value = pixel;
+  /** Paints in the colours of a theme; `metres` is the size of a pixel at the middle of the picture. */
+  update(theme: Theme, pixel: number, metres: number): void {
+    // From afar dashed lines are fainter than can be seen, and there are very many.
+    this.dashes.visible = metres < DASHES;
+    for (const { uniforms } of this.materials) {
+      if (theme !== this.painted) uniforms.tones.value = theme.tones.flat();
+      if (uniforms.pixel) uniforms.pixel.value = pixel;
     }
+    this.painted = theme;
   }
 
   dispose(): void {
@@ -206,15 +219,24 @@ function surfaces(lanes: readonly Lane[]): [Mesh, RawShaderMaterial] {
   return [flat(geometry, material, 0), material];
 }
 
+const MOST_STRIPES = 500;
+
 /** Stripes along the traffic, as on a pedestrian crossing. */
 function zebra(lane: Lane, strip: Strip): void {
-  walk(lane.points, 0.55, 0.5, (piece) =>
+  walk(lane.points, 0.55, 0.5, MOST_STRIPES, (piece) =>
     strip.between(shifted(piece, lane.width / 2 - 0.1), shifted(piece, -lane.width / 2 + 0.1), Tone.Zebra),
   );
 }
 
-/** Calls `take` with the pieces of a dashed line. */
-function walk(points: ArrayLike<number>, dash: number, gap: number, take: (piece: number[]) => void): void {
+/** Calls `take` with at most `most` pieces of a dashed line; returns how many there were. */
+function walk(
+  points: ArrayLike<number>,
+  dash: number,
+  gap: number,
+  most: number,
+  take: (piece: number[]) => void,
+): number {
+  let pieces = 0;
   let piece: number[] = [points[0], points[1]];
   let isDash = true;
   let left = dash;
@@ -223,11 +245,13 @@ function walk(points: ArrayLike<number>, dash: number, gap: number, take: (piece
     const [dx, dy] = direction(points, i, i + 1);
     let rest = Math.hypot(points[2 * i + 2] - x, points[2 * i + 3] - y);
     while (rest >= left) {
+      if (pieces >= most) return pieces;
       x += dx * left;
       y += dy * left;
       rest -= left;
       piece.push(x, y);
       if (isDash) take(piece);
+      pieces++;
       isDash = !isDash;
       left = isDash ? dash : gap;
       piece = [x, y];
@@ -236,9 +260,12 @@ function walk(points: ArrayLike<number>, dash: number, gap: number, take: (piece
     if (rest > 1e-4) piece.push(points[2 * i + 2], points[2 * i + 3]);
   }
   if (isDash && piece.length >= 4) take(piece);
+  return pieces;
 }
 
 class Paint {
+  /** Pieces of dashed lines that may still be drawn. */
+  pieces = MOST_PIECES;
   readonly position: number[] = [];
   readonly side: number[] = [];
   readonly index: number[] = [];
@@ -266,8 +293,9 @@ class Paint {
   }
 }
 
-function paints(lanes: readonly Lane[]): [Mesh, RawShaderMaterial] {
-  const paint = new Paint();
+/** Returns the solid lines and the dashed ones. */
+function paintsOf(lanes: readonly Lane[]): [Paint, Paint] {
+  const [paint, dashed] = [new Paint(), new Paint()];
   for (const lane of lanes) {
     if (lane.points.length < 4 || lane.isJunction) continue;
     for (const [side, code] of [
@@ -276,18 +304,28 @@ function paints(lanes: readonly Lane[]): [Mesh, RawShaderMaterial] {
     ] as const) {
       // Two lanes share a dashed line: the lane to its right paints it.
       if (code === DASHED && side > 0)
-        walk(shifted(lane.points, lane.width / 2), 3, 4.5, (piece) => paint.line(piece, 0.075, Tone.White));
+        dashed.pieces -= walk(shifted(lane.points, lane.width / 2), 3, 4.5, dashed.pieces, (piece) =>
+          dashed.line(piece, 0.075, Tone.White),
+        );
       if (code === SOLID) paint.line(shifted(lane.points, side * (lane.width / 2 - 0.12)), 0.06, Tone.Edge);
       if (code === CENTRE)
         paint.line(shifted(lane.points, side * (lane.width / 2 - 0.12)), 0.07, Tone.Yellow);
     }
     if (lane.stop) stopLine(lane, paint);
   }
+  return [paint, dashed];
+}
+
+function meshOf(paint: Paint, material: RawShaderMaterial): Mesh {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(paint.position), 3));
   geometry.setAttribute("side", new BufferAttribute(new Float32Array(paint.side), 3));
   geometry.setIndex(new BufferAttribute(new Uint32Array(paint.index), 1));
-  const material = new RawShaderMaterial({
+  return flat(geometry, material, 1);
+}
+
+function paintMaterialOf(): RawShaderMaterial {
+  return new RawShaderMaterial({
     vertexShader: PAINT_VERTEX,
     fragmentShader: PAINT_FRAGMENT,
     depthWrite: false,
@@ -295,7 +333,6 @@ function paints(lanes: readonly Lane[]): [Mesh, RawShaderMaterial] {
     transparent: true,
     uniforms: { tones: { value: [] }, pixel: { value: 0.001 } },
   });
-  return [flat(geometry, material, 1), material];
 }
 
 function stopLine(lane: Lane, paint: Paint): void {
@@ -305,7 +342,7 @@ function stopLine(lane: Lane, paint: Paint): void {
   const [x, y] = [lane.points[2 * n - 2] - 0.35 * dx, lane.points[2 * n - 1] - 0.35 * dy];
   const across = [x - half * dy, y + half * dx, x + half * dy, y - half * dx];
   if (lane.stop === STOP_AT_LIGHTS) paint.line(across, 0.2, Tone.Stop);
-  else walk(across, 0.5, 0.35, (piece) => paint.line(piece, 0.2, Tone.Stop));
+  else walk(across, 0.5, 0.35, MOST_STRIPES, (piece) => paint.line(piece, 0.2, Tone.Stop));
 }
 
 function flat(geometry: BufferGeometry, material: RawShaderMaterial, order: number): Mesh {

@@ -1,0 +1,74 @@
+"""Recorded test episodes beside a report: of each run the best, the worst, each kind of failure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmark.experiment.runs import SCRIPTED
+from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.results.files import ResultsError
+from benchmark.results.reading import Results, RunResult
+from benchmark.results.run_folder import RunFolder
+from smarts.envision.episode_library import EpisodeLibrary
+from smarts.envision.notable_episodes import notable_episodes, write_pages
+from smarts.errors import SmartsError
+
+EPISODES = "episodes"
+"""Folder of the pages in a report's folder."""
+
+
+@dataclass(frozen=True)
+class EpisodeLinks:
+    """The episodes of one run that a report links."""
+
+    algorithm: str
+    task: str
+    traffic: str
+    seed: str
+    links: tuple[tuple[str, str], ...]
+    """Text and address, relative to the report's folder."""
+    problem: str = ""
+    """Why there are none."""
+
+    @property
+    def names(self) -> tuple[str, str, str, str]:
+        """Of the run."""
+        return self.algorithm, self.task, self.traffic, self.seed
+
+
+def write_episodes(results: Results, mode: str, folder: Path) -> list[EpisodeLinks]:
+    """Write the pages of all finished runs; return what links to them.
+
+    Args:
+        results: The results.
+        mode: Way of acting whose episodes are shown; scripted policies have one only.
+        folder: Of the report.
+    """
+    return [_of_run(run, results.root, mode, folder) for run in results.finished]
+
+
+def _of_run(run: RunResult, root: Path, mode: str, folder: Path) -> EpisodeLinks:
+    seed = "scripted" if run.is_scripted else str(run.seed)
+    names = algorithm_label(run.algorithm), task_label(run.task), traffic_label(run.traffic), seed
+    episodes = RunFolder(root / run.place).episodes
+    if not episodes.is_dir():
+        return EpisodeLinks(*names, (), "not kept: set evaluation.keep_episodes: true, and test again")
+    try:
+        return EpisodeLinks(
+            *names, tuple(_links(episodes, SCRIPTED if run.is_scripted else mode, folder, run))
+        )
+    except SmartsError as error:
+        return EpisodeLinks(*names, (), error.problem)
+
+
+def _links(episodes: Path, mode: str, folder: Path, run: RunResult) -> Iterator[tuple[str, str]]:
+    parts = [part for part in sorted(episodes.glob(f"{mode}-*")) if part.is_dir()]
+    if not parts:
+        raise ResultsError("no episodes of these tests were kept", place=str(episodes))
+    library = EpisodeLibrary(parts)
+    name = f"{run.place.replace('/', '-')}.html"
+    chosen = notable_episodes(library.entries())
+    for notable, page in write_pages(library, chosen, folder / EPISODES / name):
+        yield notable.label, f"{page.relative_to(folder).as_posix()}#e={notable.entry.id}"

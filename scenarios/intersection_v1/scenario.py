@@ -1,0 +1,38 @@
+from pathlib import Path
+
+from scenarios.benchmark import FROM_ALL_SIDES, LEFT_TURNS, MIRRORED, ON_THREE_LANES, four_arms
+from scenarios.drivers import ALL_KINDS, KINDS, START_IN_TOWN
+from smarts.sstudio import gen_scenario
+from smarts.sstudio import types as t
+
+DENSITY = 0.6
+"""Multiple of the paper's scenario's."""
+
+gen_scenario(
+    t.Scenario(
+        map_spec=t.MapSpec(source="../intersection"),
+        traffic=four_arms(DENSITY, ALL_KINDS),
+        ego_missions=FROM_ALL_SIDES,
+        start_variation=START_IN_TOWN,
+        held_out={
+            **{
+                kind: t.Variation(f"All drivers {kind}.", traffic=four_arms(DENSITY, drivers))
+                for kind, drivers in KINDS.items()
+            },
+            "dense": t.Variation("More vehicles.", traffic=four_arms(1.3 * DENSITY, ALL_KINDS)),
+            "mirrored": t.Variation("The missions, turned by 180 degrees.", ego_missions=MIRRORED),
+            "left_turns": t.Variation(
+                "Every ego turns left, among fewer vehicles.",
+                traffic=four_arms(0.65 * DENSITY, ALL_KINDS),
+                ego_missions=LEFT_TURNS,
+            ),
+            "three_lanes": t.Variation(
+                "Three lanes a direction.",
+                map_spec=t.MapSpec(source="../intersection/three_lanes"),
+                traffic=four_arms(DENSITY, ALL_KINDS, 3),
+                ego_missions=ON_THREE_LANES,
+            ),
+        },
+    ),
+    output_dir=Path(__file__).parent,
+)

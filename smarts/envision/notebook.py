@@ -1,0 +1,44 @@
+"""Episodes in a notebook: the page inside a cell's output, without a server."""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+
+from smarts.envision.compact_episode import compact_episode
+from smarts.envision.episode_library import policy_of_run, read_compact
+from smarts.envision.viewer_page import Embedded, page_with
+from smarts.sim.episode_files import RecordedEpisode
+
+
+class EpisodeFrame:
+    """Shows a recorded episode as the last value of a notebook's cell.
+
+    The page runs in a frame of its own, which can reach neither the notebook nor the network.
+
+    Args:
+        episode: Folder of a recorded episode, or a .smarts file.
+        begin: First time [s], of a folder only; None: the first.
+        end: Last time [s]; None: the last.
+        height: Of the frame [pixels].
+
+    Raises:
+        SmartsError: The episode is damaged, or too long for a page of 2 MB.
+    """
+
+    def __init__(
+        self, episode: str | Path, begin: float | None = None, end: float | None = None, *, height: int = 480
+    ) -> None:
+        path = Path(episode)
+        if begin is None and end is None:
+            data = read_compact(path)
+        else:
+            data = compact_episode(RecordedEpisode(path), begin, end, policy=policy_of_run(path))
+        self._page, self._height = page_with([Embedded("1", path.name, data)]), height
+
+    def _repr_html_(self) -> str:
+        page = html.escape(self._page)
+        return (
+            f'<iframe srcdoc="{page}" sandbox="allow-scripts" style="border: 0" width="100%" '
+            f'height="{self._height:d}"></iframe>'
+        )

@@ -1,0 +1,87 @@
+"""Kernels that say how fast vehicles drive through junctions."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from smarts.arrays import Floats
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import segment_at, wrapped
+from smarts.roads.arrays import Roads
+from smarts.roads.kernels import centre_at, lane_length
+
+LATERAL = 3.0
+"""Lateral acceleration in turns [m/s^2]."""
+CROSSING = 2.0
+"""Acceleration through a junction, at most [m/s^2]."""
+STEERING_SHARE = 0.95
+"""Share of the steering rate that turns use."""
+SLOWEST = 2.0
+"""Speed in turns, at least [m/s]."""
+STRAIGHT = 0.3
+"""A lane that turns by less is driven as fast as it allows [rad]."""
+
+_MOST_POINTS, _BEFORE = 64, 5
+
+
+class Performance(NamedTuple):
+    """What each kind of vehicle can do, shape (K,) each; see `VehicleKind`."""
+
+    acceleration: Floats
+    """From standstill [m/s^2]."""
+    power: Floats
+    """Of the engine, by mass [W/kg]."""
+    agility: Floats
+    """Maximum rate of change of the curvature, from the steering rate [1/(m s)]."""
+
+
+@kernel
+def acceleration_over(
+    performance: Performance, kind: int, distance: float, speed: float, top: float
+) -> float:
+    """Return the mean acceleration of a vehicle over a distance [m/s^2].
+
+    Args:
+        performance: Of each kind of vehicle.
+        kind: The vehicle's.
+        distance: [m]
+        speed: At its begin [m/s].
+        top: The highest speed [m/s].
+    """
+    halfway = min(math.sqrt(speed * speed + CROSSING * max(distance, 0.0)), top)
+    return min(CROSSING, performance.acceleration[kind], performance.power[kind] / max(halfway, 1.0))
+
+
+@kernel
+def pace_in(roads: Roads, lane: int, agility: float) -> float:
+    """Return the mean speed at which a lane inside a junction is driven [m/s].
+
+    Bends limit it by the lateral acceleration, and where they begin and end by the steering rate.
+
+    Args:
+        roads: The maps' lanes.
+        lane: The lane.
+        agility: See `Performance`.
+    """
+    first, last = roads.point_start[lane], roads.point_start[lane + 1] - 1
+    limit = roads.lane_speed[lane]
+    if abs(wrapped(roads.point_heading[last] - roads.point_heading[first])) < STRAIGHT:
+        return limit
+    # Headings every metre, and some before and behind the lane, where the way is straight.
+    length = lane_length(roads, lane)
+    count = min(int(length) + 1, _MOST_POINTS - 2 * _BEFORE)
+    headings = np.empty(_MOST_POINTS)
+    for i in range(count + 2 * _BEFORE):
+        s = min(max(float(i - _BEFORE), 0.0), length)
+        headings[i] = centre_at(roads, segment_at(roads.point_s, first, last + 1, s), s)[2]
+    taken = 0.0
+    for i in range(_BEFORE, count + _BEFORE):
+        bend = abs(wrapped(headings[i + 2] - headings[i - 2])) / 4.0
+        ahead, behind = headings[i + 5] - headings[i + 1], headings[i - 1] - headings[i - 5]
+        change = abs(wrapped(ahead) - wrapped(behind)) / 24.0
+        fastest = min(math.sqrt(LATERAL / max(bend, 1e-4)), STEERING_SHARE * agility / max(change, 1e-6))
+        taken += 1.0 / min(max(fastest, SLOWEST), limit)
+    return count / taken

@@ -1,0 +1,117 @@
+"""How a simulation is run: what callers choose beside scenarios and interfaces."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from smarts.agents.options import InterfaceError
+from smarts.errors import SmartsError
+from smarts.providers.vehicle import SUBSTEPS
+from smarts.sim.outlet import Address
+
+ENVISION = "SMARTS_ENVISION"
+"""Environment variable: address of a viewer's server for simulations whose options name none."""
+VIEWER = "127.0.0.1:8081"
+"""Where `smarts-bench view --live` is by default."""
+LONGEST_SUBSTEP = 0.02
+"""Of the vehicles' dynamics [s]; made for 0.01."""
+LONGEST_TRAFFIC_STEP = 1.0
+"""Reaction time of SUMO's drivers [s]."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a simulation is run.
+
+    Raises:
+        SmartsError: A step is longer than the tyres' bristles take in `SUBSTEPS` parts, or none at all; a
+            path has no points; or the friction is out of its range.
+    """
+
+    dt: float = 0.1
+    """Length of a step [s], 0.001 to 0.2."""
+    path: int = 64
+    """The most points of a path that an agent gives as its action."""
+    record: str | Path | None = None
+    """Where episodes are written to; None: nowhere."""
+    record_all: bool = False
+    """Whether vehicles far from agents are recorded, too, in a table of their own."""
+    record_observations: Sequence[str] = ()
+    """Names of learning agents of which is recorded, too, what they observe: by the sensors of their
+    interfaces, as arrays, and the terms of their rewards."""
+    envision: str | None = None
+    """Server of `smarts-bench view --live` that shows the simulations, as "host:port" or "token@host:port".
+    It may come and go. None: what the environment variable SMARTS_ENVISION says; "": nowhere."""
+    traffic_engine: str | None = None
+    """Which of `TRAFFIC_ENGINES` drives the traffic; None: the one that the scenario names."""
+    traffic_step: float | None = None
+    """Length of SUMO's step [s], a multiple of `dt` up to 1, for training: 0.5 halves the time of training.
+    Between SUMO's poses, vehicles move evenly. Such episodes cannot be recorded. None: `dt`."""
+    friction: float | None = None
+    """Of the road under agents' vehicles where the scenario has no patch, 0.05 to 2; None: dry, 0.9."""
+
+    def __post_init__(self) -> None:
+        if not 0.001 <= self.dt <= LONGEST_SUBSTEP * SUBSTEPS:
+            raise SmartsError(
+                f"a step of {self.dt} s",
+                place="Options.dt",
+                remedy=f"give 0.001 to {LONGEST_SUBSTEP * SUBSTEPS} s, for which tyres are made",
+            )
+        self._check_traffic_step()
+        for name in ("record_all", "record_observations"):
+            if getattr(self, name) and self.record is None:
+                raise SmartsError(
+                    f"{name} is set, and nothing is recorded",
+                    place=f"Options.{name}",
+                    remedy=f"name a folder with record, or leave out {name}",
+                )
+        if isinstance(self.record_observations, str):
+            raise SmartsError(
+                f"record_observations is {self.record_observations!r}, not a list",
+                place="Options.record_observations",
+                remedy=f"give the agents' names: [{self.record_observations!r}]",
+            )
+        if self.envision:
+            Address.parse(self.envision, "Options.envision")
+        if self.friction is not None and not 0.05 <= self.friction <= 2.0:
+            raise SmartsError(
+                f"a friction of {self.friction}",
+                place="Options.friction",
+                remedy="give 0.05 to 2; ice has about 0.1, a wet road 0.5, dry asphalt 0.9",
+            )
+        if isinstance(self.path, bool) or not isinstance(self.path, int) or self.path < 1:
+            raise InterfaceError(
+                f"path is {self.path!r}", place="Options", remedy="give a number of points, 1 or more"
+            )
+
+    def _check_traffic_step(self) -> None:
+        step = self.traffic_step
+        if step is None:
+            return
+        steps = round(step / self.dt) if math.isfinite(step) else 0
+        if steps < 1 or step > LONGEST_TRAFFIC_STEP or abs(steps * self.dt - step) > 1e-9:
+            raise SmartsError(
+                f"a traffic step of {step} s",
+                place="Options.traffic_step",
+                remedy=f"give a multiple of dt, {self.dt} s, up to {LONGEST_TRAFFIC_STEP} s",
+            )
+        if self.record is not None:
+            raise SmartsError(
+                f"traffic_step is {step}, and episodes are recorded, for tests",
+                place="Options.traffic_step",
+                remedy="leave out traffic_step: tests run with exact traffic",
+            )
+
+
+def shown(options: Options | None) -> Options:
+    """Return options that show the simulations in a browser, on this machine if nothing else is said."""
+    options = options or Options()
+    if options.envision is None and not os.environ.get(ENVISION):
+        print(f"envision: shown by `smarts-bench view --live` at http://{VIEWER}", file=sys.stderr)
+        return replace(options, envision=VIEWER)
+    return options

@@ -1,0 +1,165 @@
+"""Pictures of running simulations: what is drawn lies where the vehicles are."""
+
+import sys
+import types
+
+import gymnasium as gym
+import matplotlib.colors
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from smarts.agents.benchmark import benchmark_interface
+from smarts.env import HiWayEnv, SingleHiWayEnv, hiway_parallel_env
+from smarts.env.staying import StayingAgents
+from smarts.envision import window
+from smarts.envision.scenario_picture import CAR, EGOS
+from smarts.envision.world_picture import HEIGHT, WIDTH
+from smarts.errors import SmartsError
+
+
+def pixels(image, colour):
+    """Return x and y of the pixels of a colour, from the lower left corner."""
+    rgb = np.round(np.array(matplotlib.colors.to_rgb(colour)) * 255)
+    rows, columns = np.nonzero(np.abs(image.astype(int) - rgb).max(-1) <= 3)
+    return np.stack([columns, HEIGHT - rows], -1)
+
+
+@pytest.fixture(scope="module")
+def parallel():
+    env = hiway_parallel_env(["intersection"], 4, seed=1, render_mode="rgb_array")
+    yield env
+    env.close()
+
+
+def test_vehicles_are_drawn_where_they_are(parallel):
+    parallel.reset(seed=1)
+    for _ in range(4):
+        parallel.step(dict.fromkeys(parallel.agents, 0))
+    image = parallel.render()
+    assert image.shape == (HEIGHT, WIDTH, 3)
+    assert image.dtype == np.uint8
+    world, axes = parallel._env.runner.world, parallel._renderer._picture._axes
+    for agent_id, slot in enumerate(world.agents.slot[0, :4].tolist()):
+        expected = axes.transData.transform(world.vehicles.position[0, slot])
+        # The numbers beside vehicles and the rings at goals have the colour, too.
+        off = np.abs(pixels(image, EGOS[agent_id]) - expected).max(-1)
+        assert off.min() < 6
+    traffic = np.setdiff1d(np.flatnonzero(world.vehicles.alive[0]), world.agents.slot[0])
+    inside = [slot for slot in traffic.tolist() if _is_inside(axes, world.vehicles.position[0, slot])]
+    for slot in inside:
+        expected = axes.transData.transform(world.vehicles.position[0, slot])
+        assert np.abs(pixels(image, CAR) - expected).max(-1).min() < 6
+
+
+def _is_inside(axes, position):
+    x, y = axes.transData.transform(position)
+    return 20 < x < WIDTH - 20 and 20 < y < HEIGHT - 60
+
+
+def test_pictures_change_with_the_simulation_and_not_with_the_drawing(parallel):
+    parallel.reset(seed=1)
+    first = parallel.render()
+    np.testing.assert_array_equal(first, parallel.render())
+    parallel.step(dict.fromkeys(parallel.agents, 0))
+    assert (first != parallel.render()).any()
+    parallel.reset(seed=1)
+    np.testing.assert_array_equal(first, parallel.render())
+    assert parallel.metadata["render_fps"] == 2
+
+
+def test_steps_are_the_same_with_and_without_pictures():
+    rewards = []
+    for mode in (None, "rgb_array"):
+        env = SingleHiWayEnv(["loop"], seed=3, render_mode=mode)
+        env.reset(seed=3)
+        found = []
+        for _ in range(5):
+            found.append(env.step(0)[1])
+            if mode:
+                env.render()
+        rewards.append(found)
+        env.close()
+    assert rewards[0] == rewards[1]
+
+
+def test_a_long_way_is_followed(parallel):
+    env = SingleHiWayEnv(["city"], seed=3, render_mode="rgb_array")
+    env.reset(seed=3)
+    for _ in range(15):
+        env.step(0)
+    env.render()
+    world, axes = env._env.runner.world, env._renderer._picture._axes
+    assert _is_inside(axes, world.vehicles.position[0, world.agents.slot[0, 0]])
+    env.close()
+
+
+def test_the_original_environment_and_staying_agents_draw():
+    env = HiWayEnv(["loop"], {"a": benchmark_interface()}, render_mode="rgb_array")
+    env.reset(seed=1)
+    assert env.render().shape == (HEIGHT, WIDTH, 3)
+    env.close()
+    staying = StayingAgents(hiway_parallel_env(["loop"], 1, render_mode="rgb_array"))
+    staying.reset(seed=1)
+    assert staying.render().shape == (HEIGHT, WIDTH, 3)
+    staying.close()
+
+
+def test_gymnasium_makes_and_checks_it():
+    env = gym.make("smarts.env:hiway-single-v0", scenarios=["loop"], render_mode="rgb_array")
+    env.reset(seed=1)
+    assert env.render().shape == (HEIGHT, WIDTH, 3)
+    check_env(env.unwrapped, skip_render_check=True)
+    env.close()
+
+
+def test_without_a_mode_nothing_is_drawn():
+    env = SingleHiWayEnv(["loop"])
+    env.reset(seed=1)
+    with pytest.warns(UserWarning, match="render_mode"):
+        assert env.render() is None
+    env.close()
+
+
+def test_other_modes_are_refused():
+    for make in (
+        lambda: SingleHiWayEnv(["loop"], render_mode="ansi"),
+        lambda: hiway_parallel_env(["loop"], render_mode="x"),
+    ):
+        with pytest.raises(SmartsError, match="render mode"):
+            make()
+
+
+def test_nothing_is_drawn_before_the_reset():
+    env = SingleHiWayEnv(["loop"], render_mode="rgb_array")
+    with pytest.raises(SmartsError, match="reset"):
+        env.render()
+    env.close()
+
+
+def test_in_a_notebook_each_step_takes_the_place_of_the_last_one(monkeypatch):
+    shown = []
+
+    class Handle:
+        def update(self, image):
+            shown.append(("update", image))
+
+    def display(image, display_id):
+        shown.append(("display", image))
+        return Handle()
+
+    module = types.SimpleNamespace(Image=lambda data: data, display=display)
+    monkeypatch.setitem(sys.modules, "IPython.display", module)
+    monkeypatch.setitem(sys.modules, "ipykernel", types.SimpleNamespace())
+    env = SingleHiWayEnv(["loop"], render_mode="human")
+    env.reset(seed=1)
+    env.step(0)
+    env.close()
+    assert [what for what, _ in shown] == ["display", "update"]
+    assert all(image.startswith(b"\x89PNG") for _, image in shown)
+
+
+def test_without_a_display_a_window_is_refused(monkeypatch):
+    monkeypatch.setattr(window, "_interactive", list)
+    with pytest.raises(SmartsError, match="display"):
+        window.window(False)

@@ -1,0 +1,132 @@
+"""What chosen agents observe, in recordings: the same that the environment gives them."""
+
+import numpy as np
+import pytest
+
+from smarts.agents.benchmark import benchmark_interface
+from smarts.agents.options import InterfaceError
+from smarts.env import HiWayEnv, VectorHiWayEnv
+from smarts.envision.compact_episode import compact_episode
+from smarts.errors import SmartsError
+from smarts.sim.assembly import Options
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+from smarts.stream.reading import CompactEpisode
+from smarts.stream.road_map import origin_of
+
+DECISIONS = 6
+
+
+def rows_of(table):
+    return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """Return the recorded episode, and the observations of its agents by decision."""
+    folder = tmp_path_factory.mktemp("episodes")
+    interface = benchmark_interface(waypoints=True, neighborhood_vehicles=True, drivable_area_grid_map=True)
+    options = Options(record=folder, record_observations=["b"])
+    env = HiWayEnv(
+        ["intersection"], {"a": interface, "b": interface}, decision_interval=5, seed=1, simulation=options
+    )
+    observed = [env.reset(seed=1)[0]]
+    for _ in range(DECISIONS):
+        observed.append(env.step(dict.fromkeys(observed[-1], "keep_lane"))[0])
+    env.close()
+    (path,) = episodes_in(folder)
+    return RecordedEpisode(path), [each["b"] for each in observed]
+
+
+def test_observations_are_those_of_the_chosen_agent(seen):
+    episode, observed = seen
+    rows = rows_of(episode.table("observations"))
+    assert {row["agent_id"] for row in rows} == {1}
+    x, y = origin_of(episode.roads())
+    for name in ("waypoints", "neighbors", "grid:drivable"):
+        own = [row for row in rows if row["name"] == name]
+        assert [row["step"] for row in own] == [5 * n for n in range(DECISIONS + 1)]
+        for row, observation in zip(own, observed, strict=True):
+            values = np.asarray(row["values"])
+            if name == "waypoints":
+                points = [tuple(p.pos[:2]) for path in observation.waypoint_paths for p in path]
+                found = values.reshape(-1, 2)
+                found = found[~np.isnan(found).any(axis=1)] + (x, y)
+                np.testing.assert_allclose(found, np.array(points).reshape(-1, 2), atol=1e-3)
+                assert np.isnan(values[::2]).sum() == len(observation.waypoint_paths) - 1
+            elif name == "neighbors":
+                others = observation.neighborhood_vehicle_states
+                assert len(values) == 6 * len(others)
+                speeds = values.reshape(-1, 6)[:, 5]
+                np.testing.assert_allclose(speeds, [each.speed for each in others], atol=1e-4)
+            else:
+                data, side = observation.drivable_area_grid_map.data, 0
+                height, width, cell = values[:3]
+                side = data.shape[0] // int(height)
+                assert height <= 64
+                assert cell * height == pytest.approx(
+                    observation.drivable_area_grid_map.metadata.resolution * side * height
+                )
+                assert values[3:].mean() == pytest.approx(
+                    data[: int(height) * side, : int(width) * side].mean()
+                )
+
+
+def test_browsers_get_them(seen):
+    episode, _ = seen
+    table = CompactEpisode(compact_episode(episode)).tables["observations"]
+    recorded = episode.table("observations")
+    assert table["name"] == list(recorded["name"])
+    assert set(table["agent"]) == {1}
+    for found, given in zip(table["values"], recorded["values"], strict=True):
+        np.testing.assert_array_equal(found, np.asarray(given, np.float32))
+
+
+def test_terms_of_the_reward_add_up_and_features_are_recorded(tmp_path):
+    options = Options(record=tmp_path, record_observations=["agent-1"])
+    env = VectorHiWayEnv(2, ["intersection"], 3, seed=1, simulation=options)
+    step, arrays = env.reset(), []
+    for _ in range(DECISIONS):
+        arrays.append(step.observations[0][""][:, 1].copy())
+        step = env.step([np.ones((2, 3), np.int64)])
+    env.close()
+    for path in episodes_in(tmp_path):
+        episode = RecordedEpisode(path)
+        world = int(episode.facts["world"])
+        extras = rows_of(episode.table("extras"))
+        terms = [row for row in extras if row["name"].startswith("reward/")]
+        assert {row["agent_id"] for row in terms} == {1}
+        assert len({row["name"] for row in terms}) > 2
+        rewards = {
+            row["step"]: row["values"][0]
+            for row in extras
+            if row["name"] == "reward" and row["agent_id"] == 1
+        }
+        sums = dict.fromkeys(rewards, 0.0)
+        for row in terms:
+            sums[row["step"]] += row["values"][0]
+        assert len(rewards) == DECISIONS
+        np.testing.assert_allclose([*sums.values()], [*rewards.values()], atol=1e-6)
+        assert any(rewards.values())
+        observed = rows_of(episode.table("observations"))
+        assert {row["name"] for row in observed} >= {"observation"}
+        own = [row["values"] for row in observed if row["name"] == "observation"]
+        np.testing.assert_array_equal(own, [each[world] for each in arrays])
+
+
+def test_without_the_option_there_is_nothing_of_it(tmp_path):
+    env = VectorHiWayEnv(1, ["loop"], 1, simulation=Options(record=tmp_path))
+    env.reset()
+    env.step([np.zeros((1, 1), np.int64)])
+    env.close()
+    (path,) = episodes_in(tmp_path)
+    assert not (path / "observations.parquet").exists()
+    assert not any(name.startswith("reward/") for name in RecordedEpisode(path).table("extras")["name"])
+
+
+def test_wrong_choices_are_refused(tmp_path):
+    with pytest.raises(SmartsError, match="record"):
+        Options(record_observations=["agent-0"])
+    with pytest.raises(SmartsError, match="list"):
+        Options(record=tmp_path, record_observations="agent-0")
+    with pytest.raises(InterfaceError, match="agent-7"):
+        VectorHiWayEnv(1, ["loop"], 1, simulation=Options(record=tmp_path, record_observations=["agent-7"]))
