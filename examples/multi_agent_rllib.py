@@ -43,7 +43,7 @@ def ours(batch: int = 400) -> dict[str, Any]:
 
 def main() -> None:
     """Train both for an iteration."""
-    ray.init(num_cpus=2, include_dashboard=False, ignore_reinit_error=True)
+    ray.init(address="local", num_cpus=2, include_dashboard=False, ignore_reinit_error=True)
     for name, train in (("RLlib's PPO", stock), ("ours", ours)):
         results = train()["env_runners"]
         print(f"{name}: {results['num_env_steps_sampled']:.0f} steps")

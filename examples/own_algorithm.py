@@ -43,7 +43,7 @@ class Cautious(PPO):
 
 def main():
     """Train it for an iteration."""
-    ray.init(num_cpus=2, include_dashboard=False, ignore_reinit_error=True)
+    ray.init(address="local", num_cpus=2, include_dashboard=False, ignore_reinit_error=True)
     register_env("loop", lambda config: VectorHiWayEnv(config["num_envs"], ["loop"], 2))
     config = CautiousConfig().environment("loop").training(sharing="all", caution=0.01)
     algo = config.env_runners(num_env_runners=0, num_envs_per_env_runner=2).build_algo()

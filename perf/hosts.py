@@ -149,7 +149,7 @@ def main(echo: Callable[[str], object] = print) -> None:
     if given.ray:
         import ray
 
-        ray.init(include_dashboard=False, log_to_driver=False)
+        ray.init(address="local", include_dashboard=False, log_to_driver=False)
     load, cores = os.getloadavg()[0], os.cpu_count()
     echo(f"{cores} cores, load {load:.1f}")
     for name, seconds in round_trips(given.rounds, given.ray).items():

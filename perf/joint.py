@@ -177,7 +177,7 @@ def main() -> None:
     logging.getLogger("ray").setLevel(logging.ERROR)
     # One thread for both sides: with more, either is slowed tenfold by whatever else runs on the machine.
     torch.set_num_threads(1)
-    ray.init(num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
+    ray.init(address="local", num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
     print(f"agent-steps/CPU s, {arguments.epochs} epoch(s)  sampling   ratio   training   ratio")
     for sharing in ("all", "none"):
         base = stock(sharing, arguments.epochs, arguments.seconds)

@@ -73,7 +73,7 @@ def main() -> None:
     arguments = parser.parse_args()
     logging.getLogger("ray").setLevel(logging.ERROR)
     torch.set_num_threads(1)
-    ray.init(num_cpus=1, include_dashboard=False, logging_level=logging.ERROR)
+    ray.init(address="local", num_cpus=1, include_dashboard=False, logging_level=logging.ERROR)
     register_env("simple_spread", lambda config: ParallelPettingZooEnv(simple_spread_v3.parallel_env()))
     print(f"{arguments.steps:,} environment steps, return summed over 3 agents (per agent)")
     for name in arguments.algorithms:

@@ -154,7 +154,7 @@ def main() -> None:
     parser.add_argument("--set", nargs="*", default=(), metavar="KEY=VALUE", help="of the experiment")
     options = parser.parse_args()
     logging.getLogger("ray").setLevel(logging.ERROR)
-    ray.init(num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
+    ray.init(address="local", num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
     header = "algorithm", "traffic", "agent-steps per CPU second", "sampling", "ratio"
     print("| " + " | ".join(header) + " |", "|---" * len(header) + "|", sep="\n")
     for algorithm in options.algorithms:

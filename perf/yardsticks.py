@@ -156,7 +156,7 @@ def train_all(arguments: argparse.Namespace, wanted: Sequence[tuple[str, str, in
 
     logging.getLogger("ray").setLevel(logging.ERROR)
     torch.set_num_threads(1)
-    ray.init(num_cpus=1, include_dashboard=False, logging_level=logging.ERROR)
+    ray.init(address="local", num_cpus=1, include_dashboard=False, logging_level=logging.ERROR)
     for game, algorithm, seed in wanted:
         steps = arguments.steps or RECIPES[game][algorithm].steps or YARDSTICKS[game].steps
         results.write(arguments.out, trained(game, algorithm, seed, steps, arguments.episodes))

@@ -1,7 +1,11 @@
+import os
 import signal
 import sys
 
 import pytest
+
+os.environ["RAY_ADDRESS"] = "local"
+"""A test starts a Ray of its own, whatever cluster runs on this machine, or ran and was killed."""
 
 
 @pytest.fixture(autouse=True)

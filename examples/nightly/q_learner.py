@@ -83,7 +83,7 @@ class Mine(JointAlgorithm):
 
 def main():
     """Train it for two iterations."""
-    ray.init(num_cpus=2, include_dashboard=False, ignore_reinit_error=True)
+    ray.init(address="local", num_cpus=2, include_dashboard=False, ignore_reinit_error=True)
     register_env("loop", lambda config: VectorHiWayEnv(config["num_envs"], ["loop"], 2))
     config = MyConfig().environment("loop").env_runners(num_env_runners=0, num_envs_per_env_runner=2)
     algo = config.training(sharing="all", epsilon=0.2, learning_starts=50).build_algo()
