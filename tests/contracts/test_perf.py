@@ -75,6 +75,7 @@ ELSEWHERE = {
     "real_maps",
     "scenario_files",
     "scenario_traffic",
+    "traffic_step_training",
     "yardsticks",
 }
 """Scripts that take minutes, or have their own tests."""
