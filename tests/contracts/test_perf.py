@@ -72,6 +72,7 @@ ELSEWHERE = {
     "algorithms_table",
     "bubble_maps",
     "endurance",
+    "learning_curves",
     "real_maps",
     "scenario_files",
     "scenario_traffic",
