@@ -50,8 +50,6 @@ class Row(NamedTuple):
     agent_episodes: int
     agent_steps: int
     """Of training."""
-    training_seconds: int
-    """Wall-clock time."""
     commit: str
 
 
@@ -96,16 +94,17 @@ def rows_of(result: RunResult, step: float) -> list[Row]:
         return []
     columns = {name: result.table[name].to_numpy() for name in ("mode", "agents", "goals", "collisions")}
     counted = (result.table["split"] == "train").to_numpy() & ~result.table["is_invalid"].to_numpy()
-    rows = []
+    rows, commit = [], str(result.facts.get("commit"))
     for mode in ("greedy", "sampled"):
         played = counted & (columns["mode"] == mode)
         agents, goals, collisions = (
             float(columns[name][played].sum()) for name in ("agents", "goals", "collisions")
         )
-        end = {name: float(result.progress[name].to_numpy()[-1]) for name in ("agent_steps", "seconds")}
         completion, collision = (round(count / agents, 4) for count in (goals, collisions))
-        facts = int(agents), int(end["agent_steps"]), round(end["seconds"]), str(result.facts.get("commit"))
-        rows.append(Row(result.task, result.seed, step, mode, completion, collision, *facts))
+        end = int(result.progress["agent_steps"].to_numpy()[-1])
+        rows.append(
+            Row(result.task, result.seed, step, mode, completion, collision, int(agents), end, commit)
+        )
     return rows
 
 
@@ -164,11 +163,6 @@ def page(rows: Sequence[Row]) -> tuple[str, bool]:
             interval = f"{found.value:+.3f} ({found.error:.3f}) [{found.low:+.3f}, {found.high:+.3f}]"
             means = f"{fmean(one):.3f}, {fmean(other):.3f}"
             lines.append("| " + " | ".join([task, mode, rate, *seeds, means, interval, found.word]) + " |")
-    seconds = {
-        step: sum(row.training_seconds for row in rows if (row.traffic_step, row.mode) == (step, "greedy"))
-        for step in (exact, longer)
-    }
-    lines += ["", f"Time of training, ratio: {seconds[longer] / seconds[exact]:.2f}"]
     return "\n".join(lines), is_worse
 
 

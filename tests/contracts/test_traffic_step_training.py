@@ -37,7 +37,7 @@ def test_words(longer, sign, word):
 
 def table(*completions):
     return [
-        comparison.Row("loop", seed, step, "greedy", rate, 1 - rate, 80, 1000, round(10 / step), "abc")
+        comparison.Row("loop", seed, step, "greedy", rate, 1 - rate, 80, 1000, "abc")
         for step, rates in zip((0.1, 0.5), completions, strict=True)
         for seed, rate in enumerate(rates)
     ]
@@ -53,7 +53,6 @@ def test_the_table_is_read_as_it_was_written(tmp_path):
 def test_worse_greedy_rates_are_refused(rates, is_worse):
     text, found = comparison.page(table((0.9, 0.91, 0.92), rates))
     assert found == is_worse
-    assert "ratio: 0.20" in text
     assert text.count("| loop | greedy |") == 2
 
 
