@@ -19,6 +19,7 @@ from tests.unit.algorithms.joint.test_rllib_contract import FAST, build, small, 
 from tests.unit.algorithms.learner_processes import (
     LR,
     Failing,
+    Holding,
     Process,
     arrays,
     learn,
@@ -195,8 +196,9 @@ def test_what_is_not_finite_in_one_learner_ends_the_training_by_name(build):
 
 
 @pytest.mark.slow
-def test_an_error_in_one_learner_ends_the_training_by_name(build):
-    config = small("ppo").training(learner_class=Failing)
+@pytest.mark.parametrize("learner", [Failing, Holding])
+def test_an_error_in_one_learner_ends_the_training_by_name(build, learner):
+    config = small("ppo").training(learner_class=learner)
     algo = build(config.learners(num_learners=2, num_cpus_per_learner=0))
     pids = processes_of(algo)
     with pytest.raises(LearnerFailure, match="learner 1: ValueError: half a loss"):
