@@ -91,7 +91,12 @@ def _run(scheduler: JobScheduler) -> list[JobState]:
     try:
         return scheduler.run()
     except KeyboardInterrupt:
-        print("stopping: saving checkpoints; press Ctrl-C again to stop at once", file=sys.stderr)
+        # Said first: who ends this command may end Ray, too, which then ends this process.
+        print(
+            "stopping: saving checkpoints, from which the same command continues; "
+            "press Ctrl-C again to stop at once",
+            file=sys.stderr,
+        )
         scheduler.stop()
         raise
 
