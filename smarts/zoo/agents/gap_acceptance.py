@@ -29,12 +29,18 @@ HORIZON = 5.0
 """Horizon of vehicles with the right of way [s]."""
 SHORT_HORIZON = 2.5
 """Horizon of vehicles that should give way [s]."""
-TIMES = np.arange(0.0, HORIZON + 0.01, 0.25)
+FOLLOWING_HORIZON = 8.0
+"""Horizon of leaders: until the vehicle has stopped [s]."""
+TIMES = np.arange(0.0, FOLLOWING_HORIZON + 0.01, 0.25)
 """[s]"""
+DECISION = 0.5
+"""Time between decisions [s]."""
 SPEEDING_UP = 2.5
 """[m/s^2]"""
 BRAKING = 2.5
 """Of slow_down [m/s^2]."""
+LEADERS_BRAKING = 4.5
+"""Assumed of leaders, SUMO's default [m/s^2]."""
 MOST_SPEED = 13.0
 """[m/s]"""
 JUNCTION_SPEED = 6.0
@@ -72,7 +78,7 @@ MAX_WAIT_DECISIONS = 10
 class GapAcceptance(BatchAgent):
     """Slows down if it would come near the predicted place of another vehicle, else keeps going.
 
-    Right of way: oncoming traffic before left turns, right before left; vehicles without it are avoided if
+    Behind a leader it keeps the distance in which it can stop if the leader brakes (Gipps, 1981). Right of way: oncoming traffic before left turns, right before left; vehicles without it are avoided if
     they come too near. It changes lanes if the goal lies beside a straight road and that lane is free.
     """
 
@@ -124,8 +130,15 @@ def choose(observation: NDArray[np.float32], mask: NDArray[np.bool_], waited: in
     if speed > _most_speed(others, wish, arrival, ahead, number):
         return LaneAction.slow_down, waited
     safe = SAFE_STANDING if claims else SAFE
-    going = _time_to_conflict(path, _driven(speed, SPEEDING_UP), ways, horizons, safe)
-    slowing = _time_to_conflict(path, _driven(speed, -BRAKING), ways, horizons, safe)
+    leads = _goes_along(others) & (others[:, 0] > 0.0)
+    stops, until = _stopping(others[leads]), np.full(leads.sum(), FOLLOWING_HORIZON)
+
+    def conflict(alone: Floats, behind: Floats) -> float:
+        crossing = _time_to_conflict(path, alone, ways[~leads], horizons[~leads], safe)
+        return min(crossing, _time_to_conflict(path, behind, stops, until, safe))
+
+    slowed = _driven(speed, -BRAKING)
+    going, slowing = conflict(_driven(speed, SPEEDING_UP), _followed(speed)), conflict(slowed, slowed)
     is_better = going == np.inf or going > slowing
     return (LaneAction.keep_lane if is_better else LaneAction.slow_down), waited
 
@@ -217,6 +230,21 @@ def _driven(speed: float, acceleration: float) -> Floats:
         return speed * moving + 0.5 * acceleration * moving**2
     faster = np.minimum(TIMES, max(0.0, MOST_SPEED - speed) / acceleration)
     return speed * TIMES + acceleration * (0.5 * faster**2 + faster * (TIMES - faster))
+
+
+def _followed(speed: float) -> Floats:
+    """Return the distance driven at each of `TIMES` when braking begins at the next decision [m]."""
+    first, most = np.minimum(TIMES, DECISION), speed + SPEEDING_UP * DECISION
+    then = np.clip(TIMES - DECISION, 0.0, most / BRAKING)
+    return speed * first + 0.5 * SPEEDING_UP * first**2 + most * then - 0.5 * BRAKING * then**2
+
+
+def _stopping(leaders: Floats) -> Floats:
+    """Return places of vehicles that brake to a standstill at each of `TIMES`, shape (K, 1, T, 2) [m]."""
+    speed = np.hypot(leaders[:, 2], leaders[:, 3])[:, None]
+    moving = np.minimum(TIMES, speed / LEADERS_BRAKING)
+    factors = moving - 0.5 * LEADERS_BRAKING * moving**2 / np.maximum(speed, 0.1)
+    return leaders[:, None, None, :2] + factors[:, None, :, None] * leaders[:, None, None, 2:]
 
 
 def _goes_along(others: Floats) -> NDArray[np.bool_]:
