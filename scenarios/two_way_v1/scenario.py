@@ -31,7 +31,7 @@ def social(density: float = 1.0, drivers: Drivers = ALL_KINDS, lanes: int = 1) -
 
 
 def missions() -> list[t.Mission]:
-    """Return two missions a direction, 45 m apart, each of 202 m: at 3.3 m/s that takes longer than a minute."""
+    """Return two missions a direction, 45 m apart, each of 202 m: below 3.4 m/s that takes a minute."""
     return [
         t.Mission(t.Route(begin=begin, end=(f"{way}_exit", 0, goal)))
         for goal, ahead in ((65, False), (110, True))

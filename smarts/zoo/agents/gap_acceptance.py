@@ -78,8 +78,9 @@ MAX_WAIT_DECISIONS = 10
 class GapAcceptance(BatchAgent):
     """Slows down if it would come near the predicted place of another vehicle, else keeps going.
 
-    Behind a leader it keeps the distance in which it can stop if the leader brakes (Gipps, 1981). Right of way: oncoming traffic before left turns, right before left; vehicles without it are avoided if
-    they come too near. It changes lanes if the goal lies beside a straight road and that lane is free.
+    Behind a leader it keeps the distance in which it can stop if the leader brakes (Gipps, 1981). Right of
+    way: oncoming traffic before left turns, right before left; vehicles without it are avoided if they come
+    too near. It changes lanes if the goal lies beside a straight road and that lane is free.
     """
 
     interface: ClassVar[AgentInterface] = benchmark_interface(

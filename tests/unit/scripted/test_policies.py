@@ -22,7 +22,11 @@ def seen(speed, arrival=-1.0, ahead=None, leaders_speed=0.0):
     found[layout["goal"]][0] = 0.9
     if ahead is not None:
         row = found[layout["neighbors"]][:NEIGHBOR_VALUES]
-        row[0], row[1], row[3] = 1.0, compressed(ahead, RADIUS), compressed(leaders_speed - speed, SPEED_SCALE)
+        row[0], row[1], row[3] = (
+            1.0,
+            compressed(ahead, RADIUS),
+            compressed(leaders_speed - speed, SPEED_SCALE),
+        )
     return found
 
 
