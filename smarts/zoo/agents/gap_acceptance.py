@@ -45,6 +45,10 @@ MOST_SPEED = 13.0
 """[m/s]"""
 JUNCTION_SPEED = 6.0
 """Near junctions, and where a lane change is due [m/s]."""
+CURVE_ACCELERATION = 2.5
+"""Lateral acceleration at which curves are driven [m/s^2]."""
+CURVE = 4
+"""Length over which a curve is measured [m]."""
 LOWEST_SPEED = 2.0
 """While waiting for a gap in the lane to the side [m/s]."""
 LENGTH = 5.0
@@ -128,7 +132,8 @@ def choose(observation: NDArray[np.float32], mask: NDArray[np.bool_], waited: in
         if _time_to_conflict(path, _driven(speed, SPEEDING_UP), ways[crosses], horizons[crosses]) == np.inf:
             return wish, waited
     number = now["agent_index"]
-    if speed > _most_speed(others, wish, arrival, ahead, number):
+    most = _most_speed(others, wish, arrival, ahead, number)
+    if speed > most:
         return LaneAction.slow_down, waited
     safe = SAFE_STANDING if claims else SAFE
     leads = _goes_along(others) & (others[:, 0] > 0.0)
@@ -138,8 +143,9 @@ def choose(observation: NDArray[np.float32], mask: NDArray[np.bool_], waited: in
         crossing = _time_to_conflict(path, alone, ways[~leads], horizons[~leads], safe)
         return min(crossing, _time_to_conflict(path, behind, stops, until, safe))
 
-    slowed = _driven(speed, -BRAKING)
-    going, slowing = conflict(_driven(speed, SPEEDING_UP), _followed(speed)), conflict(slowed, slowed)
+    slowed, fastest = _driven(speed, -BRAKING), min(most + SPEEDING_UP * DECISION, _curve_speed(errors))
+    going = conflict(_driven(speed, SPEEDING_UP, fastest), _followed(speed))
+    slowing = conflict(slowed, slowed)
     is_better = going == np.inf or going > slowing
     return (LaneAction.keep_lane if is_better else LaneAction.slow_down), waited
 
@@ -224,12 +230,19 @@ def _path(errors: Floats) -> Floats:
     return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
-def _driven(speed: float, acceleration: float) -> Floats:
-    """Return the distance driven at each of `TIMES` [m]."""
+def _curve_speed(errors: Floats) -> float:
+    """Return the speed in the sharpest curve of the path ahead [m/s]."""
+    angles = np.arcsin(errors)
+    curvature = np.abs(angles[CURVE:] - angles[:-CURVE]).max() / CURVE
+    return float(np.sqrt(CURVE_ACCELERATION / max(curvature, 1e-6)))
+
+
+def _driven(speed: float, acceleration: float, most: float = np.inf) -> Floats:
+    """Return the distance driven at each of `TIMES` [m], accelerating up to `most` [m/s]."""
     if acceleration < 0.0:
         moving = np.minimum(TIMES, speed / -acceleration)
         return speed * moving + 0.5 * acceleration * moving**2
-    faster = np.minimum(TIMES, max(0.0, MOST_SPEED - speed) / acceleration)
+    faster = np.minimum(TIMES, max(0.0, min(MOST_SPEED, most) - speed) / acceleration)
     return speed * TIMES + acceleration * (0.5 * faster**2 + faster * (TIMES - faster))
 
 
