@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 from scenarios.drivers import MIXED, Drivers, flow, traffic
 from smarts.sstudio import types as t
 
@@ -80,3 +83,13 @@ ON_THREE_LANES = [
     t.Mission(t.Route(begin=("east_in", 1, 50), end=("west_out", 2, 40))),
 ]
 """The same on three lanes a direction."""
+
+
+def farther(missions: Iterable[t.Mission], goal: float = 80.0) -> list[t.Mission]:
+    """Return the missions with goals on the road behind the one on which they were, at an offset [m]."""
+    found = []
+    for mission in missions:
+        road, lane, _ = mission.route.end
+        end = (f"{road.removesuffix('_out')}_exit", lane, goal)
+        found.append(replace(mission, route=replace(mission.route, end=end)))
+    return found

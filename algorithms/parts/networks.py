@@ -52,7 +52,10 @@ class Encoder(nn.Module):
         )
         self._sets = {name: s for name, s in observation.items() if len(s.shape) == 2 and set_width}
         self.sets = nn.ModuleDict(
-            {f"set_{k}": SetEncoder(s.shape[0], s.shape[1], set_width) for k, s in enumerate(self._sets.values())}
+            {
+                f"set_{k}": SetEncoder(s.shape[0], s.shape[1], set_width)
+                for k, s in enumerate(self._sets.values())
+            }
         )
         encoded = {*self._images, *self._sets}
         vectors = sum(int(np.prod(s.shape)) for name, s in observation.items() if name not in encoded)
