@@ -132,7 +132,7 @@ def choose(observation: NDArray[np.float32], mask: NDArray[np.bool_], waited: in
         if _time_to_conflict(path, _driven(speed, SPEEDING_UP), ways[crosses], horizons[crosses]) == np.inf:
             return wish, waited
     number = now["agent_index"]
-    most = _most_speed(others, wish, arrival, ahead, number)
+    most = _most_speed(others, speed, wish, arrival, ahead, number)
     if speed > most:
         return LaneAction.slow_down, waited
     safe = SAFE_STANDING if claims else SAFE
@@ -171,12 +171,17 @@ def _wish(now: Mapping[str, Floats], mask: NDArray[np.bool_]) -> int | None:
     return change if mask[change] else None
 
 
-def _most_speed(others: Floats, wish: int | None, arrival: float, ahead: float, number: NDArray) -> float:
+def _most_speed(
+    others: Floats, speed: float, wish: int | None, arrival: float, ahead: float, number: NDArray
+) -> float:
     """Return the highest speed before a junction, and while a lane change is due [m/s]."""
     most = JUNCTION_SPEED if arrival >= 0.0 else np.inf
     if wish is None or ahead >= OVERDUE:
         return most
-    in_time = np.sqrt(2 * BRAKING * max(0.0, ahead - LAST_PLACE))
+    # After another decision of speeding up it can still stop at the last place.
+    gain = SPEEDING_UP * DECISION
+    room = ahead - LAST_PLACE - (speed + gain) * DECISION
+    in_time = np.sqrt(2 * BRAKING * max(0.0, room)) - gain
     is_even = int(np.argmax(number)) % 2 == 0
     return min(most, _speed_to_let_by(others, wish, is_even), in_time)
 
