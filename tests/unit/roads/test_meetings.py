@@ -48,7 +48,7 @@ def wait_for_one_at_the_second(between, front, length=5.0, speed=5.0):
     first = routes.start[routes.free]
     (row,) = (r for r in range(first, len(routes.lane)) if routes.lane[r] == vehicles.lane[0, 0])
     place = float(vehicles.lane_position[0, 0])
-    return gap_to_wait(made.world.state, made.atlas.roads, routes, performance(), 0, 0, row, place)
+    return gap_to_wait(made.world.state, made.atlas.roads, routes, performance(made.atlas), 0, 0, row, place)
 
 
 @pytest.mark.parametrize(("between", "length"), [(2.0, 5.0), (9.0, 12.0)])
