@@ -177,7 +177,7 @@ def _check_spaces(experiment: Experiment) -> None:
     spaces = try_own_code(task_setting)
     for algorithm in experiment.algorithms:
         config = CONFIGS[algorithm]().training(**experiment.settings_of(algorithm))
-        config.check(JointSpec.build(spaces, config.sharing))
+        config.check(JointSpec.build(spaces, config.sharing, set_width=config.set_width))
 
 
 def check_scenarios(scheduler: JobScheduler, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:
