@@ -282,17 +282,23 @@ def _follow(
     delay, advance = (late, -late2) if into[_LEAD] > 0.0 else (late2, -late)
     into[_COURTESY] = 1.0 if delay >= advance else 0.0
     into[_BRAKING] = _braking(motion, other, opened, k, came2)
-    into[_RESULT], into[_GAP_TIME] = UNRESOLVED, np.nan
     if collided and opened <= end <= k and not (0.0 <= left < end and 0.0 <= left2 < end):
         into[_RESULT], into[_GAP_TIME] = COLLIDED, 0.0
-        return k
+    else:
+        _write_result(came, came2, left, left2, dt, into)
+    return k
+
+
+@kernel
+def _write_result(came: float, came2: float, left: float, left2: float, dt: float, into: Floats) -> None:
+    """Write who entered first, and the time between leaving and entering; instants are -1 for never."""
+    into[_RESULT], into[_GAP_TIME] = UNRESOLVED, np.nan
     if came >= 0.0 and (came2 < 0.0 or came <= came2):
         into[_RESULT] = FIRST
         into[_GAP_TIME] = max(came2 - left, 0.0) * dt if came2 >= 0.0 and left >= 0.0 else np.nan
     elif came2 >= 0.0:
         into[_RESULT] = SECOND if left >= 0.0 else WAITING
         into[_GAP_TIME] = max(came - left2, 0.0) * dt if came >= 0.0 and left2 >= 0.0 else np.nan
-    return k
 
 
 @kernel

@@ -119,7 +119,22 @@ def gap_to_wait(
         gap_to_stop(state, roads, b, slot, lanes, begins),
         _gap_to_blocked(state, roads, b, slot, places, meetings, lanes, begins),
     )
-    reach = horizon + 100.0
+    return min(gap, _gap_for_others(state, roads, routes, b, slot, horizon + 100.0, places, meetings))
+
+
+@kernel
+def _gap_for_others(
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    b: int,
+    slot: int,
+    reach: float,
+    places: Ints,
+    meetings: Floats,
+) -> float:
+    """Return the distance to where a vehicle waits for one of the others within reach [m], or infinity."""
+    vehicles, gap = state.vehicles, np.inf
     x, y = vehicles.position[b, slot]
     for other in range(vehicles.alive.shape[1]):
         if other == slot or not vehicles.alive[b, other] or vehicles.lane[b, other] < 0:
