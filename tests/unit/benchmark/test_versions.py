@@ -13,6 +13,7 @@ from benchmark.experiment.version import CODE, changed_scenarios, changed_settin
 from benchmark.report.comparing import compare_sides, read_side
 from benchmark.report.content import make_report
 from benchmark.report.leaderboard import make_leaderboard
+from benchmark.report.provenance import circumstances
 from benchmark.report.versions import version_lines
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
@@ -243,4 +244,6 @@ class TestResults:
         assert "metrics" in metrics
         write_experiment(tmp_path / "old")
         write(tmp_path / "old", "ppo", None)
-        assert "before version 1" in version_lines(read_results(tmp_path / "old").runs)[0]
+        old = read_results(tmp_path / "old")
+        assert version_lines(old.runs) == []
+        assert "before version 1" in dict(circumstances(old))["Benchmark version"][0]
