@@ -48,9 +48,14 @@ def write_episodes(results: Results, mode: str, folder: Path) -> list[EpisodeLin
     return [_of_run(run, results.root, mode, folder) for run in results.finished]
 
 
-def _of_run(run: RunResult, root: Path, mode: str, folder: Path) -> EpisodeLinks:
+def names_of(run: RunResult) -> tuple[str, str, str, str]:
+    """Return algorithm, task, traffic and seed as a report shows them."""
     seed = "scripted" if run.is_scripted else str(run.seed)
-    names = algorithm_label(run.algorithm), task_label(run.task), traffic_label(run.traffic), seed
+    return algorithm_label(run.algorithm), task_label(run.task), traffic_label(run.traffic), seed
+
+
+def _of_run(run: RunResult, root: Path, mode: str, folder: Path) -> EpisodeLinks:
+    names = names_of(run)
     episodes = RunFolder(root / run.place).episodes
     if not episodes.is_dir():
         return EpisodeLinks(*names, (), "not kept: set evaluation.keep_episodes: true, and test again")

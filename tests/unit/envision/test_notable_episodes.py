@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from benchmark.cli import app
 from benchmark.report.writing import write_report
+from benchmark.results.files import ResultsError
 from smarts.envision import notable_episodes as notable
 from smarts.envision import viewer_page
 from smarts.envision.episode_library import Entry, EpisodeLibrary
@@ -20,6 +21,7 @@ from smarts.stream.reading import CompactEpisode
 from smarts.types.events import Outcome
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
 from tests.maps import straight
+from tests.raising import raises
 from tests.recordings import Drive, at_speed, record
 
 
@@ -183,8 +185,50 @@ def test_a_report_links_the_episodes(run):
     for place, number, _ in links:
         assert f'data-id="{number}"' in (page.parent / place).read_text()
         assert f"]({place}#e={number})" in (page.parent / "report.md").read_text()
-    # Another report takes its place, pages included.
-    assert not (write_report(run.parents[3]).parent / "episodes").exists()
+
+
+def written(folder):
+    """Return the files of a folder with their contents."""
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+def test_a_later_report_keeps_the_pages_and_their_links(run, tmp_path):
+    results = shutil.copytree(run.parents[3], tmp_path / "results")
+    folder = write_report(results, episodes=True).parent
+    before = written(folder)
+    assert sum(name.endswith(".html") for name in before) == 2
+    for _ in range(2):
+        assert written(write_report(results).parent) == before
+    # Elsewhere there are none.
+    assert not (write_report(results, tmp_path / "other").parent / "episodes").exists()
+
+
+def test_pages_of_an_earlier_test_are_not_kept(run, tmp_path):
+    results = shutil.copytree(run.parents[3], tmp_path / "results")
+    folder = write_report(results, episodes=True).parent
+    shutil.rmtree(run_folder := sorted(results.rglob("run.json"))[0].parent)
+    write_run(results, "ppo", [agent_episodes([["goal"]] * 4, mode="greedy")])
+    assert (run_folder / "episodes.parquet").is_file()
+    write_report(results)
+    assert "#e=" not in (folder / "report.html").read_text()
+    assert "smarts-bench report --episodes" in (folder / "report.html").read_text()
+    assert not (folder / "episodes").exists()
+
+
+@pytest.mark.parametrize("place", ["seed42/frames.bin", "mine.html", "frames.bin"])
+@pytest.mark.parametrize("is_report", [True, False])
+def test_other_files_among_the_episodes_are_not_lost(run, tmp_path, place, is_report):
+    results = shutil.copytree(run.parents[3], tmp_path / "results")
+    out = tmp_path / "mine"
+    if is_report:
+        write_report(results, out, episodes=True)
+    file = out / "episodes" / place
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("recorded")
+    for episodes in (False, True):
+        with raises(ResultsError, str(out), values=["episodes"]):
+            write_report(results, out, episodes=episodes)
+    assert file.read_text() == "recorded"
 
 
 def test_what_is_too_much_for_a_page_goes_into_several(run, tmp_path, monkeypatch):
