@@ -80,7 +80,8 @@ def check_traffic(
     Tasks, of each cell, if the experiment names `empty_road` or `creep` among `scripted`:
 
     Gap acceptance has to complete 0.9, and to end otherwise than on empty roads; random and empty-road
-    driving have to complete less, and creeping has to have a lower return.
+    driving have to complete less, and creeping has to have a lower return and to complete less among social
+    vehicles.
 
     What was not played, or in too few episodes, is not known.
     """

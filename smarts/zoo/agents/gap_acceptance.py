@@ -73,7 +73,7 @@ OTHERS_SPEED = 7.0
 """Speed up to which they accelerate [m/s]."""
 URGENT = 30.0
 """Distance to the goal within which smaller gaps are accepted [m]."""
-LAST_PLACE = 12.0
+LAST_PLACE = 22.0
 """Distance to the goal at which it stops and waits for a gap [m]."""
 MAX_WAIT_DECISIONS = 10
 """Decisions at rest after which the first to arrive claims the right of way."""

@@ -51,7 +51,8 @@ def test_rows_have_the_numbers_of_other_features():
     assert by_soonness[0, 12] == 1.0
     sectors = look(world_of(cars, maps=maps), features=["neighbor_sectors"])[0, 0].reshape(8, 5)
     urgencies = sectors[sectors[:, 0] > 0.0][:, 2]
-    assert set(np.round(urgencies, 5)) <= set(np.round(rows[:, 9], 5))
+    assert len(urgencies)
+    assert np.abs(urgencies[:, None] - rows[:, 9]).min(axis=1).max() < 1e-5
 
 
 def test_turning_the_world_changes_nothing():
