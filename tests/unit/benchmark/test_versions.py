@@ -1,6 +1,7 @@
 """Versions of the benchmark: what they freeze, and that their results are not mixed."""
 
 import shutil
+import sys
 
 import pytest
 import yaml
@@ -20,6 +21,7 @@ from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running import experiment as running
 from benchmark.running.experiment import check_version
+from perf import benchmark_tasks
 from smarts.config import ConfigError, fitted
 from smarts.errors import SmartsError
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
@@ -105,6 +107,16 @@ class TestRefusals:
         with raises(SmartsError, "benchmark_version", values=["loop", ALONE, 1]):
             check_version(self.experiment(tmp_path))
         check_version(self.experiment(tmp_path, ""))
+
+    def test_the_check_of_tasks_plays_nothing_that_differs(self, tmp_path, frozen, monkeypatch):
+        (tmp_path / "mine.yaml").write_text(CONFIG + "benchmark_version: 1\n")
+        monkeypatch.setattr(benchmark_tasks, "play_scripted", lambda *_: pytest.fail("played"))
+        monkeypatch.setattr(
+            sys, "argv", ["benchmark_tasks", str(tmp_path / "mine.yaml"), str(tmp_path / "results")]
+        )
+        with raises(SmartsError, "benchmark_version", values=["loop", ALONE, 1]):
+            benchmark_tasks.main()
+        assert not (tmp_path / "results").exists()
 
     def test_code_that_differs_is_named(self, tmp_path, frozen, monkeypatch):
         content = yaml.safe_load(frozen.read_text())
