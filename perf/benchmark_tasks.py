@@ -3,7 +3,8 @@
     python -m perf.benchmark_tasks configs/benchmark_v1.yaml results/tasks [--set KEY=VALUE]...
 
 Writes and prints what `smarts-bench run CONFIG --set algorithms=[]` and `smarts-bench check-traffic` do, in
-this process, without Ray. Give `--set benchmark_version=null` while the version differs. Finished tests are not played again. Cells with social vehicles come first.
+this process, without Ray. What differs from the config's version is refused, but with `--set
+benchmark_version=null`. Finished tests are not played again. Cells with social vehicles come first.
 """
 
 from __future__ import annotations

@@ -89,6 +89,7 @@ class DataParallel:
         """Return the error of one of several learners as its results, and leave the others.
 
         A learner that only raised would leave them waiting for its gradients; so their next exchange fails.
+        This holds with gloo, on CPUs; with NCCL it is untested: the others may wait until torch's timeout.
         """
         if self.size == 1:
             raise error

@@ -162,7 +162,7 @@ class TestRefusals:
         content[1]["scenarios"][ALONE] |= running.scenarios_by_traffic(experiment)[ALONE]
         frozen.write_text(yaml.safe_dump(content))
         version.versions.cache_clear()
-        with raises(SmartsError, "benchmark_version", values=["environment.agents"]):
+        with raises(SmartsError, "benchmark_version", values=["agents is 1, in the version 2"]):
             check_version(experiment)
 
     def test_the_error_has_one_short_line_for_each_kind_of_difference(self, tmp_path, frozen, monkeypatch):
