@@ -57,6 +57,8 @@ class JointAlgorithm(Algorithm):
     config: JointConfig  # type: ignore[assignment]
     env_runner_group: Any
     learner_group: Any
+    _failure: LearnerFailure | None = None
+    """Why the learners were ended."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """Name the algorithm in its config."""
@@ -102,7 +104,11 @@ class JointAlgorithm(Algorithm):
         self.metrics.aggregate(self._update(JointTrainingData(data), steps), key=LEARNER_RESULTS)
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
-        """Return RLlib's state, where every sampler stands, and what the state fits (RLlib)."""
+        """Return RLlib's state, where every sampler stands, and what the state fits (RLlib).
+
+        Raises:
+            LearnerFailure: A learner's process is lost.
+        """
         with self._named_failures():
             state = super().get_state(components, not_components=not_components, **kwargs)
         state[SIGNATURE] = self._signature()
@@ -112,6 +118,15 @@ class JointAlgorithm(Algorithm):
             )
             state[SAMPLERS] = {key: value for part in states for key, value in part.items()}
         return state
+
+    def save_to_path(self, *args: Any, **kwargs: Any) -> str:
+        """Write a checkpoint and return its folder (RLlib).
+
+        Raises:
+            LearnerFailure: A learner's process is lost.
+        """
+        with self._named_failures():
+            return super().save_to_path(*args, **kwargs)
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Restore (RLlib).
@@ -250,7 +265,9 @@ class JointAlgorithm(Algorithm):
 
     @contextmanager
     def _named_failures(self) -> Iterator[None]:
-        """Raise what a learner raised, and say which are lost."""
+        """Raise what a learner raised, and say which are lost; once learners are ended, raise why again."""
+        if self._failure is not None:
+            raise self._failure
         try:
             yield
         except RayTaskError as error:
@@ -258,6 +275,8 @@ class JointAlgorithm(Algorithm):
                 raise error.cause from None
             raise
         except RayActorError:
+            if not self.config.num_learners:
+                raise
             lost = {number: "its process is lost" for number in self._silent_learners()}
             if not lost:
                 raise
@@ -284,11 +303,12 @@ class JointAlgorithm(Algorithm):
         for worker in self.learner_group._workers:
             ray.kill(worker)
         said = "; ".join(f"learner {number}: {reason}" for number, reason in reasons.items())
-        raise LearnerFailure(
+        self._failure = LearnerFailure(
             f"{said} (of {self.config.num_learners})",
             place="learners",
             remedy="see their logs; continue from the last checkpoint, with any number of learners",
         )
+        raise self._failure
 
     def _steps(self) -> int:
         return int(self.metrics.peek((ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME), default=0))

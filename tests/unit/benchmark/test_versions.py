@@ -1,6 +1,7 @@
 """Versions of the benchmark: what they freeze, and that their results are not mixed."""
 
 import shutil
+import sys
 
 import pytest
 import yaml
@@ -13,12 +14,14 @@ from benchmark.experiment.version import CODE, changed_scenarios, changed_settin
 from benchmark.report.comparing import compare_sides, read_side
 from benchmark.report.content import make_report
 from benchmark.report.leaderboard import make_leaderboard
+from benchmark.report.provenance import circumstances
 from benchmark.report.versions import version_lines
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running import experiment as running
 from benchmark.running.experiment import check_version
+from perf import benchmark_tasks
 from smarts.config import ConfigError, fitted
 from smarts.errors import SmartsError
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
@@ -105,6 +108,16 @@ class TestRefusals:
             check_version(self.experiment(tmp_path))
         check_version(self.experiment(tmp_path, ""))
 
+    def test_the_check_of_tasks_plays_nothing_that_differs(self, tmp_path, frozen, monkeypatch):
+        (tmp_path / "mine.yaml").write_text(CONFIG + "benchmark_version: 1\n")
+        monkeypatch.setattr(benchmark_tasks, "play_scripted", lambda *_: pytest.fail("played"))
+        monkeypatch.setattr(
+            sys, "argv", ["benchmark_tasks", str(tmp_path / "mine.yaml"), str(tmp_path / "results")]
+        )
+        with raises(SmartsError, "benchmark_version", values=["loop", ALONE, 1]):
+            benchmark_tasks.main()
+        assert not (tmp_path / "results").exists()
+
     def test_code_that_differs_is_named(self, tmp_path, frozen, monkeypatch):
         content = yaml.safe_load(frozen.read_text())
         content[1]["reward"] = "0000"
@@ -149,7 +162,7 @@ class TestRefusals:
         content[1]["scenarios"][ALONE] |= running.scenarios_by_traffic(experiment)[ALONE]
         frozen.write_text(yaml.safe_dump(content))
         version.versions.cache_clear()
-        with raises(SmartsError, "benchmark_version", values=["environment.agents"]):
+        with raises(SmartsError, "benchmark_version", values=["agents is 1, in the version 2"]):
             check_version(experiment)
 
     def test_the_error_has_one_short_line_for_each_kind_of_difference(self, tmp_path, frozen, monkeypatch):
@@ -243,4 +256,6 @@ class TestResults:
         assert "metrics" in metrics
         write_experiment(tmp_path / "old")
         write(tmp_path / "old", "ppo", None)
-        assert "before version 1" in version_lines(read_results(tmp_path / "old").runs)[0]
+        old = read_results(tmp_path / "old")
+        assert version_lines(old.runs) == []
+        assert "before version 1" in dict(circumstances(old))["Benchmark version"][0]
