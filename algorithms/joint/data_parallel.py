@@ -8,8 +8,6 @@ learner computes of all rows. A minibatch that all of them process whole fulfils
 from __future__ import annotations
 
 import logging
-import os
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TypeVar
@@ -25,8 +23,6 @@ logger = logging.getLogger(__name__)
 B = TypeVar("B", bound=JointBatch)
 FAILURE = "failure"
 """Key of what one of several learners returns in place of results: its error."""
-EXIT_AFTER = 10.0
-"""Time from a learner's failure to the end of its process, in which the algorithm gets the error [s]."""
 
 
 class DataParallel:
@@ -90,17 +86,11 @@ class DataParallel:
             distributed.broadcast(tensor.detach(), 0)
 
     def failure(self, error: Exception) -> dict[str, str]:
-        """Return the error of one of several learners as its results, and leave the others.
+        """Return the error of one of several learners as its results, upon which the driver ends the others.
 
-        A learner that only raised would leave them waiting for its gradients; so their next exchange fails.
-        Connections stay open while anything refers to the group, so the process ends soon after: else the
-        others might wait for the half hour of torch's time limit.
+        If it only raised, its number would be lost.
         """
         if self.size == 1:
             raise error
         logger.error("learner %d has failed", self.rank, exc_info=error)
-        distributed.destroy_process_group()
-        timer = threading.Timer(EXIT_AFTER, os._exit, (1,))
-        timer.daemon = True
-        timer.start()
         return {FAILURE: f"{type(error).__name__}: {error}"}

@@ -116,11 +116,3 @@ class Failing(PPOLearner):
         if self.parallel.rank == 1:
             raise ValueError("half a loss")
         super().update_minibatch(batch)
-
-
-class Holding(Failing):
-    """Fails while it holds the group of processes, whose connections then stay open."""
-
-    def build(self):
-        super().build()
-        self.held = torch.distributed.group.WORLD
