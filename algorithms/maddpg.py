@@ -107,15 +107,19 @@ class JointQ(nn.Module):
             self.rest = nn.Sequential(nn.ReLU(), *perceptron([first, *others], nn.ReLU))
 
     def forward(
-        self, view: JointView, actions: dict[str, Tensor], chosen: Tensor, replaced: Tensor | None = None
+        self,
+        view: JointView,
+        actions: dict[str, Tensor],
+        replaced: Tensor | None = None,
+        chosen: Tensor | None = None,
     ) -> Tensor:
         """Return Q values (M, n) of chosen agents, and zeros for others, uncomputed.
 
         Args:
             view: What all agents see.
             actions: All agents' actions by group id, each (M, n, A).
-            chosen: Own agents whose values count, (M, n).
             replaced: Own actions (M, n, A): row i takes these for agent i, and `actions` for all others.
+            chosen: Own agents (M, n) whose values count; None: all.
         """
         flat = torch.cat([actions[g.id].flatten(1) for g in view.spec.groups], -1)
         first = (self.see(view.everything) + self.act(flat)).unsqueeze(1) + self.place
@@ -124,9 +128,9 @@ class JointQ(nn.Module):
             weight = self.act.weight[:, self._own].T.reshape(agents, width, -1)
             change = replaced - flat[:, self._own].reshape(-1, agents, width)
             first = first + torch.einsum("mna,nah->mnh", change, weight)
-        rows = chosen.flatten().nonzero().squeeze(-1)
-        if len(rows) == chosen.numel():
+        if chosen is None or chosen.all():
             return self.rest(first).squeeze(-1)
+        rows = chosen.flatten().nonzero().squeeze(-1)
         values = self.rest(first.flatten(0, 1).index_select(0, rows)).squeeze(-1)
         return values.new_zeros(chosen.numel()).index_copy(0, rows, values).unflatten(0, chosen.shape)
 
@@ -158,18 +162,18 @@ class MADDPGLearner(OffPolicyLearner):
         """Regress Q_i(x, a) on r_i + gamma Q'_i(x', a'), a' from the target policies (eq. 6)."""
         following = batch.next
         with torch.no_grad():
-            chosen = {}
+            acts = {}
             for group in self.groups:
                 net, view = self.net(group.id), following.view(group)
-                chosen[group.id] = net.relax(net.target_actor.of_active(view), view, self.generator)
+                acts[group.id] = net.relax(net.target_actor.of_active(view), view, self.generator)
         losses = {}
         for group, own in batch.present():
             critic = self.net(critic_of(group))
             with torch.no_grad():
-                value = critic.target_q(following, chosen, own.bootstrap)
+                value = critic.target_q(following, acts, chosen=own.bootstrap)
                 target = self.config.reward_scale * own.rewards + self.gamma * value
             losses[critic_of(group)] = self.mean(
-                (critic.q(batch, taken, own.alive) - target).square(), own.alive
+                (critic.q(batch, taken, chosen=own.alive) - target).square(), own.alive
             )
             self.log(group.id, "critic_loss", losses[critic_of(group)])
         self.step_each(losses)
@@ -181,7 +185,7 @@ class MADDPGLearner(OffPolicyLearner):
             net = self.net(group.id)
             outputs = net.actor.of_active(own)
             actions = net.relax(outputs, own, self.generator)
-            values = self.net(critic_of(group)).q(batch, taken, own.alive, actions)
+            values = self.net(critic_of(group)).q(batch, taken, actions, own.alive)
             size = outputs.square() if own.action_mask is None else outputs.square() * own.action_mask
             penalty = self.config.logit_penalty * self.mean(size.mean(-1), own.alive)
             q = self.mean(values, own.alive)
