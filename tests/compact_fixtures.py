@@ -4,8 +4,8 @@
 with `END POLICY` behind, the episode up to that time [s] as NAME.smarts alone, for pictures.
 
 `keep_lane` and `gap_acceptance` are test episode 1 among social vehicles of `smarts-bench scripted keep_lane
-gap_acceptance --scenario intersection --episodes 4 --record FOLDER`; `observed` is four agents that keep their
-lanes there, with `record_observations`.
+gap_acceptance --scenario intersection --episodes 4 --record FOLDER`; `observed` is four agents that keep
+their lanes there, with `record_observations`.
 """
 
 import json
