@@ -3,7 +3,8 @@
     python -m perf.benchmark_tasks configs/benchmark_v1.yaml results/tasks [--set KEY=VALUE]...
 
 Writes and prints what `smarts-bench run CONFIG --set algorithms=[]` and `smarts-bench check-traffic` do, in
-this process, without Ray. Finished tests are not played again. Cells with social vehicles come first.
+this process, without Ray. What differs from the config's version is refused, but with `--set
+benchmark_version=null`. Finished tests are not played again. Cells with social vehicles come first.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from benchmark.report.traffic_check import traffic_checks
 from benchmark.results.commands import keep_command
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
+from benchmark.running.experiment import check_version
 from benchmark.running.testing import play_scripted
 from benchmark.running.writing import RunWriter
 
@@ -32,6 +34,7 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     given = parser.parse_args()
     experiment = read_experiment(given.config, given.set)
+    check_version(experiment)
     keep_command(given.results, experiment, f"python -m perf.benchmark_tasks {given.config}")
     for run in sorted(scripted_runs_of(experiment), key=lambda run: run.task_setting.traffic == EMPTY_ROADS):
         folder = RunFolder(given.results / run.folder)

@@ -38,7 +38,7 @@ KILLED = "num_hung_env_runners_killed"
 RESTART_POLL = 0.2
 """Time between two looks whether a lost runner is back [s]."""
 LEARNER_ANSWERS = 10.0
-"""Time for learners to show that they are there, after one of them was lost [s]."""
+"""Time for the other learners to show that they are there, after one of them failed [s]."""
 
 
 class JointAlgorithm(Algorithm):
@@ -57,6 +57,8 @@ class JointAlgorithm(Algorithm):
     config: JointConfig  # type: ignore[assignment]
     env_runner_group: Any
     learner_group: Any
+    _failure: LearnerFailure | None = None
+    """Why the learners were ended."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """Name the algorithm in its config."""
@@ -99,16 +101,16 @@ class JointAlgorithm(Algorithm):
         data: Any = JointRollout.concat(rollouts)
         if self.config.num_learners:
             data = ray.put(data)
-        with self._named_failures():
-            results = self.learner_group.update(training_data=JointTrainingData(data), timesteps=steps)
-        failures = {number: result[FAILURE] for number, result in enumerate(results) if FAILURE in result}
-        if failures:
-            self._fail(failures)
-        self.metrics.aggregate(results, key=LEARNER_RESULTS)
+        self.metrics.aggregate(self._update(JointTrainingData(data), steps), key=LEARNER_RESULTS)
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
-        """Return RLlib's state, where every sampler stands, and what the state fits (RLlib)."""
-        state = super().get_state(components, not_components=not_components, **kwargs)
+        """Return RLlib's state, where every sampler stands, and what the state fits (RLlib).
+
+        Raises:
+            LearnerFailure: A learner's process is lost.
+        """
+        with self._named_failures():
+            state = super().get_state(components, not_components=not_components, **kwargs)
         state[SIGNATURE] = self._signature()
         if self._check_component(SAMPLERS, components, not_components):
             states = self.env_runner_group.foreach_env_runner(
@@ -116,6 +118,15 @@ class JointAlgorithm(Algorithm):
             )
             state[SAMPLERS] = {key: value for part in states for key, value in part.items()}
         return state
+
+    def save_to_path(self, *args: Any, **kwargs: Any) -> str:
+        """Write a checkpoint and return its folder (RLlib).
+
+        Raises:
+            LearnerFailure: A learner's process is lost.
+        """
+        with self._named_failures():
+            return super().save_to_path(*args, **kwargs)
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Restore (RLlib).
@@ -218,18 +229,58 @@ class JointAlgorithm(Algorithm):
             NUM_ENV_STEPS_SAMPLED_LIFETIME: self._steps(),
         }
 
+    def _update(self, data: JointTrainingData, timesteps: dict[str, int]) -> list[Any]:
+        """Return the metrics of all learners, after each has learned.
+
+        Raises:
+            LearnerFailure: One has failed; the others, which wait for its gradients, are ended.
+        """
+        if not self.config.num_learners:
+            return self.learner_group.update(training_data=data, timesteps=timesteps)
+        workers = self.learner_group._workers
+        numbers = {
+            worker.update.remote(training_data=shard, timesteps=timesteps): number
+            for number, (worker, (shard, _)) in enumerate(
+                zip(workers, data.shard(num_shards=len(workers)), strict=True)
+            )
+        }
+        results: dict[int, Any] = {}
+        failures: dict[int, str] = {}
+        waiting = list(numbers)
+        while waiting:
+            done, waiting = ray.wait(waiting, timeout=LEARNER_ANSWERS if failures else None)
+            if not done:
+                break
+            (number,) = (numbers[ref] for ref in done)
+            try:
+                results[number] = ray.get(done[0])
+            except RayActorError:
+                failures[number] = "its process is lost"
+            else:
+                if FAILURE in results[number]:
+                    failures[number] = results[number][FAILURE]
+        if failures:
+            self._fail(dict(sorted(failures.items())))
+        return [results[number] for number in sorted(results)]
+
     @contextmanager
     def _named_failures(self) -> Iterator[None]:
-        """Raise what a learner raised, and say which are lost."""
+        """Raise what a learner raised, and say which are lost; once learners are ended, raise why again."""
+        if self._failure is not None:
+            raise self._failure
         try:
             yield
         except RayTaskError as error:
             if isinstance(error.cause, AlgorithmError):
                 raise error.cause from None
             raise
-        except RayActorError as error:
+        except RayActorError:
+            if not self.config.num_learners:
+                raise
             lost = {number: "its process is lost" for number in self._silent_learners()}
-            self._fail(lost or {0: f"{type(error).__name__}: {error}"})
+            if not lost:
+                raise
+            self._fail(lost)
 
     def _silent_learners(self) -> list[int]:
         """Return the numbers of learners that do not answer any more."""
@@ -252,11 +303,12 @@ class JointAlgorithm(Algorithm):
         for worker in self.learner_group._workers:
             ray.kill(worker)
         said = "; ".join(f"learner {number}: {reason}" for number, reason in reasons.items())
-        raise LearnerFailure(
+        self._failure = LearnerFailure(
             f"{said} (of {self.config.num_learners})",
             place="learners",
             remedy="see their logs; continue from the last checkpoint, with any number of learners",
         )
+        raise self._failure
 
     def _steps(self) -> int:
         return int(self.metrics.peek((ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME), default=0))

@@ -26,7 +26,9 @@ def render(
     ],
     out: Annotated[
         Path,
-        typer.Option(help="File to write; the suffix selects the format (.mp4, .gif, .png)."),
+        typer.Option(
+            help="File to write; the suffix selects the format (.mp4, .gif, .png). Missing folders are made."
+        ),
     ] = Path("episode.gif"),
     at: Annotated[
         float | None, typer.Option(help="Time of a .png (s).", show_default="the last step")
@@ -81,8 +83,8 @@ def render(
     seconds = every * picture.dt / speed
     # The last frame stays, since it shows the outcomes.
     held = [last] * round(END_SHOWN / seconds)
-    write_moving(picture.images([*steps, *held]), out, seconds)
-    typer.echo(f"{out}: {len(steps)} frames, {first * picture.dt:.1f} to {last * picture.dt:.1f} s")
+    frames = write_moving(picture.images([*steps, *held]), out, seconds)
+    typer.echo(f"{out}: {frames} frames, {first * picture.dt:.1f} to {last * picture.dt:.1f} s")
 
 
 def _open(folder: Path) -> RecordedEpisode:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import webbrowser
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from smarts.errors import SmartsError
+from smarts.errors import RecordError, SmartsError
 
 if TYPE_CHECKING:
     from smarts.envision.episode_library import EpisodeLibrary
@@ -67,7 +68,8 @@ def view(
 
     library = EpisodeLibrary(paths) if paths else None
     server = ViewServer(library, live=live, host=host, port=port)
-    episodes = f"{len(library.entries())} episodes" if library else ""
+    count = len(library.entries()) if library else 0
+    episodes = f"{count} {'episode' if count == 1 else 'episodes'}" if library else ""
     shown = " and ".join(part for part in (episodes, "running simulations" if live else "") if part)
     typer.echo(f"{shown} at {server.url} (Ctrl-C ends)")
     if browser:
@@ -88,15 +90,13 @@ def _write(
         if len(library.entries()) > len(paths):
             _write_notable(library, html)
             return
-    episodes = [_embedded(path, begin, end) for path in paths]
+    if out is not None and len(paths) > 1:
+        raise SmartsError(
+            f"{len(paths)} episodes for one file", place=str(out), remedy="name one episode, or use --html"
+        )
+    episodes = [*_undamaged(paths, begin, end)]
     files: dict[Path, bytes] = {}
     if out is not None:
-        if len(episodes) > 1:
-            raise SmartsError(
-                f"{len(episodes)} episodes for one file",
-                place=str(out),
-                remedy="name one episode, or use --html",
-            )
         files[out] = episodes[0].data
     if html is not None:
         files[html] = page_with(episodes).encode()
@@ -108,42 +108,61 @@ def _write(
 
 def _write_notable(library: EpisodeLibrary, html: Path) -> None:
     """Write the best, the worst, and one of each further kind of failure of many episodes."""
-    from smarts.envision.notable_episodes import notable_episodes, write_pages
+    from smarts.envision.notable_episodes import write_notable
 
-    chosen = notable_episodes(library.entries())
-    if not chosen:
-        raise SmartsError(
-            f"none of {len(library.entries())} episodes is whole and valid",
-            place=str(html),
-            remedy="name one episode",
-        )
-    for notable, page in write_pages(library, chosen, html):
+    written = write_notable(library, html)
+    for notable, page in written.pages:
         typer.echo(f"{page}: {notable.label}")
+    for entry, why in written.left_out:
+        _say_left_out(f"{entry.run}/{entry.label}", why)
+
+
+def _undamaged(paths: list[Path], begin: float | None, end: float | None) -> Iterator[Embedded]:
+    """Yield the episodes that can be read; name the others.
+
+    Raises:
+        SmartsError: No episode can be read, or a path is not one episode.
+    """
+    problems: list[RecordError] = []
+    for path in paths:
+        try:
+            yield _embedded(path, begin, end)
+        except RecordError as error:
+            problems.append(error)
+    if len(problems) == len(paths):
+        raise problems[0]
+    for error in problems:
+        _say_left_out(error.place, error.problem)
+
+
+def _say_left_out(episode: str, why: str) -> None:
+    typer.echo(f"{episode} is left out: {why}", err=True)
 
 
 def _embedded(path: Path, begin: float | None, end: float | None) -> Embedded:
-    """Return one episode, or a part of it."""
+    """Return one episode, or a part of it; a folder may hold it."""
     from smarts.envision.compact_episode import compact_episode
     from smarts.envision.episode_library import EpisodeLibrary, read_compact
     from smarts.envision.viewer_page import Embedded
     from smarts.sim.episode_files import RecordedEpisode
 
-    entries = EpisodeLibrary([path]).entries()
-    if len(entries) > 1:
-        names = ", ".join(f"{entry.run}/{entry.label}" for entry in entries[:5])
+    library = EpisodeLibrary([path])
+    entry, *others = library.entries()
+    if others:
+        names = ", ".join(f"{each.run}/{each.label}" for each in [entry, *others][:5])
         raise SmartsError(
-            f"this folder has {len(entries)} episodes",
+            f"this folder has {1 + len(others)} episodes",
             place=str(path),
-            remedy=f"name one of them: {names}{', ...' if len(entries) > 5 else ''}",
+            remedy=f"name one of them: {names}{', ...' if len(others) > 4 else ''}",
         )
-    entry = entries[0]
+    place = library.path(entry.id) or path
     if begin is None and end is None:
-        return Embedded(entry.id, entry.label, read_compact(path))
-    if path.is_file():
+        return Embedded(entry.id, entry.label, read_compact(place))
+    if place.is_file():
         raise SmartsError(
             "--begin and --end cut recorded episodes, not compact files",
-            place=str(path),
+            place=str(place),
             remedy="name the folder of the recorded episode, or leave them out",
         )
-    part = compact_episode(RecordedEpisode(path), begin, end, policy=entry.policy)
+    part = compact_episode(RecordedEpisode(place), begin, end, policy=entry.policy)
     return Embedded(entry.id, entry.label, part)

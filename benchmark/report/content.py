@@ -135,6 +135,11 @@ class Report:
         return sorted({run.algorithm for run in self.results.runs if run.is_scripted})
 
     @cached_property
+    def has_paper(self) -> bool:
+        """Whether the paper prints figures of any of its cells."""
+        return any(printed(name, *column) for name in self.algorithms for column in self.columns)
+
+    @cached_property
     def metrics(self) -> list[str]:
         """Metrics of which there is a row, in the order of `METRICS`."""
         there = set(self.values["metric"])

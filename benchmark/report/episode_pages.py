@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.run_folder import RunFolder
 from smarts.envision.episode_library import EpisodeLibrary
-from smarts.envision.notable_episodes import notable_episodes, write_pages
+from smarts.envision.notable_episodes import write_notable
 from smarts.errors import SmartsError
 
 EPISODES = "episodes"
@@ -30,7 +29,7 @@ class EpisodeLinks:
     links: tuple[tuple[str, str], ...]
     """Text and address, relative to the report's folder."""
     problem: str = ""
-    """Why there are none."""
+    """Why there are none, or which are left out."""
 
     @property
     def names(self) -> tuple[str, str, str, str]:
@@ -49,26 +48,34 @@ def write_episodes(results: Results, mode: str, folder: Path) -> list[EpisodeLin
     return [_of_run(run, results.root, mode, folder) for run in results.finished]
 
 
-def _of_run(run: RunResult, root: Path, mode: str, folder: Path) -> EpisodeLinks:
+def names_of(run: RunResult) -> tuple[str, str, str, str]:
+    """Return algorithm, task, traffic and seed as a report shows them."""
     seed = "scripted" if run.is_scripted else str(run.seed)
-    names = algorithm_label(run.algorithm), task_label(run.task), traffic_label(run.traffic), seed
+    return algorithm_label(run.algorithm), task_label(run.task), traffic_label(run.traffic), seed
+
+
+def _of_run(run: RunResult, root: Path, mode: str, folder: Path) -> EpisodeLinks:
+    names = names_of(run)
     episodes = RunFolder(root / run.place).episodes
     if not episodes.is_dir():
         return EpisodeLinks(*names, (), "not kept: set evaluation.keep_episodes: true, and test again")
     try:
-        return EpisodeLinks(
-            *names, tuple(_links(episodes, SCRIPTED if run.is_scripted else mode, folder, run))
-        )
+        return EpisodeLinks(*names, *_links(episodes, SCRIPTED if run.is_scripted else mode, folder, run))
     except SmartsError as error:
         return EpisodeLinks(*names, (), error.problem)
 
 
-def _links(episodes: Path, mode: str, folder: Path, run: RunResult) -> Iterator[tuple[str, str]]:
+def _links(
+    episodes: Path, mode: str, folder: Path, run: RunResult
+) -> tuple[tuple[tuple[str, str], ...], str]:
+    """Return the links, and which episodes are left out."""
     parts = [part for part in sorted(episodes.glob(f"{mode}-*")) if part.is_dir()]
     if not parts:
         raise ResultsError("no episodes of these tests were kept", place=str(episodes))
-    library = EpisodeLibrary(parts)
     name = f"{run.place.replace('/', '-')}.html"
-    chosen = notable_episodes(library.entries())
-    for notable, page in write_pages(library, chosen, folder / EPISODES / name):
-        yield notable.label, f"{page.relative_to(folder).as_posix()}#e={notable.entry.id}"
+    written = write_notable(EpisodeLibrary(parts), folder / EPISODES / name)
+    links = tuple(
+        (notable.label, f"{page.relative_to(folder).as_posix()}#e={notable.entry.id}")
+        for notable, page in written.pages
+    )
+    return links, "; ".join(f"{entry.label} is left out: {why}" for entry, why in written.left_out)

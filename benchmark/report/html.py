@@ -90,7 +90,7 @@ def report_page(
         difference_notes=tables.difference_notes(report),
         intervals=wording.INTERVALS,
         compared=wording.COMPARED,
-        against_paper=wording.AGAINST_PAPER,
+        against_paper=wording.AGAINST_PAPER if report.has_paper else "",
         difference_columns=tables.DIFFERENCE_COLUMNS.items(),
         commands=provenance.commands(results),
         circumstances=provenance.circumstances(results),
@@ -122,11 +122,11 @@ def _column(name: str) -> dict[str, Any]:
 
 def _main_table(report: Report, mode: str) -> dict[str, Any]:
     columns = report.columns
+    below = wording.BELOW_CELLS_WITH_PAPER if report.has_paper else wording.BELOW_CELLS
     return {
         "mode": mode,
         "title": f"{wording.MODE_TITLES[mode]} episodes",
-        "note": f"{wording.MODE_NOTES[mode]} {wording.BOLD} Below each cell: 95% intervals, the paper's"
-        " figures, training seeds and test episodes.",
+        "note": f"{wording.MODE_NOTES[mode]} {wording.BOLD} {below}",
         "groups": [
             (traffic_label(traffic), len([*group]))
             for traffic, group in groupby(columns, key=lambda it: it[1])

@@ -34,7 +34,7 @@ def report_text(
         parts += [f"## {wording.MODE_TITLES[mode]} episodes: collision rate / completion rate"]
         parts += [f"{wording.MODE_NOTES[mode]} {wording.BOLD}", _main_table(report, mode)]
     parts += [
-        wording.AGAINST_PAPER,
+        wording.AGAINST_PAPER if report.has_paper else "",
         wording.INTERVALS,
         wording.COMPARED,
         " ".join(tables.difference_notes(report)),
@@ -131,7 +131,8 @@ def _generalization(report: Report) -> str:
 
 def _episodes(links: Sequence[EpisodeLinks]) -> Iterator[list[str]]:
     for each in links:
-        yield [*each.names, "<br>".join(f"[{text}]({place})" for text, place in each.links) or each.problem]
+        links = [f"[{text}]({place})" for text, place in each.links]
+        yield [*each.names, "<br>".join(filter(None, (*links, each.problem)))]
 
 
 def _definitions(report: Report) -> str:

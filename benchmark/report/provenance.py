@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from benchmark.metrics.table import COUNTS
 from benchmark.report.paper import algorithm_label
 from benchmark.results.reading import NOT_BEGUN, Results, RunResult
 from benchmark.results.run_folder import CONTINUED
@@ -91,6 +92,7 @@ def circumstances(results: Results) -> list[tuple[str, list[str]]]:
     learnt = (run for run in results.runs if run.config and not run.is_scripted)
     commits = _values("commit", facts)
     found = {
+        "Benchmark version": _distinct(map(_version, results.finished)),
         "Commit" + CHANGED * any(each.endswith("+") for each in commits): commits,
         "Python": _values("python", facts),
         "Versions": _values("versions", facts),
@@ -106,30 +108,43 @@ def _machine(facts: Mapping[str, Any]) -> str:
     return ", ".join(filter(None, (_text(facts.get(name)) for name in ("processor", "cores", "system"))))
 
 
+def _version(run: RunResult) -> str:
+    return str(run.benchmark_version or "none: an experiment of its own, or made before version 1")
+
+
 def commands(results: Results) -> list[str]:
     """Return the commands that made the results, and the one that makes the report again."""
     return [*results.commands, f"smarts-bench report {results.root}"]
 
 
 def totals(results: Results) -> list[str]:
-    """Return sentences on finished runs and measured episodes."""
+    """Return sentences on finished runs and measured episodes, scripted policies apart from algorithms."""
     counts = results.counts
-    names = dict.fromkeys(algorithm_label(run.algorithm) for run in results.runs if not run.is_scripted)
-    lines = [
-        f"Of {', '.join(names)}:" if names else "",
-        f"{len(results.finished)} of {len(results.runs)} runs are finished.",
-        f"{counts['measured']} test episodes were measured.",
-    ]
-    lines = [line for line in lines if line]
+    runs = results.runs
+    algorithms, scripted = ([run for run in runs if run.is_scripted == which] for which in (False, True))
+    names = ", ".join(dict.fromkeys(algorithm_label(run.algorithm) for run in algorithms))
+    groups = [(names, algorithms), ("Scripted policies", scripted)]
+    lines = [_finished(name, of_group) for name, of_group in groups if of_group] or ["There are no runs."]
     if counts["invalid"]:
         lines.append(
-            f"{counts['invalid']} were invalid (vehicles overlapped at the start) and are discarded."
+            f"{_counted(counts['invalid'], 'episode')} in which vehicles overlapped at the start: discarded."
         )
     if counts["incomplete"]:
-        lines.append(f"{counts['incomplete']} were cut short and are discarded.")
+        lines.append(f"{_counted(counts['incomplete'], 'episode')} cut short: discarded.")
     if counts["corrupted"]:
-        lines.append(f"{len(counts['corrupted'])} could not be read and are discarded.")
+        lines.append(f"{_counted(len(counts['corrupted']), 'episode')} that cannot be read: discarded.")
     return lines
+
+
+def _finished(name: str, runs: Sequence[RunResult]) -> str:
+    tables = [run.table for run in runs if run.table is not None]
+    episodes = sum(table.attrs[COUNTS]["measured"] for table in tables)
+    finished = f"{len(tables)} of {_counted(len(runs), 'run')} finished"
+    return f"{name}: {finished}, {_counted(episodes, 'test episode')} measured."
+
+
+def _counted(count: int, name: str) -> str:
+    return f"{count} {name}{'' if count == 1 else 's'}"
 
 
 def gaps(results: Results) -> list[tuple[str, str]]:

@@ -7,11 +7,14 @@ completes less.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from benchmark.experiment.config import EMPTY_ROADS
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import EPISODE_KEYS
+from benchmark.report.verdicts import VERDICTS, all_hold, is_at_least, is_positive, shown_p
 from benchmark.results.reading import Results, RunResult
 from benchmark.statistics import Difference, paired_difference
 
@@ -20,22 +23,28 @@ BLIND = ("random", "empty_road")
 """Policies that have to do worse than the rule-based one among social vehicles."""
 LEAST_COMPLETION = 0.9
 """Of the rule-based policy."""
-LEAST_DIFFERENCE, MOST_P = 0.10, 0.01
+LEAST_DIFFERENCE = 0.10
 MOST_EQUAL = 0.5
 """Largest share of the rule-based policy's agent-episodes that end as on empty roads, at the same time."""
 SAME_TIME = 0.05
 """[s]"""
-RETURN = "return"
+RETURN, COMPLETION = "return", "completion"
+ASKING = ("empty_road", CREEPING)
+"""Policies that are played for this check alone: an experiment that names one of them asks for it."""
 ENDS = ("off_road", "off_route", "missed_goal", "not_moving", "time_out")
+
+
+Runs = Mapping[tuple[str, str, str], RunResult]
+"""(Scripted policy, task, traffic) -> its test."""
 
 
 @dataclass(frozen=True)
 class TaskCheck:
-    """Of one cell; what was not played is None."""
+    """Of one cell; what was not played is NaN or missing."""
 
     task: str
     traffic: str
-    completion: float | None
+    completion: float
     """Of the rule-based policy."""
     behind: dict[str, Difference]
     """Blind policy -> the rule-based policy's completion minus its, paired by episode."""
@@ -45,67 +54,85 @@ class TaskCheck:
     """Policy -> share of its agent-episodes that end as on empty roads, at the same time."""
 
     @property
-    def failures(self) -> list[str]:
-        """What the cell lacks."""
-        found = []
-        if self.completion is not None and self.completion < LEAST_COMPLETION:
-            found.append(f"{RULE_BASED} completes {self.completion:.3f}, less than {LEAST_COMPLETION}")
-        if self.traffic != EMPTY_ROADS:
-            found += [
-                f"{name} completes only {each.value:.2f} less than {RULE_BASED}"
-                for name, each in self.behind.items()
-                if not (each.value >= LEAST_DIFFERENCE and each.p_value < MOST_P)
-            ]
-        found += [
-            f"{CREEPING} has a {name} only {each.value:.2f} below {RULE_BASED}'s"
-            for name, each in self.creeping.items()
-            if (name == RETURN or self.traffic != EMPTY_ROADS)
-            and not (each.value > 0 and each.p_value < MOST_P)
-        ]
-        if self.equal.get(RULE_BASED, 0.0) > MOST_EQUAL:
-            found.append(
-                f"{RULE_BASED} ends as on empty roads in {self.equal[RULE_BASED]:.2f} of agent-episodes"
-            )
+    def conditions(self) -> dict[str, bool | None]:
+        """What was found -> whether it is as a cell needs it; None if that is not known."""
+        is_social = self.traffic != EMPTY_ROADS
+        found: dict[str, bool | None] = {f"{RULE_BASED} was not played": None}
+        if math.isfinite(self.completion):
+            completed = f"{RULE_BASED} completes {self.completion:.3f}, of at least {LEAST_COMPLETION}"
+            found = {completed: self.completion >= LEAST_COMPLETION}
+        for name in BLIND if is_social else ():
+            each = self.behind.get(name)
+            found[_less(name, each, COMPLETION)] = each and is_at_least(each, LEAST_DIFFERENCE)
+        for name in (RETURN, COMPLETION) if is_social else (RETURN,):
+            each = self.creeping.get(name)
+            found[_less(CREEPING, each, name)] = each and is_positive(each)
+        if is_social:
+            share = self.equal.get(RULE_BASED, math.nan)
+            ends = f"{RULE_BASED} ends as on empty roads in {share:.2f} of agent-episodes"
+            is_known = math.isfinite(share)
+            if not is_known:
+                ends = f"{RULE_BASED} was not played both here and on empty roads"
+            found[ends] = share <= MOST_EQUAL if is_known else None
         return found
 
+    @property
+    def passes(self) -> bool | None:
+        """Whether all conditions hold; None if none is known to fail and some are not known."""
+        return all_hold(self.conditions.values())
+
+    @property
+    def failures(self) -> list[str]:
+        """What the cell lacks."""
+        return [text for text, holds in self.conditions.items() if holds is False]
+
+    @property
+    def unknown(self) -> list[str]:
+        """Conditions that are not known to hold or to fail."""
+        return [text for text, holds in self.conditions.items() if holds is None]
+
     def __str__(self) -> str:
-        verdict = f"FAILS: {'; '.join(self.failures)}" if self.failures else "passes"
-        behind = [f"{name} completes {each.value:.2f} less" for name, each in self.behind.items()]
-        behind += [f"{CREEPING} has {each.value:.2f} less {name}" for name, each in self.creeping.items()]
-        behind += [f"{name} ends as on empty roads in {share:.2f}" for name, share in self.equal.items()]
-        return f"{self.task}, {self.traffic}: {verdict} ({'; '.join(behind)})"
+        groups = {False: self.failures, None: self.unknown}
+        said = [f"{VERDICTS[holds]}: {'; '.join(texts)}" for holds, texts in groups.items() if texts]
+        known = [text for text, holds in self.conditions.items() if holds]
+        if "random" in self.equal:
+            known.append(f"random ends as on empty roads in {self.equal['random']:.2f}")
+        return f"{self.task}, {self.traffic}: {'; '.join(said) or VERDICTS[True]} ({'; '.join(known)})"
 
 
 def task_checks(results: Results) -> list[TaskCheck]:
-    """Return the check of each cell in which the rule-based policy was played."""
+    """Return the check of each cell with a scripted policy, played yet or not.
+
+    There is none without `empty_road` or `creep` among the experiment's scripted policies, which are played
+    for this check alone.
+    """
+    scripted = [run for run in results.runs if run.is_scripted]
+    if not any(run.algorithm in ASKING for run in scripted):
+        return []
     runs = _runs(results)
-    found = []
-    for (policy, task, traffic), run in runs.items():
-        if policy != RULE_BASED:
-            continue
-        blind = {name: runs[key] for name in BLIND if (key := (name, task, traffic)) in runs}
-        creeping = runs.get((CREEPING, task, traffic))
-        found.append(
-            TaskCheck(
-                task,
-                traffic,
-                float(_rows(run)["goals"].mean()),
-                {name: _difference(run, other, "goals") for name, other in blind.items()},
-                {
-                    name: _difference(run, creeping, column)
-                    for name, column in ((RETURN, RETURN), ("completion", "goals"))
-                    if creeping is not None
-                },
-                {
-                    name: _equal(social, empty)
-                    for name in (RULE_BASED, "random")
-                    if traffic != EMPTY_ROADS
-                    and (social := runs.get((name, task, traffic)))
-                    and (empty := runs.get((name, task, EMPTY_ROADS)))
-                },
-            )
-        )
-    return found
+    return [_check(runs, *cell) for cell in dict.fromkeys((run.task, run.traffic) for run in scripted)]
+
+
+def _check(runs: Runs, task: str, traffic: str) -> TaskCheck:
+    def played(name: str, traffic: str = traffic) -> RunResult | None:
+        return runs.get((name, task, traffic))
+
+    rule_based, creeping = played(RULE_BASED), played(CREEPING)
+    behind, worse, equal = {}, {}, {}
+    for name in BLIND:
+        if rule_based and (blind := played(name)):
+            behind[name] = _difference(rule_based, blind, "goals")
+    if rule_based and creeping:
+        worse = {
+            RETURN: _difference(rule_based, creeping, "return"),
+            COMPLETION: _difference(rule_based, creeping, "goals"),
+        }
+    for name in (RULE_BASED, "random"):
+        social, empty = played(name), played(name, EMPTY_ROADS)
+        if traffic != EMPTY_ROADS and social and empty:
+            equal[name] = _equal(social, empty)
+    completion = float(_rows(rule_based)["goals"].mean()) if rule_based else math.nan
+    return TaskCheck(task, traffic, completion, behind, worse, equal)
 
 
 def score_table(results: Results) -> str:
@@ -125,8 +152,14 @@ def score_table(results: Results) -> str:
     return "\n".join(lines)
 
 
-def _runs(results: Results) -> dict[tuple[str, str, str], RunResult]:
+def _runs(results: Results) -> Runs:
     return {(run.algorithm, run.task, run.traffic): run for run in results.finished if run.is_scripted}
+
+
+def _less(name: str, difference: Difference | None, column: str) -> str:
+    if difference is None:
+        return f"{name} was not played beside {RULE_BASED}"
+    return f"{name} has {difference.value:z.2f} less {column} ({shown_p(difference)})"
 
 
 def _rows(run: RunResult) -> Frame:

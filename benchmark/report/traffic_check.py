@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from benchmark.experiment.config import EMPTY_ROADS
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import EPISODE_KEYS
+from benchmark.report.verdicts import VERDICTS, all_hold, is_at_least, shown_p
 from benchmark.results.reading import Results, RunResult
 from benchmark.statistics import Difference, paired_difference
 
@@ -15,7 +16,7 @@ NAIVE = ("keep_lane", "random")
 """Drivers of which one has to collide more often than without social vehicles."""
 RULE_BASED = "gap_acceptance"
 """Driver that has to meet social vehicles."""
-LEAST_DIFFERENCE, MOST_P = 0.10, 0.01
+LEAST_DIFFERENCE = 0.10
 LEAST_SHARE = 0.8
 MET = "met_social"
 
@@ -34,11 +35,10 @@ class TrafficCheck:
     @property
     def collides(self) -> bool | None:
         """Whether a naive driver collides more often; None if those that were played do not tell."""
-        if any(
-            each.value >= LEAST_DIFFERENCE and each.p_value < MOST_P for each in self.differences.values()
-        ):
+        found = {is_at_least(each, LEAST_DIFFERENCE) for each in self.differences.values()}
+        if True in found:
             return True
-        return False if self.differences.keys() == {*NAIVE} else None
+        return False if found == {False} and self.differences.keys() == {*NAIVE} else None
 
     @property
     def meets(self) -> bool | None:
@@ -48,27 +48,25 @@ class TrafficCheck:
     @property
     def is_one(self) -> bool | None:
         """Whether it is a cell with social vehicles in effect: both hold. None if that is not known."""
-        if False in (self.collides, self.meets):
-            return False
-        return None if None in (self.collides, self.meets) else True
+        return all_hold((self.collides, self.meets))
 
     def __str__(self) -> str:
         differences = ", ".join(
-            f"{name} {each.value:+z.2f} ({_shown(each.p_value)}, {each.pairs} episodes)"
-            for name, each in self.differences.items()
+            f"{name} {each.value:+z.2f} ({shown_p(each)})" for name, each in self.differences.items()
         )
         share = f"{self.share:.2f}" if math.isfinite(self.share) else "not measured"
-        verdict = {True: "passes", False: "FAILS", None: "not known"}[self.is_one]
         return (
-            f"{self.task}, {self.traffic}: {verdict}; collisions against empty roads: "
+            f"{self.task}, {self.traffic}: {VERDICTS[self.is_one]}; collisions against empty roads: "
             f"{differences or 'not played'}; {RULE_BASED} meets social vehicles in: {share}"
         )
 
 
 def traffic_checks(results: Results) -> list[TrafficCheck]:
-    """Return the check of each cell with social vehicles in which a scripted policy was played."""
+    """Return the check of each cell with social vehicles that has a scripted policy, played yet or not."""
     tables = {(run.algorithm, run.task, run.traffic): run for run in results.finished if run.is_scripted}
-    cells = dict.fromkeys((task, traffic) for _, task, traffic in tables if traffic != EMPTY_ROADS)
+    cells = dict.fromkeys(
+        (run.task, run.traffic) for run in results.runs if run.is_scripted and run.traffic != EMPTY_ROADS
+    )
     found = []
     for task, traffic in cells:
         differences = {}
@@ -79,10 +77,6 @@ def traffic_checks(results: Results) -> list[TrafficCheck]:
         rule_based = tables.get((RULE_BASED, task, traffic))
         found.append(TrafficCheck(task, traffic, differences, _share(rule_based)))
     return found
-
-
-def _shown(p_value: float) -> str:
-    return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"
 
 
 def _rows(run: RunResult) -> Frame:

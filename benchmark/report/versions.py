@@ -44,16 +44,16 @@ def check_one_version(runs: Sequence[RunResult], place: str) -> None:
 
 
 def version_lines(runs: Sequence[RunResult]) -> list[str]:
-    """Return sentences on the version and the commits of finished runs, and in what they do not fit it."""
+    """Return sentences on the version and the commits of finished runs, and in what they do not fit it.
+
+    Runs of no version have none.
+    """
     finished = [run for run in runs if run.table is not None]
     if not finished:
         return []
     version = finished[0].benchmark_version
     if version is None:
-        return [
-            "Of no version of the benchmark: made before version 1, or for an experiment of its own. Metrics "
-            "whose definition has changed since are n/a."
-        ]
+        return []
     commits: dict[str, list[str]] = {}
     for run in finished:
         commits.setdefault(", then ".join(_commits(run)), []).append(str(run))

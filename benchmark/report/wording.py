@@ -14,6 +14,10 @@ MODE_NOTES = {
     "greedy": "Test episodes of the last checkpoint, with the most probable action.",
     "sampled": "Test episodes of the last checkpoint, which draws its actions, as the paper's rollouts did.",
 }
+BELOW_CELLS = "Below each cell: 95% intervals, training seeds and test episodes."
+BELOW_CELLS_WITH_PAPER = (
+    "Below each cell: 95% intervals, the paper's figures, training seeds and test episodes."
+)
 INTERVALS = (
     "95% intervals. With three or more training seeds they are of the algorithm: Student's t on the "
     "seeds, rates on the arcsine-root scale. With one or two, marked 'this checkpoint' or 'these "
@@ -121,14 +125,17 @@ def rank_text(cell: TableCell) -> str:
 
 
 def standing(report: Report) -> list[str]:
-    """Return sentences on the version, on runs that must not be compared, and on the paper."""
+    """Return sentences on the version, on runs that must not be compared, and on the paper.
+
+    Checks that were not made are named only where the paper's figures are compared with.
+    """
     runs = report.results.runs
     sentences = version_lines(runs) + differing_scenarios((run, str(run)) for run in runs)
     doubts = {False: "Not", None: "Not known to be"}
     sentences += [
         f"{doubts[check.is_one]} a cell with social vehicles in effect: {check}."
         for check in report.traffic_checks
-        if not check.is_one
+        if check.is_one is False or (check.is_one is None and report.has_paper)
     ]
     return sentences + [line for mode in report.modes for line in _against_paper(report, mode)]
 

@@ -13,6 +13,7 @@ from benchmark.report.content import Report, make_report
 from benchmark.report.episode_pages import EPISODES, EpisodeLinks, write_episodes
 from benchmark.report.figures import KINDS, draw_all
 from benchmark.report.html import report_page
+from benchmark.report.kept_pages import are_pages, keep_pages, note_links
 from benchmark.report.latex import main_table
 from benchmark.report.markdown import report_text
 from benchmark.report.marl_eval import marl_eval_json
@@ -33,7 +34,8 @@ def write_report(root: Path, out: Path | None = None, *, episodes: bool = False)
     Args:
         root: The experiment's results.
         out: Folder of the report, by default `report` among the results.
-        episodes: Whether to write pages with recorded test episodes beside it, and link them.
+        episodes: Whether to write pages with recorded test episodes beside it, and link them. Otherwise the
+            pages of an earlier report in the folder are kept and linked, where their tests are as they were.
 
     Raises:
         ResultsError: There are no results, or the folder cannot be written to or holds something else.
@@ -45,7 +47,11 @@ def write_report(root: Path, out: Path | None = None, *, episodes: bool = False)
 
     def write(partial: Path) -> None:
         partial.mkdir(parents=True)
-        links = write_episodes(results, report.modes[0], partial) if episodes else []
+        if episodes:
+            links = write_episodes(results, report.modes[0], partial)
+            note_links(results, links, partial)
+        else:
+            links = keep_pages(results, folder, partial)
         for name, content in report_files(report, links).items():
             (partial / name).write_bytes(content)
 
@@ -110,7 +116,9 @@ def _check_free(folder: Path) -> None:
         raise ResultsError("is a file, not a folder", place=str(folder), remedy="choose another --out")
     if folder.is_dir() and any(folder.iterdir()):
         pictures = (f"{name}.png" for name in (*(kind.name for kind in KINDS), PROFILE))
-        known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, "main_table_*.tex", EPISODES, *pictures]
+        known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, "main_table_*.tex", *pictures]
+        if (folder / PAGE).is_file() and are_pages(folder):
+            known.append(EPISODES)
         others = {*folder.iterdir()}.difference(*map(folder.glob, known))
         if others:
             raise ResultsError(

@@ -44,8 +44,10 @@ def write_still(image: Image, out: Path) -> None:
         PIL.Image.fromarray(image).save(partial)
 
 
-def write_moving(images: Iterable[Image], out: Path, seconds: float) -> None:
+def write_moving(images: Iterable[Image], out: Path, seconds: float) -> int:
     """Write an animation; frames are consumed one by one.
+
+    Returns the number of frames in the file; a .gif holds equal frames that follow each other as one.
 
     Args:
         images: The frames, all of the same even width and height.
@@ -57,10 +59,10 @@ def write_moving(images: Iterable[Image], out: Path, seconds: float) -> None:
     """
     write = _write_gif if out.suffix.lower() == ".gif" else _write_mp4
     with written_whole(out) as partial:
-        write(iter(images), partial, min(seconds, LONGEST_SHOWN))
+        return write(iter(images), partial, min(seconds, LONGEST_SHOWN))
 
 
-def _write_gif(images: Iterator[Image], out: Path, seconds: float) -> None:
+def _write_gif(images: Iterator[Image], out: Path, seconds: float) -> int:
     first = PIL.Image.fromarray(next(images)).quantize(255, dither=PIL.Image.Dither.NONE)
 
     def others() -> Iterator[PIL.Image.Image]:
@@ -71,10 +73,12 @@ def _write_gif(images: Iterator[Image], out: Path, seconds: float) -> None:
     # The format's unit is 10 ms, and players slow down frames shorter than 20 ms.
     duration = max(20, 10 * round(100 * seconds))
     first.save(out, save_all=True, append_images=others(), duration=duration, loop=0, optimize=False)
+    with PIL.Image.open(out) as film:
+        return getattr(film, "n_frames", 1)
 
 
-def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> None:
-    """Write H.264 by the encoder that comes with PyAV."""
+def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> int:
+    """Write H.264 by the encoder that comes with PyAV; return the number of frames."""
     # Only those who write films wait for it.
     import av
     from av.error import FFmpegError
@@ -88,9 +92,12 @@ def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> None:
             assert isinstance(stream, VideoStream)
             stream.height, stream.width = first.shape[:2]
             stream.pix_fmt = "yuv420p"
+            frames = 0
             for image in chain([first], images):
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+                frames += 1
             container.mux(stream.encode(None))
+            return frames
     except FFmpegError as error:
         raise SmartsError(
             f"the film cannot be encoded: {error.strerror}",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from smarts.envision.compact_episode import compact_episode
 from smarts.envision.episode_library import Entry, EpisodeLibrary, read_compact
 from smarts.envision.viewer_page import MOST_BYTES, Embedded, page_with, room_of_page
+from smarts.envision.whole_files import written_whole
 from smarts.errors import SmartsError
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.types.events import Outcome
@@ -17,6 +18,8 @@ GOAL = Outcome.GOAL.name.lower()
 _NO_FAILURE = {each.name.lower() for each in (Outcome.NONE, Outcome.GOAL, Outcome.OTHER, Outcome.LEFT_BUBBLE)}
 _SHORTEST = 2.0
 """A long episode is cut to what is before its end, but not shorter than this [s]."""
+_MOST_NAMED = 3
+"""Damaged episodes in an error."""
 
 
 @dataclass(frozen=True)
@@ -25,17 +28,27 @@ class Notable:
 
     entry: Entry
     why: str
-    """"best", "worst", or how an agent failed."""
+    """"best", "worst", how an agent failed, or several of these."""
 
     @property
     def label(self) -> str:
-        """What the page calls it."""
+        """What a link to it says."""
         ends = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in self.entry.outcomes.items())
         return f"{self.why}: {ends} ({self.entry.scenario}, {self.entry.seconds:.0f} s)"
 
 
+@dataclass(frozen=True)
+class Written:
+    """What `write_notable` has written."""
+
+    pages: tuple[tuple[Notable, Path], ...]
+    """Each episode with its page."""
+    left_out: tuple[tuple[Entry, str], ...]
+    """Each damaged or too large episode with the reason."""
+
+
 def notable_episodes(entries: Iterable[Entry]) -> list[Notable]:
-    """Return the best episode, the worst one, and one of each further kind of failure.
+    """Return the best episode, the worst one, and one of each further kind of failure, each episode once.
 
     Best is where most agents reached their goals, then where it took the least time; worst where the most
     failed, then where most collided. Invalid, unfinished and damaged episodes are left out.
@@ -47,50 +60,78 @@ def notable_episodes(entries: Iterable[Entry]) -> list[Notable]:
         return []
     best = min(whole, key=lambda each: (-_share(each), each.seconds, each.label))
     worst = min(whole, key=lambda each: (-_failures(each), -_collisions(each), each.seconds, each.label))
-    found = [Notable(best, "best")]
+    found = [(best, "best")]
     if _failures(worst):
-        found.append(Notable(worst, "worst"))
+        found.append((worst, "worst"))
     for outcome in Outcome:
         name = outcome.name.lower()
         of_kind = [each for each in whole if name not in _NO_FAILURE and each.outcomes.get(name)]
-        if of_kind and not any(each.entry.outcomes.get(name) for each in found[1:]):
+        if of_kind and not any(each.outcomes.get(name) for each, _ in found[1:]):
             # Where little else happened, the failure is easiest to see.
             clearest = min(of_kind, key=lambda each: (_failures(each), each.seconds, each.label))
-            found.append(Notable(clearest, name.replace("_", " ")))
-    return found
+            found.append((clearest, name.replace("_", " ")))
+    reasons: dict[str, list[str]] = {}
+    for entry, why in found:
+        reasons.setdefault(entry.id, []).append(why)
+    entry_of = {entry.id: entry for entry, _ in found}
+    return [Notable(entry_of[number], ", ".join(whys)) for number, whys in reasons.items()]
 
 
-def write_pages(
-    library: EpisodeLibrary, chosen: Sequence[Notable], out: Path
-) -> Iterator[tuple[Notable, Path]]:
-    """Write episodes into as few pages as their size allows; yield each with its page.
+def write_notable(library: EpisodeLibrary, out: Path) -> Written:
+    """Write the notable episodes of a library into as few pages as their size allows.
 
-    An episode that is too long for a page is cut to its last part.
+    An episode that is too long for a page is cut to its last part. One that is damaged is left out, and the
+    choice is made among the others.
 
     Args:
         library: That has the episodes.
-        chosen: Which.
         out: The first page; further ones have a number behind the name.
 
     Raises:
-        SmartsError: An episode is damaged, or a page cannot be written.
+        SmartsError: No episode can be shown, or a page cannot be written.
     """
+    entries = library.entries()
+    left_out = [(each, each.error) for each in entries if each.error]
+    made: dict[tuple[str, str], Embedded] = {}
+    while True:
+        damaged = {entry.id for entry, _ in left_out}
+        chosen = notable_episodes(each for each in entries if each.id not in damaged)
+        missing = next((each for each in chosen if (each.entry.id, each.why) not in made), None)
+        if missing is None:
+            break
+        try:
+            made[missing.entry.id, missing.why] = _fitting(library, missing)
+        except SmartsError as error:
+            left_out.append((missing.entry, error.problem))
+    if not chosen:
+        raise SmartsError(
+            f"none of {len(entries)} episodes can be shown"
+            + "".join(f"; {entry.label}: {why}" for entry, why in left_out[:_MOST_NAMED]),
+            place=str(out),
+            remedy="record episodes until they end, or name an unfinished one alone",
+        )
+    episodes = [(each, made[each.entry.id, each.why]) for each in chosen]
+    return Written(tuple(_write_pages(episodes, out)), tuple(left_out))
+
+
+def _write_pages(episodes: Iterable[tuple[Notable, Embedded]], out: Path) -> list[tuple[Notable, Path]]:
+    """Write episodes into as few pages as their size allows; return each with its page."""
     pages: list[list[tuple[Notable, Embedded]]] = []
     left = 0
-    for each in chosen:
-        embedded = _fitting(library, each)
+    for notable, embedded in episodes:
         size = room_of_page([embedded])
         if not pages or size > left:
             pages.append([])
             left = MOST_BYTES - room_of_page([])
-        pages[-1].append((each, embedded))
+        pages[-1].append((notable, embedded))
         left -= size - room_of_page([])
+    written = []
     for number, page in enumerate(pages):
         path = out if number == 0 else out.with_stem(f"{out.stem}-{number + 1}")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(page_with([embedded for _, embedded in page]), encoding="utf-8")
-        for each, _ in page:
-            yield each, path
+        with written_whole(path) as partial:
+            partial.write_text(page_with([embedded for _, embedded in page]), encoding="utf-8")
+        written += [(notable, path) for notable, _ in page]
+    return written
 
 
 def _fitting(library: EpisodeLibrary, notable: Notable) -> Embedded:
@@ -98,7 +139,7 @@ def _fitting(library: EpisodeLibrary, notable: Notable) -> Embedded:
     entry = notable.entry
     path = library.path(entry.id)
     assert path is not None
-    embedded = Embedded(entry.id, notable.label, read_compact(path))
+    embedded = Embedded(entry.id, entry.label, read_compact(path), notable.why)
     seconds = entry.seconds
     while room_of_page([embedded]) > MOST_BYTES:
         seconds /= 1.5
@@ -109,7 +150,7 @@ def _fitting(library: EpisodeLibrary, notable: Notable) -> Embedded:
                 remedy="open it with `smarts-bench view`, which has no limit",
             )
         part = compact_episode(RecordedEpisode(path), entry.seconds - seconds, policy=entry.policy)
-        embedded = replace(embedded, label=f"{notable.label}, last {seconds:.0f} s", data=part)
+        embedded = replace(embedded, label=f"{entry.label}, last {seconds:.0f} s", data=part)
     return embedded
 
 

@@ -31,6 +31,8 @@ class Embedded:
     label: str
     data: bytes
     """The compact episode."""
+    why: str = ""
+    """Why it is shown, as "best"."""
 
 
 @cache
@@ -93,7 +95,8 @@ def room_of_page(episodes: Sequence[Embedded]) -> int:
 def _whole(page: str, episodes: Sequence[Embedded]) -> str:
     scripts = "".join(
         f'<script type="application/octet-stream" data-id="{html.escape(each.id)}" '
-        f'data-label="{html.escape(each.label)}">{base64.b64encode(each.data).decode()}</script>'
+        f'data-label="{html.escape(each.label)}" data-why="{html.escape(each.why)}">'
+        f"{base64.b64encode(each.data).decode()}</script>"
         for each in episodes
     )
     head = f'<meta http-equiv="Content-Security-Policy" content="{html.escape(policy_of(page))}">'

@@ -16,7 +16,7 @@ PARTIAL = ".partial-"
 def written_whole(out: Path) -> Iterator[Path]:
     """Yield a temporary path beside `out`, which replaces `out` if the block succeeds.
 
-    If the block fails, an existing file stays as it was.
+    Missing folders are made. If the block fails, an existing file stays as it was.
 
     Raises:
         SmartsError: The file cannot be written.
@@ -32,7 +32,7 @@ def written_whole(out: Path) -> Iterator[Path]:
         if not isinstance(error, OSError):
             raise
         raise SmartsError(
-            f"the picture cannot be written: {error.strerror or error}",
+            f"the file cannot be written: {error.strerror or error}",
             place=str(out),
             remedy="choose another --out",
         ) from error

@@ -77,7 +77,7 @@ def test_one_goes_back_in_what_runs_and_returns(open_page):
             page.keyboard.press("ArrowLeft")
             page.wait_for_timeout(1000)
             back = page.evaluate(now)
-            # Five seconds back, from where it plays on; it jumps neither to the beginning nor to what is newest.
+            # Five seconds back, from where it plays on; it jumps neither to the beginning nor to the end.
             assert late - 7.0 < back < late - 1.0
             expect(page.get_by_role("button", name="back to live")).to_be_visible()
             wait_for_time(page, 0.3)

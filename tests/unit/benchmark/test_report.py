@@ -217,7 +217,7 @@ class TestAgainstThePaper:
         assert "random" in not_counted(cell)
         assert "misprint" in not_counted(cell)
         assert cells_of(report, "maddpg")["intersection", ALONE].passed_by == ()
-        _, first, left_out, absent = standing(report)
+        first, left_out, absent = standing(report)
         assert "1 of 1 cells that count" in first
         assert "not counted: PPO, Intersection, No Social Vehicle: better, but random passes" in left_out
         assert "MADDPG" not in left_out
@@ -320,11 +320,33 @@ def test_the_page_says_what_is_missing(folder):
     assert "a < b & 5% of {x}_y" in text
     assert f"maac, intersection, {ALONE}, seed 1: is not finished: training" in text
     assert f"ppo, intersection, {SOCIAL}, seed 1: has not begun" in text
-    assert "1 were invalid" in text
-    assert "Of centralised_v, MAAC, PPO: 3 of 8 runs are finished" in text
+    assert "1 episode in which vehicles overlapped at the start: discarded." in text
+    assert "centralised_v, MAAC, PPO: 2 of 6 runs finished, 13 test episodes measured." in text
+    assert "Scripted policies: 1 of 2 runs finished, 4 test episodes measured." in text
     assert "smarts-bench run hand.yaml" in text
     assert "abacus" in text
     assert "0123456789ab" in text
+
+
+def test_an_own_experiment_is_reported_without_a_word_on_the_paper(tmp_path):
+    write_experiment(
+        tmp_path, algorithms=["ppo"], tasks=["roundabout"], traffic=[SOCIAL], scripted=["keep_lane"]
+    )
+    own = {"task": "roundabout", "task_traffic": SOCIAL}
+    write_run(
+        tmp_path, "ppo", [agent_episodes(MIXED, mode="greedy", **own)], task="roundabout", traffic=SOCIAL
+    )
+    alone = [agent_episodes(MIXED, mode="scripted", **own)]
+    write_run(tmp_path, "keep_lane", alone, task="roundabout", traffic=SOCIAL, seed=-1)
+    report = make_report(read_results(tmp_path))
+    assert report.traffic_checks
+    assert not report.has_paper
+    assert standing(report) == []
+    folder = write_report(tmp_path).parent
+    for name in ("report.html", "report.md"):
+        text = (folder / name).read_text()
+        assert "gainst the paper" not in text
+        assert "the paper's figures" not in text.replace("&#39;", "'")
 
 
 def test_page_text_and_table_have_the_same_numbers(folder):
@@ -413,7 +435,7 @@ def test_a_report_takes_the_place_of_a_report_and_of_nothing_else(tmp_path):
     old.write_text("of last year")
     page = write_report(tmp_path / "results")
     assert page == old
-    assert "0 of 1 runs are finished" in page.read_text()
+    assert "PPO: 0 of 1 run finished, 0 test episodes measured." in page.read_text()
     assert "no finished run" in (page.parent / "report.md").read_text()
     there = sorted(path.name for path in (tmp_path / "results").iterdir())
     assert there == ["command.json", "experiment.json", "report"]

@@ -1,6 +1,7 @@
 """Versions of the benchmark: what they freeze, and that their results are not mixed."""
 
 import shutil
+import sys
 
 import pytest
 import yaml
@@ -13,12 +14,14 @@ from benchmark.experiment.version import CODE, changed_scenarios, changed_settin
 from benchmark.report.comparing import compare_sides, read_side
 from benchmark.report.content import make_report
 from benchmark.report.leaderboard import make_leaderboard
+from benchmark.report.provenance import circumstances
 from benchmark.report.versions import version_lines
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running import experiment as running
 from benchmark.running.experiment import check_version
+from perf import benchmark_tasks
 from smarts.config import ConfigError, fitted
 from smarts.errors import SmartsError
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
@@ -105,6 +108,16 @@ class TestRefusals:
             check_version(self.experiment(tmp_path))
         check_version(self.experiment(tmp_path, ""))
 
+    def test_the_check_of_tasks_plays_nothing_that_differs(self, tmp_path, frozen, monkeypatch):
+        (tmp_path / "mine.yaml").write_text(CONFIG + "benchmark_version: 1\n")
+        monkeypatch.setattr(benchmark_tasks, "play_scripted", lambda *_: pytest.fail("played"))
+        monkeypatch.setattr(
+            sys, "argv", ["benchmark_tasks", str(tmp_path / "mine.yaml"), str(tmp_path / "results")]
+        )
+        with raises(SmartsError, "benchmark_version", values=["loop", ALONE, 1]):
+            benchmark_tasks.main()
+        assert not (tmp_path / "results").exists()
+
     def test_code_that_differs_is_named(self, tmp_path, frozen, monkeypatch):
         content = yaml.safe_load(frozen.read_text())
         content[1]["reward"] = "0000"
@@ -149,8 +162,31 @@ class TestRefusals:
         content[1]["scenarios"][ALONE] |= running.scenarios_by_traffic(experiment)[ALONE]
         frozen.write_text(yaml.safe_dump(content))
         version.versions.cache_clear()
-        with raises(SmartsError, "benchmark_version", values=["environment.agents"]):
+        with raises(SmartsError, "benchmark_version", values=["agents is 1, in the version 2"]):
             check_version(experiment)
+
+    def test_the_error_has_one_short_line_for_each_kind_of_difference(self, tmp_path, frozen, monkeypatch):
+        experiment = self.experiment(tmp_path).model_copy(
+            update={"environment": Environment(agents=3, friction=0.5)}
+        )
+        played = {ALONE: {f"a_scenario_with_a_long_name_{number}": "abd" for number in range(50)}}
+        monkeypatch.setattr(running, "scenarios_by_traffic", lambda experiment: played)
+        content = yaml.safe_load(frozen.read_text())
+        content[1] |= {"reward": "0000", "metrics": "0000"}
+        frozen.write_text(yaml.safe_dump(content))
+        version.versions.cache_clear()
+        with pytest.raises(SmartsError) as caught:
+            check_version(experiment)
+        said = str(caught.value)
+        assert " ... " not in said
+        _, scenarios, reward, metrics, settings, remedy = said.splitlines()
+        assert "a_scenario_with_a_long_name_0" in scenarios
+        assert "47 more" in scenarios
+        assert "smarts/rewards" in reward
+        assert "benchmark/metrics" in metrics
+        assert "agents is 3, in the version 2" in settings
+        assert "friction is 0.5, in the version None" in settings
+        assert "remedy" in remedy
 
     def test_a_version_is_frozen_once(self, frozen):
         with raises(SmartsError, str(frozen), values=[1, "version 2", "--replace"]):
@@ -220,4 +256,6 @@ class TestResults:
         assert "metrics" in metrics
         write_experiment(tmp_path / "old")
         write(tmp_path / "old", "ppo", None)
-        assert "before version 1" in version_lines(read_results(tmp_path / "old").runs)[0]
+        old = read_results(tmp_path / "old")
+        assert version_lines(old.runs) == []
+        assert "before version 1" in dict(circumstances(old))["Benchmark version"][0]

@@ -50,7 +50,7 @@ def test_a_finished_experiment_is_reported_again(file, tmp_path, capsys):
     assert "3,000 agent-steps" in budget
     assert "2 minutes" in budget
     assert said.out.splitlines() == [f"results: {page.parents[1]}", f"report: {page}"]
-    assert "2 of 2 runs are finished." in page.read_text()
+    assert "PPO: 2 of 2 runs finished, 4 test episodes measured." in page.read_text()
 
 
 def test_sigterm_while_the_report_is_written_says_how_to_go_on(file, tmp_path, capsys, monkeypatch):

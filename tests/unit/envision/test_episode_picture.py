@@ -177,6 +177,7 @@ def test_a_gif(episode, tmp_path):
         assert film.info["duration"] == 200
         assert film.info["loop"] == 0
         assert film.size[0] == 900
+    assert "film.gif: 6 frames, 0.2 to 2.0 s" in result.output
 
 
 @pytest.mark.parametrize("speed", [1, 2])
@@ -242,7 +243,8 @@ def test_a_png(episode, tmp_path):
 
 def test_an_mp4_shows_all_frames(episode, tmp_path):
     out = tmp_path / "film.mp4"
-    assert run(episode.folder, "--out", out, "--every", 10).exit_code == 0
+    result = run(episode.folder, "--out", out, "--every", 10)
+    assert result.exit_code == 0
     picture = EpisodePicture(episode)
     with av.open(str(out)) as film:
         stream = film.streams.video[0]
@@ -251,6 +253,7 @@ def test_an_mp4_shows_all_frames(episode, tmp_path):
         assert stream.average_rate == 1
     # Steps 0 and 10 and the last, which is repeated for two more seconds.
     assert len(frames) == 5
+    assert "film.mp4: 5 frames, 0.0 to 2.0 s" in result.output
     for frame, step in zip(frames, (0, 10, 20, 20, 20), strict=True):
         off = np.abs(frame.astype(int) - picture.image(step))
         # Colours have half of the resolution, so that thin lines are off.

@@ -3,20 +3,25 @@
 import base64
 import json
 import re
+import shutil
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
 from benchmark.report.writing import write_report
+from benchmark.results.files import ResultsError
 from smarts.envision import notable_episodes as notable
 from smarts.envision import viewer_page
 from smarts.envision.episode_library import Entry, EpisodeLibrary
+from smarts.envision.server import ViewServer
 from smarts.errors import SmartsError
 from smarts.stream.reading import CompactEpisode
 from smarts.types.events import Outcome
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
 from tests.maps import straight
+from tests.raising import raises
 from tests.recordings import Drive, at_speed, record
 
 
@@ -56,6 +61,13 @@ def test_where_all_arrive_there_is_no_worst():
     assert chosen(entry("a", complete=False, goal=2)) == {}
 
 
+def test_an_episode_is_shown_once_with_all_reasons():
+    assert chosen(entry("only", collision=4)) == {"best, worst": "only"}
+    # Half of the agents arrive in each; the one that leaves the road takes less time.
+    entries = [entry("crash", 12.0, goal=1, collision=1), entry("leaves", goal=1, off_road=1)]
+    assert chosen(*entries) == {"best, off road": "leaves", "worst": "crash"}
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """Results of an experiment whose only run has three recorded test episodes."""
@@ -83,9 +95,9 @@ def run(tmp_path_factory):
 
 
 def embedded(page):
-    """Return the compact episodes of a page by their labels."""
-    found = re.findall(r'data-label="([^"]*)">([^<]*)</script>', page.read_text())
-    return {label: CompactEpisode(base64.b64decode(data)) for label, data in found}
+    """Return the compact episodes of a page by why they are shown."""
+    found = re.findall(r'data-why="([^"]*)">([^<]*)</script>', page.read_text())
+    return {why: CompactEpisode(base64.b64decode(data)) for why, data in found}
 
 
 def test_a_run_as_one_page(run, tmp_path):
@@ -93,11 +105,77 @@ def test_a_run_as_one_page(run, tmp_path):
     done = CliRunner().invoke(app, ["view", str(run), "--html", str(out)], catch_exceptions=False)
     assert done.exit_code == 0
     episodes = embedded(out)
-    assert [label.partition(":")[0] for label in episodes] == ["best", "worst", "collision"]
+    assert [*episodes] == ["best", "worst", "collision"]
     assert out.stat().st_size <= viewer_page.MOST_BYTES
     for each in episodes.values():
         assert each.is_whole
         assert each.facts["policy"] == "ppo"
+
+
+def view(*arguments):
+    return CliRunner().invoke(app, ["view", *map(str, arguments)])
+
+
+def copied(run, tmp_path, *numbers):
+    """Return copies of test episodes of a run, in a folder of their own."""
+    there = sorted(path.parent for path in (run / "episodes").rglob("episode.parquet"))
+    shutil.copytree(there[0].parent / "maps", tmp_path / "kept" / "maps")
+    return [Path(shutil.copytree(there[number], tmp_path / "kept" / f"e{number}")) for number in numbers]
+
+
+def test_a_folder_with_one_episode_is_that_episode(run, tmp_path):
+    (only,) = copied(run, tmp_path, 1)
+    out = tmp_path / "one.html"
+    assert view(only.parent, "--html", out).exit_code == 0
+    ((why, episode),) = embedded(out).items()
+    assert (why, int(episode.facts["world"])) == ("", 2_000_001)
+    part = tmp_path / "part.smarts"
+    assert view(only.parent, "--out", part, "--begin", 5, "--end", 7).exit_code == 0
+    steps = CompactEpisode(part.read_bytes()).motion.step
+    assert (steps.min(), steps.max()) == (50, 70)
+
+
+@pytest.mark.parametrize("table", ["episode", "vehicles"])
+def test_damaged_episodes_are_left_out_and_named(run, tmp_path, table):
+    good, bad, other = copied(run, tmp_path, 0, 2, 1)
+    (bad / f"{table}.parquet").write_bytes(b"PAR1")
+    out = tmp_path / "page.html"
+    for paths, shown in (
+        ((good, bad), [""]),
+        ((good.parent,), ["best", "worst"]),
+        ((good.parent, other), ["best", "worst"]),
+    ):
+        done = view(*paths, "--html", out)
+        assert done.exit_code == 0, done.output
+        assert len(re.findall(r"e2 is left out: .*damaged", done.output)) == 1, done.output
+        assert re.findall(r'data-why="([^"]*)"', out.read_text()) == shown
+        assert "e2" not in re.findall(r'data-label="([^"]*)"', out.read_text())
+        out.unlink()
+    done = view(bad, "--html", out)
+    assert isinstance(done.exception, SmartsError)
+    shutil.rmtree(good)
+    (other / "episode.parquet").write_bytes(b"PAR1")
+    done = view(good.parent, "--html", out)
+    assert isinstance(done.exception, SmartsError)
+    assert "none of 2 episodes can be shown; e1: " in str(done.exception)
+    assert not out.exists()
+
+
+def test_a_report_names_the_damaged_episodes(run, tmp_path):
+    results = shutil.copytree(run.parents[3], tmp_path / "results")
+    sorted(results.rglob("vehicles.parquet"))[2].write_bytes(b"PAR1")
+    folder = write_report(results, episodes=True).parent
+    for name in ("report.html", "report.md"):
+        text = (folder / name).read_text()
+        assert len(re.findall(r"#e=\w+", text)) == 2
+        assert "is left out: " in text
+
+
+def test_the_address_says_how_many_episodes_there_are(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(ViewServer, "run", lambda self: None)
+    (only,) = copied(run, tmp_path, 0)
+    assert view(only, "--no-browser", "--port", 0).output.startswith("1 episode at http")
+    assert view(run, "--no-browser", "--port", 0).output.startswith("3 episodes at http")
 
 
 def test_a_report_links_the_episodes(run):
@@ -107,8 +185,50 @@ def test_a_report_links_the_episodes(run):
     for place, number, _ in links:
         assert f'data-id="{number}"' in (page.parent / place).read_text()
         assert f"]({place}#e={number})" in (page.parent / "report.md").read_text()
-    # Another report takes its place, pages included.
-    assert not (write_report(run.parents[3]).parent / "episodes").exists()
+
+
+def written(folder):
+    """Return the files of a folder with their contents."""
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+def test_a_later_report_keeps_the_pages_and_their_links(run, tmp_path):
+    results = shutil.copytree(run.parents[3], tmp_path / "results")
+    folder = write_report(results, episodes=True).parent
+    before = written(folder)
+    assert sum(name.endswith(".html") for name in before) == 2
+    for _ in range(2):
+        assert written(write_report(results).parent) == before
+    # Elsewhere there are none.
+    assert not (write_report(results, tmp_path / "other").parent / "episodes").exists()
+
+
+def test_pages_of_an_earlier_test_are_not_kept(run, tmp_path):
+    results = shutil.copytree(run.parents[3], tmp_path / "results")
+    folder = write_report(results, episodes=True).parent
+    shutil.rmtree(run_folder := sorted(results.rglob("run.json"))[0].parent)
+    write_run(results, "ppo", [agent_episodes([["goal"]] * 4, mode="greedy")])
+    assert (run_folder / "episodes.parquet").is_file()
+    write_report(results)
+    assert "#e=" not in (folder / "report.html").read_text()
+    assert "smarts-bench report --episodes" in (folder / "report.html").read_text()
+    assert not (folder / "episodes").exists()
+
+
+@pytest.mark.parametrize("place", ["seed42/frames.bin", "mine.html", "frames.bin"])
+@pytest.mark.parametrize("is_report", [True, False])
+def test_other_files_among_the_episodes_are_not_lost(run, tmp_path, place, is_report):
+    results = shutil.copytree(run.parents[3], tmp_path / "results")
+    out = tmp_path / "mine"
+    if is_report:
+        write_report(results, out, episodes=True)
+    file = out / "episodes" / place
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("recorded")
+    for episodes in (False, True):
+        with raises(ResultsError, str(out), values=["episodes"]):
+            write_report(results, out, episodes=episodes)
+    assert file.read_text() == "recorded"
 
 
 def test_what_is_too_much_for_a_page_goes_into_several(run, tmp_path, monkeypatch):
@@ -117,7 +237,7 @@ def test_what_is_too_much_for_a_page_goes_into_several(run, tmp_path, monkeypatc
     sizes = [viewer_page.room_of_page([notable._fitting(library, each)]) for each in episodes]
     for module in (notable, viewer_page):
         monkeypatch.setattr(module, "MOST_BYTES", max(sizes) + 100)
-    pages = [page for _, page in notable.write_pages(library, episodes, tmp_path / "run.html")]
+    pages = [page for _, page in notable.write_notable(library, tmp_path / "run.html").pages]
     assert [page.name for page in pages] == ["run.html", "run-2.html", "run-3.html"]
     assert all(page.stat().st_size <= max(sizes) + 100 for page in pages)
 

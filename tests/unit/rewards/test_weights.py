@@ -121,6 +121,20 @@ def test_creeping_does_not_pay_in_version_1():
     assert 0.9 * fast + 0.1 * crash > creeping + 0.3
 
 
+@pytest.mark.parametrize("progress", [0.0, 0.5, 1.0])
+def test_in_version_1_a_crash_is_the_worst_end_at_equal_times(progress):
+    times = (1, 5, 30, 60, 100, 120)
+    crashes = [drive(decisions, Outcome.COLLISION, 120, progress, "v1") for decisions in times]
+    others = Outcome.GOAL, Outcome.OFF_ROUTE, Outcome.MISSED_GOAL, Outcome.NOT_MOVING
+    for decisions, crash in zip(times, crashes, strict=True):
+        assert drive(decisions, Outcome.OFF_ROAD, 120, progress, "v1") == pytest.approx(crash)
+        for outcome in others:
+            assert drive(decisions, outcome, 120, progress, "v1") > crash + 0.1, (outcome, decisions)
+    assert drive(120, Outcome.TIME_OUT, 120, 0.0, "v1") > max(crashes) + 0.3
+    # At different times it is not: discounting favours a late crash.
+    assert drive(10, Outcome.OFF_ROUTE, 120, progress, "v1") < crashes[-1]
+
+
 @pytest.mark.parametrize("horizon", [120, 200])
 @pytest.mark.parametrize("outcome", [Outcome.OFF_ROUTE, Outcome.MISSED_GOAL])
 def test_leaving_the_route_early_does_not_pay(horizon, outcome):
