@@ -74,21 +74,33 @@ class Viewer:
     """One browser."""
 
     watched: tuple[str, ...] = ()
+    owed: deque[str] = field(default_factory=deque)
+    """Simulations of which it gets a snapshot next; until then, nothing else of them."""
     is_stale: bool = False
     waiting: deque[bytes] = field(default_factory=deque)
     size: int = 0
     news: asyncio.Event = field(default_factory=asyncio.Event)
 
     def put(self, packed: bytes) -> None:
-        """Queue a message; if too much waits, drop all."""
+        """Queue a message; if too much waits, drop all. One that waits alone is kept, however large."""
         if self.is_stale:
             return
         self.waiting.append(packed)
         self.size += len(packed)
-        if self.size > MOST_WAITING:
+        if self.size > MOST_WAITING and len(self.waiting) > 1:
             self.waiting.clear()
             self.size, self.is_stale = 0, True
         self.news.set()
+
+    def owe(self, number: str) -> None:
+        """Queue a snapshot of a simulation, which is made when its turn has come."""
+        if number not in self.owed:
+            self.owed.append(number)
+        self.news.set()
+
+    def follows(self, number: str) -> bool:
+        """Return whether it gets each frame of a simulation."""
+        return number in self.watched and number not in self.owed and not self.is_stale
 
 
 class LiveHub:
@@ -159,32 +171,36 @@ class LiveHub:
             new = [number for number in wanted if number not in viewer.watched]
             viewer.watched = wanted
             for number in new:
-                self._show(viewer, number)
+                viewer.owe(number)
 
     async def _send(self, socket: WebSocket, viewer: Viewer) -> None:
-        """Send what waits; a viewer that has lost something gets a snapshot."""
-        while True:
-            await viewer.news.wait()
+        """Send what waits and what is owed; a viewer that has lost something gets all snapshots again."""
+        while await viewer.news.wait():
             viewer.news.clear()
-            while viewer.waiting:
-                packed = viewer.waiting.popleft()
-                viewer.size -= len(packed)
-                try:
-                    await asyncio.wait_for(socket.send_bytes(packed), STALLED)
-                except (TimeoutError, WebSocketDisconnect, RuntimeError):
-                    # To say good-bye to one that takes nothing would wait, too.
-                    return
-            if viewer.is_stale:
-                viewer.is_stale = False
-                viewer.put(self._list())
-                for number in viewer.watched:
-                    self._show(viewer, number)
+            while viewer.waiting or viewer.owed or viewer.is_stale:
+                if viewer.is_stale:
+                    viewer.is_stale = False
+                    viewer.owed = deque(viewer.watched)
+                    viewer.put(self._list())
+                # What waits now goes first, since it is older than the next snapshot.
+                for _ in range(len(viewer.waiting)):
+                    if not viewer.waiting:
+                        break
+                    packed = viewer.waiting.popleft()
+                    viewer.size -= len(packed)
+                    if not await _is_taken(socket, packed):
+                        return
+                if viewer.owed and not viewer.is_stale:
+                    # One at a time, and beside what waits: together they may be more than that may be.
+                    for packed in self._snapshot(viewer, viewer.owed.popleft()):
+                        if not await _is_taken(socket, packed):
+                            return
 
-    def _show(self, viewer: Viewer, number: str) -> None:
-        """Queue all that a viewer needs who begins to watch a simulation."""
-        if number in self._sources:
-            for message in self._sources[number].encoder.snapshot():
-                viewer.put(pack(message))
+    def _snapshot(self, viewer: Viewer, number: str) -> list[bytes]:
+        """Return all that a viewer needs that watches a simulation from now on."""
+        if number not in viewer.watched or number not in self._sources:
+            return []
+        return [pack(message) for message in self._sources[number].encoder.snapshot()]
 
     def _take(self, message: dict[str, Any], maps: dict[int, Message], mine: set[str]) -> None:
         """Take one message of a publisher: the map first, then episodes, each with frames."""
@@ -203,7 +219,7 @@ class LiveHub:
         source = self._sources[number]
         if int(message["serial"]) != source.encoder.serial:
             return
-        is_watched = any(number in viewer.watched and not viewer.is_stale for viewer in self._viewers)
+        is_watched = any(viewer.follows(number) for viewer in self._viewers)
         if message["type"] == "frame":
             source.step, source.is_running = int(message["step"]), True
             source.count(time.monotonic())
@@ -245,7 +261,7 @@ class LiveHub:
             self._relay(number, made)
 
     def _relay(self, number: str, message: Message) -> None:
-        watching = [viewer for viewer in self._viewers if number in viewer.watched]
+        watching = [viewer for viewer in self._viewers if viewer.follows(number)]
         if watching:
             packed = pack(message)
             for viewer in watching:
@@ -279,6 +295,15 @@ class LiveHub:
 
     def _list(self) -> bytes:
         return pack({"type": "sources", "sources": [source.row() for source in self._sources.values()]})
+
+
+async def _is_taken(socket: WebSocket, packed: bytes) -> bool:
+    """Send a message; return whether the viewer has taken it. One that takes nothing is told no good-bye."""
+    try:
+        await asyncio.wait_for(socket.send_bytes(packed), STALLED)
+    except (TimeoutError, WebSocketDisconnect, RuntimeError):
+        return False
+    return True
 
 
 def checked_map(message: Any) -> Message:
