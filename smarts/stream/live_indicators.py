@@ -160,7 +160,11 @@ class _Lanes:
         """Return the lanes that begin where a lane ends."""
         end: Any = shapely.points(self.end[lane])
         found = self._tree.query(end, predicate="dwithin", distance=_NEAR)
-        return [other for other in found.tolist() if other != lane]
+        # Behind a lane shorter than that distance, those that begin beside it are found, too.
+        from_end, from_begin = (
+            np.hypot(*(self.begin[found] - point[lane]).T) for point in (self.end, self.begin)
+        )
+        return [other for other in found[from_end <= from_begin].tolist() if other != lane]
 
     def ways(self, lane: int) -> list[Way]:
         """Return the ways through the junction at the end of a lane."""
@@ -171,14 +175,16 @@ class _Lanes:
 
 def _ways(lanes: _Lanes, lane: int) -> list[Way]:
     """Return the ways through the junction at the end of a lane."""
-    ways: list[Way] = []
-    ahead = [(other, 1) for other in lanes.after(lane) if lanes.is_inside[other]]
-    while ahead:
-        inside, depth = ahead.pop()
-        for other in lanes.after(inside):
+    ways: set[Way] = set()
+    reached = {lane}
+    ahead = [other for other in lanes.after(lane) if lanes.is_inside[other]]
+    for _ in range(_MOST_LANES_INSIDE):
+        reached.update(ahead)
+        following = dict.fromkeys(other for inside in ahead for other in lanes.after(inside))
+        for other in following:
             if not lanes.is_inside[other]:
                 bend = float(wrap_angle(np.array(lanes.out[other] - lanes.into[lane])))
-                ways.append(Way(int(lanes.edge[other]), int(np.sign(bend)) if abs(bend) > TURN_ANGLE else 0))
-            elif depth < _MOST_LANES_INSIDE:
-                ahead.append((other, depth + 1))
-    return ways
+                ways.add(Way(int(lanes.edge[other]), int(np.sign(bend)) if abs(bend) > TURN_ANGLE else 0))
+        # Each lane once: where many meet, the ways through them are more than can be counted.
+        ahead = [other for other in following if lanes.is_inside[other] and other not in reached]
+    return sorted(ways)
