@@ -14,6 +14,7 @@ import time
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,7 @@ class EpisodePublisher:
         shown = sum(len(each._rows) for each in _publishers)
         count = min(world.worlds, max(0, MOST_SHOWN - shown))
         self._rows = [_Row("") for _ in range(count)]
+        self._maps: dict[int, Content] = {}
         _publishers.add(self)
         self._connect()
         agents = world.agents.slot.shape
@@ -202,18 +204,7 @@ class EpisodePublisher:
             self._maps_sent = epoch, set()
         if start.map not in self._maps_sent[1]:
             self._maps_sent[1].add(start.map)
-            graph = self._scene.atlas.graphs[start.map]
-            number, size = start.map, 8 * len(graph.point_xy)
-            self._outlet.put(
-                lambda: {
-                    "type": "map",
-                    "map": number,
-                    "origin": list(origin_of(graph)),
-                    "message": map_message(graph, ""),
-                },
-                epoch,
-                size,
-            )
+            self._outlet.put(partial(self._map, start.map), epoch)
         facts = {
             "scenario": start.scenario,
             "traffic": start.traffic_name or "",
@@ -226,6 +217,17 @@ class EpisodePublisher:
         }
         who = {"host": socket.gethostname(), "pid": os.getpid(), "world": row}
         self._put(shown, {"type": "begin", "facts": facts, "map": start.map, **who})
+
+    def _map(self, number: int) -> Content:
+        """Return the message of a map; called by the outlet's thread."""
+        if number not in self._maps:
+            if len(self._maps) >= MOST_SHOWN:
+                self._maps.clear()
+            graph = self._scene.atlas.graphs[number]
+            made = {"origin": list(origin_of(graph)), "message": map_message(graph, "")}
+            # Large ones take seconds. If the outlet drops what waits meanwhile, they are asked for again.
+            self._maps[number] = {"type": "map", "map": number, **made}
+        return self._maps[number]
 
     def _new_names(self, row: int, shown: _Row) -> list[tuple[int, int, str]]:
         """Return slot, generation and name of the vehicles that are new."""
