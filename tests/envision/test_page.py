@@ -9,9 +9,11 @@ import PIL.ImageColor
 import pytest
 from playwright.sync_api import Page, expect
 
+from smarts.envision import viewer_page
+from smarts.envision.viewer_page import Embedded
 from smarts.stream.arrays import packed_array, unpacked_array
 from smarts.stream.container import framed, messages_in
-from tests.envision.conftest import PHONE
+from tests.envision.conftest import DESKTOP, PHONE
 from tests.envision.pages import changed, episode, observing, page_with
 
 pytestmark = pytest.mark.browser
@@ -192,6 +194,55 @@ def test_a_phone_shows_everything_without_scrolling(open_page):
     expect(page.locator(".panel h2")).to_be_visible()
     page.get_by_role("button", name="Episodes").tap()
     expect(page.locator(".row").first).to_be_visible()
+
+
+def overlap(one, other):
+    """Return whether two boxes of the page share a point."""
+    return all(
+        one[at] < other[at] + other[size] and other[at] < one[at] + one[size]
+        for at, size in (("x", "width"), ("y", "height"))
+    )
+
+
+IS_WHOLE = "e => e.scrollWidth <= e.clientWidth && e.scrollHeight <= e.clientHeight"
+
+
+@pytest.mark.parametrize("size", [PHONE, DESKTOP])
+def test_the_pages_of_a_run_say_why_each_episode_is_shown(open_page, tmp_path, size):
+    reasons = ["best", "worst", "off road, wrong way", "time out"]
+    shown = [
+        Embedded(str(i), f"seed42_world200000{i}_episode00000", episode(name), why)
+        for i, (why, name) in enumerate(zip(reasons, ["intersection", "bubbles"] * 2, strict=True))
+    ]
+    file = tmp_path / "run.html"
+    file.write_text(viewer_page.page_with(shown))
+    page = open_page(url=file.as_uri(), fragment="#t=9", size=size)
+    names = page.locator(".cell-name")
+    expect(names).to_have_text([re.compile(f"^{why} · ") for why in reasons])
+    tools = [
+        box
+        for each in page.locator(".segments button, .sync, .tools > button").all()
+        if (box := each.bounding_box())
+    ]
+    cells = [each.bounding_box() for each in page.locator(".cell").all()]
+    for name, cell in zip(names.all(), cells, strict=True):
+        assert name.evaluate(IS_WHOLE)
+        box = name.bounding_box()
+        assert box
+        assert cell
+        assert not any(overlap(box, tool) for tool in tools)
+        assert box["x"] + box["width"] <= cell["x"] + cell["width"]
+    for cell, labels in zip(cells, page.locator(".cell .labels").all(), strict=True):
+        assert cell
+        for label in labels.locator(".label").all():
+            box = label.bounding_box()
+            assert box
+            assert cell["x"] <= box["x"]
+            assert box["x"] + box["width"] <= cell["x"] + cell["width"]
+    page.keyboard.press("e")
+    expect(page.locator(".row .why")).to_have_text(["worst", "time out", "best", "off road, wrong way"])
+    for text in page.locator(".row small").all():
+        assert text.evaluate(IS_WHOLE)
 
 
 def test_dark_and_light(open_page):

@@ -113,6 +113,7 @@ export class App {
     if (place) this.restore(place);
     this.setFocus(Math.min(this.player.focus, Math.max(0, this.views.length - 1)));
     this.header.setGrid(this.views.length, this.player.isInStep);
+    this.element.toggleAttribute("data-many", this.views.length > 1);
     this.player.syncEnds();
     this.refreshList();
     const fresh = this.views.filter((view) => !before.has(view.id));

@@ -19,6 +19,8 @@ export interface Entry {
   /** Episodes with the same one are the same test episode. */
   pair: string;
   policy: string;
+  /** Why it is shown, as "best"; empty where it was not chosen among others. */
+  why: string;
   /** Why it cannot be opened; empty if it can. */
   error: string;
   isLive: boolean;
@@ -55,13 +57,14 @@ function entryOf(id: string, raw: Record<string, unknown>): Entry {
     isComplete: raw.complete !== false,
     pair: text(raw.pair),
     policy: text(raw.policy),
+    why: text(raw.why),
     error: text(raw.error),
     isLive: false,
   };
 }
 
 /** Describes a recording that came without a list. */
-export function describe(id: string, recording: Recording, label: string): Entry {
+export function describe(id: string, recording: Recording, label: string, why = ""): Entry {
   const { facts } = recording;
   const outcomes: Record<string, number> = {};
   const egos = agentsOf(recording).filter((agent) => agent.isEgo);
@@ -69,7 +72,7 @@ export function describe(id: string, recording: Recording, label: string): Entry
     outcomes[outcome.toLowerCase()] = (outcomes[outcome.toLowerCase()] ?? 0) + 1;
   const seconds = (recording.lastStep - recording.firstStep) * recording.dt;
   return {
-    ...entryOf(id, { ...facts, label, seconds, agents: egos.length, complete: facts.is_complete }),
+    ...entryOf(id, { ...facts, label, why, seconds, agents: egos.length, complete: facts.is_complete }),
     outcomes,
     pair: pairOf(recording),
   };
@@ -123,7 +126,7 @@ async function embedded(): Promise<Library | null> {
   for (const [i, script] of scripts.entries()) {
     const { textContent, dataset } = script;
     const read = async () => decodeBase64(textContent ?? "");
-    parts.push({ id: dataset.id ?? String(i), label: dataset.label ?? "", read });
+    parts.push({ id: dataset.id ?? String(i), label: dataset.label ?? "", why: dataset.why, read });
     script.remove();
   }
   return together(parts);
@@ -132,6 +135,7 @@ async function embedded(): Promise<Library | null> {
 interface Part {
   id: string;
   label: string;
+  why?: string;
   read(): Promise<Uint8Array>;
 }
 
@@ -139,13 +143,13 @@ interface Part {
 async function together(parts: readonly Part[]): Promise<Library> {
   const recordings = new Map<string, Recording>();
   const entries: Entry[] = [];
-  for (const { id, label, read } of parts)
+  for (const { id, label, why, read } of parts)
     try {
       const recording = await open(await read());
       recordings.set(id, recording);
-      entries.push(describe(id, recording, label));
+      entries.push(describe(id, recording, label, why));
     } catch (error) {
-      entries.push(entryOf(id, { label, error: error instanceof Error ? error.message : String(error) }));
+      entries.push(entryOf(id, { label, why, error: error instanceof Error ? error.message : String(error) }));
     }
   return fromMap(entries, recordings);
 }

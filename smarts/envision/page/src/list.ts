@@ -121,6 +121,7 @@ export class List {
         entry.traffic,
         entry.run,
         entry.policy,
+        entry.why,
         entry.isLive ? "live" : "",
         ...Object.keys(entry.outcomes),
       ]
@@ -178,6 +179,7 @@ export class List {
       "button",
       { class: "open", type: "button", disabled: entry.error !== "", onClick: () => this.choose([entry.id]) },
       h("b", {}, title),
+      entry.why ? h("span", { class: "badge why" }, entry.why) : null,
       entry.policy ? h("span", { class: "badge" }, entry.policy) : null,
       entry.isLive ? h("span", { class: "badge", "data-tone": "live" }, "live") : null,
       h("small", {}, under),

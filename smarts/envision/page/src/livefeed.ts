@@ -116,6 +116,7 @@ function entryOf(source: Source): Entry {
     isComplete: false,
     pair: "",
     policy: source.policy,
+    why: "",
     error: "",
     isLive: true,
   };

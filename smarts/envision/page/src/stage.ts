@@ -17,6 +17,16 @@ const CLICK = 6;
 /** Metres of a pixel up to which all egos show their names. */
 const CLOSE = 0.14;
 
+/** Of the names beside vehicles [pixels]. */
+const LABEL_WIDTH = 220;
+const LABEL_HEIGHT = 20;
+const LABEL_MARGIN = 16;
+const LETTER_WIDTH = 6.6;
+const LABEL_RISE = 14;
+
+const within = (value: number, low: number, high: number): number =>
+  Math.max(low, Math.min(Math.max(low, high), value));
+
 interface Cell {
   view: View;
   element: HTMLElement;
@@ -183,7 +193,11 @@ export class Stage {
       used++;
       if (label.textContent !== agent.name) label.textContent = agent.name;
       label.toggleAttribute("data-chosen", agent === view.chosen);
-      label.style.transform = `translate(${((at.x + 1) / 2) * width}px, ${((1 - at.y) / 2) * height}px) translate(-50%, calc(-100% - 14px))`;
+      // Its width is reckoned: to ask for it makes the browser lay out the page.
+      const half = Math.min(LABEL_WIDTH, LABEL_MARGIN + LETTER_WIDTH * agent.name.length) / 2;
+      const x = within(((at.x + 1) / 2) * width, half, width - half);
+      const y = within(((1 - at.y) / 2) * height - LABEL_RISE, LABEL_HEIGHT, height);
+      label.style.transform = `translate(${x}px, ${y}px) translate(-50%, -100%)`;
     }
     while (labels.children.length > used) labels.lastChild!.remove();
   }

@@ -17,9 +17,7 @@ export const reason = (error: unknown): string => (error instanceof Error ? erro
 export function titleOf(entry: Entry | undefined, id: string): string {
   if (!entry) return id;
   if (entry.isLive) return entry.label;
-  return entry.policy || entry.run
-    ? `${entry.scenario || entry.label} · ${entry.policy || entry.run}`
-    : entry.scenario || entry.label;
+  return [entry.why, entry.scenario || entry.label, entry.policy || entry.run].filter(Boolean).join(" · ");
 }
 
 export function subtitle(view: View): string {
