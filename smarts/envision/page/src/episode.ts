@@ -339,6 +339,19 @@ export class Recording {
     }
   }
 
+  /** Where an agent's vehicle is at a step: x, y [m] and heading [rad]; null where that is not known, or not yet. */
+  poseOf(agent: number, step: number): [number, number, number] | null {
+    const table = this.table("agent_states");
+    const of = this.index("agent_states", "agent").at(agent, step);
+    if (of < 0 || table.numbers("step")[of] !== step || !this.frames.length) return null;
+    const number = this.vehicleNumber(table.numbers("slot")[of], table.numbers("generation")[of]);
+    const frame = this.frames[this.frameAt(step)];
+    const states = frame.step === step ? this.chunks.get(frame.chunk) : null;
+    const row = states ? rowOf(states, frame.place, number) : -1;
+    if (!states || row < 0) return null;
+    return [0.01 * states.x[row], 0.01 * states.y[row], (states.heading[row] * Math.PI) / 1800];
+  }
+
   /** Writes which agent has which vehicle at the step. */
   private assign(step: number, out: Snapshot): void {
     const states = this.table("agent_states");
