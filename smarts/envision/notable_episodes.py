@@ -50,9 +50,9 @@ class Written:
 def notable_episodes(entries: Iterable[Entry]) -> list[Notable]:
     """Return the best episode, the worst one, and one of each further kind of failure, each episode once.
 
-    Best is where most agents reached their goals, then where it took the least time, and there is none where
-    agents only fail; worst is where the most failed, then where most collided. Invalid, unfinished and damaged
-    episodes are left out.
+    Best is where most agents reached their goals, then where it took the least time; there is none where
+    agents only fail. Worst is where the most failed, then where most collided. Invalid, unfinished and
+    damaged episodes are left out.
     """
     whole = [
         each for each in entries if each.complete and not each.invalid and not each.error and each.agents
