@@ -128,6 +128,19 @@ def test_many_observations_are_written_while_the_episode_runs(tmp_path, monkeypa
         np.testing.assert_array_equal(one["values"], other["values"])
 
 
+def test_environments_with_objects_record_the_terms_of_their_rewards(seen):
+    episode, _ = seen
+    rows = rows_of(episode.table("extras"))
+    rewards = {row["step"]: row["values"] for row in rows if (row["name"], row["agent_id"]) == ("reward", 1)}
+    terms = [row for row in rows if row["name"].startswith("reward/")]
+    # The metres along the route are its only term.
+    assert {(row["name"], row["agent_id"]) for row in terms} == {("reward/metres", 1)}
+    assert len(terms) == len(rewards) == DECISIONS
+    for row in terms:
+        np.testing.assert_allclose(row["values"], rewards[row["step"]], rtol=1e-6)
+    assert any(value > 1.0 for (value,) in rewards.values())
+
+
 def test_browsers_get_them(seen):
     episode, _ = seen
     table = CompactEpisode(compact_episode(episode)).tables["observations"]
