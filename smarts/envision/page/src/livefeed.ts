@@ -2,7 +2,7 @@
 
 import { describe, type Entry } from "./library";
 import { Live, type LiveState } from "./live";
-import type { Message, Source } from "./messages";
+import type { EpisodeMessage, Message, Source } from "./messages";
 import { Recording } from "./episode";
 import type { View } from "./view";
 
@@ -33,7 +33,7 @@ export class LiveFeed {
   constructor(private readonly actions: Actions) {
     this.live.onSources = () => actions.changed();
     this.live.onState = (state) => actions.state(state);
-    this.live.onMessage = (source, message) => this.take(source, message);
+    this.live.onMessage = (source, message, isAgain) => this.take(source, message, isAgain);
     this.live.onProblem = (text) => actions.problem(text);
   }
 
@@ -66,12 +66,15 @@ export class LiveFeed {
     this.live.watch(known);
   }
 
-  private take(source: string, message: Message): void {
-    if (message.type === "episode") {
+  private take(source: string, message: Message, isAgain: boolean): void {
+    const known = this.recordings.get(source);
+    // The server sends a snapshot to one that was too slow: the episode goes on, with a gap.
+    const isSame = isAgain && message.type === "episode" && known !== undefined && isOf(known, message);
+    if (message.type === "episode" && !isSame) {
       this.keep(source);
       this.recordings.set(source, new Recording([message], true));
       this.actions.replaced(source);
-    } else this.recordings.get(source)?.add(message);
+    } else known?.add(message);
     this.hasNews = true;
   }
 
@@ -100,6 +103,13 @@ export class LiveFeed {
       }
     return true;
   }
+}
+
+/** Whether a recording is of the episode that a message begins. */
+function isOf(recording: Recording, { facts }: EpisodeMessage): boolean {
+  const names = Object.keys(facts);
+  const isEqual = names.every((name) => recording.facts[name] === facts[name]);
+  return isEqual && names.length > 0 && names.length === Object.keys(recording.facts).length;
 }
 
 function entryOf(source: Source): Entry {
