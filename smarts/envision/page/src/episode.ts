@@ -1,14 +1,15 @@
 /** A recording, as far as it has arrived: the state of all vehicles at any time. No DOM. */
 
-import { type Chunk, Chunks, rowOf, type States } from "./chunks";
+import { type Chunk, Chunks, ROW_BYTES, rowOf, type States } from "./chunks";
 import { MOST_VEHICLES } from "./format";
 import type { Columns, MapMessage, Message, Scalar, StepsMessage } from "./messages";
 import { Driver, OWNER, OWNER_AGENT, RETURNING, type Snapshot } from "./snapshot";
 import { StepIndex, Table } from "./tables";
 
-/** Of what is live, the past is forgotten beyond this: at 60 frames a second more than a minute stays. */
+/** Of what is live, the past is forgotten beyond this: at 60 frames a second two minutes. */
 const MOST_LIVE_FRAMES = 8000;
-const MOST_LIVE_ROWS = 4_000_000;
+/** Of a frame beside its rows: its arrays themselves. */
+const FRAME_BYTES = 2000;
 /** Tables whose rows hold until the next one of the same key. */
 const LASTING: Record<string, string> = { signals: "lane", bubble_poses: "bubble" };
 const PASSING = ["agent_states", "decisions", "extras", "observations", ...Object.keys(LASTING)];
@@ -184,7 +185,7 @@ export class Recording {
     });
     this.rows += message.flags.length;
     if (states) this.takeSpeeds(states);
-    if (this.isLive && (this.frames.length > MOST_LIVE_FRAMES || this.rows > MOST_LIVE_ROWS)) this.forget();
+    if (this.isLive && this.frames.length > MOST_LIVE_FRAMES) this.forget();
   }
 
   /** Notes the speeds of agents' vehicles, and where they are, so that no other states are needed for them. */
@@ -207,8 +208,13 @@ export class Recording {
     }
   }
 
+  /** About how much memory the states take, where none are decoded again. */
+  get bytes(): number {
+    return ROW_BYTES * this.rows + FRAME_BYTES * this.frames.length;
+  }
+
   /** Forgets the older half of what is live. */
-  private forget(): void {
+  forget(): void {
     this.frames.splice(0, this.frames.length >> 1);
     this.rows = this.frames.reduce((sum, { chunk }) => sum + (chunk.states?.flags.length ?? 0), 0);
     const first = this.firstStep;

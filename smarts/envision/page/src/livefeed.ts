@@ -9,6 +9,8 @@ import type { View } from "./view";
 /** Episodes that are over and can still be opened, of all simulations together. */
 const MOST_PAST = 12;
 const FEWEST_STEPS = 5;
+/** Bytes of states of all simulations and their past episodes together. */
+const MOST_BYTES = 128 << 20;
 
 interface Actions {
   changed(): void;
@@ -30,7 +32,10 @@ export class LiveFeed {
   private counted = 0;
   private hasNews = false;
 
-  constructor(private readonly actions: Actions) {
+  constructor(
+    private readonly actions: Actions,
+    private readonly most = MOST_BYTES,
+  ) {
     this.live.onSources = () => actions.changed();
     this.live.onState = (state) => actions.state(state);
     this.live.onMessage = (source, message, isAgain) => this.take(source, message, isAgain);
@@ -75,6 +80,7 @@ export class LiveFeed {
       this.recordings.set(source, new Recording([message], true));
       this.actions.replaced(source);
     } else known?.add(message);
+    if (message.type === "steps") this.fit();
     this.hasNews = true;
   }
 
@@ -89,6 +95,25 @@ export class LiveFeed {
     this.past.set(id, { entry: { ...describe(id, recording, label), run: "live until now" }, recording });
     for (const oldest of this.past.keys()) if (this.past.size > MOST_PAST) this.past.delete(oldest);
     this.actions.changed();
+  }
+
+  /** The memory that live and past states take. */
+  get bytes(): number {
+    const past = [...this.past.values()].map(({ recording }) => recording);
+    return [...this.recordings.values(), ...past].reduce((sum, { bytes }) => sum + bytes, 0);
+  }
+
+  /** Forgets the oldest episode until all fit, or else half of the largest one that runs. */
+  private fit(): void {
+    while (this.bytes > this.most) {
+      const [oldest] = this.past.keys();
+      const largest = [...this.recordings.values()].reduce((a, b) => (b.bytes > a.bytes ? b : a));
+      if (oldest !== undefined) {
+        this.past.delete(oldest);
+        this.actions.changed();
+      } else if (largest.length > FEWEST_STEPS) largest.forget();
+      else return;
+    }
   }
 
   /** Brings views up to date; returns whether there was anything. */

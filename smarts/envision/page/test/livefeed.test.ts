@@ -11,14 +11,14 @@ interface Inner {
 }
 
 /** A feed without a server: `send` takes up messages as the connection would. */
-function fed() {
+function fed(most?: number) {
   const replaced: string[] = [];
   const feed = new LiveFeed({
     changed: () => {},
     replaced: (id) => replaced.push(id),
     state: () => {},
     problem: (text) => expect.unreachable(text),
-  });
+  }, most);
   const { live } = feed as unknown as Inner;
   const send = (message: Message | object, serial = 1, source = "a") => live.take({ ...message, source, serial });
   const sources = ["a", "b"].map((id) => ({ id, title: id, host: "h", scenario: "s", episode: 1, policy: "" }));
@@ -60,5 +60,29 @@ describe("a simulation that runs", () => {
     send(await episode(3), 3);
     expect(feed.entries.filter((entry) => !entry.isLive).length).toBe(3);
     expect(replaced).toEqual(["a", "a", "a", "a"]);
+  });
+
+  it("keeps no more than its share of memory, together with all others and the past", async () => {
+    const most = 2_000_000;
+    const { feed, send } = fed(most);
+    for (let number = 0; number < 4; number++)
+      for (const source of ["a", "b"]) {
+        send(await episode(number), number, source);
+        // 200 frames of 40 vehicles: 0.64 MB.
+        for (let step = 0; step < 200; step++) send(await steps(step, 1, 40), number, source);
+        expect(feed.bytes).toBeLessThanOrEqual(most);
+        expect(feed.recording(source)!.length).toBe(200);
+      }
+    const past = feed.entries.filter((entry) => !entry.isLive);
+    // The newest is still there.
+    expect(past.length).toBe(1);
+    expect(past[0].episode).toBe(2);
+    // What runs is forgotten from its beginning.
+    for (let step = 200; step < 2000; step++) send(await steps(step, 1, 40), 3, "a");
+    expect(feed.bytes).toBeLessThanOrEqual(most);
+    const recording = feed.recording("a")!;
+    expect(recording.lastStep).toBe(1999);
+    expect(recording.firstStep).toBeGreaterThan(1000);
+    expect(feed.recording("b")!.length).toBeGreaterThan(50);
   });
 });
