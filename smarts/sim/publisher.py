@@ -27,6 +27,7 @@ from smarts.sim.agent_pool import AgentPool
 from smarts.sim.outlet import Address, Content, Outlet
 from smarts.sim.publisher_kernel import Rows, take_row
 from smarts.sim.publisher_tables import static_tables
+from smarts.sim.recorder import OBSERVED
 from smarts.stream.road_map import map_message, origin_of
 from smarts.types.actions import Actions
 from smarts.types.agent_states import UNSET
@@ -78,9 +79,7 @@ class EpisodePublisher:
     def __init__(self, scene: Scene, address: Address, pool: AgentPool, policies: Sequence[str] = ()) -> None:
         world = scene.world
         self._scene, self._address, self._pool, self._policies = scene, address, pool, tuple(policies)
-        shown = sum(len(each._rows) for each in _publishers)
-        count = min(world.worlds, max(0, MOST_SHOWN - shown))
-        self._rows = [_Row("") for _ in range(count)]
+        self._rows = [_Row("") for _ in range(min(world.worlds, room()))]
         self._maps: dict[int, Content] = {}
         _publishers.add(self)
         self._connect()
@@ -115,8 +114,11 @@ class EpisodePublisher:
                 self._end(shown, True, "")
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
-        """Send what an algorithm says with the next frame; as in `EpisodeRecorder`."""
-        if not self._outlet.is_open:
+        """Send what an algorithm says with the next frame; as in `EpisodeRecorder`.
+
+        What agents observe is left out: hundreds of numbers in each decision, which would displace the rest.
+        """
+        if not self._outlet.is_open or name.startswith(OBSERVED):
             return
         table = np.asarray(values, np.float64)
         steps = self._scene.world.step if step is None else step
@@ -273,6 +275,13 @@ class EpisodePublisher:
                     int(agents.outcome[row, agent_id]),
                     *map(int, partner),
                 )
+
+
+def room() -> int:
+    """Return how many further simulations of this process are shown."""
+    # A process that was forked off has its parent's publishers, too, which show nothing here unless used.
+    here = [each for each in _publishers if each._outlet.process == os.getpid()]
+    return max(0, MOST_SHOWN - sum(len(each._rows) for each in here))
 
 
 _publishers: weakref.WeakSet[EpisodePublisher] = weakref.WeakSet()
