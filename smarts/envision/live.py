@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -18,12 +19,10 @@ from smarts.errors import RecordError, SmartsError
 from smarts.stream.arrays import unpacked_array
 from smarts.stream.container import Message, pack, unpack
 from smarts.stream.live_encoder import LiveEncoder
-from smarts.stream.road_map import LANE_COLUMNS
+from smarts.stream.road_map import LANE_COLUMNS, MOST_MAPS
 
 MOST_SOURCES = 32
 """Simulations that are known at a time."""
-MOST_MAPS = 256
-"""Of one process."""
 MOST_WATCHED = 9
 """Simulations that one viewer watches."""
 MOST_WAITING = 8 << 20
@@ -132,8 +131,12 @@ class LiveHub:
             with contextlib.suppress(RuntimeError):
                 await socket.close(_POLICY, text.encode(errors="replace")[:120].decode(errors="ignore"))
         finally:
-            for number in mine:
-                self._lose(self._sources[number])
+            for number in mine & self._sources.keys():
+                # One that cannot be ended, or is forgotten, leaves the others what they are.
+                try:
+                    self._lose(self._sources[number])
+                except Exception:
+                    logging.getLogger("smarts").exception("envision: simulation %s cannot be ended", number)
 
     async def watch(self, socket: WebSocket) -> None:
         """Send one viewer what it watches until it is gone."""
@@ -242,6 +245,8 @@ class LiveHub:
         facts = {str(name): value for name, value in message["facts"].items()}
         if any(not isinstance(value, str | int | float) for value in facts.values()):
             raise RecordError("facts that are no numbers and no texts", place=number)
+        if int(message["map"]) not in maps:
+            raise RecordError(f"map {int(message['map'])} has not been sent", place=number)
         encoder = LiveEncoder(maps[int(message["map"])], facts, number, int(message["serial"]))
         about = {
             "title": f"{facts['scenario']} {facts['traffic']} [{message['world']}]",
@@ -269,11 +274,12 @@ class LiveHub:
 
     def _lose(self, source: Source) -> None:
         """Note that a simulation's process is gone."""
-        if source.is_running:
+        was_running = source.is_running
+        source.is_running, source.gone, source.rate = False, time.monotonic(), 0.0
+        if was_running:
             end = {"type": "end", "is_complete": False, "remark": "the simulation's process has gone"}
             for message in source.encoder.take(end, is_watched=True):
                 self._relay(source.id, message)
-        source.is_running, source.gone, source.rate = False, time.monotonic(), 0.0
 
     def _start_listing(self) -> None:
         if self._listing is None or self._listing.done():

@@ -127,6 +127,8 @@ class Outlet:
         # In a process that was forked off, the thread and perhaps a lock that it held stayed behind.
         if self.process == os.getpid():
             self._closing.set()
+            if threading.current_thread() is self._thread:
+                return
             self._thread.join(_LAST_WORDS + 4 * _LOOK)
 
     def _send(self, packed: bytes) -> None:

@@ -6,9 +6,9 @@ route or a lane that leads nowhere else.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
 
 import numpy as np
 import shapely
@@ -118,16 +118,11 @@ class LiveIndicators:
         return sides.pop() if len(sides) == 1 else 0
 
 
-_known: deque[tuple[Message, _Lanes]] = deque(maxlen=32)
-
-
 def _lanes_of(road_map: Message) -> _Lanes:
-    """Return the lanes of a map; episodes on the same one share them."""
-    for message, lanes in _known:
-        if message is road_map:
-            return lanes
-    lanes = _Lanes(road_map)
-    _known.append((road_map, lanes))
+    """Return the lanes of a map; episodes on the same one share them while one of them is known."""
+    lanes = _known.get(id(road_map))
+    if lanes is None:
+        lanes = _known[id(road_map)] = _Lanes(road_map)
     return lanes
 
 
@@ -135,6 +130,8 @@ class _Lanes:
     """Columns of lanes, shape (L,) each."""
 
     def __init__(self, road_map: Message) -> None:
+        # As long as it is there, no other message has its id.
+        self._road_map = road_map
         columns = road_map["lanes"]
         start = unpacked_array(columns["start"]).astype(np.int64)
         x, y = (unpacked_runs(columns[name], start[:-1]) / PER_METRE for name in "xy")
@@ -188,3 +185,7 @@ def _ways(lanes: _Lanes, lane: int) -> list[Way]:
         # Each lane once: where many meet, the ways through them are more than can be counted.
         ahead = [other for other in following if lanes.is_inside[other] and other not in reached]
     return sorted(ways)
+
+
+_known: WeakValueDictionary[int, _Lanes] = WeakValueDictionary()
+"""By the id of the message."""

@@ -137,6 +137,27 @@ def test_the_next_episode_has_the_next_serial_and_a_lost_process_ends_it(server)
         until(browser, is_listed(id="a", running=False))
 
 
+def test_a_simulation_that_cannot_be_ended_leaves_the_others_ended(server, monkeypatch):
+    def fail(self, is_complete, remark):
+        if self._stamp["source"] in "ac":
+            raise ValueError("an encoder that fails")
+        return []
+
+    with publisher(server) as simulation, viewer(server) as browser:
+        simulation.send(pack(the_map()))
+        for source in "abc":
+            simulation.send(pack(begin(source)))
+            simulation.send(pack(frame(0, source)))
+        until(browser, is_listed(id="c", step=0))
+        monkeypatch.setattr(live.LiveEncoder, "end", fail)
+        simulation.close()
+
+        def all_ended(message):
+            return message["type"] == "sources" and not any(row["running"] for row in message["sources"])
+
+        until(browser, all_ended)
+
+
 def test_simulations_are_watched_one_by_one(server):
     with publisher(server) as simulation, viewer(server) as browser:
         simulation.send(pack(the_map()))

@@ -1,5 +1,8 @@
 """Turn indicators of running simulations, by hand on a crossing and a road of three lanes."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
@@ -173,3 +176,13 @@ def test_a_lane_beside_a_very_short_one_does_not_follow_it():
     lanes = LiveIndicators(lanes_message(lines, [0, 1, 1, 0]), DT)._lanes
     assert lanes.after(1) == [3]
     assert sorted(lanes.after(0)) == [1, 2, 3]
+
+
+def test_maps_are_shared_and_forgotten():
+    message = map_message(crossing(), "")
+    one, other = LiveIndicators(message, DT), LiveIndicators(message, DT)
+    assert one._lanes is other._lanes
+    lanes = weakref.ref(one._lanes)
+    del one, other
+    gc.collect()
+    assert lanes() is None
