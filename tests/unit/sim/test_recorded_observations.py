@@ -103,7 +103,7 @@ def test_pictures_of_any_shape_are_recorded_whole():
 def test_many_observations_are_written_while_the_episode_runs(tmp_path, monkeypatch):
     def recorded(folder):
         interface = benchmark_interface(waypoints=True, drivable_area_grid_map=True)
-        options = Options(record=folder, record_observations=["a"])
+        options = Options(record=folder, record_observations=["a", "a"])
         env = HiWayEnv(["loop"], {"a": interface}, seed=1, simulation=options)
         agents = env.reset(seed=1)[0]
         for _ in range(8):
@@ -122,6 +122,7 @@ def test_many_observations_are_written_while_the_episode_runs(tmp_path, monkeypa
     parts = recorded(tmp_path / "parts")
     # 16 kB a step: some steps at a time.
     assert len(kept) >= 3
+    assert len({(row["step"], row["name"]) for row in whole}) == len(whole)
     assert max(kept) < 80_000
     assert [(r["step"], r["name"]) for r in parts] == [(r["step"], r["name"]) for r in whole]
     for one, other in zip(parts, whole, strict=True):
@@ -152,7 +153,8 @@ def test_browsers_get_them(seen):
 
 
 def test_terms_of_the_reward_add_up_and_features_are_recorded(tmp_path):
-    options = Options(record=tmp_path, record_observations=["agent-1"])
+    # An agent that is named twice is recorded once.
+    options = Options(record=tmp_path, record_observations=["agent-1", "agent-1"])
     env = VectorHiWayEnv(2, ["intersection"], 3, seed=1, simulation=options)
     step, arrays = env.reset(), []
     for _ in range(DECISIONS):
