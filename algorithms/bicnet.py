@@ -44,7 +44,7 @@ class BidirectionalNet(nn.Module):
 
     def __init__(self, group: Group, hidden: Sequence[int], beside: int, outputs: int) -> None:
         super().__init__()
-        self.encoder = Encoder(group.observation)
+        self.encoder = Encoder(group.observation, set_width=group.set_width)
         self.enter = nn.Sequential(*perceptron([self.encoder.size + beside, *hidden], nn.ReLU), nn.ReLU())
         self.width = hidden[-1]
         self.rightward = nn.RNNCell(self.width, self.width)

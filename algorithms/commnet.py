@@ -41,7 +41,7 @@ class CommNetModule(JointModule):
         """Create all layers."""
         widths, hops = self.settings["hidden"], range(self.settings["communication_steps"])
         width, gain = widths[-1], nn.init.calculate_gain("tanh")
-        self.encoder = Encoder(self.group.observation)
+        self.encoder = Encoder(self.group.observation, set_width=self.group.set_width)
         first = orthogonal(perceptron([self.encoder.size, *widths]), gain=gain, last=gain)
         self.first = nn.Sequential(*first, nn.Tanh())
         self.keep = nn.ModuleList(nn.Linear(width, width) for _ in hops)

@@ -76,7 +76,7 @@ class MATModule(JointModule):
         """Create all layers."""
         width, heads = self.settings["hidden"][-1], self.settings["attention_heads"]
         blocks = range(self.settings["blocks"])
-        self.see = Encoder(self.group.observation, self.group.size)
+        self.see = Encoder(self.group.observation, self.group.size, self.group.set_width)
         self.first = nn.Sequential(nn.Linear(self.see.size, width), nn.GELU(), nn.LayerNorm(width))
         self.encoder = nn.ModuleList(EncoderBlock(width, heads) for _ in blocks)
         self.begin = nn.Parameter(torch.randn(width) * 0.1)

@@ -43,7 +43,7 @@ class MeanFieldCritic(LearnerModule):
             raise TypeError("a mean-field critic belongs to a group")
         actions = common_actions(self.spec.spaces)
         seen = {**self.group.observation, MEAN_ACTION: Box(0.0, 1.0, (actions,))}
-        self.q = MeanFieldQ(seen, self.group.size, self.settings["hidden"], actions)
+        self.q = MeanFieldQ(self.group, seen, self.settings["hidden"], actions)
         self.target_q = copy.deepcopy(self.q).requires_grad_(False)
 
 

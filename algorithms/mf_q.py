@@ -37,7 +37,7 @@ from algorithms.joint.features import MEAN_ACTION, WithMeanActions, common_actio
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
 from algorithms.joint.neighbours import Neighbourhood
-from algorithms.joint.spec import JointSpec
+from algorithms.joint.spec import Group, JointSpec
 from algorithms.maac import of_actions
 from algorithms.parts.communication import mean_over
 from algorithms.parts.distributions import BoltzmannHead, Head
@@ -47,9 +47,9 @@ from algorithms.parts.networks import Encoder, perceptron
 class MeanFieldQ(nn.Module):
     """Q(o, ., m) of observation leaves, one of which is the mean action: (..., n, A)."""
 
-    def __init__(self, observation: Mapping[str, Box], agents: int, hidden: tuple[int, ...], actions: int):
+    def __init__(self, group: Group, observation: Mapping[str, Box], hidden: tuple[int, ...], actions: int):
         super().__init__()
-        self.encoder = Encoder(observation, agents)
+        self.encoder = Encoder(observation, group.size, group.set_width)
         self.body = perceptron([self.encoder.size, *hidden, actions], nn.ReLU)
 
     def forward(self, leaves: Mapping[str, Tensor]) -> Tensor:
@@ -68,9 +68,8 @@ class MeanFieldQModule(JointModule):
 
     def make_networks(self) -> None:
         """Create the Q network and its target."""
-        self.q = MeanFieldQ(
-            self.group.observation, self.group.size, self.settings["hidden"], self.head.outputs
-        )
+        seen, outputs = self.group.observation, self.head.outputs
+        self.q = MeanFieldQ(self.group, seen, self.settings["hidden"], outputs)
         self.target_q = copy.deepcopy(self.q).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:

@@ -36,7 +36,7 @@ class LocalValue(LearnerModule):
         """Create encoder and body."""
         if self.group is None:
             raise TypeError("a local value belongs to a group")
-        self.encoder = Encoder(self.group.observation, self.group.size)
+        self.encoder = Encoder(self.group.observation, self.group.size, self.group.set_width)
         self.moments = RunningMoments(enabled=self.settings["normalize_values"])
         self.body = orthogonal(
             perceptron([self.encoder.size, *self.settings["hidden"], 1]), gain=np.sqrt(2), last=1

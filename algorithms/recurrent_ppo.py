@@ -80,7 +80,7 @@ class RecurrentLocalValue(RecurrentValue):
 
     def make_features(self) -> int:
         """Create the encoder."""
-        self.encoder = Encoder(without_memory(self.group.observation), self.group.size)
+        self.encoder = Encoder(without_memory(self.group.observation), self.group.size, self.group.set_width)
         return self.encoder.size
 
     def features(self, view: GroupView) -> Tensor:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from scenarios.drivers import MIXED, Drivers, flow, traffic
+from collections.abc import Iterable
+from dataclasses import replace
+
+from scenarios.drivers import MIXED, Drivers, flow, placed, slowly, traffic
 from smarts.sstudio import types as t
 
 OPPOSITE = {"north": "south", "south": "north", "west": "east", "east": "west"}
@@ -12,13 +15,20 @@ ARM_RATE = 680.0
 """Of the intersection [vehicles/h]."""
 
 
-def weaving(density: float = 1.0, drivers: Drivers = MIXED, crossing: float = 0.6) -> dict[str, t.Traffic]:
+WEAVING_WARM_UP = 25.0
+"""Of double merge [s]."""
+
+
+def weaving(
+    density: float = 1.0, drivers: Drivers = MIXED, crossing: float = 0.6, slow: float = 0.0
+) -> dict[str, t.Traffic]:
     """Return the traffic of double merge.
 
     Args:
         density: Multiple of the usual rate.
         drivers: Weight of each kind of driver.
         crossing: Share of the vehicles that leave on the other side.
+        slow: Speed of a vehicle on either lane ahead of the agents [m/s]; 0: there are none.
     """
     rates = {
         ("top_left", "down_right"): crossing,
@@ -30,7 +40,10 @@ def weaving(density: float = 1.0, drivers: Drivers = MIXED, crossing: float = 0.
         flow((f"{begin}_approach", 0), (end, 0), 1000 * share * density, drivers)
         for (begin, end), share in rates.items()
     ]
-    return traffic(flows, 25.0, {"top_left_approach": 115, "down_left_approach": 115})
+    for lane, goal in ((0, "down_right"), (1, "top_right")) if slow else ():
+        leader = [("merge", lane, 25.0)]
+        flows += placed(leader, (goal, 0), WEAVING_WARM_UP - 0.2, slowly(drivers, slow))
+    return traffic(flows, WEAVING_WARM_UP, {"top_left_approach": 115, "down_left_approach": 115})
 
 
 def crossing_trades() -> list[t.Mission]:
@@ -80,3 +93,13 @@ ON_THREE_LANES = [
     t.Mission(t.Route(begin=("east_in", 1, 50), end=("west_out", 2, 40))),
 ]
 """The same on three lanes a direction."""
+
+
+def farther(missions: Iterable[t.Mission], goal: float = 80.0) -> list[t.Mission]:
+    """Return the missions with goals on the road behind the one on which they were, at an offset [m]."""
+    found = []
+    for mission in missions:
+        road, lane, _ = mission.route.end
+        end = (f"{road.removesuffix('_out')}_exit", lane, goal)
+        found.append(replace(mission, route=replace(mission.route, end=end)))
+    return found

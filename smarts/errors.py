@@ -70,6 +70,10 @@ class ScenarioError(SmartsError):
     """A scenario file says something that cannot be built."""
 
 
+class ContradictionError(ScenarioError, ValueError):
+    """An object of a scenario file contradicts itself; it is a `ValueError`, too, as in the original."""
+
+
 class TrafficError(SmartsError):
     """The traffic engine failed to start or to go on."""
 

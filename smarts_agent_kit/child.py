@@ -14,12 +14,17 @@ import os
 import select
 import shutil
 import signal
+import socket
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
+_CAUSES = {
+    "SIGKILL": ", by a user or for want of memory",
+    "SIGXCPU": ": a request took more processor time than is allowed",
+}
 _SET_DEATH_SIGNAL, _SET_CHILD_SUBREAPER = 1, 36  # of <sys/prctl.h>
 
 
@@ -78,10 +83,36 @@ def main() -> NoReturn:
     # The agent may be busy or blocked, and read nothing; the simulator is heard here all the same.
     poll.register(given["fd"], select.POLLRDHUP | select.POLLHUP)
     poll.poll()
+    ended, status = os.waitpid(worker, os.WNOHANG)
+    if ended:
+        with suppress(Exception):  # the simulator is gone
+            _tell(given, ending(status))
     os.close(given["fd"])
     end_children()
     shutil.rmtree(given["folder"], ignore_errors=True)
     os._exit(0)
+
+
+def ending(status: int) -> str:
+    """Return how a process has ended, from its wait status."""
+    if not os.WIFSIGNALED(status):
+        return f"its process has ended with exit code {os.waitstatus_to_exitcode(status)}"
+    name = signal.Signals(os.WTERMSIG(status)).name
+    return f"its process was killed by {name}{_CAUSES.get(name, '')}"
+
+
+def _tell(given: Mapping[str, Any], problem: str) -> None:
+    """Send the simulator the last message of an agent whose process has ended."""
+    _take_paths(given)
+    wire = importlib.import_module("smarts_agent_kit.wire")
+    frame = wire.encode(wire.Message("failed", {"problem": problem}))
+    with socket.socket(fileno=os.dup(given["fd"])) as connection:
+        connection.send(frame, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+
+
+def _take_paths(given: Mapping[str, Any]) -> None:
+    if given["paths"] is not None:
+        sys.path[:] = given["paths"]
 
 
 def end_children() -> None:
@@ -101,8 +132,7 @@ def _work(given: Mapping[str, Any], supervisor: int) -> None:
     _prctl(_SET_DEATH_SIGNAL, int(signal.SIGKILL))
     if os.getppid() != supervisor:
         os._exit(1)
-    if given["paths"] is not None:
-        sys.path[:] = given["paths"]
+    _take_paths(given)
     importlib.import_module("smarts_agent_kit.worker").work(given)
 
 

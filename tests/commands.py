@@ -10,14 +10,15 @@ LIMIT = 400.0
 """Time limit of a command [s]."""
 
 
-def begin(*arguments):
-    """Start `smarts-bench` with these arguments."""
+def begin(*arguments, **options):
+    """Start `smarts-bench` with these arguments, by these options of `subprocess.Popen`."""
     return subprocess.Popen(
         [sys.executable, "-m", "benchmark.cli", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
+        **options,
     )
 
 

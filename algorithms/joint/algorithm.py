@@ -38,7 +38,7 @@ KILLED = "num_hung_env_runners_killed"
 RESTART_POLL = 0.2
 """Time between two looks whether a lost runner is back [s]."""
 LEARNER_ANSWERS = 10.0
-"""Time for learners to show that they are there, after one of them was lost [s]."""
+"""Time for the other learners to show that they are there, after one of them failed [s]."""
 
 
 class JointAlgorithm(Algorithm):
@@ -99,16 +99,12 @@ class JointAlgorithm(Algorithm):
         data: Any = JointRollout.concat(rollouts)
         if self.config.num_learners:
             data = ray.put(data)
-        with self._named_failures():
-            results = self.learner_group.update(training_data=JointTrainingData(data), timesteps=steps)
-        failures = {number: result[FAILURE] for number, result in enumerate(results) if FAILURE in result}
-        if failures:
-            self._fail(failures)
-        self.metrics.aggregate(results, key=LEARNER_RESULTS)
+        self.metrics.aggregate(self._update(JointTrainingData(data), steps), key=LEARNER_RESULTS)
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
         """Return RLlib's state, where every sampler stands, and what the state fits (RLlib)."""
-        state = super().get_state(components, not_components=not_components, **kwargs)
+        with self._named_failures():
+            state = super().get_state(components, not_components=not_components, **kwargs)
         state[SIGNATURE] = self._signature()
         if self._check_component(SAMPLERS, components, not_components):
             states = self.env_runner_group.foreach_env_runner(
@@ -218,6 +214,40 @@ class JointAlgorithm(Algorithm):
             NUM_ENV_STEPS_SAMPLED_LIFETIME: self._steps(),
         }
 
+    def _update(self, data: JointTrainingData, timesteps: dict[str, int]) -> list[Any]:
+        """Return the metrics of all learners, after each has learned.
+
+        Raises:
+            LearnerFailure: One has failed; the others, which wait for its gradients, are ended.
+        """
+        if not self.config.num_learners:
+            return self.learner_group.update(training_data=data, timesteps=timesteps)
+        workers = self.learner_group._workers
+        numbers = {
+            worker.update.remote(training_data=shard, timesteps=timesteps): number
+            for number, (worker, (shard, _)) in enumerate(
+                zip(workers, data.shard(num_shards=len(workers)), strict=True)
+            )
+        }
+        results: dict[int, Any] = {}
+        failures: dict[int, str] = {}
+        waiting = list(numbers)
+        while waiting:
+            done, waiting = ray.wait(waiting, timeout=LEARNER_ANSWERS if failures else None)
+            if not done:
+                break
+            (number,) = (numbers[ref] for ref in done)
+            try:
+                results[number] = ray.get(done[0])
+            except RayActorError:
+                failures[number] = "its process is lost"
+            else:
+                if FAILURE in results[number]:
+                    failures[number] = results[number][FAILURE]
+        if failures:
+            self._fail(dict(sorted(failures.items())))
+        return [results[number] for number in sorted(results)]
+
     @contextmanager
     def _named_failures(self) -> Iterator[None]:
         """Raise what a learner raised, and say which are lost."""
@@ -227,9 +257,11 @@ class JointAlgorithm(Algorithm):
             if isinstance(error.cause, AlgorithmError):
                 raise error.cause from None
             raise
-        except RayActorError as error:
+        except RayActorError:
             lost = {number: "its process is lost" for number in self._silent_learners()}
-            self._fail(lost or {0: f"{type(error).__name__}: {error}"})
+            if not lost:
+                raise
+            self._fail(lost)
 
     def _silent_learners(self) -> list[int]:
         """Return the numbers of learners that do not answer any more."""

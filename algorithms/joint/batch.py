@@ -277,6 +277,32 @@ class ReplayBatch(JointBatch):
         yield from ((group, own) for group, own in self.groups() if group.id not in absent)
 
 
+def shuffled_minibatches(
+    batch: OnPolicyBatch, size: int | None, epochs: int, generator: torch.Generator
+) -> Iterator[OnPolicyBatch]:
+    """Yield the minibatches of all epochs: every row, or whole sequence, once in each, in random order.
+
+    Args:
+        batch: All rows.
+        size: Rows of a minibatch; None: all.
+        epochs: How often each row is there.
+        generator: Draws the orders.
+    """
+    count = len(batch) // batch.length
+    for _ in range(epochs):
+        if size is None or size >= len(batch):
+            yield batch
+            continue
+        order = torch.randperm(count, generator=generator).to(batch.alive.device)
+        if batch.length == 1:  # one gather, then views
+            shuffled = batch[order]
+            for start in range(0, count, size):
+                yield shuffled[start : start + size]
+            continue
+        for chosen in order.split(max(size // batch.length, 1)):
+            yield batch.sequences(chosen)
+
+
 def cut_sequences(batch: OnPolicyBatch, steps: int, length: int) -> OnPolicyBatch:
     """Return the rows of T steps of B environments, in order of time, as sequences of `length` steps.
 

@@ -86,12 +86,11 @@ class DataParallel:
             distributed.broadcast(tensor.detach(), 0)
 
     def failure(self, error: Exception) -> dict[str, str]:
-        """Return the error of one of several learners as its results, and leave the others.
+        """Return the error of one of several learners as its results, upon which the driver ends the others.
 
-        A learner that only raised would leave them waiting for its gradients; so their next exchange fails.
+        If it only raised, its number would be lost.
         """
         if self.size == 1:
             raise error
         logger.error("learner %d has failed", self.rank, exc_info=error)
-        distributed.destroy_process_group()
         return {FAILURE: f"{type(error).__name__}: {error}"}

@@ -14,7 +14,14 @@ from ray.rllib.core.learner.training_data import TrainingData
 from ray.rllib.utils.metrics import NUM_ENV_STEPS_SAMPLED_LIFETIME
 from torch import Tensor, distributed
 
-from algorithms.joint.batch import JointView, OnPolicyBatch, ReplayBatch, cut_sequences, to_tensor
+from algorithms.joint.batch import (
+    JointView,
+    OnPolicyBatch,
+    ReplayBatch,
+    cut_sequences,
+    shuffled_minibatches,
+    to_tensor,
+)
 from algorithms.joint.config import JointConfig
 from algorithms.joint.data_parallel import DataParallel
 from algorithms.joint.finite import check_weights
@@ -259,25 +266,10 @@ class OnPolicyLearner(JointTorchLearner):
 
     def minibatches(self, batch: OnPolicyBatch) -> Iterator[OnPolicyBatch]:
         """Yield this learner's rows of the minibatches of all epochs."""
-        for minibatch in self.whole_minibatches(batch):
+        whole = shuffled_minibatches(batch, self.config.minibatch_size, self.config.epochs, self.generator)
+        for minibatch in whole:
             with self.parallel.own_rows(minibatch) as own:
                 yield own
-
-    def whole_minibatches(self, batch: OnPolicyBatch) -> Iterator[OnPolicyBatch]:
-        """Yield the minibatches of all epochs."""
-        size, count = self.config.minibatch_size, len(batch) // batch.length
-        for _ in range(self.config.epochs):
-            if size is None or size >= len(batch):
-                yield batch
-                continue
-            order = torch.randperm(count, generator=self.generator).to(batch.alive.device)
-            if batch.length == 1:  # one gather, then views
-                shuffled = batch[order]
-                for start in range(0, count, size):
-                    yield shuffled[start : start + size]
-                continue
-            for chosen in order.split(max(size // batch.length, 1)):
-                yield batch.sequences(chosen)
 
     def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
         """Return all transitions of the rollout, T*B rows, with generalised advantages and value targets."""
@@ -324,11 +316,9 @@ class OnPolicyLearner(JointTorchLearner):
             targets=torch.where(rows.alive, targets.flatten(0, 1), 0),
             fresh=to_tensor(masks.fresh[:-1], device).flatten(0, 1) if self.config.gru else None,
         )
-        return (
-            cut_sequences(batch, len(rollout.rewards), self.config.sequence_length)
-            if self.config.gru
-            else batch
-        )
+        if not self.config.gru:
+            return batch
+        return cut_sequences(batch, len(rollout.rewards), self.config.sequence_length)
 
     def report_values(self, values: Tensor, targets: Tensor, alive: Tensor) -> None:
         """Report the share of the variance of targets (..., N) that values explain, 0 where there is none."""

@@ -309,7 +309,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return env
 
     def _spec_of(self, env: VectorJointEnv) -> JointSpec:
-        return JointSpec.build(env.spaces, self.config.sharing, self.config.carried)
+        return JointSpec.build(env.spaces, self.config.sharing, self.config.carried, self.config.set_width)
 
     def _sample_fragment(self, steps: int) -> JointRollout:
         sampler = self._training_sampler()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium as gym
@@ -32,6 +32,7 @@ class Group:
         columns: Indices among all N agents.
         observation: Space of each observation leaf.
         action: Action space.
+        set_width: Units of the networks for leaves (K, F) that are sets of rows; 0: they are no sets.
     """
 
     id: str
@@ -41,6 +42,7 @@ class Group:
     columns: Index
     observation: Mapping[str, Box]
     action: Action
+    set_width: int = 0
 
     @property
     def size(self) -> int:
@@ -68,6 +70,7 @@ class JointSpec:
         spaces: JointSpaces,
         sharing: Sharing = "none",
         carried: Callable[[AgentBlock], Mapping[str, Box]] | None = None,
+        set_width: int = 0,
     ) -> JointSpec:
         """Order the agents of `spaces` into groups.
 
@@ -76,7 +79,7 @@ class JointSpec:
 
         Raises:
             SpaceError: A group names an unknown agent, leaves one out, or mixes agents with different spaces;
-                a carried leaf is none that a sampler fills.
+                a carried leaf is none that a sampler fills; there are no sets for `set_width`.
         """
         if carried is not None:
             for name in {name for block in spaces.blocks for name in carried(block)} - {MEMORY, LATENT}:
@@ -87,11 +90,19 @@ class JointSpec:
                 )
             blocks = (b._replace(observation={**b.observation, **carried(b)}) for b in spaces.blocks)
             spaces = spaces._replace(blocks=tuple(blocks))
+        leaves = [leaf for block in spaces.blocks for leaf in block.observation.values()]
+        if set_width and not any(len(leaf.shape) == 2 for leaf in leaves):
+            raise SpaceError(
+                f"set_width={set_width}, but no agent observes a set: an array of shape (rows, numbers)",
+                place="observation space",
+                remedy="add the feature 'neighbor_rows' to the observation, or leave out set_width",
+            )
         agents = tuple(agent for block in spaces.blocks for agent in block.agents)
         name_of = _group_names(spaces, agents, sharing)
         groups: list[Group] = []
         for name in dict.fromkeys(name_of[agent] for agent in agents):
-            groups.append(_group(name, [a for a in agents if name_of[a] == name], spaces, agents))
+            group = _group(name, [a for a in agents if name_of[a] == name], spaces, agents)
+            groups.append(replace(group, set_width=set_width))
         return cls(agents, spaces, tuple(groups))
 
     @property
@@ -116,6 +127,8 @@ class JointSpec:
             # Bounds do not enter a network's shape and may differ between a training and an evaluation scene.
             leaves = {name: (space.shape, str(space.dtype)) for name, space in group.observation.items()}
             described[f"observation space of group {group.id!r}"] = leaves
+            if group.set_width:
+                described[f"set_width of group {group.id!r}"] = group.set_width
         return described
 
 

@@ -10,6 +10,8 @@ import torch
 from gymnasium.spaces import Box
 from torch import Tensor, nn
 
+from algorithms.parts.sets import SetEncoder
+
 
 def perceptron(sizes: Sequence[int], activation: type[nn.Module] = nn.Tanh) -> nn.Sequential:
     """Return linear layers of the given widths with the activation between them, none after the last."""
@@ -31,28 +33,37 @@ def orthogonal(network: nn.Sequential, *, gain: float, last: float) -> nn.Sequen
 class Encoder(nn.Module):
     """Observation leaves to one vector per agent, shape (..., n, `size`).
 
-    Vectors are concatenated; each image leaf, (H, W, C) or (C, H, W), goes through two convolutions. Agents
-    that share the network are told apart by a one-hot place, since symmetric greedy policies deadlock
-    otherwise.
+    Vectors are concatenated; each image leaf, (H, W, C) or (C, H, W), goes through two convolutions; each
+    leaf (K, F) is flattened, or encoded as a set of K rows in any order. Agents that share the network are
+    told apart by a one-hot place, since symmetric greedy policies deadlock otherwise.
 
     Args:
         observation: Space of each leaf; others that are handed over are ignored.
         agents: Number n of agents that share the network.
+        set_width: Units of the networks for leaves (K, F), see `SetEncoder`; 0: such leaves are flattened.
     """
 
-    def __init__(self, observation: Mapping[str, Box], agents: int = 1) -> None:
+    def __init__(self, observation: Mapping[str, Box], agents: int = 1, set_width: int = 0) -> None:
         super().__init__()
         self._images = {name: space for name, space in observation.items() if len(space.shape) == 3}
         self._depth = {name: len(space.shape) for name, space in observation.items()}
         self.convolutions = nn.ModuleDict(
             {f"image_{k}": _convolution(s) for k, s in enumerate(self._images.values())}
         )
-        vectors = sum(int(np.prod(s.shape)) for name, s in observation.items() if name not in self._images)
+        self._sets = {name: s for name, s in observation.items() if len(s.shape) == 2 and set_width}
+        self.sets = nn.ModuleDict(
+            {
+                f"set_{k}": SetEncoder(s.shape[0], s.shape[1], set_width)
+                for k, s in enumerate(self._sets.values())
+            }
+        )
+        encoded = {*self._images, *self._sets}
+        vectors = sum(int(np.prod(s.shape)) for name, s in observation.items() if name not in encoded)
         self._identity = agents if agents > 1 else 0
-        self.size = vectors + 64 * len(self._images) + self._identity
-        self.is_plain = not self._images and not self._identity
+        self.size = vectors + 64 * len(self._images) + 2 * set_width * len(self._sets) + self._identity
+        self.is_plain = not encoded and not self._identity
         """Whether the encoder only concatenates, so that it has no weights."""
-        self.places = self._identity if not self._images else 0
+        self.places = self._identity if not encoded else 0
         """Number of agents, where all the encoder adds to vectors is their one-hot place."""
 
     def forward(self, leaves: Mapping[str, Tensor]) -> Tensor:
@@ -79,6 +90,10 @@ class Encoder(nn.Module):
             if name in self._images:
                 number = list(self._images).index(name)
                 parts.append(self._see(self.convolutions[f"image_{number}"], self._images[name], leaf))
+                continue
+            if name in self._sets:
+                number = list(self._sets).index(name)
+                parts.append(self.sets[f"set_{number}"](leaf.float()))
                 continue
             leaf = leaf.flatten(-depth) if depth > 1 else leaf.unsqueeze(-1) if depth == 0 else leaf
             parts.append(leaf if leaf.dtype == torch.float32 else leaf.float())

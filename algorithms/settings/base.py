@@ -40,6 +40,9 @@ class JointSettings(BaseModel):
     agent to group."""
     hidden: Widths = (64, 64)
     """Widths of hidden layers, of policies and critics alike; empty: linear, where algorithms can."""
+    set_width: Annotated[int, Field(ge=0, le=WIDEST)] = 0
+    """Units of the networks for observations (K, F) that are sets of rows in any order, such as neighbors; 0:
+    rows are read one after the other."""
     lr: ScheduledFraction = 3e-4
     """Learning rate of all networks, or a schedule over environment steps: [[0, 0.001], [10000, 0.0001]]."""
     gamma: Fraction = 0.99

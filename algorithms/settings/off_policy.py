@@ -190,6 +190,8 @@ class MeanFieldACSettings(MeanFieldSettings):
 class NetworkedQSettings(EpsilonGreedySettings):
     """Networked fitted Q-iteration."""
 
+    set_width: Literal[0] = 0  # type: ignore[reportIncompatibleVariableOverride]
+    """Always 0: values are of all agents' observations side by side."""
     lr: ScheduledFraction = 1e-3
     grad_clip: Positive | None = None
     """Largest gradient norm of each network; null: any. A node that clips its own gradient no longer follows

@@ -76,7 +76,7 @@ def check_traffic(
     Gap acceptance has to meet social vehicles in 80% of its agent-episodes.
 
     It also has to complete 0.9, and to end otherwise than on empty roads; random and empty-road driving have
-    to complete less, and creeping has to have a lower return.
+    to complete less, and creeping has to have a lower return and to complete less among social vehicles.
     """
     from benchmark.report.task_check import score_table, task_checks
     from benchmark.report.traffic_check import traffic_checks

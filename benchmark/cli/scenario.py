@@ -81,7 +81,7 @@ def build(
             f"traffic {', '.join(built.traffic) or 'none'}; "
             f"{_held_out(built)} ({took:.2f} s)\n  {built.directory}"
         )
-        for note in built.notes:
+        for note in [*built.notes, *_agent_notes(built)]:
             typer.echo(f"  note: {note}")
 
 
@@ -164,6 +164,19 @@ def run(
     if out is not None:
         scenario_picture((built, chosen, Moment(traffic_now.states)), out)
         typer.echo(f"wrote {out}")
+
+
+def _agent_notes(built: BuiltScenario) -> list[str]:
+    """Return notes on the agents that a scenario asks for; imported here, as most ask for none.
+
+    Raises:
+        UnknownNameError: There is no such agent.
+    """
+    if not (built.scenario.bubbles or built.scenario.social_agent_missions):
+        return []
+    from smarts.env.casting import check_locators
+
+    return check_locators(built)
 
 
 def _held_out(built: BuiltScenario) -> str:

@@ -14,7 +14,7 @@ from pydantic import (
     model_validator,
 )
 
-from benchmark.experiment.checks import MOST_AGENTS
+from benchmark.experiment.environment_checks import MOST_AGENTS
 from benchmark.experiment.values import NAME, SEVERAL, ActionName, Engine, VehicleName, Wheels
 from smarts.config import Section, UnfitError
 from smarts.errors import SmartsError

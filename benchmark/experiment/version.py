@@ -19,7 +19,7 @@ import yaml
 
 from benchmark.experiment.environment import Environment
 from smarts.config import ConfigError, fitted
-from smarts.errors import SmartsError
+from smarts.errors import SmartsError, shown
 
 FILE = Path(__file__).with_name("versions.yaml")
 """Version -> part -> digest; `scenarios` is traffic -> scenario -> digest, `environment` setting -> value."""
@@ -31,6 +31,10 @@ CODE = {
     "metrics": ("benchmark/metrics", "benchmark/statistics"),
 }
 """Part -> folders of its code."""
+MOST_NAMED = 3
+"""Scenarios, and settings, that an error names."""
+LONGEST = 60
+"""Characters of a setting's value that it names."""
 
 Frozen = Mapping[str, Any]
 Played = Mapping[str, Mapping[str, str]]
@@ -114,6 +118,37 @@ def changed_settings(version: int, environment: Environment) -> list[str]:
         return [f"all of {ENVIRONMENT}"]
     present = environment.content()
     return sorted(name for name in {*frozen, *present} if frozen.get(name) != present.get(name))
+
+
+def differences(version: int, played: Played, environment: Environment) -> list[str]:
+    """Return what differs from a version, a line for each kind: what, where, and how it is restored.
+
+    Args:
+        version: Of the benchmark.
+        played: Digests of what is played.
+        environment: Its settings.
+    """
+    lines = []
+    if scenarios := changed_scenarios(version, played):
+        lines.append(f"scenarios: {_some(scenarios)}: restore their folders, or play the version's")
+    for part in changed_code(version):
+        lines.append(f"code of {part}: in {' and '.join(CODE[part])}: restore what is there")
+    if settings := changed_settings(version, environment):
+        frozen, present = versions()[version].get(ENVIRONMENT, {}), environment.content()
+        named = [
+            f"{name} is {shown(present[name], LONGEST)}, in the version {shown(frozen.get(name), LONGEST)}"
+            if name in present
+            else name
+            for name in settings
+        ]
+        lines.append(f"settings: in environment: {_some(named)}: set them back")
+    return lines
+
+
+def _some(names: list[str]) -> str:
+    """Return the first names, and how many more there are."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return "; ".join(names[:MOST_NAMED]) + more
 
 
 def frozen_text(version: int, played: Played, environment: Environment, *, replaces: bool = False) -> str:

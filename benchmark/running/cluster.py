@@ -45,7 +45,7 @@ def start_ray(resources: Resources, runtime_env: Mapping[str, Any] | None = None
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     address = OWN if resources.address is None else _address_of(resources.address)
     try:
-        with _own_sigterm():
+        with _own_sigterm(), _own_groups():
             ray.init(
                 address=address,
                 include_dashboard=False if address == OWN else None,
@@ -172,3 +172,29 @@ def _own_sigterm() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+_starting = threading.local()
+"""Has `ray` while this thread starts Ray's processes."""
+
+
+@contextmanager
+def _own_groups() -> Iterator[None]:
+    """Start Ray's processes in process groups of their own.
+
+    A signal to the group of a command, such as that of a batch system, reaches the command alone, which then
+    saves its runs and ends Ray.
+    """
+    _starting.ray = True
+    try:
+        yield
+    finally:
+        _starting.ray = False
+
+
+def _take_own_group() -> None:
+    if getattr(_starting, "ray", False):
+        os.setpgid(0, 0)
+
+
+os.register_at_fork(after_in_child=_take_own_group)

@@ -24,6 +24,7 @@ from benchmark.running.environments import environment
 from benchmark.running.importing import named_own_code
 from benchmark.running.testing import EVALUATION_SEED, Part, play_parts
 from smarts.agents.hosting.remote import RemoteAgent
+from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.config import fitted
 from smarts.env.groups import ALONE
@@ -79,20 +80,10 @@ def evaluate_agent(
                 place=f"agent {locator!r}",
                 remedy="derive it from BatchAgent, which acts on arrays",
             )
-        given = {
-            "agents": agents,
-            "action": interface.action.name if interface.action is not None else None,
-            "vehicle": interface.vehicle_class,
-            "vehicle_model": interface.vehicle_model,
-            "tyre_model": interface.tyre_model,
-            "flat_tyres": [*interface.flat_tyres],
-            "decision_interval": agent.period,
-            "observation": _listed(agent.observation),
-        }
         task_setting = TaskSetting(
             fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario"),
             traffic or TRAFFIC,
-            fitted(given, Environment, f"agent {locator!r}"),
+            _environment(agent, interface, agents, f"agent {locator!r}"),
             Evaluation(episodes=episodes, keep_episodes=out is not None),
             num_envs=1,
             imports=tuple(str(Path(each).absolute()) for each in imports),
@@ -105,6 +96,21 @@ def evaluate_agent(
     finally:
         if isinstance(agent, RemoteAgent):
             agent.close()
+
+
+def _environment(agent: BatchAgent, interface: AgentInterface, agents: int, place: str) -> Environment:
+    """Return the benchmark's environment with an agent's observation, action, vehicle and period."""
+    given = {
+        "agents": agents,
+        "action": interface.action.name if interface.action is not None else None,
+        "vehicle": interface.vehicle_class,
+        "vehicle_model": interface.vehicle_model,
+        "tyre_model": interface.tyre_model,
+        "flat_tyres": [*interface.flat_tyres],
+        "decision_interval": agent.period,
+        "observation": _listed(agent.observation),
+    }
+    return fitted(given, Environment, place)
 
 
 def _play(task_setting: TaskSetting, folder: RunFolder, agent: BatchAgent, locator: str) -> None:

@@ -18,7 +18,7 @@ from benchmark.experiment.config import Experiment
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import Run, task_settings_of
-from benchmark.experiment.version import changed_code, changed_scenarios, changed_settings
+from benchmark.experiment.version import differences
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
 from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
@@ -91,7 +91,12 @@ def _run(scheduler: JobScheduler) -> list[JobState]:
     try:
         return scheduler.run()
     except KeyboardInterrupt:
-        print("stopping: saving checkpoints; press Ctrl-C again to stop at once", file=sys.stderr)
+        # Said first: who ends this command may end Ray, too, which then ends this process.
+        print(
+            "stopping: saving checkpoints, from which the same command continues; "
+            "press Ctrl-C again to stop at once",
+            file=sys.stderr,
+        )
         scheduler.stop()
         raise
 
@@ -125,12 +130,11 @@ def check_version(experiment: Experiment) -> None:
     version = experiment.benchmark_version
     if version is None:
         return
-    changed = [f"scenario {name}" for name in changed_scenarios(version, scenarios_by_traffic(experiment))]
-    changed += [f"code of {part}" for part in changed_code(version)]
-    changed += [f"environment.{name}" for name in changed_settings(version, experiment.environment)]
     place, remedy = "benchmark_version", "leave it out, or restore what the version froze"
-    if changed:
-        raise SmartsError(f"differs from version {version}: {', '.join(changed)}", place=place, remedy=remedy)
+    found = differences(version, scenarios_by_traffic(experiment), experiment.environment)
+    if found:
+        lines = "".join(f"\n  {line}" for line in found)
+        raise SmartsError(f"differs from version {version}:{lines}", place=place, remedy=remedy)
     if str(commit()).endswith("+"):
         problem = f"results of version {version} need a clean tree: there are changes that are not committed"
         raise SmartsError(problem, place=place, remedy="commit or stash them, or leave it out")
@@ -173,7 +177,7 @@ def _check_spaces(experiment: Experiment) -> None:
     spaces = try_own_code(task_setting)
     for algorithm in experiment.algorithms:
         config = CONFIGS[algorithm]().training(**experiment.settings_of(algorithm))
-        config.check(JointSpec.build(spaces, config.sharing))
+        config.check(JointSpec.build(spaces, config.sharing, set_width=config.set_width))
 
 
 def check_scenarios(scheduler: JobScheduler, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:

@@ -166,6 +166,8 @@ def _checked_layers(run: Run, group: Group, module: Any) -> list[tuple[str, list
         raise _refusal(run, f"its policies see what others do, or draw ({', '.join(foreign)})")
     if any(len(space.shape) == 3 for space in group.observation.values()):
         raise _refusal(run, "its policies see images, whose convolutions are not exported")
+    if group.set_width:
+        raise _refusal(run, f"its policies read sets (set_width={group.set_width}), which are not exported")
     parts = module.feedforward_parts()
     if parts is not None:
         return _layers(run, list(parts[1]))

@@ -19,18 +19,25 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 12
 """Rows of the table."""
+STARTS = "waits for free CPUs, loads, and compiles kernels where `smarts-bench compile` has not run"
+"""What a job does that starts; said of the first one."""
 SECONDS = 30.0
 """Between two lines of a job if the output is no terminal."""
 
 
 class LiveProgress:
-    """Shows the progress of jobs: a live table in a terminal, else a line every 30 s and at each change."""
+    """Shows the progress of jobs: a live table in a terminal, else lines.
+
+    A job has a line at each change of its state, and every 30 s if there is something new to say.
+    """
 
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or Console(stderr=True)
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._began = time.monotonic()
-        self._said: dict[str, tuple[str, float]] = {}
+        self._has_explained = False
+        self._said: dict[str, tuple[str, str, float]] = {}
+        """Job -> its last line: status, text and time."""
 
     def __enter__(self) -> LiveProgress:
         if self._console.is_terminal:
@@ -46,12 +53,18 @@ class LiveProgress:
             self._live.update(self._table(states), refresh=True)
             return
         for state in states:
-            before, at = self._said.get(str(state.job), (WAITING, -math.inf))
+            name = str(state.job)
+            before, text, at = self._said.get(name, (WAITING, "", -math.inf))
             is_due = state.status in (TRAINING, TESTING) and time.monotonic() - at > SECONDS
-            if state.status != before or is_due:
-                self._said[str(state.job)] = state.status, time.monotonic()
+            if state.status == before and not is_due:
+                continue
+            line = _line(state)
+            if state.status == STARTING and not self._has_explained:
+                self._has_explained, line = True, f"{line} ({STARTS})"
+            self._said[name] = state.status, line, time.monotonic()
+            if line != text:
                 # Without a terminal rich assumes a width of 80: do not wrap.
-                self._console.print(_line(state), highlight=False, markup=False, soft_wrap=True)
+                self._console.print(line, highlight=False, markup=False, soft_wrap=True)
 
     def _table(self, states: Sequence[JobState]) -> Table:
         done = sum(state.status == FINISHED for state in states)
@@ -66,7 +79,7 @@ class LiveProgress:
             "return",
             "completion",
             "collision",
-            "left",
+            "training left",
         ):
             table.add_column(title, justify="left" if title in ("run", "phase") else "right")
         busy = [state for state in states if state.status not in (FINISHED, WAITING)]
@@ -83,8 +96,6 @@ def _line(state: JobState) -> str:
     progress, text = state.progress, f"{state.job}: {state.status}"
     if state.status == "failed":
         return f"{text}: {state.error}"
-    if state.status == STARTING:
-        return f"{text} (waiting for free CPUs, or compiling kernels that are not cached)"
     if progress is None or state.status not in (TRAINING, TESTING):
         return text
     text += f" {progress.share:.0%}"
@@ -94,7 +105,7 @@ def _line(state: JobState) -> str:
     text += f", iteration {iteration}, {speed} steps/s"
     outcomes = {"return": returns, "completion": completion, "collision": collision}
     text += "".join(f", {name} {value}" for name, value in outcomes.items() if value)
-    return f"{text}, {left} left" if left else text
+    return f"{text}, {left} of training left" if left else text
 
 
 def _cells(state: JobState) -> list[str]:

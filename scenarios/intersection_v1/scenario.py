@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from scenarios.benchmark import FROM_ALL_SIDES, LEFT_TURNS, MIRRORED, ON_THREE_LANES, four_arms
+from scenarios.benchmark import FROM_ALL_SIDES, LEFT_TURNS, MIRRORED, ON_THREE_LANES, farther, four_arms
 from scenarios.drivers import ALL_KINDS, KINDS, START_IN_TOWN
 from smarts.sstudio import gen_scenario
 from smarts.sstudio import types as t
@@ -12,7 +12,7 @@ gen_scenario(
     t.Scenario(
         map_spec=t.MapSpec(source="../intersection"),
         traffic=four_arms(DENSITY, ALL_KINDS),
-        ego_missions=FROM_ALL_SIDES,
+        ego_missions=farther(FROM_ALL_SIDES),
         start_variation=START_IN_TOWN,
         held_out={
             **{
@@ -20,17 +20,17 @@ gen_scenario(
                 for kind, drivers in KINDS.items()
             },
             "dense": t.Variation("More vehicles.", traffic=four_arms(1.3 * DENSITY, ALL_KINDS)),
-            "mirrored": t.Variation("The missions, turned by 180 degrees.", ego_missions=MIRRORED),
+            "mirrored": t.Variation("The missions, turned by 180 degrees.", ego_missions=farther(MIRRORED)),
             "left_turns": t.Variation(
                 "Every ego turns left, among fewer vehicles.",
                 traffic=four_arms(0.65 * DENSITY, ALL_KINDS),
-                ego_missions=LEFT_TURNS,
+                ego_missions=farther(LEFT_TURNS),
             ),
             "three_lanes": t.Variation(
                 "Three lanes a direction.",
                 map_spec=t.MapSpec(source="../intersection/three_lanes"),
                 traffic=four_arms(DENSITY, ALL_KINDS, 3),
-                ego_missions=ON_THREE_LANES,
+                ego_missions=farther(ON_THREE_LANES),
             ),
         },
     ),

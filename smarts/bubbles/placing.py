@@ -96,7 +96,9 @@ def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver, number: int, plac
     zone, margin = outline_of(bubble, roads)
     if zone.is_empty:
         raise ScenarioError(
-            "the zone is empty", place=f"{place}: {bubble.id}", remedy="give it a length or size above 0"
+            "the zone is empty",
+            place=f"{place}: zone of bubble {bubble.id!r}",
+            remedy="give it a length or size above 0",
         )
     hijack_limit, shadow_limit = _limits(bubble)
     return PlacedBubble(

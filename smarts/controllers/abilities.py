@@ -9,8 +9,6 @@ import numpy as np
 from smarts.arrays import Floats
 from smarts.controllers.model_predictive import sharpest_curvatures
 from smarts.dynamics import vehicle, vehicle_names
-from smarts.dynamics.performance import performance
-from smarts.roads.paces import Performance
 from smarts.types.vehicles import VehicleKind
 
 
@@ -25,8 +23,6 @@ class Abilities(NamedTuple):
     """Distance from the footprint's centre back to the rear axle [m]."""
     sharpest: Floats
     """Maximum curvature of the rear axle's path [1/m]."""
-    performance: Performance
-    """What the kinds can do on their way through junctions."""
 
     @classmethod
     def of_all(cls) -> Abilities:
@@ -39,4 +35,4 @@ class Abilities(NamedTuple):
                 agility[kind] = one.steering.rate / one.wheelbase
                 wheelbase[kind] = one.wheelbase
                 centre_to_rear[kind] = one.cog_to_rear_axle - one.centre_to_cog
-        return cls(agility, wheelbase, centre_to_rear, sharpest_curvatures(), performance())
+        return cls(agility, wheelbase, centre_to_rear, sharpest_curvatures())

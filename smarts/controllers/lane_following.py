@@ -17,6 +17,7 @@ from smarts.controllers.leaders import limit_by_leaders
 from smarts.controllers.stop_lines import limit_by_lights, limit_by_right_of_way
 from smarts.controllers.task_path import write_task_reference
 from smarts.controllers.tracking import SPEED_GAIN
+from smarts.dynamics.performance import performance
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
@@ -50,6 +51,7 @@ def follow_lanes(
     roads: Roads,
     routes: RouteTable,
     abilities: Abilities,
+    performance: Performance,
     command_type: int,
     speeds: Floats,
     actions: Actions,
@@ -63,6 +65,7 @@ def follow_lanes(
         roads: The maps' lanes.
         routes: The agents' routes.
         abilities: Limits of each kind of vehicle.
+        performance: What each kind can do on its way through junctions.
         command_type: `BY_SPEED`, `BY_NAME` or `FALLBACK`.
         speeds: Maximum speed of discrete actions on each map [m/s], shape (M,).
         actions: Actions of all agents.
@@ -120,7 +123,7 @@ def follow_lanes(
             if command_type == BY_NAME and int(values[b, a, 0]) == _SLOW:
                 _slow_down(points, speed)
             elif command_type == FALLBACK:
-                _limit_fallback(state, roads, routes, abilities.performance, b, a, row, s, points)
+                _limit_fallback(state, roads, routes, performance, b, a, row, s, points)
             length[b, a] = len(points)
 
 
@@ -258,8 +261,9 @@ class LaneFollowing:
         top_speeds = np.full(len(scene.atlas.graphs), np.inf)
         if speeds is not None:
             top_speeds[:] = speeds
-        given = scene.world.state, scene.atlas.roads, scene.routes.current, Abilities.of_all()
-        self._follow = LateBound(follow_lanes, *given, self.command_type, top_speeds)
+        given = scene.world.state, scene.atlas.roads, scene.routes.current
+        kinds = Abilities.of_all(), performance(scene.atlas)
+        self._follow = LateBound(follow_lanes, *given, *kinds, self.command_type, top_speeds)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the reference along each chosen agent's lane; see `Controller`."""

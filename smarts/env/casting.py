@@ -35,13 +35,13 @@ from smarts.agents.social import (
 )
 from smarts.agents.spec import AgentSpec
 from smarts.bubbles.placing import agent_actor
-from smarts.errors import SmartsError, nearest_names
+from smarts.errors import OwnCodeError, SmartsError, nearest_names
 from smarts.observations.lists import feature_list
 from smarts.sim.social_starts import wanted_by
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import ActionSpaceType
-from smarts.zoo import make_spec, search
+from smarts.zoo import find_entry, make_spec, search
 from smarts.zoo.serving import starter
 
 HOSTS_HERE: HostsByLocator = {}
@@ -180,6 +180,31 @@ def locators_of(scenario: t.Scenario) -> list[str]:
     return [part.locator for part in _parts_of(scenario, "", None)]
 
 
+def check_locators(built: BuiltScenario) -> list[str]:
+    """Return notes on the agents of a scenario whose own code cannot be imported here; none is made.
+
+    Raises:
+        UnknownNameError: There is no such agent; names the bubble or mission that asks for it.
+    """
+    search(built.source)
+    notes = []
+    for part in _parts(built, None):
+        try:
+            if not is_address(part.locator):
+                find_entry(part.locator)
+        except OwnCodeError as error:
+            notes.append(f"{part.place}: {error.problem}: runs need it by --import, or on the PYTHONPATH")
+        except SmartsError as error:
+            raise _at(part, error) from error
+    return notes
+
+
+def _at(part: Part, error: SmartsError) -> SmartsError:
+    """Return an error with the place of what asks for the policy."""
+    place = ", ".join(filter(None, (part.place, error.place)))
+    return type(error)(error.problem, place=place, remedy=error.remedy)
+
+
 def _parts(built: BuiltScenario, learning: BubbleLearning | None) -> Iterator[Part]:
     return _parts_of(built.scenario, built.name, learning)
 
@@ -206,8 +231,7 @@ def _policy(part: Part, hosts: HostsByLocator = HOSTS_HERE) -> SocialPolicy:
     try:
         return _replayed(part, host, hosts) if host.replay else _made(part, host, hosts)
     except SmartsError as error:
-        place = ", ".join(filter(None, (part.place, error.place)))
-        raise type(error)(error.problem, place=place, remedy=error.remedy) from error
+        raise _at(part, error) from error
     except FAILURES as error:
         raise InterfaceError(
             f"{part.locator!r} cannot be made: {type(error).__name__}: {error}",

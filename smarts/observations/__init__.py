@@ -25,6 +25,7 @@ FEATURES = Registry(
             "steering": "Steering",
             "heading_errors": "HeadingErrors",
             "neighbors": "Neighbors",
+            "neighbor_rows": "NeighborRows",
             "neighbor_sectors": "NeighborSectors",
             "agent_index": "AgentIndex",
             "light": "Light",

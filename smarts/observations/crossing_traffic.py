@@ -25,9 +25,12 @@ LONGEST_TIME = 10.0
 STANDING = 0.5
 """Vehicles count as at least this fast [m/s]."""
 
-_MOST_MEETINGS, _MOST_LANES = 64, 32
-_PRIORITY = np.zeros(4)
-_PRIORITY[Yields.THIS], _PRIORITY[Yields.OTHER] = 1.0, -1.0
+MOST_MEETINGS = 64
+"""Most overlaps of a way through a junction."""
+_MOST_LANES = 32
+PRIORITY = np.zeros(4)
+"""By `Yields`: 1 where the agent gives way, -1 where the other does, else 0."""
+PRIORITY[Yields.THIS], PRIORITY[Yields.OTHER] = 1.0, -1.0
 
 
 @kernel
@@ -125,7 +128,7 @@ class CrossingTraffic(Feature):
         """Write an agent's numbers; see `Feature`."""
         vehicles, a = state.vehicles, agent_ids[g]
         out[:] = 0.0
-        places, begins = np.empty(_MOST_MEETINGS, np.int32), np.empty(_MOST_MEETINGS)
+        places, begins = np.empty(MOST_MEETINGS, np.int32), np.empty(MOST_MEETINGS)
         count = meetings_ahead(state, roads, routes, b, a, places, begins)
         if count == 0:
             return
@@ -145,4 +148,4 @@ class CrossingTraffic(Feature):
             out[first + 1] = compressed(begins[where[v]], SIGHT)
             out[first + 2] = compressed(gaps[v], SIGHT)
             out[first + 3] = compressed(vehicles.speed[b, v], SPEED_SCALE)
-            out[first + 4] = _PRIORITY[roads.conflict_yields[places[where[v]]]]
+            out[first + 4] = PRIORITY[roads.conflict_yields[places[where[v]]]]

@@ -136,7 +136,7 @@ class Surroundings(Feature):
         """Return the function that observes; see `Feature`."""
         scene = self.context.scene
         known = scene.world.state, scene.atlas.roads, scene.routes.current, self.context.agent_ids
-        return bind(_observe, *known, performance(), self._margins, *out)
+        return bind(_observe, *known, performance(scene.atlas), self._margins, *out)
 
 
 @kernel

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -74,7 +73,7 @@ class SumoGate:
         self._rows, self._slots = np.full(1, row, np.int32), np.zeros(1, np.int32)
         self._found = np.zeros(1, np.bool_)
         self._onward: dict[str, tuple[str, ...]] = {}
-        self._swings: dict[tuple[str, float], float] = {}
+        self._swings: dict[tuple[int, float], float] = {}
         self._radii: list[float] = (1.0 / np.maximum(sharpest_curvatures(), 1e-9)).tolist()
         self._bound_to: LaneGraph | None = None
 
@@ -114,50 +113,55 @@ class SumoGate:
         That is WITHOUT_PRIORITY from where the vehicle can no longer stop before a junction that it enters
         without priority, or against the light, until its front and its centre are out of the junction;
         TIGHT_TURN from `TURN_AHEAD` before a turn that is too tight for it, until it is through; SIDEWAYS
-        where the vehicle leans to its lane.
+        where the vehicle leans to its lane. The junction that the vehicle is in counts, and those ahead.
         """
-        lane, roads, states = self._library.vehicle.getLaneID(name), self._roads, self._states
-        if not lane:
+        name_of_lane, roads, states = self._library.vehicle.getLaneID(name), self._roads, self._states
+        if not name_of_lane:
             return Refusal.NONE
-        radius = self._radii[states.kind[slot]]
-        for number in {roads.lane_of_id(lane), int(states.lane[slot])}:
+        radius, lane = self._radii[states.kind[slot]], roads.lane_of_id(name_of_lane)
+        for number in {lane, int(states.lane[slot])}:
             if number < 0 or not roads.is_internal[number]:
                 continue
-            if self._is_tight(roads.lane_ids[number], radius):
+            if self._is_tight(number, radius):
                 return Refusal.TIGHT_TURN
             if not self._has_priority(number):
                 return Refusal.WITHOUT_PRIORITY
-        if lane.startswith(":"):
-            return Refusal.NONE
         position = self._library.vehicle.getLanePosition(name)
-        if self._lean(slot, roads.lane_of_id(lane), position) > MOST_LEAN:
+        if not roads.is_internal[lane] and self._lean(slot, lane, position) > MOST_LEAN:
             return Refusal.SIDEWAYS
-        speed, left = float(states.speed[slot]), self._library.lane.getLength(lane) - position
-        needed = self._dt * speed + 0.5 * speed * speed / MOST_BRAKING
-        if left >= (needed if radius < SMALL else TURN_AHEAD):
-            return Refusal.NONE
-        links = self._library.vehicle.getNextLinks(name)
-        if self._turns_tightly(links, left, radius):
-            return Refusal.TIGHT_TURN
-        return Refusal.WITHOUT_PRIORITY if left < needed and links and not links[0][1] else Refusal.NONE
+        return self._refusal_ahead(name, self._length_onward(lane) - position, states.speed[slot], radius)
 
-    def _turns_tightly(self, links: Sequence[Any], left: float, radius: float) -> bool:
-        """Return whether one of SUMO's links that begins within `TURN_AHEAD` is too tight for a vehicle.
+    def _refusal_ahead(self, name: str, left: float, speed: float, radius: float) -> Refusal:
+        """Return why an agent cannot take over a vehicle because of junctions ahead.
 
         Args:
-            links: On the vehicle's way; the first one begins `left` [m] ahead.
-            left: See `links`.
-            radius: Of the vehicle's tightest turn [m].
+            name: SUMO's name of the vehicle.
+            left: Distance to the end of the road that it is on, or comes to from its junction [m].
+            speed: Its speed [m/s].
+            radius: Of its tightest turn [m].
         """
-        if radius < SMALL:
-            return False
-        for lane, _, _, _, via, _, _, length in links:
-            if left >= TURN_AHEAD:
+        needed = self._dt * speed + 0.5 * speed * speed / MOST_BRAKING
+        reach, found = (needed if radius < SMALL else max(needed, TURN_AHEAD)), Refusal.NONE
+        if left >= reach:
+            return found
+        for lane, has_priority, _, _, via, _, _, length in self._library.vehicle.getNextLinks(name):
+            if left >= reach:
                 break
-            if self._is_tight(via, radius):
-                return True
-            left += length + self._library.lane.getLength(lane)
-        return False
+            inside = self._roads.lane_of_id(via) if via else -1
+            if left < TURN_AHEAD and self._is_tight(inside, radius):
+                return Refusal.TIGHT_TURN
+            if left < needed and not has_priority:
+                found = Refusal.WITHOUT_PRIORITY
+            left += self._length_onward(inside) if via else length + self._library.lane.getLength(lane)
+        return found
+
+    def _length_onward(self, lane: int) -> float:
+        """Return the length of a lane, or from one inside a junction to the end of the next road [m]."""
+        roads, length = self._roads, 0.0
+        while roads.is_internal[lane] and len(following := roads.successors(lane)):
+            length += float(roads.sumo_length[lane])
+            lane = int(following[0])
+        return length + float(roads.sumo_length[lane])
 
     def _lean(self, slot: int, lane: int, position: float) -> float:
         """Return the angle of a vehicle to a lane on which its front is at SUMO's `position` [m] [rad]."""
@@ -165,16 +169,16 @@ class SumoGate:
         front = position * float(roads.length[lane] / max(roads.sumo_length[lane], 1e-9))
         return self._compare(slot, self._starts[lane], self._starts[lane + 1], front, 0.0, 0.0)[0]
 
-    def _is_tight(self, lane: str, radius: float) -> bool:
+    def _is_tight(self, lane: int, radius: float) -> bool:
         """Return whether a vehicle with some turning radius [m] leaves a lane inside a junction by too much.
 
         Of two arcs that touch the same two straight lines, the wider one is nearer to their corner's inside.
         """
-        if radius < SMALL or not lane:
+        if radius < SMALL or lane < 0:
             return False
         key = lane, radius
         if key not in self._swings:
-            self._swings[key] = self._swing(self._roads.lane_of_id(lane), radius / RESERVED)
+            self._swings[key] = self._swing(lane, radius / RESERVED)
         return self._swings[key] > MOST_SWING
 
     def _swing(self, lane: int, radius: float) -> float:

@@ -14,6 +14,7 @@ from smarts.roads import kernels
 from smarts.roads.arrays import RouteTable
 from smarts.roads.corridors import free_corridor, route_corridor
 from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.paces import write_paces
 from smarts.roads.packing import pack_roads, pack_routes
 
 _BESIDE = 1.0
@@ -59,6 +60,7 @@ class RoadAtlas:
         self.roads = pack_roads(self.graphs)
         self.no_routes = self.route_table(())
         self._locate = bind(kernels.locate, self.roads, self.no_routes)
+        self._paces: dict[bytes, Floats] = {}
         self._find_twins()
 
     def route_table(
@@ -96,6 +98,20 @@ class RoadAtlas:
         """
         found = NearestLanes.allocate(len(maps))
         self._locate(maps, position, heading, np.full(len(maps), -1, np.int32), _ROAD_MASK, *found)
+        return found
+
+    def paces(self, agility: Floats) -> Floats:
+        """Return how fast kinds of vehicles drive each lane [m/s], shape (L, K); see `Performance.pace`.
+
+        The table is made by the first call with an `agility`; later calls return the same array.
+
+        Args:
+            agility: See `Performance`, shape (K,).
+        """
+        found = self._paces.get(agility.tobytes())
+        if found is None:
+            found = self._paces[agility.tobytes()] = np.empty((self.roads.lane_base[-1], len(agility)))
+            bind(write_paces, self.roads)(agility, found)
         return found
 
     def _find_twins(self) -> None:

@@ -10,7 +10,7 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
 from smarts.roads.lane_graph import Yields
 from smarts.roads.lane_ways import next_row
-from smarts.roads.paces import pace_in
+from smarts.roads.paces import Performance
 from smarts.roads.precedence import BEGIN, CAP, CLEARANCE, END, LANE, LINE, OTHER_BEGIN, OTHER_END, WIDTH
 
 _THIS = int(Yields.THIS)
@@ -24,7 +24,8 @@ def list_meetings(
     row: int,
     begin: float,
     half: float,
-    agility: float,
+    performance: Performance,
+    kind: int,
     horizon: float,
     places: Ints,
     meetings: Floats,
@@ -40,7 +41,8 @@ def list_meetings(
         row: Of the first lane.
         begin: From the front bumper to its begin [m].
         half: Half of the vehicle's length [m].
-        agility: See `Performance`.
+        performance: Of each kind of vehicle.
+        kind: The vehicle's.
         horizon: Lines that are farther are left aside [m]; but a junction behind one that is entered counts
             where the vehicle cannot wait between both.
         places: Written: rows of `Roads.conflict_lane`.
@@ -66,7 +68,7 @@ def list_meetings(
         lanes[length], begins[length] = lane, begin
         length += 1
         if is_inside:
-            cap = min(cap, pace_in(roads, lane, agility))
+            cap = min(cap, performance.pace[lane, kind])
             line = _line_before(roads, places[:count], meetings[:count], begin, line, is_entered)
             for place in range(roads.conflict_start[lane], roads.conflict_start[lane + 1]):
                 if count < len(places) and begin + roads.conflict_extent[place, 0] > 0.0:

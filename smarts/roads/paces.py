@@ -21,14 +21,12 @@ STEERING_SHARE = 0.95
 """Share of the steering rate that turns use."""
 SLOWEST = 2.0
 """Speed in turns, at least [m/s]."""
-STRAIGHT = 0.3
-"""A lane that turns by less is driven as fast as it allows [rad]."""
 
-_MOST_POINTS, _BEFORE = 64, 5
+_BEFORE = 5
 
 
 class Performance(NamedTuple):
-    """What each kind of vehicle can do, shape (K,) each; see `VehicleKind`."""
+    """What each kind of vehicle can do, shape (K,) unless said otherwise; see `VehicleKind`."""
 
     acceleration: Floats
     """From standstill [m/s^2]."""
@@ -36,6 +34,8 @@ class Performance(NamedTuple):
     """Of the engine, by mass [W/kg]."""
     agility: Floats
     """Maximum rate of change of the curvature, from the steering rate [1/(m s)]."""
+    pace: Floats
+    """Mean speed on each lane inside junctions, elsewhere its limit [m/s], shape (L, K)."""
 
 
 @kernel
@@ -56,32 +56,47 @@ def acceleration_over(
 
 
 @kernel
-def pace_in(roads: Roads, lane: int, agility: float) -> float:
-    """Return the mean speed at which a lane inside a junction is driven [m/s].
+def write_paces(roads: Roads, agility: Floats, pace: Floats) -> None:
+    """Write how fast each lane is driven by each kind of vehicle.
 
-    Bends limit it by the lateral acceleration, and where they begin and end by the steering rate.
+    Args:
+        roads: The maps' lanes.
+        agility: See `Performance`, shape (K,).
+        pace: Written: see `Performance`, shape (L, K).
+    """
+    for lane in range(len(pace)):
+        pace[lane] = roads.lane_speed[lane]
+        if roads.lane_inside[lane]:
+            pace[lane] = paces_in(roads, lane, agility)
+
+
+@kernel
+def paces_in(roads: Roads, lane: int, agility: Floats) -> Floats:
+    """Return the mean speeds at which kinds of vehicles drive a lane inside a junction [m/s], shape (K,).
+
+    Bends limit them by the lateral acceleration, and where they begin and end by the steering rate.
 
     Args:
         roads: The maps' lanes.
         lane: The lane.
-        agility: See `Performance`.
+        agility: See `Performance`, shape (K,).
     """
     first, last = roads.point_start[lane], roads.point_start[lane + 1] - 1
     limit = roads.lane_speed[lane]
-    if abs(wrapped(roads.point_heading[last] - roads.point_heading[first])) < STRAIGHT:
-        return limit
     # Headings every metre, and some before and behind the lane, where the way is straight.
     length = lane_length(roads, lane)
-    count = min(int(length) + 1, _MOST_POINTS - 2 * _BEFORE)
-    headings = np.empty(_MOST_POINTS)
-    for i in range(count + 2 * _BEFORE):
+    count = int(length) + 1
+    headings = np.empty(count + 2 * _BEFORE)
+    for i in range(len(headings)):
         s = min(max(float(i - _BEFORE), 0.0), length)
         headings[i] = centre_at(roads, segment_at(roads.point_s, first, last + 1, s), s)[2]
-    taken = 0.0
+    taken = np.zeros(len(agility))
     for i in range(_BEFORE, count + _BEFORE):
         bend = abs(wrapped(headings[i + 2] - headings[i - 2])) / 4.0
         ahead, behind = headings[i + 5] - headings[i + 1], headings[i - 1] - headings[i - 5]
         change = abs(wrapped(ahead) - wrapped(behind)) / 24.0
-        fastest = min(math.sqrt(LATERAL / max(bend, 1e-4)), STEERING_SHARE * agility / max(change, 1e-6))
-        taken += 1.0 / min(max(fastest, SLOWEST), limit)
-    return count / taken
+        bent = math.sqrt(LATERAL / max(bend, 1e-4))
+        for k in range(len(agility)):
+            fastest = min(bent, STEERING_SHARE * agility[k] / max(change, 1e-9))
+            taken[k] += 1.0 / min(max(fastest, SLOWEST), limit)
+    return np.minimum(count / taken, limit)

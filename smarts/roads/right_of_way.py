@@ -103,9 +103,20 @@ def gap_to_wait(
     meetings = np.empty((_MOST_MEETINGS, MEETING))
     lanes, begins = np.empty(_MOST_LANES, np.int32), np.empty(_MOST_LANES)
     kind = vehicles.kind[b, slot]
-    agility = performance.agility[kind]
     count, length = list_meetings(
-        roads, routes, m, row, -s - half, half, agility, horizon, places, meetings, lanes, begins
+        roads,
+        routes,
+        m,
+        row,
+        -s - half,
+        half,
+        performance,
+        kind,
+        horizon,
+        places,
+        meetings,
+        lanes,
+        begins,
     )
     if count == 0:
         return np.inf

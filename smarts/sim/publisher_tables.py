@@ -36,30 +36,11 @@ def static_tables(
     """
     routes = [*dict.fromkeys(start.mission.route for start in starts if start.mission.route)]
     numbers = {route: number for number, route in enumerate(routes)}
-    first = {hold.number: hold for hold in reversed(holds)}
-    agents = [
-        {
-            **start_columns(start, numbers),
-            "agent_id": first[number].agent_id if number in first else UNSET,
-            "entry_step": first[number].step if number in first else UNSET,
-            "end_step": outcomes[number][0] if number in outcomes else UNSET,
-            "outcome": outcomes[number][1] if number in outcomes else int(Outcome.NONE),
-        }
-        for number, start in enumerate(starts)
-    ]
-    held = [(starts[hold.number], hold) for hold in holds]
     ended = sorted(outcomes.items(), key=lambda each: each[1][0])
     rings = [*zip(*ring_rows(bubbles), strict=True)] or [()] * 4
     return {
-        "agents": {name: [_plain(row[name]) for row in agents] for name in (agents[0] if agents else ())},
-        "holds": {
-            "agent": [hold.number for _, hold in held],
-            "agent_id": [hold.agent_id for _, hold in held],
-            "name": [start.name for start, _ in held],
-            "policy": [policies[s.policy] if 0 <= s.policy < len(policies) else "" for s, _ in held],
-            "interface": [start.interface for start, _ in held],
-            "first_step": [hold.step for _, hold in held],
-        },
+        "agents": _agents(starts, holds, outcomes, numbers),
+        "holds": _holds(starts, holds, policies),
         "routes": {
             "route": [*range(len(routes))],
             "edges": [[graph.edge_number(edge) for edge in route] for route in routes],
@@ -76,6 +57,42 @@ def static_tables(
             **{name: [getattr(each, name) for each in bubbles] for name in ("id", "actor", "followed")},
         },
         "bubble_rings": {name: [*column] for name, column in zip(BUBBLE_RINGS.names, rings, strict=True)},
+    }
+
+
+def _agents(
+    starts: Sequence[AgentStart],
+    holds: Sequence[Hold],
+    outcomes: Mapping[int, tuple[int, ...]],
+    routes: Mapping[Any, int],
+) -> dict[str, list[Any]]:
+    """Return the table of agents; `routes` numbers their routes."""
+    first = {hold.number: hold for hold in reversed(holds)}
+    agents = [
+        {
+            **start_columns(start, routes),
+            "agent_id": first[number].agent_id if number in first else UNSET,
+            "entry_step": first[number].step if number in first else UNSET,
+            "end_step": outcomes[number][0] if number in outcomes else UNSET,
+            "outcome": outcomes[number][1] if number in outcomes else int(Outcome.NONE),
+        }
+        for number, start in enumerate(starts)
+    ]
+    return {name: [_plain(row[name]) for row in agents] for name in (agents[0] if agents else ())}
+
+
+def _holds(
+    starts: Sequence[AgentStart], holds: Sequence[Hold], policies: Sequence[str]
+) -> dict[str, list[Any]]:
+    """Return the table of the columns that agents held."""
+    held = [(starts[hold.number], hold) for hold in holds]
+    return {
+        "agent": [hold.number for _, hold in held],
+        "agent_id": [hold.agent_id for _, hold in held],
+        "name": [start.name for start, _ in held],
+        "policy": [policies[s.policy] if 0 <= s.policy < len(policies) else "" for s, _ in held],
+        "interface": [start.interface for start, _ in held],
+        "first_step": [hold.step for _, hold in held],
     }
 
 

@@ -13,6 +13,7 @@ from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 from shapely.validation import explain_validity
 
+from smarts.errors import SmartsError
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.bubble_checks import BubbleChecks
@@ -237,9 +238,13 @@ class _Validation(TrafficChecks, BubbleChecks):
         for where, bubble in self.each(scenario.bubbles, t.Bubble, "bubbles"):
             self.name(bubble.id, f"{where}.id")
             self.unique(bubble.id, seen, f"{where}.id")
-            self.texts(bubble.exclusion_prefixes, f"{where}.exclusion_prefixes")
-            self.bubble(bubble, self._zone(bubble.zone, f"{where}.zone"), self.roads, where)
-            self.followed_agent(bubble, agents, where)
+            try:
+                self.texts(bubble.exclusion_prefixes, f"{where}.exclusion_prefixes")
+                self.bubble(bubble, self._zone(bubble.zone, f"{where}.zone"), self.roads, where)
+                self.followed_agent(bubble, agents, where)
+            except SmartsError as error:
+                place = f"{error.place} of bubble {bubble.id!r}"
+                raise type(error)(error.problem, place=place, remedy=error.remedy) from error
 
     def _patch(self, patch: t.RoadSurfacePatch, where: str) -> None:
         self._zone(patch.zone, f"{where}.zone")

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from smarts.agents.acting import Answer, Failed, InProcess, Late, Request
 from smarts.agents.hosting.links import SocketLink
 from smarts.agents.hosting.log import DecisionLog, Replayed
-from smarts.agents.hosting.options import START_TIME, HostError, Link, Starter, about
-from smarts.agents.hosting.remote import Started
+from smarts.agents.hosting.options import HostError, Link, Starter, about, patience
+from smarts.agents.hosting.remote import Started, step_of, words
 from smarts.agents.policy import ActionBatch
 from smarts.agents.social import SocialPolicy
 from smarts_agent_kit.channel import wait_for
@@ -302,8 +302,7 @@ class _Away:
 
     @property
     def _patience(self) -> float:
-        # The first answer takes longer: imports, compilation, memory.
-        return self._options.patience if self._has_answered else max(START_TIME, self._options.patience)
+        return patience(self._options, has_answered=self._has_answered)
 
     def settle(self) -> None:
         """Take the answers that have arrived; drop late ones."""
@@ -324,7 +323,7 @@ class _Away:
         """Take one answer.
 
         Raises:
-            HostError: It is none, or the agent could not be made.
+            HostError: It is none, or the agent could not be made, or its process has ended.
         """
         if self.link is not None and self.link.about is None and message.kind == "about":
             self.link.about = message.values
@@ -332,7 +331,7 @@ class _Away:
             return
         asked, values = self._asked[0], message.values
         if message.kind not in ("acted", "failed") or message.number != asked.number:
-            raise HostError(f"it has sent {message.kind!r}: {values.get('problem', 'no answer')}")
+            raise HostError(one_line(str(values.get("problem", f"it has sent {message.kind!r}, no answer"))))
         if message.kind == "failed":
             actions = _failed(asked.request, str(values.get("problem")))
         else:
@@ -347,8 +346,9 @@ class _Away:
 
     def _fail(self, error: Exception) -> None:
         """End an agent that does not answer; the agents of its requests fail, but for late ones."""
-        self._problem = f"its host has failed: {type(error).__name__}: {error}"
         asked = [each.request for each in self._asked if not each.is_late]
+        at = f" at step {step_of(self._asked[0].request.batch)}" if self._asked else ""
+        self._problem = f"its host has failed{at}: {words(error)}"
         self._close_link()
         for request in asked:
             self._answer(request, _failed(request, self._problem))

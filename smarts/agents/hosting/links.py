@@ -11,16 +11,18 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 from weakref import WeakSet
 
 from smarts.agents.hosting.options import ADDRESS, HostError
 from smarts_agent_kit.channel import Channel, ClosedError
-from smarts_agent_kit.child import command
+from smarts_agent_kit.child import command, ending
 from smarts_agent_kit.environment import clean_environment
 from smarts_agent_kit.handshake import SECRET, BusyError, RefusedError, greet
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
+from smarts_agent_kit.service import is_ending, one_line
 from smarts_agent_kit.wire import Message, WireError
 
 CONNECT_TIME = 5.0
@@ -44,7 +46,6 @@ class SocketLink:
         self.channel, self._process, self._folder = channel, process, folder
         self._owner = os.getpid()
         self.about: Mapping[str, Any] | None = None
-        self.send = channel.send
         _OPEN.add(self)
 
     @property
@@ -52,14 +53,40 @@ class SocketLink:
         """Number of the child process, 0 without one."""
         return self._process.pid if self._process else 0
 
+    def send(self, message: Message | bytes) -> None:
+        """Send a message; see `Link`."""
+        try:
+            self.channel.send(message)
+        except ClosedError as error:
+            raise self._named(error) from error
+
     def receive(self) -> Message | None:
         """Return the next message; see `Link`."""
-        self.channel.flush()
-        return self.channel.receive()
+        try:
+            self.channel.flush()
+            return self.channel.receive()
+        except ClosedError as error:
+            raise self._named(error) from error
 
     def wait(self, until: float) -> Message:
         """Return the next message; see `Link`."""
-        return self.channel.wait(until)
+        try:
+            return self.channel.wait(until)
+        except ClosedError as error:
+            raise self._named(error) from error
+
+    def _named(self, error: ClosedError) -> ClosedError:
+        """Return the error of a connection that has ended, with how the agent's process has."""
+        with suppress(ClosedError, WireError):
+            while (message := self.channel.receive()) is not None:
+                if is_ending(message):
+                    return ClosedError(one_line(str(message.values.get("problem"))))
+        if self._process is not None and self._owner == os.getpid():
+            with suppress(subprocess.TimeoutExpired):
+                code = self._process.wait(END_TIME)
+                if code < 0:  # it could not tell
+                    return ClosedError(f"its supervisor has ended: {ending(-code)}")
+        return error
 
     def close(self) -> None:
         """Close the socket and end the child process; may be called again.
@@ -75,9 +102,11 @@ class SocketLink:
         process.stdin.close()  # the supervisor ends all that is there, and itself
         if not is_owner:
             return
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGCONT)  # it may be stopped
         try:
             process.wait(END_TIME)
-        except subprocess.TimeoutExpired:  # it is stopped
+        except subprocess.TimeoutExpired:  # it was stopped again
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
         # The supervisor has done so, unless it was killed.

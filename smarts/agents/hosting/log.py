@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from smarts.agents.acting import Failed, Late, Request
 from smarts.agents.hosting.options import HostError
+from smarts.shipped import local
 from smarts_agent_kit.wire import Message, WireError, decode, encode, frame_size
 
 SUFFIX = ".decisions"
@@ -233,7 +234,7 @@ def recorded(folder: str | Path) -> list[Recorded]:
         HostError: No file holds any, or a file is damaged.
     """
     try:
-        files = sorted(each for each in Path(folder).iterdir() if each.suffix == SUFFIX)
+        files = sorted(each for each in local(folder).iterdir() if each.suffix == SUFFIX)
     except OSError as error:
         raise HostError(f"cannot be read: {error.strerror}", place=place_of(folder), remedy=REMEDY) from error
     found = [each for each in map(_recorded, files) if each is not None]

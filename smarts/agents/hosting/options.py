@@ -79,6 +79,14 @@ START_TIME = 60.0
 """How long an agent may take to be made, and to answer for the first time [s]."""
 
 
+def patience(options: HostOptions, *, has_answered: bool) -> float:
+    """Return how long an answer is waited for [s].
+
+    The first one takes longer: imports, compilation, memory.
+    """
+    return options.patience if has_answered else max(START_TIME, options.patience)
+
+
 def about(link: Link, place: str) -> Mapping[str, Any]:
     """Return what the agent behind a link says about itself; waits for it if the link is new.
 
@@ -89,6 +97,12 @@ def about(link: Link, place: str) -> Mapping[str, Any]:
         return link.about
     try:
         message = link.wait(time.monotonic() + START_TIME)
+    except TimeoutError as error:
+        raise HostError(
+            f"the agent does not start: silent for {START_TIME:g} s",
+            place=place,
+            remedy="see what it has printed",
+        ) from error
     except Exception as error:  # of a socket, of Ray, of the wire
         raise HostError(
             f"the agent does not start: {error}", place=place, remedy="see what it has printed"
@@ -116,7 +130,8 @@ class HostOptions:
     """"in_process", "process" (on this machine) or "ray" (an actor). Agents at an address, and those with an
     environment of their own, have their place: for them the default stands for it."""
     patience: float = 10.0
-    """How long an answer is waited for before the agent's host is ended and started again [s]."""
+    """How long an answer is waited for before the agent's host is ended and started again [s]; the first one
+    of a process for `START_TIME` at least."""
     deadline_ms: float | None = None
     """Answers that come later than this after the question are dropped [ms]; None: each is waited for."""
     delay_steps: int = 0

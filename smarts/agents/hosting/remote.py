@@ -7,13 +7,16 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from smarts.agents.hosting.facts import facts_from
-from smarts.agents.hosting.options import START_TIME, HostError, Link, Starter, about
+from smarts.agents.hosting.options import HERE, HostError, HostOptions, Link, Starter, about, patience
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.agents.spec import AgentSpec
-from smarts_agent_kit.service import checked_actions, one_line, request_of
+from smarts_agent_kit.channel import ClosedError
+from smarts_agent_kit.service import checked_actions, is_ending, one_line, request_of
+from smarts_agent_kit.wire import Message
 
 
 class Started:
@@ -72,6 +75,7 @@ class RemoteAgent(BatchAgent):
 
     Args:
         start: Starts the agent.
+        options: Say how long its answers are waited for.
 
     Raises:
         HostError: It does not start.
@@ -82,12 +86,12 @@ class RemoteAgent(BatchAgent):
     observation: Any  # pyright: ignore[reportIncompatibleVariableOverride]
     period: Any  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def __init__(self, start: Starter) -> None:
-        self.start = start if isinstance(start, Started) else Started(start)
+    def __init__(self, start: Starter, options: HostOptions = HERE) -> None:
+        self.start, self.options = start if isinstance(start, Started) else Started(start), options
         self.interface, self.observation, self.period = self.start.facts
         self._link: Link | None = None
         self._number = 0
-        self._is_closed = False
+        self._is_closed = self._has_answered = False
 
     def act(self, obs: ActionBatch) -> NDArray:
         """Return the agent's actions.
@@ -105,16 +109,34 @@ class RemoteAgent(BatchAgent):
         try:
             about(self._link, self.start.place)
             self._link.send(request_of(obs, self._number))
-            answer = self._link.wait(time.monotonic() + START_TIME)
+            answer = self._answer()
             if answer.kind != "acted" or answer.number != self._number:
                 raise HostError(f"the agent {answer.values.get('problem', 'gives no answer')}")
-            return checked_actions(answer.arrays.get("actions"), len(obs.env_id))
+            actions = checked_actions(answer.arrays.get("actions"), len(obs.env_id))
         except Exception as error:  # of a socket, of Ray, of the wire or of the agent
             self.close()
-            problem = error.problem if isinstance(error, HostError) else f"{type(error).__name__}: {error}"
+            place = f"{self.start.place}, step {step_of(obs)}"
             raise HostError(
-                one_line(problem), place=self.start.place, remedy="see what the agent has printed"
+                one_line(words(error)), place=place, remedy="see what the agent has printed"
             ) from error
+        self._has_answered = True
+        return actions
+
+    def _answer(self) -> Message:
+        """Wait for the answer to a request.
+
+        Raises:
+            HostError: There is none in time, or the agent has ended.
+        """
+        assert self._link is not None
+        seconds = patience(self.options, has_answered=self._has_answered)
+        try:
+            answer = self._link.wait(time.monotonic() + seconds)
+        except TimeoutError as error:
+            raise HostError(f"the agent is silent for {seconds:g} s") from error
+        if is_ending(answer):
+            raise HostError(f"the agent has ended: {answer.values.get('problem')}")
+        return answer
 
     def close(self) -> None:
         """End the agent; may be called again."""
@@ -126,6 +148,18 @@ class RemoteAgent(BatchAgent):
     def __del__(self) -> None:
         if getattr(self, "_link", None) is not None:
             self.close()
+
+
+def step_of(batch: ActionBatch) -> int:
+    """Return the latest step of a request's episodes."""
+    return int(np.max(batch.step, initial=0))
+
+
+def words(error: Exception) -> str:
+    """Return what an error says; without its type, if it is one of hosts."""
+    is_plain = isinstance(error, ClosedError | TimeoutError) and str(error)
+    said = error.problem if isinstance(error, HostError) else str(error)
+    return said if is_plain or isinstance(error, HostError) else f"{type(error).__name__}: {said}"
 
 
 def remote_spec(start: Starter) -> AgentSpec:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from smarts.errors import ContradictionError
+from smarts.sstudio.checks import is_number
 from smarts.sstudio.sstypes.actor import Actor
 from smarts.sstudio.sstypes.actor.social_agent_actor import BoidAgentActor, SocialAgentActor
 from smarts.sstudio.sstypes.actor.traffic_engine_actor import TrafficEngineActor
@@ -20,7 +22,7 @@ class Bubble(Described):
     """An area with a margin around it: agents observe vehicles in the margin and drive them inside.
 
     Raises:
-        ValueError: The bubble contradicts itself.
+        ContradictionError: The bubble contradicts itself; a `ValueError`.
     """
 
     zone: Zone
@@ -52,23 +54,30 @@ class Bubble(Described):
     extension)."""
 
     def __post_init__(self) -> None:
-        if self.margin < 0:
-            raise ValueError(f"the margin of {self.id} must not be negative, got {self.margin}")
+        if is_number(self.margin) and self.margin < 0:
+            raise self._error("margin", f"{self.margin} is below 0", "give 0 or more metres")
         self._check_following()
         if self.keep_alive and not self.is_boid:
-            raise ValueError(f"keep_alive of {self.id} is for boids, which drive several vehicles")
+            problem = f"it is {self.keep_alive}, and the actor {self.actor.name!r} drives one vehicle"
+            raise self._error("keep_alive", problem, "leave it out, or use a BoidAgentActor")
         is_condition = isinstance(self.active_condition, Condition)  # `validate` refuses others by place
         if is_condition and self.active_condition.requires & ConditionRequires.any_current_actor_state:
-            raise ValueError(
-                f"the active_condition of {self.id} is about a vehicle: put it into airlock_condition"
-            )
+            problem = f"{type(self.active_condition).__name__} is about a vehicle"
+            raise self._error("active_condition", problem, "put it into airlock_condition")
 
     def _check_following(self) -> None:
-        if self.follow_actor_id is not None and self.follow_vehicle_id is not None:
-            raise ValueError(f"{self.id} cannot follow an agent and a vehicle: give one of the two")
-        travels = self.follow_actor_id is not None or self.follow_vehicle_id is not None
-        if travels and self.follow_offset is None:
-            raise ValueError(f"{self.id} travels with a vehicle and needs a follow_offset")
+        agent, vehicle = self.follow_actor_id, self.follow_vehicle_id
+        if agent is not None and vehicle is not None:
+            problem = f"it is {agent!r}, and follow_vehicle_id is {vehicle!r}"
+            raise self._error("follow_actor_id", problem, "give one of the two")
+        if (agent is not None or vehicle is not None) and self.follow_offset is None:
+            problem = (
+                f"there is none, and the bubble travels with {(agent if vehicle is None else vehicle)!r}"
+            )
+            raise self._error("follow_offset", problem, "give (x, y) in metres, such as (0, 0)")
+
+    def _error(self, field: str, problem: str, remedy: str) -> ContradictionError:
+        return ContradictionError(problem, place=f"{field} of bubble {self.id!r}", remedy=remedy)
 
     @staticmethod
     def to_actor_id(actor: Actor, mission_group: str | None) -> str:

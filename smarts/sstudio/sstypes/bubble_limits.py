@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from smarts.errors import ContradictionError
+from smarts.sstudio.checks import is_number
 from smarts.sstudio.sstypes.constants import MAX
 from smarts.sstudio.sstypes.identity import Described
 
@@ -18,10 +20,16 @@ class BubbleLimits(Described):
     """Most vehicles at a time that agents drive or observe; not below `hijack_limit`."""
 
     def __post_init__(self) -> None:
-        if self.hijack_limit is None or self.shadow_limit is None:
-            raise ValueError("a bubble's limits must be numbers; leave a limit out for none")
+        for name in ("hijack_limit", "shadow_limit"):
+            if not is_number(getattr(self, name)):
+                problem = f"{getattr(self, name)!r} is no number"
+                raise ContradictionError(
+                    problem, place=f"BubbleLimits.{name}", remedy="leave it out for no limit"
+                )
         if self.shadow_limit < self.hijack_limit:
-            raise ValueError(
-                f"shadow_limit ({self.shadow_limit}) must not be below hijack_limit ({self.hijack_limit}):"
-                " every vehicle is shadowed before it is taken over"
+            raise ContradictionError(
+                f"{self.shadow_limit} is below hijack_limit, {self.hijack_limit}:"
+                " every vehicle is shadowed before it is taken over",
+                place="BubbleLimits.shadow_limit",
+                remedy=f"give {self.hijack_limit} or more",
             )

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from smarts.errors import ContradictionError, shown
 from smarts.sstudio.sstypes.identity import Described
 
 if TYPE_CHECKING:
@@ -80,11 +81,14 @@ class ConfigurableZone(Zone):
     """Counter-clockwise rotation about the centre of its bounding box [rad]."""
 
     def __post_init__(self) -> None:
+        place = "ConfigurableZone.ext_coordinates"
         if len(self.ext_coordinates or ()) < 2:
-            raise ValueError(f"a polygon needs two corners or more, got {self.ext_coordinates!r}")
+            problem = f"{shown(self.ext_coordinates)} has fewer than two corners"
+            raise ContradictionError(problem, place=place, remedy="give two corners or more")
         for axis, corners in zip("xy", zip(*self.ext_coordinates, strict=False), strict=False):
             if len(set(corners)) == 1:
-                raise ValueError(f"the polygon has no area: every corner has {axis} = {corners[0]}")
+                problem = f"the polygon has no area: every corner has {axis} = {corners[0]}"
+                raise ContradictionError(problem, place=place, remedy=f"give corners that differ in {axis}")
 
     def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
         """Return the polygon."""

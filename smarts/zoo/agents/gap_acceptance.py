@@ -29,16 +29,26 @@ HORIZON = 5.0
 """Horizon of vehicles with the right of way [s]."""
 SHORT_HORIZON = 2.5
 """Horizon of vehicles that should give way [s]."""
-TIMES = np.arange(0.0, HORIZON + 0.01, 0.25)
+FOLLOWING_HORIZON = 8.0
+"""Horizon of leaders: until the vehicle has stopped [s]."""
+TIMES = np.arange(0.0, FOLLOWING_HORIZON + 0.01, 0.25)
 """[s]"""
+DECISION = 0.5
+"""Time between decisions [s]."""
 SPEEDING_UP = 2.5
 """[m/s^2]"""
 BRAKING = 2.5
 """Of slow_down [m/s^2]."""
+LEADERS_BRAKING = 4.5
+"""Assumed of leaders, SUMO's default [m/s^2]."""
 MOST_SPEED = 13.0
 """[m/s]"""
 JUNCTION_SPEED = 6.0
 """Near junctions, and where a lane change is due [m/s]."""
+CURVE_ACCELERATION = 2.5
+"""Lateral acceleration at which curves are driven [m/s^2]."""
+CURVE = 4
+"""Length over which a curve is measured [m]."""
 LOWEST_SPEED = 2.0
 """While waiting for a gap in the lane to the side [m/s]."""
 LENGTH = 5.0
@@ -63,7 +73,7 @@ OTHERS_SPEED = 7.0
 """Speed up to which they accelerate [m/s]."""
 URGENT = 30.0
 """Distance to the goal within which smaller gaps are accepted [m]."""
-LAST_PLACE = 12.0
+LAST_PLACE = 22.0
 """Distance to the goal at which it stops and waits for a gap [m]."""
 MAX_WAIT_DECISIONS = 10
 """Decisions at rest after which the first to arrive claims the right of way."""
@@ -72,8 +82,9 @@ MAX_WAIT_DECISIONS = 10
 class GapAcceptance(BatchAgent):
     """Slows down if it would come near the predicted place of another vehicle, else keeps going.
 
-    Right of way: oncoming traffic before left turns, right before left; vehicles without it are avoided if
-    they come too near. It changes lanes if the goal lies beside a straight road and that lane is free.
+    Behind a leader it keeps the distance in which it can stop if the leader brakes (Gipps, 1981). Right of
+    way: oncoming traffic before left turns, right before left; vehicles without it are avoided if they come
+    too near. It changes lanes if the goal lies beside a straight road and that lane is free.
     """
 
     interface: ClassVar[AgentInterface] = benchmark_interface(
@@ -121,11 +132,20 @@ def choose(observation: NDArray[np.float32], mask: NDArray[np.bool_], waited: in
         if _time_to_conflict(path, _driven(speed, SPEEDING_UP), ways[crosses], horizons[crosses]) == np.inf:
             return wish, waited
     number = now["agent_index"]
-    if speed > _most_speed(others, wish, arrival, ahead, number):
+    most = _most_speed(others, speed, wish, arrival, ahead, number)
+    if speed > most:
         return LaneAction.slow_down, waited
     safe = SAFE_STANDING if claims else SAFE
-    going = _time_to_conflict(path, _driven(speed, SPEEDING_UP), ways, horizons, safe)
-    slowing = _time_to_conflict(path, _driven(speed, -BRAKING), ways, horizons, safe)
+    leads = _goes_along(others) & (others[:, 0] > 0.0)
+    stops, until = _stopping(others[leads]), np.full(leads.sum(), FOLLOWING_HORIZON)
+
+    def conflict(alone: Floats, behind: Floats) -> float:
+        crossing = _time_to_conflict(path, alone, ways[~leads], horizons[~leads], safe)
+        return min(crossing, _time_to_conflict(path, behind, stops, until, safe))
+
+    slowed, fastest = _driven(speed, -BRAKING), min(most + SPEEDING_UP * DECISION, _curve_speed(errors))
+    going = conflict(_driven(speed, SPEEDING_UP, fastest), _followed(speed))
+    slowing = conflict(slowed, slowed)
     is_better = going == np.inf or going > slowing
     return (LaneAction.keep_lane if is_better else LaneAction.slow_down), waited
 
@@ -151,12 +171,17 @@ def _wish(now: Mapping[str, Floats], mask: NDArray[np.bool_]) -> int | None:
     return change if mask[change] else None
 
 
-def _most_speed(others: Floats, wish: int | None, arrival: float, ahead: float, number: NDArray) -> float:
+def _most_speed(
+    others: Floats, speed: float, wish: int | None, arrival: float, ahead: float, number: NDArray
+) -> float:
     """Return the highest speed before a junction, and while a lane change is due [m/s]."""
     most = JUNCTION_SPEED if arrival >= 0.0 else np.inf
     if wish is None or ahead >= OVERDUE:
         return most
-    in_time = np.sqrt(2 * BRAKING * max(0.0, ahead - LAST_PLACE))
+    # After another decision of speeding up it can still stop at the last place.
+    gain = SPEEDING_UP * DECISION
+    room = ahead - LAST_PLACE - (speed + gain) * DECISION
+    in_time = np.sqrt(2 * BRAKING * max(0.0, room)) - gain
     is_even = int(np.argmax(number)) % 2 == 0
     return min(most, _speed_to_let_by(others, wish, is_even), in_time)
 
@@ -210,13 +235,35 @@ def _path(errors: Floats) -> Floats:
     return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
-def _driven(speed: float, acceleration: float) -> Floats:
-    """Return the distance driven at each of `TIMES` [m]."""
+def _curve_speed(errors: Floats) -> float:
+    """Return the speed in the sharpest curve of the path ahead [m/s]."""
+    angles = np.arcsin(errors)
+    curvature = np.abs(angles[CURVE:] - angles[:-CURVE]).max() / CURVE
+    return float(np.sqrt(CURVE_ACCELERATION / max(curvature, 1e-6)))
+
+
+def _driven(speed: float, acceleration: float, most: float = np.inf) -> Floats:
+    """Return the distance driven at each of `TIMES` [m], accelerating up to `most` [m/s]."""
     if acceleration < 0.0:
         moving = np.minimum(TIMES, speed / -acceleration)
         return speed * moving + 0.5 * acceleration * moving**2
-    faster = np.minimum(TIMES, max(0.0, MOST_SPEED - speed) / acceleration)
+    faster = np.minimum(TIMES, max(0.0, min(MOST_SPEED, most) - speed) / acceleration)
     return speed * TIMES + acceleration * (0.5 * faster**2 + faster * (TIMES - faster))
+
+
+def _followed(speed: float) -> Floats:
+    """Return the distance driven at each of `TIMES` when braking begins at the next decision [m]."""
+    first, most = np.minimum(TIMES, DECISION), speed + SPEEDING_UP * DECISION
+    then = np.clip(TIMES - DECISION, 0.0, most / BRAKING)
+    return speed * first + 0.5 * SPEEDING_UP * first**2 + most * then - 0.5 * BRAKING * then**2
+
+
+def _stopping(leaders: Floats) -> Floats:
+    """Return places of vehicles that brake to a standstill at each of `TIMES`, shape (K, 1, T, 2) [m]."""
+    speed = np.hypot(leaders[:, 2], leaders[:, 3])[:, None]
+    moving = np.minimum(TIMES, speed / LEADERS_BRAKING)
+    factors = moving - 0.5 * LEADERS_BRAKING * moving**2 / np.maximum(speed, 0.1)
+    return leaders[:, None, None, :2] + factors[:, None, :, None] * leaders[:, None, None, 2:]
 
 
 def _goes_along(others: Floats) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ import pytest
 
 from smarts.agents.hosting.facts import check_observation, facts_of, interface_from
 from smarts.agents.hosting.links import AtAddress
-from smarts.agents.hosting.options import HostError
+from smarts.agents.hosting.options import HostError, HostOptions
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface, DoneCriteria
 from smarts.agents.options import Waypoints
@@ -29,6 +29,7 @@ from smarts_agent_kit.handshake import SECRET, BusyError, RefusedError, admit, g
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
 from smarts_agent_kit.service import request_of
 from smarts_agent_kit.wire import VERSION, Message, WireError, encode
+from tests.raising import raises
 from tests.unit.agents.test_wire import fuzzed
 from tests.unit.env.test_hosts import nothing_is_left, resources  # noqa: F401
 
@@ -369,6 +370,38 @@ def test_an_agent_that_is_gone_is_an_error(tmp_path):
         agent = RemoteAgent(AtAddress(address))
     with pytest.raises(HostError):
         ask_for_ever(agent)  # its process ends soon after that of the server
+
+
+HARMING = """
+import os, signal
+from smarts_agent_kit import BatchAgent
+
+class Harming(BatchAgent):
+    interface = {"action": "Lane"}
+    observation = ["speed"]
+    asked = 0
+
+    def act(self, batch):
+        self.asked += 1
+        if self.asked == 3:
+            os.kill(os.getpid(), int(os.environ["OMP_SIGNAL"]))
+        return batch.agent_id
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "said"), [(signal.SIGKILL, "killed by SIGKILL"), (signal.SIGSTOP, "silent for 0.5 s")]
+)
+def test_a_served_agent_that_is_killed_or_stopped_names_signal_seconds_and_step(tmp_path, number, said):
+    (tmp_path / "harming.py").write_text(HARMING)
+    command = ("-m", "smarts_agent_kit", "harming:Harming", "--address", "127.0.0.1:0")
+    with served(*command, PYTHONPATH=str(tmp_path), OMP_SIGNAL=str(int(number))) as address:
+        agent = RemoteAgent(AtAddress(address))
+        for step in (10, 11):
+            agent.act(batch(step=step))
+        agent.options = HostOptions(patience=0.5 if number == signal.SIGSTOP else 30.0)
+        with raises(HostError, "step 12", values=[said]):
+            agent.act(batch(step=12))
 
 
 def test_more_simulators_than_a_server_has_room_for_are_turned_away(tmp_path, monkeypatch):

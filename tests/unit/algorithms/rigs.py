@@ -53,7 +53,9 @@ class Rig:
         self.config = algorithms.config(name).debugging(seed=seed).training(**settings)
         self.config.learners(num_learners=learners)
         self.env = self.config.adapt(env)
-        self.spec = JointSpec.build(self.env.spaces, self.config.sharing, self.config.carried)
+        self.spec = JointSpec.build(
+            self.env.spaces, self.config.sharing, self.config.carried, self.config.set_width
+        )
         modules = self.config.get_multi_rl_module_spec(spaces={SPEC: (self.spec, None)})
         torch.manual_seed(seed)
         learner: Any = self.config.get_default_learner_class()

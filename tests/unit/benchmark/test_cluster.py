@@ -1,5 +1,6 @@
 """Ray is joined or started, or one message says within seconds why not."""
 
+import os
 import signal
 import socket
 import threading
@@ -87,6 +88,10 @@ def test_without_an_address_ray_is_its_own_whatever_else_there_is(listener, monk
         assert own.rpartition(":")[2] != address_of(listener).rpartition(":")[2]
         assert cluster._connection_problem(own) == ""  # what a real one answers
         assert signal.getsignal(signal.SIGTERM) == before
+        started = ray._private.worker._global_node.all_processes
+        assert {"raylet", "gcs_server"} <= {*started}
+        groups = {os.getpgid(each.process.pid) for processes in started.values() for each in processes}
+        assert os.getpgrp() not in groups
     finally:
         ray.shutdown()
 

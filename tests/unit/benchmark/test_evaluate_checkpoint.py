@@ -31,7 +31,7 @@ def folder(run, tmp_path):
     ("name", "said"),
     [
         ("intersecton", "--scenario: scenarios[0]: there is no scenario 'intersecton', neither in the suite"),
-        ("intersecton", "did you mean 'intersection'?"),
+        ("intersecton", "did you mean 'intersection'"),
         ("", "there is no scenario ''"),
     ],
 )

@@ -44,8 +44,8 @@ def experiment(tmp_path):
     return file
 
 
-def start(file, *more):
-    return begin("run", str(file), "--out", str(file.parent / "results"), *more)
+def start(file, *more, **options):
+    return begin("run", str(file), "--out", str(file.parent / "results"), *more, **options)
 
 
 def progress(folder):
@@ -142,24 +142,25 @@ def has_trained_on(run, iterations):
 def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(experiment):
     run = experiment.parent / "results/tiny/ppo/loop/no_social_vehicles/seed_3"
     command = (experiment, "--set", "scripted=[]", "--set", "budget.agent_steps=1000000")
-    process = start(*command)
+    process = start(*command, start_new_session=True)
     wait_for(lambda: (run / "progress.csv").exists() and len(progress(run)) >= 2, process)
     (worker,) = workers(process.pid)
     os.kill(worker, signal.SIGKILL)
     wait_for(lambda: len(found := workers(process.pid)) == 1 and found != [worker], process)
     known = len(progress(run))
     wait_for(lambda: len(progress(run)) > max(known, 3), process)
-    for _ in range(2):
-        process.send_signal(signal.SIGTERM)
+    for send in (os.kill, os.killpg):  # to the command alone, and to its process group
+        send(process.pid, signal.SIGTERM)
         code, _, err = finish(process)
         assert code == 130
+        assert "GCS" not in err
         assert "give the same command again to resume" in err
         lines = progress(run)
         # The validations, of which each saves, are half a million steps away.
         kept = json.loads((run / "checkpoint" / "training.json").read_text())
         assert kept["iteration"] == len(lines)
         assert kept["agent_steps"] == int(lines[-1]["agent_steps"])
-        process = start(*command)
+        process = start(*command, start_new_session=True)
         wait_for(partial(has_trained_on, run, len(lines)), process)
         assert progress(run)[: len(lines)] == lines
     (worker,) = workers(process.pid)

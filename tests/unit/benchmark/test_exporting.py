@@ -147,6 +147,7 @@ def make_spec_of(folder, agent=""):
         ("networked_q", "{}", "{agents: 2}", "other"),
         ("mf_q", "{}", "{agents: 2}", "others"),
         ("ppo", "{}", "{agents: 2, observation: paper}", "images"),
+        ("ppo", "{set_width: 8}", "{agents: 2, observation: neighbor_rows}", "sets"),
     ],
 )
 def test_policies_that_cannot_act_alone_are_refused(make, tmp_path, name, settings, environment, reason):

@@ -3,6 +3,7 @@
 import io
 import os
 import signal
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -22,7 +23,7 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     shown = LiveProgress(Console(file=log, width=40))
     state = JobState(NAME)  # type: ignore[arg-type] - of a job only its name is shown
 
-    def lines(status, progress=None, error=""):
+    def lines(status, progress=None, error="", state=state):
         log.seek(0)
         log.truncate()
         state.status, state.progress, state.error = status, progress, error
@@ -31,19 +32,22 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
 
     training = RunProgress("training", 0.5, 6, 1500, 60.0, 867.4, 1.41, 0.75, 0.25)
     assert lines("waiting") == []
-    assert lines("starting") == [
-        f"{NAME}: starting (waiting for free CPUs, or compiling kernels that are not cached)"
-    ]
+    assert lines("starting") == [f"{NAME}: starting ({live.STARTS})"]
+    other = JobState("another")  # type: ignore[arg-type]
+    assert lines("starting", state=other) == ["another: starting"]
     expected = (
         f"{NAME}: training 50%, iteration 6, 867 steps/s, return 1.41, completion 0.75, collision 0.25, "
-        "1.0 min left"
+        "1.0 min of training left"
     )
     assert lines("training", training) == [expected]
     assert lines("training", training) == []
     monkeypatch.setattr(live, "SECONDS", 0.0)
-    assert lines("training", training) == [expected]
+    assert lines("training", training) == []  # nothing is new
+    assert lines("training", replace(training, iteration=7)) == [expected.replace("6", "7", 1)]
     begun = RunProgress("training", 0.25, 1, 750, 30.0, 25.0)
-    assert lines("training", begun) == [f"{NAME}: training 25%, iteration 1, 25 steps/s, 1.5 min left"]
+    assert lines("training", begun) == [
+        f"{NAME}: training 25%, iteration 1, 25 steps/s, 1.5 min of training left"
+    ]
     assert lines("testing", RunProgress("testing", 0.25)) == [f"{NAME}: testing 25%"]
     assert lines("failed", error="[red] no") == [f"{NAME}: failed: [red] no"]
     assert lines("failed", error="[red] no") == []

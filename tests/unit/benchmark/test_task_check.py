@@ -19,7 +19,7 @@ def table(goals, traffic, seconds, reward):
     return found
 
 
-def check(root, *, completion=95, random=40, blind=30, creeping=-0.5, seconds=20.0):
+def check(root, *, completion=95, random=40, blind=30, creeping=-0.5, crept=60, seconds=20.0):
     """Write and check a cell with traffic; on empty roads the rule-based policy always arrives after 10 s."""
     policies = ["gap_acceptance", "random", "empty_road", "creep"]
     write_experiment(root, traffic=[ALONE, SOCIAL], scripted=policies)
@@ -29,7 +29,7 @@ def check(root, *, completion=95, random=40, blind=30, creeping=-0.5, seconds=20
         ("random", SOCIAL): table(random, SOCIAL, 10.0, -2.0),
         ("empty_road", SOCIAL): table(blind, SOCIAL, 10.0, -2.0),
         # Differences that are all alike have no interval.
-        ("creep", SOCIAL): table(COUNT, SOCIAL, 50.0, creeping + 0.01 * (np.arange(COUNT) % 2)),
+        ("creep", SOCIAL): table(crept, SOCIAL, 50.0, creeping + 0.01 * (np.arange(COUNT) % 2)),
     }
     for (policy, traffic), rows in cells.items():
         write_run(root, policy, [rows], traffic=traffic, seed=-1)
@@ -44,7 +44,8 @@ def test_a_good_cell_passes(tmp_path):
     assert found.completion == pytest.approx(0.95)
     assert found.behind["random"].value == pytest.approx(0.55)
     assert found.behind["empty_road"].value == pytest.approx(0.65)
-    assert found.creeping.value == pytest.approx(0.495)
+    assert found.creeping["return"].value == pytest.approx(0.495)
+    assert found.creeping["completion"].value == pytest.approx(0.35)
     assert found.equal == {"gap_acceptance": 0.0}
     assert "passes" in str(found)
     assert f"| intersection | {SOCIAL} | gap_acceptance | 0.05 | 0.95 |  | 20.0 |" in scores
@@ -57,6 +58,7 @@ def test_a_good_cell_passes(tmp_path):
         ({"random": 86}, "random completes only 0.09 less"),
         ({"blind": 95}, "empty_road completes only 0.00 less"),
         ({"creeping": 0.495}, "creep has a return only -0.50 below"),
+        ({"crept": 93}, "creep has a completion only 0.02 below"),
         ({"seconds": 10.04}, "gap_acceptance ends as on empty roads in 0.95"),
     ],
 )

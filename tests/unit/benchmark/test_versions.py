@@ -153,6 +153,29 @@ class TestRefusals:
         with raises(SmartsError, "benchmark_version", values=["environment.agents"]):
             check_version(experiment)
 
+    def test_the_error_has_one_short_line_for_each_kind_of_difference(self, tmp_path, frozen, monkeypatch):
+        experiment = self.experiment(tmp_path).model_copy(
+            update={"environment": Environment(agents=3, friction=0.5)}
+        )
+        played = {ALONE: {f"a_scenario_with_a_long_name_{number}": "abd" for number in range(50)}}
+        monkeypatch.setattr(running, "scenarios_by_traffic", lambda experiment: played)
+        content = yaml.safe_load(frozen.read_text())
+        content[1] |= {"reward": "0000", "metrics": "0000"}
+        frozen.write_text(yaml.safe_dump(content))
+        version.versions.cache_clear()
+        with pytest.raises(SmartsError) as caught:
+            check_version(experiment)
+        said = str(caught.value)
+        assert " ... " not in said
+        _, scenarios, reward, metrics, settings, remedy = said.splitlines()
+        assert "a_scenario_with_a_long_name_0" in scenarios
+        assert "47 more" in scenarios
+        assert "smarts/rewards" in reward
+        assert "benchmark/metrics" in metrics
+        assert "agents is 3, in the version 2" in settings
+        assert "friction is 0.5, in the version None" in settings
+        assert "remedy" in remedy
+
     def test_a_version_is_frozen_once(self, frozen):
         with raises(SmartsError, str(frozen), values=[1, "version 2", "--replace"]):
             frozen_text(1, {}, Environment())

@@ -80,6 +80,32 @@ def test_build_reports_and_is_idempotent(smarts_bench, tiny):
     assert first.stdout.splitlines()[1] == second.stdout.splitlines()[1]
 
 
+AGENT = 't.SocialAgentActor("a", "{}")'
+BUBBLE = f"bubbles=[t.Bubble(t.PositionalZone((200, 0), (60, 40)), {AGENT}, id='left-turn')]"
+GROUP = f"social_agent_missions={{{{'group': ([{AGENT}], [t.Mission(route)])}}}}"
+
+
+@pytest.mark.parametrize(
+    ("asking", "place"), [(BUBBLE, "bubble 'left-turn'"), (GROUP, "social_agent_missions['group']")]
+)
+def test_build_refuses_agents_that_are_not_in_the_zoo(smarts_bench, tiny, asking, place):
+    script, text = tiny / "scenario.py", TINY["scenario.py"]
+
+    def built(locator):
+        script.write_text(text.replace("traffic=", f"{asking.format(locator)}, traffic="))
+        return smarts_bench("scenario", "build", tiny)
+
+    ended = built("idmm-v0")
+    assert ended.returncode == 2
+    assert all(each in ended.stderr for each in ("'idmm-v0'", place, "remedy", "'idm-v0'"))
+    ended = built("own_policies_of_a_user:mine-v0")  # which runs get by --import
+    assert ended.returncode == 0
+    assert "own_policies_of_a_user" in ended.stdout
+    assert place in ended.stdout
+    ended = built("idm-v0")
+    assert (ended.returncode, "note" in ended.stdout) == (0, False)
+
+
 def test_run_counts_vehicles_and_draws(smarts_bench, tiny):
     out = tiny / "pictures" / "end.png"
     result = smarts_bench("scenario", "run", tiny, "--seconds", "30", "--out", out)

@@ -24,7 +24,9 @@ def speeds(y, speed, other):
     routes, lane = made.routes.current.value, int(vehicles.lane[0, 0])
     (row,) = (r for r in range(routes.start[routes.free], len(routes.lane)) if routes.lane[r] == lane)
     place = float(vehicles.lane_position[0, 0])
-    limit_by_right_of_way(made.world.state, made.atlas.roads, routes, performance(), 0, 0, row, place, points)
+    limit_by_right_of_way(
+        made.world.state, made.atlas.roads, routes, performance(made.atlas), 0, 0, row, place, points
+    )
     return points[:, 3]
 
 

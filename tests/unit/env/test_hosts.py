@@ -225,14 +225,61 @@ def test_a_host_that_is_stopped_is_ended_and_started_again(monkeypatch):
         assert again is not link
 
 
-def test_a_supervisor_that_is_stopped_is_ended_too(monkeypatch):
-    monkeypatch.setattr("smarts.agents.hosting.links.END_TIME", 0.2)
+def test_a_whole_group_that_is_stopped_ends_by_itself(monkeypatch):
+    sent, send = [], os.killpg
+    monkeypatch.setattr(os, "killpg", lambda group, number: (sent.append(number), send(group, number)))
     with closing(environment([{"agent": DRAWING}], {"*": "process"})) as env:
         env.reset()
         (link,) = host_of(env).links.values()
         supervisor = link.pid
-        os.kill(supervisor, signal.SIGSTOP)
+        send(supervisor, signal.SIGSTOP)
     assert not Path(f"/proc/{supervisor}").exists()
+    assert sent == [signal.SIGCONT]  # not killed, after `END_TIME`
+
+
+def failures_after(number, whom):
+    """Return what is said of an agent whose process gets a signal after three requests, and the step."""
+    hosts = {DRAWING: {"where": "process", "patience": 2.0 if number == signal.SIGSTOP else 30.0}}
+    with closing(environment([{"agent": DRAWING}], hosts)) as env:
+        env.reset()
+        [*steps(env, 3)]
+        (link,) = host_of(env).links.values()
+        (pid,) = workers_of(link) if whom == "worker" else [link.pid]
+        os.kill(pid, number)
+        if number != signal.SIGSTOP:
+            wait_until_gone(pid)
+        step = int(env.episode_steps[0])
+        (result,) = steps(env, 1)
+        if not result.social_failures:  # the request was sent before
+            (result,) = steps(env, 1)
+        (said,) = result.social_failures[0].values()
+        return said, step
+
+
+def wait_until_gone(pid):
+    until = time.monotonic() + 10.0
+    with suppress(OSError):
+        while time.monotonic() < until and "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]:
+            time.sleep(0.01)
+
+
+@pytest.mark.parametrize("whom", ["worker", "supervisor"])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV])
+def test_a_killed_agent_names_the_signal_and_the_step(number, whom):
+    said, step = failures_after(number, whom)
+    assert number.name in said
+    assert re.search(r"at step (\d+)", said).group(1) in (str(step), str(step + 1))
+
+
+def test_a_stopped_agent_names_the_seconds_and_the_step():
+    said, _ = failures_after(signal.SIGSTOP, "worker")
+    assert re.search(r"at step \d+: silent for 2(\.\d+)? s", said)
+
+
+def test_an_agent_that_ends_itself_names_its_exit_code():
+    social, hosts = hosted("leave", patience=60.0)
+    _, failures = played(social, hosts, count=6)
+    assert all("exit code 7" in said for said in failures[0].values())
 
 
 def test_every_step_completes_whatever_is_killed():

@@ -26,7 +26,7 @@ def made_world(*speeds):
 
 
 def test_an_observation_is_a_name_a_dict_or_a_list():
-    assert set(observation_names()) == {"benchmark", "paper", "raw"}
+    assert set(observation_names()) == {"benchmark", "neighbor_rows", "paper", "raw"}
     longer = feature_list({"base": "benchmark", "frames": 2, "stacked": [{"image": {"size": 32}}]})
     assert longer.frames == 2
     assert longer.stacked[-1] == FeatureChoice("image", {"size": 32})
@@ -37,7 +37,12 @@ def test_an_observation_is_a_name_a_dict_or_a_list():
 
 def test_an_observation_names_its_reward():
     rewards = {name: feature_list(name).reward for name in observation_names()}
-    assert rewards == {"benchmark": "benchmark", "paper": "paper", "raw": "route_metres"}
+    assert rewards == {
+        "benchmark": "benchmark",
+        "neighbor_rows": "benchmark",
+        "paper": "paper",
+        "raw": "route_metres",
+    }
     assert feature_list({"base": "paper", "frames": 2}).reward == "paper"
     assert feature_list(["goal"]).reward == "benchmark"
 

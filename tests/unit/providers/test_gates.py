@@ -9,7 +9,7 @@ from smarts.providers.gates import chord_pose, compare_with_chord, find_too_clos
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleStates
 
-from .test_sumo_shadows import RIGHT, begin, drivers, from_arm
+from .test_sumo_shadows import RIGHT, begin, drivers, from_arm, sumo_motion
 
 QUARTER = np.linspace(0.0, math.pi / 2, 400)
 """Angles of a quarter circle."""
@@ -222,7 +222,12 @@ def test_sumo_keeps_a_vehicle_before_a_turn_that_is_too_tight_for_it(
     assert answer == refusal
 
 
-@pytest.mark.parametrize(("x", "refusal"), [(-60.0, Refusal.NONE), (-30.0, Refusal.TIGHT_TURN)])
+@pytest.mark.parametrize(
+    ("x", "refusal"),
+    # The line of the second junction is at x = 48 m or so. From x = -6 m on, the bus's front is in the first
+    # junction, and from x = 2 m on its middle, too.
+    [(-60.0, Refusal.NONE), *((x, Refusal.TIGHT_TURN) for x in (-30.0, -6.0, -2.0, 2.0, 12.0, 40.0))],
+)
 def test_sumo_keeps_a_vehicle_before_a_tight_turn_behind_the_next_junction(world, country, x, refusal):
     """A bus drives straight on at x = 0 m and turns to the right at x = 60 m."""
     nodes = {"a": (-200, 0), "b": (0, 0), "c": (60, 0), "d": (60, -200), "e": (0, 200)}
@@ -240,6 +245,42 @@ def test_sumo_keeps_a_vehicle_before_a_tight_turn_behind_the_next_junction(world
     while float(states.position[slot, 0]) < x:
         world.step()
     assert world.traffic.can_give(slot) == refusal
+
+
+def two_junctions(country, gap):
+    """Return a road to the east that has priority at x = 0 m and none at x = `gap` [m]."""
+    nodes = {"a": (-300, 0), "b": (0, 0), "c": (gap, 0), "d": (300, 0), "e": (0, 200)}
+    nodes |= {"n": (gap, 200), "s": (gap, -200)}
+    edges = "".join(
+        f'<edge id="{one}{other}" from="{one}" to="{other}" speed="30" priority="{rank}"/>'
+        for pair, rank in zip(("ab", "bc", "cd", "be", "nc", "cs"), [1, 1, 1, 0, 5, 5], strict=True)
+        for one, other in (pair, pair[::-1])
+    )
+    places = "".join(f'<node id="{name}" x="{x}" y="{y}" type="priority"/>' for name, (x, y) in nodes.items())
+    return country.net(f"two_junctions_{gap}", (f"<nodes>{places}</nodes>", f"<edges>{edges}</edges>"))
+
+
+@pytest.mark.parametrize("gap", [14, 20, 60])
+def test_sumo_keeps_a_vehicle_in_a_junction_that_cannot_stop_before_the_next_one(world, country, gap):
+    """An agent may have it as long as its front can stop, at 4.5 m/s^2 and after a step, before the line."""
+    car = '<vType id="calm" maxSpeed="15" sigma="0"/>'
+    trip = (
+        '<vehicle id="s0" type="calm" depart="0" departPos="150" departSpeed="15"><route edges="ab bc cd"/>'
+    )
+    begin(world, country.files(two_junctions(country, gap), f"{car}{trip}</vehicle>"))
+    slot, states = world.slot("s0"), world.states
+    line = float(world.roads.centreline(world.roads.lane_of_id("bc_0"))[-1, 0])
+    inside = []
+    while (front := float(states.position[slot, 0]) + 2.5) < line:
+        speed = float(states.speed[slot])
+        needed = 0.1 * speed + speed**2 / 9.0
+        if abs(line - front - needed) > 0.5:
+            refusal = Refusal.WITHOUT_PRIORITY if line - front < needed else Refusal.NONE
+            assert world.traffic.can_give(slot) == refusal, f"{front} m"
+            if front > -9.0 and sumo_motion(world, slot)[0].startswith(":b"):
+                inside.append(refusal)
+        world.step()
+    assert Refusal.NONE in inside if gap == 60 else Refusal.WITHOUT_PRIORITY in inside
 
 
 @pytest.mark.parametrize(("priority", "refusal"), [(9, Refusal.NONE), (1, Refusal.SPEED)])

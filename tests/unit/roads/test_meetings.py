@@ -35,20 +35,31 @@ def two_crossings(between):
     return graph_of(roads, links, {1: [3]})
 
 
-def wait_for_one_at_the_second(between, front, length=5.0, speed=5.0):
-    """Return how far a vehicle drives before a car comes to the second crossing [m]."""
+def wait_for_one_at_the_second(between, front, length=5.0, speed=5.0, away=30.0, pace=None):
+    """Return how far a vehicle drives before a car comes to the second crossing [m].
+
+    Args:
+        between: See `two_crossings`.
+        front: Place of the vehicle's front [m].
+        length: Its length [m].
+        speed: Its speed [m/s].
+        away: Distance of the car to the middle of the vehicle's way [m].
+        pace: In place of those of all lanes [m/s].
+    """
     graph = two_crossings(between)
     mission = AgentMission(
         route=("begin", "middle", "end"), goal=GoalKind.POSITION, goal_position=(119.0, 0.0)
     )
     own = Car(front - 0.5 * length, 0.0, 0.0, speed, mission, length=length)
-    other = Car(LINE + 15.0 + between, 30.0, -0.5 * math.pi, 8.0)
+    other = Car(LINE + 15.0 + between, away, -0.5 * math.pi, 8.0)
     made = world_of([own, other], maps=[graph])
     routes, vehicles = made.routes.current.value, made.world.vehicles
     first = routes.start[routes.free]
     (row,) = (r for r in range(first, len(routes.lane)) if routes.lane[r] == vehicles.lane[0, 0])
-    place = float(vehicles.lane_position[0, 0])
-    return gap_to_wait(made.world.state, made.atlas.roads, routes, performance(), 0, 0, row, place)
+    place, able = float(vehicles.lane_position[0, 0]), performance(made.atlas)
+    if pace is not None:
+        able = able._replace(pace=np.full_like(able.pace, pace))
+    return gap_to_wait(made.world.state, made.atlas.roads, routes, able, 0, 0, row, place)
 
 
 @pytest.mark.parametrize(("between", "length"), [(2.0, 5.0), (9.0, 12.0)])
@@ -66,3 +77,9 @@ def test_a_vehicle_waits_between_two_crossings_that_are_far_enough_apart():
 
 def test_a_vehicle_that_is_past_the_first_line_waits_before_the_second_crossing():
     assert wait_for_one_at_the_second(4.0, LINE + 6.0) == pytest.approx(8.0)
+
+
+@pytest.mark.parametrize(("pace", "gap"), [(None, np.inf), (10.0, np.inf), (1.0, 4.0)])
+def test_a_vehicle_crosses_as_fast_as_the_table_of_paces_says(pace, gap):
+    """It is 4 m before its line; the other car comes in 60 / 8 s. At 1 m/s it needs 19 s, at 10 m/s 3 s."""
+    assert wait_for_one_at_the_second(12.0, LINE + 18.0, away=65.0, pace=pace) == pytest.approx(gap)

@@ -7,9 +7,17 @@ import pytest
 
 from smarts.dynamics.performance import performance
 from smarts.roads.atlas import RoadAtlas
-from smarts.roads.paces import Performance, acceleration_over, pace_in
+from smarts.roads.paces import Performance, acceleration_over, paces_in
 from smarts.types.vehicles import VehicleKind
-from tests.maps import bend, straight
+from tests.maps import Road, bend, crossing, graph_of, straight
+
+NO_PACE = np.zeros((0, 1))
+
+
+def pace_in(roads, lane, agility):
+    """Return the pace of one kind."""
+    (found,) = paces_in(roads, lane, np.array([agility]))
+    return found
 
 
 @pytest.mark.parametrize(
@@ -21,19 +29,19 @@ from tests.maps import bend, straight
     ],
 )
 def test_power_limits_the_acceleration_at_speed(distance, speed, top, expected):
-    heavy = Performance(np.array([1.9]), np.array([12.0]), np.array([0.05]))
+    heavy = Performance(np.array([1.9]), np.array([12.0]), np.array([0.05]), NO_PACE)
     assert acceleration_over(heavy, 0, distance, speed, top) == pytest.approx(expected)
 
 
 def test_strong_vehicles_do_not_use_all_of_their_power():
-    strong = Performance(np.array([11.0]), np.array([84.0]), np.array([0.15]))
+    strong = Performance(np.array([11.0]), np.array([84.0]), np.array([0.15]), NO_PACE)
     assert acceleration_over(strong, 0, 20.0, 5.0, 14.0) == 2.0
 
 
 def test_what_the_kinds_can_do():
     """A bus: 30,000 N, 188 kW, 14,860 kg, steering 0.4 rad/s, axles 7.184 m apart."""
-    found = performance()
-    bus = [column[VehicleKind.BUS] for column in found]
+    found = performance(RoadAtlas([straight()]))
+    bus = [column[VehicleKind.BUS] for column in found[:3]]
     assert bus == pytest.approx([30_000 / 14_860 - 0.008 * 9.81, 188_000 / 14_860, 0.4 / 7.184])
     assert np.isinf(found.power[VehicleKind.TRAILER])
 
@@ -52,3 +60,55 @@ def test_bends_and_the_steering_limit_the_pace():
     ends = 1 / math.sqrt(180.0) + 1 / math.sqrt(120.0)
     assert pace_in(roads, 0, 10.0) == pytest.approx(48 / (44 / fast + 2 * ends), rel=2e-3)
     assert pace_in(roads, 0, 1e-3) == pytest.approx(48 / (10 / 2.0 + 38 / fast), rel=1e-2)
+
+
+def s_curve(radius):
+    """Return a quarter circle to the left and one to the right, so that the road ends as it begins."""
+    angles = np.linspace(0.0, math.pi / 2, 1 + math.ceil(radius * math.pi * 2))
+    left = radius * np.column_stack([np.sin(angles), 1.0 - np.cos(angles)])
+    right = 2 * radius - left[::-1]
+    return graph_of({"s": Road([*map(tuple, left), *map(tuple, right[1:])])})
+
+
+def test_the_bends_of_an_s_curve_count():
+    """Two of 12 m in 37.7 m: sqrt(3 * 12) m/s = 6 m/s, and more near the ends and in the middle.
+
+    There the turn over 4 m is smaller than 4 / 12 rad: by a half and by a quarter at either end; in the
+    middle by a half twice, and at most once zero. The begin and the end of the road have the same heading.
+    """
+    roads = RoadAtlas([s_curve(12.0)]).roads
+    found = pace_in(roads, 0, 10.0)
+    assert 6.0 < found < 38 / (31 / 6.0 + 7 / 14.0)
+    # One whose steering is slow drives 2 m/s near the ends and the middle, where the bend changes.
+    assert pace_in(roads, 0, 1e-3) < 0.8 * found
+
+
+def test_a_slight_turn_is_driven_at_the_limit_only_if_it_is_wide():
+    """A lane that shifts by 0.2 rad: 12 m around 60 m may be driven with 13.4 m/s, around 120 m faster."""
+    for radius, expected in ((60.0, math.sqrt(180.0)), (120.0, 14.0)):
+        angles = np.linspace(0.0, 0.25, 400)
+        line = radius * np.column_stack([np.sin(angles), 1.0 - np.cos(angles)])
+        roads = RoadAtlas([graph_of({"slight": Road([*map(tuple, line)])})]).roads
+        assert pace_in(roads, 0, 10.0) == pytest.approx(expected, rel=0.02)
+
+
+def test_a_long_lane_counts_whole():
+    """80 m straight on, then a quarter circle of 12 m: 80 m at 14 m/s, 18.8 m at 6 m/s and more."""
+    angles = np.linspace(0.0, math.pi / 2, 200)
+    turn = np.column_stack([80.0 + 12.0 * np.sin(angles), 12.0 - 12.0 * np.cos(angles)])
+    roads = RoadAtlas([graph_of({"long": Road([(0.0, 0.0), *map(tuple, turn)])})]).roads
+    assert pace_in(roads, 0, 10.0) == pytest.approx(99 / (80 / 14.0 + 19 / 6.0), rel=0.05)
+
+
+def test_an_atlas_has_a_table_of_paces_for_the_lanes_of_all_maps():
+    """Each row inside a junction is what its lane gives alone; lanes of roads have their limits."""
+    atlas = RoadAtlas([straight(), crossing()])
+    table, roads = performance(atlas), atlas.roads
+    assert table.pace.shape == (roads.lane_base[-1], len(VehicleKind))
+    for lane in range(len(table.pace)):
+        alone = [pace_in(roads, lane, a) for a in table.agility]
+        assert table.pace[lane].tolist() == (
+            alone if roads.lane_inside[lane] else [roads.lane_speed[lane]] * 6
+        )
+    assert (table.pace[roads.lane_inside] < 9.0).any()
+    assert performance(atlas).pace is table.pace

@@ -50,7 +50,15 @@ def gap_of(made, agent=0, margins=1.0):
     rows = range(routes.start[route], routes.start[route + 1])
     (row,) = [row for row in rows if routes.lane[row] == lane]
     return gap_to_wait(
-        state, roads, routes, performance(), 0, slot, row, made.world.vehicles.lane_position[0, slot], margins
+        state,
+        roads,
+        routes,
+        performance(made.atlas),
+        0,
+        slot,
+        row,
+        made.world.vehicles.lane_position[0, slot],
+        margins,
     )
 
 

@@ -409,6 +409,8 @@ def test_refused(case, roads):
     with pytest.raises(ScenarioError) as caught:
         validate(decode(encode(collection.scenario)), roads, "scenario.py")
     assert caught.value.place.startswith(f"scenario.py: {place}")
+    if place.startswith("bubbles[0]"):
+        assert caught.value.place.endswith(f" of bubble {collection.scenario.bubbles[0].id!r}")
     assert value in caught.value.problem
     assert caught.value.remedy
     assert NEAREST.get(case, "") in caught.value.remedy
@@ -457,8 +459,8 @@ def test_refused_by_the_build(case, scenario_folder):
         ),
         (
             "from smarts.sstudio import types as t\nt.BubbleLimits(2, 1)\n",
-            "scenario.py, line 2",
-            "ValueError",
+            "scenario.py, line 2, BubbleLimits.shadow_limit",
+            "1 is below",
         ),
         (
             "from smarts.sstudio import types as t\nt.TimeWindowCondition(50, 20)\n",
@@ -507,9 +509,10 @@ def test_conditions_on_facts_that_bubbles_do_not_know(roads):
 
     agent, zone = t.SocialAgentActor("agent", "zoo:agent-v0"), t.PositionalZone((0, 0), (9, 9))
     for name in ("active_condition", "airlock_condition"):
+        bubble = t.Bubble(zone, agent, id="b", **{name: Simulated()})
         with pytest.raises(ScenarioError) as caught:
-            validate(t.Scenario(bubbles=[t.Bubble(zone, agent, **{name: Simulated()})]), roads, "scenario.py")
-        assert caught.value.place == f"scenario.py: bubbles[0].{name}"
+            validate(t.Scenario(bubbles=[bubble]), roads, "scenario.py")
+        assert caught.value.place == f"scenario.py: bubbles[0].{name} of bubble 'b'"
         assert "simulation" in caught.value.problem
 
 
@@ -526,7 +529,7 @@ def test_folders_without_anything(tmp_path):
 
 
 def test_names_that_mean_nothing(tmp_path):
-    assert "did you mean 'intersection'?" in refusal("intersektion").remedy
+    assert "did you mean 'intersection'" in refusal("intersektion").remedy
     assert "name too long" in str(refusal("x" * 300))
     assert len(str(refusal("x" * 10_000))) < 2000
     (tmp_path / "merge").mkdir()

@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from smarts.errors import ContradictionError
 from smarts.sstudio import types as t
 from smarts.sstudio.sstypes.drawing import fresh_drawing
 from tests.raising import raises
@@ -278,22 +279,49 @@ class TestBubbles:
     agent = t.SocialAgentActor("agent", "zoo:agent-v0")
 
     @pytest.mark.parametrize(
-        ("arguments", "message"),
+        ("arguments", "field", "value", "remedy"),
         [
-            ({"margin": -1}, "margin"),
-            ({"follow_actor_id": "a"}, "follow_offset"),
-            ({"follow_actor_id": "a", "follow_vehicle_id": "b", "follow_offset": (0, 0)}, "one of the two"),
-            ({"keep_alive": True}, "boids"),
-            ({"active_condition": t.VehicleSpeedCondition(0, 1)}, "airlock_condition"),
+            ({"margin": -1}, "margin", "-1", "0 or more"),
+            ({"follow_actor_id": "a"}, "follow_offset", "'a'", "(0, 0)"),
+            (
+                {"follow_actor_id": "a", "follow_vehicle_id": "b", "follow_offset": (0, 0)},
+                "follow_actor_id",
+                "'b'",
+                "one of the two",
+            ),
+            ({"keep_alive": True}, "keep_alive", "'agent'", "BoidAgentActor"),
+            (
+                {"active_condition": t.VehicleSpeedCondition(0, 1)},
+                "active_condition",
+                "VehicleSpeedCondition",
+                "airlock_condition",
+            ),
         ],
     )
-    def test_contradictions_are_refused(self, arguments, message):
-        with pytest.raises(ValueError, match=message):
-            t.Bubble(self.zone, self.agent, **arguments)
+    def test_contradictions_name_bubble_value_and_remedy(self, arguments, field, value, remedy):
+        with raises(ContradictionError, f"{field} of bubble 'left-turn'") as caught:
+            t.Bubble(self.zone, self.agent, id="left-turn", **arguments)
+        assert isinstance(caught.value, ValueError)
+        assert value in caught.value.problem
+        assert remedy in caught.value.remedy
 
-    def test_limits(self):
-        with pytest.raises(ValueError, match="shadow_limit"):
-            t.BubbleLimits(hijack_limit=2, shadow_limit=1)
+    @pytest.mark.parametrize("margin", ["wide", None])
+    def test_a_margin_of_another_type_is_left_to_the_build(self, margin):
+        assert t.Bubble(self.zone, self.agent, margin=margin).margin == margin
+
+    @pytest.mark.parametrize(
+        ("limits", "field", "value"),
+        [
+            ({"hijack_limit": 2, "shadow_limit": 1}, "shadow_limit", "1 is"),
+            ({"hijack_limit": None}, "hijack_limit", "None"),
+            ({"shadow_limit": "3"}, "shadow_limit", "'3'"),
+        ],
+    )
+    def test_limits(self, limits, field, value):
+        with raises(ContradictionError, f"BubbleLimits.{field}") as caught:
+            t.BubbleLimits(**limits)
+        assert value in caught.value.problem
+        assert caught.value.remedy
 
     def test_who_drives(self):
         assert not t.Bubble(self.zone, self.agent).is_boid
