@@ -63,6 +63,14 @@ STEPPED = (
 )
 """Those whose rows are sent with their steps. Rows of an agent say which row of `agents` it is, since agents
 may have an agent_id in turn."""
+LIVE: dict[str, tuple[str, ...]] = {
+    AGENT_STATES.name: (
+        *("step", "agent", "slot", "generation", "state", "events", "throttle", "brake", "steering"),
+        *("route_progress", "remaining", "change_phase"),
+    ),
+    DECISIONS.name: ("step", "agent", "action", *(f"value_{n}" for n in range(8)), "action_mask"),
+}
+"""The columns that live streams have of large tables: what the page shows. Other tables have all."""
 MOST_ROWS = 20_000
 """Of one message."""
 MOST_LISTED = 4 << 20

@@ -2,6 +2,8 @@
 
 import json
 import random
+import re
+from pathlib import Path
 from socket import IPPROTO_TCP, TCP_INFO
 
 import numpy as np
@@ -13,7 +15,7 @@ from smarts.envision import live
 from smarts.stream.container import pack, unpack
 from smarts.stream.motion import motion_of
 from smarts.stream.road_map import map_message, origin_of
-from smarts.stream.tables import columns_of, values_of
+from smarts.stream.tables import LIVE, columns_of, values_of
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, VEHICLES
 from tests.maps import straight
 from tests.viewers import ask, serving
@@ -432,6 +434,30 @@ def test_what_viewers_get_is_small(server):
             simulation.send(pack(moved(step)))
             until(browser, is_steps(step))
         assert (received_bytes(browser) - before) / steps / 29 < 16
+
+
+def test_live_tables_have_the_columns_that_the_page_reads(server):
+    source = (Path(live.__file__).parent / "page/src/agents.ts").read_text()
+    bodies = {part.partition("(")[0]: part for part in source.split("export function ")}
+    read = {
+        AGENT_STATES.name: set(re.findall(r'value\("(\w+)"\)', bodies["stateOf"])),
+        DECISIONS.name: set(re.findall(r'table\.numbers\("(\w+)"\)', bodies["decisionOf"])),
+    }
+    assert read[AGENT_STATES.name] >= {"slot", "throttle", "remaining"}
+    assert read[DECISIONS.name] == {"step", "action", "action_mask"}
+    for name, columns in read.items():
+        assert columns <= {*LIVE[name]}
+    decision = np.zeros((1, len(DECISIONS.columns)))
+    with publisher(server) as simulation, viewer(server) as browser:
+        first = frame(0)
+        first["rows"][2] = decision.tobytes()
+        for message in (the_map(), begin(), first):
+            simulation.send(pack(message))
+        until(browser, is_listed(id="a"))
+        watch(browser, "a")
+        found = {m["name"]: m["columns"] for m in until(browser, is_steps(0)) if m["type"] == "table"}
+    assert {*found[AGENT_STATES.name]} == {*LIVE[AGENT_STATES.name]}
+    assert {*found[DECISIONS.name]} == {*LIVE[DECISIONS.name]}
 
 
 def received_bytes(socket):
