@@ -106,12 +106,15 @@ class JointQ(nn.Module):
         if others:
             self.rest = nn.Sequential(nn.ReLU(), *perceptron([first, *others], nn.ReLU))
 
-    def forward(self, view: JointView, actions: dict[str, Tensor], replaced: Tensor | None = None) -> Tensor:
-        """Return Q values (M, n).
+    def forward(
+        self, view: JointView, actions: dict[str, Tensor], chosen: Tensor, replaced: Tensor | None = None
+    ) -> Tensor:
+        """Return Q values (M, n) of chosen agents, and zeros for others, uncomputed.
 
         Args:
             view: What all agents see.
             actions: All agents' actions by group id, each (M, n, A).
+            chosen: Own agents whose values count, (M, n).
             replaced: Own actions (M, n, A): row i takes these for agent i, and `actions` for all others.
         """
         flat = torch.cat([actions[g.id].flatten(1) for g in view.spec.groups], -1)
@@ -121,7 +124,11 @@ class JointQ(nn.Module):
             weight = self.act.weight[:, self._own].T.reshape(agents, width, -1)
             change = replaced - flat[:, self._own].reshape(-1, agents, width)
             first = first + torch.einsum("mna,nah->mnh", change, weight)
-        return self.rest(first).squeeze(-1)
+        rows = chosen.flatten().nonzero().squeeze(-1)
+        if len(rows) == chosen.numel():
+            return self.rest(first).squeeze(-1)
+        values = self.rest(first.flatten(0, 1).index_select(0, rows)).squeeze(-1)
+        return values.new_zeros(chosen.numel()).index_copy(0, rows, values).unflatten(0, chosen.shape)
 
 
 class MADDPGCritic(LearnerModule):
@@ -159,9 +166,11 @@ class MADDPGLearner(OffPolicyLearner):
         for group, own in batch.present():
             critic = self.net(critic_of(group))
             with torch.no_grad():
-                value = torch.where(own.bootstrap, critic.target_q(following, chosen), 0)
+                value = critic.target_q(following, chosen, own.bootstrap)
                 target = self.config.reward_scale * own.rewards + self.gamma * value
-            losses[critic_of(group)] = self.mean((critic.q(batch, taken) - target).square(), own.alive)
+            losses[critic_of(group)] = self.mean(
+                (critic.q(batch, taken, own.alive) - target).square(), own.alive
+            )
             self.log(group.id, "critic_loss", losses[critic_of(group)])
         self.step_each(losses)
 
@@ -171,7 +180,8 @@ class MADDPGLearner(OffPolicyLearner):
         for group, own in batch.present():
             net = self.net(group.id)
             outputs = net.actor.of_active(own)
-            values = self.net(critic_of(group)).q(batch, taken, net.relax(outputs, own, self.generator))
+            actions = net.relax(outputs, own, self.generator)
+            values = self.net(critic_of(group)).q(batch, taken, own.alive, actions)
             size = outputs.square() if own.action_mask is None else outputs.square() * own.action_mask
             penalty = self.config.logit_penalty * self.mean(size.mean(-1), own.alive)
             q = self.mean(values, own.alive)

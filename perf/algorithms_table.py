@@ -27,6 +27,8 @@ SOURCE, TABLE = ROOT / "docs" / "algorithms.md", ROOT / "docs" / "algorithms_tab
 TESTS = ROOT / "tests" / "unit" / "algorithms"
 CURVES = ROOT / "results" / "all_algorithms", ROOT / "results" / "paper_table"
 """Experiments with curves at the intersection; of an algorithm in both, the first is shown."""
+CONTINUATIONS = "continued.csv"
+"""Of the first of them: agent-steps of trainings that were killed and continued (`perf.learning_curves`)."""
 CURVE_COLUMNS = ("completion", "collision", "agent_steps")
 
 HEAD = """# All algorithms
@@ -44,6 +46,20 @@ committed results.
   brackets their number and the agent-steps, no traffic: with default settings (`results/all_algorithms`,
   if it is there), else of the paper's table with tuned ones.
 
+"""
+
+CONTINUED = """
+## Killed and continued
+
+![learning curves](learning_curves.png)
+
+`python -m perf.learning_curves` trains each algorithm at the intersection by `smarts-bench run`, one seed,
+default settings; kills the command and all its processes (SIGKILL) after a checkpoint; and gives the same
+command again. {count} of {all} algorithms so far. Curves are completion in training, with sampled actions; so
+short a training ranks nothing. Agent-steps:
+
+| algorithm | killed at | of the checkpoint | next line after the checkpoint | end |
+|---|---|---|---|---|
 """
 
 
@@ -64,7 +80,22 @@ def page(curves: Sequence[Path] = CURVES, yardsticks: Path = results.FOLDER) -> 
             next(filter(None, (intersection(folder / name) for folder in curves)), ""),
         ]
         lines.append("| " + " | ".join(cells) + " |")
-    return HEAD + "\n".join(lines) + "\n"
+    return HEAD + "\n".join(lines) + "\n" + continued(curves[0] / CONTINUATIONS)
+
+
+def continued(file: Path) -> str:
+    """Return the section of trainings that were killed and continued, empty without their table."""
+    if not file.exists():
+        return ""
+    with file.open(newline="") as opened:
+        rows = [*csv.DictReader(opened)]
+    lines = [
+        "| "
+        + " | ".join([f"`{row.pop('algorithm')}`", *(f"{int(count):,}" for count in row.values())])
+        + " |"
+        for row in rows
+    ]
+    return CONTINUED.format(count=len(rows), all=len(ALGORITHMS)) + "\n".join(lines) + "\n"
 
 
 def sections_of(text: str) -> dict[str, dict[str, str]]:

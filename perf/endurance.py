@@ -46,15 +46,16 @@ UPDATE = 64 * 8 * 4 * 5
 
 @dataclass
 class Training:
-    """A command of `smarts-bench` that is given again and again, and the folder of its run."""
+    """A command of `smarts-bench` that is given again and again, its run's folder and a log."""
 
     arguments: list[str]
     run: Path
+    log: Path
     process: Any = None
 
     def start(self) -> None:
         """Start the command in a new session, so that its processes can be identified."""
-        with (self.run.parents[4] / "log.txt").open("a") as log:
+        with self.log.open("a") as log:
             line = [sys.executable, "-m", "benchmark.cli", *self.arguments]
             self.process = subprocess.Popen(line, stdout=log, stderr=log, start_new_session=True)
 
@@ -78,7 +79,7 @@ class Training:
         end = time.monotonic() + PATIENCE
         while not condition():
             if self.process.poll() is not None or time.monotonic() > end:
-                raise RuntimeError(f"{self.arguments[:2]}: exit code {self.process.poll()}, see log.txt")
+                raise RuntimeError(f"{self.arguments[:2]}: exit code {self.process.poll()}, see {self.log}")
             time.sleep(0.1)
 
     def interrupt(self, number: int) -> tuple[int, int]:
@@ -166,7 +167,7 @@ def _training(name: str, steps: int, root: Path) -> Training:
     out = root / "results"
     out.mkdir(exist_ok=True)
     run = out / file.stem / algorithm / "intersection" / "no_social_vehicles" / "seed_1"
-    return Training([command, str(file), "--out", str(out)], run)
+    return Training([command, str(file), "--out", str(out)], run, out / "log.txt")
 
 
 def main() -> int:

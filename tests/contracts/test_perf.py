@@ -72,9 +72,11 @@ ELSEWHERE = {
     "algorithms_table",
     "bubble_maps",
     "endurance",
+    "learning_curves",
     "real_maps",
     "scenario_files",
     "scenario_traffic",
+    "traffic_step_training",
     "yardsticks",
 }
 """Scripts that take minutes, or have their own tests."""

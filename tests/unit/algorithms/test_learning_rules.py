@@ -108,11 +108,32 @@ def test_replacing_one_action_equals_a_pass_with_that_action_replaced():
     q = rig.learner.net(critic_of(group)).q
     taken = batch.encoded_actions()
     own = torch.softmax(torch.randn(64, 2, 4), -1)
-    fast = q(batch, taken, own)
+    everyone = torch.ones_like(batch.alive)
+    fast = q(batch, taken, everyone, own)
     for i in range(2):
         mixed = taken[group.id].clone()
         mixed[:, i] = own[:, i]
-        torch.testing.assert_close(fast[:, i], q(batch, {group.id: mixed})[:, i], rtol=1e-4, atol=1e-5)
+        whole = q(batch, {group.id: mixed}, everyone)
+        torch.testing.assert_close(fast[:, i], whole[:, i], rtol=1e-4, atol=1e-5)
+
+
+def test_values_and_gradients_of_chosen_agents_are_those_of_a_pass_for_all():
+    rig = Rig("maddpg", Cues, sharing="all", **REPLAY)
+    batch = replayed(rig)
+    (group,) = rig.spec.groups
+    critic = rig.learner.net(critic_of(group)).q
+    taken, weights = batch.encoded_actions(), list(critic.parameters())
+    own = torch.softmax(torch.randn(64, 2, 4), -1).requires_grad_()
+    chosen = torch.rand(64, 2) < 0.5
+    everyone = torch.ones_like(chosen)
+    some, whole = (critic(batch, taken, those, own) for those in (chosen, everyone))
+    assert not some[~chosen].any()
+    torch.testing.assert_close(some[chosen], whole[chosen])
+    torch.testing.assert_close(
+        torch.autograd.grad(some.square().sum(), [own, *weights]),
+        torch.autograd.grad(whole[chosen].square().sum(), [own, *weights]),
+    )
+    assert not critic(batch, taken, ~everyone).any()
 
 
 def test_maddpg_critics_see_every_action_and_policies_only_move_their_own():
@@ -121,7 +142,7 @@ def test_maddpg_critics_see_every_action_and_policies_only_move_their_own():
     taken = {g: a.requires_grad_() for g, a in batch.encoded_actions().items()}
     own = {g: torch.rand_like(a).requires_grad_() for g, a in taken.items()}
     first, second = rig.spec.groups
-    q = rig.learner.net(critic_of(first)).q(batch, taken, own[first.id]).sum()
+    q = rig.learner.net(critic_of(first)).q(batch, taken, batch.alive, own[first.id]).sum()
     by_own, by_taken, by_other = torch.autograd.grad(q, [own[first.id], taken[first.id], taken[second.id]])
     assert (by_own != 0).any()
     assert by_taken.abs().max() < 1e-5, "the replayed own action must be gone"

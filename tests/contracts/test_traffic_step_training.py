@@ -1,0 +1,77 @@
+"""The comparison of policies trained with and without a longer step of the traffic."""
+
+import numpy as np
+import pytest
+from scipy.stats import ttest_ind
+
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.runs import runs_of
+from benchmark.results.reading import read_results
+from perf import traffic_step_training as comparison
+from tests.blocks import ROOT
+
+
+def test_the_difference_is_students():
+    rng = np.random.Generator(np.random.Philox(5))
+    exact, longer = rng.random(3), rng.random(4)
+    found = comparison.gap(exact, longer, 1)
+    expected = ttest_ind(longer, exact)
+    interval = expected.confidence_interval(0.95)
+    assert found.value / found.error == pytest.approx(expected.statistic)
+    assert (found.low, found.high) == pytest.approx((interval.low, interval.high))
+
+
+@pytest.mark.parametrize(
+    ("longer", "sign", "word"),
+    [
+        ([0.90, 0.91, 0.92], 1, "non-inferior"),
+        ([0.88, 0.89, 0.90], 1, "non-inferior"),
+        ([0.50, 0.51, 0.52], 1, "worse"),
+        ([0.50, 0.51, 0.52], -1, "better"),
+        ([0.70, 0.95, 0.95], 1, "undecided"),
+    ],
+)
+def test_words(longer, sign, word):
+    assert comparison.gap([0.90, 0.91, 0.92], longer, sign).word == word
+
+
+def table(*completions):
+    return [
+        comparison.Row("loop", seed, step, "greedy", rate, 1 - rate, 80, 1000, "abc")
+        for step, rates in zip((0.1, 0.5), completions, strict=True)
+        for seed, rate in enumerate(rates)
+    ]
+
+
+def test_the_table_is_read_as_it_was_written(tmp_path):
+    rows = table((0.9, 0.91, 0.92), (0.9, 0.91, 0.9))
+    comparison.write(rows, tmp_path / "table.csv")
+    assert comparison.read(tmp_path / "table.csv") == rows
+
+
+@pytest.mark.parametrize(("rates", "is_worse"), [((0.9, 0.91, 0.9), False), ((0.5, 0.51, 0.5), True)])
+def test_worse_greedy_rates_are_refused(rates, is_worse):
+    text, found = comparison.page(table((0.9, 0.91, 0.92), rates))
+    assert found == is_worse
+    assert text.count("| loop | greedy |") == 2
+
+
+def test_rows_hold_the_rates_of_all_valid_agents():
+    (run, *_) = (
+        each
+        for each in read_results(ROOT / "results" / "paper_table").runs
+        if (each.algorithm, each.task, each.traffic) == ("ppo", "intersection", "random_social_vehicles")
+    )
+    greedy, sampled = comparison.rows_of(run, 0.1)
+    played = run.table.query("mode == 'greedy' and split == 'train' and not is_invalid")
+    assert greedy.completion == pytest.approx((played["outcome"] == "goal").mean(), abs=1e-4)
+    assert greedy.collision == pytest.approx((played["outcome"] == "collision").mean(), abs=1e-4)
+    assert (greedy.mode, sampled.mode) == ("greedy", "sampled")
+    assert greedy.agent_episodes == len(played)
+
+
+def test_the_experiment_has_two_cells_and_three_seeds():
+    runs = runs_of(read_experiment(comparison.CONFIG, ["environment.traffic_step=0.5"]))
+    assert {(run.task_setting.task.name, run.seed) for run in runs} == {
+        (task, seed) for task in ("intersection", "double_merge") for seed in (1, 2, 3)
+    }
