@@ -1,6 +1,11 @@
 """Makes the compact episodes in tests/data/envision, which the tests of the page read, too.
 
-`python -m tests.compact_fixtures EPISODE NAME` writes NAME.smarts, and NAME.json with the rows of some steps.
+`python -m tests.compact_fixtures EPISODE NAME` writes NAME.smarts, and NAME.json with the rows of some steps;
+with `END POLICY` behind, the episode up to that time [s] as NAME.smarts alone, for pictures.
+
+`keep_lane` and `gap_acceptance` are test episode 1 among social vehicles of `smarts-bench scripted keep_lane
+gap_acceptance --scenario intersection --episodes 4 --record FOLDER`; `observed` is four agents that keep
+their lanes there, with `record_observations`.
 """
 
 import json
@@ -42,5 +47,15 @@ def write(episode: Path, name: str) -> None:
     (FOLDER / f"{name}.json").write_text(json.dumps(expected(data)) + "\n")
 
 
+def write_part(episode: Path, name: str, end: float, policy: str) -> None:
+    """Write an episode up to a time [s]."""
+    data = compact_episode(RecordedEpisode(episode), 0.0, end, policy=policy)
+    (FOLDER / f"{name}.smarts").write_bytes(data)
+
+
 if __name__ == "__main__":
-    write(Path(sys.argv[1]), sys.argv[2])
+    place, named, *part = sys.argv[1:]
+    if part:
+        write_part(Path(place), named, float(part[0]), part[1])
+    else:
+        write(Path(place), named)

@@ -131,8 +131,8 @@ def _generalization(report: Report) -> str:
 
 def _episodes(links: Sequence[EpisodeLinks]) -> Iterator[list[str]]:
     for each in links:
-        links = [f"[{text}]({place})" for text, place in each.links]
-        yield [*each.names, "<br>".join(filter(None, (*links, each.problem)))]
+        shown = [f"[{text}]({place})" for text, place in each.links]
+        yield [*each.names, "<br>".join(filter(None, (*shown, each.problem)))]
 
 
 def _definitions(report: Report) -> str:

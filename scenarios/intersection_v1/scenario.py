@@ -5,7 +5,7 @@ from scenarios.drivers import ALL_KINDS, KINDS, START_IN_TOWN
 from smarts.sstudio import gen_scenario
 from smarts.sstudio import types as t
 
-DENSITY = 0.6
+DENSITY = 0.7
 """Multiple of the paper's scenario's."""
 
 gen_scenario(

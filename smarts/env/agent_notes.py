@@ -58,8 +58,62 @@ class RewardTerms:
         return {name: part.values for name, part in self._parts.items()}
 
 
-class AgentNotes:
-    """Adds to the record what chosen agents observe and what their rewards consist of.
+class RewardNotes:
+    """Adds to the record what the rewards of chosen agents consist of.
+
+    Args:
+        context: Of some egos.
+        runner: Of the environment.
+        columns: Of these egos.
+        is_chosen: Which of them are chosen, shape (G,).
+        weights: Of the reward; None: it is the user's own.
+    """
+
+    def __init__(
+        self,
+        context: AdapterContext,
+        runner: SimulationRunner,
+        columns: slice,
+        is_chosen: Sequence[bool],
+        weights: RewardWeights | None,
+    ) -> None:
+        self._agent_ids, self._columns, self._runner = context.agent_ids, columns, runner
+        self._mask = np.zeros(runner.alive.shape, np.bool_)
+        self._mask[:, columns] = is_chosen
+        self._terms = None if weights is None else RewardTerms(context, weights)
+
+    def collect(self, frame: Frame, is_last: bool) -> None:
+        """Accumulate a step of a decision."""
+        if self._terms is not None:
+            self._terms.collect(frame, is_last)
+
+    def reset(self, egos: Bools) -> None:
+        """Begin episodes of these egos, shape (B, E)."""
+        if self._terms is not None:
+            self._terms.reset(egos[:, self._agent_ids])
+
+    def before_decision(self) -> None:
+        """Do nothing: rewards come after decisions."""
+
+    def rewards(self) -> dict[str, NDArray]:
+        """Return the terms of the last decision by the names of annotations, shape (B, E) each."""
+        terms = {} if self._terms is None else self._terms.values
+        return {f"{REWARD_TERM}{name}": self._wide(values) for name, values in terms.items()}
+
+    @property
+    def mask(self) -> Bools:
+        """The agents, shape (B, E)."""
+        return self._mask
+
+    def _wide(self, values: NDArray) -> NDArray:
+        """Return values of the group's agents as values of all egos, 0 elsewhere."""
+        wide = np.zeros((*self._mask.shape, *values.shape[2:]))
+        wide[:, self._columns] = values
+        return wide
+
+
+class AgentNotes(RewardNotes):
+    """Adds to the record what chosen agents observe, too.
 
     Args:
         group: The agents that have one adapter.
@@ -75,43 +129,16 @@ class AgentNotes:
         chosen: Sequence[str],
         weights: RewardWeights | None,
     ) -> None:
-        self._group, self._runner = group, runner
-        self._mask = np.zeros(runner.alive.shape, np.bool_)
-        self._mask[:, group.columns] = [name in chosen for name in group.agents]
-        context = group.context
-        self._terms = None if weights is None else RewardTerms(context, weights)
-
-    def collect(self, frame: Frame, is_last: bool) -> None:
-        """Accumulate a step of a decision."""
-        if self._terms is not None:
-            self._terms.collect(frame, is_last)
-
-    def reset(self, egos: Bools) -> None:
-        """Begin episodes of these egos, shape (B, E)."""
-        if self._terms is not None:
-            self._terms.reset(egos[:, self._group.agent_ids])
+        super().__init__(
+            group.context, runner, group.columns, [name in chosen for name in group.agents], weights
+        )
+        self._adapter = group.adapter
 
     def before_decision(self) -> None:
         """Record what the agents observe as they decide."""
-        for name, values in self._group.adapter.observations.items():
+        for name, values in self._adapter.observations.items():
             flat = values.reshape(*values.shape[:2], -1)
             self._runner.annotate(f"{OBSERVED}{name}", self._wide(flat), self._mask)
-
-    def rewards(self) -> dict[str, NDArray]:
-        """Return the terms of the last decision by the names of annotations, shape (B, E) each."""
-        terms = {} if self._terms is None else self._terms.values
-        return {f"{REWARD_TERM}{name}": self._wide(values) for name, values in terms.items()}
-
-    @property
-    def mask(self) -> Bools:
-        """The agents, shape (B, E)."""
-        return self._mask
-
-    def _wide(self, values: NDArray) -> NDArray:
-        """Return values of the group's agents as values of all egos, 0 elsewhere."""
-        wide = np.zeros((*self._mask.shape, *values.shape[2:]))
-        wide[:, self._group.columns] = values
-        return wide
 
 
 def note_agents(runner: SimulationRunner, groups: Sequence[AgentGroup], settings: EnvSettings) -> None:

@@ -15,6 +15,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
+from smarts.env.agent_notes import RewardNotes
 from smarts.env.dict_env import DictEnv
 from smarts.env.groups import context_of
 from smarts.env.observation_collector import ObservationCollector
@@ -24,10 +25,12 @@ from smarts.env.settings import ALL, EnvSettings
 from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed
 from smarts.rewards.own import Reward
-from smarts.rewards.weights import Rewards
+from smarts.rewards.weights import Rewards, given_weights
 from smarts.sim.options import Options, shown
 from smarts.types.actions import ActionSpaceType
 from smarts.types.streams import check_seed
+
+_REWARD = "route_metres"
 
 
 class HiWayEnv(NotCopied, gym.Env):
@@ -194,12 +197,18 @@ class ObjectDictEnv(DictEnv):
         )
         self._collector, self._metres = (
             ObservationCollector(context),
-            Rewards(context, "route_metres"),
+            Rewards(context, _REWARD),
         )
         runner = SimulationRunner(
             assembly, [self._metres, self._collector], period=settings.decision_interval
         )
         super().__init__(runner, list(interfaces), list(interfaces), settings.specs(), settings.seed)
+        chosen = settings.simulation.record_observations if settings.simulation is not None else ()
+        # The terms of a reward that a spec's adapter makes are its own business.
+        has_terms = [name in chosen and "reward" not in self.specs[name].own_adapters for name in interfaces]
+        if any(has_terms):
+            columns = slice(0, len(interfaces))
+            runner.note(RewardNotes(context, runner, columns, has_terms, given_weights(_REWARD)))
 
     def _observation(self, name: str) -> Any:
         return self.specs[name].observation_adapter(self._collector.seen[self.columns[name]])

@@ -85,6 +85,7 @@ def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> int:
     from av.video.stream import VideoStream
 
     first = next(images)
+    frames = 0
     rate = Fraction(1 / seconds).limit_denominator(1000)
     try:
         with av.open(str(out), "w", format="mp4", options={"movflags": "+faststart"}) as container:
@@ -92,15 +93,14 @@ def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> int:
             assert isinstance(stream, VideoStream)
             stream.height, stream.width = first.shape[:2]
             stream.pix_fmt = "yuv420p"
-            frames = 0
             for image in chain([first], images):
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
                 frames += 1
             container.mux(stream.encode(None))
-            return frames
     except FFmpegError as error:
         raise SmartsError(
             f"the film cannot be encoded: {error.strerror}",
             place=out.name.removeprefix(PARTIAL),
             remedy="check that there is room on the disk, or write a .gif instead",
         ) from error
+    return frames

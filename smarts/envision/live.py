@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -18,12 +19,10 @@ from smarts.errors import RecordError, SmartsError
 from smarts.stream.arrays import unpacked_array
 from smarts.stream.container import Message, pack, unpack
 from smarts.stream.live_encoder import LiveEncoder
-from smarts.stream.road_map import LANE_COLUMNS
+from smarts.stream.road_map import LANE_COLUMNS, MOST_MAPS
 
 MOST_SOURCES = 32
 """Simulations that are known at a time."""
-MOST_MAPS = 256
-"""Of one process."""
 MOST_WATCHED = 9
 """Simulations that one viewer watches."""
 MOST_WAITING = 8 << 20
@@ -74,21 +73,33 @@ class Viewer:
     """One browser."""
 
     watched: tuple[str, ...] = ()
+    owed: deque[str] = field(default_factory=deque)
+    """Simulations of which it gets a snapshot next; until then, nothing else of them."""
     is_stale: bool = False
     waiting: deque[bytes] = field(default_factory=deque)
     size: int = 0
     news: asyncio.Event = field(default_factory=asyncio.Event)
 
     def put(self, packed: bytes) -> None:
-        """Queue a message; if too much waits, drop all."""
+        """Queue a message; if too much waits, drop all. One that waits alone is kept, however large."""
         if self.is_stale:
             return
         self.waiting.append(packed)
         self.size += len(packed)
-        if self.size > MOST_WAITING:
+        if self.size > MOST_WAITING and len(self.waiting) > 1:
             self.waiting.clear()
             self.size, self.is_stale = 0, True
         self.news.set()
+
+    def owe(self, number: str) -> None:
+        """Queue a snapshot of a simulation, which is made when its turn has come."""
+        if number not in self.owed:
+            self.owed.append(number)
+        self.news.set()
+
+    def follows(self, number: str) -> bool:
+        """Return whether it gets each frame of a simulation."""
+        return number in self.watched and number not in self.owed and not self.is_stale
 
 
 class LiveHub:
@@ -120,8 +131,12 @@ class LiveHub:
             with contextlib.suppress(RuntimeError):
                 await socket.close(_POLICY, text.encode(errors="replace")[:120].decode(errors="ignore"))
         finally:
-            for number in mine:
-                self._lose(self._sources[number])
+            for number in mine & self._sources.keys():
+                # One that cannot be ended, or is forgotten, leaves the others what they are.
+                try:
+                    self._lose(self._sources[number])
+                except Exception:
+                    logging.getLogger("smarts").exception("envision: simulation %s cannot be ended", number)
 
     async def watch(self, socket: WebSocket) -> None:
         """Send one viewer what it watches until it is gone."""
@@ -159,32 +174,36 @@ class LiveHub:
             new = [number for number in wanted if number not in viewer.watched]
             viewer.watched = wanted
             for number in new:
-                self._show(viewer, number)
+                viewer.owe(number)
 
     async def _send(self, socket: WebSocket, viewer: Viewer) -> None:
-        """Send what waits; a viewer that has lost something gets a snapshot."""
-        while True:
-            await viewer.news.wait()
+        """Send what waits and what is owed; a viewer that has lost something gets all snapshots again."""
+        while await viewer.news.wait():
             viewer.news.clear()
-            while viewer.waiting:
-                packed = viewer.waiting.popleft()
-                viewer.size -= len(packed)
-                try:
-                    await asyncio.wait_for(socket.send_bytes(packed), STALLED)
-                except (TimeoutError, WebSocketDisconnect, RuntimeError):
-                    # To say good-bye to one that takes nothing would wait, too.
-                    return
-            if viewer.is_stale:
-                viewer.is_stale = False
-                viewer.put(self._list())
-                for number in viewer.watched:
-                    self._show(viewer, number)
+            while viewer.waiting or viewer.owed or viewer.is_stale:
+                if viewer.is_stale:
+                    viewer.is_stale = False
+                    viewer.owed = deque(viewer.watched)
+                    viewer.put(self._list())
+                # What waits now goes first, since it is older than the next snapshot.
+                for _ in range(len(viewer.waiting)):
+                    if not viewer.waiting:
+                        break
+                    packed = viewer.waiting.popleft()
+                    viewer.size -= len(packed)
+                    if not await _is_taken(socket, packed):
+                        return
+                if viewer.owed and not viewer.is_stale:
+                    # One at a time, and beside what waits: together they may be more than that may be.
+                    for packed in self._snapshot(viewer, viewer.owed.popleft()):
+                        if not await _is_taken(socket, packed):
+                            return
 
-    def _show(self, viewer: Viewer, number: str) -> None:
-        """Queue all that a viewer needs who begins to watch a simulation."""
-        if number in self._sources:
-            for message in self._sources[number].encoder.snapshot():
-                viewer.put(pack(message))
+    def _snapshot(self, viewer: Viewer, number: str) -> list[bytes]:
+        """Return all that a viewer needs that watches a simulation from now on."""
+        if number not in viewer.watched or number not in self._sources:
+            return []
+        return [pack(message) for message in self._sources[number].encoder.snapshot()]
 
     def _take(self, message: dict[str, Any], maps: dict[int, Message], mine: set[str]) -> None:
         """Take one message of a publisher: the map first, then episodes, each with frames."""
@@ -203,7 +222,7 @@ class LiveHub:
         source = self._sources[number]
         if int(message["serial"]) != source.encoder.serial:
             return
-        is_watched = any(number in viewer.watched and not viewer.is_stale for viewer in self._viewers)
+        is_watched = any(viewer.follows(number) for viewer in self._viewers)
         if message["type"] == "frame":
             source.step, source.is_running = int(message["step"]), True
             source.count(time.monotonic())
@@ -226,6 +245,8 @@ class LiveHub:
         facts = {str(name): value for name, value in message["facts"].items()}
         if any(not isinstance(value, str | int | float) for value in facts.values()):
             raise RecordError("facts that are no numbers and no texts", place=number)
+        if int(message["map"]) not in maps:
+            raise RecordError(f"map {int(message['map'])} has not been sent", place=number)
         encoder = LiveEncoder(maps[int(message["map"])], facts, number, int(message["serial"]))
         about = {
             "title": f"{facts['scenario']} {facts['traffic']} [{message['world']}]",
@@ -245,7 +266,7 @@ class LiveHub:
             self._relay(number, made)
 
     def _relay(self, number: str, message: Message) -> None:
-        watching = [viewer for viewer in self._viewers if number in viewer.watched]
+        watching = [viewer for viewer in self._viewers if viewer.follows(number)]
         if watching:
             packed = pack(message)
             for viewer in watching:
@@ -253,11 +274,12 @@ class LiveHub:
 
     def _lose(self, source: Source) -> None:
         """Note that a simulation's process is gone."""
-        if source.is_running:
+        was_running = source.is_running
+        source.is_running, source.gone, source.rate = False, time.monotonic(), 0.0
+        if was_running:
             end = {"type": "end", "is_complete": False, "remark": "the simulation's process has gone"}
             for message in source.encoder.take(end, is_watched=True):
                 self._relay(source.id, message)
-        source.is_running, source.gone, source.rate = False, time.monotonic(), 0.0
 
     def _start_listing(self) -> None:
         if self._listing is None or self._listing.done():
@@ -279,6 +301,15 @@ class LiveHub:
 
     def _list(self) -> bytes:
         return pack({"type": "sources", "sources": [source.row() for source in self._sources.values()]})
+
+
+async def _is_taken(socket: WebSocket, packed: bytes) -> bool:
+    """Send a message; return whether the viewer has taken it. One that takes nothing is told no good-bye."""
+    try:
+        await asyncio.wait_for(socket.send_bytes(packed), STALLED)
+    except (TimeoutError, WebSocketDisconnect, RuntimeError):
+        return False
+    return True
 
 
 def checked_map(message: Any) -> Message:

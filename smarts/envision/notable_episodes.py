@@ -50,8 +50,9 @@ class Written:
 def notable_episodes(entries: Iterable[Entry]) -> list[Notable]:
     """Return the best episode, the worst one, and one of each further kind of failure, each episode once.
 
-    Best is where most agents reached their goals, then where it took the least time; worst where the most
-    failed, then where most collided. Invalid, unfinished and damaged episodes are left out.
+    Best is where most agents reached their goals, then where it took the least time; there is none where
+    agents only fail. Worst is where the most failed, then where most collided. Invalid, unfinished and
+    damaged episodes are left out.
     """
     whole = [
         each for each in entries if each.complete and not each.invalid and not each.error and each.agents
@@ -60,13 +61,13 @@ def notable_episodes(entries: Iterable[Entry]) -> list[Notable]:
         return []
     best = min(whole, key=lambda each: (-_share(each), each.seconds, each.label))
     worst = min(whole, key=lambda each: (-_failures(each), -_collisions(each), each.seconds, each.label))
-    found = [(best, "best")]
+    found = [(best, "best")] if _share(best) or not _failures(best) else []
     if _failures(worst):
         found.append((worst, "worst"))
     for outcome in Outcome:
         name = outcome.name.lower()
         of_kind = [each for each in whole if name not in _NO_FAILURE and each.outcomes.get(name)]
-        if of_kind and not any(each.outcomes.get(name) for each, _ in found[1:]):
+        if of_kind and not any(each.outcomes.get(name) for each, why in found if why != "best"):
             # Where little else happened, the failure is easiest to see.
             clearest = min(of_kind, key=lambda each: (_failures(each), each.seconds, each.label))
             found.append((clearest, name.replace("_", " ")))

@@ -293,7 +293,7 @@ def _observers(names: Sequence[str], options: Options) -> list[int]:
                 place="Options.record_observations",
                 remedy=nearest_names(str(name), names),
             )
-    return [names.index(name) for name in options.record_observations]
+    return [names.index(name) for name in dict.fromkeys(options.record_observations)]
 
 
 def _names(agents: Sequence[str], egos: int) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from smarts.arrays import Floats, Ints, Longs
 from smarts.sim.agent_pool import Hold
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart
-from smarts.types.episode_schema import AGENT_STATES, AGENTS, DECISIONS
+from smarts.types.episode_schema import AGENT_STATES, AGENTS, DECISIONS, TABLE
 from smarts.types.events import Outcome
 
 Rows = Mapping[str, Sequence[Any] | NDArray]
@@ -161,3 +161,8 @@ def extras_table(extras: Sequence[tuple[str, int, Ints, Floats]]) -> Rows:
             table["name"].append(name)
             table["values"].append(np.ravel(numbers).tolist())
     return table
+
+
+def rows_by_name(table: str, rows: Floats) -> dict[str, Floats]:
+    """Return the columns of rows of a table, shape (N, C), by name."""
+    return {name: rows[:, number] for number, name in enumerate(TABLE[table].names)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,10 @@ from smarts.types.frame import Frame
 
 MOST_CELLS = 64
 """Of a recorded grid, along each side; larger ones are averaged."""
+MOST_KEPT = 4 << 20
+"""Bytes of an episode's observations that wait in memory to be written."""
 
-Note = tuple[int, int, str, Floats]
+Note = tuple[int, int, str, NDArray]
 """Step, agent_id, name, values."""
 Arrays = Mapping[str, NDArray]
 """Of one sensor and one agent, by field."""
@@ -43,11 +45,30 @@ def observation_notes(frame: Frame, row: int, agent_ids: Sequence[int], origin: 
                 yield step, agent_id, _NAMES[sensor], make(arrays, origin)
 
 
-def observations_table(notes: Sequence[Note]) -> dict[str, Sequence[Any]]:
-    """Return the rows of the table."""
-    rows = [(*each[:3], np.ravel(each[3]).tolist()) for each in notes]
-    columns = [*zip(*rows, strict=True)] or [()] * len(OBSERVATIONS.columns)
-    return dict(zip(OBSERVATIONS.names, columns, strict=True))
+class ObservationRows:
+    """Rows of the table `observations` that are still to be written."""
+
+    def __init__(self) -> None:
+        self._notes: list[Note] = []
+        self._size = 0
+
+    def add(self, notes: Iterable[Note]) -> None:
+        """Take further rows; their arrays become float32, as they are written."""
+        for step, agent_id, name, values in notes:
+            numbers = np.ravel(values).astype(np.float32)
+            self._notes.append((step, agent_id, name, numbers))
+            self._size += numbers.nbytes
+
+    @property
+    def are_many(self) -> bool:
+        """Whether they are better written than kept."""
+        return self._size > MOST_KEPT
+
+    def taken(self) -> dict[str, Sequence[Any]]:
+        """Return the rows as columns, and forget them."""
+        columns = [*zip(*self._notes, strict=True)] or [()] * len(OBSERVATIONS.columns)
+        self._notes, self._size = [], 0
+        return dict(zip(OBSERVATIONS.names, columns, strict=True))
 
 
 def _waypoints(arrays: Arrays, origin: Floats) -> Floats:
@@ -80,10 +101,22 @@ def _grid(arrays: Arrays, origin: Floats) -> Floats:
     """Return height, width, side of a cell [m], then the cells, or red, green and blue of each, 0 to 1."""
     data = arrays["data"].astype(np.float64) / (255.0 if arrays["data"].shape[2] == 3 else 1.0)
     side = -(-max(data.shape[:2]) // MOST_CELLS)
-    height, width = (length // side for length in data.shape[:2])
-    blocks = data[: height * side, : width * side].reshape(height, side, width, side, -1)
-    cells = blocks.mean(axis=(1, 3))
-    return np.concatenate([[height, width, float(arrays["resolution"]) * side], cells.ravel()])
+    along, across = (_averages(length, side) for length in data.shape[:2])
+    cells = np.tensordot(np.tensordot(along, data, 1), across, (1, 1)).swapaxes(1, 2)
+    return np.concatenate([[*cells.shape[:2], float(arrays["resolution"]) * side], cells.ravel()])
+
+
+def _averages(length: int, side: int) -> Floats:
+    """Return the weights that make cells of `side` cells each out of a row, shape (cells, length).
+
+    The row is in the middle of the larger cells, as the vehicle is; those at the ends are of what there is.
+    """
+    count = -(-length // side)
+    begin = (length - count * side) / 2 + side * np.arange(count)[:, None]
+    at = np.arange(length)
+    part = np.minimum(begin + side, at + 1) - np.maximum(begin, at)
+    part = np.maximum(part, 0.0)
+    return part / part.sum(axis=1, keepdims=True)
 
 
 _SENSORS: dict[str, Callable[[Arrays, Floats], Floats]] = {

@@ -89,22 +89,22 @@ class Outlet:
         self._answers: deque[bytes] = deque()
         """To the server's pings."""
         self._waiting: deque[bytes] = deque()
-        self._to_make: deque[tuple[Callable[[], Content] | bytes, int]] = deque()
-        """Messages that the thread makes, and those that came after them, with their sizes."""
+        self._to_make: deque[Callable[[], Content] | bytes] = deque()
+        """Messages that the thread makes, and those that came after them."""
         self._bytes = 0
+        """Of the messages that wait; those that are still to be made have none."""
         self._lock = threading.Lock()
         self._closing = threading.Event()
         # A daemon, since a program that ends without closing is not to hang.
         self._thread = threading.Thread(target=self._work, name="envision-outlet", daemon=True)
         self._thread.start()
 
-    def put(self, message: Content | Callable[[], Content], epoch: int, size: int = 0) -> None:
+    def put(self, message: Content | Callable[[], Content], epoch: int) -> None:
         """Send a message, or queue it; if too much waits, all of it is dropped.
 
         Args:
             message: One that takes time to make can be a function that returns it, called by the thread.
             epoch: In which that was put which it builds on; in another one, the message is ignored.
-            size: About how many bytes a function's message has.
         """
         if not self.is_open or self.process != os.getpid():
             return
@@ -115,9 +115,8 @@ class Outlet:
             if not self.is_open or self.epoch != epoch:
                 return
             if callable(packed) or self._to_make:
-                size = size if callable(packed) else len(packed)
-                self._to_make.append((packed, size))
-                self._bytes += size
+                self._to_make.append(packed)
+                self._bytes += 0 if callable(packed) else len(packed)
             else:
                 self._send(packed)
             if self._bytes > MOST_WAITING:
@@ -128,6 +127,8 @@ class Outlet:
         # In a process that was forked off, the thread and perhaps a lock that it held stayed behind.
         if self.process == os.getpid():
             self._closing.set()
+            if threading.current_thread() is self._thread:
+                return
             self._thread.join(_LAST_WORDS + 4 * _LOOK)
 
     def _send(self, packed: bytes) -> None:
@@ -215,33 +216,44 @@ class Outlet:
             self.is_open = False
 
     def _make(self) -> None:
-        """Make and send the messages that wait to be made, and those behind them."""
+        """Make and send the messages that wait to be made, and those behind them.
+
+        One is made when all before it is on its way, so that it is begun at once and never dropped.
+        """
         while self._to_make:
             with self._lock:
                 if not self._to_make:
                     return
-                epoch, (first, size) = self.epoch, self._to_make[0]
+                epoch, first = self.epoch, self._to_make[0]
+                if callable(first) and (self._begun or self._waiting):
+                    return
             packed = _packed(first()) if callable(first) else first
             with self._lock:
                 if self.epoch != epoch:
                     continue
                 self._to_make.popleft()
-                self._bytes -= size
+                self._bytes -= 0 if callable(first) else len(first)
                 if packed is not None and self.is_open:
                     self._send(packed)
 
     def _say_last(self, connection: socket.socket, protocol: ClientProtocol) -> None:
         """Send what is still to be sent, for half a second at most, and part."""
-        self._make()
+        until = time.monotonic() + _LAST_WORDS
+        self._send_rest(connection, until)
         with self._lock:
             self.is_open = False
+            self._to_make.clear()
             protocol.send_close(1000)
             self._waiting.extend(protocol.data_to_send())
-        until = time.monotonic() + _LAST_WORDS
+        self._send_rest(connection, until)
+
+    def _send_rest(self, connection: socket.socket, until: float) -> None:
+        self._make()
         while (self._begun or self._waiting) and time.monotonic() < until:
             select.select([], [connection], [], _LOOK)
             with self._lock:
                 self._flush()
+            self._make()
 
 
 def _shaken(connection: socket.socket, address: Address) -> ClientProtocol:

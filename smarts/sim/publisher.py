@@ -14,6 +14,7 @@ import time
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,10 @@ from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.outlet import Address, Content, Outlet
 from smarts.sim.publisher_kernel import Rows, take_row
+from smarts.sim.publisher_maps import PublishedMaps
 from smarts.sim.publisher_tables import static_tables
-from smarts.stream.road_map import map_message, origin_of
+from smarts.sim.recorder import OBSERVED
+from smarts.stream.road_map import MOST_MAPS
 from smarts.types.actions import Actions
 from smarts.types.agent_states import UNSET
 from smarts.types.episode import EpisodeStart
@@ -77,9 +80,8 @@ class EpisodePublisher:
     def __init__(self, scene: Scene, address: Address, pool: AgentPool, policies: Sequence[str] = ()) -> None:
         world = scene.world
         self._scene, self._address, self._pool, self._policies = scene, address, pool, tuple(policies)
-        shown = sum(len(each._rows) for each in _publishers)
-        count = min(world.worlds, max(0, MOST_SHOWN - shown))
-        self._rows = [_Row("") for _ in range(count)]
+        self._rows = [_Row("") for _ in range(min(world.worlds, room()))]
+        self._maps = PublishedMaps(scene.atlas.graphs)
         _publishers.add(self)
         self._connect()
         agents = world.agents.slot.shape
@@ -104,7 +106,9 @@ class EpisodePublisher:
             if shown.is_over:
                 continue
             is_due = has_news or now >= shown.due or shown.epoch != outlet.epoch
-            if is_due and outlet.is_open and frame.env_mask[row]:
+            assert shown.start is not None
+            is_refused = shown.start.map in self._maps.refused
+            if is_due and outlet.is_open and frame.env_mask[row] and not is_refused:
                 shown.due = now + INTERVAL
                 self._send(row, shown, frame)
             if row in frame.failures:
@@ -113,8 +117,11 @@ class EpisodePublisher:
                 self._end(shown, True, "")
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
-        """Send what an algorithm says with the next frame; as in `EpisodeRecorder`."""
-        if not self._outlet.is_open:
+        """Send what an algorithm says with the next frame; as in `EpisodeRecorder`.
+
+        What agents observe is left out: hundreds of numbers in each decision, which would displace the rest.
+        """
+        if not self._outlet.is_open or name.startswith(OBSERVED):
             return
         table = np.asarray(values, np.float64)
         steps = self._scene.world.step if step is None else step
@@ -155,6 +162,8 @@ class EpisodePublisher:
     def _end(self, shown: _Row, is_complete: bool, remark: str) -> None:
         if not shown.is_over:
             shown.is_over = True
+            if shown.start is not None and shown.start.map in self._maps.refused:
+                return
             self._put(shown, {"type": "end", "is_complete": is_complete, "remark": remark})
 
     def _put(self, shown: _Row, message: Content) -> None:
@@ -166,7 +175,8 @@ class EpisodePublisher:
         if shown.epoch != epoch:
             shown.epoch, shown.known = epoch, (0, 0, 0)
             shown.named = np.zeros(self._scene.world.vehicles.capacity, np.int32)
-            self._open(row, shown, epoch)
+            if not self._open(row, shown, epoch):
+                return
         known = len(self._pool.starts[row]), len(self._pool.holds[row]), len(shown.outcomes)
         if known != shown.known:
             shown.known = known
@@ -194,26 +204,18 @@ class EpisodePublisher:
         shown.extras.clear()
         self._put(shown, message)
 
-    def _open(self, row: int, shown: _Row, epoch: int) -> None:
-        """Send which episode it is, and its map if the server does not have it."""
+    def _open(self, row: int, shown: _Row, epoch: int) -> bool:
+        """Send the map if the server has none, and which episode it is; return whether it is shown."""
         start = shown.start
         assert start is not None
         if self._maps_sent[0] != epoch:
             self._maps_sent = epoch, set()
         if start.map not in self._maps_sent[1]:
+            if len(self._maps_sent[1]) >= MOST_MAPS:
+                self._maps.refuse(start.map, f"more than {MOST_MAPS} maps of one process")
+                return False
             self._maps_sent[1].add(start.map)
-            graph = self._scene.atlas.graphs[start.map]
-            number, size = start.map, 8 * len(graph.point_xy)
-            self._outlet.put(
-                lambda: {
-                    "type": "map",
-                    "map": number,
-                    "origin": list(origin_of(graph)),
-                    "message": map_message(graph, ""),
-                },
-                epoch,
-                size,
-            )
+            self._outlet.put(partial(self._maps.message, start.map), epoch)
         facts = {
             "scenario": start.scenario,
             "traffic": start.traffic_name or "",
@@ -226,6 +228,7 @@ class EpisodePublisher:
         }
         who = {"host": socket.gethostname(), "pid": os.getpid(), "world": row}
         self._put(shown, {"type": "begin", "facts": facts, "map": start.map, **who})
+        return True
 
     def _new_names(self, row: int, shown: _Row) -> list[tuple[int, int, str]]:
         """Return slot, generation and name of the vehicles that are new."""
@@ -271,6 +274,13 @@ class EpisodePublisher:
                     int(agents.outcome[row, agent_id]),
                     *map(int, partner),
                 )
+
+
+def room() -> int:
+    """Return how many further simulations of this process are shown."""
+    # A process that was forked off has its parent's publishers, too, which show nothing here unless used.
+    here = [each for each in _publishers if each._outlet.process == os.getpid()]
+    return max(0, MOST_SHOWN - sum(len(each._rows) for each in here))
 
 
 _publishers: weakref.WeakSet[EpisodePublisher] = weakref.WeakSet()

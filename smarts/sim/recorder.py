@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,8 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
-from smarts.sim.episode_tables import Ending, agents_table, extras_table, routes_table
-from smarts.sim.observation_notes import Note, observation_notes, observations_table
+from smarts.sim.episode_tables import Ending, agents_table, extras_table, routes_table, rows_by_name
+from smarts.sim.observation_notes import ObservationRows, observation_notes
 from smarts.sim.recorder_handovers import HandoverNotes, handover_tables
 from smarts.sim.recorder_kernel import (
     AGENT_ROWS,
@@ -44,7 +45,6 @@ from smarts.types.episode_schema import (
     NAMES,
     OBSERVATIONS,
     SIGNALS,
-    TABLE,
     VEHICLES,
     VERSION,
 )
@@ -86,7 +86,7 @@ class _Episode:
     """By the agent's number."""
     extras: list[tuple[str, int, Ints, Floats]] = field(default_factory=list)
     """Name, step, agents (S,), values (S, ...)."""
-    observations: list[Note] = field(default_factory=list)
+    observations: ObservationRows = field(default_factory=ObservationRows)
     small: dict[str, list[Floats]] = field(
         default_factory=lambda: {table.name: [] for table in (AGENT_STATES, DECISIONS, SIGNALS, DISTANT)}
     )
@@ -97,7 +97,7 @@ class _Episode:
         if name.startswith(OBSERVED):
             what = name.removeprefix(OBSERVED)
             pairs = zip(agents.tolist(), values, strict=True)
-            self.observations += [(step, each, what, numbers) for each, numbers in pairs]
+            self.observations.add((step, each, what, numbers) for each, numbers in pairs)
         else:
             self.extras.append((name, step, agents, values))
 
@@ -164,8 +164,7 @@ class EpisodeRecorder:
             if episode is not None:
                 self._take_notes(row, episode, is_busy)
                 if self._observers:
-                    origin = np.array(origin_of(episode.graph))
-                    episode.observations += observation_notes(frame, row, self._observers, origin)
+                    self._observe(frame, row, episode)
                 if frame.bubbles is not None and episode.start.bubbles:
                     count = len(episode.start.bubbles)
                     episode.handovers.take_bubbles(episode.steps, row, count, frame.bubbles)
@@ -239,6 +238,13 @@ class EpisodeRecorder:
         if is_busy:
             self._take_names(row, episode)
             self._flush(row, episode)
+
+    def _observe(self, frame: Frame, row: int, episode: _Episode) -> None:
+        """Note what the chosen agents observe."""
+        rows, origin = episode.observations, np.array(origin_of(episode.graph))
+        rows.add(observation_notes(frame, row, self._observers, origin))
+        if rows.are_many:
+            self._thread.submit(partial(episode.writer.append, OBSERVATIONS.name, rows.taken()))
 
     def _take_routes(self, row: int, episode: _Episode) -> None:
         """Note the routes that are new: the table is emptied before the episode is written."""
@@ -315,9 +321,8 @@ class EpisodeRecorder:
     def _flush(self, row: int, episode: _Episode) -> None:
         """Move the rows of full buffers on; vehicles to the thread, since they are the most by far."""
         for name, column in _TABLES:
-            buffer = getattr(self._buffers, name)[row]
             used = int(self._buffers.used[row, column])
-            if used > len(buffer) // 2:
+            if used > len(getattr(self._buffers, name)[row]) // 2:
                 self._empty(row, episode, name, column)
 
     def _empty(self, row: int, episode: _Episode, name: str, column: int) -> None:
@@ -328,7 +333,7 @@ class EpisodeRecorder:
             episode.small[name].append(rows)
         elif used:
             writer = episode.writer
-            self._thread.submit(lambda: writer.append(name, _by_name(name, rows)))
+            self._thread.submit(lambda: writer.append(name, rows_by_name(name, rows)))
 
     def _finish(self, row: int) -> None:
         """Queue the rest of a simulation's episode, if it has one, to be written."""
@@ -343,7 +348,7 @@ class EpisodeRecorder:
     def _write(self, episode: _Episode, most: int) -> None:
         """Write the rest of an episode; runs in the thread."""
         writer = episode.writer
-        small = {name: _by_name(name, np.concatenate(rows)) for name, rows in episode.small.items()}
+        small = {name: rows_by_name(name, np.concatenate(rows)) for name, rows in episode.small.items()}
         distant = small[DISTANT.name]
         order = np.lexsort([distant[name] for name in ("step", "generation", "slot")])
         small[DISTANT.name] = {name: column[order] for name, column in distant.items()}
@@ -359,7 +364,7 @@ class EpisodeRecorder:
         notes, starts = episode.handovers, episode.agents
         writer.append("agents", agents_table(starts, notes.holds, episode.endings, small, numbers))
         writer.append("extras", extras_table(episode.extras))
-        writer.append(OBSERVATIONS.name, observations_table(episode.observations))
+        writer.append(OBSERVATIONS.name, episode.observations.taken())
         columns = [*zip(*episode.names, strict=True)] or [()] * len(NAMES.columns)
         writer.append(NAMES.name, dict(zip(NAMES.names, columns, strict=True)))
         vehicles = {(slot, generation): name for slot, generation, name, *_ in episode.names}
@@ -391,7 +396,3 @@ class EpisodeRecorder:
             "most_vehicles": most,
         }
         return {name: [value] for name, value in facts.items()}
-
-
-def _by_name(table: str, rows: Floats) -> dict[str, Floats]:
-    return {name: rows[:, number] for number, name in enumerate(TABLE[table].names)}

@@ -71,8 +71,10 @@ class Buffers(NamedTuple):
     ) -> Buffers:
         """Return empty buffers; one that is less than half full has room for the rows of a frame."""
         distant = max(rows, capacity) + capacity if everything else 0
+        # Where there are many vehicles, larger blocks take fewer bytes in the file.
+        near = max(4 * rows if everything else rows, capacity) + capacity
         return cls(
-            vehicles=np.zeros((worlds, max(rows, capacity) + capacity, len(VEHICLES.columns))),
+            vehicles=np.zeros((worlds, near, len(VEHICLES.columns))),
             agent_states=np.zeros((worlds, max(rows // 4, agents) + agents, len(AGENT_STATES.columns))),
             decisions=np.zeros((worlds, max(rows // 8, agents) + agents, len(DECISIONS.columns))),
             signals=np.zeros((worlds, max(rows // 8, lanes) + lanes, len(SIGNALS.columns))),

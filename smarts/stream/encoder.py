@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from smarts.arrays import Ints, Longs
 from smarts.stream.container import Message
 from smarts.stream.motion import AIR_LOCK, BRAKES, COLLIDED, LEAVING, Motion, steps_message
-from smarts.stream.tables import STATIC, STEPPED, Columns, columns_message, episode_message, table_messages
+from smarts.stream.tables import (
+    LIVE,
+    STATIC,
+    STEPPED,
+    Columns,
+    columns_message,
+    episode_message,
+    table_messages,
+)
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode_schema import AGENT_STATES
 from smarts.types.events import Event
@@ -78,13 +86,14 @@ class EpisodeEncoder:
             ]
         )
 
-    def chunk(self, steps: Ints, tables: Tables, *, compress: bool = True) -> list[dict[str, Any]]:
+    def chunk(self, steps: Ints, tables: Tables, *, is_live: bool = False) -> list[dict[str, Any]]:
         """Return the messages of some steps.
 
         Args:
             steps: Their numbers, increasing, shape (K,).
             tables: The rows of these steps; tables without rows may be missing.
-            compress: Whether to spend time on making the motion small.
+            is_live: Whether viewers get them now: without time spent on compression, and without the columns
+                that the page does not show.
         """
         messages = []
         for table in STEPPED:
@@ -96,6 +105,8 @@ class EpisodeEncoder:
                 columns = {**columns, "agent": agents}
             if table.name == AGENT_STATES.name:
                 columns = {name: _rounded(column) for name, column in columns.items()}
+            if is_live and table.name in LIVE:
+                columns = {name: columns[name] for name in LIVE[table.name] if name in columns}
             messages += table_messages(table, columns, append=True)
         vehicles = tables["vehicles"]
         keys = _key(vehicles["slot"], vehicles["generation"])
@@ -105,7 +116,7 @@ class EpisodeEncoder:
         position = np.stack([vehicles["x"], vehicles["y"]], -1) - self._origin
         heading, speed = vehicles["heading"], vehicles["speed"]
         motion = Motion.of(number, vehicles["step"], position, heading, speed, steering, flags)
-        return self._stamped([*messages, steps_message(steps, motion, compress=compress)])
+        return self._stamped([*messages, steps_message(steps, motion, compress=not is_live)])
 
     def forget_others(self, slot: NDArray, generation: NDArray) -> None:
         """Forget all vehicles but some: the others do not come back."""

@@ -172,7 +172,7 @@ def _encoded(encoder: EpisodeEncoder, frame: _Frame, before: _Frame) -> list[dic
         tables[BUBBLE_POSES.name] = dict(
             zip(BUBBLE_POSES.names, map(list, zip(*rows, strict=True)), strict=True)
         )
-    return encoder.chunk(np.array([step], np.int32), tables, compress=False)
+    return encoder.chunk(np.array([step], np.int32), tables, is_live=True)
 
 
 def _rows(table: Table, data: Any) -> dict[str, Any]:

@@ -6,9 +6,9 @@ route or a lane that leads nowhere else.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
 
 import numpy as np
 import shapely
@@ -118,16 +118,11 @@ class LiveIndicators:
         return sides.pop() if len(sides) == 1 else 0
 
 
-_known: deque[tuple[Message, _Lanes]] = deque(maxlen=32)
-
-
 def _lanes_of(road_map: Message) -> _Lanes:
-    """Return the lanes of a map; episodes on the same one share them."""
-    for message, lanes in _known:
-        if message is road_map:
-            return lanes
-    lanes = _Lanes(road_map)
-    _known.append((road_map, lanes))
+    """Return the lanes of a map; episodes on the same one share them while one of them is known."""
+    lanes = _known.get(id(road_map))
+    if lanes is None:
+        lanes = _known[id(road_map)] = _Lanes(road_map)
     return lanes
 
 
@@ -135,6 +130,8 @@ class _Lanes:
     """Columns of lanes, shape (L,) each."""
 
     def __init__(self, road_map: Message) -> None:
+        # As long as it is there, no other message has its id.
+        self._road_map = road_map
         columns = road_map["lanes"]
         start = unpacked_array(columns["start"]).astype(np.int64)
         x, y = (unpacked_runs(columns[name], start[:-1]) / PER_METRE for name in "xy")
@@ -160,7 +157,11 @@ class _Lanes:
         """Return the lanes that begin where a lane ends."""
         end: Any = shapely.points(self.end[lane])
         found = self._tree.query(end, predicate="dwithin", distance=_NEAR)
-        return [other for other in found.tolist() if other != lane]
+        # Behind a lane shorter than that distance, those that begin beside it are found, too.
+        from_end, from_begin = (
+            np.hypot(*(self.begin[found] - point[lane]).T) for point in (self.end, self.begin)
+        )
+        return [other for other in found[from_end <= from_begin].tolist() if other != lane]
 
     def ways(self, lane: int) -> list[Way]:
         """Return the ways through the junction at the end of a lane."""
@@ -171,14 +172,20 @@ class _Lanes:
 
 def _ways(lanes: _Lanes, lane: int) -> list[Way]:
     """Return the ways through the junction at the end of a lane."""
-    ways: list[Way] = []
-    ahead = [(other, 1) for other in lanes.after(lane) if lanes.is_inside[other]]
-    while ahead:
-        inside, depth = ahead.pop()
-        for other in lanes.after(inside):
+    ways: set[Way] = set()
+    reached = {lane}
+    ahead = [other for other in lanes.after(lane) if lanes.is_inside[other]]
+    for _ in range(_MOST_LANES_INSIDE):
+        reached.update(ahead)
+        following = dict.fromkeys(other for inside in ahead for other in lanes.after(inside))
+        for other in following:
             if not lanes.is_inside[other]:
                 bend = float(wrap_angle(np.array(lanes.out[other] - lanes.into[lane])))
-                ways.append(Way(int(lanes.edge[other]), int(np.sign(bend)) if abs(bend) > TURN_ANGLE else 0))
-            elif depth < _MOST_LANES_INSIDE:
-                ahead.append((other, depth + 1))
-    return ways
+                ways.add(Way(int(lanes.edge[other]), int(np.sign(bend)) if abs(bend) > TURN_ANGLE else 0))
+        # Each lane once: where many meet, the ways through them are more than can be counted.
+        ahead = [other for other in following if lanes.is_inside[other] and other not in reached]
+    return sorted(ways)
+
+
+_known: WeakValueDictionary[int, _Lanes] = WeakValueDictionary()
+"""By the id of the message."""

@@ -63,8 +63,18 @@ STEPPED = (
 )
 """Those whose rows are sent with their steps. Rows of an agent say which row of `agents` it is, since agents
 may have an agent_id in turn."""
+LIVE: dict[str, tuple[str, ...]] = {
+    AGENT_STATES.name: (
+        *("step", "agent", "slot", "generation", "state", "events", "throttle", "brake", "steering"),
+        *("route_progress", "remaining", "change_phase"),
+    ),
+    DECISIONS.name: ("step", "agent", "action", *(f"value_{n}" for n in range(8)), "action_mask"),
+}
+"""The columns that live streams have of large tables: what the page shows. Other tables have all."""
 MOST_ROWS = 20_000
 """Of one message."""
+MOST_LISTED = 4 << 20
+"""Bytes of one message's lists of numbers, before compression; a row is never split."""
 
 _ENUMERATIONS: tuple[type[enum.IntEnum] | type[enum.IntFlag], ...] = (
     *(Owner, Outcome, Event, VehicleKind, AgentStatus, ChangePhase, Signal),
@@ -106,9 +116,9 @@ def table_messages(schema: Table, columns: Columns, *, append: bool = False) -> 
             "type": "table",
             "name": schema.name,
             "append": append or begin > 0,
-            "columns": {column: _column(each[begin : begin + MOST_ROWS]) for column, each in arrays.items()},
+            "columns": {column: _column(each[begin:end]) for column, each in arrays.items()},
         }
-        for begin in range(0, max(rows, 1), MOST_ROWS)
+        for begin, end in _parts(rows, arrays)
     ]
 
 
@@ -143,6 +153,21 @@ def values_of(columns: Message, name: str) -> Any:
         return _values(columns[name])
     except (KeyError, TypeError, AttributeError, IndexError, ValueError) as error:
         raise _damaged(columns, f"column {name}: {error}") from error
+
+
+def _parts(rows: int, columns: Columns) -> list[tuple[int, int]]:
+    """Return the first row and the row behind the last one of each message."""
+    size = np.zeros(rows, np.int64)
+    for column in columns.values():
+        if isinstance(column, list) and column and isinstance(column[0], np.ndarray):
+            size += [each.nbytes for each in column]
+    until, parts, begin = np.append(0, np.cumsum(size)), [], 0
+    while begin < rows or not parts:
+        fits = int(np.searchsorted(until, until[begin] + MOST_LISTED, "right")) - 1
+        end = min(max(fits, begin + 1), begin + MOST_ROWS, rows)
+        parts.append((begin, end))
+        begin = end
+    return parts
 
 
 def _typed(kind: str, values: Sequence[Any] | NDArray) -> Any:

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import PIL.Image
 from playwright.sync_api import sync_playwright
 
-from tests.envision.pages import CHROMIUM, FLAGS, episode, observing, page_with
+from tests.envision.pages import CHROMIUM, FLAGS, episode, page_with
 
-DESKTOP, PHONE = (1280, 800), (390, 844)
+DESKTOP, WIDE, PHONE = (1280, 800), (1280, 720), (390, 844)
 
 
 class Shot(NamedTuple):
@@ -33,16 +33,16 @@ class Shot(NamedTuple):
 SHOTS = (
     Shot("envision_intersection", ["intersection"], "#t=15.2&cam=follow&agent=agent-0", "light"),
     Shot("envision_bubble", ["bubbles"], "#t=11.2&cam=free&agent=agent-0&at=180,140,270,2.2,0.9"),
-    Shot("envision_side_by_side", ["intersection", "bubbles"], "#e=0,1&t=9"),
-    Shot("envision_observation", ["intersection+"], "#t=9&cam=follow&agent=agent-0"),
+    Shot(
+        "envision_side_by_side",
+        ["keep_lane", "gap_acceptance"],
+        "#e=0,1&t=3.7&cam=follow&agent=agent-0",
+        "light",
+        WIDE,
+    ),
+    Shot("envision_observation", ["observed"], "#t=2.5&cam=follow&agent=agent-0", size=WIDE),
     Shot("envision_phone", ["intersection"], "#t=15.2&cam=follow&agent=agent-0", size=PHONE, press="p"),
 )
-
-
-def _episode(name: str) -> bytes:
-    """Return an episode; with a "+" behind its name, one in which the first agent's observations are kept."""
-    data = episode(name.removesuffix("+"))
-    return observing(data) if name.endswith("+") else data
 
 
 def draw(folder: Path, shots: Sequence[Shot] = SHOTS) -> None:
@@ -52,7 +52,7 @@ def draw(folder: Path, shots: Sequence[Shot] = SHOTS) -> None:
         for shot in shots:
             width, height = shot.size
             file = Path(pages) / f"{shot.name}.html"
-            file.write_text(page_with([_episode(name) for name in shot.episodes]))
+            file.write_text(page_with([episode(name) for name in shot.episodes]))
             page = browser.new_page(
                 viewport={"width": width, "height": height},
                 color_scheme="dark" if shot.theme == "dark" else "light",

@@ -2,6 +2,8 @@
 
 import json
 import random
+import re
+from pathlib import Path
 from socket import IPPROTO_TCP, TCP_INFO
 
 import numpy as np
@@ -13,7 +15,7 @@ from smarts.envision import live
 from smarts.stream.container import pack, unpack
 from smarts.stream.motion import motion_of
 from smarts.stream.road_map import map_message, origin_of
-from smarts.stream.tables import columns_of, values_of
+from smarts.stream.tables import LIVE, columns_of, values_of
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, VEHICLES
 from tests.maps import straight
 from tests.viewers import ask, serving
@@ -135,6 +137,27 @@ def test_the_next_episode_has_the_next_serial_and_a_lost_process_ends_it(server)
         (*_, end) = until(browser, lambda message: message["type"] == "end")
         assert (end["is_complete"], end["serial"]) == (False, 2)
         until(browser, is_listed(id="a", running=False))
+
+
+def test_a_simulation_that_cannot_be_ended_leaves_the_others_ended(server, monkeypatch):
+    def fail(self, is_complete, remark):
+        if self._stamp["source"] in "ac":
+            raise ValueError("an encoder that fails")
+        return []
+
+    with publisher(server) as simulation, viewer(server) as browser:
+        simulation.send(pack(the_map()))
+        for source in "abc":
+            simulation.send(pack(begin(source)))
+            simulation.send(pack(frame(0, source)))
+        until(browser, is_listed(id="c", step=0))
+        monkeypatch.setattr(live.LiveEncoder, "end", fail)
+        simulation.close()
+
+        def all_ended(message):
+            return message["type"] == "sources" and not any(row["running"] for row in message["sources"])
+
+        until(browser, all_ended)
 
 
 def test_simulations_are_watched_one_by_one(server):
@@ -306,6 +329,43 @@ def test_a_stalled_viewer_does_not_stop_the_others(server, monkeypatch):
         assert sum(message["type"] == "episode" for message in found) == 2
 
 
+def test_snapshots_that_are_together_larger_than_what_may_wait_all_arrive(server):
+    # 9 x 1 MB, above the 8 MB that may wait for one viewer.
+    sources, size = "abcdefghi", 1 << 20
+    assert len(sources) * size > live.MOST_WAITING
+    with publisher(server) as simulation, viewer(server, max_size=None) as browser:
+        simulation.send(pack(the_map()))
+        for source in sources:
+            simulation.send(pack(begin(source, remark="x" * size)))
+            simulation.send(pack(frame(0, source)))
+        until(browser, is_listed(id="i", step=0))
+        watch(browser, *sources)
+        shown = set()
+        while shown != set(sources):
+            shown.add(until(browser, is_steps(0))[-1]["source"])
+        assert ask(server, "/")[0] == 200
+        for source in sources:
+            simulation.send(pack(frame(1, source)))
+        after = [until(browser, is_steps(1))[-1]["source"] for _ in sources]
+        assert sorted(after) == [*sources]
+
+
+def test_a_viewer_that_asks_for_a_simulation_again_and_again_gets_each_frame_once(server):
+    with publisher(server) as simulation, viewer(server) as browser:
+        for message in (the_map(), begin(), frame(0)):
+            simulation.send(pack(message))
+        until(browser, is_listed(id="a"))
+        for _ in range(4):
+            watch(browser)
+            watch(browser, "a")
+        until(browser, is_steps(0))
+        for step in range(1, 6):
+            simulation.send(pack(frame(step)))
+        found = until(browser, is_steps(5))
+        steps = [int(motion_of(each).step[0]) for each in found if each["type"] == "steps"]
+        assert [step for step in steps if step] == [1, 2, 3, 4, 5]
+
+
 def test_a_viewer_that_takes_nothing_is_forgotten(server, monkeypatch):
     monkeypatch.setattr(live, "STALLED", 0.2)
     with (
@@ -374,6 +434,30 @@ def test_what_viewers_get_is_small(server):
             simulation.send(pack(moved(step)))
             until(browser, is_steps(step))
         assert (received_bytes(browser) - before) / steps / 29 < 16
+
+
+def test_live_tables_have_the_columns_that_the_page_reads(server):
+    source = (Path(live.__file__).parent / "page/src/agents.ts").read_text()
+    bodies = {part.partition("(")[0]: part for part in source.split("export function ")}
+    read = {
+        AGENT_STATES.name: set(re.findall(r'value\("(\w+)"\)', bodies["stateOf"])),
+        DECISIONS.name: set(re.findall(r'table\.numbers\("(\w+)"\)', bodies["decisionOf"])),
+    }
+    assert read[AGENT_STATES.name] >= {"slot", "throttle", "remaining"}
+    assert read[DECISIONS.name] == {"step", "action", "action_mask"}
+    for name, columns in read.items():
+        assert columns <= {*LIVE[name]}
+    decision = np.zeros((1, len(DECISIONS.columns)))
+    with publisher(server) as simulation, viewer(server) as browser:
+        first = frame(0)
+        first["rows"][2] = decision.tobytes()
+        for message in (the_map(), begin(), first):
+            simulation.send(pack(message))
+        until(browser, is_listed(id="a"))
+        watch(browser, "a")
+        found = {m["name"]: m["columns"] for m in until(browser, is_steps(0)) if m["type"] == "table"}
+    assert {*found[AGENT_STATES.name]} == {*LIVE[AGENT_STATES.name]}
+    assert {*found[DECISIONS.name]} == {*LIVE[DECISIONS.name]}
 
 
 def received_bytes(socket):

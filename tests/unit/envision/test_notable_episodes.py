@@ -62,10 +62,19 @@ def test_where_all_arrive_there_is_no_worst():
 
 
 def test_an_episode_is_shown_once_with_all_reasons():
-    assert chosen(entry("only", collision=4)) == {"best, worst": "only"}
+    assert chosen(entry("only", goal=1, collision=3)) == {"best, worst": "only"}
     # Half of the agents arrive in each; the one that leaves the road takes less time.
     entries = [entry("crash", 12.0, goal=1, collision=1), entry("leaves", goal=1, off_road=1)]
     assert chosen(*entries) == {"best, off road": "leaves", "worst": "crash"}
+
+
+def test_where_none_arrives_there_is_no_best():
+    # The quickest crash is no success.
+    assert chosen(entry("late", 9.0, collision=4), entry("soon", 5.0, collision=4)) == {"worst": "soon"}
+    stands = entry("stands", 60.0, time_out=4)
+    assert chosen(stands, entry("crash", 1.0, collision=4)) == {"worst": "crash", "time out": "stands"}
+    # Where nothing fails either, there is something to see all the same.
+    assert chosen(entry("left", left_bubble=2)) == {"best": "left"}
 
 
 @pytest.fixture(scope="module")

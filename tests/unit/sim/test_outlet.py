@@ -35,7 +35,7 @@ class Server:
 @contextmanager
 def running(port=0):
     handler = Server()
-    with serve(handler.take, "127.0.0.1", port, compression=None, max_queue=1) as server:
+    with serve(handler.take, "127.0.0.1", port, compression=None, max_queue=1, max_size=None) as server:
         threading.Thread(target=server.serve_forever).start()
         handler.port = server.socket.getsockname()[1]
         yield handler
@@ -109,6 +109,36 @@ def test_a_server_that_does_not_read_costs_messages_and_no_memory():
         assert len(found) < put
         assert found == sorted(set(found))
         assert len(server.requests) == 1
+
+
+def test_a_message_that_is_made_may_be_larger_than_what_waits():
+    with running() as server:
+        sender = opened(server)
+        epoch, size = sender.epoch, outlet.MOST_WAITING + (1 << 20)
+        for number in range(0, 6, 2):
+            sender.put(lambda number=number: message(number, size), epoch)
+            sender.put(message(number + 1), epoch)
+        wait(lambda: len(server.messages) == 6)
+        assert sender.epoch == epoch
+        sender.close()
+        assert numbers(server) == [*range(6)]
+
+
+def test_messages_that_are_made_wait_until_the_server_reads():
+    with running() as server:
+        sender = opened(server)
+        server.reads.clear()
+        made = []
+        for number in range(30):
+            sender.put(lambda number=number: made.append(number) or message(number, 2 << 20), sender.epoch)
+        wait(lambda: made)
+        time.sleep(5 * outlet._LOOK)
+        # Of 60 MB, those that fit into the sockets and one behind them.
+        assert len(made) < 10
+        server.reads.set()
+        wait(lambda: len(server.messages) == 30)
+        sender.close()
+        assert numbers(server) == [*range(30)]
 
 
 def test_what_builds_on_something_lost_is_not_sent():

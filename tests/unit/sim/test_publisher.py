@@ -16,6 +16,7 @@ from smarts.errors import SmartsError
 from smarts.sim import outlet
 from smarts.sim.options import ENVISION, Options
 from smarts.sim.outlet import Address
+from smarts.sim.publisher import MOST_SHOWN, room
 from smarts.stream.container import unpack
 from smarts.stream.motion import OWNER_BITS, motion_of
 from smarts.stream.tables import columns_of
@@ -72,6 +73,24 @@ def test_an_environment_is_shown(server, env):
     states = found["agent_states"][-1]
     assert set(states["agent"]) <= {0, 1, 2, 3}
     assert "reward" in {name for extras in found["extras"] for name in extras["name"]}
+
+
+def test_terms_of_rewards_are_shown_and_observations_are_not(server, monkeypatch, tmp_path):
+    monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
+    options = Options(record=tmp_path, record_observations=["agent-0", "agent-1"])
+    env = VectorHiWayEnv(2, ["intersection"], 4, seed=1, simulation=options)
+    env.reset()
+    found = []
+    for message in messages(server):
+        env.step(KEEP)
+        if message["type"] == "table" and message["name"] == "extras":
+            found += columns_of(message)["name"]
+        if len(found) >= 100:
+            break
+    env.close()
+    assert "reward" in found
+    assert any(name.startswith("reward/") for name in found)
+    assert not [name for name in found if name.startswith("observation")]
 
 
 def test_steps_are_the_same_with_and_without_a_viewer(server, env, monkeypatch):
@@ -147,6 +166,14 @@ def test_publishers_that_nobody_closes_leave_room_for_others(server, monkeypatch
     running = lambda rows: sum(row["running"] for row in rows) == 2  # noqa: E731
     assert len(listed(server, running, lambda: env.step(KEEP))) >= 2
     env.close()
+
+
+def test_a_process_that_was_forked_off_has_room_for_as_many(server, env):
+    assert room() == MOST_SHOWN - 2
+    child = os.fork()
+    if not child:
+        os._exit(room())
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == MOST_SHOWN
 
 
 def test_a_process_that_was_forked_off_is_shown_beside_its_parent(server, env):

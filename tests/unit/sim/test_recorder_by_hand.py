@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as parquet
 import pytest
 
 from smarts.envision.compact_episode import compact_episode
@@ -141,6 +142,10 @@ def test_more_than_the_buffers_hold(tmp_path):
     recording.step(1000)
     episode = recording.read()
     vehicles, agents = episode.table("vehicles"), episode.table("agent_states")
+    # On disk a block is in order of vehicles, which takes fewer bytes.
+    block = parquet.ParquetFile(episode.folder / "vehicles.parquet").read_row_group(0)
+    assert (np.diff(block["slot"].to_numpy()) >= 0).all()
+    assert len(set(block["step"].to_pylist())) > 1
     assert np.bincount(vehicles["step"]).tolist() == [16] * 1001
     assert (np.diff(vehicles["step"]) >= 0).all()
     assert vehicles["x"].reshape(1001, 16)[-1].tolist() == [100.0 + 8 * number for number in range(16)]

@@ -1,11 +1,15 @@
 """Turn indicators of running simulations, by hand on a crossing and a road of three lanes."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
 from smarts.envision.recorded_lights import AFTER_CHANGE as RECORDED_AFTER_CHANGE
 from smarts.envision.recorded_lights import BEFORE_TURN as RECORDED_BEFORE_TURN
+from smarts.stream.arrays import packed_array
 from smarts.stream.live_encoder import LiveEncoder
 from smarts.stream.live_indicators import AFTER_CHANGE, BEFORE_TURN, LEFT, RIGHT, LiveIndicators
 from smarts.stream.motion import LEFT as LEFT_FLAG
@@ -137,3 +141,48 @@ def test_viewers_get_them():
     assert not flags(0, 0) & LEFT_FLAG
     assert flags(1, 1) & LEFT_FLAG
     assert not flags(20, 1) & LEFT_FLAG
+
+
+def lanes_message(lines, junction):
+    """Return the message of a map with lanes of two points each [0.01 m], of an edge each."""
+    count = len(lines)
+    columns = {
+        "start": np.arange(0, 2 * count + 1, 2, dtype=np.uint32),
+        "x": np.array([x for line in lines for x, _ in line], np.int32),
+        "y": np.array([y for line in lines for _, y in line], np.int32),
+        "junction": np.array(junction, np.uint8),
+        "edge": np.arange(count, dtype=np.uint32),
+    }
+    return {"type": "map", "lanes": {name: packed_array(column) for name, column in columns.items()}}
+
+
+def test_lanes_that_all_meet_at_one_place_are_visited_once_each():
+    # 20 lanes of 0.1 m and 20 back: 20**8 ways of eight lanes.
+    short = [((0, 0), (10, 0)), ((10, 0), (0, 0))] * 20
+    lines = [((-5000, 0), (0, 0)), *short, ((10, 0), (10, 5000))]
+    indicators = LiveIndicators(lanes_message(lines, [0, *[1] * 40, 0]), DT)
+    assert indicators.lights(vehicles([0], s=[49.0]), 0).tolist() == [LEFT]
+    lanes = indicators._lanes
+    asked, after = [], lanes.after
+    lanes._ways.clear()
+    lanes.after = lambda lane: asked.append(lane) or after(lane)
+    lanes.ways(0)
+    assert len(asked) == len(set(asked)) <= len(lines)
+
+
+def test_a_lane_beside_a_very_short_one_does_not_follow_it():
+    # Two lanes begin at one place inside a junction: 0.3 m straight on to the east, and one that goes north.
+    lines = [((-5000, 0), (0, 0)), ((0, 0), (30, 0)), ((0, 0), (0, 900)), ((30, 0), (5000, 0))]
+    lanes = LiveIndicators(lanes_message(lines, [0, 1, 1, 0]), DT)._lanes
+    assert lanes.after(1) == [3]
+    assert sorted(lanes.after(0)) == [1, 2, 3]
+
+
+def test_maps_are_shared_and_forgotten():
+    message = map_message(crossing(), "")
+    one, other = LiveIndicators(message, DT), LiveIndicators(message, DT)
+    assert one._lanes is other._lanes
+    lanes = weakref.ref(one._lanes)
+    del one, other
+    gc.collect()
+    assert lanes() is None

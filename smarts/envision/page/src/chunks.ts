@@ -5,7 +5,7 @@ import type { StepsMessage } from "./messages";
 
 /** Bytes of decoded states that one recording keeps. */
 const MOST_BYTES = 48 << 20;
-const ROW_BYTES = 30;
+export const ROW_BYTES = 30;
 /** Kept whatever their size: those about the time that is shown. */
 const FEWEST = 4;
 

@@ -1,14 +1,15 @@
 /** A recording, as far as it has arrived: the state of all vehicles at any time. No DOM. */
 
-import { type Chunk, Chunks, rowOf, type States } from "./chunks";
+import { type Chunk, Chunks, ROW_BYTES, rowOf, type States } from "./chunks";
 import { MOST_VEHICLES } from "./format";
 import type { Columns, MapMessage, Message, Scalar, StepsMessage } from "./messages";
 import { Driver, OWNER, OWNER_AGENT, RETURNING, type Snapshot } from "./snapshot";
 import { StepIndex, Table } from "./tables";
 
-/** Of what is live, the past is forgotten beyond this: at 60 frames a second more than a minute stays. */
+/** Of what is live, the past is forgotten beyond this: at 60 frames a second two minutes. */
 const MOST_LIVE_FRAMES = 8000;
-const MOST_LIVE_ROWS = 4_000_000;
+/** Of a frame beside its rows: its arrays themselves. */
+const FRAME_BYTES = 2000;
 /** Tables whose rows hold until the next one of the same key. */
 const LASTING: Record<string, string> = { signals: "lane", bubble_poses: "bubble" };
 const PASSING = ["agent_states", "decisions", "extras", "observations", ...Object.keys(LASTING)];
@@ -184,7 +185,7 @@ export class Recording {
     });
     this.rows += message.flags.length;
     if (states) this.takeSpeeds(states);
-    if (this.isLive && (this.frames.length > MOST_LIVE_FRAMES || this.rows > MOST_LIVE_ROWS)) this.forget();
+    if (this.isLive && this.frames.length > MOST_LIVE_FRAMES) this.forget();
   }
 
   /** Notes the speeds of agents' vehicles, and where they are, so that no other states are needed for them. */
@@ -207,8 +208,13 @@ export class Recording {
     }
   }
 
+  /** About how much memory the states take, where none are decoded again. */
+  get bytes(): number {
+    return ROW_BYTES * this.rows + FRAME_BYTES * this.frames.length;
+  }
+
   /** Forgets the older half of what is live. */
-  private forget(): void {
+  forget(): void {
     this.frames.splice(0, this.frames.length >> 1);
     this.rows = this.frames.reduce((sum, { chunk }) => sum + (chunk.states?.flags.length ?? 0), 0);
     const first = this.firstStep;
@@ -337,6 +343,19 @@ export class Recording {
       const row = states ? rowOf(states, place, number) : -1;
       if (states && row >= 0) out.push(0.01 * states.x[row], 0.01 * states.y[row]);
     }
+  }
+
+  /** Where an agent's vehicle is at a step: x, y [m] and heading [rad]; null where that is not known, or not yet. */
+  poseOf(agent: number, step: number): [number, number, number] | null {
+    const table = this.table("agent_states");
+    const of = this.index("agent_states", "agent").at(agent, step);
+    if (of < 0 || table.numbers("step")[of] !== step || !this.frames.length) return null;
+    const number = this.vehicleNumber(table.numbers("slot")[of], table.numbers("generation")[of]);
+    const frame = this.frames[this.frameAt(step)];
+    const states = frame.step === step ? this.chunks.get(frame.chunk) : null;
+    const row = states ? rowOf(states, frame.place, number) : -1;
+    if (!states || row < 0) return null;
+    return [0.01 * states.x[row], 0.01 * states.y[row], (states.heading[row] * Math.PI) / 1800];
   }
 
   /** Writes which agent has which vehicle at the step. */

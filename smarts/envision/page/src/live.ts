@@ -12,7 +12,8 @@ export class Live {
   sources: Source[] = [];
   state: LiveState = "connecting";
   onSources: (sources: Source[]) => void = () => {};
-  onMessage: (source: string, message: Message) => void = () => {};
+  /** The last argument says whether a message `episode` is of the one that this connection has sent before. */
+  onMessage: (source: string, message: Message, isAgain: boolean) => void = () => {};
   onState: (state: LiveState) => void = () => {};
   onProblem: (text: string) => void = () => {};
   private socket: WebSocket | null = null;
@@ -80,9 +81,10 @@ export class Live {
       return;
     }
     const { source, serial } = message;
+    const isAgain = this.serials.get(source) === serial;
     if (message.type === "episode") this.serials.set(source, serial);
-    else if (this.serials.get(source) !== serial) return;
-    this.onMessage(source, message);
+    else if (!isAgain) return;
+    this.onMessage(source, message, isAgain);
   }
 
   private setState(state: LiveState): void {

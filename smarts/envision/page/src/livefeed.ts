@@ -2,13 +2,15 @@
 
 import { describe, type Entry } from "./library";
 import { Live, type LiveState } from "./live";
-import type { Message, Source } from "./messages";
+import type { EpisodeMessage, Message, Source } from "./messages";
 import { Recording } from "./episode";
 import type { View } from "./view";
 
 /** Episodes that are over and can still be opened, of all simulations together. */
 const MOST_PAST = 12;
 const FEWEST_STEPS = 5;
+/** Bytes of states of all simulations and their past episodes together. */
+const MOST_BYTES = 128 << 20;
 
 interface Actions {
   changed(): void;
@@ -30,10 +32,13 @@ export class LiveFeed {
   private counted = 0;
   private hasNews = false;
 
-  constructor(private readonly actions: Actions) {
+  constructor(
+    private readonly actions: Actions,
+    private readonly most = MOST_BYTES,
+  ) {
     this.live.onSources = () => actions.changed();
     this.live.onState = (state) => actions.state(state);
-    this.live.onMessage = (source, message) => this.take(source, message);
+    this.live.onMessage = (source, message, isAgain) => this.take(source, message, isAgain);
     this.live.onProblem = (text) => actions.problem(text);
   }
 
@@ -66,12 +71,16 @@ export class LiveFeed {
     this.live.watch(known);
   }
 
-  private take(source: string, message: Message): void {
-    if (message.type === "episode") {
+  private take(source: string, message: Message, isAgain: boolean): void {
+    const known = this.recordings.get(source);
+    // The server sends a snapshot to one that was too slow: the episode goes on, with a gap.
+    const isSame = isAgain && message.type === "episode" && known !== undefined && isOf(known, message);
+    if (message.type === "episode" && !isSame) {
       this.keep(source);
       this.recordings.set(source, new Recording([message], true));
       this.actions.replaced(source);
-    } else this.recordings.get(source)?.add(message);
+    } else known?.add(message);
+    if (message.type === "steps") this.fit();
     this.hasNews = true;
   }
 
@@ -88,6 +97,25 @@ export class LiveFeed {
     this.actions.changed();
   }
 
+  /** The memory that live and past states take. */
+  get bytes(): number {
+    const past = [...this.past.values()].map(({ recording }) => recording);
+    return [...this.recordings.values(), ...past].reduce((sum, { bytes }) => sum + bytes, 0);
+  }
+
+  /** Forgets the oldest episode until all fit, or else half of the largest one that runs. */
+  private fit(): void {
+    while (this.bytes > this.most) {
+      const [oldest] = this.past.keys();
+      const largest = [...this.recordings.values()].reduce((a, b) => (b.bytes > a.bytes ? b : a));
+      if (oldest !== undefined) {
+        this.past.delete(oldest);
+        this.actions.changed();
+      } else if (largest.length > FEWEST_STEPS) largest.forget();
+      else return;
+    }
+  }
+
   /** Brings views up to date; returns whether there was anything. */
   takeUp(views: readonly View[]): boolean {
     if (!this.hasNews) return false;
@@ -100,6 +128,13 @@ export class LiveFeed {
       }
     return true;
   }
+}
+
+/** Whether a recording is of the episode that a message begins. */
+function isOf(recording: Recording, { facts }: EpisodeMessage): boolean {
+  const names = Object.keys(facts);
+  const isEqual = names.every((name) => recording.facts[name] === facts[name]);
+  return isEqual && names.length > 0 && names.length === Object.keys(recording.facts).length;
 }
 
 function entryOf(source: Source): Entry {

@@ -19,9 +19,10 @@ export interface Neighbor {
   speed: number;
 }
 
-/** Cells about the vehicle, turned with it: row by row, the farthest ahead first, each from left to right. */
+/** Cells about the vehicle as it was at the step, turned with it: row by row, the farthest ahead first, each from left to right. */
 export interface Grid {
   name: string;
+  step: number;
   height: number;
   width: number;
   /** Of a cell [m]. */
@@ -65,18 +66,18 @@ export function observedBy(recording: Recording, agent: Agent, step: number): Ob
     grids: [],
     others: [],
   };
-  for (const [name, row] of found) take(observed, name ?? "", table.list("values", row));
+  for (const [name, row] of found) take(observed, name ?? "", steps[row], table.list("values", row));
   observed.grids.sort((a, b) => a.name.localeCompare(b.name));
   observed.others.sort(([a], [b]) => a.localeCompare(b));
   return observed;
 }
 
-function take(observed: Observed, name: string, values: Numbers): void {
+function take(observed: Observed, name: string, step: number, values: Numbers): void {
   if (name === "waypoints") observed.waypoints = pathsOf(values);
   else if (name === "neighbors") observed.neighbors = neighborsOf(values);
   else if (name === "lidar") observed.lidar = values.subarray(0, values.length & ~1);
   else if (name.startsWith("grid:") || name.startsWith("rgb:")) {
-    const grid = gridOf(name, values);
+    const grid = gridOf(name, step, values);
     if (grid) observed.grids.push(grid);
   } else observed.others.push([name, values]);
 }
@@ -103,13 +104,23 @@ function neighborsOf(values: Numbers): Neighbor[] {
   return neighbors;
 }
 
-function gridOf(name: string, values: Numbers): Grid | null {
+function gridOf(name: string, step: number, values: Numbers): Grid | null {
   const [height, width, size] = values;
   const channels = name.startsWith("rgb:") ? 3 : 1;
   const cells = height * width;
   const isWhole = Number.isInteger(height) && Number.isInteger(width) && height > 0 && width > 0;
   if (!isWhole || cells > MOST_CELLS || !(size > 0) || values.length !== HEAD + channels * cells) return null;
-  return { name: name.slice(name.indexOf(":") + 1), height, width, size, channels, values: values.subarray(HEAD) };
+  const cellValues = values.subarray(HEAD);
+  return { name: name.slice(name.indexOf(":") + 1), step, height, width, size, channels, values: cellValues };
+}
+
+/** The grid that lies on the ground, where there are several. */
+const ON_GROUND = "occupancy";
+
+/** Returns the grid that lies on the ground, if there is one. */
+export function groundOf(observed: Observed | null): Grid | undefined {
+  const grids = observed?.grids ?? [];
+  return grids.find(({ name }) => name === ON_GROUND) ?? grids[0];
 }
 
 /** Returns a grid as bytes of red, green, blue and alpha; `colour` is that of full cells. */

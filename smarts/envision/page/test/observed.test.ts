@@ -4,7 +4,7 @@ import { describe, expect, it } from "vitest";
 import { agentsOf, decisionOf } from "../src/agents";
 import { decodeContainer } from "../src/container";
 import { Recording } from "../src/episode";
-import { observedBy, pixelsOf } from "../src/observed";
+import { groundOf, observedBy, pixelsOf } from "../src/observed";
 import { array, containerOf, EPISODE, messageOf, stepsOf } from "./samples";
 
 const AGENTS = messageOf({
@@ -84,6 +84,20 @@ describe("observations", () => {
     expect(await observed(rows, 20)).toBeNull();
     expect((await observed(rows, 15))?.others).toEqual([["speed", Float32Array.of(7)]]);
     expect((await observed(rows, 16))?.others).toEqual([]);
+  });
+
+  it("have a grid on the ground that is of the step in which it was seen", async () => {
+    const grid = [1, 1, 0.5, 1];
+    const rows: [number, string, number[]][] = [
+      [4, "grid:drivable", grid],
+      [4, "grid:occupancy", grid],
+      [9, "grid:drivable", grid],
+    ];
+    const ground = async (step: number) => groundOf(await observed(rows, step));
+    expect(await ground(3)).toBeUndefined();
+    expect(await ground(8)).toMatchObject({ name: "occupancy", step: 4 });
+    expect(await ground(12)).toMatchObject({ name: "occupancy", step: 4 });
+    expect(await ground(16)).toMatchObject({ name: "drivable", step: 9 });
   });
 
   it("have grids whose first cell is ahead to the left; damaged ones are left out", async () => {

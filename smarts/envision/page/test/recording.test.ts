@@ -50,6 +50,25 @@ const AGENT = messageOf({
   },
 });
 
+describe("the pose of an agent's vehicle", () => {
+  const recorded = async () => {
+    const messages = [EPISODE, VEHICLE, AGENT, statesOf([0, 1, 2, 3, 4, 5, 6, 7, 8]), stepsOf(0, 10, 2)];
+    return new Recording(await Promise.all(messages.map(decoded)));
+  };
+
+  it("is that of the step asked for, whatever time is shown", async () => {
+    const recording = await recorded();
+    // Vehicle 0 drives 1 m a step to the north.
+    for (const step of [0, 3, 8]) expect(recording.poseOf(0, step)).toEqual([0, step, 0]);
+  });
+
+  it("is not known where the agent has no vehicle, nor of other agents and steps", async () => {
+    const recording = await recorded();
+    for (const [agent, step] of [[0, 9], [0, 20], [0, -1], [1, 3]]) expect(recording.poseOf(agent, step)).toBeNull();
+    expect(new Recording().poseOf(0, 0)).toBeNull();
+  });
+});
+
 describe("a recording that is longer than what is kept", () => {
   const CHUNKS = 30;
   const STEPS = 100;

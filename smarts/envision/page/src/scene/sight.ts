@@ -12,7 +12,7 @@ import {
 } from "three";
 import type { Agent } from "../agents";
 import type { Recording } from "../episode";
-import { type Grid, type Observed, observedBy, pixelsOf } from "../observed";
+import { type Grid, type Observed, groundOf, observedBy, pixelsOf } from "../observed";
 import type { Snapshot } from "../snapshot";
 import { Decals } from "./decals";
 import { Lines } from "./lines";
@@ -34,8 +34,6 @@ varying vec2 at;
 void main() { gl_FragColor = texture2D(cells, at); }`;
 const GRID_ALPHA = 0.42;
 const POINT = 0.22;
-/** The grid that lies on the ground, where there are several. */
-const ON_GROUND = "occupancy";
 
 /** A square of cells on the ground: x points ahead, y to the left. */
 class Floor {
@@ -108,17 +106,20 @@ export class Sight {
       this.drawn = key;
       this.draw(observed, theme);
     }
-    const place = observed && chosen ? now.agent.subarray(0, now.count).indexOf(chosen.row) : -1;
-    this.floor.mesh.visible = place >= 0 && (observed?.grids.length ?? 0) > 0;
-    if (place < 0) return;
-    this.floor.mesh.position.set(now.x[place], now.y[place], 0.012);
-    this.floor.mesh.rotation.z = now.heading[place];
+    const ground = groundOf(observed);
+    // It holds for a second, in which the vehicle drives on: it stays where it was seen.
+    const pose = ground && chosen && now.agent.subarray(0, now.count).includes(chosen.row)
+      ? this.recording.poseOf(chosen.row, ground.step)
+      : null;
+    this.floor.mesh.visible = pose !== null;
+    if (!pose) return;
+    this.floor.mesh.position.set(pose[0], pose[1], 0.012);
+    this.floor.mesh.rotation.z = pose[2];
   }
 
   private draw(observed: Observed | null, theme: Theme): void {
     const { paths, marks } = this;
-    const grids = observed?.grids ?? [];
-    this.floor.show(grids.find(({ name }) => name === ON_GROUND) ?? grids[0], theme.sight);
+    this.floor.show(groundOf(observed), theme.sight);
     paths.begin();
     marks.begin();
     for (const path of observed?.waypoints ?? []) {

@@ -1,0 +1,88 @@
+/** Simulations that run: which messages go on with a recording, and which begin another. */
+
+import { describe, expect, it } from "vitest";
+import { decode } from "../src/format";
+import { LiveFeed } from "../src/livefeed";
+import type { Message } from "../src/messages";
+import { messageOf, stepsOf } from "./samples";
+
+interface Inner {
+  live: { take(message: unknown): void };
+}
+
+/** A feed without a server: `send` takes up messages as the connection would. */
+function fed(most?: number) {
+  const replaced: string[] = [];
+  const feed = new LiveFeed({
+    changed: () => {},
+    replaced: (id) => replaced.push(id),
+    state: () => {},
+    problem: (text) => expect.unreachable(text),
+  }, most);
+  const { live } = feed as unknown as Inner;
+  const send = (message: Message | object, serial = 1, source = "a") => live.take({ ...message, source, serial });
+  const sources = ["a", "b"].map((id) => ({ id, title: id, host: "h", scenario: "s", episode: 1, policy: "" }));
+  live.take({ type: "sources", sources });
+  for (const { id } of sources) feed.recording(id);
+  return { feed, send, replaced };
+}
+
+const episode = async (number: number) =>
+  (await decode(
+    messageOf({ type: "episode", version: 1, facts: { dt: 0.1, episode: number }, names: {}, origin: [0, 0] }),
+  ))!;
+const steps = async (first: number, count: number, vehicles = 2) => (await decode(stepsOf(first, count, vehicles)))!;
+
+describe("a simulation that runs", () => {
+  it("goes on after a snapshot of the same episode", async () => {
+    const { feed, send, replaced } = fed();
+    send(await episode(1));
+    send(await steps(0, 20));
+    const recording = feed.recording("a")!;
+    expect(recording.length).toBe(20);
+    send(await episode(1));
+    send(await steps(30, 5));
+    expect(feed.recording("a")).toBe(recording);
+    expect([recording.firstStep, recording.lastStep, recording.length]).toEqual([0, 34, 25]);
+    expect(feed.entries.filter((entry) => !entry.isLive)).toEqual([]);
+    expect(replaced).toEqual(["a"]);
+  });
+
+  it("has another recording in the next episode, and after a serial or facts that are others", async () => {
+    const { feed, send, replaced } = fed();
+    send(await episode(1));
+    send(await steps(0, 20));
+    send(await episode(2), 2);
+    expect(feed.recording("a")!.length).toBe(0);
+    send(await steps(0, 10), 2);
+    send(await episode(2), 3);
+    send(await steps(0, 10), 3);
+    send(await episode(3), 3);
+    expect(feed.entries.filter((entry) => !entry.isLive).length).toBe(3);
+    expect(replaced).toEqual(["a", "a", "a", "a"]);
+  });
+
+  it("keeps no more than its share of memory, together with all others and the past", async () => {
+    const most = 2_000_000;
+    const { feed, send } = fed(most);
+    for (let number = 0; number < 4; number++)
+      for (const source of ["a", "b"]) {
+        send(await episode(number), number, source);
+        // 200 frames of 40 vehicles: 0.64 MB.
+        for (let step = 0; step < 200; step++) send(await steps(step, 1, 40), number, source);
+        expect(feed.bytes).toBeLessThanOrEqual(most);
+        expect(feed.recording(source)!.length).toBe(200);
+      }
+    const past = feed.entries.filter((entry) => !entry.isLive);
+    // The newest is still there.
+    expect(past.length).toBe(1);
+    expect(past[0].episode).toBe(2);
+    // What runs is forgotten from its beginning.
+    for (let step = 200; step < 2000; step++) send(await steps(step, 1, 40), 3, "a");
+    expect(feed.bytes).toBeLessThanOrEqual(most);
+    const recording = feed.recording("a")!;
+    expect(recording.lastStep).toBe(1999);
+    expect(recording.firstStep).toBeGreaterThan(1000);
+    expect(feed.recording("b")!.length).toBeGreaterThan(50);
+  });
+});

@@ -1,0 +1,55 @@
+"""Tables as messages that viewers take, whatever their size."""
+
+import numpy as np
+import pytest
+
+from smarts.stream.arrays import MOST_ARRAY_BYTES
+from smarts.stream.container import MOST_BYTES, pack, unpack
+from smarts.stream.tables import MOST_ROWS, STEPPED, columns_of, table_messages
+from smarts.types.episode_schema import SIGNALS
+
+(OBSERVATIONS,) = (table for table in STEPPED if table.name == "observations")
+
+
+def joined(messages):
+    """Return the columns that a reader has after all messages."""
+    found = {}
+    for message in messages:
+        columns = columns_of(unpack(pack(message)))
+        found = {
+            name: [*(found.get(name, ()) if message["append"] else ()), *column]
+            for name, column in columns.items()
+        }
+    return found
+
+
+@pytest.mark.parametrize(("rows", "shape"), [(800, (64, 64, 3)), (100, (64, 64, 3)), (3, (1000, 500, 3))])
+def test_large_grids_arrive_in_several_messages(rows, shape):
+    # 800 pictures of noise have 39 MB, more than the array or the message that a reader takes.
+    draws = np.random.default_rng(3)
+    values = [draws.random(np.prod(shape), np.float32) for _ in range(rows)]
+    columns = {
+        "step": [*range(rows)],
+        "agent_id": [0] * rows,
+        "name": ["rgb:top_down"] * rows,
+        "values": values,
+        "agent": [0] * rows,
+    }
+    messages = table_messages(OBSERVATIONS, columns)
+    assert [message["append"] for message in messages] == [False] + [True] * (len(messages) - 1)
+    found = joined(messages)
+    assert found["step"] == columns["step"]
+    for got, given in zip(found["values"], values, strict=True):
+        np.testing.assert_array_equal(got, given)
+    if rows == 800:
+        assert sum(each.nbytes for each in values) > max(MOST_ARRAY_BYTES, MOST_BYTES)
+
+
+@pytest.mark.parametrize("rows", [0, 1, MOST_ROWS, MOST_ROWS + 1, 2 * MOST_ROWS + 7])
+def test_rows_are_split_by_their_number(rows):
+    columns = {name: np.arange(rows) for name in SIGNALS.names}
+    columns["signal"] = np.zeros(rows)
+    messages = table_messages(SIGNALS, columns, append=True)
+    assert len(messages) == max(1, -(-rows // MOST_ROWS))
+    assert all(message["append"] for message in messages)
+    assert joined(messages)["step"] == [*range(rows)]
