@@ -61,8 +61,9 @@ def test_another_episode_waits_while_one_looks_at_the_past(open_page):
         page.keyboard.press("ArrowLeft")
         page.keyboard.press("ArrowLeft")
         page.keyboard.press("Space")
+        # What keys do is drawn with the next picture.
+        page.wait_for_function(f"() => {NOW} < 4")
         stopped = page.evaluate(NOW)
-        assert stopped < 4
         send(simulation, end(1), begin(serial=2, episode=4))
         play(simulation, range(30), serial=2)
         assert page.evaluate(NOW) == stopped
