@@ -18,6 +18,8 @@ from tests.envision.pages import changed, episode, observing, page_with
 
 pytestmark = pytest.mark.browser
 
+TOAST = ".toast[role=alert]"
+"""Messages over the page, which hide after some seconds."""
 HOSTILE = '<img src=x onerror="document.title=1"></script><b>bold</b>'
 
 
@@ -287,7 +289,7 @@ def test_texts_of_an_episode_stay_texts(open_page):
 def test_a_cut_episode_plays_up_to_the_cut(open_page):
     data = episode("intersection")
     page = open_page(data[: len(data) * 3 // 4], fragment="#t=1")
-    expect(page.get_by_role("alert")).to_contain_text("cut off")
+    expect(page.locator(TOAST)).to_contain_text("cut off")
     end = float(page.locator(".time").inner_text().split("/")[1].removesuffix("s"))
     assert 5 < end < 43
 
@@ -302,7 +304,7 @@ def test_foreign_and_future_episodes_are_refused_with_a_reason(open_page):
         (b"PK\3\4 no episode", "not a compact episode"),
     ):
         page = open_page(data)
-        expect(page.get_by_role("alert")).to_contain_text(reason)
+        expect(page.locator(TOAST)).to_contain_text(reason)
 
 
 def test_lights_are_drawn_as_they_change(open_page):
@@ -386,9 +388,7 @@ def test_two_policies_on_the_same_test_episode_are_compared(open_page):
 
 def test_a_damaged_episode_does_not_hide_the_others(open_page):
     page = open_page(b"PK\3\4 no episode", episode("bubbles"))
-    expect(page.get_by_role("alert")).to_contain_text(
-        "episode 0 cannot be opened: this is not a compact episode"
-    )
+    expect(page.locator(TOAST)).to_contain_text("episode 0 cannot be opened: this is not a compact episode")
     expect(page.locator("h1")).to_have_text("bubble_junction")
     page.keyboard.press("e")
     expect(page.locator(".row[data-error]")).to_have_count(1)
@@ -402,7 +402,7 @@ def test_a_page_that_is_cut_inside_its_episode_plays_up_to_the_cut(open_page, tm
         file = tmp_path / "cut.html"
         file.write_text(f'{head}data-label="episode 0">{text[:length]}</script>{rest}')
         page = open_page(url=file.as_uri(), fragment="#t=1")
-        expect(page.get_by_role("alert")).to_contain_text("cut off")
+        expect(page.locator(TOAST)).to_contain_text("cut off")
         expect(page.locator("h1")).to_have_text("intersection")
 
 
