@@ -1,7 +1,7 @@
 """Random conditions of bubbles on random facts, against what the scenario language's documentation says.
 
-A condition is a tree of tuples here, from which `condition_of` makes the real one. `Reference` evaluates the tree
-itself. Its times are whole numbers of half steps, so that nothing is rounded.
+A condition is a tree of tuples here, from which `condition_of` makes the real one. `Reference` evaluates the
+tree itself. Its times are whole numbers of half steps, so that nothing is rounded.
 """
 
 from collections import Counter
@@ -36,86 +36,101 @@ BESIDE, ON_ROAD = (-9.0, -1.7, 8.1, 12.0), (-1.5, 0.0, 1.5, 3.2, 4.9, 7.9)
 """Places across the road [m], which is from y = -1.6 to 8 m."""
 STEP_LENGTHS = st.sampled_from(["0.1", "0.05", "0.3"])
 """[s]; no multiple of them is exact in binary."""
-ALL_BUT_EXACT = settings(deadline=None, derandomize=True)
+PLAIN = settings(deadline=None, derandomize=True)
 
 TIMES = st.integers(0, 16)
 """[half steps]"""
 STATE = st.sampled_from(STATES)
-WINDOWS = st.builds(
-    lambda start, length: ("window", start, None if length is None else start + length),
-    TIMES,
-    st.none() | st.integers(0, 12),
-)
-GENERAL = st.one_of(
-    WINDOWS,
-    st.tuples(st.just("there"), st.sampled_from(["a", "b", "a~2", "ghost"])),
-    st.tuples(st.just("literal"), STATE),
-)
-OF_VEHICLES = st.one_of(
-    st.just(("beside",)),
-    st.tuples(st.just("kind"), st.sampled_from(["passenger", "bus"])),
-    st.builds(lambda low, more: ("speed", low, low + more), st.integers(0, 3), st.integers(0, 2)),
-)
+DELAYS = st.integers(0, 8)
+"""[half steps]"""
 
 
-def combined(tree):
-    """Return trees made of others that need no clock."""
-    return st.one_of(
-        st.tuples(st.just("not"), tree),
-        st.tuples(st.sampled_from(["and", "or", "if"]), tree, tree),
-        st.tuples(st.just("expire"), tree, TIMES, STATE, st.just(False)),
-    )
+def named(name, *rest):
+    return st.tuples(st.just(name), *rest)
+
+
+LEAVES = {
+    "literal": named("literal", STATE),
+    "window": st.builds(
+        lambda start, length: ("window", start, None if length is None else start + length),
+        TIMES,
+        st.none() | st.integers(0, 12),
+    ),
+    "there": named("there", st.sampled_from(["a", "b", "a~2", "ghost"])),
+    "beside": named("beside"),
+    "kind": named("kind", st.sampled_from(["passenger", "bus"])),
+    "speed": st.builds(lambda low, more: ("speed", low, low + more), st.integers(0, 3), st.integers(0, 2)),
+}
+GENERAL = st.one_of(LEAVES["literal"], LEAVES["window"], LEAVES["there"])
+LEAF = st.one_of(*LEAVES.values())
+
+
+def made_of(tree):
+    """Return strategies of what is made of trees and needs no clock, by name."""
+    return {
+        "not": named("not", tree),
+        "and": named("and", tree, tree),
+        "or": named("or", tree, tree),
+        "if": named("if", tree, tree),
+        "expire": named("expire", tree, TIMES, STATE, st.just(False)),
+    }
 
 
 def clocked(tree):
-    """Return trees made of others, with triggers and expiries that have clocks."""
-    return st.one_of(
-        combined(tree),
-        st.tuples(st.just("trigger"), tree, st.integers(0, 8), STATE, STATE, st.just(False)),
-        st.tuples(st.just("trigger"), tree, st.integers(0, 8), STATE, st.just(TRUE), st.booleans()),
-        st.tuples(st.just("expire"), tree, TIMES, STATE, st.booleans()),
-    )
+    """Return strategies of what has a clock, by name; those that persist switch to TRUE."""
+    switches = named("trigger", tree, DELAYS, STATE, STATE, st.just(False))
+    persists = named("trigger", tree, DELAYS, STATE, st.just(TRUE), st.just(True))
+    return {
+        "trigger": switches,
+        "persistent trigger": persists,
+        "relative expire": named("expire", tree, TIMES, STATE, st.just(True)),
+    }
 
 
-ACTIVE = st.recursive(GENERAL, clocked, max_leaves=6)
-AIRLOCK = st.recursive(GENERAL | OF_VEHICLES, clocked, max_leaves=6)
-CLOCKLESS = st.recursive(GENERAL | OF_VEHICLES, combined, max_leaves=4)
+def without_clocks(tree):
+    return st.one_of(*made_of(tree).values())
+
+
+def with_clocks(tree):
+    return st.one_of(*made_of(tree).values(), *clocked(tree).values())
+
+
+EACH = LEAVES | made_of(LEAF) | clocked(LEAF)
+"""The smallest trees of each kind."""
+ACTIVE = st.recursive(GENERAL, with_clocks, max_leaves=6)
+AIRLOCK = st.recursive(LEAF, with_clocks, max_leaves=6)
+CLOCKLESS = st.recursive(LEAF, without_clocks, max_leaves=4)
+
+
+CONDITIONS = {
+    "literal": t.LiteralCondition,
+    "window": t.TimeWindowCondition,
+    "there": t.DependeeActorCondition,
+    "beside": t.OffRoadCondition,
+    "kind": t.VehicleTypeCondition,
+    "speed": t.VehicleSpeedCondition,
+    "not": t.Condition.__neg__,
+    "and": t.Condition.__and__,
+    "or": t.Condition.__or__,
+    "if": t.Condition.implication,
+    "trigger": t.ConditionTrigger,
+    "expire": t.Condition.expire,
+}
+TIMES_AT = {"window": (0, 1), "trigger": (1,), "expire": (1,)}
+"""Which arguments are times."""
 
 
 def condition_of(tree, dt):
-    """Return the condition of the scenario language for a tree; times are as a user writes them in decimals."""
+    """Return the condition of the scenario language for a tree, with times as a user writes them."""
 
-    def seconds(half_steps):
-        return t.MAX if half_steps is None else float(half_steps * Fraction(dt) / 2)
+    def argument(place, value):
+        if isinstance(value, tuple):
+            return condition_of(value, dt)
+        if place in TIMES_AT.get(tree[0], ()):
+            return t.MAX if value is None else float(value * Fraction(dt) / 2)
+        return value
 
-    name, *rest = tree
-    inner = [condition_of(part, dt) for part in rest if isinstance(part, tuple)]
-    match name:
-        case "literal":
-            return t.LiteralCondition(*rest)
-        case "window":
-            return t.TimeWindowCondition(*map(seconds, rest))
-        case "there":
-            return t.DependeeActorCondition(*rest)
-        case "beside":
-            return t.OffRoadCondition()
-        case "kind":
-            return t.VehicleTypeCondition(*rest)
-        case "speed":
-            return t.VehicleSpeedCondition(*rest)
-        case "not":
-            return -inner[0]
-        case "and":
-            return inner[0] & inner[1]
-        case "or":
-            return inner[0] | inner[1]
-        case "if":
-            return inner[0].implication(inner[1])
-        case "trigger":
-            return t.ConditionTrigger(inner[0], seconds(rest[1]), *rest[2:])
-        case "expire":
-            return inner[0].expire(seconds(rest[1]), *rest[2:])
-    raise AssertionError(tree)
+    return CONDITIONS[tree[0]](*(argument(*item) for item in enumerate(tree[1:])))
 
 
 class Vehicle(NamedTuple):
@@ -243,7 +258,7 @@ class Reference:
 
 
 def states_of(facts, active, airlock):
-    """Return what the trees of bubbles say in one simulation: at each moment, of the bubble and each vehicle."""
+    """Return what the trees of bubbles say in one simulation, at each moment of each bubble and vehicle."""
     seen, clocks = [], {}
     for moment in facts:
         if moment.begins:
@@ -301,7 +316,9 @@ class Stage:
             world.registry.dismiss(row, slots.pop(number))
         for number, vehicle in moment.vehicles.items():
             if number not in slots:
-                slots[number] = world.registry.admit(row, vehicle.given, Owner.TRAFFIC, vehicle.kind, 5.0, 1.8)
+                slots[number] = world.registry.admit(
+                    row, vehicle.given, Owner.TRAFFIC, vehicle.kind, 5.0, 1.8
+                )
             slot = slots[number]
             world.vehicles.position[row, slot] = 100.0 + 5 * slot, vehicle.y
             world.vehicles.speed[row, slot] = vehicle.speed
@@ -325,24 +342,20 @@ def pairs(number, dt, left, right):
     return list(zip(states[::2], states[1::2], strict=True))
 
 
-@given(st.lists(ACTIVE, min_size=2, max_size=2), st.lists(AIRLOCK, min_size=2, max_size=2), NUMBERS, STEP_LENGTHS)
-@settings(ALL_BUT_EXACT, max_examples=250)
+@given(
+    st.lists(ACTIVE, min_size=2, max_size=2), st.lists(AIRLOCK, min_size=2, max_size=2), NUMBERS, STEP_LENGTHS
+)
+@settings(PLAIN, max_examples=250)
 def test_random_conditions_in_random_simulations(active, airlock, number, dt):
     rows = rows_of(number, 2)
     conditions = [[condition_of(tree, dt) for tree in trees] for trees in (active, airlock)]
     assert Stage(rows, dt).run(*conditions) == [states_of(facts, active, airlock) for facts in rows]
 
 
-@pytest.mark.parametrize(
-    "kind", ["window", "there", "literal", "beside", "kind", "speed", "not", "and", "or", "if", "trigger", "expire"]
-)
+@pytest.mark.parametrize("kind", EACH)
 def test_each_kind_alone(kind):
-    """The smallest conditions of each kind."""
-    leaf = GENERAL | OF_VEHICLES
-    trees = (leaf | clocked(leaf)).filter(lambda tree: tree[0] == kind)
-
-    @given(trees, NUMBERS, STEP_LENGTHS)
-    @settings(ALL_BUT_EXACT, max_examples=20)
+    @given(EACH[kind], NUMBERS, STEP_LENGTHS)
+    @settings(PLAIN, max_examples=20)
     def check(tree, number, dt):
         (facts,) = rows = rows_of(number, 1)
         assert Stage(rows, dt).run([], [condition_of(tree, dt)]) == [states_of(facts, [], [tree])]
@@ -351,7 +364,7 @@ def test_each_kind_alone(kind):
 
 
 @given(ACTIVE, AIRLOCK, NUMBERS, STEP_LENGTHS)
-@settings(ALL_BUT_EXACT, max_examples=60)
+@settings(PLAIN, max_examples=60)
 def test_a_row_of_a_batch_is_the_row_alone(active, airlock, number, dt):
     rows, conditions = rows_of(number, 3), ([condition_of(active, dt)], [condition_of(airlock, dt)])
     together = Stage(rows, dt).run(*conditions)
@@ -359,23 +372,23 @@ def test_a_row_of_a_batch_is_the_row_alone(active, airlock, number, dt):
 
 
 @given(ACTIVE, AIRLOCK, NUMBERS, STEP_LENGTHS)
-@settings(ALL_BUT_EXACT, max_examples=60)
+@settings(PLAIN, max_examples=60)
 def test_a_second_look_in_the_same_step_changes_nothing(active, airlock, number, dt):
     rows, conditions = rows_of(number, 1), ([condition_of(active, dt)], [condition_of(airlock, dt)])
     assert Stage(rows, dt).run(*conditions, looks=2) == Stage(rows, dt).run(*conditions)
 
 
 @given(AIRLOCK, AIRLOCK, NUMBERS, STEP_LENGTHS)
-@settings(ALL_BUT_EXACT, max_examples=60)
+@settings(PLAIN, max_examples=60)
 def test_laws_of_truth(one, other, number, dt):
     """Both sides look at the same parts, so these hold with clocks, too."""
     a, b = condition_of(one, dt), condition_of(other, dt)
-    for left, right in ((--a, a), (a.implication(b), -a | b), (a & a, a), (a | a, a)):
+    for left, right in ((-(-a), a), (a.implication(b), -a | b), (a & a, a), (a | a, a)):
         assert all(bool(x) == bool(y) for x, y in pairs(number, dt, left, right))
 
 
 @given(CLOCKLESS, CLOCKLESS, CLOCKLESS, NUMBERS, STEP_LENGTHS)
-@settings(ALL_BUT_EXACT, max_examples=60)
+@settings(PLAIN, max_examples=60)
 def test_laws_of_states(one, other, third, number, dt):
     """Without clocks, it makes no difference which side is looked at first."""
     a, b, c = (condition_of(tree, dt) for tree in (one, other, third))
