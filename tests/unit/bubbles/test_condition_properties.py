@@ -24,12 +24,7 @@ from smarts.types.world import World
 from tests import maps
 from tests.unit.bubbles.shapes import NUMBERS
 
-FALSE, BEFORE, EXPIRED, TRUE = STATES = (
-    t.ConditionState.FALSE,
-    t.ConditionState.BEFORE,
-    t.ConditionState.EXPIRED,
-    t.ConditionState.TRUE,
-)
+FALSE, BEFORE, EXPIRED, TRUE = STATES = tuple(map(t.ConditionState, (0, 1, 2, 4)))
 ROADS = maps.straight(lanes=3)
 ATLAS = RoadAtlas([ROADS])
 BESIDE, ON_ROAD = (-9.0, -1.7, 8.1, 12.0), (-1.5, 0.0, 1.5, 3.2, 4.9, 7.9)
@@ -383,7 +378,7 @@ def test_a_second_look_in_the_same_step_changes_nothing(active, airlock, number,
 def test_laws_of_truth(one, other, number, dt):
     """Both sides look at the same parts, so these hold with clocks, too."""
     a, b = condition_of(one, dt), condition_of(other, dt)
-    for left, right in ((-(-a), a), (a.implication(b), -a | b), (a & a, a), (a | a, a)):
+    for left, right in ((a.negation().negation(), a), (a.implication(b), -a | b), (a & a, a), (a | a, a)):
         assert all(bool(x) == bool(y) for x, y in pairs(number, dt, left, right))
 
 
