@@ -90,7 +90,14 @@ def with_clocks(tree):
     return st.one_of(*made_of(tree).values(), *clocked(tree).values())
 
 
-EACH = LEAVES | made_of(LEAF) | clocked(LEAF)
+SHARED = st.builds(
+    lambda outer, left, right, one, other, shared: (outer, (left, one, shared), (right, other, shared)),
+    *[st.sampled_from(["and", "or", "if"])] * 3,
+    *[GENERAL] * 2,
+    named("trigger", GENERAL, DELAYS, STATE, st.just(TRUE), st.booleans()),
+)
+"""Two conditions with equal triggers, one of which may have to stay idle."""
+EACH = {"shared": SHARED} | LEAVES | made_of(LEAF) | clocked(LEAF)
 """The smallest trees of each kind."""
 ACTIVE = st.recursive(GENERAL, with_clocks, max_leaves=6)
 AIRLOCK = st.recursive(LEAF, with_clocks, max_leaves=6)
@@ -350,7 +357,7 @@ def test_random_conditions_in_random_simulations(active, airlock, number, dt):
 @pytest.mark.parametrize("kind", EACH)
 def test_each_kind_alone(kind):
     @given(EACH[kind], NUMBERS, STEP_LENGTHS)
-    @settings(PLAIN, max_examples=20)
+    @settings(PLAIN, max_examples=200 if kind == "shared" else 20)
     def check(tree, number, dt):
         (facts,) = rows = rows_of(number, 1)
         assert Stage(rows, dt).run([], [condition_of(tree, dt)]) == [states_of(facts, [], [tree])]
