@@ -97,7 +97,7 @@ SHARED = st.builds(
     named("trigger", GENERAL, DELAYS, STATE, st.just(TRUE), st.booleans()),
 )
 """Two conditions with equal triggers, one of which may have to stay idle."""
-EACH = {"shared": SHARED} | LEAVES | made_of(LEAF) | clocked(LEAF)
+EACH = LEAVES | made_of(LEAF) | clocked(LEAF)
 """The smallest trees of each kind."""
 ACTIVE = st.recursive(GENERAL, with_clocks, max_leaves=6)
 AIRLOCK = st.recursive(LEAF, with_clocks, max_leaves=6)
@@ -357,12 +357,20 @@ def test_random_conditions_in_random_simulations(active, airlock, number, dt):
 @pytest.mark.parametrize("kind", EACH)
 def test_each_kind_alone(kind):
     @given(EACH[kind], NUMBERS, STEP_LENGTHS)
-    @settings(PLAIN, max_examples=200 if kind == "shared" else 20)
+    @settings(PLAIN, max_examples=20)
     def check(tree, number, dt):
         (facts,) = rows = rows_of(number, 1)
         assert Stage(rows, dt).run([], [condition_of(tree, dt)]) == [states_of(facts, [], [tree])]
 
     check()
+
+
+@given(SHARED, NUMBERS, STEP_LENGTHS)
+@settings(PLAIN, max_examples=150)
+def test_equal_triggers_share_a_clock_in_one_bubble_alone(tree, number, dt):
+    rows, trees = rows_of(number, 1), [tree, *tree[1:]]
+    conditions = [condition_of(tree, dt) for tree in trees]
+    assert Stage(rows, dt).run(conditions, conditions) == [states_of(facts, trees, trees) for facts in rows]
 
 
 @given(ACTIVE, AIRLOCK, NUMBERS, STEP_LENGTHS)
