@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from smarts.bubbles.conditions import ConditionRunner
@@ -97,6 +97,7 @@ SHARED = st.builds(
     named("trigger", GENERAL, DELAYS, STATE, st.just(TRUE), st.booleans()),
 )
 """Two conditions with equal triggers, one of which may have to stay idle."""
+WAITING = ("trigger", ("literal", TRUE), 8, BEFORE, TRUE, False)
 EACH = LEAVES | made_of(LEAF) | clocked(LEAF)
 """The smallest trees of each kind."""
 ACTIVE = st.recursive(GENERAL, with_clocks, max_leaves=6)
@@ -365,6 +366,7 @@ def test_each_kind_alone(kind):
     check()
 
 
+@example(("or", ("and", ("literal", EXPIRED), WAITING), ("or", ("window", 0, 4), WAITING)), 0, "0.1")
 @given(SHARED, NUMBERS, STEP_LENGTHS)
 @settings(PLAIN, max_examples=150)
 def test_equal_triggers_share_a_clock_in_one_bubble_alone(tree, number, dt):
