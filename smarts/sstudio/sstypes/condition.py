@@ -162,9 +162,11 @@ class TimeWindowCondition(Condition):
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Compare `time`."""
         time = facts["time"]
-        if self.start <= time < self.end or self.end == sys.maxsize:
+        if self.end == sys.maxsize:
             return ConditionState.TRUE
-        return ConditionState.BEFORE if time < self.start else ConditionState.EXPIRED
+        if not _has_come(self.start, time):
+            return ConditionState.BEFORE
+        return ConditionState.EXPIRED if _has_come(self.end, time) else ConditionState.TRUE
 
     @property
     def requires(self) -> ConditionRequires:
@@ -255,6 +257,11 @@ def parts(condition: Condition) -> Iterator[Condition]:
 
 def _truth(holds: bool) -> ConditionState:
     return ConditionState.TRUE if holds else ConditionState.FALSE
+
+
+def _has_come(moment: float, time: float) -> bool:
+    """Return whether it is `moment` [s] or later. Sums of steps in floats may be off in the last digits."""
+    return time >= moment - 1e-9
 
 
 def _check_evaluable(*conditions: Condition) -> None:
@@ -360,7 +367,7 @@ class ExpireTrigger(Condition):
         if self.relative:
             clocks = self.own_memory if memory is None else memory
             elapsed -= clocks.setdefault(self, elapsed)
-        if elapsed >= self.time:
+        if _has_come(self.time, elapsed):
             return self.expired_state
         return self.inner_condition.evaluate(memory=memory, **facts)
 
@@ -406,7 +413,7 @@ class ConditionTrigger(Condition):
             if not inner:
                 return self.untriggered_state
             clocks[self] = time
-        if time - clocks[self] < self.delay_seconds:
+        if not _has_come(self.delay_seconds, time - clocks[self]):
             return self.untriggered_state
         if self.persistent:
             return self.triggered_state & self.inner_condition.evaluate(memory=memory, **facts)
