@@ -34,7 +34,7 @@ def test_a_polygon():
 
 @pytest.mark.parametrize("corners", [[], [(0, 0)], [(0, 0), (0, 5)], [(0, 1), (3, 1), (7, 1)]])
 def test_polygons_without_area_are_refused(corners):
-    with pytest.raises(ValueError, match="polygon|fewer than two corners"):
+    with pytest.raises(ValueError, match=r"polygon|fewer than two corners"):
         t.ConfigurableZone(corners)
 
 
