@@ -1,4 +1,4 @@
-"""An agent that needs the kit alone; its actions depend on all bits of what it sees, and on draws of its own."""
+"""An agent that needs the kit alone: its actions depend on all bits of what it sees and draws."""
 
 import numpy as np
 
