@@ -147,6 +147,13 @@ class Large(Drawing):
     observation: ClassVar[Any] = {"stacked": [{"image": {"size": 512}}], "frames": 50}
 
 
+class Sensing(Easing):
+    """Observes the arrays of which `Observation` objects are made."""
+
+    interface = {**Easing.interface, "waypoint_paths": True, "neighborhood_vehicle_states": True}  # noqa: RUF012
+    observation: ClassVar[Any] = "raw"
+
+
 class Describing(Agent):
     """Acts on objects."""
 
@@ -157,6 +164,7 @@ class Describing(Agent):
 
 
 register("easing-v0", Easing)
+register("sensing-v0", Sensing)
 register("drawing-v0", Drawing)
 register("misbehaving-v0", Misbehaving)
 register("burning-v0", Burning)

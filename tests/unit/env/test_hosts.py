@@ -117,6 +117,14 @@ def test_an_agent_at_an_address_drives_as_in_this_process_bit_by_bit():
         assert played([{"agent": address, "count": 3}], {}) == here
 
 
+def test_the_arrays_that_objects_are_made_of_reach_a_process():
+    social = [{"agent": "tests.hosted_agents:sensing-v0", "count": 3}]
+    states, failures = played(social, {}, count=20)
+    assert failures == {}
+    assert len(set(states)) == len(states)
+    assert played(social, {"*": "process"}, count=20) == (states, failures)
+
+
 def test_a_reset_in_mid_episode_changes_nothing():
     found = []
     for hosts in ({}, {"*": "process"}):
