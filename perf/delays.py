@@ -2,7 +2,7 @@
 
     python -m perf.delays [LOCATOR...] [--delays 0 1 2 3 5] [--episodes 12] [--seed 7] [--import PATH...]
 
-What an agent decides at step k is carried out at step k + delay (`delay_steps` of docs/hosts.md). A step takes
+What an agent decides at step k is carried out at step k + delay (`delay_steps` of docs/hosts.md). A step is
 0.1 s. Each episode has four of the agent's vehicles, on the missions of the task's egos in its traffic; all
 agents and delays play the same episodes. Printed: the shares of vehicles that collided and that
 came to their goals, with Wilson's 95% intervals, which treat the vehicles of an episode as independent; how
