@@ -1,6 +1,6 @@
 """Let agents of the zoo drive across the intersection with delayed actions, and count how their drives end.
 
-    python -m perf.delays [LOCATOR...] [--delays 0 1 2 3 5] [--episodes 12] [--seed 7] [--import PATH...]
+    python -m perf.delays [LOCATOR...] [--delays 0 1 2 3 5] [--episodes 16] [--seed 7] [--import PATH...]
 
 What an agent decides at step k is carried out at step k + delay (`delay_steps` of docs/hosts.md). A step is
 0.1 s. Each episode has four of the agent's vehicles, on the missions of the task's egos in its traffic; all
@@ -31,7 +31,7 @@ from smarts.types.episode import EpisodeStart
 from smarts.types.events import Outcome
 
 SCENARIO, TRAFFIC = "intersection", "random_social_vehicles"
-AGENTS = ("keep-lane-v0", "idm-v0", "aggressive-v0", "gap-acceptance-v0")
+AGENTS = ("idm-v0", "mobil-v0", "aggressive-v0", "gap-acceptance-v0")
 LONGEST = 600
 """Steps of an episode."""
 
@@ -117,7 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("locators", nargs="*", default=[*AGENTS])
     parser.add_argument("--delays", nargs="+", type=int, default=[0, 1, 2, 3, 5], help="steps of 0.1 s")
-    parser.add_argument("--episodes", type=int, default=12)
+    parser.add_argument("--episodes", type=int, default=16)
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--import", dest="imports", nargs="*", default=[], help="files of own code")
     given = parser.parse_args(arguments)
