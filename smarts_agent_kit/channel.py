@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import select
 import socket
 import time
@@ -148,26 +147,14 @@ class Channel:
         self._socket.close()
 
 
-def wait_for(channels: Iterable[Channel], until: float | None, spin: float = 0.0) -> list[Channel]:
-    """Wait until one of several channels can receive, or send what it has left; return which ones can.
-
-    Args:
-        channels: The channels.
-        until: Of `time.monotonic()`; None: for ever.
-        spin: How long to look again and again before this process sleeps [s], as it takes a processor that
-            has fallen asleep tens of microseconds to wake up. Other processes that want it get it meanwhile.
-    """
+def wait_for(channels: Iterable[Channel], until: float | None) -> list[Channel]:
+    """Wait until one of several channels can receive, or send what it has left; return which ones can."""
     poll, found = select.poll(), {}
     for channel in channels:
         fd = channel.fileno()
         found[fd] = channel
         poll.register(fd, select.POLLIN | (select.POLLOUT if channel.has_outgoing else 0))
-    end = time.monotonic() + spin
-    ready = poll.poll(0)
-    while not ready and time.monotonic() < end:
-        os.sched_yield()
-        ready = poll.poll(0)
-    return [found[fd] for fd, _ in ready or poll.poll(_milliseconds(until))]
+    return [found[fd] for fd, _ in poll.poll(_milliseconds(until))]
 
 
 def _milliseconds(until: float | None) -> float | None:

@@ -26,9 +26,6 @@ from smarts_agent_kit.wire import Message, encode
 MOST_SKIPPED = 63
 """Requests that a host fails at most before it is started again: 0, 1, 3, 7 ... after failures in a row."""
 
-SPIN = 100e-6
-"""How long this process looks for answers before it sleeps [s]."""
-
 Actions = NDArray | Sequence[Any]
 
 
@@ -396,7 +393,7 @@ def _wait_for_any(waiting: Sequence[_Away], begun: float) -> Sequence[_Away]:
     until = min([away.until(begun) for away in waiting])
     channels = {away.link.channel: away for away in waiting if isinstance(away.link, SocketLink)}
     if channels:
-        return [channels[each] for each in wait_for(channels, until, SPIN)]
+        return [channels[each] for each in wait_for(channels, until)]
     links: list[Any] = [away.link for away in waiting]
     links[0].wait_for(links, until)
     return ()
