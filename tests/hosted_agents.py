@@ -79,12 +79,12 @@ class Misbehaving(BatchAgent):
         return np.zeros(count, int)
 
     def bomb(self, count):
-        for _ in range(10):  # 1024 processes, so that it ends if nothing bounds it
+        for _ in range(9):  # 512 processes, so that it ends if nothing bounds it
             os.fork()
         time.sleep(60)
 
     def bomb_in_sessions(self, count):
-        for _ in range(10):
+        for _ in range(9):
             if os.fork() == 0:
                 os.setsid()
         time.sleep(60)

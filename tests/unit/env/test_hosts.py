@@ -159,7 +159,7 @@ def test_an_agent_that_misbehaves_fails_alone(how):
 
 @pytest.mark.parametrize("how", ["bomb", "bomb_in_sessions"])
 def test_an_agent_that_forks_without_end_is_ended(how):
-    """It makes 1024 processes, and they stay for a minute; the fixture sees that none is left."""
+    """It makes 512 processes, and they stay for a minute; the fixture sees that none is left."""
     social, hosts = hosted(how, patience=60.0)
     _, failures = played(social, hosts, count=6)
     assert len(failures[0]) == 2
