@@ -28,6 +28,8 @@ HARD = 4.5
 """Deceleration above which a vehicle brakes hard [m/s^2]."""
 SOON = 10.0
 """So long after a transfer a crash or a stop counts as one of it [s]."""
+LONG = 30.0
+"""A stand is long from this time on [s]: runs end after 60 s."""
 LATE = 10.0
 """A release should be carried out within this time [s]."""
 NEVER_TAKEN, STILL_WAITS = "take refused, never made", "release refused, waits at the end"
@@ -172,6 +174,8 @@ class Safety:
         longest = [self._longest(run) for run in (self.driven, self.plain)]
         yield "longest stand [s]", f"{longest[0]:.1f}", f"{longest[1]:.1f}", "no longer"
         yield "vehicles that stand longer than SUMO's own", str(self._stand_longer(longest[1])), "0", "0"
+        stands = [self._long_stands(run) for run in (self.driven, self.plain)]
+        yield f"stands of {LONG:.0f} s of vehicles handed over", str(stands[0]), str(stands[1]), "no more"
         shares = [
             (self._arrived(run) + self._there(run)) / size
             for run, size in zip((self.driven, self.plain), vehicles, strict=True)
@@ -207,6 +211,14 @@ class Safety:
         """Return how many vehicles of the runs with hand-overs stand longer than some time [s]."""
         return sum(
             watch.dt * steps > longest + 1e-9 for watch in self.driven for steps in watch.stand.values()
+        )
+
+    def _long_stands(self, run: Sequence[Watch]) -> int:
+        """Return how many stands are long, of the vehicles that change hands in the runs with hand-overs."""
+        return sum(
+            watch.dt * watch.stand[name] >= LONG - 1e-9
+            for driven, watch in zip(self.driven, run, strict=True)
+            for name in {name for name, _ in driven.transfers}
         )
 
     def _arrived(self, run: Sequence[Watch]) -> int:
