@@ -11,7 +11,7 @@ from smarts.bubbles.placing import agent_actor
 from smarts.sim.social_starts import wanted_by
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.built import BuiltScenario
-from smarts.sstudio.sstypes.condition import parts
+from smarts.sstudio.sstypes.condition import demanded
 from smarts.types.actions import ActionSpaceType
 from smarts.types.vehicles import VehicleKind
 
@@ -65,7 +65,7 @@ def _check(bubble: t.Bubble, interface: AgentInterface, place: str) -> None:
         return
     # A vehicle stays what it is: the class that an interface asks for has to come by itself.
     name = kind.name.lower()
-    conditions = parts(bubble.airlock_condition)
+    conditions = demanded(bubble.airlock_condition)
     if not any(isinstance(each, t.VehicleTypeCondition) and each.vehicle_type == name for each in conditions):
         raise InterfaceError(
             f"vehicle_class is {interface.vehicle_class!r}, and the bubble takes the vehicles that come",

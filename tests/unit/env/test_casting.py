@@ -253,12 +253,19 @@ def test_failures_in_the_steps_of_a_reset_are_in_its_infos(tmp_path, monkeypatch
         env.close()
 
 
-BUSES = 'airlock_condition=t.VehicleTypeCondition("bus")'
+BUS = 't.VehicleTypeCondition("bus")'
+BUSES = f"airlock_condition={BUS}"
+OTHERS = f"{BUSES}.negation()"
+CARS_TOO = f'{BUSES}.disjunction(t.VehicleTypeCondition("passenger"))'
+LATER_BUSES = f"airlock_condition=t.TimeWindowCondition(1, 9).conjunction({BUS})"
 
 
 @pytest.mark.parametrize(
     ("vehicle", "condition", "fits"),
-    [("bus", "", False), ("truck", BUSES, False), ("bus", BUSES, True), ("sedan", "", True)],
+    [
+        *(("bus", "", False), ("truck", BUSES, False), ("bus", OTHERS, False), ("bus", CARS_TOO, False)),
+        *(("bus", BUSES, True), ("bus", LATER_BUSES, True), ("sedan", "", True)),
+    ],
 )
 def test_an_agent_that_asks_for_another_vehicle_than_comes_into_its_bubble(
     tmp_path, vehicle, condition, fits

@@ -167,15 +167,13 @@ def test_an_agent_that_forks_without_end_is_ended(how):
 
 
 LIMITED = """
-import os, resource, sys, time
+import os, sys, time
 from smarts_agent_kit import worker
 if os.getuid() == 0:
     os.setresgid(65534, 65534, 65534)
     os.setresuid(65534, 65534, 65534)
 worker.MOST_TASKS = 20
 worker.confine(10**9)
-limit, _ = resource.getrlimit(resource.RLIMIT_NPROC)
-assert limit <= worker.tasks_of_user() + 20
 started = []
 try:
     while len(started) < 5000:
