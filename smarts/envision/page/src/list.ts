@@ -26,6 +26,8 @@ export function severity(entry: Entry): number {
   return entry.error ? -1 : bad / all;
 }
 
+const liveText = (entry: Entry): string => (entry.isRunning ? "live" : "ended");
+
 function compare(key: Key, a: Entry, b: Entry): number {
   if (key === "outcome") return severity(a) - severity(b);
   if (key === "scenario")
@@ -122,7 +124,7 @@ export class List {
         entry.run,
         entry.policy,
         entry.why,
-        entry.isLive ? "live" : "",
+        entry.isLive ? liveText(entry) : "",
         ...Object.keys(entry.outcomes),
       ]
         .join(" ")
@@ -181,7 +183,7 @@ export class List {
       h("b", {}, title),
       entry.why ? h("span", { class: "badge why" }, entry.why) : null,
       entry.policy ? h("span", { class: "badge" }, entry.policy) : null,
-      entry.isLive ? h("span", { class: "badge", "data-tone": "live" }, "live") : null,
+      entry.isLive ? h("span", { class: "badge", "data-tone": entry.isRunning ? "live" : "warn" }, liveText(entry)) : null,
       h("small", {}, under),
     );
     const add = h(

@@ -70,7 +70,7 @@ export class Session {
 
   /** Shows simulations that have appeared, until the user chooses. */
   private takeSources(): void {
-    const ids = this.feed?.running ?? [];
+    const ids = this.feed?.ids ?? [];
     const wanted = this.pending.filter((id) => ids.includes(id));
     const shown = (wanted.length ? wanted : ids).slice(0, MOST_VIEWS);
     const isNew = shown.some((id) => !this.views.some((view) => view.id === id));
@@ -112,7 +112,7 @@ export class Session {
       const recording = live ?? (await this.library.load(id));
       if (recording.remark && !live) this.actions.say(`${entry?.label ?? id}: ${recording.remark}`);
       const view = new View(id, titleOf(entry, id), recording);
-      if (this.feed?.running.includes(id)) {
+      if (this.feed?.ids.includes(id)) {
         view.clock.isLive = true;
         view.clock.play();
       }

@@ -1,8 +1,9 @@
 /** Simulations that run: which messages go on with a recording, and which begin another. */
 
-import { describe, expect, it } from "vitest";
+import { afterEach, describe, expect, it, vi } from "vitest";
 import { decode } from "../src/format";
-import { LiveFeed } from "../src/livefeed";
+import { LiveFeed, PATIENCE } from "../src/livefeed";
+import { cutShort } from "../src/titles";
 import type { Message } from "../src/messages";
 import { messageOf, stepsOf } from "./samples";
 
@@ -13,18 +14,23 @@ interface Inner {
 /** A feed without a server: `send` takes up messages as the connection would. */
 function fed(most?: number) {
   const replaced: string[] = [];
+  const problems: string[] = [];
   const feed = new LiveFeed({
     changed: () => {},
     replaced: (id) => replaced.push(id),
     state: () => {},
-    problem: (text) => expect.unreachable(text),
+    problem: (text) => problems.push(text),
   }, most);
   const { live } = feed as unknown as Inner;
   const send = (message: Message | object, serial = 1, source = "a") => live.take({ ...message, source, serial });
-  const sources = ["a", "b"].map((id) => ({ id, title: id, host: "h", scenario: "s", episode: 1, policy: "" }));
-  live.take({ type: "sources", sources });
-  for (const { id } of sources) feed.recording(id);
-  return { feed, send, replaced };
+  const list = (...running: string[]) => {
+    const more = { host: "h", scenario: "s", episode: 1, policy: "" };
+    const sources = ["a", "b"].map((id) => ({ id, title: `title ${id}`, running: running.includes(id), ...more }));
+    live.take({ type: "sources", sources });
+  };
+  list("a", "b");
+  for (const id of ["a", "b"]) feed.recording(id);
+  return { feed, send, list, replaced, problems };
 }
 
 const episode = async (number: number) =>
@@ -35,7 +41,7 @@ const steps = async (first: number, count: number, vehicles = 2) => (await decod
 
 describe("a simulation that runs", () => {
   it("goes on after a snapshot of the same episode", async () => {
-    const { feed, send, replaced } = fed();
+    const { feed, send, replaced, problems } = fed();
     send(await episode(1));
     send(await steps(0, 20));
     const recording = feed.recording("a")!;
@@ -46,6 +52,7 @@ describe("a simulation that runs", () => {
     expect([recording.firstStep, recording.lastStep, recording.length]).toEqual([0, 34, 25]);
     expect(feed.entries.filter((entry) => !entry.isLive)).toEqual([]);
     expect(replaced).toEqual(["a"]);
+    expect(problems).toEqual([]);
   });
 
   it("has another recording in the next episode, and after a serial or facts that are others", async () => {
@@ -84,5 +91,41 @@ describe("a simulation that runs", () => {
     expect(recording.lastStep).toBe(1999);
     expect(recording.firstStep).toBeGreaterThan(1000);
     expect(feed.recording("b")!.length).toBeGreaterThan(50);
+  });
+});
+
+const end = (isComplete: boolean, remark = "") => ({ type: "end", isComplete, remark });
+
+describe("a simulation that ends", () => {
+  afterEach(() => void vi.useRealTimers());
+
+  it("is behind those that run, and says why its episode was cut short", async () => {
+    vi.useFakeTimers({ toFake: ["setTimeout"] });
+    const { feed, send, list, problems } = fed();
+    send(await episode(1));
+    send(await steps(0, 20));
+    send(end(false, "the simulation's process has gone"));
+    list("b");
+    expect(feed.ids).toEqual(["b", "a"]);
+    expect(feed.entries.map(({ id, isRunning }) => [id, isRunning])).toEqual([
+      ["a", false],
+      ["b", true],
+    ]);
+    expect(cutShort(feed.recording("a")!)).toBe("the simulation's process has gone");
+    expect(problems).toEqual([]);
+    vi.advanceTimersByTime(PATIENCE);
+    expect(problems).toEqual(["title a: the simulation's process has gone"]);
+  });
+
+  it("says nothing where it is complete, or the next episode begins", async () => {
+    vi.useFakeTimers({ toFake: ["setTimeout"] });
+    const { feed, send, problems } = fed();
+    send(await episode(1));
+    send(end(false, "reset before its end"));
+    send(await episode(2), 2);
+    send(end(true), 2);
+    vi.advanceTimersByTime(PATIENCE);
+    expect(problems).toEqual([]);
+    expect(cutShort(feed.recording("a")!)).toBe("");
   });
 });
