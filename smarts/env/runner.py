@@ -149,6 +149,18 @@ class SimulationRunner:
         self._notes.append(notes)
         self.listen(notes)
 
+    @property
+    def is_recorded(self) -> bool:
+        """Whether the episodes are recorded or shown."""
+        return self._recorder is not None
+
+    @property
+    def observers(self) -> Bools:
+        """Active egos whose observations are to be recorded or shown now, shape (B, E)."""
+        if self._recorder is None:
+            return np.zeros_like(self.alive)
+        return self._recorder.observers[:, : self.world.egos] & self.alive
+
     def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
         """Begin episodes in some simulations, by row.
 

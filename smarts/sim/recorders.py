@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from smarts.arrays import Bools, Ints
@@ -14,6 +15,11 @@ from smarts.types.frame import Frame
 
 class AnnotatedRecorder(Protocol):
     """Takes frames, and what is said about them; see `smarts.sim.recorder.EpisodeRecorder`."""
+
+    @property
+    def observers(self) -> Bools:
+        """Agents whose observations are wanted now, shape (B, A)."""
+        ...
 
     def record(self, frame: Frame) -> None:
         """Take what is wanted out of a frame, before the next step overwrites it."""
@@ -41,6 +47,11 @@ class Recorders:
 
     def __init__(self, parts: Sequence[AnnotatedRecorder]) -> None:
         self._parts = tuple(parts)
+
+    @property
+    def observers(self) -> Bools:
+        """Agents whose observations one of them wants now, shape (B, A)."""
+        return np.logical_or.reduce([part.observers for part in self._parts])
 
     def record(self, frame: Frame) -> None:
         """Give all of them a frame."""

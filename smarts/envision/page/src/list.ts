@@ -39,6 +39,7 @@ export class List {
   readonly element: HTMLDialogElement;
   private entries: Entry[] = [];
   private open: readonly string[] = [];
+  private hidden = 0;
   private key: Key = "scenario";
   private isDescending = false;
   private readonly body = h("div", { class: "rows", role: "rowgroup" });
@@ -94,8 +95,10 @@ export class List {
     });
   }
 
-  show(entries: Entry[], open: readonly string[]): void {
+  /** Shows entries; `hidden` simulations run that are not among them. */
+  show(entries: Entry[], open: readonly string[], hidden = 0): void {
     this.entries = entries;
+    this.hidden = hidden;
     this.open = open;
     if (this.element.open) this.draw();
   }
@@ -145,9 +148,10 @@ export class List {
     this.body.replaceChildren(...shown.map((entry) => this.row(entry, pairs.get(entry.pair) ?? [])));
     // The list of simulations that run is drawn again and again; the keyboard stays where it is.
     this.body.querySelector<HTMLElement>(focus)?.focus();
-    this.note.textContent = this.entries.length
+    const text = this.entries.length
       ? `${shown.length} of ${this.entries.length}; up to ${MOST} side by side with +`
       : "No episodes. Open a .smarts file, or drop one here.";
+    this.note.textContent = this.hidden ? `${text}. ${this.hidden} more simulations run and are not shown.` : text;
   }
 
   /** A selector for the button with the focus; "none" where it is elsewhere. */

@@ -74,6 +74,16 @@ export class LiveFeed {
     this.live.watch(known);
   }
 
+  /** How many simulations run that are not listed. */
+  get hidden(): number {
+    return this.live.hidden;
+  }
+
+  /** Asks for what an agent of each simulation observes. */
+  observe(agents: Readonly<Record<string, number>>): void {
+    this.live.observe(agents);
+  }
+
   private take(source: string, message: Message, isAgain: boolean): void {
     const known = this.recordings.get(source);
     // The server sends a snapshot to one that was too slow: the episode goes on, with a gap.

@@ -8,7 +8,7 @@ import type { Message } from "../src/messages";
 import { messageOf, stepsOf } from "./samples";
 
 interface Inner {
-  live: { take(message: unknown): void };
+  live: { take(message: unknown): void; socket: unknown };
 }
 
 /** A feed without a server: `send` takes up messages as the connection would. */
@@ -23,14 +23,17 @@ function fed(most?: number) {
   }, most);
   const { live } = feed as unknown as Inner;
   const send = (message: Message | object, serial = 1, source = "a") => live.take({ ...message, source, serial });
+  const sent: unknown[] = [];
+  vi.stubGlobal("WebSocket", { OPEN: 1 });
+  live.socket = { readyState: 1, send: (text: string) => sent.push(JSON.parse(text)) };
   const list = (...running: string[]) => {
     const more = { host: "h", scenario: "s", episode: 1, policy: "" };
     const sources = ["a", "b"].map((id) => ({ id, title: `title ${id}`, running: running.includes(id), ...more }));
-    live.take({ type: "sources", sources });
+    live.take({ type: "sources", sources, hidden: 2 - running.length });
   };
   list("a", "b");
   for (const id of ["a", "b"]) feed.recording(id);
-  return { feed, send, list, replaced, problems };
+  return { feed, send, list, sent, replaced, problems };
 }
 
 const episode = async (number: number) =>
@@ -95,6 +98,46 @@ describe("a simulation that runs", () => {
 });
 
 const end = (isComplete: boolean, remark = "") => ({ type: "end", isComplete, remark });
+
+const map = (digest: string) => ({ type: "map", digest, bounds: [0, 0, 1, 1], lanes: {}, edges: [] });
+
+describe("the messages of a connection", () => {
+  it("bring each map once", async () => {
+    const { feed, send } = fed();
+    send(await episode(1));
+    send(map("m1"));
+    const first = feed.recording("a")!.map;
+    expect(first?.digest).toBe("m1");
+    send(await episode(2), 2);
+    send({ type: "known_map", digest: "m1" }, 2);
+    expect(feed.recording("a")!.map).toBe(first);
+    // Another simulation on the same roads.
+    send(await episode(1), 1, "b");
+    send({ type: "known_map", digest: "m1" }, 1, "b");
+    expect(feed.recording("b")!.map).toBe(first);
+    // The last 16 are kept.
+    for (let i = 2; i < 18; i++) send(map(`m${i}`), 1, "b");
+    send({ type: "known_map", digest: "m2" }, 1, "b");
+    expect(() => send({ type: "known_map", digest: "m1" }, 1, "b")).toThrow("missing");
+  });
+
+  it("ask for what is watched and observed", async () => {
+    const { feed, sent } = fed();
+    feed.watch(["b", "c"]);
+    feed.observe({ b: 3 });
+    expect(sent).toEqual([
+      { watch: ["b"], observe: {} },
+      { watch: ["b"], observe: { b: 3 } },
+    ]);
+  });
+
+  it("say how many simulations are not listed", () => {
+    const { feed, list } = fed();
+    expect(feed.hidden).toBe(0);
+    list("a");
+    expect(feed.hidden).toBe(1);
+  });
+});
 
 describe("a simulation that ends", () => {
   afterEach(() => void vi.useRealTimers());

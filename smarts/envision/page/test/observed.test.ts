@@ -19,7 +19,7 @@ const AGENTS = messageOf({
 });
 
 /** A recording whose agent observes; rows are step, name, numbers. */
-async function recorded(table: string, rows: [number, string, number[]][]): Promise<Recording> {
+async function recorded(table: string, rows: [number, string, number[]][], isLive = false): Promise<Recording> {
   const offsets = [0];
   for (const [, , values] of rows) offsets.push(offsets[offsets.length - 1] + values.length);
   const lists = array(Float32Array.from(rows.flatMap(([, , values]) => values)));
@@ -48,11 +48,11 @@ async function recorded(table: string, rows: [number, string, number[]][]): Prom
   const names = { ActionSpaceType: { "3": "LaneWithContinuousSpeed" } };
   const episode = messageOf({ type: "episode", version: 1, facts: { dt: 0.1 }, names, origin: [0, 0] });
   const { messages } = await decodeContainer(containerOf([episode, AGENTS, message, decisions, stepsOf(0, 40, 1)]));
-  return new Recording(messages);
+  return new Recording(messages, isLive);
 }
 
-const observed = async (rows: [number, string, number[]][], step: number) => {
-  const recording = await recorded("observations", rows);
+const observed = async (rows: [number, string, number[]][], step: number, isLive = false) => {
+  const recording = await recorded("observations", rows, isLive);
   return observedBy(recording, agentsOf(recording)[0], step);
 };
 
@@ -86,6 +86,9 @@ describe("observations", () => {
     expect(await observed(rows, 20)).toBeNull();
     expect((await observed(rows, 15))?.others).toEqual([["speed", Float32Array.of(7)]]);
     expect((await observed(rows, 16))?.others).toEqual([]);
+    // Live, a simulation may run much faster than its time.
+    expect((await observed(rows, 16, true))?.others.length).toBe(1);
+    expect((await observed(rows, 60, true))).toBeNull();
   });
 
   it("have a grid on the ground that is of the step in which it was seen", async () => {
