@@ -19,7 +19,14 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
-from smarts.sim.episode_tables import Ending, agents_table, ending_of, extras_table, routes_table, rows_by_name
+from smarts.sim.episode_tables import (
+    Ending,
+    agents_table,
+    ending_of,
+    extras_table,
+    routes_table,
+    rows_by_name,
+)
 from smarts.sim.observation_notes import ObservationRows, observation_notes
 from smarts.sim.recorder_handovers import HandoverNotes, handover_tables
 from smarts.sim.recorder_kernel import (
@@ -36,7 +43,6 @@ from smarts.sim.recorder_kernel import (
 from smarts.sim.recorder_thread import WriterThread
 from smarts.stream.road_map import origin_of
 from smarts.types.actions import Actions
-from smarts.types.agent_states import UNSET
 from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.episode_schema import (
     AGENT_STATES,

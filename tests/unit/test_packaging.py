@@ -95,6 +95,7 @@ def test_a_wheel_that_cannot_be_written_to_finds_its_configs_and_writes_elsewher
 PLAYED = """
 import sys
 site, recordings, page = sys.argv[1:]
+sys.argv = ["smarts-bench", "view", recordings, "--html", page]
 sys.path.insert(0, site)
 import json, threading, urllib.request
 from pathlib import Path
@@ -104,7 +105,7 @@ from smarts.envision.server import ViewServer
 from smarts.stream.reading import CompactEpisode
 
 try:
-    main(["view", recordings, "--html", page])
+    main()
 except SystemExit as done:
     assert not done.code, done.code
 server = ViewServer(EpisodeLibrary([Path(recordings)]), port=0)
@@ -113,7 +114,7 @@ ask = lambda path: urllib.request.urlopen(f"http://127.0.0.1:{server.port}{path}
 (entry,) = json.loads(ask("/api/episodes"))
 assert ask("/").decode() == server.page == (Path(site) / "smarts/envision/viewer.html").read_text()
 episode = CompactEpisode(ask(f"/api/episodes/{entry['id']}"))
-steps = sorted({int(step) for motion in episode.motions for step in motion.step})
+steps = sorted({*episode.motion.step.tolist()})
 names = sorted(episode.tables["agents"]["name"])
 packages = ("algorithms", "benchmark", "smarts", "smarts_agent_kit")
 loaded = [m.__file__ for n, m in sys.modules.items() if n.partition(".")[0] in packages and m.__file__]

@@ -98,7 +98,7 @@ def test_terms_of_rewards_are_shown_and_observations_are_not_unless_one_looks(se
 
 
 def observed_live(server, step, agent, count):
-    """Return what an agent is shown to observe: (serial, step, name) -> values; `step` is called until then."""
+    """Return what an agent is shown to observe, (serial, step, name) -> values; call `step` until then."""
     found = {}
     for message in messages(server, agent):
         step()
