@@ -118,6 +118,7 @@ def test_a_run_as_one_page(run, tmp_path):
     assert out.stat().st_size <= viewer_page.MOST_BYTES
     for each in episodes.values():
         assert each.is_whole
+        assert each.facts["policy"] == "ppo"
     assert "before" not in done.stderr
 
 
@@ -128,7 +129,6 @@ def test_pages_of_an_earlier_command_are_named(run, tmp_path):
     assert done.exit_code == 0
     assert f"{tmp_path / 'run-2.html'} was there before" in done.stderr
     assert (tmp_path / "run-2.html").read_text() == "mine"
-        assert each.facts["policy"] == "ppo"
 
 
 def view(*arguments):
