@@ -43,7 +43,7 @@ class Options:
     """Whether vehicles far from agents are recorded, too, in a table of their own."""
     record_observations: Sequence[str] = ()
     """Names of learning agents of which is recorded, too, what they observe: by the sensors of their
-    interfaces, as arrays, and the terms of their rewards."""
+    interfaces, and as arrays."""
     envision: str | None = None
     """Server of `smarts-bench view --live` that shows the simulations, as "host:port" or "token@host:port".
     It may come and go. None: what the environment variable SMARTS_ENVISION says; "": nowhere."""
