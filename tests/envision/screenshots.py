@@ -53,7 +53,7 @@ FILM, SECONDS, PAUSE = (640, 400), np.arange(0.5, 22.0, 0.4), 200
 """Size of the film, times of its frames [s], and for how long each is shown [ms]: at twice the speed."""
 COLOURS = 96
 HIDDEN = ".legend, .labels { display: none }"
-VIEWPOINT = "cam=free&agent=agent-0"
+VIEWPOINT = "cam=free&agent=agent-0&at=174,154,95,1.99,0.8"
 DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 
@@ -73,9 +73,8 @@ def film(file: Path, data: bytes) -> None:
         # The scene alone, over the whole window.
         page.add_style_tag(content=f".stage {{ position: fixed !important; inset: 0; z-index: 9 }} {HIDDEN}")
         page.wait_for_timeout(1500)
-        at = page.evaluate("location.hash.match(/&at=[^&]*/)?.[0] ?? ''")
         for seconds in SECONDS:
-            page.evaluate(f"location.hash = '#t={seconds:.1f}&{VIEWPOINT}{at}'")
+            page.evaluate(f"location.hash = '#t={seconds:.1f}&{VIEWPOINT}'")
             page.evaluate(DRAWN)
             drawn = PIL.Image.open(io.BytesIO(page.screenshot())).convert("RGB")
             frames.append(drawn.resize(FILM, PIL.Image.Resampling.LANCZOS))

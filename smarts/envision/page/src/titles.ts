@@ -28,10 +28,10 @@ export function cutShort({ isLive, hasEnded, isComplete, remark }: View["recordi
 export function subtitle(view: View): string {
   const { facts } = view.recording;
   const parts = [
+    cutShort(view.recording),
     facts.traffic && `traffic ${String(facts.traffic)}`,
     facts.seed !== undefined && `seed ${String(facts.seed)}`,
     facts.episode !== undefined && `episode ${String(facts.episode)}`,
-    cutShort(view.recording),
   ];
   return parts.filter(Boolean).join(" · ") || describe(view.id, view.recording, "").label;
 }
