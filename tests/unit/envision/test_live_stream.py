@@ -405,8 +405,8 @@ def test_one_who_comes_after_a_simulation_has_gone_sees_its_end(server):
         assert not end["is_complete"]
 
 
-def test_what_viewers_get_is_small(server):
-    """A scene of 29 vehicles, all numbers of which change, on the wire."""
+def test_states_of_vehicles_are_small(server):
+    """29 vehicles, all numbers of which change, on the wire; tables of agents and newcomers come on top."""
     rng = np.random.default_rng(1)
     with publisher(server) as simulation, viewer(server) as browser:
         simulation.send(pack(the_map()))
