@@ -12,7 +12,6 @@ import os
 import socket
 import time
 import weakref
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -42,8 +41,6 @@ MOST_SHOWN = 9
 """Simulations of a process that are sent: the first ones."""
 INTERVAL = 1 / 60
 """From one frame of a simulation to the next, at least [s]."""
-_MOST_EXTRAS = 64
-"""Annotations, each of all agents, that wait for the next frame; of more, the newest."""
 _numbers = itertools.count()
 
 
@@ -65,10 +62,8 @@ class _Row:
     """Generation of the vehicle in each slot whose name was sent, 0 for none."""
     outcomes: dict[int, tuple[int, ...]] = field(default_factory=dict)
     """Agent's number -> step, outcome, slot and generation of the vehicle that it collided with."""
-    extras: deque[tuple[str, int, list[int], list[list[float]]]] = field(
-        default_factory=lambda: deque(maxlen=_MOST_EXTRAS)
-    )
-    """Name, step, agent_ids, values of each."""
+    extras: dict[str, tuple[int, NDArray, NDArray]] = field(default_factory=dict)
+    """Name -> step, agent_ids (N,) and values (N, ...) of the newest annotation."""
     sight: PublishedSight = field(default_factory=PublishedSight)
 
 
@@ -135,7 +130,7 @@ class EpisodePublisher:
                 self._end(shown, True, "")
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
-        """Send what an algorithm says with the next frame; as in `EpisodeRecorder`.
+        """Send what an algorithm says with the next frame, of each name the newest; as in `EpisodeRecorder`.
 
         Of what agents observe, that of `observers` is sent.
         """
@@ -150,8 +145,8 @@ class EpisodePublisher:
                 continue
             chosen = np.flatnonzero(agent_ids[row])
             if len(chosen):
-                numbers = table[row, chosen].reshape(len(chosen), -1).tolist()
-                shown.extras.append((name, int(steps[row]), chosen.tolist(), numbers))
+                # Fancy indexing copies: the caller may reuse its array.
+                shown.extras[name] = int(steps[row]), chosen, table[row, chosen]
 
     def finish(self, env_mask: Bools) -> None:
         """Do nothing: rewards of the last decision come after the last frame."""
@@ -224,9 +219,8 @@ class EpisodePublisher:
             "signals": self._signals(row),
             "bubbles": self._bubbles(row, shown, frame),
             "extras": [
-                (name, step, agent_id, values)
-                for name, step, agent_ids, table in shown.extras
-                for agent_id, values in zip(agent_ids, table, strict=True)
+                (name, step, agent_ids.tolist(), values.reshape(len(agent_ids), -1).tolist())
+                for name, (step, agent_ids, values) in shown.extras.items()
             ],
             "observations": self._observations(row, shown, frame),
         }

@@ -184,7 +184,11 @@ def _rows(table: Table, data: Any) -> dict[str, Any]:
 
 
 def _extras(extras: Any) -> dict[str, Any]:
-    rows = [(int(step), int(agent), str(name), [*map(float, values)]) for name, step, agent, values in extras]
+    rows = [
+        (int(step), int(agent), str(name), [*map(float, values)])
+        for name, step, agents, table in extras
+        for agent, values in zip(agents, table, strict=True)
+    ]
     columns = zip(*rows, strict=True) if rows else ((), (), (), ())
     return dict(zip(("step", "agent_id", "name", "values"), map(list, columns), strict=True))
 

@@ -144,4 +144,4 @@ def test_a_recording_is_played_elsewhere_by_the_installed_package_alone(wheel, t
     assert played["names"] == ["agent-0", "agent-1"]
     assert played["loaded"]
     assert all(Path(file).is_relative_to(site) for file in played["loaded"])
-    assert page.read_text().count('type="application/octet-stream"') == 1
+    assert page.read_text().count('<script type="application/octet-stream"') == 1
