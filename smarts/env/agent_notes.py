@@ -81,15 +81,21 @@ class RewardNotes:
         self._mask = np.zeros(runner.alive.shape, np.bool_)
         self._mask[:, columns] = has_terms
         self._terms = RewardTerms(context, weights) if weights is not None and any(has_terms) else None
+        self._is_followed = np.zeros(runner.alive.shape, np.bool_)  # from the beginning of its episode
 
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Accumulate a step of a decision."""
-        if self._terms is not None:
+        if self._terms is None or not self._is_followed.any():
+            return
+        if self._runner.wants_terms:
             self._terms.collect(frame, is_last)
+        else:
+            self._is_followed[:] = False
 
     def reset(self, egos: Bools) -> None:
-        """Begin episodes of these egos, shape (B, E)."""
+        """Begin episodes of these egos, shape (B, E); their terms are followed if they are wanted now."""
         if self._terms is not None:
+            self._is_followed[egos] = self._runner.wants_terms
             self._terms.reset(egos[:, self._agent_ids])
 
     def before_decision(self) -> None:
@@ -97,13 +103,13 @@ class RewardNotes:
 
     def rewards(self) -> dict[str, NDArray]:
         """Return the terms of the last decision by the names of annotations, shape (B, E) each."""
-        terms = {} if self._terms is None else self._terms.values
+        terms = {} if self._terms is None or not self._is_followed.any() else self._terms.values
         return {f"{REWARD_TERM}{name}": self._wide(values) for name, values in terms.items()}
 
     @property
     def mask(self) -> Bools:
         """The agents with terms, shape (B, E)."""
-        return self._mask
+        return self._mask & self._is_followed
 
     def _wide(self, values: NDArray) -> NDArray:
         """Return values of the group's agents as values of all egos, 0 elsewhere."""

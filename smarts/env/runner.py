@@ -155,6 +155,11 @@ class SimulationRunner:
         return self._recorder is not None
 
     @property
+    def wants_terms(self) -> bool:
+        """Whether the terms of rewards are to be recorded or shown."""
+        return self._recorder is not None and self._recorder.wants_terms
+
+    @property
     def observers(self) -> Bools:
         """Active egos whose observations are to be recorded or shown now, shape (B, E)."""
         if self._recorder is None:

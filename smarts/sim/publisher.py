@@ -102,6 +102,11 @@ class EpisodePublisher:
             mask[row, shown.sight.agent_ids] = True
         return mask
 
+    @property
+    def wants_terms(self) -> bool:
+        """Whether a viewer looks at an agent, and so at the terms of its reward."""
+        return bool(self._outlet.observed)
+
     def record(self, frame: Frame) -> None:
         """Send what is due of a frame, before the next step overwrites it."""
         self._prepare()

@@ -142,6 +142,7 @@ class EpisodeRecorder:
         self._scene, self._pool, self._policies = scene, pool, tuple(policies)
         self.observers = np.zeros((worlds, agents), np.bool_)
         self.observers[:, list(observers)] = True
+        self.wants_terms = True
         self._store = EpisodeStore(folder)
         self._thread = WriterThread(str(folder))
         self._episodes: list[_Episode | None] = [None] * worlds

@@ -21,6 +21,11 @@ class AnnotatedRecorder(Protocol):
         """Agents whose observations are wanted now, shape (B, A)."""
         ...
 
+    @property
+    def wants_terms(self) -> bool:
+        """Whether the terms of rewards are wanted now."""
+        ...
+
     def record(self, frame: Frame) -> None:
         """Take what is wanted out of a frame, before the next step overwrites it."""
         ...
@@ -52,6 +57,11 @@ class Recorders:
     def observers(self) -> Bools:
         """Agents whose observations one of them wants now, shape (B, A)."""
         return np.logical_or.reduce([part.observers for part in self._parts])
+
+    @property
+    def wants_terms(self) -> bool:
+        """Whether one of them wants the terms of rewards now."""
+        return any(part.wants_terms for part in self._parts)
 
     def record(self, frame: Frame) -> None:
         """Give all of them a frame."""
