@@ -162,9 +162,8 @@ class SimulationRunner:
     @property
     def observers(self) -> Bools:
         """Active egos whose observations are to be recorded or shown now, shape (B, E)."""
-        if self._recorder is None:
-            return np.zeros_like(self.alive)
-        return self._recorder.observers[:, : self.world.egos] & self.alive
+        wanted = False if self._recorder is None else self._recorder.observers[:, : self.world.egos]
+        return self.alive & wanted
 
     def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
         """Begin episodes in some simulations, by row.
