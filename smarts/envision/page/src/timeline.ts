@@ -122,7 +122,7 @@ export class Timeline {
     const text = clock.hasEnded ? "ended" : "live";
     if (this.live.textContent !== text) this.live.textContent = text;
     this.live.toggleAttribute("data-ended", clock.hasEnded);
-    this.live.setAttribute("aria-label", isOn ? text : clock.hasEnded ? "to the end" : "back to live");
+    this.live.setAttribute("aria-label", isOn ? text : "back to live");
     this.drawMarks();
   }
 
