@@ -49,16 +49,16 @@ build-scenario: $(INSTALLED)  ## build one scenario by hand: make build-scenario
 docs: $(INSTALLED)  ## build the documents: site/index.html, which needs no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --clean
 
-pictures: $(INSTALLED)  ## draw the sheet of all scenarios and the film that the README shows
+pictures: $(INSTALLED)  ## draw the sheet of all scenarios, and the film and pictures of the README in Envision
 	$(BIN)/smarts-bench scenario show --all --out docs/scenarios.png
 	episodes=$$(mktemp -d) && trap 'rm -rf "$$episodes"' EXIT && \
 	$(BIN)/smarts-bench scripted gap_acceptance --scenario intersection --episodes 1 --record "$$episodes" && \
-	$(BIN)/smarts-bench render "$$episodes"/gap_acceptance/intersection/seed42_world2000000_episode00000~2 \
-		--out docs/driving.gif --width 420 --every 5 --speed 2 --end 22 && \
+	$(BIN)/smarts-bench view "$$episodes"/gap_acceptance/intersection/seed42_world2000000_episode00000~2 \
+		--out "$$episodes"/driving.smarts && \
+	$(BIN)/python -m tests.envision.screenshots docs "$$episodes"/driving.smarts && \
 	$(BIN)/python examples/bubbles.py "$$episodes"/bubbles && \
 	$(BIN)/smarts-bench render "$$episodes"/bubbles/seed42_world0_episode00000 --at 10 \
 		--out docs/bubble.png --width 800
-	$(BIN)/python -m tests.envision.screenshots docs
 
 page:  ## build the page that shows episodes, smarts/envision/viewer.html, from its sources (needs Node 20)
 	cd smarts/envision/page && npm ci --no-audit --no-fund && npm run build

@@ -130,10 +130,11 @@ class VectorJointEnv(Protocol):
     """B parallel multi-agent environments, stepped together, with same-step auto-reset.
 
     Optional methods: `get_state() -> Any` (picklable) and `set_state(state)`, which make continued training
-    after a restore exact; `annotate(name, values)`, by which evaluations pass to an environment that records
-    its episodes what the next step's actions were sampled from: per block, "probabilities" (B, n, A) or
-    "mean_std" (B, n, 2, k), None for the blocks that have the other. A vector environment that continues with
-    another index where an episode fails has an attribute `worlds`, the present indices, shape (B,).
+    after a restore exact; `annotate(name, values)`, which tells an environment that records or shows its
+    episodes what the next step's actions were sampled from: per block, "probabilities" (B, n, A), or "mean"
+    and "std" (B, n, k), bounded actions in [-1, 1]; None for the blocks that have the other.
+    A vector environment that continues with another index where an episode fails has an attribute `worlds`,
+    the present indices, shape (B,).
     """
 
     num_envs: int

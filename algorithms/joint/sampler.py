@@ -18,7 +18,7 @@ from algorithms.joint.masks import same_trajectory
 from algorithms.joint.policies import Policies
 from algorithms.joint.progress import Episode, EpisodeProgress
 from algorithms.joint.rollout import JointRollout, View
-from algorithms.joint.spaces import to_env
+from algorithms.joint.spaces import Action, to_env
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration, SampledActions
 
@@ -126,6 +126,7 @@ class Sampler:
             if rollout.log_prob is not None:
                 parts = [chosen.log_prob for chosen in acting if chosen.log_prob is not None]
                 rollout.log_prob[t] = parts[0] if len(parts) == 1 else torch.cat(parts, 1)
+            self._annotate(acting)
             step = self._step(self._in_env_units([actions[t] for actions in rollout.actions]))
             rollout.write(t, step)
         self._clear_inactive(rollout)
@@ -225,14 +226,18 @@ class Sampler:
         return acting
 
     def _annotate(self, acting: Sequence[SampledActions]) -> None:
+        """Tell the environment what the next actions were sampled from, if it takes that."""
         annotate = getattr(self.env, "annotate", None)
         if annotate is None:
             return
-        given = [chosen.distribution.numpy() for chosen in acting]
-        discrete = [isinstance(block.action, Discrete) for block in self.spec.spaces.blocks]
-        for name, wanted in (("probabilities", True), ("mean_std", False)):
-            if wanted in discrete:
-                annotate(name, [g if d == wanted else None for g, d in zip(given, discrete, strict=True)])
+        blocks = [
+            _distribution_parts(block.action, chosen.distribution.numpy())
+            for chosen, block in zip(acting, self.spec.spaces.blocks, strict=True)
+        ]
+        for name in ("probabilities", "mean", "std"):
+            given = [parts.get(name) for parts in blocks]
+            if any(each is not None for each in given):
+                annotate(name, given)
 
     def _step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
         before = self._view()
@@ -363,6 +368,13 @@ class Sampler:
             column += len(block.agents)
         if rollout.log_prob is not None:
             rollout.log_prob *= alive
+
+
+def _distribution_parts(space: Action, distribution: np.ndarray) -> dict[str, np.ndarray]:
+    """Return what `annotate` takes of a block's distribution, by name; see `VectorJointEnv`."""
+    if isinstance(space, Discrete):
+        return {"probabilities": distribution}
+    return {"mean": distribution[:, :, 0], "std": distribution[:, :, 1]}
 
 
 def _copied(view: View) -> View:

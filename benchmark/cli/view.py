@@ -115,6 +115,10 @@ def _write_notable(library: EpisodeLibrary, html: Path) -> None:
         typer.echo(f"{page}: {notable.label}")
     for entry, why in written.left_out:
         _say_left_out(f"{entry.run}/{entry.label}", why)
+    last = max(1, len({page for _, page in written.pages}))
+    further = html.with_stem(f"{html.stem}-{last + 1}")
+    if further.exists():
+        typer.echo(f"{further} was there before, and is no page of these episodes", err=True)
 
 
 def _undamaged(paths: list[Path], begin: float | None, end: float | None) -> Iterator[Embedded]:

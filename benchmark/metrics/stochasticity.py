@@ -8,7 +8,7 @@ from smarts.types.actions import ActionSpaceType, LaneAction
 
 PROBABILITIES, DEVIATION = "probabilities", "std"
 """Names of extras. Probabilities are those of all actions in the sampling distribution, whatever the mode of
-evaluation; deviations are those of actions after squashing to [-1, 1]."""
+evaluation; deviations are those of actions whose range counts as -1 to 1."""
 
 
 def measure(episode: EpisodeData) -> Columns:

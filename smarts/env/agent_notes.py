@@ -59,13 +59,13 @@ class RewardTerms:
 
 
 class RewardNotes:
-    """Adds to the record what the rewards of chosen agents consist of.
+    """Adds to the record what the rewards of agents consist of.
 
     Args:
         context: Of some egos.
         runner: Of the environment.
         columns: Of these egos.
-        is_chosen: Which of them are chosen, shape (G,).
+        has_terms: Whose rewards are the weighted ones, shape (G,).
         weights: Of the reward; None: it is the user's own.
     """
 
@@ -74,22 +74,28 @@ class RewardNotes:
         context: AdapterContext,
         runner: SimulationRunner,
         columns: slice,
-        is_chosen: Sequence[bool],
+        has_terms: Sequence[bool],
         weights: RewardWeights | None,
     ) -> None:
         self._agent_ids, self._columns, self._runner = context.agent_ids, columns, runner
         self._mask = np.zeros(runner.alive.shape, np.bool_)
-        self._mask[:, columns] = is_chosen
-        self._terms = None if weights is None else RewardTerms(context, weights)
+        self._mask[:, columns] = has_terms
+        self._terms = RewardTerms(context, weights) if weights is not None and any(has_terms) else None
+        self._is_followed = np.zeros(runner.alive.shape, np.bool_)  # from the beginning of its episode
 
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Accumulate a step of a decision."""
-        if self._terms is not None:
+        if self._terms is None or not self._is_followed.any():
+            return
+        if self._runner.wants_terms:
             self._terms.collect(frame, is_last)
+        else:
+            self._is_followed[:] = False
 
     def reset(self, egos: Bools) -> None:
-        """Begin episodes of these egos, shape (B, E)."""
+        """Begin episodes of these egos, shape (B, E); their terms are followed if they are wanted now."""
         if self._terms is not None:
+            self._is_followed[egos] = self._runner.wants_terms
             self._terms.reset(egos[:, self._agent_ids])
 
     def before_decision(self) -> None:
@@ -97,13 +103,13 @@ class RewardNotes:
 
     def rewards(self) -> dict[str, NDArray]:
         """Return the terms of the last decision by the names of annotations, shape (B, E) each."""
-        terms = {} if self._terms is None else self._terms.values
+        terms = {} if self._terms is None or not self._is_followed.any() else self._terms.values
         return {f"{REWARD_TERM}{name}": self._wide(values) for name, values in terms.items()}
 
     @property
     def mask(self) -> Bools:
-        """The agents, shape (B, E)."""
-        return self._mask
+        """The agents with terms, shape (B, E)."""
+        return self._mask & self._is_followed
 
     def _wide(self, values: NDArray) -> NDArray:
         """Return values of the group's agents as values of all egos, 0 elsewhere."""
@@ -113,40 +119,49 @@ class RewardNotes:
 
 
 class AgentNotes(RewardNotes):
-    """Adds to the record what chosen agents observe, too.
+    """Adds to the record what agents observe, too, where it is asked for.
 
     Args:
         group: The agents that have one adapter.
         runner: Of the environment.
-        chosen: Names of the agents.
-        weights: Of the reward; None: it is the user's own.
+        has_terms: See `RewardNotes`.
+        weights: See `RewardNotes`.
     """
 
     def __init__(
         self,
         group: AgentGroup,
         runner: SimulationRunner,
-        chosen: Sequence[str],
+        has_terms: Sequence[bool],
         weights: RewardWeights | None,
     ) -> None:
-        super().__init__(
-            group.context, runner, group.columns, [name in chosen for name in group.agents], weights
-        )
+        super().__init__(group.context, runner, group.columns, has_terms, weights)
         self._adapter = group.adapter
+        self._group = np.zeros(runner.alive.shape, np.bool_)
+        self._group[:, group.columns] = True
 
     def before_decision(self) -> None:
         """Record what the agents observe as they decide."""
+        wanted = self._runner.observers & self._group
+        if not wanted.any():
+            return
         for name, values in self._adapter.observations.items():
             flat = values.reshape(*values.shape[:2], -1)
-            self._runner.annotate(f"{OBSERVED}{name}", self._wide(flat), self._mask)
+            self._runner.annotate(f"{OBSERVED}{name}", self._wide(flat), wanted)
 
 
 def note_agents(runner: SimulationRunner, groups: Sequence[AgentGroup], settings: EnvSettings) -> None:
-    """Have the agents of `Options.record_observations` recorded in full."""
-    chosen = settings.simulation.record_observations if settings.simulation is not None else ()
+    """Have the terms of rewards recorded, and the observations of the agents that are asked for.
+
+    An environment that is neither recorded nor shown has no notes.
+    """
+    if not runner.is_recorded:
+        return
+    specs, weights = settings.specs(), _weights(settings)
     for group in groups:
-        if set(chosen) & set(group.agents):
-            runner.note(AgentNotes(group, runner, chosen, _weights(settings)))
+        # The terms of a reward that a spec's adapter makes are its own business.
+        has_terms = ["reward" not in specs[name].own_adapters for name in group.agents]
+        runner.note(AgentNotes(group, runner, has_terms, weights))
 
 
 def _weights(settings: EnvSettings) -> RewardWeights | None:

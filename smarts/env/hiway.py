@@ -26,7 +26,7 @@ from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed
 from smarts.rewards.own import Reward
 from smarts.rewards.weights import Rewards, given_weights
-from smarts.sim.options import Options, shown
+from smarts.sim.options import Options
 from smarts.types.actions import ActionSpaceType
 from smarts.types.streams import check_seed
 
@@ -43,8 +43,7 @@ class HiWayEnv(NotCopied, gym.Env):
     Args:
         scenarios: Folders, or names of the suite; they are played in a seeded order.
         agent_specs: The agents' specs, or their interfaces alone, by name.
-        headless: False shows the episodes in the browser of `smarts-bench view --live` on this machine;
-            `simulation` or SMARTS_ENVISION may name another one.
+        headless: False is `envision=True`.
         decision_interval: Steps of 0.1 s from one decision to the next.
         sim_name: Without effect. Kept so that the original's calls work.
         seed: See `EnvSettings`, as for `simulation` and `traffic`.
@@ -54,6 +53,7 @@ class HiWayEnv(NotCopied, gym.Env):
         learn_in_bubbles: See `EnvSettings`. An agent ends where its vehicle leaves the bubble, and appears
             again with another; there are steps without any agent.
         episode_time: See `EnvSettings`.
+        envision: See `EnvSettings`.
         render_mode: `"rgb_array"`: `render` returns pictures; `"human"`: each step is shown in a window or a
             notebook.
 
@@ -77,6 +77,7 @@ class HiWayEnv(NotCopied, gym.Env):
         social_agents: Sequence[Any] = (),
         learn_in_bubbles: bool | Sequence[str] = False,
         episode_time: float | None = None,
+        envision: bool | str | None = None,
         render_mode: RenderMode | None = None,
     ) -> None:
         check_render_mode(render_mode, "HiWayEnv")
@@ -86,11 +87,12 @@ class HiWayEnv(NotCopied, gym.Env):
             agent_specs,
             seed=seed,
             decision_interval=decision_interval,
-            simulation=simulation if headless else shown(simulation),
+            simulation=simulation,
             traffic=traffic,
             social_agents=social_agents,
             learn_in_bubbles=learn_in_bubbles,
             episode_time=episode_time,
+            envision=True if envision is None and not headless else envision,
         )
         self._env = ObjectDictEnv(settings)
         self._interfaces = settings.interfaces()
@@ -203,10 +205,9 @@ class ObjectDictEnv(DictEnv):
             assembly, [self._metres, self._collector], period=settings.decision_interval
         )
         super().__init__(runner, list(interfaces), list(interfaces), settings.specs(), settings.seed)
-        chosen = settings.simulation.record_observations if settings.simulation is not None else ()
-        # The terms of a reward that a spec's adapter makes are its own business.
-        has_terms = [name in chosen and "reward" not in self.specs[name].own_adapters for name in interfaces]
-        if any(has_terms):
+        if runner.is_recorded:
+            # The terms of a reward that a spec's adapter makes are its own business.
+            has_terms = ["reward" not in self.specs[name].own_adapters for name in interfaces]
             columns = slice(0, len(interfaces))
             runner.note(RewardNotes(context, runner, columns, has_terms, given_weights(_REWARD)))
 

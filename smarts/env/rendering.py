@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -28,8 +27,13 @@ def check_render_mode(mode: str | None, environment: str) -> None:
     """Check a render mode before anything is built.
 
     Raises:
-        SmartsError: It is unknown.
+        SmartsError: It is unknown, or there is nowhere to show a picture.
     """
+    if mode == "human":
+        # Only those who watch wait for it.
+        from smarts.envision.window import check_window
+
+        check_window()
     if mode is not None and mode not in RENDER_MODES:
         raise SmartsError(
             f"the render mode is {mode!r}",
@@ -104,5 +108,5 @@ class Renderer:
             # Only those who watch wait for it.
             from smarts.envision.window import window
 
-            self._window = window("ipykernel" in sys.modules)
+            self._window = window()
         self._window.show(image)

@@ -15,7 +15,6 @@ from smarts.env.dict_env import StepResult
 from smarts.env.runner import NotCopied
 from smarts.env.settings import ALL, EnvSettings, refuse_bubbles
 from smarts.errors import SmartsError, nearest_names
-from smarts.sim.options import shown
 from smarts.types.streams import check_seed
 
 _OLD_NAMES = {"agent_specs": "agents"}
@@ -43,8 +42,8 @@ def settings_of(config: Mapping[str, Any]) -> EnvSettings:
         raise SmartsError("agents and agent_specs are both there", place="env_config", remedy="give one")
     if "scenarios" not in given:
         raise SmartsError("there are no scenarios", place="env_config", remedy="give {'scenarios': ['loop']}")
-    if config.get("headless") is False:
-        given["simulation"] = shown(given.get("simulation"))
+    if config.get("headless") is False and given.get("envision") is None:
+        given["envision"] = True
     return EnvSettings(**given)
 
 
@@ -56,8 +55,8 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
 
     Args:
         config: `scenarios`, `agent_specs` (specs or interfaces by name, or how many agents of the benchmark),
-            `seed`, `action_mask`, and the other fields of `EnvSettings`. `headless` False shows the
-            episodes, as in `HiWayEnv`.
+            `seed`, `action_mask`, and the other fields of `EnvSettings`. `headless` False is
+            `envision` True.
 
     Raises:
         SmartsError: The configuration is invalid.

@@ -149,6 +149,22 @@ class SimulationRunner:
         self._notes.append(notes)
         self.listen(notes)
 
+    @property
+    def is_recorded(self) -> bool:
+        """Whether the episodes are recorded or shown."""
+        return self._recorder is not None
+
+    @property
+    def wants_terms(self) -> bool:
+        """Whether the terms of rewards are to be recorded or shown."""
+        return self._recorder is not None and self._recorder.wants_terms
+
+    @property
+    def observers(self) -> Bools:
+        """Active egos whose observations are to be recorded or shown now, shape (B, E)."""
+        wanted = False if self._recorder is None else self._recorder.observers[:, : self.world.egos]
+        return self.alive & wanted
+
     def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
         """Begin episodes in some simulations, by row.
 

@@ -30,6 +30,7 @@ from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed, feature_list
 from smarts.rewards.own import Reward, check_reward
 from smarts.sim.assembly import Assembly, Options, assemble
+from smarts.sim.options import check_envision, shown
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.agent_states import agent_names
@@ -54,6 +55,7 @@ class SimulationOptions(TypedDict, total=False):
     hosts: Mapping[str, Any]
     learn_in_bubbles: bool | Sequence[str]
     episode_time: float | None
+    envision: bool | str | None
 
 
 class EnvOptions(SimulationOptions, total=False):
@@ -115,6 +117,10 @@ class EnvSettings:
     in these bubbles. `agents` says how many at a time."""
     episode_time: float | None = None
     """Length of episodes in which agents learn in bubbles [s]."""
+    envision: bool | str | None = None
+    """True shows the simulations in the browser of `smarts-bench view --live`, on this machine unless
+    `simulation` or SMARTS_ENVISION names another; "host:port" in that one; False in none. None: as
+    `simulation` says."""
     action_mask: bool = False
     """Whether observations by name hold the mask of lane actions too; it is in the infos anyway."""
 
@@ -131,6 +137,7 @@ class EnvSettings:
         check_truth("action_mask", self.action_mask)
         if self.simulation is not None:
             check_instance("simulation", self.simulation, Options, "smarts.sim.assembly.Options(...)")
+        check_envision(self.envision)
         feature_list(self.observation)
         if self.reward is not None:
             check_reward(self.reward)
@@ -216,7 +223,7 @@ class EnvSettings:
             looked_at=observed,
             worlds=self.num_envs,
             seed=self.seed,
-            options=self.simulation,
+            options=shown(self.simulation, self.envision),
         )
 
     def _cast(

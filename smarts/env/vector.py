@@ -175,7 +175,7 @@ class VectorHiWayEnv(NotCopied):
                 are ignored.
         """
         for group, given in zip(self._groups, values, strict=True):
-            if given is not None:
+            if given is not None and self._runner.is_recorded:
                 given = np.asarray(given)
                 numbers = np.zeros((*self._none.shape, *given.shape[2:]))
                 numbers[:, group.columns] = given

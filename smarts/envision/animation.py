@@ -50,7 +50,7 @@ def write_moving(images: Iterable[Image], out: Path, seconds: float) -> int:
     Returns the number of frames in the file; a .gif holds equal frames that follow each other as one.
 
     Args:
-        images: The frames, all of the same even width and height.
+        images: The frames, all of one size; an .mp4 lacks the last row or column of an odd number.
         out: The file; its suffix is one of `MOVING`.
         seconds: Duration of each frame, clipped to `LONGEST_SHOWN` [s].
 
@@ -84,6 +84,8 @@ def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> int:
     from av.error import FFmpegError
     from av.video.stream import VideoStream
 
+    # Colours have half the resolution: an odd row or column would have none.
+    images = (image[: len(image) & ~1, : image.shape[1] & ~1] for image in images)
     first = next(images)
     frames = 0
     rate = Fraction(1 / seconds).limit_denominator(1000)
@@ -94,7 +96,8 @@ def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> int:
             stream.height, stream.width = first.shape[:2]
             stream.pix_fmt = "yuv420p"
             for image in chain([first], images):
-                container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+                whole = np.ascontiguousarray(image)
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(whole, format="rgb24")))
                 frames += 1
             container.mux(stream.encode(None))
     except FFmpegError as error:

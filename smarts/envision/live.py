@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 import json
 import logging
 import time
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from smarts.envision.viewers import MOST_REQUEST, Packed, Request, Viewer, packed_message
 from smarts.errors import RecordError, SmartsError
 from smarts.stream.arrays import unpacked_array
 from smarts.stream.container import Message, pack, unpack
@@ -23,14 +24,10 @@ from smarts.stream.road_map import LANE_COLUMNS, MOST_MAPS
 
 MOST_SOURCES = 32
 """Simulations that are known at a time."""
-MOST_WATCHED = 9
-"""Simulations that one viewer watches."""
-MOST_WAITING = 8 << 20
-"""Bytes that wait for one viewer; beyond, all are dropped, and it gets a snapshot when it has caught up."""
-STALLED = 30.0
-"""A viewer that takes nothing for so long is disconnected [s]."""
-MOST_REQUEST = 4096
-"""Bytes of what a viewer sends."""
+MOST_REFUSED = 10_000
+"""Simulations of one process that are counted and not shown."""
+MOST_OBSERVED = 4
+"""Agents of one simulation whose observations are asked for."""
 MOST_REQUESTS = 20
 """That a viewer sends in a second."""
 KEPT = 60.0
@@ -69,37 +66,20 @@ class Source:
 
 
 @dataclass(eq=False)
-class Viewer:
-    """One browser."""
+class Publisher:
+    """One connection of a process that runs simulations."""
 
-    watched: tuple[str, ...] = ()
-    owed: deque[str] = field(default_factory=deque)
-    """Simulations of which it gets a snapshot next; until then, nothing else of them."""
-    is_stale: bool = False
-    waiting: deque[bytes] = field(default_factory=deque)
-    size: int = 0
+    maps: dict[int, Message] = field(default_factory=dict)
+    sources: set[str] = field(default_factory=set)
+    """Ids of its simulations that are shown."""
+    refused: set[str] = field(default_factory=set)
+    """And of those for which there was no room when their episodes began."""
+    unsent: int = 0
+    """Simulations that it does not send."""
+    observed: dict[str, list[int]] = field(default_factory=dict)
+    """Agents of its simulations whose observations it was asked for last."""
     news: asyncio.Event = field(default_factory=asyncio.Event)
-
-    def put(self, packed: bytes) -> None:
-        """Queue a message; if too much waits, drop all. One that waits alone is kept, however large."""
-        if self.is_stale:
-            return
-        self.waiting.append(packed)
-        self.size += len(packed)
-        if self.size > MOST_WAITING and len(self.waiting) > 1:
-            self.waiting.clear()
-            self.size, self.is_stale = 0, True
-        self.news.set()
-
-    def owe(self, number: str) -> None:
-        """Queue a snapshot of a simulation, which is made when its turn has come."""
-        if number not in self.owed:
-            self.owed.append(number)
-        self.news.set()
-
-    def follows(self, number: str) -> bool:
-        """Return whether it gets each frame of a simulation."""
-        return number in self.watched and number not in self.owed and not self.is_stale
+    """Set when it may have to be asked for other ones."""
 
 
 class LiveHub:
@@ -108,6 +88,7 @@ class LiveHub:
     def __init__(self) -> None:
         self._sources: dict[str, Source] = {}
         self._viewers: set[Viewer] = set()
+        self._publishers: set[Publisher] = set()
         self._listing: asyncio.Task | None = None
 
     async def publish(self, socket: WebSocket) -> None:
@@ -118,11 +99,12 @@ class LiveHub:
             return
         await socket.accept()
         self._start_listing()
-        maps: dict[int, Message] = {}
-        mine: set[str] = set()
+        publisher = Publisher()
+        self._publishers.add(publisher)
+        asking = asyncio.create_task(self._keep_asking(socket, publisher))
         try:
             while True:
-                self._take(unpack(await socket.receive_bytes()), maps, mine)
+                self._take(unpack(await socket.receive_bytes()), publisher)
         except (WebSocketDisconnect, RuntimeError, AssertionError):
             pass
         # A message that was made with care can raise anything: its sender is at fault, whatever it is.
@@ -131,7 +113,9 @@ class LiveHub:
             with contextlib.suppress(RuntimeError):
                 await socket.close(_POLICY, text.encode(errors="replace")[:120].decode(errors="ignore"))
         finally:
-            for number in mine & self._sources.keys():
+            asking.cancel()
+            self._publishers.discard(publisher)
+            for number in publisher.sources & self._sources.keys():
                 # One that cannot be ended, or is forgotten, leaves the others what they are.
                 try:
                     self._lose(self._sources[number])
@@ -142,10 +126,10 @@ class LiveHub:
         """Send one viewer what it watches until it is gone."""
         await socket.accept()
         self._start_listing()
-        viewer = Viewer()
+        viewer = Viewer(socket)
         self._viewers.add(viewer)
         viewer.put(self._list())
-        tasks = {asyncio.create_task(each(socket, viewer)) for each in (self._listen, self._send)}
+        tasks = {asyncio.create_task(each(viewer)) for each in (self._listen, self._send)}
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
@@ -153,71 +137,98 @@ class LiveHub:
                     task.result()
         finally:
             self._viewers.discard(viewer)
+            self._ask_again()
             for task in tasks:
                 task.cancel()
 
-    async def _listen(self, socket: WebSocket, viewer: Viewer) -> None:
+    async def _listen(self, viewer: Viewer) -> None:
         times: deque[float] = deque(maxlen=MOST_REQUESTS)
         while True:
-            received = await socket.receive()
+            received = await viewer.socket.receive()
             if received["type"] == "websocket.disconnect":
                 return
             text, now = received.get("text"), time.monotonic()
             size = len(text or "") + len(received.get("bytes") or b"")
             is_too_often = len(times) == MOST_REQUESTS and now - times[0] < 1.0
             times.append(now)
-            wanted = None if text is None or size > MOST_REQUEST else _wanted(text)
-            if size > MOST_REQUEST or is_too_often or wanted is None:
+            request = None if text is None or size > MOST_REQUEST else Request.parse(text)
+            if size > MOST_REQUEST or is_too_often or request is None:
                 reason = "too large" if size > MOST_REQUEST else "too often" if is_too_often else "no request"
-                await socket.close(_TOO_BIG if size > MOST_REQUEST else _POLICY, reason)
+                await viewer.socket.close(_TOO_BIG if size > MOST_REQUEST else _POLICY, reason)
                 return
-            new = [number for number in wanted if number not in viewer.watched]
-            viewer.watched = wanted
+            new = [number for number in request.watched if number not in viewer.request.watched]
+            viewer.request = request
             for number in new:
                 viewer.owe(number)
+            self._ask_again()
 
-    async def _send(self, socket: WebSocket, viewer: Viewer) -> None:
+    async def _send(self, viewer: Viewer) -> None:
         """Send what waits and what is owed; a viewer that has lost something gets all snapshots again."""
         while await viewer.news.wait():
             viewer.news.clear()
             while viewer.waiting or viewer.owed or viewer.is_stale:
                 if viewer.is_stale:
                     viewer.is_stale = False
-                    viewer.owed = deque(viewer.watched)
+                    viewer.owed = deque(viewer.request.watched)
                     viewer.put(self._list())
                 # What waits now goes first, since it is older than the next snapshot.
                 for _ in range(len(viewer.waiting)):
                     if not viewer.waiting:
                         break
-                    packed = viewer.waiting.popleft()
-                    viewer.size -= len(packed)
-                    if not await _is_taken(socket, packed):
+                    if not await viewer.send(viewer.take()):
                         return
                 if viewer.owed and not viewer.is_stale:
                     # One at a time, and beside what waits: together they may be more than that may be.
                     for packed in self._snapshot(viewer, viewer.owed.popleft()):
-                        if not await _is_taken(socket, packed):
+                        if not await viewer.send(packed):
                             return
 
-    def _snapshot(self, viewer: Viewer, number: str) -> list[bytes]:
+    def _snapshot(self, viewer: Viewer, number: str) -> list[Packed]:
         """Return all that a viewer needs that watches a simulation from now on."""
-        if number not in viewer.watched or number not in self._sources:
+        if number not in viewer.request.watched or number not in self._sources:
             return []
-        return [pack(message) for message in self._sources[number].encoder.snapshot()]
+        return [packed_message(message) for message in self._sources[number].encoder.snapshot()]
 
-    def _take(self, message: dict[str, Any], maps: dict[int, Message], mine: set[str]) -> None:
+    async def _keep_asking(self, socket: WebSocket, publisher: Publisher) -> None:
+        """Tell a publisher which agents' observations its viewers look at, whenever that changes."""
+        while await publisher.news.wait():
+            publisher.news.clear()
+            observed: dict[str, list[int]] = {}
+            for viewer in self._viewers:
+                for number, agent in viewer.request.observed.items():
+                    agents = observed.setdefault(number, [])
+                    if agent not in agents and len(agents) < MOST_OBSERVED:
+                        agents.append(agent)
+            observed = {number: sorted(observed[number]) for number in observed.keys() & publisher.sources}
+            if observed != publisher.observed:
+                publisher.observed = observed
+                # One that takes nothing is found by `publish`.
+                with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+                    await socket.send_text(json.dumps({"observe": observed}))
+
+    def _ask_again(self) -> None:
+        for publisher in self._publishers:
+            publisher.news.set()
+
+    def _take(self, message: dict[str, Any], publisher: Publisher) -> None:
         """Take one message of a publisher: the map first, then episodes, each with frames."""
         if message["type"] == "map":
-            x, y = map(float, message["origin"])
-            maps[int(message["map"])] = {**checked_map(message["message"]), "origin": [x, y]}
-            if len(maps) > MOST_MAPS:
+            publisher.maps[int(message["map"])] = checked_map(message["message"], message["origin"])
+            if len(publisher.maps) > MOST_MAPS:
                 raise RecordError(f"more than {MOST_MAPS} maps", place="a publisher")
+            return
+        if message["type"] == "unsent":
+            publisher.unsent = min(max(0, int(message["count"])), MOST_REFUSED)
             return
         number = str(message["source"])
         if message["type"] == "begin":
-            self._begin(number, message, maps, mine)
-            return
-        if number not in mine:
+            self._begin(number, message, publisher)
+        elif number not in publisher.refused:
+            self._continue(number, message, publisher)
+
+    def _continue(self, number: str, message: dict[str, Any], publisher: Publisher) -> None:
+        """Take a message of a simulation that has begun."""
+        if number not in publisher.sources:
             raise RecordError("a simulation that has not begun", place=number)
         source = self._sources[number]
         if int(message["serial"]) != source.encoder.serial:
@@ -231,15 +242,23 @@ class LiveHub:
         for made in source.encoder.take(message, is_watched=is_watched):
             self._relay(number, made)
 
-    def _begin(
-        self, number: str, message: dict[str, Any], maps: Mapping[int, Message], mine: set[str]
-    ) -> None:
+    def _has_room(self, number: str, publisher: Publisher) -> bool:
+        """Return whether a simulation is shown; the first ones are, and others when these are gone."""
         if number not in self._sources and len(self._sources) >= MOST_SOURCES:
             gone = [each for each in self._sources.values() if each.gone]
             if not gone:
-                raise RecordError(f"more than {MOST_SOURCES} simulations at a time", place=number)
+                if len(publisher.refused) < MOST_REFUSED:
+                    publisher.refused.add(number)
+                return False
             # Programs that make one environment after another.
             del self._sources[min(gone, key=lambda each: each.gone).id]
+        publisher.refused.discard(number)
+        return True
+
+    def _begin(self, number: str, message: dict[str, Any], publisher: Publisher) -> None:
+        maps, mine = publisher.maps, publisher.sources
+        if not self._has_room(number, publisher):
+            return
         if number in self._sources and number not in mine and not self._sources[number].gone:
             raise RecordError("a simulation of another process has the same id", place=number)
         facts = {str(name): value for name, value in message["facts"].items()}
@@ -262,13 +281,14 @@ class LiveHub:
         if before is not None:
             source.rate = before.rate
         mine.add(number)
+        publisher.news.set()
         for made in encoder.opening():
             self._relay(number, made)
 
     def _relay(self, number: str, message: Message) -> None:
         watching = [viewer for viewer in self._viewers if viewer.follows(number)]
         if watching:
-            packed = pack(message)
+            packed = packed_message(message)
             for viewer in watching:
                 viewer.put(packed)
 
@@ -300,20 +320,15 @@ class LiveHub:
                     viewer.put(packed)
 
     def _list(self) -> bytes:
-        return pack({"type": "sources", "sources": [source.row() for source in self._sources.values()]})
+        hidden = sum(len(each.refused) + each.unsent for each in self._publishers)
+        rows = [source.row() for source in self._sources.values()]
+        return pack({"type": "sources", "sources": rows, "hidden": hidden})
 
 
-async def _is_taken(socket: WebSocket, packed: bytes) -> bool:
-    """Send a message; return whether the viewer has taken it. One that takes nothing is told no good-bye."""
-    try:
-        await asyncio.wait_for(socket.send_bytes(packed), STALLED)
-    except (TimeoutError, WebSocketDisconnect, RuntimeError):
-        return False
-    return True
-
-
-def checked_map(message: Any) -> Message:
+def checked_map(message: Any, origin: Any) -> Message:
     """Return a publisher's map without what does not belong to it, since viewers get it as it is.
+
+    Its digest is made here: viewers keep maps by it, and two processes may give one to different maps.
 
     Raises:
         RecordError: It is no map; `KeyError`, `TypeError` and the like say the same.
@@ -329,25 +344,12 @@ def checked_map(message: Any) -> Message:
         length = len(unpacked_array(column))
         if length != {"start": lanes + 1, "x": start[-1], "y": start[-1]}.get(name, lanes):
             raise RecordError(f"a map whose column {name} has {length} values", place="a publisher")
-    return {
+    x, y = map(float, origin)
+    checked = {
         "type": "map",
-        "digest": str(message["digest"]),
         "bounds": [*map(float, message["bounds"])],
         "lanes": given,
         "edges": [*map(str, message["edges"])],
+        "origin": [x, y],
     }
-
-
-def _wanted(text: str) -> tuple[str, ...] | None:
-    """Return the ids in a viewer's request, None if it is none."""
-    try:
-        wanted = json.loads(text)["watch"]
-    except (ValueError, TypeError, KeyError, RecursionError):
-        return None
-    if (
-        not isinstance(wanted, list)
-        or len(wanted) > MOST_WATCHED
-        or not all(isinstance(w, str) for w in wanted)
-    ):
-        return None
-    return tuple(dict.fromkeys(wanted))
+    return {**checked, "digest": hashlib.sha256(pack(checked)).hexdigest()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import sys
 from typing import Any, Protocol
 
 import PIL.Image
@@ -23,13 +24,30 @@ class Window(Protocol):
         ...
 
 
-def window(is_notebook: bool) -> Window:
+def window() -> Window:
     """Return a place to show pictures at.
 
     Raises:
         SmartsError: There is neither a notebook nor a display.
     """
-    return NotebookOutput() if is_notebook else PlotWindow()
+    return NotebookOutput() if in_notebook() else PlotWindow()
+
+
+def check_window() -> None:
+    """Raise if there is no place to show pictures at.
+
+    Raises:
+        SmartsError: There is neither a notebook nor a display.
+    """
+    if not in_notebook():
+        _check_display()
+
+
+def in_notebook() -> bool:
+    """Return whether this is a notebook's process; a script may import what belongs to one."""
+    module = sys.modules.get("IPython")
+    shell = None if module is None else module.get_ipython()
+    return hasattr(shell, "kernel")
 
 
 class NotebookOutput:
@@ -64,15 +82,9 @@ class PlotWindow:
     """
 
     def __init__(self) -> None:
-        import matplotlib as mpl
         import matplotlib.pyplot as plt
 
-        if mpl.get_backend().lower() not in {name.lower() for name in _interactive()}:
-            raise SmartsError(
-                f"there is no display: matplotlib draws with {mpl.get_backend()}",
-                place='render_mode="human"',
-                remedy='give render_mode="rgb_array", or SMARTS_ENVISION and smarts-bench view --live',
-            )
+        _check_display()
         self._plots = plt
         self._figure = plt.figure()
         self._axes = self._figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -91,6 +103,17 @@ class PlotWindow:
     def close(self) -> None:
         """Close the window."""
         self._plots.close(self._figure)
+
+
+def _check_display() -> None:
+    import matplotlib.pyplot as plt
+
+    if plt.get_backend().lower() not in {name.lower() for name in _interactive()}:
+        raise SmartsError(
+            f"there is no display: matplotlib draws with {plt.get_backend()}",
+            place='render_mode="human"',
+            remedy='give render_mode="rgb_array", or envision=True and run smarts-bench view --live',
+        )
 
 
 def _interactive() -> list[str]:

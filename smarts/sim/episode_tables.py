@@ -16,6 +16,7 @@ from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart
 from smarts.types.episode_schema import AGENT_STATES, AGENTS, DECISIONS, TABLE
 from smarts.types.events import Outcome
+from smarts.types.frame import Frame
 
 Rows = Mapping[str, Sequence[Any] | NDArray]
 
@@ -166,3 +167,26 @@ def extras_table(extras: Sequence[tuple[str, int, Ints, Floats]]) -> Rows:
 def rows_by_name(table: str, rows: Floats) -> dict[str, Floats]:
     """Return the columns of rows of a table, shape (N, C), by name."""
     return {name: rows[:, number] for number, name in enumerate(TABLE[table].names)}
+
+
+def ending_of(frame: Frame, row: int, agent_id: int) -> Ending:
+    """Return how an agent has ended, while its vehicle is there."""
+    world, contacts, events = frame.world, frame.contacts, frame.events
+    ending = Ending(
+        outcome=int(world.agents.outcome[row, agent_id]),
+        terminated=bool(events.terminated[row, agent_id]),
+        truncated=bool(events.truncated[row, agent_id]),
+    )
+    slot = int(contacts.partner[row, agent_id])
+    if ending.outcome != Outcome.COLLISION or slot == UNSET:
+        return ending
+    holders = np.flatnonzero(world.agents.slot[row] == slot)
+    ending.partner_slot = slot
+    ending.partner_generation = int(contacts.partner_generation[row, agent_id])
+    ending.partner = world.registry.name(row, slot)
+    ending.partner_owner = int(world.vehicles.owner[row, slot])
+    ending.partner_agent_id = int(holders[0]) if len(holders) else UNSET
+    ending.side = int(contacts.side[row, agent_id])
+    ending.closing_speed = float(contacts.closing_speed[row, agent_id])
+    ending.substep = int(contacts.substep[row, agent_id])
+    return ending

@@ -23,22 +23,20 @@ Arrays = Mapping[str, NDArray]
 """Of one sensor and one agent, by field."""
 
 
-def observation_notes(frame: Frame, row: int, agent_ids: Sequence[int], origin: Floats) -> Iterator[Note]:
-    """Yield what agents of one simulation observe in a frame.
+def observation_notes(frame: Frame, row: int, seen: Mapping[int, int], origin: Floats) -> Iterator[Note]:
+    """Yield what agents of one simulation have observed last.
 
     Args:
         frame: The frame.
         row: Of the simulation.
-        agent_ids: The agents; those whose readings are not of this step are left out.
+        seen: The step in which each agent has observed, by agent_id.
         origin: What positions are relative to [m].
     """
-    step = int(frame.world.step[row])
-    seen = [each for each in agent_ids if frame.observe_mask[row, each]]
     for name, block in frame.readings.blocks.items() if seen else ():
         sensor = name.partition(":")[0]
         make = _SENSORS.get(sensor)
         places = frame.readings.agent_ids[name].tolist()
-        for agent_id in seen:
+        for agent_id, step in seen.items():
             if make is not None and agent_id in places:
                 place = places.index(agent_id)
                 arrays = {field: block[field][row, place] for field in block}

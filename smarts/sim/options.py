@@ -43,7 +43,7 @@ class Options:
     """Whether vehicles far from agents are recorded, too, in a table of their own."""
     record_observations: Sequence[str] = ()
     """Names of learning agents of which is recorded, too, what they observe: by the sensors of their
-    interfaces, as arrays, and the terms of their rewards."""
+    interfaces, and as arrays."""
     envision: str | None = None
     """Server of `smarts-bench view --live` that shows the simulations, as "host:port" or "token@host:port".
     It may come and go. None: what the environment variable SMARTS_ENVISION says; "": nowhere."""
@@ -108,10 +108,35 @@ class Options:
             )
 
 
-def shown(options: Options | None) -> Options:
-    """Return options that show the simulations in a browser, on this machine if nothing else is said."""
+def check_envision(envision: object) -> None:
+    """Raise unless a value says whether and where simulations are shown.
+
+    Raises:
+        SmartsError: It is neither a truth value nor None nor an address.
+    """
+    if isinstance(envision, str):
+        Address.parse(envision, "envision")
+    elif envision is not None and not isinstance(envision, bool):
+        raise SmartsError(
+            f"envision is {envision!r}",
+            place="envision",
+            remedy="give True to show the simulations, False not to, or the address of a viewer, host:port",
+        )
+
+
+def shown(options: Options | None, envision: bool | str | None) -> Options | None:
+    """Return options that show the simulations in a browser, or do not.
+
+    Args:
+        options: The simulations'.
+        envision: See `EnvSettings`; checked.
+    """
+    if envision is None:
+        return options
     options = options or Options()
-    if options.envision is None and not os.environ.get(ENVISION):
-        print(f"envision: shown by `smarts-bench view --live` at http://{VIEWER}", file=sys.stderr)
-        return replace(options, envision=VIEWER)
-    return options
+    if isinstance(envision, str) or not envision:
+        return replace(options, envision=envision or "")
+    if options.envision or (options.envision is None and os.environ.get(ENVISION)):
+        return options
+    print(f"envision: shown by `smarts-bench view --live` at http://{VIEWER}", file=sys.stderr)
+    return replace(options, envision=VIEWER)

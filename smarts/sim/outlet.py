@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import re
 import select
@@ -11,7 +12,7 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -82,6 +83,8 @@ class Outlet:
         """Grows whenever what was put before may not have arrived: all that lasts is to be put again."""
         self.is_open = False
         """Whether there is a server."""
+        self.observed: Mapping[str, Sequence[int]] = {}
+        """Agents whose observations viewers look at, by the simulation's id: their numbers in the episode."""
         self._connection: socket.socket | None = None
         self._protocol: ClientProtocol | None = None
         self._begun = memoryview(b"")
@@ -176,6 +179,7 @@ class Outlet:
                 if self._connection is not None:
                     self._connection.close()
                 self._connection = self._protocol = None
+            self.observed = {}
             self._closing.wait(_RETRY)
 
     def _serve(self) -> None:
@@ -204,13 +208,16 @@ class Outlet:
         self._say_last(connection, protocol)
 
     def _listen(self, connection: socket.socket, protocol: ClientProtocol) -> None:
-        """Take what the server says: pings, which are answered, or its end."""
+        """Take what the server says: pings, which are answered, what viewers look at, or its end."""
         data = connection.recv(1 << 16)
         if data:
             protocol.receive_data(data)
         else:
             protocol.receive_eof()
-        protocol.events_received()
+        for event in protocol.events_received():
+            observed = _observed(event)
+            if observed is not None:
+                self.observed = observed
         self._answers.extend(protocol.data_to_send())
         if not data or protocol.close_expected():
             self.is_open = False
@@ -283,6 +290,15 @@ def _shaken(connection: socket.socket, address: Address) -> ClientProtocol:
     if protocol.handshake_exc is not None:
         raise protocol.handshake_exc
     return protocol
+
+
+def _observed(event: Any) -> dict[str, list[int]] | None:
+    """Return what viewers look at, if a server's message says it."""
+    try:
+        given = json.loads(event.data)["observe"]
+        return {str(source): [*map(int, agents)] for source, agents in given.items()}
+    except (AttributeError, ValueError, TypeError, KeyError, RecursionError):
+        return None
 
 
 def _header(length: int) -> bytes:

@@ -20,16 +20,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smarts.arrays import Bools, Ints
+from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.binding import LateBound
 from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.outlet import Address, Content, Outlet
 from smarts.sim.publisher_kernel import Rows, take_row
 from smarts.sim.publisher_maps import PublishedMaps
+from smarts.sim.publisher_sight import PublishedSight
 from smarts.sim.publisher_tables import static_tables
 from smarts.sim.recorder import OBSERVED
-from smarts.stream.road_map import MOST_MAPS
+from smarts.stream.road_map import MOST_MAPS, origin_of
 from smarts.types.actions import Actions
 from smarts.types.agent_states import UNSET
 from smarts.types.episode import EpisodeStart
@@ -40,8 +41,6 @@ MOST_SHOWN = 9
 """Simulations of a process that are sent: the first ones."""
 INTERVAL = 1 / 60
 """From one frame of a simulation to the next, at least [s]."""
-_MOST_EXTRAS = 256
-"""Annotations that wait for the next frame."""
 _numbers = itertools.count()
 
 
@@ -63,8 +62,9 @@ class _Row:
     """Generation of the vehicle in each slot whose name was sent, 0 for none."""
     outcomes: dict[int, tuple[int, ...]] = field(default_factory=dict)
     """Agent's number -> step, outcome, slot and generation of the vehicle that it collided with."""
-    extras: list[tuple[str, int, int, list[float]]] = field(default_factory=list)
-    """Name, step, agent_id, values."""
+    extras: dict[str, tuple[int, NDArray, NDArray]] = field(default_factory=dict)
+    """Name -> step, agent_ids (N,) and values (N, ...) of the newest annotation."""
+    sight: PublishedSight = field(default_factory=PublishedSight)
 
 
 class EpisodePublisher:
@@ -81,19 +81,35 @@ class EpisodePublisher:
         world = scene.world
         self._scene, self._address, self._pool, self._policies = scene, address, pool, tuple(policies)
         self._rows = [_Row("") for _ in range(min(world.worlds, room()))]
+        self._unsent = world.worlds - len(self._rows)
         self._maps = PublishedMaps(scene.atlas.graphs)
+        self._origins: dict[int, Floats] = {}
         _publishers.add(self)
         self._connect()
         agents = world.agents.slot.shape
+        self._nobody = np.zeros(agents, np.bool_)
         self._no_actions = Actions.allocate(*agents)
         self._buffers = Rows.allocate(world.vehicles.capacity, agents[1])
         self._take = LateBound(take_row, world.state, self._buffers)
 
+    @property
+    def observers(self) -> Bools:
+        """Agents whose observations viewers look at now, shape (B, A)."""
+        if not self._outlet.observed:
+            return self._nobody
+        mask = np.zeros_like(self._nobody)
+        for row, shown in enumerate(self._rows):
+            mask[row, shown.sight.agent_ids] = True
+        return mask
+
+    @property
+    def wants_terms(self) -> bool:
+        """Whether a viewer looks at an agent, and so at the terms of its reward."""
+        return bool(self._outlet.observed)
+
     def record(self, frame: Frame) -> None:
         """Send what is due of a frame, before the next step overwrites it."""
-        if self._outlet.process != os.getpid():
-            # The thread and the connection stayed in the process that forked.
-            self._connect()
+        self._prepare()
         for row, start in frame.starts.items():
             if row < len(self._rows):
                 self._begin(self._rows[row], start)
@@ -105,6 +121,8 @@ class EpisodePublisher:
                 self._take_outcomes(row, shown, frame)
             if shown.is_over:
                 continue
+            if outlet.observed and frame.env_mask[row]:
+                shown.sight.look(frame, row, outlet.observed.get(shown.source, ()))
             is_due = has_news or now >= shown.due or shown.epoch != outlet.epoch
             assert shown.start is not None
             is_refused = shown.start.map in self._maps.refused
@@ -117,20 +135,23 @@ class EpisodePublisher:
                 self._end(shown, True, "")
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
-        """Send what an algorithm says with the next frame; as in `EpisodeRecorder`.
+        """Send what an algorithm says with the next frame, of each name the newest; as in `EpisodeRecorder`.
 
-        What agents observe is left out: hundreds of numbers in each decision, which would displace the rest.
+        Of what agents observe, that of `observers` is sent.
         """
-        if not self._outlet.is_open or name.startswith(OBSERVED):
+        if not self._outlet.is_open:
             return
         table = np.asarray(values, np.float64)
         steps = self._scene.world.step if step is None else step
         for row, shown in enumerate(self._rows):
-            for agent_id in (
-                np.flatnonzero(agent_ids[row]).tolist() if len(shown.extras) < _MOST_EXTRAS else ()
-            ):
-                numbers = np.ravel(table[row, agent_id]).tolist()
-                shown.extras.append((name, int(steps[row]), agent_id, numbers))
+            if name.startswith(OBSERVED):
+                what = name.removeprefix(OBSERVED)
+                shown.sight.annotate(what, int(steps[row]), table[row], agent_ids[row])
+                continue
+            chosen = np.flatnonzero(agent_ids[row])
+            if len(chosen):
+                # Fancy indexing copies: the caller may reuse its array.
+                shown.extras[name] = int(steps[row]), chosen, table[row, chosen]
 
     def finish(self, env_mask: Bools) -> None:
         """Do nothing: rewards of the last decision come after the last frame."""
@@ -151,6 +172,8 @@ class EpisodePublisher:
         for row, shown in enumerate(self._rows):
             shown.source, shown.epoch = f"{machine}-{process}-{number}-{row}", -1
         self._maps_sent: tuple[int, set[int]] = -1, set()
+        self._told = -1
+        """Epoch in which the server was told how many simulations are not sent."""
 
     def _begin(self, shown: _Row, start: EpisodeStart) -> None:
         self._end(shown, False, "reset before its end")
@@ -158,6 +181,7 @@ class EpisodePublisher:
         shown.epoch = -1
         shown.outcomes.clear()
         shown.extras.clear()
+        shown.sight.begin()
 
     def _end(self, shown: _Row, is_complete: bool, remark: str) -> None:
         if not shown.is_over:
@@ -199,10 +223,33 @@ class EpisodePublisher:
             "names": self._new_names(row, shown),
             "signals": self._signals(row),
             "bubbles": self._bubbles(row, shown, frame),
-            "extras": shown.extras[:],
+            "extras": [
+                (name, step, agent_ids.tolist(), values.reshape(len(agent_ids), -1).tolist())
+                for name, (step, agent_ids, values) in shown.extras.items()
+            ],
+            "observations": self._observations(row, shown, frame),
         }
         shown.extras.clear()
         self._put(shown, message)
+
+    def _prepare(self) -> None:
+        """Connect a process that was forked off; say how many simulations are not sent."""
+        if self._outlet.process != os.getpid():
+            # The thread and the connection stayed in the process that forked.
+            self._connect()
+        outlet = self._outlet
+        if self._unsent and outlet.is_open and self._told != outlet.epoch:
+            self._told = outlet.epoch
+            outlet.put({"type": "unsent", "count": self._unsent}, self._told)
+
+    def _observations(self, row: int, shown: _Row, frame: Frame) -> list[tuple[Any, ...]]:
+        if not shown.sight.agent_ids:
+            return []
+        assert shown.start is not None
+        number = shown.start.map
+        if number not in self._origins:
+            self._origins[number] = np.array(origin_of(self._scene.atlas.graphs[number]))
+        return shown.sight.take(frame, row, self._origins[number], time.monotonic())
 
     def _open(self, row: int, shown: _Row, epoch: int) -> bool:
         """Send the map if the server has none, and which episode it is; return whether it is shown."""

@@ -19,7 +19,14 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
-from smarts.sim.episode_tables import Ending, agents_table, extras_table, routes_table, rows_by_name
+from smarts.sim.episode_tables import (
+    Ending,
+    agents_table,
+    ending_of,
+    extras_table,
+    routes_table,
+    rows_by_name,
+)
 from smarts.sim.observation_notes import ObservationRows, observation_notes
 from smarts.sim.recorder_handovers import HandoverNotes, handover_tables
 from smarts.sim.recorder_kernel import (
@@ -36,7 +43,6 @@ from smarts.sim.recorder_kernel import (
 from smarts.sim.recorder_thread import WriterThread
 from smarts.stream.road_map import origin_of
 from smarts.types.actions import Actions
-from smarts.types.agent_states import UNSET
 from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.episode_schema import (
     AGENT_STATES,
@@ -134,7 +140,9 @@ class EpisodeRecorder:
         world = scene.world
         worlds, agents = world.agents.slot.shape
         self._scene, self._pool, self._policies = scene, pool, tuple(policies)
-        self._observers = tuple(observers)
+        self.observers = np.zeros((worlds, agents), np.bool_)
+        self.observers[:, list(observers)] = True
+        self.wants_terms = True
         self._store = EpisodeStore(folder)
         self._thread = WriterThread(str(folder))
         self._episodes: list[_Episode | None] = [None] * worlds
@@ -163,11 +171,11 @@ class EpisodeRecorder:
             episode = self._episodes[row]
             if episode is not None:
                 self._take_notes(row, episode, is_busy)
-                if self._observers:
-                    self._observe(frame, row, episode)
+                self._observe(frame, row, episode)
                 if frame.bubbles is not None and episode.start.bubbles:
-                    count = len(episode.start.bubbles)
-                    episode.handovers.take_bubbles(episode.steps, row, count, frame.bubbles)
+                    episode.handovers.take_bubbles(
+                        episode.steps, row, len(episode.start.bubbles), frame.bubbles
+                    )
         if events.just_done.any() or events.finished.any():
             self._take_endings(frame)
         for row, failure in frame.failures.items():
@@ -180,12 +188,14 @@ class EpisodeRecorder:
         """Add to the record what an algorithm says about its decisions, or what came of them.
 
         Args:
-            name: What it is, such as "probabilities" or "reward"; behind `OBSERVED`, what is observed.
+            name: What it is, such as "reward"; behind `OBSERVED`, what is observed, by `observers` alone.
             values: Numbers of each agent, shape (B, N, ...), N at most A.
             agent_ids: Mask of the agents whose values are recorded, shape (B, N).
             step: Step of the state on which each simulation's decision was made, shape (B,); by default now,
                 which is right for what is said before the step.
         """
+        if name.startswith(OBSERVED):
+            agent_ids = agent_ids & self.observers[:, : agent_ids.shape[1]]
         table = np.asarray(values, np.float64)
         steps = self._scene.world.step if step is None else step
         for row in np.flatnonzero(agent_ids.any(axis=1)).tolist():
@@ -193,7 +203,7 @@ class EpisodeRecorder:
             if episode is not None:
                 chosen = np.flatnonzero(agent_ids[row]).astype(np.int32)
                 # Fancy indexing copies: the caller may reuse its array.
-                episode.annotate(name, int(steps[row]), chosen, np.asarray(table[row, chosen]))
+                episode.annotate(name, int(steps[row]), chosen, table[row, chosen])
 
     def finish(self, env_mask: Bools) -> None:
         """Have the episodes of some simulations written, since all has been said about them.
@@ -241,8 +251,10 @@ class EpisodeRecorder:
 
     def _observe(self, frame: Frame, row: int, episode: _Episode) -> None:
         """Note what the chosen agents observe."""
-        rows, origin = episode.observations, np.array(origin_of(episode.graph))
-        rows.add(observation_notes(frame, row, self._observers, origin))
+        chosen, rows = np.flatnonzero(self.observers[row] & frame.observe_mask[row]), episode.observations
+        if len(chosen):
+            seen = dict.fromkeys(chosen.tolist(), episode.steps)
+            rows.add(observation_notes(frame, row, seen, np.array(origin_of(episode.graph))))
         if rows.are_many:
             self._thread.submit(partial(episode.writer.append, OBSERVATIONS.name, rows.taken()))
 
@@ -293,30 +305,9 @@ class EpisodeRecorder:
             for agent_id in np.flatnonzero(agents.outcome[row] != Outcome.NONE).tolist():
                 number = int(agents.agent[row, agent_id])
                 if number not in episode.endings:
-                    episode.endings[number] = self._ending(frame, row, agent_id)
+                    episode.endings[number] = ending_of(frame, row, agent_id)
             if (agents.outcome[row] == Outcome.INVALID).any():
                 episode.invalid = episode.invalid or _OVERLAP
-
-    def _ending(self, frame: Frame, row: int, agent_id: int) -> Ending:
-        world, contacts, events = frame.world, frame.contacts, frame.events
-        ending = Ending(
-            outcome=int(world.agents.outcome[row, agent_id]),
-            terminated=bool(events.terminated[row, agent_id]),
-            truncated=bool(events.truncated[row, agent_id]),
-        )
-        slot = int(contacts.partner[row, agent_id])
-        if ending.outcome != Outcome.COLLISION or slot == UNSET:
-            return ending
-        holders = np.flatnonzero(world.agents.slot[row] == slot)
-        ending.partner_slot = slot
-        ending.partner_generation = int(contacts.partner_generation[row, agent_id])
-        ending.partner = self._scene.world.registry.name(row, slot)
-        ending.partner_owner = int(world.vehicles.owner[row, slot])
-        ending.partner_agent_id = int(holders[0]) if len(holders) else UNSET
-        ending.side = int(contacts.side[row, agent_id])
-        ending.closing_speed = float(contacts.closing_speed[row, agent_id])
-        ending.substep = int(contacts.substep[row, agent_id])
-        return ending
 
     def _flush(self, row: int, episode: _Episode) -> None:
         """Move the rows of full buffers on; vehicles to the thread, since they are the most by far."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from smarts.arrays import Bools, Ints
@@ -14,6 +15,16 @@ from smarts.types.frame import Frame
 
 class AnnotatedRecorder(Protocol):
     """Takes frames, and what is said about them; see `smarts.sim.recorder.EpisodeRecorder`."""
+
+    @property
+    def observers(self) -> Bools:
+        """Agents whose observations are wanted now, shape (B, A)."""
+        ...
+
+    @property
+    def wants_terms(self) -> bool:
+        """Whether the terms of rewards are wanted now."""
+        ...
 
     def record(self, frame: Frame) -> None:
         """Take what is wanted out of a frame, before the next step overwrites it."""
@@ -41,6 +52,16 @@ class Recorders:
 
     def __init__(self, parts: Sequence[AnnotatedRecorder]) -> None:
         self._parts = tuple(parts)
+
+    @property
+    def observers(self) -> Bools:
+        """Agents whose observations one of them wants now, shape (B, A)."""
+        return np.logical_or.reduce([part.observers for part in self._parts])
+
+    @property
+    def wants_terms(self) -> bool:
+        """Whether one of them wants the terms of rewards now."""
+        return any(part.wants_terms for part in self._parts)
 
     def record(self, frame: Frame) -> None:
         """Give all of them a frame."""

@@ -29,7 +29,7 @@ class _Frame(NamedTuple):
 
     step: int
     tables: dict[str, Columns]
-    """Rows of vehicles, agent_states, decisions and extras."""
+    """Rows of vehicles, agent_states, decisions, extras and observations."""
     signals: dict[int, int]
     """Light of each lane that shows one."""
     poses: list[tuple[float, ...]]
@@ -128,6 +128,7 @@ class LiveEncoder:
             table.name: _rows(table, data) for table, data in zip(_BLOCKS, message["rows"], strict=True)
         }
         tables["extras"] = _extras(message["extras"])
+        tables["observations"] = _observations(message.get("observations", ()))
         vehicles = tables["vehicles"]
         if len(vehicles["step"]) > MOST_VEHICLES:
             raise self._bad(f"{len(vehicles['step'])} vehicles")
@@ -183,6 +184,19 @@ def _rows(table: Table, data: Any) -> dict[str, Any]:
 
 
 def _extras(extras: Any) -> dict[str, Any]:
-    rows = [(int(step), int(agent), str(name), [*map(float, values)]) for name, step, agent, values in extras]
+    rows = [
+        (int(step), int(agent), str(name), [*map(float, values)])
+        for name, step, agents, table in extras
+        for agent, values in zip(agents, table, strict=True)
+    ]
+    columns = zip(*rows, strict=True) if rows else ((), (), (), ())
+    return dict(zip(("step", "agent_id", "name", "values"), map(list, columns), strict=True))
+
+
+def _observations(given: Any) -> dict[str, Any]:
+    rows = [
+        (int(step), int(agent), str(name), np.frombuffer(values, np.float32))
+        for step, agent, name, values in given
+    ]
     columns = zip(*rows, strict=True) if rows else ((), (), (), ())
     return dict(zip(("step", "agent_id", "name", "values"), map(list, columns), strict=True))

@@ -1,4 +1,7 @@
-"""Draws the pictures of the page that the documents show: `python -m tests.envision.screenshots FOLDER`."""
+"""Draws the pictures of the page that the documents show, and the film of the README.
+
+python -m tests.envision.screenshots FOLDER [COMPACT_EPISODE]
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import PIL.Image
 from playwright.sync_api import sync_playwright
 
@@ -45,6 +49,41 @@ SHOTS = (
 )
 
 
+FILM, SECONDS, PAUSE = (640, 400), np.arange(0.5, 22.0, 0.4), 200
+"""Size of the film, times of its frames [s], and for how long each is shown [ms]: at twice the speed."""
+COLOURS = 96
+HIDDEN = ".legend, .labels { display: none }"
+VIEWPOINT = "cam=free&agent=agent-0&at=174,154,95,1.99,0.8"
+DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+
+def film(file: Path, data: bytes) -> None:
+    """Write a .gif of the page's scene, through which an episode runs."""
+    width, height = FILM
+    frames = []
+    with sync_playwright() as playwright, tempfile.TemporaryDirectory() as pages:
+        browser = playwright.chromium.launch(executable_path=shutil.which(CHROMIUM), args=FLAGS)
+        page = browser.new_page(
+            viewport={"width": width, "height": height}, color_scheme="light", device_scale_factor=2
+        )
+        source = Path(pages) / "film.html"
+        source.write_text(page_with([data]))
+        page.goto(f"{source.as_uri()}#t={SECONDS[0]}&{VIEWPOINT}")
+        page.wait_for_selector(".app[data-ready]")
+        # The scene alone, over the whole window.
+        page.add_style_tag(content=f".stage {{ position: fixed !important; inset: 0; z-index: 9 }} {HIDDEN}")
+        page.wait_for_timeout(1500)
+        for seconds in SECONDS:
+            page.evaluate(f"location.hash = '#t={seconds:.1f}&{VIEWPOINT}'")
+            page.evaluate(DRAWN)
+            drawn = PIL.Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+            frames.append(drawn.resize(FILM, PIL.Image.Resampling.LANCZOS))
+        browser.close()
+    palette = frames[len(frames) // 2].quantize(COLOURS, dither=PIL.Image.Dither.NONE)
+    first, *others = (each.quantize(palette=palette, dither=PIL.Image.Dither.NONE) for each in frames)
+    first.save(file, save_all=True, append_images=others, duration=PAUSE, loop=0, optimize=True)
+
+
 def draw(folder: Path, shots: Sequence[Shot] = SHOTS) -> None:
     """Write a .png for each picture."""
     with sync_playwright() as playwright, tempfile.TemporaryDirectory() as pages:
@@ -74,3 +113,5 @@ def draw(folder: Path, shots: Sequence[Shot] = SHOTS) -> None:
 
 if __name__ == "__main__":
     draw(Path(sys.argv[1]))
+    for path in sys.argv[2:]:
+        film(Path(sys.argv[1]) / "driving.gif", Path(path).read_bytes())

@@ -80,3 +80,19 @@ def test_the_last_frame_and_the_end_are_shown_though_nothing_follows(open_page):
         play(simulation, range(10), serial=1, pause=0)
         send(simulation, end(1))
         expect(page.locator(".time")).to_contain_text("/ 0.9 s")
+
+
+def test_a_simulation_that_dies_is_said_to_have_ended(open_page):
+    gone = "the simulation's process has gone"
+    with serving(page="", live=True) as server:
+        page = open_page(url=server.url)
+        with publisher(server) as simulation:
+            send(simulation, the_map(), begin(serial=1))
+            expect(page.locator(".cell")).to_have_count(1)
+            play(simulation, range(10), serial=1)
+            expect(page.get_by_role("button", name="live", exact=True)).to_be_visible()
+        expect(page.locator(".top small")).to_contain_text(gone)
+        expect(page.locator(".toast")).to_contain_text(gone)
+        expect(page.locator(".transport .live")).to_have_text("ended")
+        page.keyboard.press("e")
+        expect(page.locator(".row .badge[data-tone='warn']")).to_have_text("ended")

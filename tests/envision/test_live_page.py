@@ -48,6 +48,8 @@ def test_what_runs_appears_moves_and_can_be_joined_late(open_page):
             expect(late.locator(".cell")).to_have_count(2)
             wait_for_time(late, 1.0)
             expect(late.locator(".chip")).to_have_count(4)
+            # What the chosen agent's policy gets.
+            expect(late.locator(".sight")).to_contain_text("observation")
         expect(page.locator(".live-state")).to_have_text("live")
 
 

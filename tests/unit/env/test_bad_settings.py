@@ -39,6 +39,8 @@ LANER = benchmark_interface()
         ({"num_envs": 0}, "num_envs", 0),
         ({"num_envs": 1.5}, "num_envs", 1.5),
         ({"simulation": {"dt": 0.1}}, "simulation", {"dt": 0.1}),
+        ({"envision": 8081}, "envision", 8081),
+        ({"envision": "localhost"}, "envision", "localhost"),
     ],
 )
 def test_settings(bad, place, value):

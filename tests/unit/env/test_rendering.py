@@ -150,7 +150,8 @@ def test_in_a_notebook_each_step_takes_the_place_of_the_last_one(monkeypatch):
 
     module = types.SimpleNamespace(Image=lambda data: data, display=display)
     monkeypatch.setitem(sys.modules, "IPython.display", module)
-    monkeypatch.setitem(sys.modules, "ipykernel", types.SimpleNamespace())
+    shell = types.SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: shell))
     env = SingleHiWayEnv(["loop"], render_mode="human")
     env.reset(seed=1)
     env.step(0)
@@ -159,7 +160,11 @@ def test_in_a_notebook_each_step_takes_the_place_of_the_last_one(monkeypatch):
     assert all(image.startswith(b"\x89PNG") for _, image in shown)
 
 
-def test_without_a_display_a_window_is_refused(monkeypatch):
+@pytest.mark.parametrize("make", [SingleHiWayEnv, hiway_parallel_env, HiWayEnv])
+def test_without_a_display_a_window_is_refused_before_anything_is_built(monkeypatch, make):
+    # A script, also one that imports what notebooks are made of.
+    monkeypatch.setitem(sys.modules, "ipykernel", types.SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: None))
     monkeypatch.setattr(window, "_interactive", list)
     with pytest.raises(SmartsError, match="display"):
-        window.window(False)
+        make(["no such scenario"], {}, render_mode="human")

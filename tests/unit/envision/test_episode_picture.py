@@ -14,6 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
+from smarts.envision.animation import write_moving
 from smarts.envision.episode_picture import COLLISION, EpisodePicture
 from smarts.envision.scenario_picture import ASPHALT, CAR, EGOS
 from smarts.errors import SmartsError
@@ -259,6 +260,17 @@ def test_an_mp4_shows_all_frames(episode, tmp_path):
         # Colours have half of the resolution, so that thin lines are off.
         assert off.mean() < 4
         assert np.quantile(off, 0.9) <= 8
+
+
+def test_a_film_of_odd_size_lacks_a_row_and_a_column(tmp_path):
+    images = np.random.default_rng(1).integers(0, 255, (3, 1, 1, 3)).repeat(61, 1).repeat(81, 2)
+    out = tmp_path / "film.mp4"
+    assert write_moving(images.astype(np.uint8), out, 0.5) == 3
+    with av.open(str(out)) as film:
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    assert [frame.shape for frame in frames] == [(60, 80, 3)] * 3
+    for frame, image in zip(frames, images, strict=True):
+        assert np.abs(frame.astype(int) - image[:60, :80]).max() < 12
 
 
 def test_a_film_that_cannot_be_written_leaves_nothing(episode, tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from smarts.envision import live
+from smarts.envision import live, viewers
 from smarts.stream.container import pack, unpack
 from smarts.stream.motion import motion_of
 from smarts.stream.road_map import map_message, origin_of
@@ -307,8 +307,8 @@ def test_the_server_survives_ten_thousand_damaged_messages(server):
 
 def test_a_stalled_viewer_does_not_stop_the_others(server, monkeypatch):
     # However slow the machine is that tests.
-    monkeypatch.setattr(live, "STALLED", 600.0)
-    monkeypatch.setattr(live, "MOST_WAITING", 1 << 20)
+    monkeypatch.setattr(viewers, "STALLED", 600.0)
+    monkeypatch.setattr(viewers, "MOST_WAITING", 1 << 20)
     # One that does not read does not see the answers to its pings either.
     slow = {"max_queue": 1, "compression": None, "ping_interval": None}
     with publisher(server) as simulation, viewer(server) as browser, viewer(server, **slow) as stalled:
@@ -332,7 +332,7 @@ def test_a_stalled_viewer_does_not_stop_the_others(server, monkeypatch):
 def test_snapshots_that_are_together_larger_than_what_may_wait_all_arrive(server):
     # 9 x 1 MB, above the 8 MB that may wait for one viewer.
     sources, size = "abcdefghi", 1 << 20
-    assert len(sources) * size > live.MOST_WAITING
+    assert len(sources) * size > viewers.MOST_WAITING
     with publisher(server) as simulation, viewer(server, max_size=None) as browser:
         simulation.send(pack(the_map()))
         for source in sources:
@@ -367,7 +367,7 @@ def test_a_viewer_that_asks_for_a_simulation_again_and_again_gets_each_frame_onc
 
 
 def test_a_viewer_that_takes_nothing_is_forgotten(server, monkeypatch):
-    monkeypatch.setattr(live, "STALLED", 0.2)
+    monkeypatch.setattr(viewers, "STALLED", 0.2)
     with (
         publisher(server) as simulation,
         viewer(server, max_queue=1, compression=None, ping_interval=None) as stalled,
@@ -405,8 +405,8 @@ def test_one_who_comes_after_a_simulation_has_gone_sees_its_end(server):
         assert not end["is_complete"]
 
 
-def test_what_viewers_get_is_small(server):
-    """A scene of 29 vehicles, all numbers of which change, on the wire."""
+def test_states_of_vehicles_are_small(server):
+    """29 vehicles, all numbers of which change, on the wire; tables of agents and newcomers come on top."""
     rng = np.random.default_rng(1)
     with publisher(server) as simulation, viewer(server) as browser:
         simulation.send(pack(the_map()))

@@ -119,6 +119,16 @@ def test_a_run_as_one_page(run, tmp_path):
     for each in episodes.values():
         assert each.is_whole
         assert each.facts["policy"] == "ppo"
+    assert "before" not in done.stderr
+
+
+def test_pages_of_an_earlier_command_are_named(run, tmp_path):
+    # Who has made them is not known, so they stay.
+    (tmp_path / "run-2.html").write_text("mine")
+    done = view(run, "--html", tmp_path / "run.html")
+    assert done.exit_code == 0
+    assert f"{tmp_path / 'run-2.html'} was there before" in done.stderr
+    assert (tmp_path / "run-2.html").read_text() == "mine"
 
 
 def view(*arguments):

@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 from websockets.sync.client import connect
 
+from smarts.agents.benchmark import benchmark_interface
+from smarts.env import HiWayEnv
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import SmartsError
-from smarts.sim import outlet
+from smarts.sim import outlet, publisher
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.sim.options import ENVISION, Options
 from smarts.sim.outlet import Address
 from smarts.sim.publisher import MOST_SHOWN, room
@@ -41,14 +44,17 @@ def env(server, monkeypatch):
     made.close()
 
 
-def messages(server):
+def messages(server, agent=None):
+    """Yield what a viewer of all simulations gets, which looks at one agent of each."""
     with connect(
         f"ws://127.0.0.1:{server.port}/live", origin=f"http://127.0.0.1:{server.port}", max_size=None
     ) as browser:
         while True:
             message = unpack(browser.recv(timeout=LIMIT))
-            if message["type"] == "sources" and len(message["sources"]) == 2:
-                browser.send(json.dumps({"watch": [row["id"] for row in message["sources"]]}))
+            if message["type"] == "sources" and message["sources"]:
+                ids = [row["id"] for row in message["sources"]]
+                observe = {} if agent is None else dict.fromkeys(ids, agent)
+                browser.send(json.dumps({"watch": ids, "observe": observe}))
             yield message
 
 
@@ -75,22 +81,107 @@ def test_an_environment_is_shown(server, env):
     assert "reward" in {name for extras in found["extras"] for name in extras["name"]}
 
 
-def test_terms_of_rewards_are_shown_and_observations_are_not(server, monkeypatch, tmp_path):
-    monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
-    options = Options(record=tmp_path, record_observations=["agent-0", "agent-1"])
-    env = VectorHiWayEnv(2, ["intersection"], 4, seed=1, simulation=options)
+def test_terms_of_rewards_are_shown_and_observations_where_one_looks(server, env):
     env.reset()
-    found = []
+    found, tables = [], set()
     for message in messages(server):
         env.step(KEEP)
-        if message["type"] == "table" and message["name"] == "extras":
-            found += columns_of(message)["name"]
-        if len(found) >= 100:
+        if message["type"] == "table":
+            tables.add(message["name"])
+            found += columns_of(message)["name"] if message["name"] == "extras" else []
+        if len(found) >= 40:
             break
+    assert set(found) == {"reward"}
+    assert "agent_states" in tables
+    assert "observations" not in tables
+    sums = {}
+    for message in messages(server, agent=0):
+        env.step(KEEP)
+        if message["type"] == "table" and message["name"] == "extras":
+            table = columns_of(message)
+            place = message["source"], message["serial"]
+            for name, step, agent, (value,) in zip(
+                table["name"], table["step"], table["agent"], table["values"], strict=True
+            ):
+                sums.setdefault((*place, int(step), int(agent)), {})[name] = float(value)
+        whole = [terms for terms in sums.values() if "reward" in terms and len(terms) > 2]
+        # Terms come from the beginning of the next episode on.
+        if len(whole) >= 8:
+            break
+    for terms in whole:
+        assert sum(terms.values()) == pytest.approx(2 * terms["reward"], abs=1e-4)
+
+
+def observed_live(server, step, agent, count):
+    """Return what an agent is shown to observe, (serial, step, name) -> values; call `step` until then."""
+    found = {}
+    for message in messages(server, agent):
+        step()
+        if message["type"] == "table" and message["name"] == "observations":
+            table = columns_of(message)
+            assert set(table["agent"]) == {agent}
+            rows = zip(table["step"].tolist(), table["name"], table["values"], strict=True)
+            found |= {(message["serial"], step, name): values for step, name, values in rows}
+        if len(found) >= count:
+            return found
+
+
+def recorded_observations(folder, agent_id):
+    """Return the same of recordings, by the number of the episode."""
+    rows = {}
+    for path in episodes_in(folder):
+        episode = RecordedEpisode(path)
+        table = episode.table("observations")
+        for step, agent, name, values in zip(
+            table["step"].tolist(), table["agent_id"].tolist(), table["name"], table["values"], strict=True
+        ):
+            if agent == agent_id:
+                rows[int(episode.facts["episode"]) + 1, step, name] = np.asarray(values, np.float32)
+    return rows
+
+
+@pytest.mark.parametrize("features", [True, False])
+def test_what_an_agent_observes_is_shown_as_it_is_recorded(server, monkeypatch, tmp_path, features):
+    monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
+    options = Options(record=tmp_path, record_observations=["agent-1"])
+    interface = benchmark_interface(waypoints=True, neighborhood_vehicles=True)
+    agents = {f"agent-{number}": interface for number in range(2)}
+    if features:
+        made = VectorHiWayEnv(1, ["intersection"], agents, seed=1, simulation=options)
+        made.reset()
+        step = lambda: made.step([np.zeros((1, 2), np.int64)])  # noqa: E731
+    else:
+        made = HiWayEnv(["intersection"], agents, decision_interval=5, seed=1, simulation=options)
+        active = [*made.reset()[0]]
+
+        def step():
+            terminated = made.step(dict.fromkeys(active, "keep_lane"))[2]
+            active[:] = [name for name in active if not terminated.get(name, True)]
+            active[:] = active if active else [*made.reset()[0]]
+
+    found = observed_live(server, step, agent=1, count=8)
+    made.close()
+    recorded = recorded_observations(tmp_path, 1)
+    policy = {"observation", "action_mask"} if features else set()
+    assert {name for *_, name in found} == {"waypoints", "neighbors"} | policy
+    assert any(len(values) for values in found.values())
+    for key, values in found.items():
+        np.testing.assert_array_equal(values, recorded[key])
+
+
+def test_simulations_that_a_process_does_not_send_are_counted(server, monkeypatch):
+    monkeypatch.setattr(publisher, "MOST_SHOWN", 1)
+    monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
+    env = VectorHiWayEnv(2, ["intersection"], 4, seed=1)
+    env.reset()
+    with connect(f"ws://127.0.0.1:{server.port}/live", origin=f"http://127.0.0.1:{server.port}") as browser:
+        while True:
+            env.step(KEEP)
+            message = unpack(browser.recv(timeout=LIMIT))
+            if message["type"] == "sources" and message["sources"] and message["hidden"]:
+                break
+    assert (len(message["sources"]), message["hidden"]) == (1, 1)
     env.close()
-    assert "reward" in found
-    assert any(name.startswith("reward/") for name in found)
-    assert not [name for name in found if name.startswith("observation")]
 
 
 def test_steps_are_the_same_with_and_without_a_viewer(server, env, monkeypatch):

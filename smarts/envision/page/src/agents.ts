@@ -76,6 +76,13 @@ export interface AgentState {
   change: string;
 }
 
+interface Part {
+  name: string;
+  value: number;
+  low: number;
+  high: number;
+}
+
 export interface Decision {
   step: number;
   kind: string;
@@ -83,11 +90,11 @@ export interface Decision {
   choice: number;
   labels: string[];
   probabilities: number[] | null;
-  /** Of the parts of a continuous action, where they were recorded. */
-  means: Numbers | null;
-  deviations: Numbers | null;
-  /** Continuous parts: name, value, from -1 to 1. */
-  parts: { name: string; value: number; low: number; high: number }[];
+  /** Of the parts of a continuous action, in their units, where they were recorded. */
+  means: number[] | null;
+  deviations: number[] | null;
+  /** Continuous parts: name, value and the range of values. */
+  parts: Part[];
   isLegal: boolean[];
 }
 
@@ -190,6 +197,7 @@ export function stateOf(recording: Recording, agent: Agent, step: number): Agent
   };
 }
 
+/** The parts of continuous actions, with the range that their distributions count as -1 to 1. */
 const CONTINUOUS: Record<string, [string, number, number][]> = {
   Continuous: [
     ["throttle", 0, 1],
@@ -202,8 +210,13 @@ const CONTINUOUS: Record<string, [string, number, number][]> = {
     ["steering rate", -1, 1],
   ],
   LaneWithContinuousSpeed: [
-    ["target speed", 0, 25],
+    ["target speed", 0, 60],
     ["lane change", -1, 1],
+  ],
+  RelativeTargetPose: [
+    ["change of x", -6, 6],
+    ["change of y", -6, 6],
+    ["change of heading", -Math.PI, Math.PI],
   ],
 };
 
@@ -219,20 +232,26 @@ export function decisionOf(recording: Recording, agent: Agent, step: number): De
   const mask = table.numbers("action_mask")[row] ?? -1;
   const values = Array.from({ length: 8 }, (_, i) => table.numbers(`value_${i}`)[row]);
   const probabilities = extraAt(recording, agent, "probabilities", taken);
+  const range = isDiscrete ? [] : parts(kind, values);
+  const distribution = (name: string, scaled: (part: Part, number: number) => number): number[] | null => {
+    const numbers = isDiscrete ? null : extraAt(recording, agent, name, taken);
+    // Those of an agent that acts otherwise than its vehicle is told are of something else.
+    return numbers?.length === range.length ? range.map((part, i) => scaled(part, numbers[i])) : null;
+  };
   return {
     step: taken,
     kind,
     choice: isDiscrete ? Math.round(values[0]) : -1,
     labels: isDiscrete ? labels : [],
     probabilities: probabilities && isDiscrete ? Array.from(probabilities) : null,
-    means: isDiscrete ? null : extraAt(recording, agent, "mean", taken),
-    deviations: isDiscrete ? null : extraAt(recording, agent, "std", taken),
-    parts: isDiscrete ? [] : parts(kind, values),
+    means: distribution("mean", ({ low, high }, mean) => low + ((mean + 1) * (high - low)) / 2),
+    deviations: distribution("std", ({ low, high }, deviation) => (deviation * (high - low)) / 2),
+    parts: range,
     isLegal: labels.map((_, i) => ((mask >> i) & 1) === 1),
   };
 }
 
-function parts(kind: string, values: number[]): Decision["parts"] {
+function parts(kind: string, values: number[]): Part[] {
   const named = known(CONTINUOUS, kind) ?? values.map((_, i) => [`value ${i}`, -1, 1] as [string, number, number]);
   return named
     .map(([name, low, high], i) => ({ name, value: values[i], low, high }))

@@ -22,6 +22,8 @@ import type { View } from "./view";
 
 const PANEL_RATE = 90;
 const LINK_RATE = 700;
+/** From one request for observations to the next, at least [ms]: the server takes 20 a second. */
+const SIGHT_RATE = 300;
 
 export class App {
   readonly element = h("div", { class: "app" });
@@ -55,6 +57,7 @@ export class App {
   private last = 0;
   private panelAt = 0;
   private linkAt = 0;
+  private sightAt = 0;
 
   constructor() {
     this.timeline = new Timeline(
@@ -247,6 +250,7 @@ export class App {
     this.list.show(
       entries,
       this.views.map((view) => view.id),
+      this.session.hidden,
     );
     this.header.setCount(entries.length);
   }
@@ -360,6 +364,10 @@ export class App {
       this.timeline.tick(now);
       this.panel.update();
       this.views.forEach((view, i) => this.stage.setStatus(i, ...statusOf(view)));
+    }
+    if (now - this.sightAt > SIGHT_RATE) {
+      this.sightAt = now;
+      this.session.observe();
     }
     if (
       now - this.linkAt > LINK_RATE &&

@@ -142,8 +142,11 @@ async function decodeBody(raw: RawMap): Promise<Body | null> {
     }
     case "map": {
       const edges = Array.isArray(raw.edges) ? raw.edges.map(textOf) : [];
-      return { type: "map", bounds: finite(raw.bounds, [0, 0, 1, 1]), lanes: await lanesOf(raw.lanes), edges };
+      const digest = textOf(raw.digest);
+      return { type: "map", digest, bounds: finite(raw.bounds, [0, 0, 1, 1]), lanes: await lanesOf(raw.lanes), edges };
     }
+    case "known_map":
+      return { type: "known_map", digest: textOf(raw.digest) };
     case "table": {
       const found = await columns(raw.columns, new Budget());
       return { type: "table", name: textOf(raw.name), columns: found, append: raw.append === true };
@@ -155,7 +158,11 @@ async function decodeBody(raw: RawMap): Promise<Body | null> {
     case "end":
       return { type: "end", isComplete: raw.is_complete === true, remark: textOf(raw.remark) };
     case "sources":
-      return { type: "sources", sources: (Array.isArray(raw.sources) ? raw.sources : []).map(source) };
+      return {
+        type: "sources",
+        sources: (Array.isArray(raw.sources) ? raw.sources : []).map(source),
+        hidden: Math.max(0, numberOf(raw.hidden) || 0),
+      };
     case "error":
       return { type: "error", text: textOf(raw.text) };
     default:

@@ -24,6 +24,8 @@ export interface Entry {
   /** Why it cannot be opened; empty if it can. */
   error: string;
   isLive: boolean;
+  /** Of a live one: whether its simulation still runs. */
+  isRunning: boolean;
 }
 
 export interface Library {
@@ -60,6 +62,7 @@ function entryOf(id: string, raw: Record<string, unknown>): Entry {
     why: text(raw.why),
     error: text(raw.error),
     isLive: false,
+    isRunning: false,
   };
 }
 

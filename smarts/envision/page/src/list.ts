@@ -26,6 +26,8 @@ export function severity(entry: Entry): number {
   return entry.error ? -1 : bad / all;
 }
 
+const liveText = (entry: Entry): string => (entry.isRunning ? "live" : "ended");
+
 function compare(key: Key, a: Entry, b: Entry): number {
   if (key === "outcome") return severity(a) - severity(b);
   if (key === "scenario")
@@ -37,6 +39,7 @@ export class List {
   readonly element: HTMLDialogElement;
   private entries: Entry[] = [];
   private open: readonly string[] = [];
+  private hidden = 0;
   private key: Key = "scenario";
   private isDescending = false;
   private readonly body = h("div", { class: "rows", role: "rowgroup" });
@@ -92,8 +95,10 @@ export class List {
     });
   }
 
-  show(entries: Entry[], open: readonly string[]): void {
+  /** Shows entries; `hidden` simulations run that are not among them. */
+  show(entries: Entry[], open: readonly string[], hidden = 0): void {
     this.entries = entries;
+    this.hidden = hidden;
     this.open = open;
     if (this.element.open) this.draw();
   }
@@ -122,7 +127,7 @@ export class List {
         entry.run,
         entry.policy,
         entry.why,
-        entry.isLive ? "live" : "",
+        entry.isLive ? liveText(entry) : "",
         ...Object.keys(entry.outcomes),
       ]
         .join(" ")
@@ -143,9 +148,10 @@ export class List {
     this.body.replaceChildren(...shown.map((entry) => this.row(entry, pairs.get(entry.pair) ?? [])));
     // The list of simulations that run is drawn again and again; the keyboard stays where it is.
     this.body.querySelector<HTMLElement>(focus)?.focus();
-    this.note.textContent = this.entries.length
+    const text = this.entries.length
       ? `${shown.length} of ${this.entries.length}; up to ${MOST} side by side with +`
       : "No episodes. Open a .smarts file, or drop one here.";
+    this.note.textContent = this.hidden ? `${text}. ${this.hidden} more simulations run and are not shown.` : text;
   }
 
   /** A selector for the button with the focus; "none" where it is elsewhere. */
@@ -181,7 +187,7 @@ export class List {
       h("b", {}, title),
       entry.why ? h("span", { class: "badge why" }, entry.why) : null,
       entry.policy ? h("span", { class: "badge" }, entry.policy) : null,
-      entry.isLive ? h("span", { class: "badge", "data-tone": "live" }, "live") : null,
+      entry.isLive ? h("span", { class: "badge", "data-tone": entry.isRunning ? "live" : "warn" }, liveText(entry)) : null,
       h("small", {}, under),
     );
     const add = h(

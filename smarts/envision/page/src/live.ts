@@ -1,8 +1,10 @@
 /** Simulations that run now: one WebSocket, which comes back by itself. */
 
 import { decode } from "./format";
-import type { Address, Message, Source } from "./messages";
+import type { Address, MapMessage, Message, Source } from "./messages";
 
+/** Maps that are kept, the last ones: the server knows how many, and sends these no more. */
+const MOST_MAPS = 16;
 const SHORTEST_WAIT = 500;
 const LONGEST_WAIT = 10_000;
 
@@ -10,6 +12,8 @@ export type LiveState = "connecting" | "connected" | "lost";
 
 export class Live {
   sources: Source[] = [];
+  /** How many simulations run that are not among them. */
+  hidden = 0;
   state: LiveState = "connecting";
   onSources: (sources: Source[]) => void = () => {};
   /** The last argument says whether a message `episode` is of the one that this connection has sent before. */
@@ -18,6 +22,8 @@ export class Live {
   onProblem: (text: string) => void = () => {};
   private socket: WebSocket | null = null;
   private watched: readonly string[] = [];
+  private observed: Readonly<Record<string, number>> = {};
+  private readonly maps = new Map<string, MapMessage>();
   private wait = SHORTEST_WAIT;
   private chain: Promise<void> = Promise.resolve();
   private readonly serials = new Map<string, number>();
@@ -54,6 +60,7 @@ export class Live {
     socket.addEventListener("close", () => {
       this.setState("lost");
       this.serials.clear();
+      this.maps.clear();
       setTimeout(() => this.connect(), this.wait);
       this.wait = Math.min(LONGEST_WAIT, 1.7 * this.wait);
     });
@@ -65,14 +72,22 @@ export class Live {
     this.tell();
   }
 
+  /** Asks for what an agent of each simulation observes; agents are rows of their tables. */
+  observe(agents: Readonly<Record<string, number>>): void {
+    this.observed = agents;
+    this.tell();
+  }
+
   private tell(): void {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ watch: this.watched }));
+    const request = { watch: this.watched, observe: this.observed };
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(request));
   }
 
   private take(message: (Message & Address) | null): void {
     if (!message) return;
     if (message.type === "sources") {
       this.sources = message.sources;
+      this.hidden = message.hidden;
       this.onSources(message.sources);
       return;
     }
@@ -83,8 +98,17 @@ export class Live {
     const { source, serial } = message;
     const isAgain = this.serials.get(source) === serial;
     if (message.type === "episode") this.serials.set(source, serial);
-    else if (!isAgain) return;
-    this.onMessage(source, message, isAgain);
+    if (message.type === "map") this.keepMap(message);
+    if (message.type !== "episode" && !isAgain) return;
+    const map = message.type === "known_map" ? this.maps.get(message.digest) : undefined;
+    if (message.type === "known_map" && !map) throw new Error("its map is missing");
+    this.onMessage(source, map ?? message, isAgain);
+  }
+
+  private keepMap(map: MapMessage): void {
+    this.maps.delete(map.digest);
+    this.maps.set(map.digest, map);
+    for (const oldest of this.maps.keys()) if (this.maps.size > MOST_MAPS) this.maps.delete(oldest);
   }
 
   private setState(state: LiveState): void {

@@ -11,6 +11,8 @@ const MOST_PAST = 12;
 const FEWEST_STEPS = 5;
 /** Bytes of states of all simulations and their past episodes together. */
 const MOST_BYTES = 128 << 20;
+/** A simulation whose episode was cut short has begun another one after this time, or never does [ms]. */
+export const PATIENCE = 2000;
 
 interface Actions {
   changed(): void;
@@ -51,24 +53,35 @@ export class LiveFeed {
     return [...this.live.sources.map(entryOf), ...[...this.past.values()].map(({ entry }) => entry).reverse()];
   }
 
-  /** The ids of simulations that run. */
-  get running(): string[] {
-    return this.live.sources.map((source) => source.id);
+  /** The ids of simulations that are listed: those that run, then those that stand still or are gone. */
+  get ids(): string[] {
+    const { sources } = this.live;
+    return [...sources.filter(({ running }) => running), ...sources.filter(({ running }) => !running)].map(({ id }) => id);
   }
 
   /** The recording of a simulation that runs, which fills when its messages come, or of an episode before. */
   recording(id: string): Recording | null {
     const known = this.recordings.get(id) ?? this.past.get(id)?.recording;
-    if (known || !this.running.includes(id)) return known ?? null;
+    if (known || !this.ids.includes(id)) return known ?? null;
     const recording = new Recording([], true);
     this.recordings.set(id, recording);
     return recording;
   }
 
   watch(ids: readonly string[]): void {
-    const known = ids.filter((id) => this.running.includes(id));
+    const known = ids.filter((id) => this.ids.includes(id));
     for (const id of this.recordings.keys()) if (!known.includes(id)) this.recordings.delete(id);
     this.live.watch(known);
+  }
+
+  /** How many simulations run that are not listed. */
+  get hidden(): number {
+    return this.live.hidden;
+  }
+
+  /** Asks for what an agent of each simulation observes. */
+  observe(agents: Readonly<Record<string, number>>): void {
+    this.live.observe(agents);
   }
 
   private take(source: string, message: Message, isAgain: boolean): void {
@@ -81,14 +94,28 @@ export class LiveFeed {
       this.actions.replaced(source);
     } else known?.add(message);
     if (message.type === "steps") this.fit();
+    if (message.type === "end" && !message.isComplete) this.watchOver(source, message.remark);
     this.hasNews = true;
+  }
+
+  /** Says why an episode was cut short, unless its simulation begins another one. */
+  private watchOver(source: string, remark: string): void {
+    const recording = this.recordings.get(source);
+    const title = this.titleOf(source);
+    setTimeout(() => {
+      if (recording && this.recordings.get(source) === recording) this.actions.problem(`${title}: ${remark}`);
+    }, PATIENCE);
+  }
+
+  private titleOf(source: string): string {
+    return this.live.sources.find((each) => each.id === source)?.title || source;
   }
 
   /** Keeps the episode that a simulation has had until now. */
   private keep(source: string): void {
     const recording = this.recordings.get(source);
     if (!recording || recording.length < FEWEST_STEPS) return;
-    const title = this.live.sources.find((each) => each.id === source)?.title ?? source;
+    const title = this.titleOf(source);
     const number = Number(recording.facts.episode);
     const label = Number.isFinite(number) ? `${title}, episode ${number}` : title;
     const id = `past${this.counted++}`;
@@ -154,5 +181,6 @@ function entryOf(source: Source): Entry {
     why: "",
     error: "",
     isLive: true,
+    isRunning: source.running,
   };
 }

@@ -23,9 +23,15 @@ export interface EpisodeMessage {
 }
 export interface MapMessage {
   type: "map";
+  digest: string;
   bounds: number[];
   lanes: Columns;
   edges: string[];
+}
+/** A map that this connection has brought before. */
+export interface KnownMapMessage {
+  type: "known_map";
+  digest: string;
 }
 export interface TableMessage {
   type: "table";
@@ -73,6 +79,8 @@ export interface Source {
 export interface SourcesMessage {
   type: "sources";
   sources: Source[];
+  /** Simulations that run and are not shown. */
+  hidden: number;
 }
 export interface ErrorMessage {
   type: "error";
@@ -82,6 +90,7 @@ export type Message = Partial<Address> & Body;
 export type Body =
   | EpisodeMessage
   | MapMessage
+  | KnownMapMessage
   | TableMessage
   | VehiclesMessage
   | StepsMessage

@@ -6,6 +6,8 @@ import type { Numbers } from "./messages";
 
 /** Rows hold until the next one of the same name, this long at most [s]. */
 const HOLDS = 1;
+/** The same live, where a simulation may run at many times real time. */
+const HOLDS_LIVE = 5;
 const NEIGHBOR = 6;
 const HEAD = 3;
 const MOST_CELLS = 1 << 20;
@@ -53,7 +55,7 @@ export function observedBy(recording: Recording, agent: Agent, step: number): Ob
   if (!table.rows) return null;
   const [steps, names] = [table.numbers("step"), table.texts("name")];
   const rows = recording.index("observations", "agent").upTo(agent.row, step);
-  const oldest = step - HOLDS / recording.dt;
+  const oldest = step - (recording.isLive ? HOLDS_LIVE : HOLDS) / recording.dt;
   const found = new Map<string, number>();
   for (let i = rows.length - 1; i >= 0 && steps[rows[i]] >= oldest; i--)
     if (!found.has(names[rows[i]])) found.set(names[rows[i]], rows[i]);

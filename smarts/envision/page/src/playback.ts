@@ -15,6 +15,8 @@ export class Clock {
   isLive = false;
   /** Whether playback keeps close to the end that moves, until the user goes back. */
   isFollowing = true;
+  /** Whether what was live was cut short. */
+  hasEnded = false;
 
   constructor(private readonly delay = 0.2) {}
 

@@ -30,11 +30,30 @@ export class Session {
   private readonly waiting = new Set<string>();
   /** Counts calls of `open`: one that takes long does not undo a later one. */
   private turn = 0;
+  /** Whether the user was told that there are more simulations than are listed. */
+  private hasTold = false;
+  /** The agents whose observations were asked for last. */
+  private asked = "{}";
 
   constructor(private readonly actions: Actions) {}
 
   get entries(): Entry[] {
     return [...(this.feed?.entries ?? []), ...this.library.entries];
+  }
+
+  /** How many simulations run that are not listed. */
+  get hidden(): number {
+    return this.feed?.hidden ?? 0;
+  }
+
+  /** Asks for what the chosen agents of running simulations observe, where they have changed. */
+  observe(): void {
+    const chosen = this.views.filter(({ recording, chosen }) => recording.isLive && chosen);
+    const agents = Object.fromEntries(chosen.map(({ id, chosen }) => [id, chosen!.row]));
+    const asked = JSON.stringify(agents);
+    if (!this.feed || asked === this.asked) return;
+    this.asked = asked;
+    this.feed.observe(agents);
   }
 
   get hasLive(): boolean {
@@ -70,7 +89,10 @@ export class Session {
 
   /** Shows simulations that have appeared, until the user chooses. */
   private takeSources(): void {
-    const ids = this.feed?.running ?? [];
+    const ids = this.feed?.ids ?? [];
+    if (this.hidden && !this.hasTold)
+      this.actions.say(`The first ${ids.length} simulations are shown; ${this.hidden} more run.`);
+    this.hasTold = this.hidden > 0;
     const wanted = this.pending.filter((id) => ids.includes(id));
     const shown = (wanted.length ? wanted : ids).slice(0, MOST_VIEWS);
     const isNew = shown.some((id) => !this.views.some((view) => view.id === id));
@@ -112,7 +134,7 @@ export class Session {
       const recording = live ?? (await this.library.load(id));
       if (recording.remark && !live) this.actions.say(`${entry?.label ?? id}: ${recording.remark}`);
       const view = new View(id, titleOf(entry, id), recording);
-      if (this.feed?.running.includes(id)) {
+      if (this.feed?.ids.includes(id)) {
         view.clock.isLive = true;
         view.clock.play();
       }

@@ -106,9 +106,9 @@ export class Timeline {
     const part = this.place(clock.t);
     this.fill.style.transform = `scaleX(${part})`;
     this.knob.style.left = `${100 * part}%`;
-    const text = `${seconds(clock.t)} / ${seconds(clock.end)} s`;
-    if (this.time.textContent !== text) {
-      this.time.textContent = text;
+    const time = `${seconds(clock.t)} / ${seconds(clock.end)} s`;
+    if (this.time.textContent !== time) {
+      this.time.textContent = time;
       this.track.setAttribute("aria-valuemin", clock.begin.toFixed(1));
       this.track.setAttribute("aria-valuenow", clock.t.toFixed(1));
       this.track.setAttribute("aria-valuemax", clock.end.toFixed(1));
@@ -119,7 +119,10 @@ export class Timeline {
     this.live.hidden = !clock.isLive;
     const isOn = clock.isPlaying && clock.isFollowing;
     this.live.toggleAttribute("data-on", isOn);
-    this.live.setAttribute("aria-label", isOn ? "live" : "back to live");
+    const text = clock.hasEnded ? "ended" : "live";
+    if (this.live.textContent !== text) this.live.textContent = text;
+    this.live.toggleAttribute("data-ended", clock.hasEnded);
+    this.live.setAttribute("aria-label", isOn ? text : "back to live");
     this.drawMarks();
   }
 

@@ -20,9 +20,15 @@ export function titleOf(entry: Entry | undefined, id: string): string {
   return [entry.why, entry.scenario || entry.label, entry.policy || entry.run].filter(Boolean).join(" · ");
 }
 
+/** Why a simulation that was watched has ended before its episode did; empty where it has not. */
+export function cutShort({ isLive, hasEnded, isComplete, remark }: View["recording"]): string {
+  return isLive && hasEnded && !isComplete ? remark || "it has ended" : "";
+}
+
 export function subtitle(view: View): string {
   const { facts } = view.recording;
   const parts = [
+    cutShort(view.recording),
     facts.traffic && `traffic ${String(facts.traffic)}`,
     facts.seed !== undefined && `seed ${String(facts.seed)}`,
     facts.episode !== undefined && `episode ${String(facts.episode)}`,
@@ -30,8 +36,10 @@ export function subtitle(view: View): string {
   return parts.filter(Boolean).join(" · ") || describe(view.id, view.recording, "").label;
 }
 
-/** What a cell says: how its agents have ended so far. */
+/** What a cell says: how its agents have ended so far, or why their simulation has. */
 export function statusOf(view: View): [string, string] {
+  const remark = cutShort(view.recording);
+  if (remark) return [remark, "bad"];
   const ended = view.agents.filter(
     (agent) => agent.isEgo && agent.endStep >= 0 && view.step >= agent.endStep && agent.outcome !== "NONE",
   );

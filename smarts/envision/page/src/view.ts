@@ -67,6 +67,7 @@ export class View {
     const { recording } = this;
     this.clock.begin = recording.firstStep * recording.dt;
     this.clock.end = recording.lastStep * recording.dt;
+    this.clock.hasEnded = recording.isLive && recording.hasEnded && !recording.isComplete;
     this.isDirty = true;
     if (!this.roads && recording.map) this.build(recording.map);
     // Live tables grow with every step; what is made of them is not needed so often.

@@ -1,11 +1,11 @@
 /** What agents observe: read from a recording, placed, coloured. */
 
 import { describe, expect, it } from "vitest";
-import { agentsOf, decisionOf } from "../src/agents";
+import { agentsOf, decisionOf, extraSeries } from "../src/agents";
 import { decodeContainer } from "../src/container";
 import { Recording } from "../src/episode";
 import { groundOf, observedBy, pixelsOf } from "../src/observed";
-import { array, containerOf, EPISODE, messageOf, stepsOf } from "./samples";
+import { array, containerOf, messageOf, stepsOf } from "./samples";
 
 const AGENTS = messageOf({
   type: "table",
@@ -19,7 +19,7 @@ const AGENTS = messageOf({
 });
 
 /** A recording whose agent observes; rows are step, name, numbers. */
-async function recorded(table: string, rows: [number, string, number[]][]): Promise<Recording> {
+async function recorded(table: string, rows: [number, string, number[]][], isLive = false): Promise<Recording> {
   const offsets = [0];
   for (const [, , values] of rows) offsets.push(offsets[offsets.length - 1] + values.length);
   const lists = array(Float32Array.from(rows.flatMap(([, , values]) => values)));
@@ -40,17 +40,19 @@ async function recorded(table: string, rows: [number, string, number[]][]): Prom
     columns: {
       step: array(Int32Array.of(0)),
       agent: array(Int32Array.of(0)),
-      action: array(Int8Array.of(0)),
+      action: array(Int8Array.of(3)),
       value_0: array(Float32Array.of(0.5)),
       value_1: array(Float32Array.of(-0.25)),
     },
   });
-  const { messages } = await decodeContainer(containerOf([EPISODE, AGENTS, message, decisions, stepsOf(0, 40, 1)]));
-  return new Recording(messages);
+  const names = { ActionSpaceType: { "3": "LaneWithContinuousSpeed" } };
+  const episode = messageOf({ type: "episode", version: 1, facts: { dt: 0.1 }, names, origin: [0, 0] });
+  const { messages } = await decodeContainer(containerOf([episode, AGENTS, message, decisions, stepsOf(0, 40, 1)]));
+  return new Recording(messages, isLive);
 }
 
-const observed = async (rows: [number, string, number[]][], step: number) => {
-  const recording = await recorded("observations", rows);
+const observed = async (rows: [number, string, number[]][], step: number, isLive = false) => {
+  const recording = await recorded("observations", rows, isLive);
   return observedBy(recording, agentsOf(recording)[0], step);
 };
 
@@ -84,6 +86,9 @@ describe("observations", () => {
     expect(await observed(rows, 20)).toBeNull();
     expect((await observed(rows, 15))?.others).toEqual([["speed", Float32Array.of(7)]]);
     expect((await observed(rows, 16))?.others).toEqual([]);
+    // Live, a simulation may run much faster than its time.
+    expect((await observed(rows, 16, true))?.others.length).toBe(1);
+    expect((await observed(rows, 60, true))).toBeNull();
   });
 
   it("have a grid on the ground that is of the step in which it was seen", async () => {
@@ -130,7 +135,20 @@ it("shows means and deviations of continuous actions", async () => {
     [0, "reward", [1]],
   ]);
   const decision = decisionOf(recording, agentsOf(recording)[0], 5);
+  // The range counts as -1 to 1: of the target speed 0 to 60 m/s, of the lane change -1 to 1.
+  expect(decision?.parts.map(({ name }) => name)).toEqual(["target speed", "lane change"]);
+  expect(decision?.means?.[0]).toBeCloseTo(42);
   expect(decision?.means?.[1]).toBeCloseTo(-0.2);
-  expect(decision?.deviations?.[0]).toBeCloseTo(0.1);
+  expect(decision?.deviations?.[0]).toBeCloseTo(3);
+  expect(decision?.deviations?.[1]).toBeCloseTo(0.05);
   expect(decision?.probabilities).toBeNull();
+  expect(extraSeries(recording, agentsOf(recording)[0]).map(({ name }) => name)).toEqual(["reward"]);
+});
+
+it("shows no distribution of an action that has other parts", async () => {
+  const recording = await recorded("extras", [
+    [0, "mean", [0.4, -0.2, 0.1]],
+    [0, "std", [0.1, 0.05, 0.1]],
+  ]);
+  expect(decisionOf(recording, agentsOf(recording)[0], 5)).toMatchObject({ means: null, deviations: null });
 });

@@ -1,0 +1,141 @@
+"""Browsers that watch running simulations: what each has asked for, what waits for it, which maps it has."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from smarts.stream.container import pack
+
+MOST_WATCHED = 9
+"""Simulations that one viewer watches."""
+MOST_WAITING = 8 << 20
+"""Bytes that wait for one viewer; beyond, all are dropped, and it gets a snapshot when it has caught up."""
+MOST_MAPS = 16
+"""The last maps that a viewer was sent; it keeps as many, so that these need not be sent again."""
+STALLED = 30.0
+"""A viewer that takes nothing for so long is disconnected [s]."""
+MOST_REQUEST = 4096
+"""Bytes of what a viewer sends."""
+_MOST_AGENT = (1 << 31) - 1
+
+
+class Request(NamedTuple):
+    """What a viewer asks for."""
+
+    watched: tuple[str, ...]
+    """Ids of simulations."""
+    observed: Mapping[str, int]
+    """The agent of a simulation whose observations are to be shown: its row in `agents`."""
+
+    @classmethod
+    def parse(cls, text: str) -> Request | None:
+        """Return the request in a text, None if it is none."""
+        try:
+            given = json.loads(text)
+            watched, observed = given["watch"], given.get("observe", {})
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            return None
+        if not isinstance(watched, list) or not isinstance(observed, dict):
+            return None
+        if max(len(watched), len(observed)) > MOST_WATCHED or not all(isinstance(w, str) for w in watched):
+            return None
+        if not all(type(agent) is int and 0 <= agent <= _MOST_AGENT for agent in observed.values()):
+            return None
+        return cls(tuple(dict.fromkeys(watched)), observed)
+
+
+NO_REQUEST = Request((), {})
+
+
+class PackedMap(NamedTuple):
+    """A map on its way to viewers, which get it once, and then its digest alone."""
+
+    digest: str
+    packed: bytes
+    reference: bytes
+    """The message that names it to a viewer that has it."""
+
+
+Packed = bytes | PackedMap
+
+
+def packed_message(message: Mapping) -> Packed:
+    """Return a message as it waits for viewers."""
+    if message["type"] != "map":
+        return pack(message)
+    address = {name: message[name] for name in ("digest", "source", "serial")}
+    return PackedMap(message["digest"], pack(message), pack({"type": "known_map", **address}))
+
+
+def _size(packed: Packed) -> int:
+    return len(packed.packed if isinstance(packed, PackedMap) else packed)
+
+
+@dataclass(eq=False)
+class Viewer:
+    """One browser."""
+
+    socket: WebSocket
+    request: Request = NO_REQUEST
+    owed: deque[str] = field(default_factory=deque)
+    """Simulations of which it gets a snapshot next; until then, nothing else of them."""
+    is_stale: bool = False
+    waiting: deque[Packed] = field(default_factory=deque)
+    size: int = 0
+    news: asyncio.Event = field(default_factory=asyncio.Event)
+    maps: deque[str] = field(default_factory=lambda: deque(maxlen=MOST_MAPS))
+    """Digests of those that it has, the oldest first."""
+
+    def put(self, packed: Packed) -> None:
+        """Queue a message; if too much waits, drop all. One that waits alone is kept, however large."""
+        if self.is_stale:
+            return
+        self.waiting.append(packed)
+        self.size += _size(packed)
+        if self.size > MOST_WAITING and len(self.waiting) > 1:
+            self.waiting.clear()
+            self.size, self.is_stale = 0, True
+        self.news.set()
+
+    def take(self) -> Packed:
+        """Return the message that has waited longest."""
+        packed = self.waiting.popleft()
+        self.size -= _size(packed)
+        return packed
+
+    def owe(self, number: str) -> None:
+        """Queue a snapshot of a simulation, which is made when its turn has come."""
+        if number not in self.owed:
+            self.owed.append(number)
+        self.news.set()
+
+    def follows(self, number: str) -> bool:
+        """Return whether it gets each frame of a simulation."""
+        return number in self.request.watched and number not in self.owed and not self.is_stale
+
+    async def send(self, packed: Packed) -> bool:
+        """Send a message; return whether the viewer has taken it.
+
+        One that takes nothing is told no good-bye.
+        """
+        try:
+            await asyncio.wait_for(self.socket.send_bytes(self._bytes_of(packed)), STALLED)
+        except (TimeoutError, WebSocketDisconnect, RuntimeError):
+            return False
+        return True
+
+    def _bytes_of(self, packed: Packed) -> bytes:
+        if not isinstance(packed, PackedMap):
+            return packed
+        # Decided as it is sent: what was dropped before does not count.
+        if packed.digest in self.maps:
+            return packed.reference
+        self.maps.append(packed.digest)
+        return packed.packed
