@@ -101,6 +101,7 @@ def test_the_panel_follows_the_chosen_agent(open_page):
 
 def test_a_link_and_a_reload_restore_the_view(open_page):
     page = open_page(episode("bubbles"), fragment="#e=0&t=12.4&speed=2&cam=free&agent=agent-0")
+    page.wait_for_function("location.hash.includes('at=')")  # the camera has found what there is to see
     page.wait_for_timeout(1200)
     link = page.evaluate("location.hash")
     before = picture(page)

@@ -173,7 +173,7 @@ export class App {
 
   private place(): Place {
     const { view } = this;
-    const orbit = view && this.mode !== "follow" ? view.rig.aim : null;
+    const orbit = view && !view.isUnseen && this.mode !== "follow" ? view.rig.aim : null;
     return {
       episodes: this.views.map((each) => each.id),
       t: this.player.clock.t,
