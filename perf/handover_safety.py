@@ -60,7 +60,7 @@ class Watch:
     removed: Counter[Departure] = field(default_factory=Counter)
     """Vehicles that agents have not given back."""
     waits: list[float] = field(default_factory=list)
-    """For how long each release was refused before it was carried out, also those that were not [s]."""
+    """How long each release was refused [s]; infinite if the vehicle was removed instead."""
     unresolved: Counter[str] = field(default_factory=Counter)
     """Refused transfers that were never carried out, by what became of them: see `UNRESOLVED`."""
     _departed: dict[tuple[int, int], Departure] = field(default_factory=dict)

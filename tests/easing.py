@@ -1,5 +1,7 @@
 """An agent that needs the kit alone: its actions depend on all bits of what it sees and draws."""
 
+from typing import Any, ClassVar
+
 import numpy as np
 
 from smarts_agent_kit import BatchAgent, uniform
@@ -8,7 +10,7 @@ from smarts_agent_kit import BatchAgent, uniform
 class Easing(BatchAgent):
     """Drives at 5 to 7 m/s."""
 
-    interface = {"action": "LaneWithContinuousSpeed", "vehicle_model": "kinematic"}  # noqa: RUF012
+    interface: ClassVar[Any] = {"action": "LaneWithContinuousSpeed", "vehicle_model": "kinematic"}
     observation = ("speed", "neighbors")
 
     def act(self, obs):

@@ -150,7 +150,10 @@ class Large(Drawing):
 class Sensing(Easing):
     """Observes the arrays of which `Observation` objects are made."""
 
-    interface = {**Easing.interface, "waypoint_paths": True, "neighborhood_vehicle_states": True}  # noqa: RUF012
+    interface: ClassVar[Any] = Easing.interface | {
+        "waypoint_paths": True,
+        "neighborhood_vehicle_states": True,
+    }
     observation: ClassVar[Any] = "raw"
 
 

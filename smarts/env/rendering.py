@@ -30,7 +30,7 @@ def check_render_mode(mode: str | None, environment: str) -> None:
         SmartsError: It is unknown, or there is nowhere to show a picture.
     """
     if mode == "human":
-        # Only those who watch wait for it.
+        # Imported late, so that environments without a window start fast.
         from smarts.envision.window import check_window
 
         check_window()
@@ -105,7 +105,7 @@ class Renderer:
 
     def _show(self, image: NDArray[np.uint8]) -> None:
         if self._window is None:
-            # Only those who watch wait for it.
+            # Imported late, so that environments without a window start fast.
             from smarts.envision.window import window
 
             self._window = window()

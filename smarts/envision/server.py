@@ -151,6 +151,7 @@ class ViewServer:
         self._guard = Guard(Starlette(routes=self._routes()), self.token, self.port, policy_of(self.page))
         config = uvicorn.Config(
             self._guard,
+            log_config=None,  # uvicorn's own closes the handlers of all others in the process
             log_level="error",
             access_log=False,
             ws="websockets-sansio",

@@ -91,7 +91,7 @@ class Viewer:
     size: int = 0
     news: asyncio.Event = field(default_factory=asyncio.Event)
     maps: deque[str] = field(default_factory=lambda: deque(maxlen=MOST_MAPS))
-    """Digests of those that it has, the oldest first."""
+    """Digests of the maps that it has received, the oldest first."""
 
     def put(self, packed: Packed) -> None:
         """Queue a message; if too much waits, drop all. One that waits alone is kept, however large."""
@@ -123,7 +123,7 @@ class Viewer:
     async def send(self, packed: Packed) -> bool:
         """Send a message; return whether the viewer has taken it.
 
-        One that takes nothing is told no good-bye.
+        The connection to a stalled viewer is dropped without a closing message.
         """
         try:
             await asyncio.wait_for(self.socket.send_bytes(self._bytes_of(packed)), STALLED)

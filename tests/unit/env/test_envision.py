@@ -47,7 +47,7 @@ def address_of(monkeypatch):
         runner = made[-1]
         recorder = runner._recorder
         if recorder is None:
-            # Nothing is noted for nobody.
+            # Without a recorder, no notes are taken.
             assert not runner.is_recorded
             assert not runner._notes
         env.close()

@@ -123,7 +123,7 @@ def test_a_run_as_one_page(run, tmp_path):
 
 
 def test_pages_of_an_earlier_command_are_named(run, tmp_path):
-    # Who has made them is not known, so they stay.
+    # They may be the user's own files, so they are not deleted.
     (tmp_path / "run-2.html").write_text("mine")
     done = view(run, "--html", tmp_path / "run.html")
     assert done.exit_code == 0

@@ -1,4 +1,5 @@
 import json
+import logging
 import re
 import shutil
 import socket
@@ -154,3 +155,19 @@ def test_a_port_that_is_taken_is_refused():
         port = taken.getsockname()[1]
         with pytest.raises(SmartsError, match=str(port)):
             ViewServer(None, port=port, page=PAGE)
+
+
+class _Ended(logging.Handler):
+    """Counts how often it is closed."""
+
+    ends = 0
+
+    def close(self):
+        self.ends += 1
+        super().close()
+
+
+def test_logging_of_the_process_is_left_as_it_was():
+    handler = _Ended()
+    ViewServer(EpisodeLibrary([]), port=0)
+    assert handler.ends == 0

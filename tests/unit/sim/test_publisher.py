@@ -149,7 +149,10 @@ def test_what_an_agent_observes_is_shown_as_it_is_recorded(server, monkeypatch, 
     if features:
         made = VectorHiWayEnv(1, ["intersection"], agents, seed=1, simulation=options)
         made.reset()
-        step = lambda: made.step([np.zeros((1, 2), np.int64)])  # noqa: E731
+
+        def step():
+            made.step([np.zeros((1, 2), np.int64)])
+
     else:
         made = HiWayEnv(["intersection"], agents, decision_interval=5, seed=1, simulation=options)
         active = [*made.reset()[0]]

@@ -167,7 +167,7 @@ def test_terms_of_the_reward_add_up_and_features_are_recorded(tmp_path):
         world = int(episode.facts["world"])
         extras = rows_of(episode.table("extras"))
         terms = [row for row in extras if row["name"].startswith("reward/")]
-        # Of all egos, whoever is observed.
+        # Terms are recorded for all egos, observations for the chosen ones.
         assert {row["agent_id"] for row in terms} == {0, 1, 2}
         assert len({row["name"] for row in terms}) > 2
         rewards = {

@@ -53,7 +53,7 @@ export class LiveFeed {
     return [...this.live.sources.map(entryOf), ...[...this.past.values()].map(({ entry }) => entry).reverse()];
   }
 
-  /** The ids of simulations that are listed: those that run, then those that stand still or are gone. */
+  /** The ids of the listed simulations: running ones first, then those that have ended. */
   get ids(): string[] {
     const { sources } = this.live;
     return [...sources.filter(({ running }) => running), ...sources.filter(({ running }) => !running)].map(({ id }) => id);

@@ -142,7 +142,7 @@ describe("the messages of a connection", () => {
 describe("a simulation that ends", () => {
   afterEach(() => void vi.useRealTimers());
 
-  it("is behind those that run, and says why its episode was cut short", async () => {
+  it("is listed after running ones, and says why its episode was cut short", async () => {
     vi.useFakeTimers({ toFake: ["setTimeout"] });
     const { feed, send, list, problems } = fed();
     send(await episode(1));

@@ -16,7 +16,7 @@ PAGE = Path(__file__).parents[4] / "smarts/envision/page/src/agents.ts"
 
 
 class Recording(JointVector):
-    """Keeps what it is told before each step, and the step's actions."""
+    """Keeps the annotations before each step, and the step's actions."""
 
     def __init__(self, game):
         super().__init__(lambda b: game({}), 2)
