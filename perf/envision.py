@@ -1,12 +1,12 @@
 """What live viewing costs a simulation, and what it sends.
 
     python -m perf.envision                       # 4 agents and 25 vehicles, one viewer
-    python -m perf.envision --worlds 8 --social 300 --scenario city --seconds 60
+    python -m perf.envision --worlds 8 --social 300 --scenario city --stalled --seconds 600
 
 Two environments with the same episodes take turns: one is shown by a server, the other is not. The server is
-a process of its own, and so are its viewers: one that decodes all it gets, and one that stops reading. A
-decision takes five steps. The loss is measured in processor time of the simulation's process, its sending
-thread included, and by the wall; where there are fewer cores than processes, the wall says less. The
+a process of its own, and so are its viewers: one that decodes all it gets, and with `--stalled` one that stops
+reading. A decision takes five steps. The loss is measured in processor time of the simulation's process, its
+sending thread included, and by the wall; where there are fewer cores than processes, the wall says less. The
 memory of the server is printed for each tenth of the time.
 """
 
@@ -19,6 +19,7 @@ import os
 import socket
 import tempfile
 import time
+from collections.abc import Sequence
 from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Any
@@ -26,9 +27,10 @@ from typing import Any
 import numpy as np
 
 from perf.scenes import scene
+from smarts.arrays import Floats
 
-BLOCK = 10
-"""Decisions of one environment, then of the other."""
+BLOCK = 0.25
+"""Time of one environment, then of the other [s]: many frames, since the first one of a block is always due."""
 PERIOD = 5
 PAGE = "<html><head></head><body><!--EPISODE--></body></html>"
 
@@ -96,7 +98,7 @@ def measure(options: argparse.Namespace, port: int, server: int) -> float:
 
     with tempfile.TemporaryDirectory() as folder:
         source = scene(options.scenario, options.social, options.agents, Path(folder))
-        shown, hidden = (
+        envs = [
             VectorHiWayEnv(
                 options.worlds,
                 [source],
@@ -104,34 +106,62 @@ def measure(options: argparse.Namespace, port: int, server: int) -> float:
                 decision_interval=PERIOD,
                 simulation=Options(envision=address),
             )
-            for address in (f"127.0.0.1:{port}", "")
-        )
+            for address in ("", f"127.0.0.1:{port}")
+        ]
         actions = [np.zeros((options.worlds, options.agents), np.int64)]
-        spent = {True: [], False: []}
-        memory = []
-        for env in (shown, hidden):
+        for env in envs:
             env.reset()
-            for _ in range(2 * BLOCK):
-                env.step(actions)
-        end = time.monotonic() + options.seconds
-        while time.monotonic() < end:
-            for is_shown, env in ((True, shown), (False, hidden)):
-                used, begin = time.process_time(), time.perf_counter()
-                for _ in range(BLOCK):
-                    env.step(actions)
-                spent[is_shown].append((time.process_time() - used, time.perf_counter() - begin))
-            memory.append(resident(server))
-        vehicles = float(shown._runner.world.vehicles.alive.sum(axis=1).mean())
-        shown.close()
-        hidden.close()
-    steps = BLOCK * PERIOD * options.worlds
+            advance(env, actions, 20)
+        decisions = max(1, round(20 * BLOCK / advance(envs[0], actions, 20)[1]))
+        advance(envs[1], actions, 20)
+        spent: list[list[tuple[float, float]]] = [[], []]
+        begin, memory = time.monotonic(), []
+        while time.monotonic() < begin + options.seconds:
+            # Which one comes first changes, lest what else the machine does falls on one of them.
+            for number in (0, 1) if len(memory) % 2 else (1, 0):
+                spent[number].append(advance(envs[number], actions, decisions))
+            memory.append((time.monotonic() - begin, resident(server)))
+        vehicles = float(envs[1]._runner.world.vehicles.alive.sum(axis=1).mean())
+        for env in envs:
+            env.close()
+    off, on = (np.array(each) for each in spent)
+    report(off, on, decisions * PERIOD * options.worlds)
+    print(f"vehicles {vehicles:.0f} in each of {options.worlds}; {len(on)} pairs of {decisions} decisions")
+    print_memory(memory)
+    return float((on - off)[:, 0].sum())
+
+
+def advance(env: Any, actions: Any, decisions: int) -> tuple[float, float]:
+    """Make some decisions; return the time of the processor and of the wall that they took [s]."""
+    used, begin = time.process_time(), time.perf_counter()
+    for _ in range(decisions):
+        env.step(actions)
+    return time.process_time() - used, time.perf_counter() - begin
+
+
+def report(off: Floats, on: Floats, steps: int) -> None:
+    """Print the rates of all blocks (N, 2), and the loss: the median of the pairs' and its 95% interval.
+
+    Args:
+        off: Time of the processor and of the wall of each block that is not shown [s].
+        on: Of those that are shown.
+        steps: Of one block, of all simulations together.
+    """
+    draws = np.random.default_rng(0).integers(0, len(on), (2000, len(on)))
     for place, what in enumerate(("processor", "wall")):
-        on, off = (np.median([each[place] for each in spent[is_shown]]) for is_shown in (True, False))
-        print(f"{what}: {steps / off:.0f} steps/s, shown {steps / on:.0f}: {100 * (on / off - 1):+.1f}% time")
-    tenths = np.array_split(np.array(memory), min(10, len(memory)))
-    seconds = {is_shown: sum(used for used, _ in each) for is_shown, each in spent.items()}
-    print(f"vehicles {vehicles:.0f}; server's memory [MB]:", *(f"{part.mean():.0f}" for part in tenths))
-    return seconds[True] - seconds[False]
+        more = 100 * (on[:, place] / off[:, place] - 1)
+        low, high = np.percentile(np.median(more[draws], axis=1), (2.5, 97.5))
+        rates = [steps / np.median(each[:, place]) for each in (off, on)]
+        print(
+            f"{what}: {rates[0]:.0f} steps/s, shown {rates[1]:.0f}: "
+            f"{np.median(more):+.1f}% time ({low:+.1f} to {high:+.1f})"
+        )
+
+
+def print_memory(memory: Sequence[tuple[float, float]]) -> None:
+    """Print the server's memory: rows of time [s] and memory [MB], ten times."""
+    for part in np.array_split(np.array(memory), min(10, len(memory))):
+        print(f"server's memory at {part[-1, 0]:4.0f} s: {part[:, 1].mean():.1f} MB")
 
 
 def main() -> None:
@@ -143,7 +173,8 @@ def main() -> None:
     parser.add_argument("--social", type=int, default=25)
     parser.add_argument("--agents", type=int, default=4)
     parser.add_argument("--worlds", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--stalled", action="store_true", help="a second viewer, which stops reading")
     options = parser.parse_args()
     spawn = multiprocessing.get_context("spawn")
     here, there = spawn.Pipe()
@@ -153,7 +184,7 @@ def main() -> None:
     stop, received = spawn.Event(), spawn.Array("q", 3)
     viewers = [
         spawn.Process(target=view, args=(port, is_stalled, received, stop), daemon=True)
-        for is_stalled in (False, True)
+        for is_stalled in ((False, True) if options.stalled else (False,))
     ]
     for viewer in viewers:
         viewer.start()

@@ -14,6 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from smarts.errors import SmartsError
@@ -33,7 +34,9 @@ _LAST_WORDS = 0.5
 _STANDSTILL = 30_000
 """A server that takes nothing for so long is given up [ms]."""
 _LOOK = 0.05
-"""From one look of the thread at what waits to the next [s]."""
+"""From one look of an outlet that ends at what is still to be sent to the next [s]."""
+_AT_ONCE = 64
+"""The most frames of one call of the system."""
 Content = Mapping[str, Any]
 _ADDRESS = re.compile(r"(?:(?P<token>[^@\s]+)@)?(?P<host>[^@\s/]+):(?P<port>\d{1,5})")
 
@@ -69,7 +72,8 @@ class Outlet:
 
     The caller's thread writes to the socket what that takes at once: to hand each message to another thread
     would cost the caller several times as much. A thread of the outlet connects, answers the server, and
-    sends what the socket did not take.
+    sends what the socket did not take; it sleeps while there is nothing of that, since each look at the
+    queue would interrupt the simulation.
 
     Args:
         address: Of the server.
@@ -77,7 +81,7 @@ class Outlet:
 
     def __init__(self, address: Address) -> None:
         self._address = address
-        self.process = os.getpid()
+        self.process = process_now()
         """The process that sends: after a fork, the child needs another outlet."""
         self.epoch = 0
         """Grows whenever what was put before may not have arrived: all that lasts is to be put again."""
@@ -98,18 +102,26 @@ class Outlet:
         """Of the messages that wait; those that are still to be made have none."""
         self._lock = threading.Lock()
         self._closing = threading.Event()
+        self._bell, self._ringing = socket.socketpair()
+        """Wakes the thread: it waits for the second one to be readable."""
+        for each in (self._bell, self._ringing):
+            each.setblocking(False)
         # A daemon, since a program that ends without closing is not to hang.
         self._thread = threading.Thread(target=self._work, name="envision-outlet", daemon=True)
         self._thread.start()
 
-    def put(self, message: Content | Callable[[], Content], epoch: int) -> None:
+    def put(
+        self, message: Content | Callable[[], Content], epoch: int, *, is_last: bool = True
+    ) -> None:
         """Send a message, or queue it; if too much waits, all of it is dropped.
 
         Args:
             message: One that takes time to make can be a function that returns it, called by the thread.
             epoch: In which that was put which it builds on; in another one, the message is ignored.
+            is_last: Whether to send now; otherwise `flush` is to be called, and sends several in one call of
+                the system, which takes longer than all else.
         """
-        if not self.is_open or self.process != os.getpid():
+        if not self.is_open or self.process != process_now():
             return
         packed = message if callable(message) else _packed(message)
         if packed is None:
@@ -120,47 +132,76 @@ class Outlet:
             if callable(packed) or self._to_make:
                 self._to_make.append(packed)
                 self._bytes += 0 if callable(packed) else len(packed)
+                self._wake()
             else:
-                self._send(packed)
+                self._queue(packed)
+                if is_last or self._bytes > MOST_WAITING:
+                    self._flush_or_wake()
             if self._bytes > MOST_WAITING:
                 self._drop()
+
+    def flush(self) -> None:
+        """Send what was put and is not the last."""
+        if self._waiting and self.process == process_now():
+            with self._lock:
+                if self.is_open:
+                    self._flush_or_wake()
 
     def close(self) -> None:
         """Send what waits, for half a second at most, and end; may be called again."""
         # In a process that was forked off, the thread and perhaps a lock that it held stayed behind.
-        if self.process == os.getpid():
+        if self.process == process_now():
             self._closing.set()
+            self._wake()
             if threading.current_thread() is self._thread:
                 return
             self._thread.join(_LAST_WORDS + 4 * _LOOK)
 
-    def _send(self, packed: bytes) -> None:
-        """Queue a message as a WebSocket frame, and send what the socket takes."""
+    def _queue(self, packed: bytes) -> None:
+        """Queue a message as a WebSocket frame."""
         frame = _header(len(packed)) + packed
         self._waiting.append(frame)
         self._bytes += len(frame)
+
+    def _flush_or_wake(self) -> None:
+        """Send what the socket takes; leave the rest to the thread."""
         self._flush()
+        if self._begun or self._waiting or not self.is_open:
+            self._wake()
+
+    def _wake(self) -> None:
+        # If it cannot be told, it has been told often enough.
+        with contextlib.suppress(OSError):
+            self._bell.send(b"!")
 
     def _flush(self) -> None:
         """Send what waits, as far as the socket takes it."""
-        assert self._connection is not None
-        while self._begun or self._answers or self._waiting:
-            if not self._begun:
-                # A frame is sent to its end, whatever is dropped behind it.
-                if self._answers:
-                    self._begun = memoryview(self._answers.popleft())
-                else:
-                    self._begun = memoryview(self._waiting.popleft())
-                    self._bytes -= len(self._begun)
+        connection = self._connection
+        while connection is not None and (self._begun or self._answers or self._waiting):
+            # A frame is sent to its end, whatever is dropped behind it.
+            parts = [self._begun] if self._begun else []
+            parts += [*self._answers, *islice(self._waiting, _AT_ONCE)]
             try:
-                sent = self._connection.send(self._begun)
+                sent = connection.sendmsg(parts)
             except (BlockingIOError, InterruptedError):
                 return
             except OSError:
                 # The thread finds the same, and connects again.
                 self.is_open = False
                 return
-            self._begun = self._begun[sent:]
+            self._forget(sent)
+
+    def _forget(self, sent: int) -> None:
+        """Take off the queues what has been sent [bytes]."""
+        while sent:
+            if not self._begun:
+                if self._answers:
+                    self._begun = memoryview(self._answers.popleft())
+                else:
+                    self._begun = memoryview(self._waiting.popleft())
+                    self._bytes -= len(self._begun)
+            whole = min(sent, len(self._begun))
+            self._begun, sent = self._begun[whole:], sent - whole
 
     def _drop(self) -> None:
         self._waiting.clear()
@@ -181,6 +222,8 @@ class Outlet:
                 self._connection = self._protocol = None
             self.observed = {}
             self._closing.wait(_RETRY)
+        self._bell.close()
+        self._ringing.close()
 
     def _serve(self) -> None:
         """Connect, and send until the outlet is closed or the server is gone."""
@@ -199,9 +242,13 @@ class Outlet:
             self.is_open = True
         while not self._closing.is_set() and self.is_open:
             has_rest = bool(self._begun or self._waiting or self._answers)
-            readable, _, _ = select.select([connection], [connection] if has_rest else [], [], _LOOK)
+            awaited = connection, self._ringing
+            readable, _, _ = select.select(awaited, [connection] if has_rest else [], [])
+            if self._ringing in readable:
+                with contextlib.suppress(BlockingIOError):
+                    self._ringing.recv(4096)
             with self._lock:
-                if readable:
+                if connection in readable:
                     self._listen(connection, protocol)
                 self._flush()
             self._make()
@@ -241,7 +288,8 @@ class Outlet:
                 self._to_make.popleft()
                 self._bytes -= 0 if callable(first) else len(first)
                 if packed is not None and self.is_open:
-                    self._send(packed)
+                    self._queue(packed)
+                    self._flush()
 
     def _say_last(self, connection: socket.socket, protocol: ClientProtocol) -> None:
         """Send what is still to be sent, for half a second at most, and part."""
@@ -261,6 +309,15 @@ class Outlet:
             with self._lock:
                 self._flush()
             self._make()
+
+
+def process_now() -> int:
+    """Return the id of this process, without asking the system."""
+    return _process[0]
+
+
+_process = [os.getpid()]
+os.register_at_fork(after_in_child=lambda: _process.__setitem__(0, os.getpid()))
 
 
 def _shaken(connection: socket.socket, address: Address) -> ClientProtocol:
