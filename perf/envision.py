@@ -4,10 +4,10 @@
     python -m perf.envision --worlds 8 --social 300 --scenario city --stalled --seconds 600
 
 Two environments with the same episodes take turns: one is shown by a server, the other is not. The server is
-a process of its own, and so are its viewers: one that decodes all it gets, and with `--stalled` one that stops
-reading. A decision takes five steps. The loss is measured in processor time of the simulation's process, its
-sending thread included, and by the wall; where there are fewer cores than processes, the wall says less. The
-memory of the server is printed for each tenth of the time.
+a process of its own, and so are its viewers: one that decodes all it gets, and with `--stalled` one more,
+which stops reading. A decision takes five steps. The loss is measured in processor time of the simulation's
+process, its sending thread included, and by the wall; where there are fewer cores than processes, the wall
+says less. The memory of the server is printed for each tenth of the time.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from perf.scenes import scene
 from smarts.arrays import Floats
 
 BLOCK = 0.25
-"""Time of one environment, then of the other [s]: many frames, since the first one of a block is always due."""
+"""Time of one environment, then of the other [s]: long, since the first frame of a block is always due."""
 PERIOD = 5
 PAGE = "<html><head></head><body><!--EPISODE--></body></html>"
 

@@ -110,9 +110,7 @@ class Outlet:
         self._thread = threading.Thread(target=self._work, name="envision-outlet", daemon=True)
         self._thread.start()
 
-    def put(
-        self, message: Content | Callable[[], Content], epoch: int, *, is_last: bool = True
-    ) -> None:
+    def put(self, message: Content | Callable[[], Content], epoch: int, *, is_last: bool = True) -> None:
         """Send a message, or queue it; if too much waits, all of it is dropped.
 
         Args:

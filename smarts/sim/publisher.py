@@ -24,9 +24,11 @@ from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.binding import LateBound
 from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
-from smarts.sim.outlet import Address, Content, Outlet
+from smarts.sim.outlet import Address, Content, Outlet, process_now
+from smarts.sim.publisher_extras import PublishedExtras
 from smarts.sim.publisher_kernel import Rows, take_row
 from smarts.sim.publisher_maps import PublishedMaps
+from smarts.sim.publisher_pace import Pace
 from smarts.sim.publisher_sight import PublishedSight
 from smarts.sim.publisher_tables import static_tables
 from smarts.sim.recorder import OBSERVED
@@ -39,8 +41,6 @@ from smarts.types.frame import Frame
 
 MOST_SHOWN = 9
 """Simulations of a process that are sent: the first ones."""
-INTERVAL = 1 / 60
-"""From one frame of a simulation to the next, at least [s]."""
 _numbers = itertools.count()
 
 
@@ -55,15 +55,10 @@ class _Row:
     is_over: bool = True
     epoch: int = -1
     """Of the outlet, when all that lasts was last sent."""
-    due: float = 0.0
     known: tuple[int, int, int] = (0, 0, 0)
     """How many agents, holds and outcomes were sent."""
-    named: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
-    """Generation of the vehicle in each slot whose name was sent, 0 for none."""
     outcomes: dict[int, tuple[int, ...]] = field(default_factory=dict)
     """Agent's number -> step, outcome, slot and generation of the vehicle that it collided with."""
-    extras: dict[str, tuple[int, NDArray, NDArray]] = field(default_factory=dict)
-    """Name -> step, agent_ids (N,) and values (N, ...) of the newest annotation."""
     sight: PublishedSight = field(default_factory=PublishedSight)
 
 
@@ -89,7 +84,11 @@ class EpisodePublisher:
         agents = world.agents.slot.shape
         self._nobody = np.zeros(agents, np.bool_)
         self._no_actions = Actions.allocate(*agents)
-        self._buffers = Rows.allocate(world.vehicles.capacity, agents[1])
+        self._extras = PublishedExtras(len(self._rows))
+        self._pace = Pace()
+        self._buffers = Rows.allocate(
+            world.vehicles.capacity, world.worlds, world.signals.shape[1], agents[1]
+        )
         self._take = LateBound(take_row, world.state, self._buffers)
 
     @property
@@ -109,30 +108,45 @@ class EpisodePublisher:
 
     def record(self, frame: Frame) -> None:
         """Send what is due of a frame, before the next step overwrites it."""
+        now, events, outlet = time.monotonic(), frame.events, self._outlet
+        has_news = bool(np.count_nonzero(events.just_done) or np.count_nonzero(events.finished))
+        is_due = outlet.is_open and (self._pace.is_due(now) or self._epoch != outlet.epoch)
+        # Most steps end here.
+        is_quiet = not (is_due or has_news or frame.starts or frame.failures or outlet.observed)
+        if is_quiet and outlet.process == process_now():
+            return
         self._prepare()
+        self._epoch = self._outlet.epoch
         for row, start in frame.starts.items():
             if row < len(self._rows):
-                self._begin(self._rows[row], start)
-        now, events, outlet = time.monotonic(), frame.events, self._outlet
-        some_news = np.count_nonzero(events.just_done) or np.count_nonzero(events.finished)
-        for row, shown in enumerate(self._rows):
-            has_news = bool(some_news and (events.just_done[row].any() or events.finished[row]))
-            if has_news:
-                self._take_outcomes(row, shown, frame)
-            if shown.is_over:
-                continue
-            if outlet.observed and frame.env_mask[row]:
-                shown.sight.look(frame, row, outlet.observed.get(shown.source, ()))
-            is_due = has_news or now >= shown.due or shown.epoch != outlet.epoch
-            assert shown.start is not None
-            is_refused = shown.start.map in self._maps.refused
-            if is_due and outlet.is_open and frame.env_mask[row] and not is_refused:
-                shown.due = now + INTERVAL
-                self._send(row, shown, frame)
-            if row in frame.failures:
-                self._end(shown, False, f"invalid: {frame.failures[row].problem}")
-            elif has_news and events.finished[row]:
-                self._end(shown, True, "")
+                self._begin(row, self._rows[row], start)
+        sent = [self._record_row(row, frame, is_due, has_news) for row in range(len(self._rows))]
+        self._outlet.flush()
+        if any(sent):
+            self._pace.count(now, time.monotonic())
+
+    def _record_row(self, row: int, frame: Frame, is_due: bool, has_news: bool) -> bool:
+        """Take what is new of one simulation; return whether its frame was sent."""
+        shown, events, outlet = self._rows[row], frame.events, self._outlet
+        is_finished = has_news and bool(events.finished[row])
+        has_news = is_finished or (has_news and bool(events.just_done[row].any()))
+        if has_news:
+            self._take_outcomes(row, shown, frame)
+        if shown.is_over:
+            return False
+        is_stepped = bool(frame.env_mask[row])
+        if outlet.observed and is_stepped:
+            shown.sight.look(frame, row, outlet.observed.get(shown.source, ()))
+        assert shown.start is not None
+        is_due = (is_due or has_news or shown.epoch != outlet.epoch) and outlet.is_open and is_stepped
+        is_sent = is_due and shown.start.map not in self._maps.refused
+        if is_sent:
+            self._send(row, shown, frame)
+        if row in frame.failures:
+            self._end(shown, False, f"invalid: {frame.failures[row].problem}")
+        elif is_finished:
+            self._end(shown, True, "")
+        return is_sent
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
         """Send what an algorithm says with the next frame, of each name the newest; as in `EpisodeRecorder`.
@@ -141,17 +155,13 @@ class EpisodePublisher:
         """
         if not self._outlet.is_open:
             return
-        table = np.asarray(values, np.float64)
         steps = self._scene.world.step if step is None else step
-        for row, shown in enumerate(self._rows):
-            if name.startswith(OBSERVED):
-                what = name.removeprefix(OBSERVED)
+        if name.startswith(OBSERVED):
+            table, what = np.asarray(values, np.float64), name.removeprefix(OBSERVED)
+            for row, shown in enumerate(self._rows):
                 shown.sight.annotate(what, int(steps[row]), table[row], agent_ids[row])
-                continue
-            chosen = np.flatnonzero(agent_ids[row])
-            if len(chosen):
-                # Fancy indexing copies: the caller may reuse its array.
-                shown.extras[name] = int(steps[row]), chosen, table[row, chosen]
+        else:
+            self._extras.take(name, values, agent_ids, steps)
 
     def finish(self, env_mask: Bools) -> None:
         """Do nothing: rewards of the last decision come after the last frame."""
@@ -160,6 +170,7 @@ class EpisodePublisher:
         """Say that the simulations are over, and end; may be called again."""
         for shown in self._rows:
             self._end(shown, False, "closed before its end")
+        self._outlet.flush()
         self._rows = []
         self._outlet.close()
 
@@ -172,15 +183,17 @@ class EpisodePublisher:
         for row, shown in enumerate(self._rows):
             shown.source, shown.epoch = f"{machine}-{process}-{number}-{row}", -1
         self._maps_sent: tuple[int, set[int]] = -1, set()
+        self._epoch = -1
+        """Of the outlet, when a frame was last looked at."""
         self._told = -1
         """Epoch in which the server was told how many simulations are not sent."""
 
-    def _begin(self, shown: _Row, start: EpisodeStart) -> None:
+    def _begin(self, row: int, shown: _Row, start: EpisodeStart) -> None:
         self._end(shown, False, "reset before its end")
         shown.start, shown.is_over, shown.serial = start, False, shown.serial + 1
         shown.epoch = -1
         shown.outcomes.clear()
-        shown.extras.clear()
+        self._extras.forget(row)
         shown.sight.begin()
 
     def _end(self, shown: _Row, is_complete: bool, remark: str) -> None:
@@ -191,14 +204,15 @@ class EpisodePublisher:
             self._put(shown, {"type": "end", "is_complete": is_complete, "remark": remark})
 
     def _put(self, shown: _Row, message: Content) -> None:
-        self._outlet.put({**message, "source": shown.source, "serial": shown.serial}, shown.epoch)
+        stamped = {**message, "source": shown.source, "serial": shown.serial}
+        self._outlet.put(stamped, shown.epoch, is_last=False)
 
     def _send(self, row: int, shown: _Row, frame: Frame) -> None:
         """Send a frame of one simulation, and before it what lasts and has not been sent."""
         epoch = self._outlet.epoch
         if shown.epoch != epoch:
             shown.epoch, shown.known = epoch, (0, 0, 0)
-            shown.named = np.zeros(self._scene.world.vehicles.capacity, np.int32)
+            self._buffers.named[row] = 0
             if not self._open(row, shown, epoch):
                 return
         known = len(self._pool.starts[row]), len(self._pool.holds[row]), len(shown.outcomes)
@@ -211,36 +225,34 @@ class EpisodePublisher:
             self._put(shown, {"type": "static", "tables": tables})
         actions = self._no_actions if frame.actions is None else frame.actions
         self._take.to(frame.events, frame.contacts, actions)(row)
-        blocks = [
-            block[:used].tobytes()
-            for block, used in zip(self._buffers[:3], self._buffers.used.tolist(), strict=True)
-        ]
+        buffers = self._buffers
+        vehicles, agents, decisions, signals, new = buffers.used.tolist()
         message = {
             "type": "frame",
             "step": int(frame.world.step[row]),
-            "rows": blocks,
-            "agent": frame.world.agents.agent[row].tolist(),
-            "names": self._new_names(row, shown),
-            "signals": self._signals(row),
-            "bubbles": self._bubbles(row, shown, frame),
-            "extras": [
-                (name, step, agent_ids.tolist(), values.reshape(len(agent_ids), -1).tolist())
-                for name, (step, agent_ids, values) in shown.extras.items()
+            "rows": [
+                buffers.vehicles[:vehicles].tobytes(),
+                buffers.agent_states[:agents].tobytes(),
+                buffers.decisions[:decisions].tobytes(),
             ],
+            "agent": frame.world.agents.agent[row].tolist(),
+            "names": self._names(row, buffers.newcomers[:new]) if new else [],
+            "signals": buffers.signals[:signals].tolist() if signals else [],
+            "bubbles": self._bubbles(row, shown, frame),
+            "extras": self._extras.pop(row),
             "observations": self._observations(row, shown, frame),
         }
-        shown.extras.clear()
         self._put(shown, message)
 
     def _prepare(self) -> None:
         """Connect a process that was forked off; say how many simulations are not sent."""
-        if self._outlet.process != os.getpid():
+        if self._outlet.process != process_now():
             # The thread and the connection stayed in the process that forked.
             self._connect()
         outlet = self._outlet
         if self._unsent and outlet.is_open and self._told != outlet.epoch:
             self._told = outlet.epoch
-            outlet.put({"type": "unsent", "count": self._unsent}, self._told)
+            outlet.put({"type": "unsent", "count": self._unsent}, self._told, is_last=False)
 
     def _observations(self, row: int, shown: _Row, frame: Frame) -> list[tuple[Any, ...]]:
         if not shown.sight.agent_ids:
@@ -262,7 +274,7 @@ class EpisodePublisher:
                 self._maps.refuse(start.map, f"more than {MOST_MAPS} maps of one process")
                 return False
             self._maps_sent[1].add(start.map)
-            self._outlet.put(partial(self._maps.message, start.map), epoch)
+            self._outlet.put(partial(self._maps.message, start.map), epoch, is_last=False)
         facts = {
             "scenario": start.scenario,
             "traffic": start.traffic_name or "",
@@ -277,24 +289,14 @@ class EpisodePublisher:
         self._put(shown, {"type": "begin", "facts": facts, "map": start.map, **who})
         return True
 
-    def _new_names(self, row: int, shown: _Row) -> list[tuple[int, int, str]]:
-        """Return slot, generation and name of the vehicles that are new."""
+    def _names(self, row: int, slots: Ints) -> list[tuple[int, int, str]]:
+        """Return slot, generation and name of vehicles."""
         world = self._scene.world
-        generations = world.vehicles.generation[row]
-        is_new = world.vehicles.alive[row] & (shown.named != generations)
-        if not np.count_nonzero(is_new):
-            return []
-        slots = np.flatnonzero(is_new)
-        shown.named[slots] = generations[slots]
-        return [(slot, int(generations[slot]), world.registry.name(row, slot)) for slot in slots.tolist()]
-
-    def _signals(self, row: int) -> list[tuple[int, int]]:
-        """Return lane and light where there is one."""
-        lights = self._scene.world.signals[row]
-        if not np.count_nonzero(lights):
-            return []
-        lanes = np.flatnonzero(lights)
-        return [*zip(lanes.tolist(), lights[lanes].tolist(), strict=True)]
+        generations = world.vehicles.generation[row, slots].tolist()
+        return [
+            (slot, generation, world.registry.name(row, slot))
+            for slot, generation in zip(slots.tolist(), generations, strict=True)
+        ]
 
     def _bubbles(self, row: int, shown: _Row, frame: Frame) -> list[tuple[float, ...]]:
         """Return x, y, angle and whether it is active of each bubble."""
@@ -326,7 +328,7 @@ class EpisodePublisher:
 def room() -> int:
     """Return how many further simulations of this process are shown."""
     # A process that was forked off has its parent's publishers, too, which show nothing here unless used.
-    here = [each for each in _publishers if each._outlet.process == os.getpid()]
+    here = [each for each in _publishers if each._outlet.process == process_now()]
     return max(0, MOST_SHOWN - sum(len(each._rows) for each in here))
 
 
