@@ -82,20 +82,22 @@ class RewardNotes:
         self._mask[:, columns] = has_terms
         self._terms = RewardTerms(context, weights) if weights is not None and any(has_terms) else None
         self._is_followed = np.zeros(runner.alive.shape, np.bool_)  # from the beginning of its episode
+        self._follows = False  # any of them
 
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Accumulate a step of a decision."""
-        if self._terms is None or not self._is_followed.any():
+        if self._terms is None or not self._follows:
             return
         if self._runner.wants_terms:
             self._terms.collect(frame, is_last)
         else:
-            self._is_followed[:] = False
+            self._is_followed[:], self._follows = False, False
 
     def reset(self, egos: Bools) -> None:
         """Begin episodes of these egos, shape (B, E); their terms are followed if they are wanted now."""
         if self._terms is not None:
             self._is_followed[egos] = self._runner.wants_terms
+            self._follows = bool(self._is_followed.any())
             self._terms.reset(egos[:, self._agent_ids])
 
     def before_decision(self) -> None:
@@ -103,7 +105,7 @@ class RewardNotes:
 
     def rewards(self) -> dict[str, NDArray]:
         """Return the terms of the last decision by the names of annotations, shape (B, E) each."""
-        terms = {} if self._terms is None or not self._is_followed.any() else self._terms.values
+        terms = {} if self._terms is None or not self._follows else self._terms.values
         return {f"{REWARD_TERM}{name}": self._wide(values) for name, values in terms.items()}
 
     @property
@@ -142,7 +144,10 @@ class AgentNotes(RewardNotes):
 
     def before_decision(self) -> None:
         """Record what the agents observe as they decide."""
-        wanted = self._runner.observers & self._group
+        observers = self._runner.observers
+        if observers is None:
+            return
+        wanted = observers & self._group
         if not wanted.any():
             return
         for name, values in self._adapter.observations.items():

@@ -160,10 +160,10 @@ class SimulationRunner:
         return self._recorder is not None and self._recorder.wants_terms
 
     @property
-    def observers(self) -> Bools:
-        """Active egos whose observations are to be recorded or shown now, shape (B, E)."""
-        wanted = False if self._recorder is None else self._recorder.observers[:, : self.world.egos]
-        return self.alive & wanted
+    def observers(self) -> Bools | None:
+        """Active egos whose observations are to be recorded or shown now, shape (B, E); None: of no ego."""
+        wanted = None if self._recorder is None else self._recorder.observers
+        return None if wanted is None else self.alive & wanted[:, : self.world.egos]
 
     def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
         """Begin episodes in some simulations, by row.
@@ -301,7 +301,8 @@ class SimulationRunner:
         if self._recorder is None:
             return
         has_reward = has_reward & self._acted
-        has_reward[list(self._failures)] = False
+        if self._failures:
+            has_reward[list(self._failures)] = False
         self._recorder.annotate("reward", rewards, has_reward, self._decided)
         for notes in self._notes:
             for name, values in notes.rewards().items():

@@ -82,7 +82,6 @@ class EpisodePublisher:
         _publishers.add(self)
         self._connect()
         agents = world.agents.slot.shape
-        self._nobody = np.zeros(agents, np.bool_)
         self._no_actions = Actions.allocate(*agents)
         self._extras = PublishedExtras(len(self._rows))
         self._pace = Pace()
@@ -92,11 +91,11 @@ class EpisodePublisher:
         self._take = LateBound(take_row, world.state, self._buffers)
 
     @property
-    def observers(self) -> Bools:
-        """Agents whose observations viewers look at now, shape (B, A)."""
+    def observers(self) -> Bools | None:
+        """Agents whose observations viewers look at now, shape (B, A); None: of no agent."""
         if not self._outlet.observed:
-            return self._nobody
-        mask = np.zeros_like(self._nobody)
+            return None
+        mask = np.zeros(self._scene.world.agents.slot.shape, np.bool_)
         for row, shown in enumerate(self._rows):
             mask[row, shown.sight.agent_ids] = True
         return mask

@@ -140,8 +140,9 @@ class EpisodeRecorder:
         world = scene.world
         worlds, agents = world.agents.slot.shape
         self._scene, self._pool, self._policies = scene, pool, tuple(policies)
-        self.observers = np.zeros((worlds, agents), np.bool_)
-        self.observers[:, list(observers)] = True
+        self._observers = np.zeros((worlds, agents), np.bool_)
+        self._observers[:, list(observers)] = True
+        self.observers = self._observers if len(observers) else None
         self.wants_terms = True
         self._store = EpisodeStore(folder)
         self._thread = WriterThread(str(folder))
@@ -195,7 +196,7 @@ class EpisodeRecorder:
                 which is right for what is said before the step.
         """
         if name.startswith(OBSERVED):
-            agent_ids = agent_ids & self.observers[:, : agent_ids.shape[1]]
+            agent_ids = agent_ids & self._observers[:, : agent_ids.shape[1]]
         table = np.asarray(values, np.float64)
         steps = self._scene.world.step if step is None else step
         for row in np.flatnonzero(agent_ids.any(axis=1)).tolist():
@@ -251,7 +252,7 @@ class EpisodeRecorder:
 
     def _observe(self, frame: Frame, row: int, episode: _Episode) -> None:
         """Note what the chosen agents observe."""
-        chosen, rows = np.flatnonzero(self.observers[row] & frame.observe_mask[row]), episode.observations
+        chosen, rows = np.flatnonzero(self._observers[row] & frame.observe_mask[row]), episode.observations
         if len(chosen):
             seen = dict.fromkeys(chosen.tolist(), episode.steps)
             rows.add(observation_notes(frame, row, seen, np.array(origin_of(episode.graph))))

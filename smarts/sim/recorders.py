@@ -17,8 +17,8 @@ class AnnotatedRecorder(Protocol):
     """Takes frames, and what is said about them; see `smarts.sim.recorder.EpisodeRecorder`."""
 
     @property
-    def observers(self) -> Bools:
-        """Agents whose observations are wanted now, shape (B, A)."""
+    def observers(self) -> Bools | None:
+        """Agents whose observations are wanted now, shape (B, A); None: of no agent."""
         ...
 
     @property
@@ -54,9 +54,10 @@ class Recorders:
         self._parts = tuple(parts)
 
     @property
-    def observers(self) -> Bools:
-        """Agents whose observations one of them wants now, shape (B, A)."""
-        return np.logical_or.reduce([part.observers for part in self._parts])
+    def observers(self) -> Bools | None:
+        """Agents whose observations one of them wants now, shape (B, A); None: of no agent."""
+        masks = [mask for mask in (part.observers for part in self._parts) if mask is not None]
+        return np.logical_or.reduce(masks) if masks else None
 
     @property
     def wants_terms(self) -> bool:
