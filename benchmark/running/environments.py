@@ -32,6 +32,7 @@ def environment(
     max_episode_steps: int | None = None,
     traffic_step: float | None = None,
     observation: Observed | None = None,
+    policy: str = "",
 ) -> Any:
     """Return a task setting's environment, a `VectorHiWayEnv`.
 
@@ -44,6 +45,7 @@ def environment(
         max_episode_steps: Of each agent, instead of the task setting's time limit.
         traffic_step: Of the training environment alone; see `Options`.
         observation: Instead of the task setting's, with the same rewards.
+        policy: Name of what drives the agents, for those who watch.
 
     Raises:
         SmartsError: A scenario cannot be built, or the agents' observation or reward.
@@ -70,6 +72,7 @@ def environment(
         adapter_options=given.adapter_options,
         simulation=Options(
             record=record,
+            policy=policy,
             friction=given.friction,
             traffic_engine=given.traffic_engine,
             traffic_step=traffic_step,
@@ -106,4 +109,5 @@ def create(config: Any) -> Any:
         num_envs=config["num_envs"],
         discount=config["discount"],
         traffic_step=task_setting.environment.traffic_step,
+        policy=config.get("policy", ""),
     )

@@ -115,7 +115,11 @@ def _environment(agent: BatchAgent, interface: AgentInterface, agents: int, plac
 
 def _play(task_setting: TaskSetting, folder: RunFolder, agent: BatchAgent, locator: str) -> None:
     def play_part(part: Part, indices: range, record: Path) -> None:
-        with closing(environment(task_setting, num_envs=1, scenarios=part.scenarios, record=record)) as env:
+        with closing(
+            environment(
+                task_setting, num_envs=1, scenarios=part.scenarios, record=record, policy=file_name(locator)
+            )
+        ) as env:
             for _ in islice(driven(env, agent, EVALUATION_SEED, indices.start), len(indices)):
                 pass
 

@@ -67,9 +67,14 @@ def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
     """Play the test of a trained policy and write its table; yields the finished share."""
 
     def play_part(part: Part, indices: range, record: Path) -> None:
-        discount = algo.config.gamma
         with closing(
-            environment(run.task_setting, scenarios=part.scenarios, record=record, discount=discount)
+            environment(
+                run.task_setting,
+                scenarios=part.scenarios,
+                record=record,
+                discount=algo.config.gamma,
+                policy=run.label,
+            )
         ) as env:
             evaluate(
                 algo,
@@ -106,6 +111,7 @@ def play_scripted(run: ScriptedRun, scratch: RunFolder) -> Iterator[Message]:
                 scenarios=part.scenarios,
                 record=record,
                 observation=observation,
+                policy=run.policy,
             )
         ) as env:
             played = episodes_of(env, run.policy, EVALUATION_SEED, indices.start)

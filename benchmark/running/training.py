@@ -96,7 +96,8 @@ def algorithm_of(run: Run) -> Iterator[Any]:
     """Provide the built algorithm of a run."""
     register_env(NAME, create)
     config = config_of(run)
-    config.environment(NAME, env_config={"task_setting": run.task_setting, "discount": config.gamma})
+    given = {"task_setting": run.task_setting, "discount": config.gamma, "policy": run.label}
+    config.environment(NAME, env_config=given)
     algo = config.build_algo()
     with suppress(OSError):
         Path(algo.logdir).rmdir()  # in ~/ray_results, always empty
@@ -306,9 +307,13 @@ class Training:
         """Return how many validations are due by now."""
         return int(self._share() * self._run.task_setting.evaluation.validations)
 
+    def _environment(self) -> Any:
+        run = self._run
+        return environment(run.task_setting, discount=self._algo.config.gamma, policy=run.label)
+
     def _validate(self) -> Mapping[str, float]:
         """Play the validation episodes, and note whether the policy is the best so far."""
-        with closing(environment(self._run.task_setting, discount=self._algo.config.gamma)) as env:
+        with closing(self._environment()) as env:
             episodes = evaluate(
                 self._algo,
                 self._run.task_setting.evaluation.validation_episodes,

@@ -117,7 +117,7 @@ def play(
                 raise SmartsError("only agents are recorded", place="record", remedy="leave out sumo_driver")
             played = sumo_episodes(scenario, traffic, agents, seed, first_episode)
         else:
-            options = Options(record=record)
+            options = Options(record=record, policy=policy)
             env = VectorHiWayEnv(1, [scenario], agents, seed=seed, simulation=options, traffic=[traffic])
             played = _episodes(env, policy, seed, first_episode)
         for outcomes, steps in played:

@@ -271,6 +271,7 @@ class LiveHub:
             "title": f"{facts['scenario']} {facts['traffic']} [{message['world']}]",
             "scenario": str(facts["scenario"]),
             "traffic": str(facts["traffic"]),
+            "policy": str(facts.get("policy", "")),
             "host": str(message["host"]),
             "pid": int(message["pid"]),
             "world": int(message["world"]),

@@ -330,7 +330,7 @@ def _recorder(
         from smarts.sim.publisher import EpisodePublisher
 
         address = Address.parse(viewer, "Options.envision" if options.envision else ENVISION)
-        parts.append(EpisodePublisher(scene, address, pool, policies))
+        parts.append(EpisodePublisher(scene, address, pool, policies, options.policy))
     if len(parts) > 1:
         return Recorders(parts)
     return parts[0] if parts else None

@@ -47,6 +47,8 @@ class Options:
     envision: str | None = None
     """Server of `smarts-bench view --live` that shows the simulations, as "host:port" or "token@host:port".
     It may come and go. None: what the environment variable SMARTS_ENVISION says; "": nowhere."""
+    policy: str = ""
+    """Name of what drives the learning agents, for those who watch: an algorithm's, "" if it has none."""
     traffic_engine: str | None = None
     """Which of `TRAFFIC_ENGINES` drives the traffic; None: the one that the scenario names."""
     traffic_step: float | None = None

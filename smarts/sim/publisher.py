@@ -70,11 +70,20 @@ class EpisodePublisher:
         address: Of the server, which need not be there.
         pool: The agents of each episode.
         policies: Names of the social policies, by number.
+        policy: Name of what drives the egos, "" if it has none.
     """
 
-    def __init__(self, scene: Scene, address: Address, pool: AgentPool, policies: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        address: Address,
+        pool: AgentPool,
+        policies: Sequence[str] = (),
+        policy: str = "",
+    ) -> None:
         world = scene.world
-        self._scene, self._address, self._pool, self._policies = scene, address, pool, tuple(policies)
+        self._scene, self._address, self._pool = scene, address, pool
+        self._policies, self._policy = tuple(policies), policy
         self._rows = [_Row("") for _ in range(min(world.worlds, room()))]
         self._unsent = world.worlds - len(self._rows)
         self._maps = PublishedMaps(scene.atlas.graphs)
@@ -283,6 +292,7 @@ class EpisodePublisher:
             "dt": self._scene.world.dt,
             "traffic_engine": start.engine,
             "traffic_seed": start.traffic_seed,
+            "policy": self._policy,
         }
         who = {"host": socket.gethostname(), "pid": os.getpid(), "world": row}
         self._put(shown, {"type": "begin", "facts": facts, "map": start.map, **who})

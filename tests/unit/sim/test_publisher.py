@@ -232,6 +232,16 @@ def listed(server, wanted, step):
                 return message["sources"]
 
 
+def test_the_list_says_what_drives(server):
+    options = Options(envision=f"127.0.0.1:{server.port}", policy="keep_lane")
+    env = VectorHiWayEnv(1, ["loop"], 1, seed=1, simulation=options)
+    env.reset()
+    keep = [np.zeros((1, 1), np.int64)]
+    (row,) = listed(server, lambda rows: rows, lambda: env.step(keep))
+    env.close()
+    assert row["policy"] == "keep_lane"
+
+
 def test_a_server_that_comes_late_and_goes_shows_what_runs_then(monkeypatch):
     monkeypatch.setattr(outlet, "_RETRY", 0.05)
     with socket.create_server(("127.0.0.1", 0)) as free:
