@@ -3,6 +3,7 @@
 import http.client
 import threading
 from contextlib import contextmanager
+from socket import IPPROTO_TCP, TCP_INFO
 
 from smarts.envision.server import ViewServer
 
@@ -36,3 +37,9 @@ def ask(server, path, *, method="GET", body=None, **headers):
         return answer.status, dict(answer.getheaders()), answer.read()
     finally:
         connection.close()
+
+
+def received_bytes(connection):
+    """Return how many bytes have come to a WebSocket, of `tcpi_bytes_received` in struct tcp_info."""
+    info = connection.socket.getsockopt(IPPROTO_TCP, TCP_INFO, 256)
+    return int.from_bytes(info[128:136], "little")

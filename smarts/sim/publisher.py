@@ -128,10 +128,11 @@ class EpisodePublisher:
         for row, start in frame.starts.items():
             if row < len(self._rows):
                 self._begin(row, self._rows[row], start)
+        used = time.thread_time()
         sent = [self._record_row(row, frame, is_due, has_news) for row in range(len(self._rows))]
         self._outlet.flush()
         if any(sent):
-            self._pace.count(now, time.monotonic())
+            self._pace.count(now, time.thread_time() - used)
 
     def _record_row(self, row: int, frame: Frame, is_due: bool, has_news: bool) -> bool:
         """Take what is new of one simulation; return whether its frame was sent."""

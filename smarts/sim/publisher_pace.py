@@ -28,9 +28,9 @@ class Pace:
         """Return whether the next frame is due at a time [s]."""
         return now >= self._due
 
-    def count(self, begin: float, end: float) -> None:
-        """Note that frames were sent, from a time to another one [s]."""
-        # At most double: in a frame that took longer, the machine was busy with something else.
-        self._cost += _WEIGHT * (min(end - begin, 2 * self._cost) - self._cost)
+    def count(self, now: float, cost: float) -> None:
+        """Note that frames were sent at a time, and the processor time that they took [s]."""
+        # At most double: the first frame of an episode takes longer than those that follow.
+        self._cost += _WEIGHT * (min(cost, 2 * self._cost) - self._cost)
         self.interval = min(max(SHORTEST, self._cost / SHARE), LONGEST)
-        self._due = begin + self.interval
+        self._due = now + self.interval

@@ -96,10 +96,16 @@ class LiveEncoder:
         return [*made, *self._end]
 
     def _take_static(self, tables: Mapping[str, Any]) -> list[dict[str, Any]]:
-        """Take tables that last; of outcomes, return those that are new."""
+        """Take tables that last; return those that have changed, and of outcomes the new ones."""
+        before = self._static
         self._static = {name: dict(tables[name]) for name in _STATIC if tables.get(name)}
+        changed = {name for name, table in self._static.items() if table != before.get(name)}
+        if changed & {"agents", "holds"}:
+            # They belong together.
+            changed |= {"agents", "holds"} & self._static.keys()
         self._indicators.take_routes(self._static.get("routes", {}))
-        made, known = self._encoder.static(self._static), len(self._outcomes.get("agent", ()))
+        made = self._encoder.static({name: self._static[name] for name in changed})
+        known = len(self._outcomes.get("agent", ()))
         self._outcomes = {name: [*tables["outcomes"][name]] for name in ("agent", *_OUTCOME)}
         new = {name: values[known:] for name, values in self._outcomes.items()}
         return [*made, *self._ended(new, append=known > 0)]

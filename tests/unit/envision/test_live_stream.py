@@ -4,7 +4,6 @@ import json
 import random
 import re
 from pathlib import Path
-from socket import IPPROTO_TCP, TCP_INFO
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from smarts.stream.road_map import map_message, origin_of
 from smarts.stream.tables import LIVE, columns_of, values_of
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, VEHICLES
 from tests.maps import straight
-from tests.viewers import ask, serving
+from tests.viewers import ask, received_bytes, serving
 
 LIMIT = 20.0
 
@@ -458,9 +457,3 @@ def test_live_tables_have_the_columns_that_the_page_reads(server):
         found = {m["name"]: m["columns"] for m in until(browser, is_steps(0)) if m["type"] == "table"}
     assert {*found[AGENT_STATES.name]} == {*LIVE[AGENT_STATES.name]}
     assert {*found[DECISIONS.name]} == {*LIVE[DECISIONS.name]}
-
-
-def received_bytes(socket):
-    """Return how many bytes have come, of `tcpi_bytes_received` in struct tcp_info."""
-    info = socket.socket.getsockopt(IPPROTO_TCP, TCP_INFO, 256)
-    return int.from_bytes(info[128:136], "little")

@@ -6,6 +6,7 @@ import os
 import signal
 import socket
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -24,10 +25,12 @@ from smarts.stream.container import unpack
 from smarts.stream.motion import OWNER_BITS, motion_of
 from smarts.stream.tables import columns_of
 from smarts.types.vehicles import Owner
-from tests.viewers import serving
+from tests.viewers import received_bytes, serving
 
 KEEP = [np.zeros((2, 4), np.int64)]
 LIMIT = 60
+MOST_BYTES = 22
+"""A vehicle and step."""
 
 
 @pytest.fixture
@@ -79,6 +82,36 @@ def test_an_environment_is_shown(server, env):
     states = found["agent_states"][-1]
     assert set(states["agent"]) <= {0, 1, 2, 3}
     assert "reward" in {name for extras in found["extras"] for name in extras["name"]}
+
+
+def test_a_run_takes_few_bytes(server):
+    """All that a viewer gets of a run, on the wire, as one watches it: about each step is a frame."""
+    options = Options(envision=f"127.0.0.1:{server.port}")
+    traffic = {"decision_interval": 1, "traffic": ["random_social_vehicles"]}
+    env = VectorHiWayEnv(1, ["intersection"], 4, seed=1, simulation=options, **traffic)
+    env.reset()
+    (row,) = listed(server, lambda rows: rows, lambda: None)
+    rows, begin, frames = 0, 0, 0
+    with connect(
+        f"ws://127.0.0.1:{server.port}/live", origin=f"http://127.0.0.1:{server.port}", max_size=None
+    ) as browser:
+        browser.send(json.dumps({"watch": [row["id"]]}))
+        while frames < 100:
+            env.step([np.zeros((1, 4), np.int64)])
+            with suppress(TimeoutError):
+                # Waits as long as one watches a step.
+                message = unpack(browser.recv(timeout=1 / 50))
+                while message["type"] != "steps":
+                    message = unpack(browser.recv(timeout=1 / 50))
+                # The map, which comes once, is before the first frame.
+                begin = begin or received_bytes(browser)
+                rows += len(motion_of(message).x)
+                frames += 1
+        size = received_bytes(browser) - begin
+    env.close()
+    # Four agents that decide in every step among twenty vehicles: 14 bytes, more where frames are left out.
+    assert rows > 1500
+    assert size / rows < MOST_BYTES
 
 
 def test_terms_of_rewards_are_shown_and_observations_where_one_looks(server, env):
