@@ -46,7 +46,8 @@ def test_the_scene_has_roads_and_vehicles_of_each_owner(open_page):
     assert part_like(image, (37, 43, 53)) > 0.01
     assert part_like(image, (238, 63, 70)) > 1e-5
     assert part_like(image, (116, 184, 245)) > 1e-5
-    expect(page.locator(".legend")).to_contain_text("social agent")
+    names = ["ego", "social agent", "traffic", "fallback", "air-lock", "bubble"]
+    expect(page.locator(".legend > span")).to_have_text(names)
 
 
 def test_it_plays_stops_and_steps(open_page):

@@ -105,6 +105,37 @@ def test_a_late_viewer_gets_what_lasts_and_the_newest_frame(server):
         assert motion_of(moved).number.tolist() == motion_of(found[-1]).number.tolist()
 
 
+def test_tables_that_last_are_sent_when_they_change(server):
+    def static(**more):
+        agents = {"agent_id": [0], "name": ["ego"], "end_step": [-1]}
+        holds = {"agent": [0], "agent_id": [0], "name": ["ego"], "policy": [""], "first_step": [0]}
+        outcomes = {name: [] for name in ("agent", "step", "outcome", "partner_slot", "partner_generation")}
+        tables = {"agents": agents, "holds": holds, "routes": {"route": [0], "edges": [[0]]}, **more}
+        message = {"type": "static", "source": "a", "serial": 1}
+        return {**message, "tables": {"outcomes": outcomes, **tables}}
+
+    def names(found):
+        return {m["name"] for m in found if m["type"] == "table" and m["name"] != "agent_states"}
+
+    with publisher(server) as simulation, viewer(server) as browser:
+        for message in (the_map(), begin(), static(), frame(0)):
+            simulation.send(pack(message))
+        until(browser, is_listed(id="a"))
+        watch(browser, "a")
+        assert names(until(browser, is_steps(0))) == {"agents", "holds", "routes"}
+        two = {"route": [0, 1], "edges": [[0], [0]]}
+        ended = {"agents": {"agent_id": [0], "name": ["ego"], "end_step": [3]}}
+        for step, more in enumerate(({}, {"routes": two}, {"routes": two} | ended), 1):
+            simulation.send(pack(static(**more)))
+            simulation.send(pack(frame(step)))
+            expected = (set(), {"routes"}, {"agents", "holds"})[step - 1]
+            assert names(until(browser, is_steps(step))) == expected
+        # One who comes late gets all of them.
+        with viewer(server) as late:
+            watch(late, "a")
+            assert names(until(late, is_steps(3))) == {"agents", "holds", "routes"}
+
+
 def test_lights_are_sent_when_they_change(server):
     with publisher(server) as simulation, viewer(server) as browser:
         for message in (the_map(), begin(), frame(0, signals=[(1, 3)])):
