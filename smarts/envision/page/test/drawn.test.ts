@@ -5,7 +5,7 @@ import { describe, expect, it } from "vitest";
 import { markersOf } from "../src/agents";
 import { decodeContainer } from "../src/container";
 import { Recording } from "../src/episode";
-import { observedBy } from "../src/observed";
+import { groundOf, observedBy, pixelsOf } from "../src/observed";
 import { DARK, type Rgb, STOP_LIGHT } from "../src/scene/palette";
 import type { Lane } from "../src/scene/roads";
 import { AIR_LOCK, COLLIDED, Driver, Snapshot } from "../src/snapshot";
@@ -228,8 +228,16 @@ describe("the chosen agent", () => {
       for (const { x, y, heading } of neighbors) expect(marks.some((each) => near(each, [x, y, heading]))).toBe(true);
       for (let i = 0; i < lidar.length; i += 2)
         expect(marks.some((each) => near(each, [lidar[i], lidar[i + 1]]) && near(each.slice(8, 11), DARK.lidar))).toBe(true);
-      const floor = part<Mesh>(sight.floor, "mesh");
-      if (floor.visible) found.grids++;
+      const [floor, ground] = [part<Mesh>(sight.floor, "mesh"), groundOf(observed)];
+      const pose = ground ? view.recording.poseOf(view.chosen!.row, ground.step) : null;
+      expect(floor.visible).toBe(pose !== null);
+      if (ground && pose) {
+        expect(near([...floor.position.toArray().slice(0, 2), floor.rotation.z], pose, 1e-4)).toBe(true);
+        expect(near(floor.scale.toArray(), [ground.height * ground.size, ground.width * ground.size], 1e-4)).toBe(true);
+        const { cells } = part<{ uniforms: Record<string, { value: { image: { data: Uint8Array } } }> }>(floor, "material").uniforms;
+        expect([...cells.value.image.data]).toEqual([...pixelsOf(ground, DARK.sight, 0.42)]);
+        found.grids++;
+      }
       found.waypoints += corners.length;
       found.neighbors += neighbors.length;
       found.lidar += lidar.length;
