@@ -184,20 +184,22 @@ class Driver(BatchAgent):
             seen: What the drivers see.
             keeps_to_route: Whether they stop where their lane leaves the route, too.
         """
-        own, lane = seen.own, seen.lanes[:, 0]
-        desired = self.desired(seen)
+        lane, desired = seen.lanes[:, 0], self.desired(seen)
+        found = self.model.acceleration(seen.speed, desired, lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED])
+        found = np.minimum(found, self.before_lines(seen, keeps_to_route=keeps_to_route))
+        return np.minimum(found, self._falling_back(seen)) if keeps_to_route else found
+
+    def before_lines(self, seen: Seen, *, keeps_to_route: bool = True) -> Floats:
+        """Return accelerations on a road without others, but for lines and ends of lanes; see `follow`."""
+        own, lane, desired = seen.own, seen.lanes[:, 0], self.desired(seen)
+        yield_gap = own[:, Own.YIELD_GAP]
         lines = [
             _gap_if(own[:, Own.LIGHT_GAP], self._stops_at_light(own)),
-            LINE_OVERLAP
-            + _gap_if(
-                own[:, Own.YIELD_GAP], _can_stop(own[:, Own.SPEED], own[:, Own.YIELD_GAP], YIELD_BRAKING)
-            ),
+            LINE_OVERLAP + _gap_if(yield_gap, _can_stop(own[:, Own.SPEED], yield_gap, YIELD_BRAKING)),
             lane[:, Lane.LEFT if keeps_to_route else Lane.END],
         ]
-        found = self.model.acceleration(seen.speed, desired, lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED])
-        for gap in lines:
-            found = np.minimum(found, self.model.acceleration(seen.speed, desired, gap, 0.0))
-        return np.minimum(found, self._falling_back(seen)) if keeps_to_route else found
+        accelerations = [self.model.acceleration(seen.speed, desired, gap, 0.0) for gap in lines]
+        return np.minimum.reduce(accelerations)
 
     def _falling_back(self, seen: Seen) -> Floats:
         """Return accelerations behind the vehicle ahead in the lane that the route demands [m/s^2].
