@@ -36,9 +36,9 @@ SPARE = 0.4
 class UTurnPlace(Feature):
     """The pose in the other direction into which the vehicle can turn round, and the lane behind it.
 
-    `turn_lane`: points x, y, heading every 2 m; the first is where a curve of `smarts/roads/curves.py` ends in
-    the nearest lane of the other direction that cars can steer into with their whole footprint on the road;
-    zeros where there is none. `turn_state`: speed in the turn [m/s], 0 where it cannot turn; gap to the next
+    `turn_lane`: points x, y, heading every 2 m; the first is where a curve of `smarts/roads/curves.py` ends
+    in the nearest lane of the other direction that cars can steer into with their whole footprint on the
+    road; zeros where there is none. `turn_state`: speed in the turn [m/s], 0 where it cannot turn; gap to the next
     vehicle that comes in that lane [m], infinite for none; its speed [m/s].
     """
 

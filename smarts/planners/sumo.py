@@ -32,7 +32,7 @@ _TINY = 1e-3
 
 
 class CarFollowing(NamedTuple):
-    """Parameters of Krauss' model, under the names of SUMO's attributes; the defaults are a passenger car's."""
+    """Parameters of Krauss' model under SUMO's names; the defaults are a passenger car's."""
 
     tau: float = 1.0
     """Time gap to the leader [s]."""
@@ -94,7 +94,7 @@ class SumoPlanner:
             drive(
                 states[n], target, others, around.size[n, seen], size, self._model, self._duration, paths[n]
             )
-        failed = ~np.isfinite(paths).all(axis=(1, 2))
+        failed = np.asarray(~np.isfinite(paths).all(axis=(1, 2)))
         return keep_last(paths, failed, last, np.broadcast_to(np.asarray(elapsed, float), len(states)))
 
 

@@ -1,7 +1,7 @@
 """Poses in the frame of a lane, in which a curved road is straight; arrays of N lanes and K poses of each.
 
-The frame of Werling, Ziegler, Kammel and Thrun, "Optimal trajectory generation for dynamic street scenarios in
-a Frenet frame", ICRA 2010: station along the lane from beside the vehicle on [m], offset to its left [m],
+The frame of Werling, Ziegler, Kammel and Thrun, "Optimal trajectory generation for dynamic street scenarios
+in a Frenet frame", ICRA 2010: station along the lane from beside the vehicle on [m], offset to its left [m],
 heading relative to it [rad].
 """
 

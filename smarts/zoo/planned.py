@@ -1,8 +1,8 @@
 """What the zoo's planning drivers share: they keep lanes by IDM, and change them by a motion planner.
 
-Between manoeuvres a driver follows its lane as other drivers of the zoo do. A manoeuvre is a pose in a lane and
-the time at which to be there. While it lasts, the planner is asked every 0.2 s, in the frame of that lane, for a
-path past the nearest vehicles, which are predicted to keep speed and lane; the controller tracks it.
+Between manoeuvres a driver follows its lane as other drivers of the zoo do. A manoeuvre is a pose in a lane
+and the time at which to be there. While it lasts, the planner is asked every 0.2 s, in the frame of that lane,
+for a path past the nearest vehicles, which are predicted to keep speed and lane; the controller tracks it.
 
 Where planning fails, the rest of the last path is driven; once that is over the agent's action is NaN, so it
 fails, and the fallback controller drives from the same step on. A manoeuvre that cannot be planned at its
@@ -52,8 +52,8 @@ SETTLED_OFFSET, SETTLED_TURN = 0.3, 0.05
 """A manoeuvre is over within this distance of the lane's centreline [m], and angle to it [rad]."""
 
 _BUSY, _ARRIVAL, _X, _Y, _SPEED, _PLANNED = range(6)
-"""Columns of what is kept: whether a manoeuvre lasts, the step and the place of its pose, the speed there, the
-step of the last plan; then the plan's path on the map, row by row."""
+"""Columns of what is kept: whether a manoeuvre lasts, the step and the place of its pose, the speed there,
+the step of the last plan; then the plan's path on the map, row by row."""
 _PATH = slice(6, 6 + ROWS * 5)
 
 
@@ -262,11 +262,12 @@ def plan_paths(paths: Floats) -> Floats:
 
 
 def curvatures(last: Floats, elapsed: Floats) -> Floats:
-    """Return the curvatures of last paths after a time [1/m]; 0 without one or where it stands, shape (N,)."""
+    """Return the curvatures of last paths after a time [1/m], 0 where they stand, shape (N,)."""
     around = resample(last, elapsed[:, None] + np.array([-0.05, 0.05]))
     way = np.hypot(*(around[:, 1, 1:3] - around[:, 0, 1:3]).T)
     turned = around[:, 1, 3] - around[:, 0, 3]
     turned = np.arctan2(np.sin(turned), np.cos(turned))
+    # Without a last path, NaN, which is not above.
     return np.where(way > 0.05, turned / np.maximum(way, 0.05), 0.0)
 
 

@@ -70,7 +70,7 @@ class UTurn(Driver):
         may_turn = (phase == BEFORE) & (pace > 0.0) & (obs.step - memory[:, 1] >= self._after / STEP)
         is_clear = (gap > CLEAR) & (gap > CLEAR_TIME * its_speed)
         begins = may_turn & is_clear & (seen.speed <= pace + TOLERANCE)
-        self._plan(np.flatnonzero(begins), seen, obs.observations[TURN_LANE], kept, phase)
+        self._plan(begins, seen, obs.observations[TURN_LANE], kept, phase)
         phase[(phase == TURNING) & _is_round(seen, kept)] = OVER
         self._memory.keep(obs, memory)
         speed = self._speed(seen, may_turn & (phase == BEFORE), is_clear, pace)
@@ -81,8 +81,9 @@ class UTurn(Driver):
         """Return accelerations along the lane, and no lane changes; see `Driver`."""
         return self.follow(seen, keeps_to_route=False), np.zeros(len(seen.own), np.int32)
 
-    def _plan(self, rows: Ints, seen: Seen, lanes: Floats, kept: Floats, phase: Floats) -> None:
+    def _plan(self, begins: Bools, seen: Seen, lanes: Floats, kept: Floats, phase: Floats) -> None:
         """Plan the turns of some vehicles; those for which there is no plan go on in their lanes."""
+        rows = np.flatnonzero(begins)
         if not len(rows):
             return
         own, lane = seen.own[rows], lanes[rows]
