@@ -220,6 +220,8 @@ class SocialAgentRequests:
         """Write one agent's action; return what is wrong with it, "" if nothing is."""
         if isinstance(action, Failed):
             return action.problem
+        if isinstance(action, np.ndarray | float) and np.isnan(action).all():
+            return "answered nan: it cannot act for its vehicle"
         try:
             self._encoder.write([self._encoder.parse(self._pool.name(row, column), action, row, column)])
         except ActionError as error:

@@ -38,8 +38,8 @@ class UTurnPlace(Feature):
 
     `turn_lane`: points x, y, heading every 2 m; the first is where a curve of `smarts/roads/curves.py` ends
     in the nearest lane of the other direction that cars can steer into with their whole footprint on the
-    road; zeros where there is none. `turn_state`: speed in the turn [m/s], 0 where it cannot turn; gap to the next
-    vehicle that comes in that lane [m], infinite for none; its speed [m/s].
+    road; zeros where there is none. `turn_state`: speed in the turn [m/s], 0 where it cannot turn; gap to the
+    next vehicle that comes in that lane [m], infinite for none; its speed [m/s].
     """
 
     in_vector = False

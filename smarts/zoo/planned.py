@@ -1,8 +1,9 @@
 """What the zoo's planning drivers share: they keep lanes by IDM, and change them by a motion planner.
 
 Between manoeuvres a driver follows its lane as other drivers of the zoo do. A manoeuvre is a pose in a lane
-and the time at which to be there. While it lasts, the planner is asked every 0.2 s, in the frame of that lane,
-for a path past the nearest vehicles, which are predicted to keep speed and lane; the controller tracks it.
+and the time at which to be there. While it lasts, the planner is asked every 0.2 s, in the frame of that
+lane, for a path past the nearest vehicles, which are predicted to keep speed and lane; the controller tracks
+it.
 
 Where planning fails, the rest of the last path is driven; once that is over the agent's action is NaN, so it
 fails, and the fallback controller drives from the same step on. A manoeuvre that cannot be planned at its

@@ -1,0 +1,54 @@
+"""The receding-horizon planner with real failures of its solver in calls that a test chooses."""
+
+from collections.abc import Collection
+from typing import ClassVar
+
+import numpy as np
+
+from smarts.planners import Limits, RecedingHorizonPlanner, optimal_control
+
+STEPS = 8
+"""Of the horizon: a lane change takes longer."""
+
+
+def _unconverged(limits):
+    """Return a planner whose solver stops after one iteration."""
+    settings = optimal_control._SOLVER
+    piqp = {**settings["piqp"], "max_iter": 1}
+    optimal_control._SOLVER = {**settings, "piqp": piqp}
+    try:
+        return RecedingHorizonPlanner(limits, steps=STEPS)
+    finally:
+        optimal_control._SOLVER = settings
+
+
+class Faulty:
+    """Plans as the receding horizon does, but for the calls that fail.
+
+    "infeasible": the vehicle has to accelerate above its largest speed; "unconverged": the solver may take one
+    iteration; "nan": the vehicle is nowhere.
+    """
+
+    fault: ClassVar[str] = "nan"
+    failing: ClassVar[Collection[int]] = ()
+    """Numbers of the calls that fail, of one vehicle."""
+    plans: ClassVar[list] = []
+    """Of each call."""
+
+    def __init__(self, limits):
+        self._good = RecedingHorizonPlanner(limits, steps=STEPS)
+        must_accelerate = Limits(speed=0.0, acceleration=9.0, braking=-8.0)
+        self._bad = {
+            "infeasible": RecedingHorizonPlanner(must_accelerate, steps=STEPS),
+            "unconverged": _unconverged(limits),
+            "nan": self._good,
+        }
+
+    def plan(self, states, targets, neighbours=None, last=None, elapsed=0.0):
+        fails = len(self.plans) in self.failing
+        if fails and self.fault == "nan":
+            states = np.full_like(states, np.nan)
+        planner = self._bad[self.fault] if fails else self._good
+        found = planner.plan(states, targets, neighbours, last, elapsed)
+        self.plans.append(found)
+        return found

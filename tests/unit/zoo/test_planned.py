@@ -1,0 +1,177 @@
+"""Drivers that plan: frames of lanes, manoeuvres in simulations, and what happens when planning fails."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmark.running.zoo_contract import ZooDrive
+from smarts.controllers.action_formats import PATH_POINTS
+from smarts.controllers.tracking import SPEED_GAIN
+from smarts.env.vector import VectorHiWayEnv
+from smarts.errors import SmartsError
+from smarts.observations.lane_ways import BEHIND, POINTS
+from smarts.planners import PlanStatus, resample
+from smarts.types.agent_states import AgentStatus
+from smarts.types.events import Outcome
+from smarts.zoo import make_agent, make_spec
+from smarts.zoo.lane_frames import to_lane, to_map
+from smarts.zoo.planned import neighbours_of, plan_paths
+from tests.faulty_planner import Faulty
+
+RADIUS = 50.0
+
+
+def arc():
+    """Return a lane that turns left on a circle around (0, RADIUS); the vehicle is beside (0, 0)."""
+    angle = (np.arange(POINTS) - BEHIND) * 2.0 / RADIUS
+    return np.column_stack([RADIUS * np.sin(angle), RADIUS * (1.0 - np.cos(angle)), angle])[None]
+
+
+@pytest.mark.parametrize(("station", "offset", "turn"), [(0, 0, 0), (33.3, 3.2, 0.1), (-12.0, -3.2, -0.2)])
+def test_poses_in_the_frame_of_a_lane(station, offset, turn):
+    angle = station / RADIUS
+    radius = RADIUS - offset
+    pose = [radius * math.sin(angle), RADIUS - radius * math.cos(angle), angle + turn]
+    found = to_lane(arc(), np.array([[pose]]))
+    np.testing.assert_allclose(found[0, 0], [station, offset, turn], atol=0.07)
+    np.testing.assert_allclose(to_map(arc(), found)[0, 0], pose, atol=0.05)
+
+
+def test_beyond_its_ends_a_lane_is_straight():
+    ways = arc()
+    begin, end = ways[0, 0], ways[0, -1]
+    behind = begin - [10.0 * math.cos(begin[2]), 10.0 * math.sin(begin[2]), 0.0]
+    ahead = end + [10.0 * math.cos(end[2]), 10.0 * math.sin(end[2]), 0.0]
+    found = to_lane(ways, np.array([[behind, ahead]]))[0]
+    last = 2.0 * (POINTS - 1 - BEHIND)
+    np.testing.assert_allclose(found, [[-30.0, 0.0, 0.0], [last + 10.0, 0.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(to_map(ways, found[None])[0], [behind, ahead], atol=0.25)
+
+
+def test_neighbours_keep_their_lane_on_a_bend():
+    """One 20 m ahead in the lane to the left, at 10 m/s, is 30 m ahead and 3.2 m to the left a second later."""
+    angle, radius = 20.0 / RADIUS, RADIUS - 3.2
+    nearby = np.zeros((1, 2, 6))
+    nearby[0, 0] = radius * math.sin(angle), RADIUS - radius * math.cos(angle), angle, 10.0, 12.0, 2.5
+    own = np.zeros((1, 15))
+    own[0, 4:6] = 8.0, 2.0
+    found = neighbours_of(arc(), nearby, own)
+    later = resample(found.path[0, :1], np.array([[1.0]]))[0, 0]
+    np.testing.assert_allclose(later, [1.0, 30.0, 3.2, 0.0, 10.0], atol=0.05)
+    assert np.isnan(found.path[0, 1]).all()
+    assert found.size[0, 0].tolist() == [15.0, 2.5], "a vehicle of 8 m instead of 5 m needs 3 m more"
+
+
+def test_plans_ask_for_the_acceleration_that_the_controller_makes_of_lacking_speed():
+    times = np.linspace(0.0, 2.0, 21)
+    paths = np.zeros((2, 21, 5))
+    paths[:, :, 0] = times
+    paths[0, :, 4], paths[1, :, 4] = 10.0 + 1.2 * times, 10.0 - 1.2 * times
+    actions = plan_paths(paths)
+    assert actions.shape == (2, 4, PATH_POINTS)
+    assert SPEED_GAIN * (actions[0, 3, :20] - paths[0, :20, 4]) == pytest.approx(1.2)
+    assert actions[1, 3, :21] == pytest.approx(paths[1, :, 4]), "for braking it looks ahead"
+
+
+@pytest.mark.parametrize("name", ["overtaking-v0", "cut-in-v0", "u-turn-v0"])
+def test_unknown_planners_are_named(name):
+    for planner in ("beziers", "nowhere:Planner", 3):
+        with pytest.raises(SmartsError) as error:
+            make_agent(name, planner=planner)
+        assert str(planner).partition(":")[0] in str(error.value)
+
+
+@pytest.mark.parametrize("planner", ["receding_horizon", "bezier", "sumo"])
+def test_overtaking_by_each_planner(planner):
+    """Behind trucks at 6 m/s, an ego goes to the left lane, passes, and arrives in the right lane."""
+    spec = make_spec("overtaking-v0", planner=planner)
+    agent = spec.build_agent()
+    with ZooDrive("overtaking-v0", spec, agent, "overtaking", worlds=2, seed=7) as drive:
+        drive.reset()
+        lanes = [set() for _ in range(4)]
+        for _ in range(250):
+            drive.step()
+            for row, ego in np.argwhere(drive.active).tolist():
+                slot = drive.world.agents.slot[row, ego]
+                lanes[2 * row + ego].add(int(drive.world.vehicles.lane[row, slot]))
+        ends = [*drive.outcomes.values()]
+    assert sum(len(each) > 1 for each in lanes) >= 3
+    assert not {Outcome.OFF_ROAD, Outcome.OFF_ROUTE} & {*ends}
+    assert ends.count(Outcome.COLLISION) <= (0 if planner == "receding_horizon" else 1)
+
+
+class Listener:
+    """Keeps of each frame who has failed, and where the social agent's vehicle is."""
+
+    def __init__(self, env):
+        self.failures, self.places, self.given = [], [], []
+        self._env = env
+
+    def collect(self, frame, is_last):
+        self.failures.append(dict(frame.social_failures))
+        slot = frame.world.agents.slot[0, 1]
+        self.places.append(frame.world.vehicles.position[0, slot].copy())
+        self.given.append(bool(frame.actions.given[0, 1]))
+
+    def reset(self, egos):
+        pass
+
+
+def overtake(monkeypatch, fault, failing, steps=150):
+    """Let a social agent overtake by a planner that fails in some calls; return frames and infos."""
+    monkeypatch.setattr(Faulty, "fault", fault)
+    monkeypatch.setattr(Faulty, "failing", failing)
+    monkeypatch.setattr(Faulty, "plans", [])
+    social = [{"agent": "overtaking-v0", "options": {"planner": "tests.faulty_planner:Faulty"}}]
+    env = VectorHiWayEnv(1, ["overtaking"], 1, social_agents=social)
+    listener = Listener(env)
+    try:
+        env._runner.listen(listener)
+        env.reset(1)
+        infos = []
+        for _ in range(steps):
+            result = env.step(np.zeros((1, 1, 1), int))
+            infos.append(dict(result.social_failures.get(0, {})))
+            if result.reset.any() or any(infos):
+                break
+        active = env._runner.world.agents.state[0, 1] == AgentStatus.ACTIVE
+        for _ in range(20):
+            env.step(np.zeros((1, 1, 1), int))
+    finally:
+        env.close()
+    return listener, infos, active
+
+
+@pytest.mark.parametrize("fault", ["infeasible", "unconverged", "nan"])
+def test_while_planning_fails_the_last_plan_is_driven(monkeypatch, fault):
+    failing = range(3, 6)
+    listener, infos, active = overtake(monkeypatch, fault, failing)
+    statuses = [int(each.status[0]) for each in Faulty.plans]
+    assert len(statuses) > 8
+    assert [number for number, status in enumerate(statuses) if status] == [*failing]
+    assert {statuses[number] for number in failing} == {PlanStatus.SHIFTED}
+    assert not any(infos)
+    assert active
+
+
+@pytest.mark.parametrize("fault", ["infeasible", "unconverged", "nan"])
+def test_when_the_last_plan_is_over_the_fallback_drives_in_the_same_step(monkeypatch, fault):
+    listener, infos, active = overtake(monkeypatch, fault, range(3, 1000))
+    statuses = [int(each.status[0]) for each in Faulty.plans]
+    assert statuses[:3] == [PlanStatus.PLANNED] * 3
+    assert statuses[3:-1] == [PlanStatus.SHIFTED] * (len(statuses) - 4)
+    assert len(statuses) > 6
+    assert statuses[-1] == PlanStatus.FAILED, "it is not asked again"
+    (failed,) = [step for step, each in enumerate(listener.failures) if each]
+    assert [*listener.failures[failed]] == [(0, 1)]
+    assert "cannot act" in listener.failures[failed][0, 1]
+    assert infos[-1] == {name: listener.failures[failed][0, 1] for name in infos[-1]}
+    assert len(infos[-1]) == 1
+    assert listener.given[failed - 1]
+    assert not listener.given[failed], "the fallback drives in this step"
+    assert active
+    ways = np.hypot(*np.diff(listener.places, axis=0).T)
+    assert len(ways) >= failed + 20, "the episode goes on"
+    assert (ways[failed - 3 : failed + 3] > 0.2).all()
+    assert np.abs(np.diff(ways[failed - 5 : failed + 10])).max() < 0.1, "no jump of the speed above 10 m/s^2"
