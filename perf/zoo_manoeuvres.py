@@ -3,8 +3,8 @@
     python -m perf.zoo_manoeuvres [AGENT...] [--episodes 20] [--seed 42] [--set planner=sumo]
 
 The agents drive the egos of scenarios in which their manoeuvre is possible; episode k is the same for all
-agents and planners until an ego acts. Printed for each agent and scenario: the egos; how many of them collided
-(with anything, whoever is to blame), left the road, reached their goals; and
+agents and planners until an ego acts. Printed for each agent and scenario: the egos; how many of them
+collided (with anything, whoever is to blame), left the road, reached their goals; and
 
 - overtaking: vehicles passed, less those that passed the ego, a kilometre; and the share of egos that began a
   manoeuvre that are in their first lane again at the end;

@@ -25,8 +25,8 @@ def _unconverged(limits):
 class Faulty:
     """Plans as the receding horizon does, but for the calls that fail.
 
-    "infeasible": the vehicle has to accelerate above its largest speed; "unconverged": the solver may take one
-    iteration; "nan": the vehicle is nowhere.
+    "infeasible": the vehicle has to accelerate above its largest speed; "unconverged": the solver may take
+    one iteration; "nan": the vehicle is nowhere.
     """
 
     fault: ClassVar[str] = "nan"

@@ -92,7 +92,7 @@ def test_a_change_waits_for_the_gap_behind():
 
 
 def test_a_change_that_has_begun_goes_on():
-    """Half-way over, a vehicle close behind in the target's lane stops it no more; to the other side it would."""
+    """Half-way over, a vehicle close behind in the target's lane stops it no more; on its way back it does."""
     turn = math.atan2(LANE / 3.0, 10.0)
     beside = [-6, LANE, 0, 10]
     path = plan([0, 0.5 * LANE, turn, 10, 0], [6, 100, LANE, 0, 10], beside)

@@ -42,7 +42,7 @@ def test_beyond_its_ends_a_lane_is_straight():
     ways = arc()
     begin, end = ways[0, 0], ways[0, -1]
     behind = begin - [10.0 * math.cos(begin[2]), 10.0 * math.sin(begin[2]), 0.0]
-    ahead = end + [10.0 * math.cos(end[2]), 10.0 * math.sin(end[2]), 0.0]
+    ahead = [*end, 10.0 * math.cos(end[2]), 10.0 * math.sin(end[2]), 0.0]
     found = to_lane(ways, np.array([[behind, ahead]]))[0]
     last = 2.0 * (POINTS - 1 - BEHIND)
     np.testing.assert_allclose(found, [[-30.0, 0.0, 0.0], [last + 10.0, 0.0, 0.0]], atol=1e-9)
@@ -50,7 +50,7 @@ def test_beyond_its_ends_a_lane_is_straight():
 
 
 def test_neighbours_keep_their_lane_on_a_bend():
-    """One 20 m ahead in the lane to the left, at 10 m/s, is 30 m ahead and 3.2 m to the left a second later."""
+    """One 20 m ahead in the lane to the left, at 10 m/s, is 30 m ahead in it a second later."""
     angle, radius = 20.0 / RADIUS, RADIUS - 3.2
     nearby = np.zeros((1, 2, 6))
     nearby[0, 0] = radius * math.sin(angle), RADIUS - radius * math.cos(angle), angle, 10.0, 12.0, 2.5
@@ -146,7 +146,7 @@ def overtake(monkeypatch, fault, failing, steps=150):
 @pytest.mark.parametrize("fault", ["infeasible", "unconverged", "nan"])
 def test_while_planning_fails_the_last_plan_is_driven(monkeypatch, fault):
     failing = range(3, 6)
-    listener, infos, active = overtake(monkeypatch, fault, failing)
+    _, infos, active = overtake(monkeypatch, fault, failing)
     statuses = [int(each.status[0]) for each in Faulty.plans]
     assert len(statuses) > 8
     assert [number for number, status in enumerate(statuses) if status] == [*failing]
