@@ -27,6 +27,8 @@ BEGUN = 0.5
 """Share of the lateral speed from which on a lane change has begun."""
 NOWHERE = 0.05
 """Offset of a vehicle that is in the target's lane [m]."""
+EMERGENCY_SHARE = 1.2
+"""Braking harder than `decel` is by this share more than needed."""
 _TINY = 1e-3
 """SUMO's NUMERICAL_EPS."""
 
@@ -122,37 +124,38 @@ def drive(
         path: Written, shape (STEPS / EACH + 1, 5).
     """
     cosine, sine = math.cos(target[3]), math.sin(target[3])
-    turn = wrapped(state[2] - target[3])
+    turn, half = wrapped(state[2] - target[3]), 0.5 * size[0]
     dx, dy = state[0] - target[1], state[1] - target[2]
-    begin, first = dx * cosine + dy * sine, dy * cosine - dx * sine
+    # Of the middle of the front bumper, which SUMO moves.
+    station = dx * cosine + dy * sine + half * math.cos(turn)
+    offset = dy * cosine - dx * sine + half * math.sin(turn)
     speed, lateral = max(state[3], 0.0), LANE / duration
     # False for NaN, too.
-    if not abs(turn) <= MOST_TURN or not math.isfinite(begin + speed + target[4]):
+    if not abs(turn) <= MOST_TURN or not math.isfinite(station + speed + target[4]):
         return
-    station, offset, sideways = 0.0, first, 0.0
-    is_begun = -math.copysign(speed * math.sin(turn), turn * first) > BEGUN * lateral
+    is_begun = -math.copysign(speed * math.sin(turn), turn * offset) > BEGUN * lateral
     for i in range(STEPS + 1):
         if i % EACH == 0:
-            row, aside = path[i // EACH], offset - first
-            row[0] = i * STEP
-            row[1] = state[0] + station * cosine - aside * sine
-            row[2] = state[1] + station * sine + aside * cosine
-            row[3] = wrapped(target[3] + math.atan2(sideways, max(speed, 1.0)))
-            row[4] = speed
+            row = path[i // EACH]
+            ahead, aside = station - half * math.cos(turn), offset - half * math.sin(turn)
+            row[0], row[3], row[4] = i * STEP, wrapped(target[3] + turn), speed
+            row[1] = target[1] + ahead * cosine - aside * sine
+            row[2] = target[2] + ahead * sine + aside * cosine
         if not is_begun and abs(offset) > NOWHERE:
-            is_begun = is_secure(begin + station, speed, target, others[:, i], sizes, size, model)
+            is_begun = is_secure(station - half, speed, target, others[:, i], sizes, size, model)
         goal = 0.0 if is_begun else offset
         found = min(speed + STEP * model.accel, max(target[4], speed - STEP * model.decel))
         for k in range(len(others)):
-            ahead, aside, length, width, along = in_lane(begin + station, target, others[k, i], sizes[k])
+            ahead, aside, length, width, along = in_lane(station - half, target, others[k, i], sizes[k])
             reach = width + 0.5 * size[1]
             if ahead > 0.0 and min(offset, goal) - reach < aside < max(offset, goal) + reach:
-                gap = ahead - length - 0.5 * size[0] - model.min_gap
-                found = min(found, follow_speed(gap, speed, along, model))
+                found = min(found, follow_speed(ahead - length - half - model.min_gap, speed, along, model))
         speed = max(found, 0.0)
         way = min(lateral * STEP, abs(offset)) if is_begun and speed > 0.0 else 0.0
-        sideways = -math.copysign(way, offset) / STEP
-        offset, station = offset + sideways * STEP, station + speed * STEP
+        way = -math.copysign(way, offset)
+        # The rear is drawn after the front.
+        turn = math.atan2(size[0] * math.sin(turn) + way, size[0] * math.cos(turn) + speed * STEP)
+        offset, station = offset + way, station + speed * STEP
 
 
 @kernel
@@ -221,8 +224,18 @@ def follow_speed(gap: float, speed: float, leader_speed: float, model: CarFollow
         leader_speed: [m/s]
         model: The car-following model.
     """
+    hardest = max(speed - STEP * model.emergency_decel, 0.0)
+    if gap <= 0.0:
+        return hardest
     safe = stop_speed(gap + brake_gap(leader_speed, model.decel, 0.0), model.decel, model.tau)
-    return max(safe, speed - STEP * model.emergency_decel)
+    asked = (speed - safe) / STEP
+    if asked <= model.decel:
+        return safe
+    # The time gap alone would ask for more than is needed to stop in time (`calculateEmergencyDeceleration`).
+    needed = 0.5 * speed * speed / (gap + 0.5 * leader_speed * leader_speed / model.decel)
+    if needed > model.decel:
+        needed = 0.5 * (speed * speed - leader_speed * leader_speed) / gap
+    return max(speed - STEP * min(max(EMERGENCY_SHARE * needed, model.decel), asked), hardest)
 
 
 @kernel
