@@ -28,11 +28,13 @@ from smarts.types.events import Outcome
 from smarts.zoo import make_agent, make_spec
 
 SCENES = {
-    "overtaking-v0": ("overtaking", "loop"),
-    "cut-in-v0": ("cut_in", "loop"),
-    "u-turn-v0": ("intersection", "two_way"),
+    "overtaking-v0": {"overtaking": 2, "loop": 4},
+    "cut-in-v0": {"overtaking": 2, "loop": 4},
+    "u-turn-v0": {"intersection": 4, "two_way": 4},
 }
-STEPS = 400
+"""Agent -> scenario -> egos."""
+TRAFFIC = "random_social_vehicles"
+STEPS = 600
 """Of an episode, at most."""
 WORLDS = 4
 CLOSE = 15.0
@@ -124,7 +126,10 @@ def drive_all(
     spec, agent = make_spec(name, **options), make_agent(name, **options)[0]
     assert isinstance(agent, BatchAgent)
     egos, outcomes = [], []
-    with ZooDrive(name, spec, agent, scenario, worlds=WORLDS, seed=seed) as drive:
+    count = SCENES[name][scenario]
+    with ZooDrive(
+        name, spec, agent, scenario, egos=count, worlds=WORLDS, seed=seed, traffic=TRAFFIC
+    ) as drive:
         for episode in range(episodes // WORLDS):
             drive.reset(episode, worlds=range(episode * WORLDS, (episode + 1) * WORLDS))
             counts = {place: Counts() for place in np.ndindex(WORLDS, drive.egos)}
