@@ -3,8 +3,8 @@
     python -m perf.zoo_manoeuvres [AGENT...] [--episodes 20] [--seed 42] [--set planner=sumo]
 
 The agents drive the egos of scenarios in which their manoeuvre is possible; episode k is the same for all
-agents and planners until an ego acts. Printed for each agent and scenario: the egos; how many of them
-collided (with anything, whoever is to blame), left the road, reached their goals; and
+agents and planners until an ego acts. Printed for each agent and scenario: the egos and how they ended
+(collisions with anything, whoever is to blame; some still drive after a minute); and
 
 - overtaking: vehicles passed, less those that passed the ego, a kilometre; and the share of egos that began a
   manoeuvre that are in their first lane again at the end;
@@ -174,12 +174,9 @@ def main() -> None:
     for name in asked.agents:
         for scenario in SCENES[name]:
             egos, outcomes = drive_all(name, scenario, options, asked.episodes, asked.seed)
-            ends = [outcomes.count(each) for each in (Outcome.COLLISION, Outcome.OFF_ROAD, Outcome.GOAL)]
-            print(
-                f"{name} in {scenario}: {len(egos)} egos, collided {ends[0]}, off road {ends[1]},",
-                f"goal {ends[2]}; {measures(name, egos)}",
-                flush=True,
-            )
+            ends = [f"{outcomes.count(each)} {each.name.lower()}" for each in sorted({*outcomes})]
+            found = f"{len(egos)} egos ({', '.join(ends)}); {measures(name, egos)}"
+            print(f"{name} in {scenario}: {found}", flush=True)
 
 
 if __name__ == "__main__":
