@@ -34,8 +34,6 @@ SCENES = {
 }
 """Agent -> scenario -> egos."""
 TRAFFIC = "random_social_vehicles"
-STEPS = 600
-"""Of an episode, at most."""
 WORLDS = 4
 CLOSE = 15.0
 """Gap at which a change is a cut-in [m]."""
@@ -120,7 +118,7 @@ def look(drive: ZooDrive, row: int, ego: int) -> Now:
 
 
 def drive_all(
-    name: str, scenario: str, options: dict[str, Any], episodes: int, seed: int
+    name: str, scenario: str, options: dict[str, Any], episodes: int, seed: int, steps: int = 600
 ) -> tuple[list[Counts], list[Outcome]]:
     """Drive the egos of some episodes; return what they did and how they ended."""
     spec, agent = make_spec(name, **options), make_agent(name, **options)[0]
@@ -133,7 +131,7 @@ def drive_all(
         for episode in range(episodes // WORLDS):
             drive.reset(episode, worlds=range(episode * WORLDS, (episode + 1) * WORLDS))
             counts = {place: Counts() for place in np.ndindex(WORLDS, drive.egos)}
-            for _ in range(STEPS):
+            for _ in range(steps):
                 for row, ego in np.argwhere(drive.active).tolist():
                     counts[row, ego].take(look(drive, row, ego))
                 drive.step()
@@ -168,12 +166,13 @@ def main() -> None:
     parser.add_argument("agents", nargs="*", default=[*SCENES], metavar="AGENT")
     parser.add_argument("--episodes", type=int, default=20, help=f"a multiple of {WORLDS}")
     parser.add_argument("--seed", type=int, default=42)
+    parser.add_argument("--steps", type=int, default=600, help="of an episode, at most")
     parser.add_argument("--set", nargs="*", default=[], metavar="OPTION=VALUE", help="options of the agents")
     asked = parser.parse_args()
     options = dict(each.split("=", 1) for each in asked.set)
     for name in asked.agents:
         for scenario in SCENES[name]:
-            egos, outcomes = drive_all(name, scenario, options, asked.episodes, asked.seed)
+            egos, outcomes = drive_all(name, scenario, options, asked.episodes, asked.seed, asked.steps)
             ends = [f"{outcomes.count(each)} {each.name.lower()}" for each in sorted({*outcomes})]
             found = f"{len(egos)} egos ({', '.join(ends)}); {measures(name, egos)}"
             print(f"{name} in {scenario}: {found}", flush=True)

@@ -55,7 +55,7 @@ SMALLEST = {
     "takeovers": ["--scenario", "intersection", "--agents", "8", "--vehicles", "20", "--steps", "10"],
     "traffic_step": ["--scenarios", "two_way", "--policies", "keep_lane", "--episodes", "8"],
     "traffic": ["--scenarios", "loop", "--steps", "50", "--repeats", "1"],
-    "zoo_manoeuvres": ["u-turn-v0", "--episodes", "4"],
+    "zoo_manoeuvres": ["u-turn-v0", "--episodes", "4", "--steps", "10"],
 }
 """Arguments of the scripts that run in the tests' process."""
 IN_OWN_PROCESS = {
