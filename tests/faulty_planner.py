@@ -1,5 +1,6 @@
 """The receding-horizon planner with real failures of its solver in calls that a test chooses."""
 
+import math
 from collections.abc import Collection
 from typing import ClassVar
 
@@ -12,12 +13,12 @@ STEPS = 8
 
 
 def _unconverged(limits):
-    """Return a planner whose solver stops after one iteration."""
+    """Return a planner of one quadratic program, whose solver stops after one iteration."""
     settings = optimal_control._SOLVER
     piqp = {**settings["piqp"], "max_iter": 1}
     optimal_control._SOLVER = {**settings, "piqp": piqp}
     try:
-        return RecedingHorizonPlanner(limits, steps=STEPS)
+        return RecedingHorizonPlanner(limits, steps=STEPS, iterations=1)
     finally:
         optimal_control._SOLVER = settings
 
@@ -26,7 +27,7 @@ class Faulty:
     """Plans as the receding horizon does, but for the calls that fail.
 
     "infeasible": the vehicle has to accelerate above its largest speed; "unconverged": the solver may take
-    one iteration; "nan": the vehicle is nowhere.
+    one iteration to a target behind the vehicle, the other way round; "nan": the vehicle is nowhere.
     """
 
     fault: ClassVar[str] = "nan"
@@ -48,6 +49,8 @@ class Faulty:
         fails = len(self.plans) in self.failing
         if fails and self.fault == "nan":
             states = np.full_like(states, np.nan)
+        if fails and self.fault == "unconverged":
+            targets = targets + np.array([0.0, -30.0, 10.0, math.pi, 0.0])
         planner = self._bad[self.fault] if fails else self._good
         found = planner.plan(states, targets, neighbours, last, elapsed)
         self.plans.append(found)

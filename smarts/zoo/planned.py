@@ -32,6 +32,7 @@ from smarts.observations.lane_ways import BEHIND, LANE_WAYS
 from smarts.observations.nearby import NEARBY
 from smarts.observations.surroundings import OWN, Lane, Own
 from smarts.planners import PLANNERS, Limits, Neighbours, Planner, PlanStatus, as_actions, resample
+from smarts.planners.protocol import keep_last
 from smarts.types.actions import ActionSpaceType
 from smarts.types.vehicles import VehicleKind
 from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, beside, excess, target_speed
@@ -51,6 +52,10 @@ SHORTEST = 12.0
 """A lane change on less than this way does not begin [m]."""
 SETTLED_OFFSET, SETTLED_TURN = 0.3, 0.05
 """A manoeuvre is over within this distance of the lane's centreline [m], and angle to it [rad]."""
+
+SWERVE = 1.0
+"""A path may lead this far beside the line between the vehicle and its lane's centreline [m]: planners know of
+vehicles, not of edges of roads."""
 
 _BUSY, _ARRIVAL, _X, _Y, _SPEED, _PLANNED = range(6)
 """Columns of what is kept: whether a manoeuvre lasts, the step and the place of its pose, the speed there,
@@ -169,6 +174,9 @@ class PlannedDriver(Driver):
         states = np.column_stack([place, speed, curvatures(last, elapsed)])
         around = neighbours_of(ways, obs.observations[NEARBY][rows], view.own[rows])
         plans = self._planner.plan(states, targets, around, last, elapsed)
+        strays = (plans.status == PlanStatus.PLANNED) & leaves_lanes(plans.path, place[:, 1])
+        if strays.any():
+            plans = keep_last(plans.path, strays | (plans.status != PlanStatus.PLANNED), last, elapsed)
         path = plans.path if plans.path.shape[1] == ROWS else _of_rows(plans.path)
         path[..., 1:4] = to_map(ways, path[..., 1:4])
         kept[rows, _PATH], kept[rows, _PLANNED] = path.reshape(len(rows), -1), obs.step[rows]
@@ -270,6 +278,17 @@ def curvatures(last: Floats, elapsed: Floats) -> Floats:
     turned = np.arctan2(np.sin(turned), np.cos(turned))
     # Without a last path, NaN, which is not above.
     return np.where(way > 0.05, turned / np.maximum(way, 0.05), 0.0)
+
+
+def leaves_lanes(paths: Floats, offsets: Floats) -> Bools:
+    """Return whether paths in lanes' frames lead beside the lanes of their manoeuvres, shape (N,).
+
+    Args:
+        paths: Rows of time, station, offset, heading, speed, shape (N, R, 5).
+        offsets: Of the vehicles now [m], shape (N,).
+    """
+    right, left = np.minimum(offsets, 0.0) - SWERVE, np.maximum(offsets, 0.0) + SWERVE
+    return (paths[..., 2].min(axis=1) < right) | (paths[..., 2].max(axis=1) > left)
 
 
 def neighbours_of(ways: Floats, nearby: Floats, own: Floats) -> Neighbours:
