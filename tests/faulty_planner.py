@@ -10,6 +10,8 @@ from smarts.planners import Limits, RecedingHorizonPlanner, optimal_control
 
 STEPS = 8
 """Of the horizon: a lane change takes longer."""
+HARD = np.array([[0.0, -30.0, 10.0 * side, math.pi - turn, 0.0] for side in (1, -1) for turn in (0, 0.7, 2)])
+"""Added to targets."""
 
 
 def _unconverged(limits):
@@ -27,7 +29,7 @@ class Faulty:
     """Plans as the receding horizon does, but for the calls that fail.
 
     "infeasible": the vehicle has to accelerate above its largest speed; "unconverged": the solver may take
-    one iteration to a target behind the vehicle, the other way round; "nan": the vehicle is nowhere.
+    one iteration to a target behind the vehicle; "nan": the vehicle is nowhere.
     """
 
     fault: ClassVar[str] = "nan"
@@ -46,12 +48,16 @@ class Faulty:
         }
 
     def plan(self, states, targets, neighbours=None, last=None, elapsed=0.0):
-        fails = len(self.plans) in self.failing
-        if fails and self.fault == "nan":
-            states = np.full_like(states, np.nan)
-        if fails and self.fault == "unconverged":
-            targets = targets + np.array([0.0, -30.0, 10.0, math.pi, 0.0])
-        planner = self._bad[self.fault] if fails else self._good
-        found = planner.plan(states, targets, neighbours, last, elapsed)
+        found = None
+        if len(self.plans) in self.failing:
+            states = states if self.fault != "nan" else np.full_like(states, np.nan)
+            # Of some hard targets one is too hard for a single iteration.
+            for hard in HARD if self.fault == "unconverged" else (0.0,):
+                found = self._bad[self.fault].plan(states, targets + hard, neighbours, last, elapsed)
+                if found.status.all():
+                    break
+            assert found is not None
+            assert found.status.all(), "the call does not fail"
+        found = found or self._good.plan(states, targets, neighbours, last, elapsed)
         self.plans.append(found)
         return found

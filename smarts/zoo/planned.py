@@ -54,7 +54,7 @@ SETTLED_OFFSET, SETTLED_TURN = 0.3, 0.05
 """A manoeuvre is over within this distance of the lane's centreline [m], and angle to it [rad]."""
 
 SWERVE = 1.0
-"""A path may lead this far beside the line between the vehicle and its lane's centreline [m]: planners know of
+"""How far a path may lead beside what is between the vehicle and its lane's centreline [m]: planners know of
 vehicles, not of edges of roads."""
 
 _BUSY, _ARRIVAL, _X, _Y, _SPEED, _PLANNED = range(6)
