@@ -17,6 +17,8 @@ LONGEST = 15.0
 """Largest gap in front of the target at which a change is a cut-in [m]."""
 SOONEST, LATEST = 3.0, 5.0
 """From the beginning of the change to the pose in front of the target [s]."""
+SLOWER = 1.0
+"""By how much slower than the target the vehicle may be when the change begins [m/s]."""
 SPARE = 1.0
 """Added to the least gap, for the target's accelerating meanwhile [m]."""
 
@@ -62,7 +64,7 @@ class CutIn(PlannedDriver):
     def goal(self, batch: ActionBatch, seen: Seen, change: Ints) -> Goal:
         """Return the poses in front of the targets; for changes that the route demands, those of the base."""
         plain, lane = super().goal(batch, seen, change), beside(seen, change)
-        lacking = self._gap + SPARE - lane[:, Lane.BEHIND]
+        lacking = np.maximum(self._gap + SPARE - lane[:, Lane.BEHIND], 0.0)
         time = np.clip(lacking / self._faster, SOONEST, LATEST)
         # The target's front is half of the own length and the gap behind the own centre.
         way = lane[:, Lane.BEHIND_SPEED] * time + lacking
@@ -99,7 +101,8 @@ class CutIn(PlannedDriver):
         # The way over is that of the target and what is lacking of the gap.
         lacking = np.where(is_close, np.maximum(self._gap + SPARE - behind, 0.0), 0.0)
         closing = np.maximum(lane[:, Lane.BEHIND_SPEED] - lane[:, Lane.AHEAD_SPEED], 0.0)
-        has_room = ahead - lacking > self.model.min_gap + closing * SOONEST
-        is_past = seen.speed >= lane[:, Lane.BEHIND_SPEED]
-        own_room = seen.lanes[:, OWN, Lane.AHEAD] > LEAST_GAP + lacking
+        has_room = ahead - lacking > self.model.min_gap + closing * self.model.tau
+        is_past = seen.speed >= lane[:, Lane.BEHIND_SPEED] - SLOWER
+        # The vehicle is out of its own lane half-way.
+        own_room = seen.lanes[:, OWN, Lane.AHEAD] > LEAST_GAP + 0.5 * lacking
         return may_change(batch, seen, side) & is_close & has_room & is_past & own_room
