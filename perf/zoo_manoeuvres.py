@@ -30,7 +30,7 @@ from smarts.zoo import make_agent, make_spec
 SCENES = {
     "overtaking-v0": {"overtaking": 2, "loop": 4},
     "cut-in-v0": {"overtaking": 2, "loop": 4},
-    "u-turn-v0": {"intersection": 4, "two_way": 4},
+    "u-turn-v0": {"intersection": 4},
 }
 """Agent -> scenario -> egos."""
 TRAFFIC = "random_social_vehicles"
