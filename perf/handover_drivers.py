@@ -51,7 +51,7 @@ class _Listener:
     def collect(self, frame: Frame, is_last: bool) -> None:
         if frame.failures:
             raise next(iter(frame.failures.values()))
-        self.watch.take(frame.world)
+        self.watch.take(frame)
         of = (Reason.TAKE, Reason.RELEASE)
         self.handovers += sum(
             int(done.transfer["reason"]) in of and done.transfer["from_owner"] != done.transfer["to_owner"]
@@ -126,5 +126,5 @@ def _play(
             runner.step()
     finally:
         runner.close()
-    listener.watch.end(parts.ownership.departed[0])
+    listener.watch.end(parts.ownership)
     return listener

@@ -6,6 +6,7 @@ step with more than 4.5 m/s^2, a stop a vehicle that moved and comes to a stand.
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -14,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.boxes import boxes_overlap
-from smarts.types.transfers import Departure
+from smarts.sim.ownership import Ownership
+from smarts.types.frame import Frame
+from smarts.types.transfers import CarriedOut, Departure, Reason
 from smarts.types.vehicles import Owner, VehicleStates
-from smarts.types.world import World
 
 STANDING = 0.1
 """Below this speed a vehicle stands [m/s]."""
@@ -26,6 +28,14 @@ HARD = 4.5
 """Deceleration above which a vehicle brakes hard [m/s^2]."""
 SOON = 10.0
 """So long after a transfer a crash or a stop counts as one of it [s]."""
+LONG = 30.0
+"""A stand is long from this time on [s]: runs end after 60 s."""
+LATE = 10.0
+"""A release should be carried out within this time [s]."""
+NEVER_TAKEN, STILL_WAITS = "take refused, never made", "release refused, waits at the end"
+ARRIVED, REMOVED = "release refused, then arrived", "release refused, then removed"
+UNRESOLVED = {NEVER_TAKEN: "", STILL_WAITS: "", ARRIVED: "", REMOVED: "0"}
+"""What may become of a refused transfer that is never carried out, and the target."""
 FARTHEST = 12.1
 """Between the centres of two footprints that overlap [m]: no vehicle is longer."""
 
@@ -49,15 +59,24 @@ class Watch:
     """Vehicles that are not there any more at the end."""
     removed: Counter[Departure] = field(default_factory=Counter)
     """Vehicles that agents have not given back."""
+    waits: list[float] = field(default_factory=list)
+    """For how long each release was refused before it was carried out, also those that were not [s]."""
+    unresolved: Counter[str] = field(default_factory=Counter)
+    """Refused transfers that were never carried out, by what became of them: see `UNRESOLVED`."""
+    _departed: dict[tuple[int, int], Departure] = field(default_factory=dict)
+    """Why agents' vehicles (slot, generation) have left."""
     _now: dict[str, tuple[float, int, int]] = field(default_factory=dict)
     """Speed, owner, and steps of standing of the vehicles of the last step."""
     _moving: set[str] = field(default_factory=set)
     """Vehicles that have moved since their last stop."""
     _overlapping: set[tuple[str, str]] = field(default_factory=set)
 
-    def take(self, world: World) -> None:
+    def take(self, frame: Frame) -> None:
         """Take in one step of a run of one simulation."""
+        world = frame.world
         vehicles, step = world.vehicles.of(0), int(world.step[0])
+        for done in frame.transfers:
+            self._note(done)
         slots = np.flatnonzero(vehicles.alive)
         names = [world.registry.name(0, slot) for slot in slots.tolist()]
         before, self._now = self._now, {}
@@ -85,10 +104,38 @@ class Watch:
                 self.crashes[name].append(step)
         self._overlapping = pairs
 
-    def end(self, departed: NDArray) -> None:
-        """End the run; `departed` counts the vehicles that agents have not given back."""
+    def _note(self, done: CarriedOut) -> None:
+        """Note a vehicle that an agent has given up."""
+        transfer = done.transfer
+        if transfer["reason"] == Reason.LEAVE:
+            key = int(transfer["slot"]), int(transfer["generation"])
+            self._departed[key] = Departure(int(transfer["departure"]))
+        elif transfer["reason"] == Reason.RELEASE and transfer["from_owner"] == Owner.AGENT:
+            self.waits.append(done.refusals * self.dt)
+
+    def end(self, ownership: Ownership) -> None:
+        """End the run."""
         self.left = self.seen - self._now.keys()
-        self.removed += Counter({reason: int(n) for reason, n in zip(Departure, departed, strict=True)})
+        counts = zip(Departure, ownership.departed[0].tolist(), strict=True)
+        self.removed += Counter(dict(counts))
+        for each in ownership.unresolved(0):
+            if each.reason == Reason.TAKE:
+                self.unresolved[NEVER_TAKEN] += 1
+            elif each.reason == Reason.RELEASE:
+                self._note_unreleased((each.slot, each.generation), each.steps * self.dt)
+
+    def _note_unreleased(self, key: tuple[int, int], waited: float) -> None:
+        """Note a vehicle that traffic has refused and that it has not taken back."""
+        departure = self._departed.get(key)
+        if departure is None:
+            self.unresolved[STILL_WAITS] += 1
+            if waited > LATE:
+                self.waits.append(waited)
+        elif departure == Departure.ARRIVED:
+            self.unresolved[ARRIVED] += 1
+        else:
+            self.unresolved[REMOVED] += 1
+            self.waits.append(math.inf)
 
 
 def _overlaps(states: VehicleStates, slots: NDArray) -> Iterator[tuple[int, int]]:
@@ -126,14 +173,27 @@ class Safety:
         yield "hardest stop of traffic in a step [m/s]", f"{hardest[0]:.2f}", f"{hardest[1]:.2f}", "0.5"
         longest = [self._longest(run) for run in (self.driven, self.plain)]
         yield "longest stand [s]", f"{longest[0]:.1f}", f"{longest[1]:.1f}", "no longer"
-        for name, count in (("arrived", self._arrived), ("on their way at the end", self._there)):
-            shares = [
-                count(run) / size for run, size in zip((self.driven, self.plain), vehicles, strict=True)
-            ]
-            yield f"{name}", f"{shares[0]:.1%}", f"{shares[1]:.1%}", ""
+        yield "vehicles that stand longer than SUMO's own", str(self._stand_longer(longest[1])), "0", "0"
+        stands = [self._long_stands(run) for run in (self.driven, self.plain)]
+        yield f"stands of {LONG:.0f} s of vehicles handed over", str(stands[0]), str(stands[1]), "no more"
+        shares = [
+            (self._arrived(run) + self._there(run)) / size
+            for run, size in zip((self.driven, self.plain), vehicles, strict=True)
+        ]
+        yield "arrived, or on their way at the end", f"{shares[0]:.2%}", f"{shares[1]:.2%}", "100%"
         gone = sum((watch.removed for watch in self.driven), Counter[Departure]())
         for reason in (Departure.COLLISION, Departure.OFF_LANES):
             yield f"removed: {reason.name.lower()}", str(gone[reason]), "0", "0 but for crashes"
+        waits = np.array([wait for watch in self.driven for wait in watch.waits])
+        yield (
+            f"released within {LATE:.0f} s",
+            f"{np.mean(waits <= LATE) if len(waits) else 1.0:.1%}",
+            "",
+            "95%",
+        )
+        unresolved = sum((watch.unresolved for watch in self.driven), Counter[str]())
+        for what, target in UNRESOLVED.items():
+            yield what, str(unresolved[what]), "", target
 
     def _soon(self, what: str, run: Sequence[Watch]) -> int:
         """Return how many vehicles crash or stop soon after the transfers of the runs with hand-overs."""
@@ -147,6 +207,20 @@ class Safety:
     def _longest(self, run: Sequence[Watch]) -> float:
         return max((watch.dt * max(watch.stand.values(), default=0) for watch in run), default=0.0)
 
+    def _stand_longer(self, longest: float) -> int:
+        """Return how many vehicles of the runs with hand-overs stand longer than some time [s]."""
+        return sum(
+            watch.dt * steps > longest + 1e-9 for watch in self.driven for steps in watch.stand.values()
+        )
+
+    def _long_stands(self, run: Sequence[Watch]) -> int:
+        """Return how many stands are long, of the vehicles that change hands in the runs with hand-overs."""
+        return sum(
+            watch.dt * watch.stand[name] >= LONG - 1e-9
+            for driven, watch in zip(self.driven, run, strict=True)
+            for name in {name for name, _ in driven.transfers}
+        )
+
     def _arrived(self, run: Sequence[Watch]) -> int:
         lost = (Departure.COLLISION, Departure.OFF_LANES)
         return sum(len(watch.left) - sum(watch.removed[reason] for reason in lost) for watch in run)
@@ -157,8 +231,8 @@ class Safety:
 
 def print_safety(tables: dict[str, Safety]) -> None:
     """Print the figures of some runs side by side: with hand-overs / without."""
-    print("\n" + " " * 42 + "".join(f"{name:>20}" for name in tables) + "   target")
+    print("\n" + " " * 44 + "".join(f"{name:>20}" for name in tables) + "   target")
     columns = [[*safety.rows()] for safety in tables.values()]
     for cells in zip(*columns, strict=True):
-        values = "".join(f"{f'{cell[1]} / {cell[2]}':>20}" for cell in cells)
-        print(f"{cells[0][0]:42}{values}   {cells[0][3]}")
+        values = "".join(f"{' / '.join(filter(None, cell[1:3])):>20}" for cell in cells)
+        print(f"{cells[0][0]:44}{values}   {cells[0][3]}")

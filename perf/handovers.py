@@ -125,7 +125,7 @@ class Run:
         if frame.failures:
             raise next(iter(frame.failures.values()))
         self.tally.steps += 1
-        self.watch.take(self.world)
+        self.watch.take(frame)
         return self._measure(before)
 
     def _copy(self) -> dict[str, NDArray]:
@@ -263,7 +263,7 @@ class Run:
                     self.tally.waits.append(np.inf)
         self.tally.refused += self.parts.ownership.refused[0]
         self.tally.departed += self.parts.ownership.departed[0]
-        self.watch.end(self.parts.ownership.departed[0])
+        self.watch.end(self.parts.ownership)
 
 
 def run_scenario(

@@ -3,8 +3,9 @@
     python -m perf.hosts --rounds 2000 --ray
 
 A round trip is `dispatch` and `gather` for 8 agents with observations of 2 kB each, which answer at once. The
-kinds of hosts take turns, so that they share the machine's moods; the numbers are medians. The processes need
-cores of their own: with fewer cores than processes, the numbers are those of the scheduler.
+kinds of hosts take turns, so that they share the machine's moods. Printed: the median, and what the fastest
+tenth stays below. The processes need cores of their own: with fewer cores than processes, or on a busy
+machine, the numbers are those of the scheduler.
 """
 
 from __future__ import annotations
@@ -82,8 +83,8 @@ def host(policies: int, start: Starter | None) -> Hosts:
     return hosts
 
 
-def round_trips(rounds: int, with_ray: bool) -> dict[str, float]:
-    """Return the median time of a round trip [s], by the kind of host."""
+def round_trips(rounds: int, with_ray: bool) -> dict[str, tuple[float, float]]:
+    """Return median and first decile of the time of a round trip [s], by the kind of host."""
     child = starter(LOCATOR, {}, HostOptions("process"))
     with ExitStack() as stack:
         kinds = {
@@ -107,7 +108,9 @@ def round_trips(rounds: int, with_ray: bool) -> dict[str, float]:
                     times[name].append(time.perf_counter() - begun)
                     assert len(answers) == policies
                     assert all(isinstance(answer.actions, np.ndarray) for answer in answers)
-        return {name: statistics.median(each) for name, each in times.items()}
+        return {
+            name: (statistics.median(each), float(np.quantile(each, 0.1))) for name, each in times.items()
+        }
 
 
 def share_of_steps(steps: int) -> float:
@@ -150,12 +153,12 @@ def main(echo: Callable[[str], object] = print) -> None:
         import ray
 
         ray.init(address="local", include_dashboard=False, log_to_driver=False)
-    load, cores = os.getloadavg()[0], os.cpu_count()
-    echo(f"{cores} cores, load {load:.1f}")
-    for name, seconds in round_trips(given.rounds, given.ray).items():
-        target = f"   target {TARGETS[name] * 1e6:.0f} us" if name in TARGETS else ""
-        echo(f"{name:<16} {seconds * 1e6:8.0f} us{target}")
-    echo(f"steps with one process / in process: {share_of_steps(given.steps):.2f}   target {SHARE}")
+    echo(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    echo("| | target | median | fastest tenth |\n|---|---|---|---|")
+    for name, times in round_trips(given.rounds, given.ray).items():
+        target, *measured = (f"{1e6 * each:.0f} us" for each in (TARGETS.get(name, 0.0), *times))
+        echo(f"| {name} | {target if name in TARGETS else ''} | {' | '.join(measured)} |")
+    echo(f"| steps, as a share of those in process | {SHARE} | {share_of_steps(given.steps):.2f} | |")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """The program of a child process: supervises a process that serves an agent.
 
 It is run as a script. The supervisor ends all that the agent has started, however it was started, when the
-agent's process ends or the simulator does. The agent's process has limits. That keeps an agent's mistakes
-from the simulator; it is no sandbox.
+agent's process ends or the simulator does, or when the agent has too many processes. The agent's process has
+limits. That keeps an agent's mistakes from the simulator; it is no sandbox.
 """
 
 from __future__ import annotations
@@ -26,6 +26,14 @@ _CAUSES = {
     "SIGXCPU": ": a request took more processor time than is allowed",
 }
 _SET_DEATH_SIGNAL, _SET_CHILD_SUBREAPER = 1, 36  # of <sys/prctl.h>
+_ENDED = os.WEXITED | os.WNOHANG | os.WNOWAIT
+MOST_PROCESSES = 256
+"""Of an agent at a time."""
+_TOO_MANY = f"its process was ended: it has started more than {MOST_PROCESSES} processes"
+CHECK_TIME = 0.2
+"""From one count of the agent's processes to the next [s]."""
+PRIORITY = -10
+"""Of the supervisor, where it may have one: it is heard beside hundreds of processes that compute."""
 
 
 def command(
@@ -69,6 +77,7 @@ def main() -> NoReturn:
     worker = os.fork()
     if worker == 0:
         os.close(lifeline)
+        os.setpgid(0, 0)
         try:
             os.environ["TMPDIR"] = given["folder"]
             _work(given, supervisor)
@@ -77,20 +86,57 @@ def main() -> NoReturn:
         finally:
             sys.stderr.flush()
             os._exit(1)
-    poll = select.poll()
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
+    is_modest = _watch(worker, (lifeline, given["fd"]))
+    has_ended = os.waitid(os.P_PID, worker, _ENDED) is not None
+    with suppress(ProcessLookupError):  # as a whole, however fast it forks
+        os.killpg(worker, signal.SIGKILL)
+    os.kill(worker, signal.SIGKILL)
+    _, status = os.waitpid(worker, 0)
+    end_children()
+    with suppress(Exception):  # the simulator is gone
+        if has_ended or not is_modest:
+            _tell(given, ending(status) if is_modest else _TOO_MANY)
+    os.close(given["fd"])
+    shutil.rmtree(given["folder"], ignore_errors=True)
+    os._exit(0)
+
+
+def _watch(worker: int, simulator: Sequence[int]) -> bool:
+    """Wait until the agent's process or the simulator ends; return False if there are too many processes.
+
+    Args:
+        worker: The agent's process.
+        simulator: The lifeline, and the connection to the simulator.
+    """
+    poll, (lifeline, connection) = select.poll(), simulator
     for each in (lifeline, os.pidfd_open(worker)):
         poll.register(each, select.POLLIN | select.POLLHUP)
     # The agent may be busy or blocked, and read nothing; the simulator is heard here all the same.
-    poll.register(given["fd"], select.POLLRDHUP | select.POLLHUP)
-    poll.poll()
-    ended, status = os.waitpid(worker, os.WNOHANG)
-    if ended:
-        with suppress(Exception):  # the simulator is gone
-            _tell(given, ending(status))
-    os.close(given["fd"])
-    end_children()
-    shutil.rmtree(given["folder"], ignore_errors=True)
-    os._exit(0)
+    poll.register(connection, select.POLLRDHUP | select.POLLHUP)
+    while not poll.poll(1000.0 * CHECK_TIME):
+        while (pid := _ended()) not in (0, worker):  # what the agent has started, and left to itself
+            os.waitpid(pid, 0)
+        if _has_too_many():
+            return False
+    return True
+
+
+def _ended() -> int:
+    """Return a child that has ended, which is not waited for; 0: none."""
+    found = os.waitid(os.P_ALL, 0, _ENDED)
+    return found.si_pid if found else 0
+
+
+def _has_too_many() -> bool:
+    """Return whether this process has more descendants than an agent may have."""
+    found = children("self")
+    for pid in found:  # it grows meanwhile
+        found += children(pid)
+        if len(found) > MOST_PROCESSES:
+            return True
+    return False
 
 
 def ending(status: int) -> str:
@@ -117,14 +163,14 @@ def _take_paths(given: Mapping[str, Any]) -> None:
 
 def end_children() -> None:
     """Kill all descendants of this process, which is their reaper."""
-    while True:
-        for pid in _children():
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
-        try:
+    with suppress(ChildProcessError):
+        while True:
+            for pid in children("self"):
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
             os.waitpid(-1, 0)
-        except ChildProcessError:
-            return
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                pass
 
 
 def _work(given: Mapping[str, Any], supervisor: int) -> None:
@@ -136,8 +182,13 @@ def _work(given: Mapping[str, Any], supervisor: int) -> None:
     importlib.import_module("smarts_agent_kit.worker").work(given)
 
 
-def _children() -> list[int]:
-    return [int(pid) for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
+def children(pid: int | str) -> list[int]:
+    """Return the children of a process; none if it has ended."""
+    found: list[int] = []
+    with suppress(OSError):
+        for task in os.listdir(f"/proc/{pid}/task"):
+            found += map(int, Path(f"/proc/{pid}/task/{task}/children").read_text().split())
+    return found
 
 
 def _prctl(option: int, value: int) -> None:

@@ -25,6 +25,8 @@ TIME = 60
 """The most seconds of processor time of one request, on each core."""
 SPARE = 1
 """Seconds of processor time after which the limit is set again."""
+MOST_TASKS = 4096
+"""Processes and threads that the user may have beyond those of now, as long as the agent starts more."""
 
 
 def work(given: Mapping[str, Any]) -> None:
@@ -55,8 +57,10 @@ def serve(fd: int, make: Make) -> None:
 
 
 def confine(memory: int) -> None:
-    """Limit this process: its memory [bytes], its files, and the processor time of what it forks."""
+    """Limit this process: its memory [bytes], its files, what it starts and the processor time of that."""
     _limit(resource.RLIMIT_DATA, memory)
+    if os.getuid():  # the system exempts root
+        _limit(resource.RLIMIT_NPROC, tasks_of_user() + MOST_TASKS)
     _limit(resource.RLIMIT_FSIZE, LARGEST_FILE)
     _limit(resource.RLIMIT_CORE, 0)
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a write beyond the limit raises an OSError
@@ -70,6 +74,16 @@ def allow_time() -> float:
     used, hard = time.process_time(), resource.getrlimit(resource.RLIMIT_CPU)[1]
     resource.setrlimit(resource.RLIMIT_CPU, (int(used) + TIME * (os.cpu_count() or 1), hard))
     return used
+
+
+def tasks_of_user() -> int:
+    """Return how many processes and threads this process's user has."""
+    count = 0
+    for folder in os.scandir("/proc"):
+        with suppress(OSError):  # it has ended
+            if folder.name.isdecimal() and folder.stat().st_uid == os.getuid():
+                count += len(os.listdir(f"{folder.path}/task"))
+    return count
 
 
 def _limit(which: int, value: int) -> None:

@@ -11,7 +11,8 @@ import numpy as np
 from smarts.agents import ActionSpaceType, AgentInterface, DoneCriteria
 from smarts.agents.policy import Agent, BatchAgent
 from smarts.zoo import register
-from smarts_agent_kit import uniform
+from smarts_agent_kit import uniform, worker
+from tests.easing import Easing
 
 LANER = AgentInterface(
     action=ActionSpaceType.Lane, vehicle_model="kinematic", done_criteria=DoneCriteria(off_route=False)
@@ -77,6 +78,17 @@ class Misbehaving(BatchAgent):
         subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"], start_new_session=True)
         return np.zeros(count, int)
 
+    def bomb(self, count):
+        for _ in range(9):  # 512 processes, so that it ends if nothing bounds it
+            os.fork()
+        time.sleep(60)
+
+    def bomb_in_sessions(self, count):
+        for _ in range(9):
+            if os.fork() == 0:
+                os.setsid()
+        time.sleep(60)
+
     def print_much(self, count):
         for _ in range(1000):
             print("x" * 100, flush=True)
@@ -114,10 +126,32 @@ class Misbehaving(BatchAgent):
         return np.array([object()] * count)
 
 
+class Burning(BatchAgent):
+    """Computes for ever at its second request, of which a second is allowed on one core."""
+
+    interface = LANER
+    observation = ("speed",)
+    _asked = 0
+
+    def act(self, obs):
+        worker.TIME, worker.SPARE, os.cpu_count = 1, 0, lambda: 1
+        self._asked += 1
+        while self._asked == 2:
+            pass
+        return np.zeros(len(obs.env_id), int)
+
+
 class Large(Drawing):
     """Observes more than a message holds."""
 
     observation: ClassVar[Any] = {"stacked": [{"image": {"size": 512}}], "frames": 50}
+
+
+class Sensing(Easing):
+    """Observes the arrays of which `Observation` objects are made."""
+
+    interface = {**Easing.interface, "waypoint_paths": True, "neighborhood_vehicle_states": True}  # noqa: RUF012
+    observation: ClassVar[Any] = "raw"
 
 
 class Describing(Agent):
@@ -129,7 +163,10 @@ class Describing(Agent):
         return "keep_lane"
 
 
+register("easing-v0", Easing)
+register("sensing-v0", Sensing)
 register("drawing-v0", Drawing)
 register("misbehaving-v0", Misbehaving)
+register("burning-v0", Burning)
 register("large-v0", Large)
 register("describing-v0", Describing)

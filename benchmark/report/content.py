@@ -137,7 +137,23 @@ class Report:
     @cached_property
     def has_paper(self) -> bool:
         """Whether the paper prints figures of any of its cells."""
-        return any(printed(name, *column) for name in self.algorithms for column in self.columns)
+        return any(self.printed(name, *column) for name in self.algorithms for column in self.columns)
+
+    @cached_property
+    def _unlike_paper(self) -> set[tuple[str, str]]:
+        """Pairs of task and traffic with agents of the zoo, or with learning agents in bubbles."""
+        return {
+            (run.task, run.traffic)
+            for run in self.results.runs
+            for name in ("social_agents", "learn_in_bubbles")
+            if (run.config.get("environment") or {}).get(name)
+        }
+
+    def printed(self, algorithm: str, task: str, traffic: str) -> tuple[Printed, ...]:
+        """Return what the paper prints for a cell, nothing where other agents drive than in the paper."""
+        if (task, traffic) in self._unlike_paper:
+            return ()
+        return printed(algorithm, task, traffic)
 
     @cached_property
     def metrics(self) -> list[str]:
@@ -172,7 +188,7 @@ class Report:
     ) -> TableCell:
         collision = self.value(name, task, traffic, mode, "collision_rate")
         completion = self.value(name, task, traffic, mode, "completion_rate")
-        theirs = printed(name, task, traffic)
+        theirs = self.printed(name, task, traffic)
         ours = self._figures(name, task, traffic, mode)
         standing = standings.get(name)
         return TableCell(
@@ -183,7 +199,7 @@ class Report:
             theirs,
             compare_with(theirs, *ours) if ours else None,
             passing(theirs, self.scripted, lambda driver: self._figures(driver, task, traffic, mode)),
-            misprint(name, task, traffic),
+            misprint(name, task, traffic) if theirs else "",
             standing.rank if standing else None,
             standing is not None and standing.is_tied,
             any((x.task, x.traffic, x.is_one) == (task, traffic, False) for x in self.traffic_checks),

@@ -11,7 +11,7 @@ import numpy as np
 
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.checks import check_instance, check_truth, check_whole
-from smarts.agents.hosting.options import HostsByLocator, hosts_of
+from smarts.agents.hosting.options import hosts_of
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import LONGEST_DECISION
@@ -19,7 +19,6 @@ from smarts.agents.social import (
     NO_CAST,
     BubbleLearning,
     Cast,
-    SocialAgents,
     bubble_learning,
     distinct,
     social_agents,
@@ -213,31 +212,29 @@ class EnvSettings:
             scenarios,
             list(interfaces.values()),
             agents=list(interfaces),
-            cast=_cast(scenarios, social_agents(self.social_agents), learning, hosts_of(self.hosts)),
+            cast=self._cast(scenarios, learning, next(iter(interfaces.values()))),
             looked_at=observed,
             worlds=self.num_envs,
             seed=self.seed,
             options=self.simulation,
         )
 
+    def _cast(
+        self, scenarios: Sequence[BuiltScenario], learning: BubbleLearning | None, learner: AgentInterface
+    ) -> Cast:
+        """Return the social policies of the run; `learner` is the interface of the learning agents."""
+        added, hosts = social_agents(self.social_agents), hosts_of(self.hosts)
+        described = any(built.scenario.bubbles or built.scenario.social_agent_missions for built in scenarios)
+        if not (described or added or learning or hosts):
+            return NO_CAST
+        # Only runs with social agents wait for the zoo.
+        from smarts.env.casting import cast_of
+
+        return cast_of(scenarios, added, learning, hosts, learner)
+
     def _build(self, scenario: str | Path, egos: int) -> BuiltScenario:
         built = build_scenario(scenario, egos=egos)
         return built if self.traffic is None else built.with_traffic(self.traffic)
-
-
-def _cast(
-    scenarios: Sequence[BuiltScenario],
-    added: Sequence[SocialAgents],
-    learning: BubbleLearning | None,
-    hosts: HostsByLocator,
-) -> Cast:
-    described = any(built.scenario.bubbles or built.scenario.social_agent_missions for built in scenarios)
-    if not (described or added or learning or hosts):
-        return NO_CAST
-    # Only runs with social agents wait for the zoo.
-    from smarts.env.casting import cast_of
-
-    return cast_of(scenarios, added, learning, hosts)
 
 
 def make_settings(environment: str, *values: Any, options: EnvOptions, **more: Any) -> EnvSettings:

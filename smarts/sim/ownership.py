@@ -44,6 +44,19 @@ class _Refused(NamedTuple):
 _NEVER = _Refused(0, Refusal.NONE, 0)
 
 
+class Unresolved(NamedTuple):
+    """A transfer of the present episode that was refused and has not been carried out."""
+
+    slot: int
+    generation: int
+    reason: int
+    """A `Reason`."""
+    steps: int
+    """How often it was refused."""
+    last_refusal: int
+    """A `Refusal`."""
+
+
 def _key(transfer: Any) -> tuple[int, int, int]:
     """Return which vehicle a transfer is about, and why it changes hands."""
     return int(transfer["slot"]), int(transfer["generation"]), int(transfer["reason"])
@@ -86,6 +99,10 @@ class Ownership:
         self._queue = self._queue[self._queue["row"] != row]
         self.refused[row] = self.refused_steps[row] = self.departed[row] = 0
         self._refused[row].clear()
+
+    def unresolved(self, row: int) -> list[Unresolved]:
+        """Return the refused transfers of a simulation's present episode that have not been carried out."""
+        return [Unresolved(*key, each.steps, each.last) for key, each in self._refused[row].items()]
 
     def drop_vanished(self, env_mask: Bools) -> None:
         """Vacate the columns of agents whose vehicle traffic has removed."""

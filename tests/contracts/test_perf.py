@@ -25,6 +25,7 @@ SMALLEST = {
     ],
     "bubble_kinds": [PLACE, "--kinds", "position", "--seconds", "2"],
     "bubbles": ["--scenarios", "loop", "--worlds", "1", "--bubbles", "1", "--steps", "5"],
+    "delays": ["keep-lane-v0", "--delays", "3", "--episodes", "1"],
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
     "dynamics": ["--seconds", "0.01"],
     "energy": ["--sequences", "20", "--seconds", "0.1"],

@@ -18,7 +18,7 @@ from weakref import WeakSet
 
 from smarts.agents.hosting.options import ADDRESS, HostError
 from smarts_agent_kit.channel import Channel, ClosedError
-from smarts_agent_kit.child import command, ending
+from smarts_agent_kit.child import children, command, ending
 from smarts_agent_kit.environment import clean_environment
 from smarts_agent_kit.handshake import SECRET, BusyError, RefusedError, greet
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
@@ -107,7 +107,9 @@ class SocketLink:
         try:
             process.wait(END_TIME)
         except subprocess.TimeoutExpired:  # it was stopped again
-            os.killpg(process.pid, signal.SIGKILL)
+            for group in (*children(process.pid), process.pid):
+                with suppress(ProcessLookupError):
+                    os.killpg(group, signal.SIGKILL)
             process.wait()
         # The supervisor has done so, unless it was killed.
         shutil.rmtree(self._folder, ignore_errors=True)

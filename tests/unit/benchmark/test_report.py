@@ -38,7 +38,7 @@ from benchmark.report.wording import (
 from benchmark.report.writing import write_report
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
-from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experiment, write_run
+from tests.hand_made_results import ALONE, ENVIRONMENT, SOCIAL, agent_episodes, write_experiment, write_run
 
 MIXED = [["goal", "goal"], ["goal", "collision"], ["goal", "goal"], ["collision", "goal"]]
 """6 of 8 agents arrive, 2 collide; episodes are as different as if agents were independent."""
@@ -347,6 +347,18 @@ def test_an_own_experiment_is_reported_without_a_word_on_the_paper(tmp_path):
         text = (folder / name).read_text()
         assert "gainst the paper" not in text
         assert "the paper's figures" not in text.replace("&#39;", "'")
+
+
+@pytest.mark.parametrize("other", [{"social_agents": [{"agent": "idm-v0"}]}, {"learn_in_bubbles": True}])
+def test_a_cell_of_the_paper_with_other_drivers_is_none_of_the_papers(tmp_path, other):
+    for root, environment in ((tmp_path / "paper", ENVIRONMENT), (tmp_path / "own", ENVIRONMENT | other)):
+        write_experiment(root, algorithms=["ppo"], tasks=["intersection"], traffic=[ALONE])
+        write_run(root, "ppo", [agent_episodes(MIXED, mode="greedy")], environment=environment)
+    assert make_report(read_results(tmp_path / "paper")).has_paper
+    report = make_report(read_results(tmp_path / "own"))
+    cell = cells_of(report, "ppo")["intersection", ALONE]
+    assert not report.has_paper
+    assert (cell.printed, cell.comparison, cell.misprint) == ((), None, "")
 
 
 def test_page_text_and_table_have_the_same_numbers(folder):

@@ -251,3 +251,35 @@ def test_failures_in_the_steps_of_a_reset_are_in_its_infos(tmp_path, monkeypatch
         assert "social-agent-pair-first" not in infos["me"].get("social_failures", {})
     finally:
         env.close()
+
+
+BUS = 't.VehicleTypeCondition("bus")'
+BUSES = f"airlock_condition={BUS}"
+OTHERS = f"{BUSES}.negation()"
+CARS_TOO = f'{BUSES}.disjunction(t.VehicleTypeCondition("passenger"))'
+LATER_BUSES = f"airlock_condition=t.TimeWindowCondition(1, 9).conjunction({BUS})"
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "condition", "fits"),
+    [
+        *(("bus", "", False), ("truck", BUSES, False), ("bus", OTHERS, False), ("bus", CARS_TOO, False)),
+        *(("bus", BUSES, True), ("bus", LATER_BUSES, True), ("sedan", "", True)),
+    ],
+)
+def test_an_agent_that_asks_for_another_vehicle_than_comes_into_its_bubble(
+    tmp_path, vehicle, condition, fits
+):
+    folder = written(tmp_path / "crossing")
+    driver = f'actor("driver", "{KEEP_LANE}", policy_kwargs={{"vehicle_class": "{vehicle}"}})'
+    bubble = f't.Bubble(t.PositionalZone((0, 0), (40, 40)), {driver}, id="middle", {condition})'
+    text = (folder / "scenario.py").read_text()
+    text = text.replace("        ego_missions", f"        bubbles=[{bubble}],\n        ego_missions")
+    (folder / "scenario.py").write_text(text)
+    if fits:
+        assert cast_of([build_scenario(folder)]).policies
+        return
+    with pytest.raises(InterfaceError) as error:
+        VectorHiWayEnv(1, [folder], agents=1)
+    assert "bubble 'middle', actor 'driver'" in error.value.place
+    assert repr(vehicle) in error.value.problem

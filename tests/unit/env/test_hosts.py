@@ -23,6 +23,7 @@ from smarts.agents.options import InterfaceError
 from smarts.agents.policy import ActionBatch
 from smarts.env.vector import VectorHiWayEnv
 from smarts_agent_kit.channel import Channel, wait_for
+from smarts_agent_kit.child import MOST_PROCESSES
 from smarts_agent_kit.service import LONGEST_PROBLEM
 from smarts_agent_kit.wire import Message, encode
 
@@ -107,6 +108,23 @@ def test_agents_in_processes_drive_as_in_this_one_bit_by_bit():
     assert played(MIXED, {DRAWING: HostOptions("process")}, num_envs=2) == here
 
 
+def test_an_agent_at_an_address_drives_as_in_this_process_bit_by_bit():
+    from tests.unit.agents.test_addresses import served
+
+    here = played([{"agent": "tests.hosted_agents:easing-v0", "count": 3}], {})
+    assert len(set(here[0])) == len(here[0])
+    with served("-m", "smarts_agent_kit", "tests.easing:Easing", "--address", "127.0.0.1:0") as address:
+        assert played([{"agent": address, "count": 3}], {}) == here
+
+
+def test_the_arrays_that_objects_are_made_of_reach_a_process():
+    social = [{"agent": "tests.hosted_agents:sensing-v0", "count": 3}]
+    states, failures = played(social, {}, count=20)
+    assert failures == {}
+    assert len(set(states)) == len(states)
+    assert played(social, {"*": "process"}, count=20) == (states, failures)
+
+
 def test_a_reset_in_mid_episode_changes_nothing():
     found = []
     for hosts in ({}, {"*": "process"}):
@@ -137,6 +155,52 @@ def test_an_agent_that_misbehaves_fails_alone(how):
     _, failures = played(social, hosts, count=12)
     (named,) = failures.values()
     assert len(named) == 2
+
+
+@pytest.mark.parametrize("how", ["bomb", "bomb_in_sessions"])
+def test_an_agent_that_forks_without_end_is_ended(how):
+    """It makes 512 processes, and they stay for a minute; the fixture sees that none is left."""
+    social, hosts = hosted(how, patience=60.0)
+    _, failures = played(social, hosts, count=6)
+    assert len(failures[0]) == 2
+    assert all(f"more than {MOST_PROCESSES} processes" in said for said in failures[0].values())
+
+
+LIMITED = """
+import os, sys, time
+from smarts_agent_kit import worker
+if os.getuid() == 0:
+    os.setresgid(65534, 65534, 65534)
+    os.setresuid(65534, 65534, 65534)
+worker.MOST_TASKS = 20
+worker.confine(10**9)
+started = []
+try:
+    while len(started) < 5000:
+        child = os.fork()
+        if child == 0:
+            time.sleep(60)
+            os._exit(0)
+        started.append(child)
+except BlockingIOError:
+    print(len(started))
+for child in started:
+    os.kill(child, 9)
+    os.waitpid(child, 0)
+"""
+
+
+def test_the_system_bounds_what_an_agent_starts_unless_it_is_root():
+    command = [sys.executable, "-c", LIMITED]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    assert int(done.stdout) < 1000  # others of the user end meanwhile
+
+
+def test_a_request_that_takes_too_much_processor_time_is_ended():
+    burning = "tests.hosted_agents:burning-v0"
+    _, failures = played([{"agent": burning}], {burning: {"where": "process", "patience": 60.0}}, count=4)
+    (said,) = failures[0].values()
+    assert "SIGXCPU: a request took more processor time than is allowed" in said
 
 
 @pytest.mark.parametrize("how", ["fork", "print_much", "read_input"])

@@ -17,6 +17,7 @@ from smarts.env import (
     VectorHiWayEnv,
     hiway_parallel_env,
 )
+from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Event, Outcome
 from smarts.types.vehicles import Owner
@@ -237,6 +238,21 @@ def test_agents_of_different_interfaces():
     with pytest.raises(InterfaceError) as error:
         VectorHiWayEnv(1, [LEFT_TURN], agents=agents, **IN_BUBBLE)
     assert error.value.place == "learn_in_bubbles"
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"action": ActionSpaceType.Empty}, "Empty"),
+        ({"action": None}, "None"),
+        ({"vehicle_class": "bus"}, "bus"),
+    ],
+)
+def test_agents_that_cannot_drive_the_vehicles_of_a_bubble(changes, said):
+    with pytest.raises(InterfaceError) as error:
+        HiWayEnv([LEFT_TURN], {"turner": benchmark_interface(**changes)}, **IN_BUBBLE)
+    assert "'left-turn'" in error.value.place
+    assert said in error.value.problem
 
 
 @pytest.mark.parametrize(

@@ -143,6 +143,32 @@ def test_a_vehicle_on_the_lane_of_its_turn_goes_on_elsewhere(world, country):
     assert world.states.position[slot, 1] > before[1] + 10.0
 
 
+@pytest.mark.parametrize("finds_a_way", [True, False])
+def test_a_vehicle_does_not_stop_dead_where_its_lane_does_not_lead_on(world, country, finds_a_way):
+    """The right lane leads off the route 5 m ahead: without another way, SUMO halts the vehicle there."""
+    nodes = {"a": (0, 0), "b": (500, 0), "c": (1000, 0), "d": (500, -200)}
+    places = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in nodes.items())
+    edges = "".join(
+        f'<edge id="{edge}" from="{edge[0]}" to="{edge[1]}" numLanes="{lanes}" speed="20"/>'
+        for edge, lanes in (("ab", 2), ("bc", 1), ("bd", 1))
+    )
+    net = country.net("exit", (f"<nodes>{places}</nodes>", f"<edges>{edges}</edges>"))
+    begin(world, country.files(net, drivers((1, 100, 13))), 0.3)
+    slot, states = world.slot("s0"), world.states
+    end = world.traffic._library.lane.getLength("ab_0")
+    assert after(world, slot, end - 5.0 - 2.5, RIGHT, speed=13.0, steps=20) == Refusal.NONE
+    if not finds_a_way:
+        world.traffic._shadows[slot].way = ("ab", "bc")
+    states.owner[slot] = Owner.TRAFFIC
+    speeds = [float(states.speed[slot])]
+    for _ in range(10):
+        world.step()
+        speeds.append(float(states.speed[slot]))
+    hardest = -np.diff(speeds).min()
+    assert hardest < 0.46 if finds_a_way else hardest > 9.0
+    assert world.traffic.route(slot) == (("ab", "bd") if finds_a_way else ("ab", "bc"))
+
+
 @pytest.mark.parametrize(("offset", "heading"), [(0.08, 0.0), (-0.35, 0.0), (0.1, 0.07), (0.0, -0.09)])
 def test_what_is_left_of_the_pose_decays_without_a_jump(world, country, offset, heading):
     begin(world, country.road(drivers((0, 100, 10))), 3.0)

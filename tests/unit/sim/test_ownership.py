@@ -240,6 +240,9 @@ def test_a_vehicle_that_its_driver_keeps_is_taken_as_soon_as_it_is_given():
     assert case.apply(take(0, 0), take(1, 1)) == 1
     assert (case.holder(0)[0], case.holder(1)[0]) == (AGENT, TRAFFIC)
     assert case.ownership.refused[0, Refusal.IN_JUNCTION] == 1
+    assert case.apply(take(1, 1)) == 1
+    assert case.ownership.unresolved(0) == [(1, 1, Reason.TAKE, 2, Refusal.IN_JUNCTION)]
     engine.kept = ()
     assert case.apply(take(1, 1)) == 0
+    assert case.ownership.unresolved(0) == []
     assert case.holder(1)[0] == AGENT

@@ -1,5 +1,6 @@
 """Agents with environments of their own, whose dependencies exclude each other."""
 
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -9,29 +10,31 @@ from pathlib import Path
 import msgpack
 import numpy as np
 import pytest
+from uv import find_uv_bin
 
 from smarts.agents.hosting.options import HostError
-from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import SmartsError
 from smarts.zoo import find_entry, make_agent, make_spec
 from smarts.zoo.kit_wheel import build_wheel
 from smarts.zoo.registry import add_folder
 from smarts.zoo.separate import _key, clean, install, uninstall
-from tests.unit.env.test_hosts import nothing_is_left, steps  # noqa: F401
+from tests import easing
+from tests.unit.env.test_hosts import (  # noqa: F401
+    environment,
+    host_of,
+    nothing_is_left,
+    played,
+    state,
+    steps,
+)
 
 MODULE = """
 import conflicted
-from smarts_agent_kit import BatchAgent
+{easing}
 
-class Conflicted(BatchAgent):
-    interface = {{"action": "Lane", "vehicle_model": "kinematic"}}
-    observation = ["speed"]
-
+class Conflicted(Easing):
     def __init__(self, wanted="{version}"):
         assert conflicted.VERSION == wanted, conflicted.VERSION
-
-    def act(self, batch):
-        return [0] * len(batch.env_id)
 """
 PROJECT = """
 [project]
@@ -58,9 +61,9 @@ def write_wheel(folder, name, version, files):
             archive.writestr(file, text)
 
 
-@pytest.fixture
-def zoo(tmp_path, monkeypatch):
-    """An empty zoo, and an index of packages without a network."""
+@pytest.fixture(params=["venv"])
+def zoo(tmp_path, monkeypatch, request):
+    """An empty zoo, an index of packages without a network, and uv or not."""
     index = tmp_path / "index"
     index.mkdir()
     for version in "123":
@@ -70,7 +73,14 @@ def zoo(tmp_path, monkeypatch):
         write_wheel(index, package.__name__, "9.9", {f"{package.__name__}_of_tests.pth": f"{place}\n"})
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     monkeypatch.setenv("PIP_FIND_LINKS", str(index))
-    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:/usr/bin:/bin")
+    monkeypatch.setenv("UV_OFFLINE", "1")
+    monkeypatch.setenv("UV_FIND_LINKS", str(index))
+    monkeypatch.setenv("UV_CACHE_DIR", str(tmp_path / "uv"))
+    programs = tmp_path / "programs"
+    programs.mkdir()
+    if request.param == "uv":
+        (programs / "uv").symlink_to(find_uv_bin())
+    monkeypatch.setenv("PATH", f"{programs}:/usr/bin:/bin")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("SMARTS_ZOO", str(tmp_path / "zoo.yaml"))
     return tmp_path
@@ -80,7 +90,8 @@ def project(zoo, version, python=">=3.10", dependency=None):
     """Write an agent's project, add it to the zoo, and return its name."""
     folder = zoo / f"agent_{version}"
     folder.mkdir()
-    (folder / f"conflicted_{version}.py").write_text(MODULE.format(version=version))
+    module = MODULE.format(version=version, easing=Path(easing.__file__).read_text())
+    (folder / f"conflicted_{version}.py").write_text(module)
     text = PROJECT.format(version=version, python=python)
     (folder / "pyproject.toml").write_text(text.replace("conflicted==", dependency or "conflicted=="))
     (entry,) = add_folder(folder)
@@ -92,23 +103,29 @@ def built(zoo):
     return {each.name for each in root.glob("*") if each.is_dir()}
 
 
+BY_BOTH = pytest.mark.parametrize("zoo", ["venv", "uv"], indirect=True)
+"""By pip and venv, and by uv."""
+
+
 @pytest.mark.slow
+@BY_BOTH
 def test_three_agents_with_conflicting_dependencies_drive_in_one_scene(zoo):
     names = [project(zoo, version) for version in "123"]
     for name in names:
         with pytest.raises(HostError):
             make_spec(name)
         folder = install(find_entry(name))
+        assert ("uv = " in (folder / "pyvenv.cfg").read_text()) == (shutil.which("uv") is not None)
         before = (folder / ".complete").stat().st_mtime_ns
         assert install(find_entry(name)) == folder
         assert (folder / ".complete").stat().st_mtime_ns == before
     assert "conflicted" not in sys.modules
     social = [{"agent": name} for name in names]
-    with closing(VectorHiWayEnv(1, ["intersection"], 1, social_agents=social)) as env:
+    with closing(environment(social, {})) as env:
         env.reset()
-        assert len(env._runner._requests._host.links) == 3
-        for result in steps(env, 5):
-            assert not result.social_failures
+        assert len(host_of(env).links) == 3
+        states = [state(env), *(state(env) for result in steps(env, 60) if not result.social_failures)]
+    assert (states, {}) == played(3 * [{"agent": "tests.hosted_agents:easing-v0"}], {})
     with pytest.raises(HostError):
         make_spec(names[0], wanted="2")
     agent, _ = make_agent(names[0], wanted="1")
@@ -137,6 +154,7 @@ def test_equal_kits_are_equal_wheels(tmp_path):
 
 
 @pytest.mark.slow
+@BY_BOTH
 def test_dependencies_that_cannot_be_had_leave_nothing(zoo):
     name = project(zoo, "1", dependency="no-such-package==")
     with pytest.raises(HostError) as raised:
