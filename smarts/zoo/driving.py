@@ -206,11 +206,11 @@ class Driver(BatchAgent):
 
         Of two vehicles side by side that want each other's lane, the rear one lets the other in.
         """
-        lane = beside(seen, self._demanded_side(seen))
+        lane = beside(seen, self.demanded_side(seen))
         behind = self.model.acceleration(
             seen.speed, self.desired(seen), lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED]
         )
-        falls_back = (self._demanded_side(seen) != 0) & (seen.speed > FALLING_BACK_SPEED)
+        falls_back = (self.demanded_side(seen) != 0) & (seen.speed > FALLING_BACK_SPEED)
         return np.where(falls_back, np.maximum(behind, -FALLING_BACK), HARDEST)
 
     def _stops_at_light(self, own: Floats) -> Bools:
@@ -220,11 +220,11 @@ class Driver(BatchAgent):
 
     def demanded_change(self, batch: ActionBatch, seen: Seen) -> Ints:
         """Return the lane changes that the route demands now and that are safe, shape (N,)."""
-        side = self._demanded_side(seen)
+        side = self.demanded_side(seen)
         braking = np.where(_to_go(seen) < URGENT, 1.5 * SAFE_BRAKING, SAFE_BRAKING)
         return np.where(self.is_safe(batch, seen, side, braking), side, 0)
 
-    def _demanded_side(self, seen: Seen) -> Ints:
+    def demanded_side(self, seen: Seen) -> Ints:
         """Return the side on which the route demands a lane change now, 0 for none, shape (N,)."""
         is_due = _to_go(seen) < np.maximum(HORIZON, HORIZON_TIME * seen.speed)
         is_due &= seen.own[:, Own.CHANGING] == 0.0

@@ -102,12 +102,13 @@ class PlannedDriver(Driver):
         settled = (np.abs(view.place[:, 1]) < SETTLED_OFFSET) & (np.abs(view.place[:, 2]) < SETTLED_TURN)
         settled &= obs.step > kept[:, _PLANNED]
         kept[settled | (obs.step > kept[:, _ARRIVAL] + LATE), _BUSY] = 0.0
-        acceleration, change = self.decide(obs, view.seen(kept))
-        begins = self._begin(obs, view, change, kept)
+        seen = view.seen(kept)
+        acceleration, change = self.decide(obs, seen)
+        begins = self._begin(obs, view, self.goal(obs, seen, change), change, kept)
         view = _View.of(obs, kept)
         failed = self._plan(obs, view, kept, begins)
         kept[failed & begins, _BUSY] = 0.0
-        self.begun(obs, view.seen(kept), np.where(failed, 0, np.where(begins, change, 0)).astype(np.int32))
+        self.begun(obs, seen, np.where(begins & ~failed, change, 0).astype(np.int32))
         speed = self._trimmed(obs, view.own[:, Own.SPEED], acceleration)
         paths = lane_paths(view.ways[:, OWN], speed)
         plans = plan_paths(kept[:, _PATH].reshape(-1, ROWS, 5))
@@ -139,9 +140,8 @@ class PlannedDriver(Driver):
     def begun(self, batch: ActionBatch, seen: Seen, change: Ints) -> None:
         """Take note of the lane changes that have begun, shape (N,); does nothing unless overridden."""
 
-    def _begin(self, obs: ActionBatch, view: _View, change: Ints, kept: Floats) -> Bools:
+    def _begin(self, obs: ActionBatch, view: _View, goal: Goal, change: Ints, kept: Floats) -> Bools:
         """Write the poses of lane changes that are wanted and possible; return which those are."""
-        goal = self.goal(obs, view.seen(kept), change)
         begins = (change != 0) & (kept[:, _BUSY] == 0.0) & (goal.station >= SHORTEST) & obs.drives
         lane = np.where(change > 0, 1, 2)
         pose = np.zeros((len(lane), 1, 3))

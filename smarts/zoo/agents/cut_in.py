@@ -51,11 +51,10 @@ class CutIn(PlannedDriver):
 
     def decide(self, batch: ActionBatch, seen: Seen) -> tuple[Floats, Ints]:
         """Return accelerations and lane changes; see `Driver`."""
-        is_open = self._done.of(batch)[:, 0] == 0.0
+        is_open = self._is_open(batch, seen)
         side, pace = self._target(batch, seen)
         cuts = is_open & self._is_in_front(batch, seen, side)
-        demanded = self.demanded_change(batch, seen)
-        change = np.where(cuts, side, np.where(is_open, 0, demanded)).astype(np.int32)
+        change = np.where(cuts, side, self.demanded_change(batch, seen)).astype(np.int32)
         found = self.follow(seen)
         # Not faster than needed to get past, never against what the leader allows.
         wanted = self.model.acceleration(seen.speed, pace, np.inf, 0.0)
@@ -68,15 +67,19 @@ class CutIn(PlannedDriver):
         time = np.clip(lacking / self._faster, SOONEST, LATEST)
         # The target's front is half of the own length and the gap behind the own centre.
         way = lane[:, Lane.BEHIND_SPEED] * time + lacking
-        is_cut = (self._done.of(batch)[:, 0] == 0.0) & (lane[:, Lane.BEHIND] < LONGEST)
+        is_cut = self._is_open(batch, seen) & (lane[:, Lane.BEHIND] < LONGEST)
         cut = Goal(time, way, lane[:, Lane.BEHIND_SPEED])
         return Goal(*(np.where(is_cut, *pair) for pair in zip(cut, plain, strict=True)))
 
     def begun(self, batch: ActionBatch, seen: Seen, change: Ints) -> None:
-        """Note that the cut-in has begun: it is the first change."""
+        """Note that the cut-in has begun: it is the first change that the route does not demand."""
         done = self._done.of(batch)
-        done[change != 0] = 1.0
+        done[(change != 0) & self._is_open(batch, seen)] = 1.0
         self._done.keep(batch, done)
+
+    def _is_open(self, batch: ActionBatch, seen: Seen) -> Bools:
+        """Return whether the cut-in is to come, and the route demands no lane change now, shape (N,)."""
+        return (self._done.of(batch)[:, 0] == 0.0) & (self.demanded_side(seen) == 0)
 
     def _target(self, batch: ActionBatch, seen: Seen) -> tuple[Ints, Floats]:
         """Return the side of the vehicle to cut in on, 0 for none, and the speed to drive past it [m/s]."""
