@@ -220,7 +220,8 @@ class SocialAgentRequests:
         """Write one agent's action; return what is wrong with it, "" if nothing is."""
         if isinstance(action, Failed):
             return action.problem
-        if isinstance(action, np.ndarray | float) and np.isnan(action).all():
+        numbers = np.asarray(action) if isinstance(action, np.ndarray | float) else np.empty(0)
+        if numbers.dtype.kind == "f" and numbers.size and np.isnan(numbers).all():
             return "answered nan: it cannot act for its vehicle"
         try:
             self._encoder.write([self._encoder.parse(self._pool.name(row, column), action, row, column)])

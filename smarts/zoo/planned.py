@@ -223,7 +223,6 @@ class _View(NamedTuple):
         return Seen(own, lanes)
 
 
-@cache
 def planner_named(name: str, limits: Limits) -> Planner:
     """Return the planner of a name for vehicles of some limits; equal calls get one, which takes a second.
 
@@ -231,6 +230,11 @@ def planner_named(name: str, limits: Limits) -> Planner:
         SmartsError: There is no planner of this name.
     """
     check_instance("planner", name, str, "a name such as 'receding_horizon'")
+    return _planner(name, limits)
+
+
+@cache
+def _planner(name: str, limits: Limits) -> Planner:
     return PLANNERS[name](limits)
 
 

@@ -86,7 +86,7 @@ def test_plans_ask_for_the_acceleration_that_the_controller_makes_of_lacking_spe
 
 @pytest.mark.parametrize("name", ["overtaking-v0", "cut-in-v0", "u-turn-v0"])
 def test_unknown_planners_are_named(name):
-    for planner in ("beziers", "nowhere:Planner", 3):
+    for planner in ("beziers", "nowhere:Planner", 3, ["sumo"]):
         with pytest.raises(SmartsError) as error:
             make_agent(name, planner=planner)
         assert str(planner).partition(":")[0] in str(error.value)
