@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmark.cli.zoo import options_of
 from benchmark.running.zoo_contract import ZooDrive
 from smarts.agents.policy import BatchAgent
 from smarts.geometry.frames import wrap_angle
@@ -169,7 +170,9 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=600, help="of an episode, at most")
     parser.add_argument("--set", nargs="*", default=[], metavar="OPTION=VALUE", help="options of the agents")
     asked = parser.parse_args()
-    options = dict(each.split("=", 1) for each in asked.set)
+    if asked.episodes < WORLDS or asked.episodes % WORLDS:
+        parser.error(f"--episodes is {asked.episodes}: give a multiple of {WORLDS}")
+    options = options_of(asked.set)
     for name in asked.agents:
         for scenario in SCENES[name]:
             egos, outcomes = drive_all(name, scenario, options, asked.episodes, asked.seed, asked.steps)

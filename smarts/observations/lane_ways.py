@@ -28,8 +28,9 @@ POINTS = 52
 class LaneWays(Feature):
     """Points x, y, heading of the own lane, the left and the right one, every 2 m from 20 m behind on.
 
-    The ways are those of the route, elsewhere the straightest ones; beyond the ends of roads they are
-    straight. Zeros stand for no lane of the same kind, and beside a lane in a junction.
+    The ways are those of the route, elsewhere the straightest ones; beyond the ends of roads, and before the
+    beginning of the lane beside the vehicle, they are straight, whatever road leads there. Zeros stand for no
+    lane of the same kind, and beside a lane in a junction.
     """
 
     in_vector = False

@@ -41,12 +41,16 @@ def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junction
                 if beside >= 0 and (roads.lane_left[lane] == beside or roads.lane_right[lane] == beside):
                     return True
                 beside = lane
-    if junctions:
-        for entry in range(roads.outline_start[cell], roads.outline_start[cell + 1]):
-            outline = roads.outline[entry]
-            first, last = roads.vertex_start[outline], roads.vertex_start[outline + 1]
-            if inside_outline(x, y, roads.vertex, first, last):
-                return True
+    return junctions and _is_in_junction(roads, cell, x, y)
+
+
+@kernel
+def _is_in_junction(roads: Roads, cell: int, x: float, y: float) -> bool:
+    for entry in range(roads.outline_start[cell], roads.outline_start[cell + 1]):
+        outline = roads.outline[entry]
+        first, last = roads.vertex_start[outline], roads.vertex_start[outline + 1]
+        if inside_outline(x, y, roads.vertex, first, last):
+            return True
     return False
 
 

@@ -14,6 +14,9 @@ from smarts.geometry.frames import wrap_angle
 from smarts.observations.lane_ways import BEHIND
 from smarts.observations.way_ahead import SPACING
 
+LEAST_RADIUS = 0.3
+"""A vehicle's radius in a bend is at least this part of its lane's: nearer to the centre stations blur."""
+
 
 def to_lane(ways: Floats, poses: Floats) -> Floats:
     """Return stations, offsets and relative headings of poses on the map, shape (N, K, 3).
@@ -49,3 +52,19 @@ def to_map(ways: Floats, poses: Floats) -> Floats:
     x = a[..., 0] + share * (b[..., 0] - a[..., 0]) - poses[..., 1] * np.sin(heading)
     y = a[..., 1] + share * (b[..., 1] - a[..., 1]) + poses[..., 1] * np.cos(heading)
     return np.stack([x, y, wrap_angle(heading + poses[..., 2])], axis=2)
+
+
+def stretches(ways: Floats, stations: Floats, offsets: Floats) -> Floats:
+    """Return the ratio of speed along lanes to the speed driven, 1 / (1 - curvature * offset), shape (N, K).
+
+    Args:
+        ways: As `to_lane` takes them, shape (N, P, 3).
+        stations: Of vehicles that drive along the lanes [m], shape (N, K).
+        offsets: Theirs to the left [m], shape (N, K).
+    """
+    point = np.clip(np.nan_to_num(np.rint(stations / SPACING)) + BEHIND, 1, ways.shape[1] - 2).astype(
+        np.int64
+    )
+    lane = np.arange(len(ways))[:, None]
+    curvature = wrap_angle(ways[lane, point + 1, 2] - ways[lane, point - 1, 2]) / (2.0 * SPACING)
+    return 1.0 / np.maximum(1.0 - curvature * offsets, LEAST_RADIUS)

@@ -28,15 +28,17 @@ from smarts.controllers.abilities import Abilities
 from smarts.controllers.action_formats import PATH_POINTS
 from smarts.controllers.lane_path import limit_speeds
 from smarts.controllers.tracking import SPEED_GAIN
+from smarts.dynamics import vehicle, vehicle_names
 from smarts.observations.lane_ways import BEHIND, LANE_WAYS
 from smarts.observations.nearby import NEARBY
 from smarts.observations.surroundings import OWN, Lane, Own
+from smarts.observations.way_ahead import SPACING
 from smarts.planners import PLANNERS, Limits, Neighbours, Planner, PlanStatus, as_actions, resample
 from smarts.planners.protocol import keep_last
 from smarts.types.actions import ActionSpaceType
 from smarts.types.vehicles import VehicleKind
 from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, beside, excess, target_speed
-from smarts.zoo.lane_frames import to_lane, to_map
+from smarts.zoo.lane_frames import stretches, to_lane, to_map
 
 ROWS = 21
 """Of a kept path."""
@@ -56,6 +58,9 @@ SETTLED_OFFSET, SETTLED_TURN = 0.3, 0.05
 SWERVE = 1.0
 """How far a path may lead beside what is between the vehicle and its lane's centreline [m]: planners know of
 vehicles, not of edges of roads."""
+
+LIMITS = Limits(speed=40.0)
+"""Of the planners' vehicle, a car; drivers obey speed limits by their desired speeds."""
 
 _BUSY, _ARRIVAL, _X, _Y, _SPEED, _PLANNED = range(6)
 """Columns of what is kept: whether a manoeuvre lasts, the step and the place of its pose, the speed there,
@@ -92,7 +97,7 @@ class PlannedDriver(Driver):
 
     def __init__(self, planner: str = "receding_horizon", **options: float) -> None:
         super().__init__(**options)
-        self._planner = planner_named(planner, Limits())
+        self._planner = planner_named(planner, LIMITS)
         self._kept = Memory(_PATH.stop)
 
     def act(self, obs: ActionBatch) -> NDArray:
@@ -101,7 +106,9 @@ class PlannedDriver(Driver):
         view = _View.of(obs, kept)
         settled = (np.abs(view.place[:, 1]) < SETTLED_OFFSET) & (np.abs(view.place[:, 2]) < SETTLED_TURN)
         settled &= obs.step > kept[:, _PLANNED]
-        kept[settled | (obs.step > kept[:, _ARRIVAL] + LATE), _BUSY] = 0.0
+        is_late = ~settled & (kept[:, _BUSY] > 0.0) & (obs.step > kept[:, _ARRIVAL] + LATE)
+        kept[settled | is_late, _BUSY] = 0.0
+        self.given_up(obs, is_late)
         seen = view.seen(kept)
         acceleration, change = self.decide(obs, seen)
         begins = self._begin(obs, view, self.goal(obs, seen, change), change, kept)
@@ -110,11 +117,13 @@ class PlannedDriver(Driver):
         kept[failed & begins, _BUSY] = 0.0
         self.begun(obs, seen, np.where(begins & ~failed, change, 0).astype(np.int32))
         speed = self._trimmed(obs, view.own[:, Own.SPEED], acceleration)
-        paths = lane_paths(view.ways[:, OWN], speed)
+        agility = agilities(view.own[:, Own.LENGTH])
+        paths = lane_paths(view.ways[:, OWN], speed, agility)
         plans = plan_paths(kept[:, _PATH].reshape(-1, ROWS, 5))
         cap = self.before_lines(view.seen(kept))
         plans[:, 3] = np.minimum(plans[:, 3], target_speed(view.own[:, Own.SPEED], cap)[:, None])
-        paths = np.where(kept[:, _BUSY, None, None] > 0.0, plans, paths)
+        busy = np.flatnonzero(kept[:, _BUSY] > 0.0)
+        paths[busy] = slow_in_bends(plans[busy], view.ways[busy, view.lane[busy]], agility[busy])
         paths[failed & ~begins] = np.nan
         self._last.keep(obs, np.column_stack([view.own[:, Own.SPEED], paths[:, 3, 1]]))
         self._kept.keep(obs, kept)
@@ -140,6 +149,9 @@ class PlannedDriver(Driver):
     def begun(self, batch: ActionBatch, seen: Seen, change: Ints) -> None:
         """Take note of the lane changes that have begun, shape (N,); does nothing unless overridden."""
 
+    def given_up(self, batch: ActionBatch, is_late: Bools) -> None:
+        """Take note of the lane changes that are given up, shape (N,); does nothing unless overridden."""
+
     def _begin(self, obs: ActionBatch, view: _View, goal: Goal, change: Ints, kept: Floats) -> Bools:
         """Write the poses of lane changes that are wanted and possible; return which those are."""
         begins = (change != 0) & (kept[:, _BUSY] == 0.0) & (goal.station >= SHORTEST) & obs.drives
@@ -164,6 +176,9 @@ class PlannedDriver(Driver):
         left = (kept[rows, _ARRIVAL] - obs.step[rows]) * STEP
         ahead = place[:, 0] + 0.5 * LEAST_TIME * (speed + kept[rows, _SPEED])
         station = np.where(left < LEAST_TIME, ahead, to_lane(ways, target)[:, 0, 0])
+        # Kept, so that the pose is never so far behind that another lane seems nearer.
+        moved, target[:, 0] = left < LEAST_TIME, np.column_stack([station, np.zeros((len(rows), 2))])
+        kept[rows[moved], _X : _Y + 1] = to_map(ways[moved], target[moved])[:, 0, :2]
         targets = np.zeros((len(rows), 5))
         targets[:, 0], targets[:, 1] = np.maximum(left, LEAST_TIME), station
         targets[:, 4] = kept[rows, _SPEED]
@@ -239,24 +254,49 @@ def _planner(name: str, limits: Limits) -> Planner:
 
 
 @cache
-def _agility() -> float:
-    """Return the largest rate of change of a car's curvature [1/(m s)]."""
-    return float(Abilities.of_all().agility[VehicleKind.PASSENGER])
+def _kinds() -> tuple[Floats, Floats]:
+    """Return lengths [m] and agilities [1/(m s)] of the vehicles with a model."""
+    names = {kind: kind.name.lower() for kind in VehicleKind if kind.name.lower() in vehicle_names()}
+    return np.array([vehicle(name).length for name in names.values()]), Abilities.of_all().agility[[*names]]
 
 
-def lane_paths(ways: Floats, speeds: Floats) -> Floats:
+def agilities(lengths: Floats) -> Floats:
+    """Return the largest rates of change of curvature [1/(m s)], of the kind with the nearest length [m]."""
+    known, found = _kinds()
+    return found[np.argmin(np.abs(lengths[:, None] - known), axis=1)]
+
+
+def lane_paths(ways: Floats, speeds: Floats, agility: Floats) -> Floats:
     """Return paths along lanes at target speeds, slower in bends, as actions, shape (N, 4, PATH_POINTS).
 
     Args:
         ways: Of the lanes, as `lane_ways` has them, shape (N, P, 3).
         speeds: [m/s], shape (N,).
+        agility: Largest rates of change of the vehicles' curvatures [1/(m s)], shape (N,).
     """
     references = np.empty((len(ways), PATH_POINTS, 4))
     references[..., :3] = ways[:, BEHIND - 1 : BEHIND - 1 + PATH_POINTS]
     references[..., 3] = speeds[:, None]
-    for reference in references:
-        limit_speeds(reference, PATH_POINTS, _agility())
+    for reference, rate in zip(references, agility.tolist(), strict=True):
+        limit_speeds(reference, PATH_POINTS, rate)
     return references.transpose(0, 2, 1)
+
+
+def slow_in_bends(plans: Floats, ways: Floats, agility: Floats) -> Floats:
+    """Return planned paths, as slow as bends of their lanes demand, as actions, shape (N, 4, PATH_POINTS).
+
+    Args:
+        plans: As actions, shape (N, 4, PATH_POINTS).
+        ways: Of the lanes that they lead to, as `lane_ways` has them, shape (N, P, 3).
+        agility: As `lane_paths` takes it, shape (N,).
+    """
+    limits = lane_paths(ways, np.full(len(ways), np.inf), agility)[:, 3]
+    stations = to_lane(ways, plans[:, :3].transpose(0, 2, 1))[..., 0]
+    at = SPACING * (np.arange(PATH_POINTS) - 1)
+    slow = plans.copy()
+    for path, station, limit in zip(slow, stations, limits, strict=True):
+        path[3] = np.minimum(path[3], np.interp(station, at, limit))
+    return slow
 
 
 def plan_paths(paths: Floats) -> Floats:
@@ -306,10 +346,10 @@ def neighbours_of(ways: Floats, nearby: Floats, own: Floats) -> Neighbours:
         own: The vehicles, as `surroundings` has them, shape (N, len(Own)).
     """
     path = np.zeros((*nearby.shape[:2], 1, 5))
-    path[:, :, 0, 1:4], path[:, :, 0, 4] = to_lane(ways, nearby[..., :3]), nearby[..., 3]
+    path[:, :, 0, 1:4] = to_lane(ways, nearby[..., :3])
+    path[:, :, 0, 4] = nearby[..., 3] * stretches(ways, path[:, :, 0, 1], path[:, :, 0, 2])
     path[nearby[..., 4] == 0.0] = np.nan
-    car = Limits()
-    larger = own[:, None, [Own.LENGTH, Own.WIDTH]] - [car.length, car.width]
+    larger = own[:, None, [Own.LENGTH, Own.WIDTH]] - [LIMITS.length, LIMITS.width]
     return Neighbours(path, np.maximum(nearby[..., 4:6] + larger, 0.1))
 
 

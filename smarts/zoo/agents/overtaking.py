@@ -6,7 +6,7 @@ import numpy as np
 
 from smarts.agents.checks import check_number
 from smarts.agents.policy import ActionBatch
-from smarts.arrays import Floats, Ints
+from smarts.arrays import Bools, Floats, Ints
 from smarts.observations.surroundings import OWN, Lane, Own
 from smarts.zoo.driving import HORIZON_TIME, Memory, Seen, beside
 from smarts.zoo.planned import PlannedDriver
@@ -55,6 +55,12 @@ class Overtaking(PlannedDriver):
         memory[:, 0] = np.where(change == 0, memory[:, 0], np.where(goes_out, -change, 0))
         self._way_back.keep(batch, memory)
 
+    def given_up(self, batch: ActionBatch, is_late: Bools) -> None:
+        """Forget the way back, so that the driver may try again."""
+        memory = self._way_back.of(batch)
+        memory[is_late] = 0.0
+        self._way_back.keep(batch, memory)
+
     def _way_out(self, batch: ActionBatch, seen: Seen) -> Ints:
         """Return the side on which to overtake the leader, 0 for not at all, shape (N,)."""
         leader, desired = seen.lanes[:, OWN], self.desired(seen)
@@ -70,7 +76,7 @@ class Overtaking(PlannedDriver):
             side[is_slow & is_faster & goes_on & self.is_safe(batch, seen, sides)] = each
         return np.where(seen.own[:, Own.DEMANDED] == 0.0, side, 0)
 
-    def _has_passed(self, batch: ActionBatch, seen: Seen, side: Ints) -> np.ndarray:
+    def _has_passed(self, batch: ActionBatch, seen: Seen, side: Ints) -> Bools:
         """Return whether the lane to go back to is free, ahead too, shape (N,)."""
         lane = beside(seen, side)
         room = np.maximum(BACK_GAP, BACK_TIME * seen.speed)

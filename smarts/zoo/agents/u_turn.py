@@ -12,13 +12,14 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch
 from smarts.arrays import Bools, Floats, Ints
 from smarts.controllers.action_formats import PATH_POINTS
+from smarts.errors import SmartsError
 from smarts.observations.lane_ways import LANE_WAYS
 from smarts.observations.surroundings import OWN, Own
 from smarts.observations.u_turn import LATERAL, POINTS, SHARPEST, TURN_LANE, TURN_STATE
-from smarts.planners import Limits, PlanStatus, resample
+from smarts.planners import Limits, PlanStatus, SumoPlanner, resample
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, target_speed
-from smarts.zoo.planned import lane_paths, plan_paths, planner_named
+from smarts.zoo.planned import agilities, lane_paths, plan_paths, planner_named
 
 BEFORE, TURNING, OVER = 0.0, 1.0, 2.0
 """Phases."""
@@ -46,7 +47,8 @@ class UTurn(Driver):
             such as "bezier", or a "module:Class".
 
     Raises:
-        SmartsError: There is no such planner, or a number is out of its range.
+        SmartsError: There is no such planner, it cannot turn round (as "sumo"), or a number is out of its
+            range.
     """
 
     interface: ClassVar[AgentInterface] = DRIVER.replace(action=ActionSpaceType.Trajectory)
@@ -57,6 +59,12 @@ class UTurn(Driver):
         check_number("after", after, most=1e6, place="UTurn")
         self._after = float(after)
         self._planner = planner_named(planner, LIMITS)
+        if isinstance(self._planner, SumoPlanner):
+            raise SmartsError(
+                f"the planner {planner!r} plans along lanes, not round",
+                place="UTurn.planner",
+                remedy="name 'bezier', 'receding_horizon', or one of your own",
+            )
         # Phase, step of entry, and the path round.
         self._memory = Memory(2 + 4 * PATH_POINTS)
 
@@ -70,26 +78,29 @@ class UTurn(Driver):
         may_turn = (phase == BEFORE) & (pace > 0.0) & (obs.step - memory[:, 1] >= self._after / STEP)
         is_clear = (gap > CLEAR) & (gap > CLEAR_TIME * its_speed)
         begins = may_turn & is_clear & (seen.speed <= pace + TOLERANCE)
-        self._plan(begins, seen, obs.observations[TURN_LANE], kept, phase)
+        self._plan(begins, seen, obs.observations[TURN_LANE], pace, kept, phase)
         phase[(phase == TURNING) & _is_round(seen, kept)] = OVER
         self._memory.keep(obs, memory)
         speed = self._speed(seen, may_turn & (phase == BEFORE), is_clear, pace)
-        paths = lane_paths(obs.observations[LANE_WAYS][:, OWN], speed)
+        paths = lane_paths(obs.observations[LANE_WAYS][:, OWN], speed, agilities(seen.own[:, Own.LENGTH]))
         return np.where((phase == TURNING)[:, None, None], kept, paths)
 
     def decide(self, batch: ActionBatch, seen: Seen) -> tuple[Floats, Ints]:
         """Return accelerations along the lane, and no lane changes; see `Driver`."""
         return self.follow(seen, keeps_to_route=False), np.zeros(len(seen.own), np.int32)
 
-    def _plan(self, begins: Bools, seen: Seen, lanes: Floats, kept: Floats, phase: Floats) -> None:
-        """Plan the turns of some vehicles; those for which there is no plan go on in their lanes."""
+    def _plan(
+        self, begins: Bools, seen: Seen, lanes: Floats, pace: Floats, kept: Floats, phase: Floats
+    ) -> None:
+        """Plan half circles of some vehicles; those for which there is no plan go on in their lanes."""
         rows = np.flatnonzero(begins)
         if not len(rows):
             return
         own, lane = seen.own[rows], lanes[rows]
         states = np.column_stack([own[:, [Own.X, Own.Y, Own.HEADING, Own.SPEED]], np.zeros(len(rows))])
         targets = np.zeros((len(rows), 5))
-        targets[:, 1:4], targets[:, 4] = lane[:, 0], own[:, Own.ALLOWED]
+        targets[:, 1:4], targets[:, 4] = lane[:, 0], pace[rows]
+        targets[:, 0] = 0.5 * np.pi * np.hypot(*(targets[:, 1:3] - states[:, :2]).T) / pace[rows]
         plans = self._planner.plan(states, targets)
         times = plans.path[:, -1:, 0] * np.linspace(0.0, 1.0, PATH_POINTS - POINTS + 1)
         turns = plan_paths(resample(plans.path, times))

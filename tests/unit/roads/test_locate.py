@@ -135,7 +135,9 @@ def test_no_crack_between_lanes_side_by_side(graphs, name):
     for right, left in enumerate(roads.lane_left):
         if left < 0:
             continue
-        lines = [roads.point_xy[roads.point_start[lane] : roads.point_start[lane + 1]] for lane in (right, left)]
+        lines = [
+            roads.point_xy[roads.point_start[lane] : roads.point_start[lane + 1]] for lane in (right, left)
+        ]
         ours, theirs = map(shapely.LineString, lines)
         points = shapely.line_interpolate_point(ours, np.linspace(0.0, ours.length, 2000))
         feet = shapely.line_interpolate_point(theirs, shapely.line_locate_point(theirs, points))
