@@ -5,20 +5,27 @@ import math
 import numpy as np
 import pytest
 
-from benchmark.running.zoo_contract import ZooDrive
+from perf.zoo_manoeuvres import drive_all
 from smarts.agents import ActionSpaceType, AgentInterface, DoneCriteria
+from smarts.controllers.abilities import Abilities
 from smarts.controllers.action_formats import PATH_POINTS
 from smarts.controllers.tracking import SPEED_GAIN
+from smarts.dynamics import vehicle
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import SmartsError
-from smarts.observations.lane_ways import BEHIND, POINTS
+from smarts.observations.lane_ways import BEHIND, LANE_WAYS, POINTS
+from smarts.observations.nearby import NEARBY
+from smarts.observations.surroundings import Lane, Own
 from smarts.planners import PlanStatus, resample
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Outcome
-from smarts.zoo import make_agent, make_spec
+from smarts.types.vehicles import VehicleKind
+from smarts.zoo import make_agent
 from smarts.zoo.lane_frames import to_lane, to_map
-from smarts.zoo.planned import leaves_lanes, neighbours_of, plan_paths
+from smarts.zoo.planned import agilities, leaves_lanes, neighbours_of, plan_paths
 from tests.faulty_planner import Faulty
+
+from .batches import batch_of, seen_of, two_lanes, with_ways
 
 RADIUS = 50.0
 BRAKES = np.ones((1, 1, 1), int)
@@ -92,26 +99,80 @@ def test_unknown_planners_are_named(name):
         assert str(planner).partition(":")[0] in str(error.value)
 
 
+def test_a_planner_that_cannot_turn_round_is_refused():
+    for planner in ("sumo", "smarts.planners.sumo:SumoPlanner"):
+        with pytest.raises(SmartsError) as error:
+            make_agent("u-turn-v0", planner=planner)
+        assert "bezier" in error.value.remedy
+
+
+def bend(radius, way=0.0, speed=10.0, beside=False):
+    """Return what a vehicle sees in a bend to the right around the origin, behind a slow leader.
+
+    Args:
+        radius: Of its lane [m]; the free one to its left has 3.2 m more.
+        way: How far it has come [m].
+        speed: [m/s]
+        beside: Whether its planner sees a vehicle to its left.
+    """
+    angle, ways, nearby = -way / radius, np.zeros((1, 3, POINTS, 3)), np.zeros((1, 8, 6))
+    for lane, own in enumerate((radius, radius + 3.2)):
+        angles = angle - (np.arange(POINTS) - BEHIND) * 2.0 / own
+        ways[0, lane] = np.column_stack([own * np.cos(angles), own * np.sin(angles), angles - 0.5 * math.pi])
+    if beside:
+        nearby[0, 0] = *ways[0, 1, BEHIND], speed, 5.0, 2.0
+    seen = two_lanes()
+    seen.own[0, [Own.X, Own.Y, Own.HEADING]], seen.own[0, Own.SPEED] = ways[0, 0, BEHIND], speed
+    batch = batch_of(seen, step=round(10.0 * way / speed), is_first=way == 0.0)
+    return batch._replace(observations={**batch.observations, LANE_WAYS: ways, NEARBY: nearby})
+
+
+@pytest.mark.parametrize("steps", [79, 100])
+def test_a_lane_change_leads_to_its_lane_however_late(steps):
+    """A vehicle beside blocks it until just before it is given up, or longer: then it is tried again."""
+    agent = make_agent("overtaking-v0", planner="sumo")[0]
+    for step in range(steps):
+        paths = agent.act(bend(RADIUS, float(step), beside=True))
+        assert np.hypot(*paths[0, :2]) == pytest.approx(RADIUS, abs=0.5)
+    paths = [agent.act(bend(RADIUS, float(step)))[0] for step in (steps, steps + 1)]
+    assert math.hypot(*paths[-1][:2, -1]) == pytest.approx(RADIUS + 3.2, abs=0.5)
+
+
+@pytest.mark.parametrize("radius", [20.0, 30.0])
+def test_lane_changes_in_bends_are_slow(radius):
+    """The lateral acceleration in the other lane is at most 3 m/s^2."""
+    agent = make_agent("overtaking-v0")[0]
+    path = agent.act(bend(radius, speed=12.0))[0]
+    assert math.hypot(*path[:2, -1]) > radius + 1.6, "it changes lanes"
+    assert path[3].max() <= 1.02 * math.sqrt(3.0 * (radius + 3.2))
+
+
+@pytest.mark.parametrize("planner", ["receding_horizon", "bezier", "sumo"])
+def test_lane_changes_on_fast_roads(planner):
+    agent = make_agent("overtaking-v0", planner=planner)[0]
+    seen = seen_of(speed=25.0, allowed=25.0, demanded=-1.0)
+    seen.lanes[:, 2, Lane.OPEN], seen.lanes[:, 0, Lane.LEFT] = 1.0, 300.0
+    path = agent.act(with_ways(batch_of(seen)))[0]
+    assert path[1, -1] == pytest.approx(-3.2, abs=0.5)
+    assert path[3].min() > 24.0
+
+
+def test_vehicles_keep_the_agility_of_their_kind():
+    known = [kind for kind in VehicleKind if kind != VehicleKind.TRAILER]
+    lengths = np.array([vehicle(kind.name.lower()).length for kind in known])
+    assert agilities(lengths + 0.05).tolist() == Abilities.of_all().agility[known].tolist()
+
+
 @pytest.mark.parametrize("planner", ["bezier", "sumo"])
 def test_overtaking_by_other_planners(planner):
-    """Behind trucks at 6 m/s, an ego goes to the left lane, passes, and arrives in the right lane."""
-    spec = make_spec("overtaking-v0", planner=planner)
-    agent = spec.build_agent()
-    traffic = "random_social_vehicles"
-    with ZooDrive(
-        "overtaking-v0", spec, agent, "overtaking", egos=2, worlds=2, seed=7, traffic=traffic
-    ) as drive:
-        drive.reset()
-        lanes = [set() for _ in range(4)]
-        for _ in range(300):
-            drive.step()
-            for row, ego in np.argwhere(drive.active).tolist():
-                slot = drive.world.agents.slot[row, ego]
-                lanes[2 * row + ego].add(int(drive.world.vehicles.lane[row, slot]))
-        ends = [*drive.outcomes.values()]
-    assert sum(len(each) > 1 for each in lanes) >= 1
-    assert not {Outcome.OFF_ROAD, Outcome.OFF_ROUTE} & {*ends}
-    assert ends.count(Outcome.COLLISION) <= 1, "the Bezier curves ignore neighbours"
+    """Of eight egos behind trucks at 6 m/s some pass, and they arrive."""
+    egos, outcomes = drive_all("overtaking-v0", "overtaking", {"planner": planner}, episodes=4, seed=7)
+    assert sum(each.passed for each in egos) >= 2
+    assert sum(each.has_changed for each in egos) >= 2
+    assert outcomes.count(Outcome.GOAL) >= 6
+    assert not {Outcome.OFF_ROAD, Outcome.OFF_ROUTE} & {*outcomes}
+    # The Bezier curves ignore neighbours.
+    assert outcomes.count(Outcome.COLLISION) <= (planner == "bezier")
 
 
 class Listener:
