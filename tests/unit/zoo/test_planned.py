@@ -113,14 +113,15 @@ def bend(radius, way=0.0, speed=10.0, beside=False):
         radius: Of its lane [m]; the free one to its left has 3.2 m more.
         way: How far it has come [m].
         speed: [m/s]
-        beside: Whether its planner sees a vehicle to its left.
+        beside: Whether its planner sees a queue to its left.
     """
     angle, ways, nearby = -way / radius, np.zeros((1, 3, POINTS, 3)), np.zeros((1, 8, 6))
     for lane, own in enumerate((radius, radius + 3.2)):
         angles = angle - (np.arange(POINTS) - BEHIND) * 2.0 / own
         ways[0, lane] = np.column_stack([own * np.cos(angles), own * np.sin(angles), angles - 0.5 * math.pi])
     if beside:
-        nearby[0, 0] = *ways[0, 1, BEHIND], speed, 5.0, 2.0
+        nearby[0, :3, :3] = ways[0, 1, [BEHIND - 6, BEHIND, BEHIND + 6]]
+        nearby[0, :3, 3:] = speed, 5.0, 2.0
     seen = two_lanes()
     seen.own[0, [Own.X, Own.Y, Own.HEADING]], seen.own[0, Own.SPEED] = ways[0, 0, BEHIND], speed
     batch = batch_of(seen, step=round(10.0 * way / speed), is_first=way == 0.0)
@@ -129,7 +130,7 @@ def bend(radius, way=0.0, speed=10.0, beside=False):
 
 @pytest.mark.parametrize("steps", [79, 100])
 def test_a_lane_change_leads_to_its_lane_however_late(steps):
-    """A vehicle beside blocks it until just before it is given up, or longer: then it is tried again."""
+    """A queue blocks it until just before it is given up, or longer: then it is tried again."""
     agent = make_agent("overtaking-v0", planner="sumo")[0]
     for step in range(steps):
         paths = agent.act(bend(RADIUS, float(step), beside=True))
