@@ -123,7 +123,8 @@ class PlannedDriver(Driver):
         cap = self.before_lines(view.seen(kept))
         plans[:, 3] = np.minimum(plans[:, 3], target_speed(view.own[:, Own.SPEED], cap)[:, None])
         busy = np.flatnonzero(kept[:, _BUSY] > 0.0)
-        paths[busy] = slow_in_bends(plans[busy], view.ways[busy, view.lane[busy]], agility[busy])
+        plans[busy] = slow_in_bends(plans[busy], view.ways[busy, view.lane[busy]], agility[busy])
+        paths = np.where(kept[:, _BUSY, None, None] > 0.0, plans, paths)
         paths[failed & ~begins] = np.nan
         self._last.keep(obs, np.column_stack([view.own[:, Own.SPEED], paths[:, 3, 1]]))
         self._kept.keep(obs, kept)
