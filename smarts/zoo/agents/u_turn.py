@@ -102,9 +102,10 @@ class UTurn(Driver):
         targets[:, 1:4], targets[:, 4] = lane[:, 0], pace[rows]
         targets[:, 0] = 0.5 * np.pi * np.hypot(*(targets[:, 1:3] - states[:, :2]).T) / pace[rows]
         plans = self._planner.plan(states, targets)
+        # The path ends up to `FARTHEST` from the lane's first point, so the lane goes on with its second.
         times = plans.path[:, -1:, 0] * np.linspace(0.0, 1.0, PATH_POINTS - POINTS + 1)
         turns = plan_paths(resample(plans.path, times))
-        turns[:, :3, -POINTS:] = lane.transpose(0, 2, 1)
+        turns[:, :3, -POINTS + 1 :] = lane[:, 1:].transpose(0, 2, 1)
         missed = np.hypot(*(plans.path[:, -1, 1:3] - targets[:, 1:3]).T)
         is_planned = (plans.status == PlanStatus.PLANNED) & (missed < FARTHEST)
         kept[rows[is_planned]], phase[rows[is_planned]] = turns[is_planned], TURNING
