@@ -16,6 +16,8 @@ from smarts.errors import SmartsError
 from smarts.observations.lane_ways import BEHIND, LANE_WAYS, POINTS
 from smarts.observations.nearby import NEARBY
 from smarts.observations.surroundings import Lane, Own
+from smarts.observations.u_turn import POINTS as TURN_POINTS
+from smarts.observations.u_turn import TURN_LANE, TURN_STATE
 from smarts.planners import PlanStatus, resample
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Outcome
@@ -104,6 +106,22 @@ def test_a_planner_that_cannot_turn_round_is_refused():
         with pytest.raises(SmartsError) as error:
             make_agent("u-turn-v0", planner=planner)
         assert "bezier" in error.value.remedy
+
+
+@pytest.mark.parametrize("speed", [1.5, 2.0, 3.4])
+@pytest.mark.parametrize("planner", ["bezier", "receding_horizon"])
+def test_a_half_circle_leads_into_its_lane_without_turning_back(planner, speed):
+    """The receding horizon ends up to 1 m beyond the first point of the lane."""
+    batch = batch_of(seen_of(speed=speed, allowed=10.0))
+    batch.observations[LANE_WAYS] = np.zeros((1, 3, POINTS, 3))
+    batch.observations[LANE_WAYS][..., 0] = 2.0 * (np.arange(POINTS) - BEHIND)
+    lane = [[-2.0 * point, 9.6, math.pi] for point in range(TURN_POINTS)]
+    more = {TURN_LANE: np.array([lane]), TURN_STATE: np.array([[2.9, np.inf, 0.0]])}
+    agent = make_agent("u-turn-v0", planner=planner)[0]
+    path = agent.act(batch._replace(observations={**batch.observations, **more}))[0]
+    steps = np.diff(path[:2].T, axis=0)
+    assert path[:2, -1].tolist() == lane[-1][:2]
+    assert (steps[1:] * steps[:-1]).sum(axis=1).min() > 0.0
 
 
 def bend(radius, way=0.0, speed=10.0, beside=False):
