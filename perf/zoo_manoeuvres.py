@@ -7,7 +7,7 @@ agents and planners until an ego acts. Printed for each agent and scenario: the 
 (collisions with anything, whoever is to blame; some still drive after a minute); and
 
 - overtaking: vehicles passed, less those that passed the ego, a kilometre; and the share of egos that began a
-  manoeuvre that are in their first lane again at the end;
+  manoeuvre that are in a lane of their first one's place across the road at the end;
 - cut-in: changes closely (below 15 m) in front of another vehicle: their number, and the median and least gap
   when the ego's centre is over the line;
 - U-turn: egos that turned round, and how long that took from 30 to 150 degrees.
@@ -46,6 +46,8 @@ class Now(NamedTuple):
     """An ego and the vehicles on its road, at one step."""
 
     lane: int
+    index: int
+    """Of its lane across the road, 0 is the rightmost; -1 in a junction."""
     edge: int
     place: float
     """Along its lane [m]."""
@@ -79,6 +81,8 @@ class Counts:
         self._begun = self._step if angle < BEGUN else self._begun
         if angle > ROUND and np.isnan(self.turned):
             self.turned = 0.1 * (self._step - self._begun)
+        if now.index >= 0:
+            self.is_back = now.index == first.index
         if last is None or last.edge != now.edge:
             return
         for slot in now.others.keys() & last.others.keys():
@@ -93,7 +97,6 @@ class Counts:
                 if lane == now.lane and place < now.place
             ]
             self.gaps += [min(behind)] if behind and min(behind) < CLOSE else []
-        self.is_back = now.lane == first.lane
 
 
 def look(drive: ZooDrive, row: int, ego: int) -> Now:
@@ -115,7 +118,8 @@ def look(drive: ZooDrive, row: int, ego: int) -> Now:
     }
     place, heading = float(vehicles.lane_position[row, slot]), float(vehicles.heading[row, slot])
     length = float(vehicles.length[row, slot])
-    return Now(lane, edge, place, heading, 0.1 * float(vehicles.speed[row, slot]), length, others)
+    index = -1 if roads.lane_inside[base + lane] else int(roads.lane_index[base + lane])
+    return Now(lane, index, edge, place, heading, 0.1 * float(vehicles.speed[row, slot]), length, others)
 
 
 def drive_all(
