@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from benchmark.running.zoo_contract import ZooDrive
-from perf.zoo_manoeuvres import drive_all
 from smarts.agents.policy import BatchAgent
 from smarts.agents.spec import AgentSpec
 from smarts.errors import SmartsError
@@ -203,16 +202,6 @@ def test_drivers_arrive_unharmed(name, scenario):
     assert {*ends} <= {Outcome.GOAL, Outcome.MISSED_GOAL}
     if name == "idm-v0":
         assert ends.count(Outcome.GOAL) >= 6
-
-
-def test_cut_in_changes_closely_in_front_of_another():
-    egos, outcomes = drive_all("cut-in-v0", "loop", {}, episodes=4, seed=42)
-    gaps = [gap for each in egos for gap in each.gaps]
-    assert len(gaps) >= 6
-    # The ego's centre is over the line half-way to a gap of at least 4 m.
-    assert min(gaps) > 1.0
-    assert 3.0 < np.median(gaps) < 9.0
-    assert not {Outcome.COLLISION, Outcome.OFF_ROAD} & {*outcomes}
 
 
 @pytest.mark.parametrize("planner", ["bezier", "receding_horizon"])
