@@ -184,14 +184,12 @@ def test_vehicles_keep_the_agility_of_their_kind():
 
 @pytest.mark.parametrize("planner", ["bezier", "sumo"])
 def test_overtaking_by_other_planners(planner):
-    """Of eight egos behind trucks at 6 m/s some pass, and they arrive."""
+    """Of eight egos behind trucks at 6 m/s some pass, some arrive in the right lane, and all are unharmed."""
     egos, outcomes = drive_all("overtaking-v0", "overtaking", {"planner": planner}, episodes=4, seed=7)
-    assert sum(each.passed for each in egos) >= 2
-    assert sum(each.has_changed for each in egos) >= 2
-    assert outcomes.count(Outcome.GOAL) >= 6
-    assert not {Outcome.OFF_ROAD, Outcome.OFF_ROUTE} & {*outcomes}
-    # The Bezier curves ignore neighbours.
-    assert outcomes.count(Outcome.COLLISION) <= (planner == "bezier")
+    assert sum(each.passed > 0 for each in egos) >= 2
+    assert sum(each.has_changed for each in egos) >= 3
+    assert outcomes.count(Outcome.GOAL) >= 3
+    assert {*outcomes} <= {Outcome.GOAL, Outcome.MISSED_GOAL}
 
 
 class Listener:
