@@ -46,7 +46,7 @@ class Now(NamedTuple):
     """An ego and the vehicles on its road, at one step."""
 
     lane: int
-    index: int
+    across: int
     """Of its lane across the road, 0 is the rightmost; -1 in a junction."""
     edge: int
     place: float
@@ -81,8 +81,8 @@ class Counts:
         self._begun = self._step if angle < BEGUN else self._begun
         if angle > ROUND and np.isnan(self.turned):
             self.turned = 0.1 * (self._step - self._begun)
-        if now.index >= 0:
-            self.is_back = now.index == first.index
+        if now.across >= 0:
+            self.is_back = now.across == first.across
         if last is None or last.edge != now.edge:
             return
         for slot in now.others.keys() & last.others.keys():
@@ -118,8 +118,8 @@ def look(drive: ZooDrive, row: int, ego: int) -> Now:
     }
     place, heading = float(vehicles.lane_position[row, slot]), float(vehicles.heading[row, slot])
     length = float(vehicles.length[row, slot])
-    index = -1 if roads.lane_inside[base + lane] else int(roads.lane_index[base + lane])
-    return Now(lane, index, edge, place, heading, 0.1 * float(vehicles.speed[row, slot]), length, others)
+    across = -1 if roads.lane_inside[base + lane] else int(roads.lane_index[base + lane])
+    return Now(lane, across, edge, place, heading, 0.1 * float(vehicles.speed[row, slot]), length, others)
 
 
 def drive_all(
