@@ -10,6 +10,7 @@ from typing import Any
 
 from algorithms.registry import ALGORITHMS, ActionKind
 from benchmark.experiment.algorithm_settings import CONFIGS, entry_of, setting_faults, setting_names
+from benchmark.experiment.cells import check_cells
 from benchmark.experiment.environment_checks import (
     Values,
     agents_of,
@@ -43,6 +44,7 @@ def check_experiment(values: Values) -> Iterator[Fault]:
     broken = yield from _own_names(values)
     sound = {**values, "algorithms": [n for n in strings(values.get("algorithms")) if n not in broken]}
     yield from _settings(sound)
+    yield from check_cells(sound, _settings)
     yield from _check_tune(sound)
     yield from _actions(sound)
     yield from check_environment(values)
