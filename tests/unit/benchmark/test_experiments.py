@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.algorithm_settings import settings_table
+from benchmark.experiment.algorithm_settings import settings_of, settings_table
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of, scripted_runs_of, task_settings_of
 from benchmark.experiment.schema import schema
@@ -100,6 +100,26 @@ def test_cells_have_budgets_and_settings_of_their_own(write):
 def test_cells_that_an_override_leaves_out_may_be_named(write):
     (one,) = {run.task_setting.task.name for run in runs_of(read_experiment(write(CELLS), ["tasks=[city]"]))}
     assert one == "city"
+
+
+def test_all_algorithms_of_version_1_have_the_same_budget_and_schedule_in_a_cell():
+    experiment = read_experiment(CONFIGS / "benchmark_v1.yaml", ["seeds=[1]"])
+    millions, hard = {}, {}
+    for run in runs_of(experiment):
+        cell = str(run.task_setting.folder)
+        millions.setdefault(cell, set()).add(run.budget.agent_steps / 1_000_000)
+        if cell == "intersection_v1/random_social_vehicles":
+            (_, first), (last_step, last) = run.settings["lr"]
+            hard[run.algorithm] = last_step, pytest.approx(0.1 * first) == last
+            assert first == settings_of(run.algorithm)().lr
+        else:
+            assert "lr" not in run.settings
+    assert {cell: {2.0} for cell in millions} | {
+        "two_way_v1/no_social_vehicles": {1.0},
+        "two_way_v1/random_social_vehicles": {1.0},
+        "intersection_v1/random_social_vehicles": {4.0},
+    } == millions
+    assert hard == dict.fromkeys(experiment.algorithms, (250_000, True))
 
 
 @pytest.mark.parametrize(
