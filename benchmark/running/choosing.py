@@ -44,7 +44,7 @@ def write_chosen(
         names = [name for name in section.parameters if name in setting_names(algorithm)]
         cells = [pd.read_csv(file) for name, file in tables if name == algorithm]
         mean = mean_over_cells(cells, names, section.metric, f"{root}: {algorithm}")
-        (best,) = mean[names].head(1).to_dict("records")
+        best = {name: mean[name].tolist()[0] for name in names}
         chosen[algorithm] = {name: _plain(value) for name, value in best.items()}
         averages.append(mean.assign(algorithm=algorithm, cells=len(cells)))
     table = pd.concat(averages, ignore_index=True)

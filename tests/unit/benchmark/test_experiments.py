@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from algorithms.registry import ALGORITHMS
+from benchmark.cli.experiments import _budgets
 from benchmark.experiment.algorithm_settings import settings_of, settings_table
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of, scripted_runs_of, task_settings_of
@@ -95,6 +96,18 @@ def test_cells_have_budgets_and_settings_of_their_own(write):
         for algorithm, lr in (("ppo", 0.2), ("dqn", 0.1)):
             found = runs[algorithm, f"both, {traffic}"]
             assert found == ({"lr": lr}, {"agent_steps": 20, "minutes": 5.0})
+
+
+def test_the_command_names_the_budget_of_each_cell_where_they_differ(write):
+    steps = {name: each.agent_steps for name, each in _budgets(read_experiment(write(CELLS))).items()}
+    assert steps == {
+        " in loop, no_social_vehicles": 10,
+        " in both, no_social_vehicles": 20,
+        " in loop, random_social_vehicles": 10,
+        " in both, random_social_vehicles": 20,
+    }
+    (same,) = _budgets(read_experiment(write(CELLS), ["tasks=[city]"])).items()
+    assert (same[0], same[1].agent_steps) == ("", 20)
 
 
 def test_cells_that_an_override_leaves_out_may_be_named(write):
