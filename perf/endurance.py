@@ -55,6 +55,7 @@ class Training:
 
     def start(self) -> None:
         """Start the command in a new session, so that its processes can be identified."""
+        self.log.parent.mkdir(parents=True, exist_ok=True)
         with self.log.open("a") as log:
             line = [sys.executable, "-m", "benchmark.cli", *self.arguments]
             self.process = subprocess.Popen(line, stdout=log, stderr=log, start_new_session=True)

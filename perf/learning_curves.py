@@ -1,6 +1,6 @@
 """A learning curve of each algorithm at the intersection, of trainings that are killed and continued.
 
-    python -m perf.learning_curves [--algorithms ppo ...] [--steps 60000] [--out results]
+    python -m perf.learning_curves [--algorithms ppo ...] [--steps 300000] [--out results]
     python -m perf.learning_curves --page
 
 Trains each algorithm by `smarts-bench run configs/all_algorithms.yaml` with this budget. Once there is a
@@ -202,7 +202,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--algorithms", nargs="+", choices=[*ALGORITHMS], default=[*ALGORITHMS])
-    parser.add_argument("--steps", type=int, default=60_000, help="agent-steps of each (default 60000)")
+    parser.add_argument("--steps", type=int, default=300_000, help="agent-steps of each (default 300000)")
     parser.add_argument("--out", type=Path, default=ROOT / "results", help="folder of the experiment")
     parser.add_argument("--figure", type=Path, default=FIGURE)
     parser.add_argument("--page", action="store_true", help="only draw, and make the table again")

@@ -1,8 +1,12 @@
 import os
 import signal
 import sys
+import tempfile
+import time
 
 import pytest
+
+from tests.leftovers import resources
 
 os.environ["RAY_ADDRESS"] = "local"
 """A test starts a Ray of its own, whatever cluster runs on this machine, or ran and was killed."""
@@ -57,3 +61,15 @@ def _own_code_is_forgotten():
     for module, name, kept in _own_code():
         kept.clear()
         kept.update(before.get((module, name), {}))
+
+
+@pytest.fixture
+def nothing_is_left(tmp_path_factory, monkeypatch):
+    """Check that after the test no process, temporary file or socket is left that was not there before."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path_factory.mktemp("temporary")))
+    before = resources()
+    yield
+    until = time.monotonic() + 5.0
+    while resources() != before and time.monotonic() < until:
+        time.sleep(0.05)
+    assert resources() == before

@@ -117,7 +117,8 @@ class ZooDrive:
         self._parts: Assembly = assemble(
             [built], [spec.interface] * count, worlds=worlds, seed=seed, options=Options(path=64)
         )
-        self.world = self._parts.scene.world
+        self.scene = self._parts.scene
+        self.world = self.scene.world
         kind = ActionSpaceType(self._parts.rules.action[0])
         names = tuple(f"agent-{number}" for number in range(count))
         ids = np.arange(count, dtype=np.int32)

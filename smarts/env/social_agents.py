@@ -220,6 +220,9 @@ class SocialAgentRequests:
         """Write one agent's action; return what is wrong with it, "" if nothing is."""
         if isinstance(action, Failed):
             return action.problem
+        numbers = np.asarray(action) if isinstance(action, np.ndarray | float) else np.empty(0)
+        if numbers.dtype.kind == "f" and numbers.size and np.isnan(numbers).all():
+            return "answered nan: it cannot act for its vehicle"
         try:
             self._encoder.write([self._encoder.parse(self._pool.name(row, column), action, row, column)])
         except ActionError as error:

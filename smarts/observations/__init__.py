@@ -38,7 +38,9 @@ FEATURES = Registry(
             "action_mask": "ActionMask",
             "sensors": "SensorReadings",
             "surroundings": "Surroundings",
-            "u_turn": "UTurnWays",
+            "lane_ways": "LaneWays",
+            "nearby": "Nearby",
+            "u_turn": "UTurnPlace",
         }.items()
     },
     _adopt,

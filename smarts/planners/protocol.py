@@ -44,6 +44,11 @@ class Limits(NamedTuple):
         """Largest curvature of the path of the footprint's centre [1/m]."""
         return 2.0 * math.sin(math.atan(0.5 * math.tan(self.steering))) / self.wheelbase
 
+    def turning(self, curvature: float) -> Limits:
+        """Return the same limits, with the steering angle that drives a largest curvature [1/m]."""
+        slip = math.asin(0.5 * self.wheelbase * curvature)
+        return self._replace(steering=math.atan(2.0 * math.tan(slip)))
+
 
 class Neighbours(NamedTuple):
     """The predicted motion of the vehicles around each of N vehicles."""

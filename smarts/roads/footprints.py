@@ -11,18 +11,22 @@ from smarts.roads.kernels import END_TOLERANCE, cell_at, is_somewhere, nearest_i
 
 JOINT = 0.3
 """A point this far beyond the ends of two lanes is between them [m]: 10 degrees at 1.6 m from the middle."""
+SEAM = 0.05
+"""A point this far beyond the sides of two lanes of a road is between them [m]: in bends, lanes side by side
+do not touch everywhere, since their centrelines are polylines."""
 
 
 @kernel
 def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junctions: bool) -> bool:
     """Return whether a point lies on a lane of the masked kinds or, with `junctions`, in a junction.
 
-    Where two consecutive lanes meet at an angle, the wedge between their ends is road, too.
+    Where two consecutive lanes meet at an angle, the wedge between their ends is road, too, and so is the
+    crack between two lanes side by side in a bend.
     """
     cell = cell_at(roads, world, x, y) if is_somewhere(x, y) else -1
     if cell < 0:
         return False
-    ends = 0
+    ends, beside = 0, -1
     for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
         lane = roads.run[run, 0]
         if mask >> roads.lane_kind[lane] & 1:
@@ -33,12 +37,20 @@ def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junction
                 ends += overshoot < JOINT
                 if overshoot <= END_TOLERANCE or ends == 2:
                     return True
-    if junctions:
-        for entry in range(roads.outline_start[cell], roads.outline_start[cell + 1]):
-            outline = roads.outline[entry]
-            first, last = roads.vertex_start[outline], roads.vertex_start[outline + 1]
-            if inside_outline(x, y, roads.vertex, first, last):
-                return True
+            elif square <= (half + SEAM) ** 2:
+                if beside >= 0 and (roads.lane_left[lane] == beside or roads.lane_right[lane] == beside):
+                    return True
+                beside = lane
+    return junctions and _is_in_junction(roads, cell, x, y)
+
+
+@kernel
+def _is_in_junction(roads: Roads, cell: int, x: float, y: float) -> bool:
+    for entry in range(roads.outline_start[cell], roads.outline_start[cell + 1]):
+        outline = roads.outline[entry]
+        first, last = roads.vertex_start[outline], roads.vertex_start[outline + 1]
+        if inside_outline(x, y, roads.vertex, first, last):
+            return True
     return False
 
 

@@ -184,31 +184,33 @@ class Driver(BatchAgent):
             seen: What the drivers see.
             keeps_to_route: Whether they stop where their lane leaves the route, too.
         """
-        own, lane = seen.own, seen.lanes[:, 0]
-        desired = self.desired(seen)
+        lane, desired = seen.lanes[:, 0], self.desired(seen)
+        found = self.model.acceleration(seen.speed, desired, lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED])
+        found = np.minimum(found, self.before_lines(seen, keeps_to_route=keeps_to_route))
+        return np.minimum(found, self._falling_back(seen)) if keeps_to_route else found
+
+    def before_lines(self, seen: Seen, *, keeps_to_route: bool = True) -> Floats:
+        """Return accelerations on a road without others, but for lines and ends of lanes; see `follow`."""
+        own, lane, desired = seen.own, seen.lanes[:, 0], self.desired(seen)
+        yield_gap = own[:, Own.YIELD_GAP]
         lines = [
             _gap_if(own[:, Own.LIGHT_GAP], self._stops_at_light(own)),
-            LINE_OVERLAP
-            + _gap_if(
-                own[:, Own.YIELD_GAP], _can_stop(own[:, Own.SPEED], own[:, Own.YIELD_GAP], YIELD_BRAKING)
-            ),
+            LINE_OVERLAP + _gap_if(yield_gap, _can_stop(own[:, Own.SPEED], yield_gap, YIELD_BRAKING)),
             lane[:, Lane.LEFT if keeps_to_route else Lane.END],
         ]
-        found = self.model.acceleration(seen.speed, desired, lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED])
-        for gap in lines:
-            found = np.minimum(found, self.model.acceleration(seen.speed, desired, gap, 0.0))
-        return np.minimum(found, self._falling_back(seen)) if keeps_to_route else found
+        accelerations = [self.model.acceleration(seen.speed, desired, gap, 0.0) for gap in lines]
+        return np.minimum.reduce(accelerations)
 
     def _falling_back(self, seen: Seen) -> Floats:
         """Return accelerations behind the vehicle ahead in the lane that the route demands [m/s^2].
 
         Of two vehicles side by side that want each other's lane, the rear one lets the other in.
         """
-        lane = beside(seen, self._demanded_side(seen))
+        lane = beside(seen, self.demanded_side(seen))
         behind = self.model.acceleration(
             seen.speed, self.desired(seen), lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED]
         )
-        falls_back = (self._demanded_side(seen) != 0) & (seen.speed > FALLING_BACK_SPEED)
+        falls_back = (self.demanded_side(seen) != 0) & (seen.speed > FALLING_BACK_SPEED)
         return np.where(falls_back, np.maximum(behind, -FALLING_BACK), HARDEST)
 
     def _stops_at_light(self, own: Floats) -> Bools:
@@ -218,11 +220,11 @@ class Driver(BatchAgent):
 
     def demanded_change(self, batch: ActionBatch, seen: Seen) -> Ints:
         """Return the lane changes that the route demands now and that are safe, shape (N,)."""
-        side = self._demanded_side(seen)
+        side = self.demanded_side(seen)
         braking = np.where(_to_go(seen) < URGENT, 1.5 * SAFE_BRAKING, SAFE_BRAKING)
         return np.where(self.is_safe(batch, seen, side, braking), side, 0)
 
-    def _demanded_side(self, seen: Seen) -> Ints:
+    def demanded_side(self, seen: Seen) -> Ints:
         """Return the side on which the route demands a lane change now, 0 for none, shape (N,)."""
         is_due = _to_go(seen) < np.maximum(HORIZON, HORIZON_TIME * seen.speed)
         is_due &= seen.own[:, Own.CHANGING] == 0.0

@@ -56,6 +56,7 @@ SMALLEST = {
     "takeovers": ["--scenario", "intersection", "--agents", "8", "--vehicles", "20", "--steps", "10"],
     "traffic_step": ["--scenarios", "two_way", "--policies", "keep_lane", "--episodes", "8"],
     "traffic": ["--scenarios", "loop", "--steps", "50", "--repeats", "1"],
+    "zoo_manoeuvres": ["u-turn-v0", "--episodes", "4", "--steps", "10", "--set", "after=1"],
 }
 """Arguments of the scripts that run in the tests' process."""
 IN_OWN_PROCESS = {
@@ -107,6 +108,13 @@ def test_script_in_its_own_process(script):
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr[-3000:]
     assert ended.stdout.strip()
+
+
+def test_zoo_manoeuvres_takes_whole_batches(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["zoo_manoeuvres", "--episodes", "3"])
+    with pytest.raises(SystemExit):
+        importlib.import_module("perf.zoo_manoeuvres").main()
+    assert "multiple of 4" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("script", sorted(ELSEWHERE))

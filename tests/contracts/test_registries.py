@@ -4,11 +4,12 @@ import pytest
 
 from smarts.controllers import CONTROLLERS
 from smarts.observations import FEATURES
+from smarts.planners import PLANNERS
 from smarts.sensors import SENSORS
 from smarts.types.actions import ActionSpaceType
 from smarts.types.traffic import TRAFFIC_ENGINES
 
-REGISTRIES = (CONTROLLERS, SENSORS, FEATURES, TRAFFIC_ENGINES)
+REGISTRIES = (CONTROLLERS, SENSORS, FEATURES, TRAFFIC_ENGINES, PLANNERS)
 
 
 @pytest.mark.parametrize("registry", REGISTRIES, ids=lambda registry: registry.kind)

@@ -13,10 +13,11 @@ from smarts.zoo.entry import M_LEVELS
 
 OPTIONS = {"trajectory-v0": {"poses": [[0.5 * n, 0.0] for n in range(200)], "relative": True}}
 """Of agents that need some."""
+PLANNED = ("cut-in-v0", "overtaking-v0", "u-turn-v0")
 LIKE_DRIVERS = [
     name
     for name in AGENTS
-    if name not in ("gap-acceptance-v0", "u-turn-v0", "trajectory-v0", "chase-via-points-v0")
+    if name not in ("gap-acceptance-v0", "trajectory-v0", "chase-via-points-v0", *PLANNED)
 ]
 
 
@@ -42,6 +43,11 @@ def test_rule_based_drivers_share_their_columns(name):
     assert make_spec(name).interface == DRIVER
     assert DRIVER.action == ActionSpaceType.LaneWithContinuousSpeed
     assert DRIVER.vehicle_model == "kinematic"
+
+
+@pytest.mark.parametrize("name", PLANNED)
+def test_planned_drivers_act_by_paths(name):
+    assert make_spec(name).interface == DRIVER.replace(action=ActionSpaceType.Trajectory)
 
 
 BROKEN = """

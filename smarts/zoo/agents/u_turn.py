@@ -11,10 +11,15 @@ from smarts.agents.checks import check_number
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch
 from smarts.arrays import Bools, Floats, Ints
-from smarts.observations.surroundings import Own
-from smarts.observations.u_turn import LANE_WAY, LATERAL, POINTS, TURN_STATE, TURN_WAY
+from smarts.controllers.action_formats import PATH_POINTS
+from smarts.errors import SmartsError
+from smarts.observations.lane_ways import LANE_WAYS
+from smarts.observations.surroundings import OWN, Own
+from smarts.observations.u_turn import LATERAL, POINTS, SHARPEST, TURN_LANE, TURN_STATE
+from smarts.planners import Limits, PlanStatus, SumoPlanner, resample
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, target_speed
+from smarts.zoo.planned import agilities, lane_paths, plan_paths, planner_named
 
 BEFORE, TURNING, OVER = 0.0, 1.0, 2.0
 """Phases."""
@@ -26,6 +31,10 @@ CLEAR = 15.0
 """Least gap to an oncoming vehicle [m]..."""
 CLEAR_TIME = 6.0
 """...and the time that it takes to come, at least [s]."""
+FARTHEST = 1.0
+"""Distance of a path's end from the pose in the other direction, at most [m]."""
+LIMITS = Limits(lateral=LATERAL).turning(SHARPEST)
+"""What the turn may ask of the vehicle."""
 
 
 class UTurn(Driver):
@@ -34,46 +43,72 @@ class UTurn(Driver):
     Args:
         after: How long it drives before it looks for a place [s].
         speed_factor: Desired speed, in speed limits.
+        planner: Of the turn, which is planned once, without neighbours: it begins when none is near. A name
+            such as "bezier", or a "module:Class".
 
     Raises:
-        InterfaceError: An argument is not a number, or out of its range.
+        SmartsError: There is no such planner, it cannot turn round (as "sumo"), or a number is out of its
+            range.
     """
 
     interface: ClassVar[AgentInterface] = DRIVER.replace(action=ActionSpaceType.Trajectory)
-    observation: ClassVar[Any] = ["surroundings", "u_turn"]
+    observation: ClassVar[Any] = ["surroundings", LANE_WAYS, "u_turn"]
 
-    def __init__(self, after: float = 0.0, speed_factor: float = 1.0) -> None:
+    def __init__(self, after: float = 0.0, speed_factor: float = 1.0, planner: str = "bezier") -> None:
         super().__init__(speed_factor=speed_factor)
         check_number("after", after, most=1e6, place="UTurn")
         self._after = float(after)
-        # Phase, step of entry, and the way round.
-        self._memory = Memory(2 + 3 * POINTS)
+        self._planner = planner_named(planner, LIMITS)
+        if isinstance(self._planner, SumoPlanner):
+            raise SmartsError(
+                f"the planner {planner!r} plans along lanes, not round",
+                place="UTurn.planner",
+                remedy="name 'bezier', 'receding_horizon', or one of your own",
+            )
+        # Phase, step of entry, and the path round.
+        self._memory = Memory(2 + 4 * PATH_POINTS)
 
     def act(self, obs: ActionBatch) -> NDArray:
         """Return paths of x, y, heading, speed, shape (N, 4, P)."""
         seen, memory = Seen.of(obs), self._memory.of(obs)
         is_new = self._memory.is_new(obs)
         memory[is_new, 1] = obs.step[is_new]
-        phase, kept = memory[:, 0], memory[:, 2:].reshape(-1, POINTS, 3)
+        phase, kept = memory[:, 0], memory[:, 2:].reshape(-1, 4, PATH_POINTS)
         pace, gap, its_speed = obs.observations[TURN_STATE].T
         may_turn = (phase == BEFORE) & (pace > 0.0) & (obs.step - memory[:, 1] >= self._after / STEP)
         is_clear = (gap > CLEAR) & (gap > CLEAR_TIME * its_speed)
         begins = may_turn & is_clear & (seen.speed <= pace + TOLERANCE)
-        kept[begins], phase[begins] = obs.observations[TURN_WAY][begins], TURNING
-        phase[(phase == TURNING) & self._is_round(seen, kept)] = OVER
-        turns = phase == TURNING
+        self._plan(begins, seen, obs.observations[TURN_LANE], pace, kept, phase)
+        phase[(phase == TURNING) & _is_round(seen, kept)] = OVER
         self._memory.keep(obs, memory)
-        speed = self._speed(seen, may_turn & ~begins, is_clear, pace)
-        speed = np.where(turns, _speed_in_turn(kept), speed)
-        way = np.where(turns[:, None, None], kept, obs.observations[LANE_WAY])
-        paths = np.empty((len(speed), 4, POINTS))
-        paths[:, :3] = way.transpose(0, 2, 1)
-        paths[:, 3] = speed[:, None]
-        return paths
+        speed = self._speed(seen, may_turn & (phase == BEFORE), is_clear, pace)
+        paths = lane_paths(obs.observations[LANE_WAYS][:, OWN], speed, agilities(seen.own[:, Own.LENGTH]))
+        return np.where((phase == TURNING)[:, None, None], kept, paths)
 
     def decide(self, batch: ActionBatch, seen: Seen) -> tuple[Floats, Ints]:
         """Return accelerations along the lane, and no lane changes; see `Driver`."""
         return self.follow(seen, keeps_to_route=False), np.zeros(len(seen.own), np.int32)
+
+    def _plan(
+        self, begins: Bools, seen: Seen, lanes: Floats, pace: Floats, kept: Floats, phase: Floats
+    ) -> None:
+        """Plan half circles of some vehicles; those for which there is no plan go on in their lanes."""
+        rows = np.flatnonzero(begins)
+        if not len(rows):
+            return
+        own, lane = seen.own[rows], lanes[rows]
+        states = np.column_stack([own[:, [Own.X, Own.Y, Own.HEADING, Own.SPEED]], np.zeros(len(rows))])
+        targets = np.zeros((len(rows), 5))
+        targets[:, 1:4], targets[:, 4] = lane[:, 0], pace[rows]
+        targets[:, 0] = 0.5 * np.pi * np.hypot(*(targets[:, 1:3] - states[:, :2]).T) / pace[rows]
+        plans = self._planner.plan(states, targets)
+        # The path ends up to `FARTHEST` from the lane's first point, so the lane goes on with its second.
+        times = plans.path[:, -1:, 0] * np.linspace(0.0, 1.0, PATH_POINTS - POINTS + 1)
+        turns = plan_paths(resample(plans.path, times))
+        turns[:, :3, -POINTS + 1 :] = lane[:, 1:].transpose(0, 2, 1)
+        missed = np.hypot(*(plans.path[:, -1, 1:3] - targets[:, 1:3]).T)
+        is_planned = (plans.status == PlanStatus.PLANNED) & (missed < FARTHEST)
+        kept[rows[is_planned]], phase[rows[is_planned]] = turns[is_planned], TURNING
 
     def _speed(self, seen: Seen, waits: Bools, is_clear: Bools, pace: Floats) -> Floats:
         """Return target speeds along the lane; those that are about to turn slow down, or stop for others."""
@@ -82,13 +117,6 @@ class UTurn(Driver):
         found = np.where(waits, np.minimum(found, np.maximum(slowing, -self.model.decel)), found)
         return target_speed(seen.speed, found)
 
-    def _is_round(self, seen: Seen, kept: Floats) -> Bools:
-        return np.cos(kept[:, -1, 2] - seen.own[:, Own.HEADING]) > DONE_HEADING
 
-
-def _speed_in_turn(ways: Floats) -> Floats:
-    """Return speeds at which the sharpest bends of ways take `LATERAL`, shape (N,)."""
-    chords = np.hypot(np.diff(ways[..., 0], axis=1), np.diff(ways[..., 1], axis=1))
-    turned = np.diff(ways[..., 2], axis=1)
-    turned = np.abs(np.arctan2(np.sin(turned), np.cos(turned)))
-    return np.sqrt(LATERAL / np.maximum((turned / np.maximum(chords, 0.1)).max(axis=1), 1e-3))
+def _is_round(seen: Seen, kept: Floats) -> Bools:
+    return np.cos(kept[:, 2, -1] - seen.own[:, Own.HEADING]) > DONE_HEADING

@@ -4,11 +4,9 @@ import os
 import signal
 import socket
 import struct
-import subprocess
-import sys
 import threading
 import time
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing
 
 import numpy as np
 import pytest
@@ -29,20 +27,12 @@ from smarts_agent_kit.handshake import SECRET, BusyError, RefusedError, admit, g
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
 from smarts_agent_kit.service import request_of
 from smarts_agent_kit.wire import VERSION, Message, WireError, encode
+from tests.leftovers import resources
 from tests.raising import raises
+from tests.served_agents import KIT_AGENT, kit_agent, served
 from tests.unit.agents.test_wire import fuzzed
-from tests.unit.env.test_hosts import nothing_is_left, resources  # noqa: F401
 
-KIT_AGENT = """
-from smarts_agent_kit import BatchAgent, uniform
-
-class Drawing(BatchAgent):
-    interface = {"action": "Lane", "vehicle_model": "kinematic", "done_criteria": {"off_route": False}}
-    observation = ["speed"]
-
-    def act(self, batch):
-        return (uniform(batch.seed, batch.step, 1)[:, 0] < 0.3).astype(int)
-"""
+pytestmark = pytest.mark.usefixtures("nothing_is_left")
 
 
 def soon():
@@ -62,30 +52,6 @@ def batch(count=3, step=5):
         np.arange(count, dtype=np.uint64),
         np.ones(count, bool),
     )
-
-
-@contextmanager
-def served(*command, **environment):
-    """Serve an agent in a process of its own; yield its address."""
-    process = subprocess.Popen(
-        [sys.executable, *command], stdout=subprocess.PIPE, text=True, env={**os.environ, **environment}
-    )
-    try:
-        line = process.stdout.readline()
-        assert line.startswith("serving tcp://"), line
-        yield line.split()[1]
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(20)
-        process.stdout.close()
-
-
-@contextmanager
-def kit_agent(folder, **environment):
-    (folder / "drawing.py").write_text(KIT_AGENT)
-    command = ("-m", "smarts_agent_kit", "drawing:Drawing", "--address", "127.0.0.1:0")
-    with served(*command, PYTHONPATH=str(folder), **environment) as address:
-        yield address
 
 
 def test_each_connection_has_an_agent_of_its_own_that_acts_as_in_process(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ from benchmark.running.evaluate_agent import evaluate_agent
 from smarts.agents.hosting.options import HostError
 from smarts.errors import OwnCodeError, SmartsError
 from smarts.zoo.registry import add_folder
-from tests.unit.agents.test_addresses import kit_agent, served
+from tests.served_agents import kit_agent, served
 
 DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:misbehaving-v0"
 TEST = {"scenarios": ["intersection"], "traffic": "no_social_vehicles", "episodes": 2, "agents": 2}

@@ -6,7 +6,7 @@ import pytest
 import ray
 
 from smarts.agents.hosting.options import HostError
-from tests.unit.env.test_hosts import DRAWING, MISBEHAVING, MIXED, environment, host_of, played, steps
+from tests.hosting import DRAWING, MISBEHAVING, MIXED, environment, host_of, played, steps
 
 
 @pytest.fixture(scope="module")

@@ -80,7 +80,18 @@ def test_answers_of_the_past_are_dropped(play):
 
 @pytest.mark.parametrize(
     ("action", "told"),
-    [("fly", "fly"), (float("nan"), "nan"), (7, "7"), ([1, 2], "1"), (None, "None"), (object, "object")],
+    [
+        ("fly", "fly"),
+        (float("nan"), "nan"),
+        (7, "7"),
+        ([1, 2], "1"),
+        (None, "None"),
+        (object, "object"),
+        (np.array(["fly"]), "fly"),
+        (np.array([None, 1], object), "None"),
+        (np.array([]), "[]"),
+        (np.full(2, np.nan), "cannot act"),
+    ],
 )
 def test_an_agent_whose_answer_is_no_action_fails_alone(play, action, told):
     asked = []

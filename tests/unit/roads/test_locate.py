@@ -127,6 +127,32 @@ def test_footprint_over_the_edge_of_the_road(atlas):
     assert corners.tolist() == [4, 2, 2, 0]
 
 
+@pytest.mark.parametrize("name", ["roundabout", "curve"])
+def test_no_crack_between_lanes_side_by_side(graphs, name):
+    """In a bend their centrelines are up to millimetres more than a lane's width apart."""
+    atlas = RoadQueries([graphs[name]])
+    roads, places, widest = atlas.roads, [], 0.0
+    for right, left in enumerate(roads.lane_left):
+        if left < 0:
+            continue
+        lines = [
+            roads.point_xy[roads.point_start[lane] : roads.point_start[lane + 1]] for lane in (right, left)
+        ]
+        ours, theirs = map(shapely.LineString, lines)
+        points = shapely.line_interpolate_point(ours, np.linspace(0.0, ours.length, 2000))
+        feet = shapely.line_interpolate_point(theirs, shapely.line_locate_point(theirs, points))
+        half, other = 0.5 * roads.lane_width[[right, left]]
+        gap = shapely.distance(points, feet) - half - other
+        is_seam = gap < 0.05
+        widest = max(widest, gap[is_seam].max())
+        share = ((half + 0.5 * gap) / (half + other + gap))[:, None]
+        here, there = shapely.get_coordinates(points), shapely.get_coordinates(feet)
+        places.append((here + share * (there - here))[is_seam])
+    places = np.concatenate(places)
+    assert widest > 1e-3
+    assert atlas.on_road(world(len(places)), places).all()
+
+
 def test_junction_outline_is_road_if_wanted(graphs):
     graph = graphs["roundabout"]
     ring = RoadQueries([graph])

@@ -19,14 +19,9 @@ from smarts.zoo.kit_wheel import build_wheel
 from smarts.zoo.registry import add_folder
 from smarts.zoo.separate import _key, clean, install, uninstall
 from tests import easing
-from tests.unit.env.test_hosts import (  # noqa: F401
-    environment,
-    host_of,
-    nothing_is_left,
-    played,
-    state,
-    steps,
-)
+from tests.hosting import environment, host_of, played, state, steps
+
+pytestmark = pytest.mark.usefixtures("nothing_is_left")
 
 MODULE = """
 import conflicted

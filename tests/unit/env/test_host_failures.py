@@ -1,0 +1,257 @@
+"""Failures of social agents in processes of their own, which stay theirs."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import closing, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smarts.agents.hosting.links import SocketLink
+from smarts.agents.hosting.options import HostError, about
+from smarts_agent_kit.channel import Channel
+from smarts_agent_kit.child import MOST_PROCESSES
+from smarts_agent_kit.service import LONGEST_PROBLEM
+from smarts_agent_kit.wire import Message
+from tests.hosting import (
+    DRAWING,
+    environment,
+    host_of,
+    hosted,
+    played,
+    steps,
+    workers_of,
+)
+from tests.leftovers import is_running
+
+pytestmark = pytest.mark.usefixtures("nothing_is_left")
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        *("loop", "leave", "raise_error", "fill_the_disk", "fill_the_memory"),
+        *("answer_texts", "answer_too_few", "answer_too_much", "answer_objects"),
+    ],
+)
+def test_an_agent_that_misbehaves_fails_alone(how):
+    social, hosts = hosted(how, memory=1.0, patience=2.0 if how == "loop" else 60.0)
+    _, failures = played(social, hosts, count=12)
+    (named,) = failures.values()
+    assert len(named) == 2
+
+
+@pytest.mark.parametrize("how", ["bomb", "bomb_in_sessions"])
+def test_an_agent_that_forks_without_end_is_ended(how):
+    """It makes 512 processes, and they stay for a minute; the fixture sees that none is left."""
+    social, hosts = hosted(how, patience=60.0)
+    _, failures = played(social, hosts, count=6)
+    assert len(failures[0]) == 2
+    assert all(f"more than {MOST_PROCESSES} processes" in said for said in failures[0].values())
+
+
+LIMITED = """
+import os, sys, time
+from smarts_agent_kit import worker
+if os.getuid() == 0:
+    os.setresgid(65534, 65534, 65534)
+    os.setresuid(65534, 65534, 65534)
+worker.MOST_TASKS = 20
+worker.confine(10**9)
+started = []
+try:
+    while len(started) < 5000:
+        child = os.fork()
+        if child == 0:
+            time.sleep(60)
+            os._exit(0)
+        started.append(child)
+except BlockingIOError:
+    print(len(started))
+for child in started:
+    os.kill(child, 9)
+    os.waitpid(child, 0)
+"""
+
+
+def test_the_system_bounds_what_an_agent_starts_unless_it_is_root():
+    command = [sys.executable, "-c", LIMITED]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    assert int(done.stdout) < 1000  # others of the user end meanwhile
+
+
+def test_a_request_that_takes_too_much_processor_time_is_ended():
+    burning = "tests.hosted_agents:burning-v0"
+    _, failures = played([{"agent": burning}], {burning: {"where": "process", "patience": 60.0}}, count=4)
+    (said,) = failures[0].values()
+    assert "SIGXCPU: a request took more processor time than is allowed" in said
+
+
+@pytest.mark.parametrize("how", ["fork", "print_much", "read_input"])
+def test_an_agent_may_do_what_changes_nothing(how, capfd):
+    social, hosts = hosted(how)
+    _, failures = played(social, hosts, count=8)
+    assert failures == {}
+    assert "x" * 100 not in capfd.readouterr().out
+
+
+def test_what_an_agent_prints_in_its_process_is_seen(capfd):
+    social, hosts = hosted("print_once")
+    played(social, hosts, count=4)
+    assert "a line that an agent prints" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("how", ["raise_error", "raise_lines"])
+def test_what_an_agent_raises_is_said_in_the_same_words_everywhere(how):
+    social, hosts = hosted(how)
+    states, failures = played(social, hosts, count=6)
+    assert (states, failures) == played(social, {}, count=6)
+    (named,) = failures.values()
+    assert all(each.isprintable() and len(each) <= LONGEST_PROBLEM for each in named.values())
+    assert all("ValueError: not today" in each for each in named.values())
+    assert all(re.search(r"hosted_agents\.py:\d+\)$", each) for each in named.values())
+
+
+def test_a_failure_that_an_address_sends_is_one_line():
+    near, far = socket.socketpair()
+    with closing(Channel(far)) as agent, closing(SocketLink(Channel(near))) as link:
+        agent.send(Message("failed", {"problem": "no\nagent \x1b[31m"}))
+        with pytest.raises(HostError) as raised:
+            about(link, "there")
+    assert raised.value.problem.isprintable()
+    assert "no agent" in raised.value.problem
+
+
+def test_a_host_that_is_stopped_is_ended_and_started_again(monkeypatch):
+    social, hosts = [{"agent": DRAWING, "count": 2}], {DRAWING: {"where": "process", "patience": 0.5}}
+    with closing(environment(social, hosts)) as env:
+        env.reset()
+        [*steps(env, 3)]
+        (link,) = host_of(env).links.values()
+        os.kill(workers_of(link)[0], signal.SIGSTOP)
+        failures = {}
+        for result in steps(env, 2):
+            failures |= result.social_failures.get(0, {})
+        assert len(failures) == 2
+        env.reset()
+        assert not any(result.social_failures for result in steps(env, 5))
+        (again,) = host_of(env).links.values()
+        assert again is not link
+
+
+def test_a_whole_group_that_is_stopped_ends_by_itself(monkeypatch):
+    sent, send = [], os.killpg
+    monkeypatch.setattr(os, "killpg", lambda group, number: (sent.append(number), send(group, number)))
+    with closing(environment([{"agent": DRAWING}], {"*": "process"})) as env:
+        env.reset()
+        (link,) = host_of(env).links.values()
+        supervisor = link.pid
+        send(supervisor, signal.SIGSTOP)
+    assert not Path(f"/proc/{supervisor}").exists()
+    assert sent == [signal.SIGCONT]  # not killed, after `END_TIME`
+
+
+def failures_after(number, whom):
+    """Return what is said of an agent whose process gets a signal after three requests, and the step."""
+    hosts = {DRAWING: {"where": "process", "patience": 2.0 if number == signal.SIGSTOP else 30.0}}
+    with closing(environment([{"agent": DRAWING}], hosts)) as env:
+        env.reset()
+        [*steps(env, 3)]
+        (link,) = host_of(env).links.values()
+        (pid,) = workers_of(link) if whom == "worker" else [link.pid]
+        os.kill(pid, number)
+        if number != signal.SIGSTOP:
+            wait_until_gone(pid)
+        step = int(env.episode_steps[0])
+        (result,) = steps(env, 1)
+        if not result.social_failures:  # the request was sent before
+            (result,) = steps(env, 1)
+        (said,) = result.social_failures[0].values()
+        return said, step
+
+
+def wait_until_gone(pid):
+    until = time.monotonic() + 10.0
+    with suppress(OSError):
+        while time.monotonic() < until and "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]:
+            time.sleep(0.01)
+
+
+@pytest.mark.parametrize("whom", ["worker", "supervisor"])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV])
+def test_a_killed_agent_names_the_signal_and_the_step(number, whom):
+    said, step = failures_after(number, whom)
+    assert number.name in said
+    assert re.search(r"at step (\d+)", said).group(1) in (str(step), str(step + 1))
+
+
+def test_a_stopped_agent_names_the_seconds_and_the_step():
+    said, _ = failures_after(signal.SIGSTOP, "worker")
+    assert re.search(r"at step \d+: silent for 2(\.\d+)? s", said)
+
+
+def test_an_agent_that_ends_itself_names_its_exit_code():
+    social, hosts = hosted("leave", patience=60.0)
+    _, failures = played(social, hosts, count=6)
+    assert all("exit code 7" in said for said in failures[0].values())
+
+
+def test_every_step_completes_whatever_is_killed():
+    draws = np.random.default_rng(3)
+    social = [{"agent": DRAWING, "count": 1}, {"agent": "random-v0", "count": 1}]
+    with closing(environment(social, {"*": {"where": "process", "patience": 5.0}})) as env:
+        env.reset()
+        kills = wanted = made = 0
+        while kills < 50:
+            for link in host_of(env).links.values():
+                if draws.random() < 0.7:
+                    os.kill(draws.choice([link.pid, *workers_of(link)]), signal.SIGKILL)
+                    kills += 1
+            wanted += (count := int(draws.integers(1, 4)))
+            made += len([*steps(env, count)])
+            env.reset()
+    assert made == wanted
+
+
+def test_all_agents_are_ended_though_one_cannot_be():
+    social = [{"agent": DRAWING}, {"agent": "random-v0"}]
+    env = environment(social, {"*": "process"})
+    env.reset()
+    first, second = host_of(env).links.values()
+    process, other = first._process, second.pid
+    os.close(process.stdin.fileno())  # so `close` of this link raises, and its agent ends by itself
+    env.close()
+    assert not Path(f"/proc/{other}").exists()
+    process.wait(10)
+
+
+KILLED = """
+import sys, time
+from tests.hosting import environment, hosted, steps
+from tests.leftovers import descendants
+env = environment(*hosted("fork"))
+env.reset()
+[*steps(env, 8)]
+print(*descendants(), flush=True)
+time.sleep(1000)
+"""
+
+
+def test_a_simulator_that_is_killed_leaves_no_process_and_no_file():
+    """The agent has started processes, in sessions of their own."""
+    command = [sys.executable, "-c", KILLED]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as simulator:
+        assert simulator.stdout is not None
+        started = [int(pid) for pid in simulator.stdout.readline().split()]
+        simulator.kill()
+    assert len(started) == 4, "a supervisor, an agent, and two processes that it has started"
+    until = time.monotonic() + 20.0
+    while any(map(is_running, started)) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not any(map(is_running, started))

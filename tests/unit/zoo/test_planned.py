@@ -1,0 +1,272 @@
+"""Drivers that plan: frames of lanes, manoeuvres in simulations, and what happens when planning fails."""
+
+import math
+
+import numpy as np
+import pytest
+
+from perf.zoo_manoeuvres import drive_all
+from smarts.agents import ActionSpaceType, AgentInterface, DoneCriteria
+from smarts.controllers.abilities import Abilities
+from smarts.controllers.action_formats import PATH_POINTS
+from smarts.controllers.tracking import SPEED_GAIN
+from smarts.dynamics import vehicle
+from smarts.env.vector import VectorHiWayEnv
+from smarts.errors import SmartsError
+from smarts.observations.lane_ways import BEHIND, LANE_WAYS, POINTS
+from smarts.observations.nearby import NEARBY
+from smarts.observations.surroundings import Lane, Own
+from smarts.observations.u_turn import POINTS as TURN_POINTS
+from smarts.observations.u_turn import TURN_LANE, TURN_STATE
+from smarts.planners import PlanStatus, resample
+from smarts.types.agent_states import AgentStatus
+from smarts.types.events import Outcome
+from smarts.types.vehicles import VehicleKind
+from smarts.zoo import make_agent
+from smarts.zoo.lane_frames import to_lane, to_map
+from smarts.zoo.planned import agilities, leaves_lanes, neighbours_of, plan_paths
+from tests.faulty_planner import Faulty
+
+from .batches import batch_of, seen_of, two_lanes, with_ways
+
+RADIUS = 50.0
+BRAKES = np.ones((1, 1, 1), int)
+"""The ego's action."""
+
+
+def arc():
+    """Return a lane that turns left on a circle around (0, RADIUS); the vehicle is beside (0, 0)."""
+    angle = (np.arange(POINTS) - BEHIND) * 2.0 / RADIUS
+    return np.column_stack([RADIUS * np.sin(angle), RADIUS * (1.0 - np.cos(angle)), angle])[None]
+
+
+@pytest.mark.parametrize(("station", "offset", "turn"), [(0, 0, 0), (33.3, 3.2, 0.1), (-12.0, -3.2, -0.2)])
+def test_poses_in_the_frame_of_a_lane(station, offset, turn):
+    angle = station / RADIUS
+    radius = RADIUS - offset
+    pose = [radius * math.sin(angle), RADIUS - radius * math.cos(angle), angle + turn]
+    found = to_lane(arc(), np.array([[pose]]))
+    np.testing.assert_allclose(found[0, 0], [station, offset, turn], atol=0.07)
+    np.testing.assert_allclose(to_map(arc(), found)[0, 0], pose, atol=0.05)
+
+
+def test_beyond_its_ends_a_lane_is_straight():
+    ways = arc()
+    begin, end = ways[0, 0], ways[0, -1]
+    behind = begin - np.array([10.0 * math.cos(begin[2]), 10.0 * math.sin(begin[2]), 0.0])
+    ahead = end + np.array([10.0 * math.cos(end[2]), 10.0 * math.sin(end[2]), 0.0])
+    found = to_lane(ways, np.array([[behind, ahead]]))[0]
+    last = 2.0 * (POINTS - 1 - BEHIND)
+    np.testing.assert_allclose(found, [[-30.0, 0.0, 0.0], [last + 10.0, 0.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(to_map(ways, found[None])[0], [behind, ahead], atol=0.25)
+
+
+def test_neighbours_keep_their_lane_on_a_bend():
+    """One 20 m ahead in the lane to the left, at 10 m/s, is 20 + 10 * 50 / 46.8 m ahead a second later."""
+    angle, radius = 20.0 / RADIUS, RADIUS - 3.2
+    nearby = np.zeros((1, 2, 6))
+    nearby[0, 0] = radius * math.sin(angle), RADIUS - radius * math.cos(angle), angle, 10.0, 12.0, 2.5
+    own = np.zeros((1, 15))
+    own[0, 4:6] = 8.0, 2.0
+    found = neighbours_of(arc(), nearby, own)
+    later = resample(found.path[0, :1], np.array([[1.0]]))[0, 0]
+    np.testing.assert_allclose(later, [1.0, 30.684, 3.2, 0.0, 10.684], atol=0.05)
+    assert np.isnan(found.path[0, 1]).all()
+    assert found.size[0, 0].tolist() == [15.0, 2.5], "a vehicle of 8 m instead of 5 m needs 3 m more"
+
+
+def test_paths_that_leave_the_lanes_of_a_manoeuvre():
+    paths = np.zeros((3, 5, 5))
+    paths[:, :, 2] = [[-3.2, -3.9, -2, 0, 0.9], [-3.2, -4.3, -2, 0, 0], [-3.2, -2, 0, 1.1, 0]]
+    assert leaves_lanes(paths, np.full(3, -3.2)).tolist() == [False, True, True]
+    assert leaves_lanes(-paths, np.full(3, 3.2)).tolist() == [False, True, True]
+
+
+def test_plans_ask_for_the_acceleration_that_the_controller_makes_of_lacking_speed():
+    times = np.linspace(0.0, 2.0, 21)
+    paths = np.zeros((2, 21, 5))
+    paths[:, :, 0] = times
+    paths[0, :, 4], paths[1, :, 4] = 10.0 + 1.2 * times, 10.0 - 1.2 * times
+    actions = plan_paths(paths)
+    assert actions.shape == (2, 4, PATH_POINTS)
+    assert SPEED_GAIN * (actions[0, 3, :20] - paths[0, :20, 4]) == pytest.approx(1.2)
+    assert actions[1, 3, :21] == pytest.approx(paths[1, :, 4]), "for braking it looks ahead"
+
+
+@pytest.mark.parametrize("name", ["overtaking-v0", "cut-in-v0", "u-turn-v0"])
+def test_unknown_planners_are_named(name):
+    for planner in ("beziers", "nowhere:Planner", 3, ["sumo"]):
+        with pytest.raises(SmartsError) as error:
+            make_agent(name, planner=planner)
+        assert str(planner).partition(":")[0] in str(error.value)
+
+
+def test_a_planner_that_cannot_turn_round_is_refused():
+    for planner in ("sumo", "smarts.planners.sumo:SumoPlanner"):
+        with pytest.raises(SmartsError) as error:
+            make_agent("u-turn-v0", planner=planner)
+        assert "bezier" in error.value.remedy
+
+
+@pytest.mark.parametrize("speed", [1.5, 2.0, 3.4])
+@pytest.mark.parametrize("planner", ["bezier", "receding_horizon"])
+def test_a_half_circle_leads_into_its_lane_without_turning_back(planner, speed):
+    """The receding horizon ends up to 1 m beyond the first point of the lane."""
+    batch = batch_of(seen_of(speed=speed, allowed=10.0))
+    batch.observations[LANE_WAYS] = np.zeros((1, 3, POINTS, 3))
+    batch.observations[LANE_WAYS][..., 0] = 2.0 * (np.arange(POINTS) - BEHIND)
+    lane = [[-2.0 * point, 9.6, math.pi] for point in range(TURN_POINTS)]
+    more = {TURN_LANE: np.array([lane]), TURN_STATE: np.array([[2.9, np.inf, 0.0]])}
+    agent = make_agent("u-turn-v0", planner=planner)[0]
+    path = agent.act(batch._replace(observations={**batch.observations, **more}))[0]
+    steps = np.diff(path[:2].T, axis=0)
+    assert path[:2, -1].tolist() == lane[-1][:2]
+    assert (steps[1:] * steps[:-1]).sum(axis=1).min() > 0.0
+
+
+def bend(radius, way=0.0, speed=10.0, beside=False):
+    """Return what a vehicle sees in a bend to the right around the origin, behind a slow leader.
+
+    Args:
+        radius: Of its lane [m]; the free one to its left has 3.2 m more.
+        way: How far it has come [m].
+        speed: [m/s]
+        beside: Whether its planner sees a queue to its left.
+    """
+    angle, ways, nearby = -way / radius, np.zeros((1, 3, POINTS, 3)), np.zeros((1, 8, 6))
+    for lane, own in enumerate((radius, radius + 3.2)):
+        angles = angle - (np.arange(POINTS) - BEHIND) * 2.0 / own
+        ways[0, lane] = np.column_stack([own * np.cos(angles), own * np.sin(angles), angles - 0.5 * math.pi])
+    if beside:
+        nearby[0, :3, :3] = ways[0, 1, [BEHIND - 6, BEHIND, BEHIND + 6]]
+        nearby[0, :3, 3:] = speed, 5.0, 2.0
+    seen = two_lanes()
+    seen.own[0, [Own.X, Own.Y, Own.HEADING]], seen.own[0, Own.SPEED] = ways[0, 0, BEHIND], speed
+    batch = batch_of(seen, step=round(10.0 * way / speed), is_first=way == 0.0)
+    return batch._replace(observations={**batch.observations, LANE_WAYS: ways, NEARBY: nearby})
+
+
+@pytest.mark.parametrize("steps", [79, 100])
+def test_a_lane_change_leads_to_its_lane_however_late(steps):
+    """A queue blocks it until just before it is given up, or longer: then it is tried again."""
+    agent = make_agent("overtaking-v0", planner="sumo")[0]
+    for step in range(steps):
+        paths = agent.act(bend(RADIUS, float(step), beside=True))
+        assert np.hypot(*paths[0, :2]) == pytest.approx(RADIUS, abs=0.5)
+    paths = [agent.act(bend(RADIUS, float(step)))[0] for step in (steps, steps + 1)]
+    assert math.hypot(*paths[-1][:2, -1]) == pytest.approx(RADIUS + 3.2, abs=0.5)
+
+
+@pytest.mark.parametrize("radius", [20.0, 30.0])
+def test_lane_changes_in_bends_are_slow(radius):
+    """The lateral acceleration in the other lane is at most 3 m/s^2."""
+    agent = make_agent("overtaking-v0")[0]
+    path = agent.act(bend(radius, speed=12.0))[0]
+    assert math.hypot(*path[:2, -1]) > radius + 1.6, "it changes lanes"
+    assert path[3].max() <= 1.02 * math.sqrt(3.0 * (radius + 3.2))
+
+
+@pytest.mark.parametrize("planner", ["receding_horizon", "bezier", "sumo"])
+def test_lane_changes_on_fast_roads(planner):
+    agent = make_agent("overtaking-v0", planner=planner)[0]
+    seen = seen_of(speed=25.0, allowed=25.0, demanded=-1.0)
+    seen.lanes[:, 2, Lane.OPEN], seen.lanes[:, 0, Lane.LEFT] = 1.0, 300.0
+    path = agent.act(with_ways(batch_of(seen)))[0]
+    assert path[1, -1] == pytest.approx(-3.2, abs=0.5)
+    assert path[3].min() > 24.0
+
+
+def test_vehicles_keep_the_agility_of_their_kind():
+    known = [kind for kind in VehicleKind if kind != VehicleKind.TRAILER]
+    lengths = np.array([vehicle(kind.name.lower()).length for kind in known])
+    assert agilities(lengths + 0.05).tolist() == Abilities.of_all().agility[known].tolist()
+
+
+@pytest.mark.parametrize("planner", ["bezier", "sumo"])
+def test_overtaking_by_other_planners(planner):
+    """Of eight egos behind trucks at 6 m/s some pass, some arrive in the right lane, and all are unharmed."""
+    egos, outcomes = drive_all("overtaking-v0", "overtaking", {"planner": planner}, episodes=4, seed=7)
+    assert sum(each.passed > 0 for each in egos) >= 2
+    assert sum(each.has_changed for each in egos) >= 3
+    assert outcomes.count(Outcome.GOAL) >= 3
+    assert {*outcomes} <= {Outcome.GOAL, Outcome.MISSED_GOAL}
+
+
+class Listener:
+    """Keeps of each frame who has failed, and where the social agent's vehicle is."""
+
+    def __init__(self, env):
+        self.failures, self.places, self.given = [], [], []
+        self._env = env
+
+    def collect(self, frame, is_last):
+        if frame.actions is None:
+            return
+        self.failures.append(dict(frame.social_failures))
+        slot = frame.world.agents.slot[0, 1]
+        self.places.append(frame.world.vehicles.position[0, slot].copy())
+        self.given.append(bool(frame.actions.given[0, 1]))
+
+    def reset(self, egos):
+        pass
+
+
+def overtake(monkeypatch, fault, failing):
+    """Let a social agent overtake by a planner that fails in some calls; return frames and infos."""
+    monkeypatch.setattr(Faulty, "fault", fault)
+    monkeypatch.setattr(Faulty, "failing", failing)
+    monkeypatch.setattr(Faulty, "plans", [])
+    social = [{"agent": "overtaking-v0", "options": {"planner": "tests.faulty_planner:Faulty"}}]
+    never = DoneCriteria(collision=False, off_road=False, off_route=False)
+    ego = AgentInterface(action=ActionSpaceType.Lane, vehicle_model="kinematic", done_criteria=never)
+    env = VectorHiWayEnv(1, ["overtaking"], {"ego": ego}, social_agents=social)
+    listener = Listener(env)
+    try:
+        env._runner.listen(listener)
+        env.reset(1)
+        infos = []
+        for _ in range(300):
+            result = env.step(BRAKES)
+            infos.append(dict(result.social_failures.get(0, {})))
+            if any(infos) or len(Faulty.plans) > max(8, len(failing)):
+                break
+        active = env._runner.world.agents.state[0, 1] == AgentStatus.ACTIVE
+        for _ in range(20):
+            env.step(BRAKES)
+    finally:
+        env.close()
+    return listener, infos, active
+
+
+@pytest.mark.parametrize("fault", ["infeasible", "unconverged", "nan"])
+def test_while_planning_fails_the_last_plan_is_driven(monkeypatch, fault):
+    failing = range(3, 6)
+    _, infos, active = overtake(monkeypatch, fault, failing)
+    statuses = [int(each.status[0]) for each in Faulty.plans]
+    assert len(statuses) >= 9
+    assert [number for number, status in enumerate(statuses) if status] == [*failing]
+    assert {statuses[number] for number in failing} == {PlanStatus.SHIFTED}
+    assert not any(infos)
+    assert active
+
+
+@pytest.mark.parametrize("fault", ["infeasible", "unconverged", "nan"])
+def test_when_the_last_plan_is_over_the_fallback_drives_in_the_same_step(monkeypatch, fault):
+    listener, infos, active = overtake(monkeypatch, fault, range(3, 1000))
+    statuses = [int(each.status[0]) for each in Faulty.plans]
+    assert statuses[:3] == [PlanStatus.PLANNED] * 3
+    assert statuses[3:-1] == [PlanStatus.SHIFTED] * (len(statuses) - 4)
+    assert len(statuses) > 6
+    assert statuses[-1] == PlanStatus.FAILED, "it is not asked again"
+    (failed,) = [step for step, each in enumerate(listener.failures) if each]
+    assert [*listener.failures[failed]] == [(0, 1)]
+    assert "cannot act" in listener.failures[failed][0, 1]
+    assert infos[-1] == {name: listener.failures[failed][0, 1] for name in infos[-1]}
+    assert len(infos[-1]) == 1
+    assert listener.given[failed - 1]
+    assert not listener.given[failed], "the fallback drives in this step"
+    assert active
+    ways = np.hypot(*np.diff(listener.places, axis=0).T)
+    assert len(ways) >= failed + 20, "the episode goes on"
+    assert (ways[failed - 3 : failed + 3] > 0.2).all()
+    assert np.abs(np.diff(ways[failed - 5 : failed + 10])).max() < 0.1, "no jump of the speed above 10 m/s^2"
