@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 from scenarios.drivers import MIXED, Drivers, flow, placed, slowly, traffic
 from smarts.sstudio import types as t
@@ -95,11 +96,24 @@ ON_THREE_LANES = [
 """The same on three lanes a direction."""
 
 
-def farther(missions: Iterable[t.Mission], goal: float = 80.0) -> list[t.Mission]:
-    """Return the missions with goals on the road behind the one on which they were, at an offset [m]."""
+def farther(
+    missions: Iterable[t.Mission],
+    goal: float = 80.0,
+    starts: Mapping[str, tuple[str, float]] = MappingProxyType({}),
+) -> list[t.Mission]:
+    """Return the missions with goals on the road behind the one on which they were, and perhaps other starts.
+
+    Args:
+        missions: As above.
+        goal: Offset on the road behind [m].
+        starts: Road on which a mission began -> road and offset [m] at which it begins instead.
+    """
     found = []
     for mission in missions:
-        road, lane, _ = mission.route.end
+        route = mission.route
+        assert isinstance(route, t.Route)
+        (begin, begin_lane, offset), (road, lane, _) = route.begin, route.end
+        start_road, start = starts.get(begin, (begin, offset))
         end = (f"{road.removesuffix('_out')}_exit", lane, goal)
-        found.append(replace(mission, route=replace(mission.route, end=end)))
+        found.append(replace(mission, route=replace(route, begin=(start_road, begin_lane, start), end=end)))
     return found

@@ -12,6 +12,8 @@ from algorithms.registry import ALGORITHMS, Entry, Paradigm
 if TYPE_CHECKING:
     import pandas as pd
 
+    from benchmark.experiment.config import Budget, Experiment
+
 Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment file (YAML).", show_default=False)]
 Set = Annotated[
     list[str] | None,
@@ -45,9 +47,9 @@ def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Pat
     root = out / experiment.name
     # Printed first, since loading Ray, building scenarios and starting Ray take a while.
     typer.echo(f"{experiment.name}: building scenarios, checking {root}", err=True)
-    budget = experiment.budget
-    until = f" or {budget.minutes:g} minutes, whichever comes first" if budget.minutes else ""
-    typer.echo(f"training budget of each run: {budget.agent_steps:,} agent-steps{until}", err=True)
+    for place, budget in _budgets(experiment).items():
+        until = f" or {budget.minutes:g} minutes, whichever comes first" if budget.minutes else ""
+        typer.echo(f"training budget of each run{place}: {budget.agent_steps:,} agent-steps{until}", err=True)
     from benchmark.report.writing import write_report
     from benchmark.running.experiment import interruptible, resumable, run_experiment
 
@@ -57,6 +59,16 @@ def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Pat
         return code
 
     raise typer.Exit(interruptible(work, resumable(root)))
+
+
+def _budgets(experiment: Experiment) -> dict[str, Budget]:
+    """Return the budgets of runs by place: "" if all are equal, else " in TASK, TRAFFIC"."""
+    from benchmark.experiment.runs import task_settings_of
+
+    cells = {f" in {each}": each for each in task_settings_of(experiment)}
+    found = {name: experiment.budget_of(each.task.name, each.traffic) for name, each in cells.items()}
+    first, *others = found.values()
+    return found if any(each != first for each in others) else {"": first}
 
 
 def sweep(config: Config, set_: Set = None, import_: Import = None, out: Out = Path("results")) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from algorithms.registry import ALGORITHMS, ActionKind
 from benchmark.experiment.algorithm_settings import CONFIGS, entry_of, setting_faults, setting_names
+from benchmark.experiment.cells import check_cells
 from benchmark.experiment.environment_checks import (
     Values,
     agents_of,
@@ -43,6 +44,7 @@ def check_experiment(values: Values) -> Iterator[Fault]:
     broken = yield from _own_names(values)
     sound = {**values, "algorithms": [n for n in strings(values.get("algorithms")) if n not in broken]}
     yield from _settings(sound)
+    yield from check_cells(sound, _settings)
     yield from _check_tune(sound)
     yield from _actions(sound)
     yield from check_environment(values)
@@ -194,23 +196,35 @@ def _sharing_fault(sharing: Any, environment: Values) -> str:
 
 def _check_tune(values: Values) -> Iterator[Fault]:
     """Yield what a search cannot set, or cannot choose from."""
-    environment = section(values, "environment")
-    for algorithm in _known_algorithms(values)[:1]:
-        for name, given in section(section(values, "tune"), "parameters").items():
-            key = ("tune", "parameters", name)
-            known = setting_names(algorithm)
-            if name not in known:
-                yield Fault(key, f"{algorithm!r} has no such setting", nearest_names(name, known))
-                continue
-            if fault := _draw_fault(given):
-                yield Fault((*key, *fault.key), fault.text, fault.remedy)
-                continue
-            for inner, value in _ends(given):
-                for fault, text, remedy in setting_faults(algorithm, {name: value}):
-                    if fault.key:  # how settings fit each other depends on what is drawn
-                        yield Fault((*key, *inner, *fault.key[1:]), text, remedy)
-                if name == "sharing" and (text := _sharing_fault(value, environment)):
-                    yield Fault((*key, *inner), text)
+    parameters = section(section(values, "tune"), "parameters")
+    having = {name: setting_names(name) for name in _known_algorithms(values)} if parameters else {}
+    for name, given in parameters.items():
+        key = ("tune", "parameters", name)
+        algorithms = [algorithm for algorithm, known in having.items() if name in known]
+        if having and not algorithms:
+            first, known = next(iter(having.items()))
+            text = f"{first!r} has no such setting" if len(having) == 1 else "no algorithm has such a setting"
+            yield Fault(key, text, nearest_names(name, known))
+        elif fault := _draw_fault(given) if having else None:
+            yield Fault((*key, *fault.key), fault.text, fault.remedy)
+        else:
+            faults = (fault for each in algorithms for fault in _chosen_faults(each, key, given, values))
+            yield from {fault.key: fault for fault in faults}.values()
+    for algorithm, known in having.items():
+        if not parameters.keys() & set(known):
+            text = f"{algorithm!r} has none of the settings"
+            yield Fault(("tune", "parameters"), text, "give one that it has, or leave it out")
+
+
+def _chosen_faults(algorithm: str, key: tuple[str, ...], given: Any, values: Values) -> Iterator[Fault]:
+    """Yield what an algorithm cannot take of all that a search may choose from."""
+    name = key[-1]
+    for inner, value in _ends(given):
+        for fault, text, remedy in setting_faults(algorithm, {name: value}):
+            if fault.key:  # how settings fit each other depends on what is drawn
+                yield Fault((*key, *inner, *fault.key[1:]), text, remedy)
+        if name == "sharing" and (text := _sharing_fault(value, section(values, "environment"))):
+            yield Fault((*key, *inner), text)
 
 
 def _draw_fault(given: Any) -> Fault | None:

@@ -34,6 +34,7 @@ from benchmark.experiment.values import (
     Scenario,
     Seeds,
     distinct,
+    name_of,
 )
 from benchmark.experiment.version import versions
 from smarts.config import ConfigError, Fault, Problem, Section, read_config, shown
@@ -49,12 +50,6 @@ class TrainingTask(Section):
     """Of its folder and of its column in the report."""
     scenarios: Annotated[tuple[Scenario, ...], SEVERAL]
     """Names of the suite or folders, each perhaps with "@variation"."""
-
-
-def name_of(scenarios: Iterable[str]) -> str:
-    """Return the name of a task that has none of its own."""
-    paths = [Path(each) for each in scenarios]
-    return "-".join((path.name or path.resolve().name).replace("@", "-") for path in paths)
 
 
 def _tasks(given: Any) -> Any:
@@ -150,6 +145,14 @@ class Tune(Section):
     """What is to be large in validation; "safety" is 1 - collisions."""
 
 
+class CellSettings(Section):
+    """What differs in the trainings of one cell of the table; what is not given is as in all cells."""
+
+    budget: Budget = Budget()
+    training: dict[str, Any] = Field(default_factory=dict)
+    settings: dict[str, dict[str, Any] | None] = Field(default_factory=dict)
+
+
 class Experiment(Section):
     """An experiment: every algorithm x task x traffic x seed is a run of its own."""
 
@@ -186,22 +189,40 @@ class Experiment(Section):
     """Scripted policies that are tested in the same way and shown below the table: names, or module:Class."""
     resources: Resources = Resources()
     tune: Tune | None = None
+    cells: dict[str, CellSettings] = Field(default_factory=dict)
+    """TASK or TASK/TRAFFIC -> what differs in the trainings there. TASK/TRAFFIC overrides TASK, and values of
+    one algorithm override those of all, wherever they stand."""
 
     if TYPE_CHECKING:
 
         def __init__(self, **values: Any) -> None:
             """Take values as a file has them: lists, names and dicts; each is checked when it is given."""
 
-    def settings_of(self, algorithm: str) -> dict[str, Any]:
-        """Return the settings of an algorithm that the file gives.
+    def settings_of(self, algorithm: str, task: str = "", traffic: str = "") -> dict[str, Any]:
+        """Return the settings of an algorithm that the file gives for a cell, by default for any.
 
         Raises:
             OwnCodeError: A `module:Class` cannot be imported.
         """
-        settings = settings_of(algorithm)
-        common = {name: self.training[name] for name in self.training.keys() & settings.model_fields}
-        chosen = settings.model_validate(common | (self.settings.get(algorithm) or {}))
-        return chosen.model_dump(mode="json", exclude_unset=True)
+        settings, cells = settings_of(algorithm), self._cells_of(task, traffic)
+        training: dict[str, Any] = self.training
+        own: dict[str, Any] = self.settings.get(algorithm) or {}
+        for cell in cells:
+            training, own = training | cell.training, own | (cell.settings.get(algorithm) or {})
+        common = {name: training[name] for name in training.keys() & settings.model_fields}
+        return settings.model_validate(common | own).model_dump(mode="json", exclude_unset=True)
+
+    def budget_of(self, task: str, traffic: str) -> Budget:
+        """Return the budget of each training in a cell."""
+        budget = self.budget
+        for cell in self._cells_of(task, traffic):
+            given = cell.budget
+            budget = budget.model_copy(update={name: getattr(given, name) for name in given.model_fields_set})
+        return budget
+
+    def _cells_of(self, task: str, traffic: str) -> list[CellSettings]:
+        """Return what differs in a cell, the more general first."""
+        return [self.cells[name] for name in (task, f"{task}/{traffic}") if name in self.cells]
 
 
 def read_experiment(

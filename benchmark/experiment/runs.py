@@ -11,9 +11,10 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from benchmark.experiment.config import Budget, Evaluation, Experiment, Resources, TrainingTask, name_of
+from benchmark.experiment.config import Budget, Evaluation, Experiment, Resources, TrainingTask
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.own_code import own_digests
+from benchmark.experiment.values import name_of
 from smarts.config import ConfigError, fitted
 from smarts.registry import file_name
 from smarts.sstudio.locating import resolved
@@ -225,8 +226,9 @@ def task_settings_of(experiment: Experiment) -> list[TaskSetting]:
 def runs_of(experiment: Experiment) -> Iterator[Run]:
     """Yield the trainings of an experiment, the first seed of everything first: so a table fills early."""
     for algorithm, task_setting, seed in trainings_of(experiment):
-        settings = experiment.settings_of(algorithm)
-        yield Run(algorithm, task_setting, seed, settings, experiment.budget, experiment.resources)
+        cell = task_setting.task.name, task_setting.traffic
+        settings, budget = experiment.settings_of(algorithm, *cell), experiment.budget_of(*cell)
+        yield Run(algorithm, task_setting, seed, settings, budget, experiment.resources)
 
 
 def trainings_of(experiment: Experiment) -> Iterator[tuple[str, TaskSetting, int]]:

@@ -119,3 +119,9 @@ Wheels = Annotated[tuple[Annotated[int, Field(ge=0, le=3)], ...], Field(strict=F
 VehicleName = Literal["generic_sedan", "sedan", "passenger", "bus", "coach", "truck", "motorcycle"]
 # All but Empty, by which agents do nothing.
 ActionName = Annotated[str, AfterValidator(_action)]
+
+
+def name_of(scenarios: Iterable[str]) -> str:
+    """Return the name of a task that has none of its own."""
+    paths = [Path(each) for each in scenarios]
+    return "-".join((path.name or path.resolve().name).replace("@", "-") for path in paths)

@@ -21,10 +21,12 @@ from ray import tune
 from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.basic_variant import BasicVariantGenerator
 
+from benchmark.experiment.algorithm_settings import setting_names
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, runs_of, with_defaults
 from benchmark.results.files import FORMAT, ResultsError, locked, read_mapping, write_json, write_whole
 from benchmark.results.run_folder import RunFolder, changed_code, comparable
+from benchmark.running.choosing import TRIALS, SweepError, write_chosen
 from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
 from benchmark.running.experiment import check_task_settings, interrupted, resumable
@@ -33,7 +35,7 @@ from benchmark.running.messages import Kept
 from benchmark.running.progress import RunProgress
 from benchmark.running.shipping import shipped_code
 from benchmark.running.training import Training, algorithm_of
-from smarts.errors import SmartsError, shortened
+from smarts.errors import shortened
 
 VALIDATION = "validation"
 """What counts the validations of a trial: the time of schedulers."""
@@ -41,33 +43,42 @@ MEASURES = ("completion", "safety", "return", VALIDATION, "agent_steps", "trial_
 """What the table of trials shows beside the settings."""
 
 
-class SweepError(SmartsError):
-    """A search cannot be made."""
-
-
 def sweep(experiment: Experiment, root: Path) -> int:
     """Search, print and keep a row for each trial in trials.csv, the best first; return the exit code.
 
-    The same call resumes an interrupted search.
+    With several algorithms or cells there is a search for each algorithm in each cell, in a folder of its
+    own, with the same draws in all cells; `write_chosen` then writes what is best on average over cells. The
+    same call resumes an interrupted search.
 
     Raises:
-        SweepError: The experiment has no `tune` section, or stands for several runs.
+        SweepError: The experiment has no `tune` section, or cannot be searched.
         SmartsError: A scenario is wrong, or the folder cannot be used.
     """
-    run = the_run(experiment)
+    runs = searched_runs(experiment)
     section = _section(experiment)
-    space = space_of(section)
     check_task_settings(experiment)
+    folders = [root if len(runs) == 1 else root / run.folder.parent for run in runs]
+    found: list[tune.ResultGrid] = []
     with locked(root):
-        _check_same_search(root / "search.json", run, section)
+        for run, folder in zip(runs, folders, strict=True):
+            _check_same_search(folder / "search.json", run, section)
         try:
             with shipped_code(experiment) as code:
                 start_ray(experiment.resources, code)
             with _stoppable() as stopped:
-                found = _tuner(run, section, space, root.absolute()).fit()
+                for run, folder in zip(runs, folders, strict=True):
+                    if not stopped.is_set():
+                        space = space_of(section, run.algorithm)
+                        found.append(_tuner(run, section, space, folder.absolute()).fit())
         finally:
             ray.shutdown()
-        return interrupted(resumable(root)) if stopped.is_set() else _summarize(found, section, root)
+        if stopped.is_set():
+            return interrupted(resumable(root))
+        codes = [_summarize(each, section, folder) for each, folder in zip(found, folders, strict=True)]
+        if len(runs) > 1 and not any(codes):
+            tables = [(run.algorithm, each / TRIALS) for run, each in zip(runs, folders, strict=True)]
+            write_chosen(experiment, section, tables, root)
+        return max(codes)
 
 
 @contextmanager
@@ -153,7 +164,7 @@ def _summarize(found: tune.ResultGrid, section: Tune, root: Path) -> int:
         shown = [*settings_columns, *dict.fromkeys((section.metric, *MEASURES))]
         table = pd.DataFrame(results[shown]).sort_values(section.metric, ascending=False, ignore_index=True)
         table.columns = [name.removeprefix("config/") for name in table.columns]
-        write_whole(root / "trials.csv", lambda file: table.to_csv(file, index=False))
+        write_whole(root / TRIALS, lambda file: table.to_csv(file, index=False))
         print(table.to_string(index=False))
         print(f"table: {root / 'trials.csv'}")
     if found.num_errors:
@@ -162,29 +173,37 @@ def _summarize(found: tune.ResultGrid, section: Tune, root: Path) -> int:
     return FAILED if found.num_errors else 0
 
 
-def the_run(experiment: Experiment) -> Run:
-    """Return the one run of an experiment.
+def searched_runs(experiment: Experiment) -> list[Run]:
+    """Return the runs whose settings are searched: one for each algorithm and cell.
 
     Raises:
-        SweepError: It has several.
+        SweepError: There are several seeds, no validations, or several cells and a scheduler, which would
+            stop the same settings early in one cell and not in another.
     """
     runs = [*runs_of(experiment)]
-    if len(runs) > 1:
+    if len(experiment.seeds) > 1:
         raise SweepError(
-            f"the experiment stands for {len(runs)} runs, a sweep searches with one",
+            f"the experiment stands for {len(experiment.seeds)} runs in each cell, a search has one",
             place=experiment.name,
-            remedy="leave one algorithm, task, traffic and seed: --set seeds=[1] ...",
+            remedy="leave one seed: --set seeds=[1]",
         )
-    if not runs[0].task_setting.evaluation.validations:
+    if not experiment.evaluation.validations:
         raise SweepError(
             "there is nothing to compare", place="evaluation.validations", remedy="give 1 or more"
         )
-    return runs[0]
+    if experiment.tune and experiment.tune.scheduler != "none" and len(runs) > len(experiment.algorithms):
+        raise SweepError(
+            f"{experiment.tune.scheduler} cannot compare settings over several cells",
+            place="tune.scheduler",
+            remedy="remove it, or leave one task and traffic",
+        )
+    return runs
 
 
-def space_of(section: Tune) -> dict[str, Any]:
-    """Return Tune's search space of a section that `check_experiment` has checked."""
-    return {name: _values(given) for name, given in section.parameters.items()}
+def space_of(section: Tune, algorithm: str) -> dict[str, Any]:
+    """Return Tune's search space of an algorithm: of a checked section, the settings that it has."""
+    names = setting_names(algorithm)
+    return {name: _values(given) for name, given in section.parameters.items() if name in names}
 
 
 def _values(given: Any) -> Any:

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.algorithm_settings import settings_table
+from benchmark.cli.experiments import _budgets
+from benchmark.experiment.algorithm_settings import settings_of, settings_table
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of, scripted_runs_of, task_settings_of
 from benchmark.experiment.schema import schema
@@ -65,6 +66,94 @@ def test_settings_of_one_algorithm_go_before_those_of_all(write):
     experiment = read_experiment(file)
     assert experiment.settings_of("ppo") == {"lr": 0.2, "epochs": 3, "sharing": "all"}
     assert experiment.settings_of("dqn") == {"lr": 0.1, "sharing": "all"}  # has no epochs
+
+
+CELLS = """
+algorithms: [ppo, dqn]
+tasks: [loop, {name: both, scenarios: [loop, city]}]
+seeds: [1]
+training: {lr: 0.1}
+settings: {ppo: {lr: 0.2}}
+budget: {agent_steps: 20, minutes: 5}
+cells:
+  loop: {budget: {agent_steps: 10}, training: {lr: 0.3, gamma: 0.5}}
+  loop/random_social_vehicles: {budget: {minutes: null}, settings: {ppo: {lr: [[0, 0.4], [9, 0.1]]}}}
+"""
+
+
+def test_cells_have_budgets_and_settings_of_their_own(write):
+    runs = {
+        (run.algorithm, str(run.task_setting)): (run.settings, run.budget.model_dump())
+        for run in runs_of(read_experiment(write(CELLS)))
+    }
+    alone, among = "loop, no_social_vehicles", "loop, random_social_vehicles"
+    assert runs["ppo", alone] == ({"lr": 0.2, "gamma": 0.5}, {"agent_steps": 10, "minutes": 5.0})
+    assert runs["dqn", alone] == ({"lr": 0.3, "gamma": 0.5}, {"agent_steps": 10, "minutes": 5.0})
+    scheduled = {"lr": [[0.0, 0.4], [9.0, 0.1]], "gamma": 0.5}
+    assert runs["ppo", among] == (scheduled, {"agent_steps": 10, "minutes": None})
+    assert runs["dqn", among] == ({"lr": 0.3, "gamma": 0.5}, {"agent_steps": 10, "minutes": None})
+    for traffic in ("no_social_vehicles", "random_social_vehicles"):
+        for algorithm, lr in (("ppo", 0.2), ("dqn", 0.1)):
+            found = runs[algorithm, f"both, {traffic}"]
+            assert found == ({"lr": lr}, {"agent_steps": 20, "minutes": 5.0})
+
+
+def test_the_command_names_the_budget_of_each_cell_where_they_differ(write):
+    steps = {name: each.agent_steps for name, each in _budgets(read_experiment(write(CELLS))).items()}
+    assert steps == {
+        " in loop, no_social_vehicles": 10,
+        " in both, no_social_vehicles": 20,
+        " in loop, random_social_vehicles": 10,
+        " in both, random_social_vehicles": 20,
+    }
+    (same,) = _budgets(read_experiment(write(CELLS), ["tasks=[city]"])).items()
+    assert (same[0], same[1].agent_steps) == ("", 20)
+
+
+def test_cells_that_an_override_leaves_out_may_be_named(write):
+    (one,) = {run.task_setting.task.name for run in runs_of(read_experiment(write(CELLS), ["tasks=[city]"]))}
+    assert one == "city"
+
+
+def test_all_algorithms_of_version_1_have_the_same_budget_and_schedule_in_a_cell():
+    experiment = read_experiment(CONFIGS / "benchmark_v1.yaml", ["seeds=[1]"])
+    millions, hard = {}, {}
+    for run in runs_of(experiment):
+        cell = str(run.task_setting.folder)
+        millions.setdefault(cell, set()).add(run.budget.agent_steps / 1_000_000)
+        if cell == "intersection_v1/random_social_vehicles":
+            (_, first), (last_step, last) = run.settings["lr"]
+            hard[run.algorithm] = last_step, pytest.approx(0.1 * first) == last
+            assert first == settings_of(run.algorithm)().lr
+        else:
+            assert "lr" not in run.settings
+    assert {cell: {2.0} for cell in millions} | {
+        "two_way_v1/no_social_vehicles": {1.0},
+        "two_way_v1/random_social_vehicles": {1.0},
+        "intersection_v1/random_social_vehicles": {4.0},
+    } == millions
+    assert hard == dict.fromkeys(experiment.algorithms, (250_000, True))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("cells.lop={}", "cells.lop: there is no such cell; did you mean 'loop'?"),
+        ("cells.loop/nobody={}", "cells.loop/nobody: there is no such cell"),
+        ("cells.loop.budget.agent_steps=0", "cells.loop.budget.agent_steps is 0; input should be greater"),
+        ("cells.loop.training.lr=7", "cells.loop.training.lr: 7; input should be less than or equal to 1"),
+        ("cells.loop.training.epsi=7", "cells.loop.training.epsi: no algorithm has such a setting"),
+        ("cells.loop.settings={ppo: {lrr: 3}}", "cells.loop.settings.ppo.lrr: 'ppo' has no such setting"),
+        ("cells.loop.settings={pp: {}}", "cells.loop.settings.pp: there is no algorithm 'pp'"),
+        ("cells.loop.bugdet=3", "there is no key cells.loop.bugdet; did you mean 'budget'?"),
+        ("cells.loop=3", "cells.loop is 3; input should be keys with values: {key: value}"),
+        ("cells=3", "cells is 3; input should be keys with values: {key: value}"),
+    ],
+)
+def test_mistakes_in_cells_are_named_once(write, change, message):
+    told = said(write(CELLS), change)
+    assert message in told
+    assert len(told.splitlines()) == 1
 
 
 def test_the_content_follows_what_training_depends_on_and_nothing_else(write):

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import pandas as pd
 import pytest
 from ray import tune
 from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
@@ -11,12 +12,13 @@ from ray.tune.search.sample import Float, Integer
 from benchmark.experiment.config import Tune, read_experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.results.files import ResultsError
+from benchmark.running.choosing import SweepError, mean_over_cells, write_chosen
 from benchmark.running.sweeping import (
     _check_same_search,
     scheduler_of,
+    searched_runs,
     space_of,
     sweep,
-    the_run,
     within_bounds,
 )
 from smarts.errors import SmartsError
@@ -59,7 +61,7 @@ def test_lists_are_grids_and_draws_keep_their_bounds():
             "minibatch_size": {"randint": [16, 64]},
         }
     )
-    space = space_of(section)
+    space = space_of(section, "ppo")
     assert space["epochs"] == tune.grid_search([1, 4])
     assert isinstance(space["lr"], Float)
     assert (space["lr"].lower, space["lr"].upper) == (1e-4, 1e-2)
@@ -93,6 +95,10 @@ def test_population_based_training_stays_within_bounds():
         (["tune.parameters.lrr=[0.1]"], "tune.parameters.lrr"),
         (["tune.parameters.lr={normal: [0, 1]}"], "{'normal': [0, 1]}"),
         (["tune.parameters.lr=[0.1]", "traffic=[rush_hour]"], "rush_hour"),
+        (["tune={parameters: {lr: [0.1]}, scheduler: asha}", "tasks=[loop, city]"], "tune.scheduler"),
+        (["algorithms=[ppo, dqn]", "tune.parameters.lrr=[0.1]"], "tune.parameters.lrr"),
+        (["algorithms=[ppo, dqn]", "tune.parameters.epochs=[2]"], "'dqn' has none of the settings"),
+        (["algorithms=[ppo, dqn]", "tune.parameters={lr: [0.1], epochs: [0]}"], "epochs[0]"),
     ],
 )
 def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, named):
@@ -102,11 +108,12 @@ def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, na
 
 
 def test_one_run_is_searched(experiment):
-    assert the_run(experiment()).algorithm == "ppo"
+    assert [run.algorithm for run in searched_runs(experiment())] == ["ppo"]
 
 
 def test_a_search_continues_with_further_imports_only(experiment, tmp_path):
-    run, section, file = the_run(experiment()), Tune(parameters={"lr": [0.1]}), tmp_path / "search.json"
+    (run,) = searched_runs(experiment())
+    section, file = Tune(parameters={"lr": [0.1]}), tmp_path / "search.json"
 
     def importing(*paths):
         return replace(run, task_setting=replace(run.task_setting, imports=paths))
@@ -121,3 +128,49 @@ def test_a_search_continues_with_further_imports_only(experiment, tmp_path):
         with pytest.raises(ResultsError) as caught:
             _check_same_search(file, other, searched)
         assert caught.value.place == str(file)
+
+
+def test_an_algorithm_is_searched_in_what_it_has(experiment):
+    changes = ["algorithms=[ppo, dqn]", "tune.parameters={lr: [0.1], epochs: [1, 2], capacity: [1000]}"]
+    section = experiment(*changes).tune
+    assert {*space_of(section, "ppo")} == {"lr", "epochs"}
+    assert {*space_of(section, "dqn")} == {"lr", "capacity"}
+
+
+def test_the_best_on_average_over_cells_is_chosen(experiment, tmp_path):
+    """0.2 is best in either cell by itself for none: 0.9 and 0.0, 0.0 and 0.8, 0.5 and 0.6."""
+    trials = {
+        ("ppo", "one"): 'lr,hidden,completion\n0.1,[8],0.9\n0.2,"[8, 8]",0.5\n0.3,[8],0.0\n',
+        ("ppo", "two"): 'lr,hidden,completion\n0.3,[8],0.8\n0.2,"[8, 8]",0.6\n0.1,[8],0.0\n',
+        ("dqn", "one"): "lr,hidden,completion\n1e-05,[4],0.4\n0.2,[4],0.3\n",
+        ("dqn", "two"): "lr,hidden,completion\n1e-05,[4],0.4\n0.2,[4],0.3\n",
+    }
+    tables = []
+    for (algorithm, cell), text in trials.items():
+        tables.append((algorithm, tmp_path / f"{algorithm}-{cell}.csv"))
+        tables[-1][1].write_text(text)
+    changes = ["algorithms=[ppo, dqn]", "tune.parameters={lr: [0.1], hidden: [[8]]}", "tasks=[loop, city]"]
+    searched = experiment(*changes)
+    write_chosen(searched, searched.tune, tables, tmp_path)
+    means = pd.read_csv(tmp_path / "trials.csv").set_index(["algorithm", "lr"])["completion"].to_dict()
+    assert means == pytest.approx(
+        {("ppo", 0.1): 0.45, ("ppo", 0.2): 0.55, ("ppo", 0.3): 0.4, ("dqn", 1e-5): 0.4, ("dqn", 0.2): 0.3}
+    )
+    file = tmp_path / "mine.yaml"
+    file.write_text("extends: chosen.yaml\ntasks: [double_merge]\nseeds: [1]\n")
+    runs = {run.algorithm: run for run in runs_of(read_experiment(file))}
+    assert runs["ppo"].settings == {"lr": 0.2, "hidden": [8, 8]}
+    assert runs["dqn"].settings == {"lr": 1e-5, "hidden": [4]}
+    assert runs["ppo"].task_setting.task.name == "double_merge"
+
+
+def test_cells_with_different_settings_are_not_averaged():
+    one, other = (pd.DataFrame({"lr": [0.1, lr], "completion": [0.5, 0.6]}) for lr in (0.2, 0.3))
+    with raises(SweepError, values=["different settings"]):
+        mean_over_cells([one, other], ["lr"], "completion", "here")
+
+
+def test_repeated_trials_of_a_choice_are_averaged_in_each_cell():
+    table = pd.DataFrame({"lr": [0.1, 0.1, 0.2], "completion": [0.2, 0.6, 0.5]})
+    found = mean_over_cells([table], ["lr"], "completion", "here")
+    assert found.to_dict("list") == {"lr": [0.2, 0.1], "completion": [0.5, 0.4]}

@@ -1,0 +1,90 @@
+"""Chooses settings after a search in several cells, and writes them as a file that experiments extend."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from benchmark.experiment.algorithm_settings import setting_names
+from benchmark.experiment.config import Experiment, Tune
+from benchmark.results.files import write_whole
+from smarts.errors import SmartsError
+
+TRIALS, CHOSEN = "trials.csv", "chosen.yaml"
+"""Files of a search: what each trial reached; the settings that are best on average over cells."""
+
+
+class SweepError(SmartsError):
+    """A search cannot be made."""
+
+
+def write_chosen(
+    experiment: Experiment, section: Tune, tables: Sequence[tuple[str, Path]], root: Path
+) -> None:
+    """Write chosen.yaml, whose `settings` are each algorithm's best on average over cells.
+
+    It is an experiment file: `extends: chosen.yaml` takes the settings. The averages of all trials are
+    written to trials.csv and printed.
+
+    Args:
+        experiment: The experiment that was searched.
+        section: Its section `tune`.
+        tables: Algorithm and table of trials of each search.
+        root: Folder of both files.
+
+    Raises:
+        SweepError: The cells of an algorithm have not had the same settings.
+    """
+    chosen, averages = {}, []
+    for algorithm in experiment.algorithms:
+        names = [name for name in section.parameters if name in setting_names(algorithm)]
+        cells = [pd.read_csv(file) for name, file in tables if name == algorithm]
+        mean = mean_over_cells(cells, names, section.metric, f"{root}: {algorithm}")
+        best = {name: mean[name].tolist()[0] for name in names}
+        chosen[algorithm] = {name: _plain(value) for name, value in best.items()}
+        averages.append(mean.assign(algorithm=algorithm, cells=len(cells)))
+    table = pd.concat(averages, ignore_index=True)
+    write_whole(root / TRIALS, lambda file: table.to_csv(file, index=False))
+    print(table.to_string(index=False))
+    content = {
+        "description": f"Chosen by {experiment.name}: the best {section.metric} on average over cells.",
+        "algorithms": [*experiment.algorithms],
+        "tasks": [task.model_dump(mode="json") for task in experiment.tasks],
+        "settings": chosen,
+    }
+    text = yaml.safe_dump(content, sort_keys=False)
+    write_whole(root / CHOSEN, lambda file: file.write_text(text, encoding="utf-8"))
+    print(f"chosen settings: {root / CHOSEN}")
+
+
+def mean_over_cells(
+    cells: Sequence[pd.DataFrame], names: Sequence[str], metric: str, place: str
+) -> pd.DataFrame:
+    """Return each choice of settings with its mean metric, the best first.
+
+    Args:
+        cells: Trials in each cell: columns of settings and metrics.
+        names: Of the settings.
+        metric: Its name; repeated trials of one choice are averaged in each cell first.
+        place: What an error names.
+
+    Raises:
+        SweepError: The cells have not had the same settings.
+    """
+    keyed = [table.set_index(table[[*names]].astype(str).agg("; ".join, axis=1)) for table in cells]
+    if any(sorted(each.index) != sorted(keyed[0].index) for each in keyed):
+        remedy = "remove the folder to search again"
+        raise SweepError("the cells have had different settings", place=place, remedy=remedy)
+    choices = keyed[0].loc[~keyed[0].index.duplicated(), [*names]]
+    means = {number: each.groupby(level=0)[metric].mean() for number, each in enumerate(keyed)}
+    table = choices.assign(**{metric: pd.DataFrame(means).mean(axis=1)})
+    return table.sort_values(metric, ascending=False, kind="stable", ignore_index=True)
+
+
+def _plain(value: Any) -> Any:
+    """Return a setting as it was given; tables hold lists as texts."""
+    return yaml.safe_load(value) if isinstance(value, str) else value
