@@ -99,21 +99,21 @@ ON_THREE_LANES = [
 def farther(
     missions: Iterable[t.Mission],
     goal: float = 80.0,
-    starts: Mapping[str, tuple[str, float]] = MappingProxyType({}),
+    starts: Mapping[str, float] = MappingProxyType({}),
 ) -> list[t.Mission]:
     """Return the missions with goals on the road behind the one on which they were, and perhaps other starts.
 
     Args:
         missions: As above.
         goal: Offset on the road behind [m].
-        starts: Road on which a mission began -> road and offset [m] at which it begins instead.
+        starts: Road on which a mission begins -> offset [m] at which it begins instead.
     """
     found = []
     for mission in missions:
         route = mission.route
         assert isinstance(route, t.Route)
-        (begin, begin_lane, offset), (road, lane, _) = route.begin, route.end
-        start_road, start = starts.get(begin, (begin, offset))
+        (start_road, start_lane, offset), (road, lane, _) = route.begin, route.end
+        begin = (start_road, start_lane, starts.get(start_road, offset))
         end = (f"{road.removesuffix('_out')}_exit", lane, goal)
-        found.append(replace(mission, route=replace(route, begin=(start_road, begin_lane, start), end=end)))
+        found.append(replace(mission, route=replace(route, begin=begin, end=end)))
     return found

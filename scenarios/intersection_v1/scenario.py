@@ -7,9 +7,8 @@ from smarts.sstudio import types as t
 
 DENSITY = 0.75
 """Multiple of the paper's scenario's."""
-LATER = {"north_in": ("north_in", 10), "south_in": ("south_approach", 80)}
-"""Where the agents on the road with priority start: farther away, so that they arrive after the others."""
-LATER_MIRRORED = {"south_in": ("south_in", 10), "north_in": ("north_approach", 80)}
+LATER = {"north_in": 10, "south_in": 10}
+"""Where agents on the road with priority start [m]: 44 m before the crossing, with time to see each other."""
 
 gen_scenario(
     t.Scenario(
@@ -24,7 +23,7 @@ gen_scenario(
             },
             "dense": t.Variation("More vehicles.", traffic=four_arms(1.25 * DENSITY, ALL_KINDS)),
             "mirrored": t.Variation(
-                "The missions, turned by 180 degrees.", ego_missions=farther(MIRRORED, starts=LATER_MIRRORED)
+                "The missions, turned by 180 degrees.", ego_missions=farther(MIRRORED, starts=LATER)
             ),
             "left_turns": t.Variation(
                 "Every ego turns left, among fewer vehicles.",
