@@ -56,9 +56,14 @@ def secret_for(host: str) -> str:
     """
     secret = os.environ.get(SECRET, "")
     if len(secret) < SHORTEST_SECRET and (secret or not _is_loopback(host)):
+        problem = (
+            f"the secret has {len(secret)} characters"
+            if secret
+            else f"{host!r} is not this machine alone, and there is no secret"
+        )
         raise AddressError(
-            f"{host!r} is not this machine alone, or the secret is short: set the environment variable "
-            f"{SECRET} to the same {SHORTEST_SECRET} or more characters on both sides"
+            f"{problem}: set the environment variable {SECRET} to the same {SHORTEST_SECRET} or more "
+            "characters on both sides"
         )
     return secret
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -129,6 +129,26 @@ def check_shapes(states: Floats, targets: Floats, neighbours: Neighbours, last: 
     if last is not None:
         points = last.shape[1] if last.ndim == 3 else 1
         _check("last", last, (rows, max(points, 1), PATH_COLUMNS))
+
+
+def check_plans(plans: Any, rows: int, planner: Any) -> None:
+    """Raise unless a planner's answer has a path and a status for each vehicle.
+
+    Raises:
+        SmartsError: Names the planner, what is wrong with its answer and what is expected.
+    """
+    place = f"{type(planner).__module__}:{type(planner).__name__}.plan"
+    if not isinstance(plans, Plans):
+        raise SmartsError(
+            f"returns {type(plans).__name__}", place=place, remedy="return smarts.planners.Plans"
+        )
+    path, status = np.shape(plans.path), np.shape(plans.status)
+    if len(path) != 3 or path[0] != rows or path[1] < 1 or path[2] != PATH_COLUMNS or status != (rows,):
+        raise SmartsError(
+            f"returns a path of shape {path} and a status of shape {status}",
+            place=place,
+            remedy=f"return shapes ({rows}, P, {PATH_COLUMNS}) and ({rows},), a row for each vehicle",
+        )
 
 
 def _check(name: str, values: Floats, shape: tuple[int, ...]) -> None:

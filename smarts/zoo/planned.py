@@ -34,7 +34,7 @@ from smarts.observations.nearby import NEARBY
 from smarts.observations.surroundings import OWN, Lane, Own
 from smarts.observations.way_ahead import SPACING
 from smarts.planners import PLANNERS, Limits, Neighbours, Planner, PlanStatus, as_actions, resample
-from smarts.planners.protocol import keep_last
+from smarts.planners.protocol import check_plans, keep_last
 from smarts.types.actions import ActionSpaceType
 from smarts.types.vehicles import VehicleKind
 from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, beside, excess, target_speed
@@ -190,6 +190,7 @@ class PlannedDriver(Driver):
         states = np.column_stack([place, speed, curvatures(last, elapsed)])
         around = neighbours_of(ways, obs.observations[NEARBY][rows], view.own[rows])
         plans = self._planner.plan(states, targets, around, last, elapsed)
+        check_plans(plans, len(rows), self._planner)
         strays = (plans.status == PlanStatus.PLANNED) & leaves_lanes(plans.path, place[:, 1])
         if strays.any():
             plans = keep_last(plans.path, strays | (plans.status != PlanStatus.PLANNED), last, elapsed)

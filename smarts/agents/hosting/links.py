@@ -169,12 +169,19 @@ class AtAddress:
             raise HostError(
                 str(error), place=self.place, remedy="end other simulators, or serve the agent once more"
             ) from error
-        except BROKEN as error:
+        except RefusedError as error:
             channel.close()
             raise HostError(
                 f"the connection is refused: {error}",
                 place=self.place,
                 remedy=f"both sides need the same version and the same {SECRET}",
+            ) from error
+        except BROKEN as error:
+            channel.close()
+            raise HostError(
+                f"what answers there does not greet as an agent does: {error}",
+                place=self.place,
+                remedy="look whether another program has that port, or serve the agent again",
             ) from error
         link = SocketLink(channel)
         link.send(Message("make"))

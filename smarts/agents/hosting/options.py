@@ -75,6 +75,8 @@ class Starter(Protocol):
         ...
 
 
+LEAST_MEMORY = 0.1
+"""Of a process [GB]; less does not suffice for Python and NumPy."""
 START_TIME = 60.0
 """How long an agent may take to be made, and to answer for the first time [s]."""
 
@@ -150,7 +152,7 @@ class HostOptions:
             )
         check_number("patience", self.patience, above=True, most=3600.0, place="hosts")
         check_whole("delay_steps", self.delay_steps, 0, LONGEST_DELAY, "hosts")
-        check_number("memory", self.memory, above=True, most=1e6, place="hosts")
+        check_number("memory", self.memory, least=LEAST_MEMORY, most=1e6, place="hosts")
         for name in ("log", "replay"):
             check_instance(name, getattr(self, name), str, "the path of a folder", "hosts")
         if self.deadline_ms is None:

@@ -17,6 +17,7 @@ from smarts.observations.lane_ways import LANE_WAYS
 from smarts.observations.surroundings import OWN, Own
 from smarts.observations.u_turn import LATERAL, POINTS, SHARPEST, TURN_LANE, TURN_STATE
 from smarts.planners import Limits, PlanStatus, SumoPlanner, resample
+from smarts.planners.protocol import check_plans
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, target_speed
 from smarts.zoo.planned import agilities, lane_paths, plan_paths, planner_named
@@ -102,6 +103,7 @@ class UTurn(Driver):
         targets[:, 1:4], targets[:, 4] = lane[:, 0], pace[rows]
         targets[:, 0] = 0.5 * np.pi * np.hypot(*(targets[:, 1:3] - states[:, :2]).T) / pace[rows]
         plans = self._planner.plan(states, targets)
+        check_plans(plans, len(rows), self._planner)
         # The path ends up to `FARTHEST` from the lane's first point, so the lane goes on with its second.
         times = plans.path[:, -1:, 0] * np.linspace(0.0, 1.0, PATH_POINTS - POINTS + 1)
         turns = plan_paths(resample(plans.path, times))

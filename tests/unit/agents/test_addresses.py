@@ -267,6 +267,22 @@ def test_an_address_where_nobody_answers_is_an_error():
         make_spec(f"tcp://127.0.0.1:{port}")
 
 
+@pytest.mark.parametrize("greeting", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0" * 64])
+def test_what_is_no_agent_is_told_from_an_agent_with_another_secret(greeting):
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def serve():
+            with listening.accept()[0] as connection:
+                connection.sendall(greeting)
+
+        server = threading.Thread(target=serve)
+        server.start()
+        with pytest.raises(HostError) as raised:
+            make_spec(f"tcp://127.0.0.1:{listening.getsockname()[1]}")
+        server.join()
+    assert SECRET not in str(raised.value)
+
+
 def test_secrets_are_needed_beyond_this_machine(monkeypatch):
     monkeypatch.delenv(SECRET, raising=False)
     assert secret_for("localhost") == secret_for("::1") == ""
