@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smarts.arrays import Floats
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped
 from smarts.planners.paths import resample
@@ -71,8 +72,9 @@ class SumoPlanner:
     def __init__(
         self, limits: Limits | None = None, model: CarFollowing | None = None, duration: float = 3.0
     ) -> None:
-        self._limits, self._model = limits or Limits(), model or CarFollowing()
-        self._duration = float(duration)
+        self._limits = limits or Limits()
+        size = np.array([self._limits.length, self._limits.width])
+        self._drive = bind(drive, model or CarFollowing(), size, float(duration))
 
     def plan(
         self,
@@ -85,7 +87,6 @@ class SumoPlanner:
         """Plan a path for each vehicle; see `Planner`."""
         around, limits = neighbours or Neighbours.none(len(states)), self._limits
         check_shapes(states, targets, around, last)
-        size = np.array([limits.length, limits.width])
         paths = np.full((len(states), STEPS // EACH + 1, 5), np.nan)
         times = STEP * np.arange(STEPS + 1)
         for n in range(len(states)):
@@ -93,34 +94,32 @@ class SumoPlanner:
             others = resample(around.path[n, seen], np.tile(times, (seen.sum(), 1)))
             target = targets[n].copy()
             target[4] = min(target[4], limits.speed)
-            drive(
-                states[n], target, others, around.size[n, seen], size, self._model, self._duration, paths[n]
-            )
+            self._drive(states[n], target, others, around.size[n, seen], paths[n])
         failed = np.asarray(~np.isfinite(paths).all(axis=(1, 2)))
         return keep_last(paths, failed, last, np.broadcast_to(np.asarray(elapsed, float), len(states)))
 
 
 @kernel
 def drive(
+    model: CarFollowing,
+    size: Floats,
+    duration: float,
     state: Floats,
     target: Floats,
     others: Floats,
     sizes: Floats,
-    size: Floats,
-    model: CarFollowing,
-    duration: float,
     path: Floats,
 ) -> None:
     """Write the path of one vehicle; nothing if it is in no lane along the target.
 
     Args:
+        model: The car-following model.
+        size: The vehicle's length and width, shape (2,).
+        duration: Of a lane change [s].
         state: x, y, heading, speed, shape (4 or more,).
         target: Time, x, y, heading, speed, shape (5,).
         others: The neighbours' poses at each step, as of paths, shape (K, STEPS + 1, 5).
         sizes: Their lengths and widths, shape (K, 2).
-        size: The vehicle's.
-        model: The car-following model.
-        duration: Of a lane change [s].
         path: Written, shape (STEPS / EACH + 1, 5).
     """
     cosine, sine = math.cos(target[3]), math.sin(target[3])

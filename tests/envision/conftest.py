@@ -54,11 +54,10 @@ def open_page(browser: Browser, tmp_path: Path) -> Iterator[Callable[..., Page]]
         page.on("pageerror", lambda error: problems.append(str(error)))
 
         def told(message: ConsoleMessage) -> None:
-            # Browsers report sockets that are refused, whatever the page does about it.
+            # Browsers report connections that are refused, whatever the page does about it.
             # A test's server may end before its page.
-            is_expected = "WebSocket" in message.text and (
-                may_lose_connection or "ERR_CONNECTION_REFUSED" in message.text
-            )
+            is_refused = "ERR_CONNECTION_REFUSED" in message.text
+            is_expected = is_refused or (may_lose_connection and "WebSocket" in message.text)
             if message.type == "error" and not is_expected:
                 problems.append(message.text)
 
