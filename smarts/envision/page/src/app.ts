@@ -134,6 +134,9 @@ export class App {
       clock.seek(clock.isLive ? clock.end : clock.begin);
       if (!clock.isPlaying) clock.play();
     }
+    // A link to what was open before would lead back there. Simulations that run open themselves.
+    if (!place && this.element.dataset.ready && this.views.every((view) => !view.recording.isLive))
+      history.replaceState(null, "", this.link(null));
     this.element.toggleAttribute("data-empty", this.views.length === 0);
   }
 
@@ -171,19 +174,20 @@ export class App {
     if (!place.t && !location.hash.includes("t=")) this.player.clock.play();
   }
 
-  private place(): Place {
+  /** A fragment that restores the view; without a time what is open, from its beginning. */
+  private link(t: number | null = this.player.clock.t): string {
     const { view } = this;
-    const orbit = view && !view.isUnseen && this.mode !== "follow" ? view.rig.aim : null;
-    return {
+    const isAimed = t !== null && view && !view.isUnseen && this.mode !== "follow";
+    return formatLink({
       episodes: this.views.map((each) => each.id),
-      t: this.player.clock.t,
+      t,
       speed: this.player.clock.speed,
       mode: this.mode,
       agent: view?.chosen?.name ?? "",
       focus: this.player.focus,
       isInStep: this.player.isInStep,
-      orbit,
-    };
+      orbit: isAimed ? view.rig.aim : null,
+    });
   }
 
   private setFocus(index: number): void {
@@ -256,10 +260,9 @@ export class App {
   }
 
   private async copyLink(): Promise<void> {
-    const link = location.href.replace(/#.*$/, "") + formatLink(this.place());
-    history.replaceState(null, "", formatLink(this.place()));
+    history.replaceState(null, "", this.link());
     try {
-      await navigator.clipboard.writeText(link);
+      await navigator.clipboard.writeText(location.href);
       this.toast.say("The link to this view is copied.", 2500);
     } catch {
       this.toast.say("The link to this view is in the address bar.", 2500);
@@ -376,7 +379,7 @@ export class App {
       this.element.dataset.ready
     ) {
       this.linkAt = now;
-      const link = formatLink(this.place());
+      const link = this.link();
       if (link !== location.hash) history.replaceState(null, "", link);
     }
   }

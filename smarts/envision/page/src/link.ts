@@ -18,10 +18,11 @@ const FARTHEST = 1e6;
 const MODES: readonly string[] = ["top", "follow", "free"];
 const MOST = 9;
 
-export function formatLink(place: Place): string {
+/** Writes a fragment; without a time the link plays from the beginning. */
+export function formatLink(place: Omit<Place, "t"> & { t: number | null }): string {
   const parts = new URLSearchParams();
   if (place.episodes.length) parts.set("e", place.episodes.join(","));
-  parts.set("t", place.t.toFixed(1));
+  if (place.t !== null) parts.set("t", place.t.toFixed(1));
   if (place.speed !== 1) parts.set("speed", String(place.speed));
   parts.set("cam", place.mode);
   if (place.agent) parts.set("agent", place.agent);
