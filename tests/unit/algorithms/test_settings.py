@@ -42,7 +42,6 @@ from algorithms.settings import Near, PPOSettings, faults
         ("networked_q", {"fit_steps": 0}),
         ("commnet", {"communication_steps": -1}),
         ("vdn", {"team_reward": "avg"}),
-        ("vdn", {"prioritised": True}),
     ],
 )
 def test_a_setting_out_of_range_is_named_with_its_value(name, wrong):
@@ -72,6 +71,12 @@ def test_a_wrong_part_of_a_setting_is_named_by_its_place(wrong, key):
     [
         ("dqn", {"learning_starts": 5000, "capacity": 1000}),
         ("dqn", {"prioritised": True, "gru": 8}),
+        ("dqn", {"priority_alpha": 0.9}),
+        ("dqn", {"priority_beta": 0.9}),
+        ("ppo", {"sequence_length": 4}),
+        ("maddpg", {"sequence_length": 4}),
+        ("pg", {"normalize_values": True, "baseline": False}),
+        ("networked_q", {"agreement_rounds": 2, "consensus": False}),
         ("maac", {"attention_heads": 5}),
         ("ppo", {"rollout_fragment_length": 60, "gru": 8}),
     ],

@@ -10,7 +10,7 @@ from algorithms.joint.env import MEMORY
 from algorithms.joint.features import MEAN_ACTION
 from algorithms.joint.rollout import View
 from algorithms.parts.distributions import Exploration
-from algorithms.settings import OffPolicySettings
+from algorithms.settings import ReplaySettings
 from tests.games.games import Cues, Ragged, Target
 from tests.games.recall import Recall
 
@@ -25,7 +25,7 @@ def build():
     def built_algo(name, env: type = Cues, runners=0, **settings):
         config = algorithms.config(name).environment(env).debugging(seed=3)
         config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
-        replay = LEARN if issubclass(algorithms.entry(name).settings, OffPolicySettings) else {}
+        replay = LEARN if issubclass(algorithms.entry(name).settings, ReplaySettings) else {}
         built.append(config.training(**{"hidden": (16,), **replay, **settings}).build_algo())
         return built[-1]
 
