@@ -56,8 +56,7 @@ class JointSettings(BaseModel):
     gru: Annotated[int, Field(ge=0, le=WIDEST)] = 0
     """Width of the policies' memory (gated recurrent units), for recurrent algorithms; 0: no memory."""
     sequence_length: Count = 16
-    """Steps through which recurrent policies are differentiated; divides `rollout_fragment_length`. With `gru`
-    only."""
+    """Steps through which policies with `gru` are differentiated; divides `rollout_fragment_length`."""
     max_env_failures: Count = 10
     """Failures of one environment without a completed episode in between that stop the run."""
     max_silent_iterations: Count = 3
