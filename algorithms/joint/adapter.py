@@ -192,7 +192,7 @@ class JointVector:
 
     def _write_agent(self, b: int, agent: str, seen: Any, info: Mapping[str, Any]) -> None:
         """Write an agent's observation and mask; zeros and every action where it is not there."""
-        _, number, row = self._place[agent]
+        column, number, row = self._place[agent]
         leaves, mask = self._view.observations[number], self._view.masks[number]
         if seen is None:
             parts, action_mask = dict.fromkeys(leaves, 0), True
@@ -203,7 +203,10 @@ class JointVector:
         for name, part in parts.items():
             leaves[name][b, row] = part
         if mask is not None:
-            mask[b, row] = info[MASK] if action_mask is None else action_mask
+            if action_mask is None:
+                _check_mask(agent, missing=MASK not in info and bool(self._view.alive[b, column]))
+                action_mask = info.get(MASK, True)
+            mask[b, row] = action_mask
 
     def _start(self, b: int) -> None:
         seed = episode_seed(self._seed, int(self._indices[b]), int(self._episodes[b]))
@@ -322,6 +325,16 @@ def _check_cut(agent: str, *, blind: bool) -> None:
             f"agent {agent!r} was truncated without an observation to value what was cut off",
             place="environment",
             remedy="give every agent that is truncated its last observation in the same step",
+        )
+
+
+def _check_mask(agent: str, *, missing: bool) -> None:
+    """Raise if an agent that acts next has no mask, although it had one at the beginning."""
+    if missing:
+        raise SpaceError(
+            f"the infos of agent {agent!r} have no {MASK!r}, as they had after the first reset",
+            place="environment",
+            remedy=f"give {MASK!r} in the infos of every agent that acts next, in each step",
         )
 
 

@@ -201,3 +201,43 @@ def test_who_enters_later_is_masked_like_those_of_equal_spaces():
     assert block.masked
     assert env.reset(0, np.array([0])).masks[0][0].tolist() == [[True, False], [True, True]]
     assert env.step((np.zeros((1, 2), np.int64),)).masks[0][0].tolist() == [[True, False]] * 2
+
+
+class SilentAtTheEnd(Cues):
+    """Gives masks in infos, but none in the step that truncates an agent."""
+
+    silent = True
+
+    def reset(self, *, seed=None, options=None):
+        return super().reset(seed=seed, options=options)[0], self.infos()
+
+    def step(self, action_dict):
+        seen, rewards, ends, cuts, _ = super().step(action_dict)
+        missing = cuts["__all__"] if self.silent else self.t == 3
+        return (
+            seen,
+            rewards,
+            ends,
+            {a: cuts["__all__"] for a in self.agents} | cuts,
+            {} if missing else self.infos(),
+        )
+
+    def infos(self):
+        return {a: {"action_mask": np.array([1, 0, 1, 1], bool)} for a in self.agents}
+
+
+def test_an_agent_that_is_truncated_needs_no_mask():
+    env = JointVector(lambda b: SilentAtTheEnd(), 1)
+    env.reset(0, np.zeros(1, int))
+    for _ in range(9):
+        assert env.step((np.zeros((1, 2), int),)).final is None
+    assert env.step((np.zeros((1, 2), int),)).final.masks[0].all()
+
+
+def test_an_agent_that_acts_next_needs_its_mask():
+    env = JointVector(lambda b: type("Silent", (SilentAtTheEnd,), {"silent": False})(), 1)
+    env.reset(0, np.zeros(1, int))
+    for _ in range(2):
+        env.step((np.zeros((1, 2), int),))
+    with pytest.raises(SpaceError, match=r"agent 'agent_0' have no 'action_mask'"):
+        env.step((np.zeros((1, 2), int),))
