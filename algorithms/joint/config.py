@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import logging
 import secrets
+from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -38,6 +39,8 @@ from algorithms.settings import faults
 
 logger = logging.getLogger(__name__)
 
+OTHER_NAMES = {"num_epochs": "epochs", "train_batch_size_per_learner": "batch_size"}
+"""Our names of RLlib's settings that mean the same."""
 ALL_STEPS = 2**62
 """More environment steps than any schedule has."""
 
@@ -106,6 +109,11 @@ class JointConfig(AlgorithmConfig):
                 place="training()",
                 remedy=nearest_names(name, known),
             )
+        for other, name in OTHER_NAMES.items():
+            if settings.keys() >= {other, name} and name in self.setting_names:
+                self._value_error(
+                    f"{other}={settings[other]!r} and {name}={settings[name]!r}: give one of them"
+                )
         own = settings.keys() & self.setting_names
         super().training(**{name: value for name, value in settings.items() if name not in own})
         for name in own:
@@ -130,6 +138,11 @@ class JointConfig(AlgorithmConfig):
         if model_config is not NotProvided:
             self.training(**network_settings(model_config))
         return self
+
+    def get_state(self) -> dict[str, Any]:
+        """Return all settings as they are; RLlib's own method leaves out those of -1 and opens `PolicySpec`s."""
+        names = vars(self).keys() - {"algo_class", "_is_frozen"}
+        return {**super().get_state(), **{name: vars(self)[name] for name in names}}
 
     def modules(self, spec: JointSpec) -> dict[str, RLModuleSpec]:
         """Return the networks by module id: one policy per group, under the group's id, and critics.
@@ -294,6 +307,14 @@ class JointConfig(AlgorithmConfig):
             )
         self.rollout_fragment_length = size // count
 
+    def _check_groups(self) -> None:
+        """Check that no agent is in two groups."""
+        if not isinstance(self.sharing, Mapping):
+            return
+        counts = Counter(agent for members in self.sharing.values() for agent in members)
+        if twice := sorted(agent for agent, count in counts.items() if count > 1):
+            self._value_error(f"sharing={self.sharing!r}: {twice[0]!r} is in {counts[twice[0]]} groups")
+
     def _check_settings(self) -> None:
         values = {name: getattr(self, name) for name in self.setting_names}
         values = {name: v.item() if isinstance(v, np.generic) else v for name, v in values.items()}
@@ -301,6 +322,7 @@ class JointConfig(AlgorithmConfig):
             values["rollout_fragment_length"] = values["sequence_length"]
         for fault in faults(self.entry.settings, values):
             self._value_error(str(fault))
+        self._check_groups()
         if self.gru and not self.entry.recurrent:
             fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.recurrent)
             self._value_error(f"gru={self.gru}: {self.algorithm!r} has no memory; use one of: {fitting}")
@@ -324,9 +346,9 @@ class JointConfig(AlgorithmConfig):
 
     def _check_learners(self) -> None:
         """Check how many learners there are, and what each needs."""
-        for name in ("num_learners", "num_cpus_per_learner", "num_gpus_per_learner"):
+        for name in ("num_learners", "num_env_runners", "num_cpus_per_learner", "num_gpus_per_learner"):
             value = getattr(self, name)
-            whole = name == "num_learners"
+            whole = name in ("num_learners", "num_env_runners")
             if value == "auto" and name == "num_cpus_per_learner":
                 continue
             if isinstance(value, bool) or not isinstance(value, int if whole else int | float) or value < 0:
