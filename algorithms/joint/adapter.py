@@ -50,9 +50,9 @@ class JointVector:
         self._episodes = np.zeros(num_envs, int)
         self._seed = self._stride = 0
         first = self._envs[0]
-        names = list(first.possible_agents)
-        self._flattening = {a: Flattening(first.get_observation_space(a), a) for a in names}
-        actions = {a: check_action_space(first.get_action_space(a), a) for a in names}
+        names, observation_space, action_space = _agents_of(first)
+        self._flattening = {a: Flattening(observation_space(a), a) for a in names}
+        actions = {a: check_action_space(action_space(a), a) for a in names}
         infos = self._first_infos()
         self.spaces = _spaces(names, self._flattening, actions, infos)
         self._place = {
@@ -300,6 +300,17 @@ class JointVector:
             failed or {},
             metrics or {},
         )
+
+
+def _agents_of(env: Any) -> tuple[list[str], Callable[[str], Any], Callable[[str], Any]]:
+    """Return an environment's agents, and functions to their observation and action spaces.
+
+    RLlib's wrapper of PettingZoo's environments knows only the agents that are there after the first reset.
+    """
+    wrapped = getattr(env, "par_env", None)
+    if set(getattr(wrapped, "possible_agents", ())) > set(env.possible_agents):
+        return list(wrapped.possible_agents), wrapped.observation_space, wrapped.action_space
+    return list(env.possible_agents), env.get_observation_space, env.get_action_space
 
 
 def _outcome(own_end: bool, own_cut: bool, all_end: bool, all_cut: bool) -> tuple[bool, bool]:
