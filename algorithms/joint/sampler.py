@@ -322,7 +322,7 @@ class Sampler:
 
     def _fail_non_finite(self, step: JointStep) -> JointStep:
         """Treat environments with NaN or infinite observations, states or rewards as failed."""
-        broken = non_finite(step)
+        broken = non_finite(step, self.spec.agents)
         if not broken:
             return step
         fresh = self._finite_start(learned_step(self.env.recreate(broken)))
@@ -339,7 +339,7 @@ class Sampler:
 
     def _finite_start(self, step: JointStep) -> JointStep:
         """Return first moments without NaN or infinity: environments that begin with them are recreated."""
-        attempts, broken = 1, non_finite(step)
+        attempts, broken = 1, non_finite(step, self.spec.agents)
         while broken:
             if attempts > self._max_failures:
                 raise EnvironmentFailure(
@@ -349,7 +349,7 @@ class Sampler:
                 )
             self.progress.failed_total += len(broken)
             step = learned_step(self.env.recreate(broken))
-            attempts, broken = attempts + 1, non_finite(step)
+            attempts, broken = attempts + 1, non_finite(step, self.spec.agents)
         return step
 
     def _see(self, step: JointStep) -> None:

@@ -6,6 +6,7 @@ import torch
 from gymnasium.spaces import Box, Dict
 from rigs import EVERY, Rig, known
 
+from algorithms.joint.finite import non_finite
 from tests.games.games import Cues, Ragged, Target
 
 REPLAY = {"learning_starts": 8, "capacity": 200, "batch_size": 16, "updates_per_step": 0.5}
@@ -91,3 +92,17 @@ def test_leaves_of_a_dict_are_cast_one_by_one():
 
     leaves = Rig("centralised_v", Mixed).rollout(4).views.observations[0]
     assert {name: leaf.dtype for name, leaf in leaves.items()} == {"near": np.float32, "far": np.uint8}
+
+
+def test_a_number_that_is_not_finite_is_named_with_its_agent():
+    step = Rig("ppo", Cues).env.reset(0, np.arange(2))
+    rewards = step.rewards.copy()
+    rewards[1, 0] = np.nan
+    seen = {"": step.observations[0][""].copy()}
+    seen[""][0, 1, 2] = np.inf
+    found = non_finite(step._replace(rewards=rewards, observations=(seen,)), ("x", "y"))
+    assert {b: str(error) for b, error in found.items()} == {
+        0: "NaN or infinity: observation of agent 'y'",
+        1: "NaN or infinity: reward of agent 'x'",
+    }
+    assert not non_finite(step, ("x", "y"))
