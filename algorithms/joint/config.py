@@ -25,6 +25,8 @@ from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.rllib_names import (
     DEFAULT_POLICIES,
+    OTHER_NAMES,
+    USUAL_NAMES,
     MappedPolicies,
     OtherName,
     check_names,
@@ -39,8 +41,6 @@ from algorithms.settings import faults
 
 logger = logging.getLogger(__name__)
 
-OTHER_NAMES = {"num_epochs": "epochs", "train_batch_size_per_learner": "batch_size"}
-"""Our names of RLlib's settings that mean the same."""
 ALL_STEPS = 2**62
 """More environment steps than any schedule has."""
 
@@ -107,7 +107,9 @@ class JointConfig(AlgorithmConfig):
             raise UnknownSettingError(
                 f"{self.algorithm!r} has no setting {name!r}",
                 place="training()",
-                remedy=nearest_names(name, known),
+                remedy=f"use {USUAL_NAMES[name]!r}"
+                if USUAL_NAMES.get(name) in known
+                else nearest_names(name, known),
             )
         for other, name in OTHER_NAMES.items():
             if settings.keys() >= {other, name} and name in self.setting_names:
@@ -140,7 +142,7 @@ class JointConfig(AlgorithmConfig):
         return self
 
     def get_state(self) -> dict[str, Any]:
-        """Return all settings as they are; RLlib's own method leaves out those of -1 and opens `PolicySpec`s."""
+        """Return all settings as they are; RLlib leaves out those of -1 and opens `PolicySpec`s."""
         names = vars(self).keys() - {"algo_class", "_is_frozen"}
         return {**super().get_state(), **{name: vars(self)[name] for name in names}}
 

@@ -8,6 +8,7 @@ from pydantic import Field
 from ray.rllib.policy.policy import PolicySpec
 
 import algorithms
+from algorithms.errors import UnknownSettingError
 from algorithms.ppo import PPOConfig
 from algorithms.registry import ALGORITHMS
 from algorithms.settings import Near, PPOSettings, faults
@@ -174,3 +175,17 @@ def test_two_names_of_one_setting_are_refused():
         algorithms.config("ppo").training(num_epochs=2, epochs=5)
     with pytest.raises(ValueError, match=r"train_batch_size_per_learner=8 and batch_size=16"):
         algorithms.config("dqn").training(train_batch_size_per_learner=8, batch_size=16)
+
+
+@pytest.mark.parametrize(
+    ("other", "own"), [("learning_rate", "lr"), ("clip_param", "clip"), ("gae_lambda", "lambda_")]
+)
+def test_names_of_other_libraries_lead_to_ours(other, own):
+    with pytest.raises(UnknownSettingError, match=f"remedy: use '{own}'"):
+        algorithms.config("ppo").training(**{other: 0.1})
+
+
+def test_a_setting_that_an_algorithm_lacks_under_any_name_is_not_offered():
+    with pytest.raises(UnknownSettingError) as caught:
+        algorithms.config("ppo").training(vf_loss_coeff=0.5)
+    assert "value_coeff" not in str(caught.value)
