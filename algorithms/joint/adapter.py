@@ -307,7 +307,7 @@ def _agents_of(env: Any) -> tuple[list[str], Callable[[str], Any], Callable[[str
 
     RLlib's wrapper of PettingZoo's environments knows only the agents that are there after the first reset.
     """
-    wrapped = getattr(env, "par_env", None)
+    wrapped: Any = getattr(env, "par_env", None)
     if set(getattr(wrapped, "possible_agents", ())) > set(env.possible_agents):
         return list(wrapped.possible_agents), wrapped.observation_space, wrapped.action_space
     return list(env.possible_agents), env.get_observation_space, env.get_action_space

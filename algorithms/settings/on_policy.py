@@ -88,7 +88,7 @@ class SingleStepSettings(OnPolicySettings):
     """Always the whole rollout; 'ppo' takes minibatches."""
 
 
-class A2CSettings(SingleStepSettings, ActorCriticSettings):
+class A2CSettings(SingleStepSettings, ActorCriticSettings):  # type: ignore[reportIncompatibleVariableOverride]
     """Independent A2C."""
 
     rollout_fragment_length: Count = 16
