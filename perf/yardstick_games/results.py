@@ -160,7 +160,8 @@ def episodes_of(runs: Sequence[RunFile]) -> str:
     all_runs = sum(run.algorithm != RANDOM for run in runs)
     if own == all_runs:
         return "Episodes are each training seed's own."
-    return f"{fixed}, but each training seed's own in the {own} of {all_runs} runs without `{SEED}` in their first line."
+    where = f"the {own} of {all_runs} runs without `{SEED}` in their first line"
+    return f"{fixed}, but each training seed's own in {where}."
 
 
 def row(algorithm: str, runs: Sequence[RunFile]) -> str:
