@@ -125,7 +125,8 @@ class CommNetSettings(A2CSettings):
 class COMASettings(JointSettings):
     """COMA."""
 
-    lr: ScheduledFraction = 5e-4
+    lr: ScheduledFraction = 1e-3
+    rollout_fragment_length: Count = 16
     lambda_: Fraction = 0.8
     """Weight of longer returns in the critic's targets, TD(lambda)."""
     epsilon: FirstAndLast = (0.5, 0.02)

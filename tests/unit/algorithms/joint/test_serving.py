@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from rigs import takes
+from rigs import known, takes
 
 import algorithms
 from algorithms.joint.env import MEMORY
@@ -44,7 +44,7 @@ def policy_of(algo, agent):
     [(name, kind) for name in algorithms.names() for kind in ("all", "none") if takes(name, sharing=kind)],
 )
 def test_every_algorithm_serves_observations_of_single_agents(build, name, sharing):
-    algo = build(name, sharing=sharing)
+    algo = build(name, sharing=sharing, **known(name, {"consensus": sharing != "all"}))
     algo.train()
     seen = np.eye(4, dtype=np.float32)
     for agent in ("agent_0", "agent_1"):
@@ -115,7 +115,7 @@ def test_memory_goes_through_rllibs_states(build, name):
 
 @pytest.mark.parametrize("name", ["commnet", "networked_q", "ppo"])
 def test_a_row_may_be_all_agents_of_a_group_who_hear_each_other(build, name):
-    algo = build(name, Ragged, sharing="all")
+    algo = build(name, Ragged, sharing="all", **known(name, {"consensus": False}))
     algo.train()
     module = policy_of(algo, "a")
     seen = torch.randn(6, 3, *algo.spec.groups[0].observation[""].shape)
