@@ -204,7 +204,8 @@ class ViewServer:
         """Give a viewer that has the token a cookie, so that the address need not have it."""
         given = await _json_of(request)
         if not self._guard.is_token(str(given.get("token", ""))):
-            return JSONResponse({"error": "the token is wrong; open the address that smarts-bench view printed"}, status_code=401)
+            error = "the token is wrong; open the address that smarts-bench view printed"
+            return JSONResponse({"error": error}, status_code=401)
         answer = JSONResponse({})
         value = self._guard.cookie_value()
         answer.set_cookie(self._guard.cookie, value, httponly=True, samesite="strict")

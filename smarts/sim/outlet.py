@@ -365,7 +365,7 @@ def _warn_refused(error: Exception, address: Address) -> None:
     token = "the token is wrong" if address.token else "no token is given"
     logging.getLogger("smarts").warning(
         "the viewer at %s:%d refuses simulations (%d): %s, or the server runs without --live; "
-        "set SMARTS_ENVISION=token@%s:%d with the token that `smarts-bench view --live` printed behind '#token='",
+        "set SMARTS_ENVISION=TOKEN@%s:%d with the token that `smarts-bench view --live` printed",
         *(address.host, address.port, status, token, address.host, address.port),
     )
 

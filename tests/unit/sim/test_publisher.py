@@ -266,7 +266,7 @@ def test_a_refusal_is_named_once(caplog, monkeypatch, token):
             each.close()
     (warning,) = [record.getMessage() for record in caplog.records if record.name == "smarts"]
     assert f"127.0.0.1:{server.port}" in warning
-    assert "token@" in warning
+    assert "TOKEN@" in warning
     assert "secret" not in warning
     assert "bad@" not in warning
 
