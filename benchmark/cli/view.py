@@ -57,6 +57,12 @@ def view(
             place="view",
             remedy="name the folder of a run or of recorded episodes, or one episode, or give --live",
         )
+    if live and (html is not None or out is not None):
+        raise SmartsError(
+            "--live has no effect on files of episodes",
+            place="view",
+            remedy="leave out --live, or --html and --out",
+        )
     if html is not None or out is not None:
         _write(paths or [], html, out, begin, end)
         return

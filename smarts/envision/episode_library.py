@@ -45,6 +45,8 @@ class Entry:
     traffic: str = ""
     episode: int = 0
     seed: int = 0
+    world: int = 0
+    """Which simulation of its run it is of."""
     steps: int = 0
     seconds: float = 0.0
     agents: int = 0
@@ -118,11 +120,15 @@ class EpisodeLibrary:
 
     def _entry(self, number: str, path: Path, root: Path) -> Entry:
         try:
-            marker = path if path.is_file() else path / f"{EPISODE.name}.parquet"
-            key = path, marker.stat().st_mtime_ns
-            if key not in self._entries:
-                self._entries[key] = _entry_of(number, path, root)
-            return self._entries[key]
+            files = [path, *path.iterdir()] if path.is_dir() else [path]
+            key = path, max(each.stat().st_mtime_ns for each in files)
+            if key in self._entries:
+                return self._entries[key]
+            entry = _entry_of(number, path, root)
+            if not entry.error:
+                # What is missing may be brought back.
+                self._entries[key] = entry
+            return entry
         except OSError as error:
             return Entry(number, path.name, _run(path, root), error=str(error.strerror or error))
 
@@ -202,6 +208,7 @@ def _entry_of(number: str, path: Path, root: Path) -> Entry:
     try:
         if path.is_dir():
             episode = RecordedEpisode(path)
+            episode.check_files()
             facts, agents = episode.facts, episode.table("agents")
         else:
             compact = CompactEpisode.load(path, only_static=True)
@@ -216,6 +223,7 @@ def _entry_of(number: str, path: Path, root: Path) -> Entry:
             traffic=str(facts["traffic"]),
             episode=int(facts["episode"]),
             seed=int(facts["seed"]),
+            world=int(facts["world"]),
             steps=int(facts["steps"]),
             seconds=_finite(float(facts["steps"]) * float(facts["dt"])),
             agents=int(np.count_nonzero(is_ego)),

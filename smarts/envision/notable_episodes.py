@@ -51,8 +51,8 @@ def notable_episodes(entries: Iterable[Entry]) -> list[Notable]:
     """Return the best episode, the worst one, and one of each further kind of failure, each episode once.
 
     Best is where most agents reached their goals, then where it took the least time; there is none where
-    agents only fail. Worst is where the most failed, then where most collided. Invalid, unfinished and
-    damaged episodes are left out.
+    agents only fail. Worst is where the most failed, then where most collided; where there is no best and all
+    ended in the same way, it is named by that way. Invalid, unfinished and damaged episodes are left out.
     """
     whole = [
         each for each in entries if each.complete and not each.invalid and not each.error and each.agents
@@ -62,7 +62,8 @@ def notable_episodes(entries: Iterable[Entry]) -> list[Notable]:
     best = min(whole, key=lambda each: (-_share(each), each.seconds, each.label))
     worst = min(whole, key=lambda each: (-_failures(each), -_collisions(each), each.seconds, each.label))
     found = [(best, "best")] if _share(best) or not _failures(best) else []
-    if _failures(worst):
+    # Where all end in the same way, none is worse than another.
+    if _failures(worst) and (found or any(each.outcomes != worst.outcomes for each in whole)):
         found.append((worst, "worst"))
     for outcome in Outcome:
         name = outcome.name.lower()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import hmac
 import json
@@ -203,7 +204,8 @@ class ViewServer:
         """Give a viewer that has the token a cookie, so that the address need not have it."""
         given = await _json_of(request)
         if not self._guard.is_token(str(given.get("token", ""))):
-            return JSONResponse({"error": "the token is wrong"}, status_code=401)
+            error = "the token is wrong; open the address that smarts-bench view printed"
+            return JSONResponse({"error": error}, status_code=401)
         answer = JSONResponse({})
         value = self._guard.cookie_value()
         answer.set_cookie(self._guard.cookie, value, httponly=True, samesite="strict")
@@ -261,8 +263,14 @@ def _listen(host: str, port: int) -> socket.socket:
             raise
         return listener
     except (OSError, OverflowError) as error:
+        is_unknown = isinstance(error, socket.gaierror) or getattr(error, "errno", 0) == errno.EADDRNOTAVAIL
+        remedy = (
+            f"give an address of this machine with --host, such as {LOOPBACK[0]}, or 0.0.0.0 for all"
+            if is_unknown
+            else "give another port with --port, or 0 for any that is free"
+        )
         raise SmartsError(
             f"the server cannot listen: {getattr(error, 'strerror', None) or error}",
             place=f"{host}:{port}",
-            remedy="give another port with --port, or 0 for any that is free",
+            remedy=remedy,
         ) from error

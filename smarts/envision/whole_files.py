@@ -34,5 +34,5 @@ def written_whole(out: Path) -> Iterator[Path]:
         raise SmartsError(
             f"the file cannot be written: {error.strerror or error}",
             place=str(out),
-            remedy="choose another --out",
+            remedy="name another file, in a folder that can be written to",
         ) from error

@@ -11,6 +11,7 @@ import hashlib
 import os
 import shutil
 import socket
+import zipfile
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -37,6 +38,8 @@ from smarts.types.episode_schema import (
 
 MAPS = "maps"
 PARTIAL = ".partial"
+_PARQUET = b"PAR1"
+"""Begins and ends a Parquet file."""
 
 Rows = Mapping[str, Sequence[Any] | NDArray]
 """Columns by name, all of one length."""
@@ -221,13 +224,45 @@ class RecordedEpisode:
             remedy="bring the folder back from a copy, or record the episode again",
         )
 
+    def check_files(self) -> None:
+        """Raise if a table or the map is missing or cut; of each, only the end is read.
+
+        Raises:
+            RecordError: A table is missing or cut.
+            MapError: The map is.
+        """
+        for name, table in TABLE.items():
+            try:
+                with (self.folder / f"{name}.parquet").open("rb") as file:
+                    file.seek(0, os.SEEK_END)
+                    size = file.tell()
+                    file.seek(max(0, size - len(_PARQUET)))
+                    if size < 3 * len(_PARQUET) or file.read() != _PARQUET:
+                        raise self._damaged(name, f"{size} bytes, of which the last ones are missing")
+            except FileNotFoundError:
+                if not table.is_optional:
+                    raise self._damaged(name, "it is missing") from None
+            except OSError as error:
+                raise self._damaged(name, str(error)) from error
+        path = self._map
+        if not zipfile.is_zipfile(path):
+            raise MapError(
+                f"the map of the episode is {'damaged' if path.exists() else 'not there'}",
+                place=str(path),
+                remedy=f"bring the file back, since episodes need the folder '{MAPS}' beside them",
+            )
+
+    @property
+    def _map(self) -> Path:
+        return self.folder.parent / MAPS / f"{self.facts['map']}.npz"
+
     def roads(self) -> LaneGraph:
         """Return the map.
 
         Raises:
             MapError: It is not beside the episodes, or damaged.
         """
-        path = self.folder.parent / MAPS / f"{self.facts['map']}.npz"
+        path = self._map
         try:
             return LaneGraph.load(path)
         except MapError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import os
 import re
 import select
@@ -37,6 +38,8 @@ _LOOK = 0.05
 """From one look of an outlet that ends at what is still to be sent to the next [s]."""
 _AT_ONCE = 64
 """The most frames of one call of the system."""
+_REFUSED = (401, 403)
+"""Statuses of a server that does not take simulations from this process."""
 Content = Mapping[str, Any]
 _ADDRESS = re.compile(r"(?:(?P<token>[^@\s]+)@)?(?P<host>[^@\s/]+):(?P<port>\d{1,5})")
 
@@ -210,8 +213,10 @@ class Outlet:
     def _work(self) -> None:
         while not self._closing.is_set():
             # Whatever is wrong with a viewer is none of the simulation's business.
-            with contextlib.suppress(Exception):
+            try:
                 self._serve()
+            except Exception as error:
+                _warn_refused(error, self._address)
             with self._lock:
                 self.is_open = False
                 self._drop()
@@ -345,6 +350,24 @@ def _shaken(connection: socket.socket, address: Address) -> ClientProtocol:
     if protocol.handshake_exc is not None:
         raise protocol.handshake_exc
     return protocol
+
+
+_warned: set[Address] = set()
+"""Addresses whose servers have refused this process, each of which is named once."""
+
+
+def _warn_refused(error: Exception, address: Address) -> None:
+    """Warn if a server has answered and refused; one that is not there may come."""
+    status = getattr(getattr(error, "response", None), "status_code", 0)
+    if status not in _REFUSED or address in _warned:
+        return
+    _warned.add(address)
+    token = "the token is wrong" if address.token else "no token is given"
+    logging.getLogger("smarts").warning(
+        "the viewer at %s:%d refuses simulations (%d): %s, or the server runs without --live; "
+        "set SMARTS_ENVISION=TOKEN@%s:%d with the token that `smarts-bench view --live` printed",
+        *(address.host, address.port, status, token, address.host, address.port),
+    )
 
 
 def _observed(event: Any) -> dict[str, list[int]] | None:

@@ -66,7 +66,7 @@ def observing(data: bytes) -> bytes:
 
 
 def rewarded(data: bytes, terms: Sequence[str]) -> bytes:
-    """Return a compact episode in which the first agent's reward has terms, each 1 more than the one before."""
+    """Return a compact episode in which the first agent's reward has terms of 0, 1, 2, ..."""
     messages = list(messages_in(data))
     motions = [motion_of(message) for message in messages if message["type"] == "steps"]
     steps = np.unique(np.concatenate([motion.step for motion in motions])).astype(np.int32)

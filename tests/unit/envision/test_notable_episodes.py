@@ -69,8 +69,9 @@ def test_an_episode_is_shown_once_with_all_reasons():
 
 
 def test_where_none_arrives_there_is_no_best():
-    # The quickest crash is no success.
-    assert chosen(entry("late", 9.0, collision=4), entry("soon", 5.0, collision=4)) == {"worst": "soon"}
+    # The quickest crash is no success, and as bad as the other one.
+    assert chosen(entry("late", 9.0, collision=4), entry("soon", 5.0, collision=4)) == {"collision": "soon"}
+    assert chosen(entry("only", off_road=2)) == {"off road": "only"}
     stands = entry("stands", 60.0, time_out=4)
     assert chosen(stands, entry("crash", 1.0, collision=4)) == {"worst": "crash", "time out": "stands"}
     # Where nothing fails either, there is something to see all the same.
@@ -133,6 +134,18 @@ def test_pages_of_an_earlier_command_are_named(run, tmp_path):
 
 def view(*arguments):
     return CliRunner().invoke(app, ["view", *map(str, arguments)])
+
+
+def test_options_that_exclude_each_other_and_folders_as_files_are_refused(run, tmp_path):
+    for option in ("--html", "--out"):
+        done = view(run, "--live", option, tmp_path / "x")
+        assert isinstance(done.exception, SmartsError)
+        assert "--live" in done.exception.remedy
+    assert not (tmp_path / "x").exists()
+    done = view(run, "--html", tmp_path)
+    assert isinstance(done.exception, SmartsError)
+    assert done.exception.place == str(tmp_path)
+    assert "--out" not in str(done.exception)
 
 
 def copied(run, tmp_path, *numbers):

@@ -11,6 +11,7 @@ from smarts.envision.server import ViewServer
 from smarts.errors import SmartsError
 from smarts.stream.reading import CompactEpisode
 from tests.compact_fixtures import FOLDER
+from tests.raising import raises
 from tests.viewers import PAGE, ask, serving
 
 
@@ -155,6 +156,14 @@ def test_a_port_that_is_taken_is_refused():
         port = taken.getsockname()[1]
         with pytest.raises(SmartsError, match=str(port)):
             ViewServer(None, port=port, page=PAGE)
+
+
+def test_an_address_of_no_machine_is_named_with_its_option():
+    # RFC 2606: no machine has a name that ends in .invalid; RFC 5737: nor this address.
+    for host in ("nohost.invalid", "192.0.2.1"):
+        with raises(SmartsError, f"{host}:8081", values=["--host"]) as caught:
+            ViewServer(None, host=host, page=PAGE)
+        assert "--port" not in caught.value.remedy
 
 
 class _Ended(logging.Handler):

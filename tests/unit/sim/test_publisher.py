@@ -248,6 +248,29 @@ def test_other_texts_are_no_addresses(text):
         Options(envision=text)
 
 
+@pytest.mark.parametrize("token", ["", "bad@"])
+def test_a_refusal_is_named_once(caplog, monkeypatch, token):
+    # Simulations of a process have an outlet each, and each tries again and again.
+    monkeypatch.setattr(outlet, "_RETRY", 0.01)
+    monkeypatch.setattr(outlet, "_warned", set())
+    tries = []
+    shaken = outlet._shaken
+    monkeypatch.setattr(outlet, "_shaken", lambda *given: tries.append(1) or shaken(*given))
+    with serving(live=True, host="0.0.0.0", token="secret") as server:
+        address = f"{token}127.0.0.1:{server.port}"
+        outlets = [outlet.Outlet(Address.parse(address, "x")) for _ in range(2)]
+        until = time.monotonic() + LIMIT
+        while len(tries) < 6 and time.monotonic() < until:
+            time.sleep(0.01)
+        for each in outlets:
+            each.close()
+    (warning,) = [record.getMessage() for record in caplog.records if record.name == "smarts"]
+    assert f"127.0.0.1:{server.port}" in warning
+    assert "TOKEN@" in warning
+    assert "secret" not in warning
+    assert "bad@" not in warning
+
+
 def test_addresses():
     assert Address.parse("host:80", "x") == Address("host", 80)
     assert Address.parse("to-ken_1@10.0.0.1:8081", "x") == Address("10.0.0.1", 8081, "to-ken_1")

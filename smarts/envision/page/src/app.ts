@@ -29,6 +29,7 @@ export class App {
   readonly element = h("div", { class: "app" });
   private readonly session = new Session({
     say: (text) => this.toast.say(text),
+    fail: (text) => this.fail(text),
     arranged: (before, place) => this.arrange(before, place),
     listed: () => this.refreshList(),
     connection: (state) => this.header.setLive(state),
@@ -53,6 +54,7 @@ export class App {
   private mode: Mode = "top";
   private shownRevision = -1;
   private hasFailed = false;
+  private hasNoList = false;
   private isForced = true;
   private last = 0;
   private panelAt = 0;
@@ -101,7 +103,13 @@ export class App {
     requestAnimationFrame((now) => this.frame(now));
     await this.session.start(parseLink(location.hash));
     this.element.dataset.ready = "yes";
-    if (!this.views.length && !this.session.hasLive) this.list.toggle();
+    this.nameOpen();
+    if (!this.views.length && !this.session.hasLive && !this.hasNoList) this.list.toggle();
+  }
+
+  private fail(text: string): void {
+    this.hasNoList = true;
+    this.stage.setNotice(text);
   }
 
   private get view(): View | null {
@@ -134,10 +142,14 @@ export class App {
       clock.seek(clock.isLive ? clock.end : clock.begin);
       if (!clock.isPlaying) clock.play();
     }
-    // A link to what was open before would lead back there. Simulations that run open themselves.
-    if (!place && this.element.dataset.ready && this.views.every((view) => !view.recording.isLive))
-      history.replaceState(null, "", this.link(null));
+    if (!place) this.nameOpen();
     this.element.toggleAttribute("data-empty", this.views.length === 0);
+  }
+
+  /** Has the address name what is open. Simulations that run open themselves. */
+  private nameOpen(): void {
+    if (this.element.dataset.ready && this.views.length && this.views.every((view) => !view.recording.isLive))
+      history.replaceState(null, "", this.link(this.player.clock.isPlaying ? null : this.player.clock.t));
   }
 
   /** Turns the camera to where agents drive, once there is anything. */
@@ -274,7 +286,7 @@ export class App {
     addEventListener("hashchange", () => {
       const place = parseLink(location.hash);
       const open = this.views.map((view) => view.id);
-      void this.session.open(place.episodes.length ? place.episodes : open, place);
+      void this.session.open(place.episodes.length ? place.episodes : open, place).then(() => this.nameOpen());
     });
     this.element.addEventListener("dragover", (event) => event.preventDefault());
     this.element.addEventListener("drop", (event) => {

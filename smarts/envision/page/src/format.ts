@@ -112,6 +112,7 @@ function source(raw: Raw): Source {
     scenario: textOf(each.scenario),
     policy: textOf(each.policy),
     host: textOf(each.host),
+    world: numberOf(each.world),
     episode: numberOf(each.episode),
     step: numberOf(each.step),
     running: each.running === true,

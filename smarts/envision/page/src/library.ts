@@ -12,6 +12,9 @@ export interface Entry {
   scenario: string;
   traffic: string;
   episode: number;
+  seed: number;
+  /** Which simulation of its run it is of. */
+  world: number;
   seconds: number;
   agents: number;
   outcomes: Record<string, number>;
@@ -53,6 +56,8 @@ function entryOf(id: string, raw: Record<string, unknown>): Entry {
     scenario: text(raw.scenario),
     traffic: text(raw.traffic),
     episode: number(raw.episode),
+    seed: number(raw.seed),
+    world: number(raw.world),
     seconds: number(raw.seconds),
     agents: number(raw.agents),
     outcomes: Object.fromEntries(Object.entries(outcomes).map(([name, count]) => [name, number(count)])),

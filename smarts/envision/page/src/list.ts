@@ -209,7 +209,7 @@ export class List {
             class: "compare text-button",
             type: "button",
             title: `The same test episode of ${partners.map((other) => other.policy || other.run || other.label).join(", ")}`,
-            onClick: () => this.choose([entry.id, ...partners.map((other) => other.id)].slice(0, MOST), true),
+            onClick: () => this.choose([entry.id, ...partners.map((other) => other.id)], true),
           },
           "compare",
         )

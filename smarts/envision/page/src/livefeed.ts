@@ -172,6 +172,8 @@ function entryOf(source: Source): Entry {
     scenario: source.scenario || source.title,
     traffic: "",
     episode: source.episode || 0,
+    seed: 0,
+    world: source.world || 0,
     seconds: 0,
     agents: 0,
     outcomes: {},

@@ -71,6 +71,8 @@ export interface Source {
   /** What drives the egos; empty where it is unknown. */
   policy: string;
   host: string;
+  /** Which simulation of its process. */
+  world: number;
   episode: number;
   step: number;
   running: boolean;

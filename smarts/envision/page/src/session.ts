@@ -5,13 +5,15 @@ import type { Place } from "./link";
 import { LiveFeed } from "./livefeed";
 import type { LiveState } from "./live";
 import { Player } from "./player";
-import { reason, titleOf } from "./titles";
+import { reason, titleOf, titlesOf } from "./titles";
 import { View } from "./view";
 
 export const MOST_VIEWS = 9;
 
 interface Actions {
   say(text: string): void;
+  /** Nothing can be shown; the reason stays on the page. */
+  fail(text: string): void;
   /** Other views are open than before; `before` has those that were, by id. */
   arranged(before: ReadonlyMap<string, View>, place?: Place): void;
   listed(): void;
@@ -65,7 +67,7 @@ export class Session {
     try {
       this.library = await findLibrary();
     } catch (error) {
-      this.actions.say(`The episodes cannot be listed: ${reason(error)}`);
+      this.actions.fail(`The episodes cannot be listed: ${reason(error)}`);
     }
     const { library } = this;
     this.pending = place.episodes;
@@ -75,6 +77,20 @@ export class Session {
     const known = library.entries.filter((entry) => !entry.error).map((entry) => entry.id);
     const wanted = place.episodes.filter((id) => known.includes(id));
     await this.open(wanted.length ? wanted : known.slice(0, library.isTogether ? MOST_VIEWS : 1), place);
+    this.nameMissing(place.episodes, wanted);
+  }
+
+  /** Says which episodes of a link are not opened; a simulation that it names may still come. */
+  private nameMissing(named: readonly string[], opened: readonly string[]): void {
+    if (this.hasLive) return;
+    const missing = named.filter((id) => !opened.includes(id));
+    const why = missing.map((id) => {
+      const entry = this.library.entries.find((each) => each.id === id);
+      return entry ? `${entry.label} cannot be opened: ${entry.error}` : `There is no episode ${id} here`;
+    });
+    if (!missing.length) return;
+    const shown = !opened.length && this.views.length ? `. Instead: ${this.views.map((view) => view.title).join("; ")}` : "";
+    this.actions.say(`${why.join(". ")}${shown}`);
   }
 
   private startLive(): void {
@@ -107,7 +123,15 @@ export class Session {
   choose(ids: readonly string[], isCompared = false): void {
     this.isAutomatic = false;
     if (isCompared) this.player.isInStep = true;
-    void this.open(ids);
+    void this.open(ids).then(() => this.nameRest(ids));
+  }
+
+  /** Says which of the chosen episodes are not shown since there is no room for them. */
+  private nameRest(ids: readonly string[]): void {
+    if (ids.length <= MOST_VIEWS) return;
+    const chosen = ids.map((id) => this.entries.find((entry) => entry.id === id)).filter((entry) => entry !== undefined);
+    const rest = titlesOf(chosen).slice(MOST_VIEWS);
+    this.actions.say(`${MOST_VIEWS} of ${chosen.length} episodes are shown, not: ${rest.join("; ")}`);
   }
 
   /** Opens recordings in a grid; those that are open stay as they are. */
@@ -123,8 +147,20 @@ export class Session {
     }
     for (const view of this.views) if (!views.includes(view)) view.dispose();
     this.views.splice(0, Infinity, ...views);
+    this.nameViews();
     this.feed?.watch(views.map((view) => view.id));
     this.actions.arranged(before, place);
+  }
+
+  /** Gives views titles by which they can be told apart. */
+  private nameViews(): void {
+    const entries = this.views.map(({ id }) => this.entries.find((entry) => entry.id === id));
+    const known = entries.filter((entry) => entry !== undefined);
+    const titles = titlesOf(known);
+    for (const view of this.views) {
+      const place = known.findIndex((entry) => entry.id === view.id);
+      if (place >= 0) view.title = titles[place];
+    }
   }
 
   private async load(id: string): Promise<View | null> {

@@ -71,6 +71,8 @@ export class Stage {
   onExpand: (index: number) => void = () => {};
   private readonly renderer: WebGLRenderer | null;
   private readonly grid = h("div", { class: "grid" });
+  /** Why there is nothing to see. */
+  private readonly notice = h("p", { class: "no-picture", role: "alert", hidden: true });
   private cells: Cell[] = [];
   private ratio = 1;
   private slow = 0;
@@ -83,6 +85,7 @@ export class Stage {
     this.renderer = rendererOf();
     if (this.renderer) this.element.append(this.renderer.domElement, this.grid);
     else this.element.append(h("p", { class: "no-picture", role: "alert" }, NO_WEBGL));
+    this.element.append(this.notice);
     // Graphics drivers that start again have lost all, which is made again with the next picture.
     this.renderer?.domElement.addEventListener("webglcontextrestored", () => (this.isResized = true));
     new ResizeObserver(() => (this.isResized = true)).observe(this.element);
@@ -98,6 +101,13 @@ export class Stage {
     this.cells = views.map((view, index) => this.cell(view, index, views.length > 1));
     this.grid.replaceChildren(...this.cells.map((cell) => cell.element));
     this.isResized = true;
+    if (views.length) this.setNotice("");
+  }
+
+  /** Shows a text in place of views. */
+  setNotice(text: string): void {
+    this.notice.textContent = text;
+    this.notice.hidden = !text;
   }
 
   setFocus(index: number): void {

@@ -20,6 +20,33 @@ export function titleOf(entry: Entry | undefined, id: string): string {
   return [entry.why, entry.scenario || entry.label, entry.policy || entry.run].filter(Boolean).join(" · ");
 }
 
+/** What may tell episodes of the same title apart, in the order in which it is added. */
+const DETAILS: ((entry: Entry) => string)[] = [
+  // Folders of a run's tests are called MODE-SCENARIO, those of runs seed_NUMBER.
+  ({ run }) => /(?:^|\/)([^/-]+)-[^/]*$/.exec(run)?.[1] ?? "",
+  ({ run }) => (/(?:^|\/)seed_\d+(?=\/|$)/.exec(run)?.[0] ?? "").replace(/^\/?seed_/, "trained with seed "),
+  ({ traffic }) => traffic && `traffic ${traffic}`,
+  ({ seed }) => `seed ${seed}`,
+  ({ world }) => `world ${world}`,
+  ({ episode }) => `episode ${episode}`,
+  ({ label }) => label,
+  ({ run }) => run,
+];
+
+/** The titles of entries: where several would be the same, with what they differ in. */
+export function titlesOf(entries: readonly Entry[]): string[] {
+  const bases = entries.map((entry) => titleOf(entry, entry.id));
+  let titles = bases;
+  for (const detail of DETAILS) {
+    const more = entries.map(detail);
+    const hasMore = (i: number): boolean => titles.some((title, j) => title === titles[i] && more[j] !== more[i]);
+    // All episodes of one title say what only some of them need.
+    const isAdded = new Set(bases.filter((_, i) => hasMore(i)));
+    titles = titles.map((title, i) => (isAdded.has(bases[i]) && more[i] ? `${title} · ${more[i]}` : title));
+  }
+  return titles;
+}
+
 /** Why a simulation that was watched has ended before its episode did; empty where it has not. */
 export function cutShort({ isLive, hasEnded, isComplete, remark }: View["recording"]): string {
   return isLive && hasEnded && !isComplete ? remark || "it has ended" : "";

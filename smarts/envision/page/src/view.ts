@@ -51,7 +51,7 @@ export class View {
 
   constructor(
     readonly id: string,
-    readonly title: string,
+    public title: string,
     readonly recording: Recording,
   ) {
     this.scene.matrixAutoUpdate = false;
