@@ -14,7 +14,18 @@ import typer
 from typer.core import TyperGroup
 
 from algorithms.errors import AlgorithmError
-from benchmark.cli import doctor, experiments, render, reports, scenario, scripted, settings, view, zoo
+from benchmark.cli import (
+    doctor,
+    experiments,
+    releases,
+    render,
+    reports,
+    scenario,
+    scripted,
+    settings,
+    view,
+    zoo,
+)
 from benchmark.running.exit_codes import INTERRUPTED
 from smarts.errors import SmartsError
 
@@ -71,6 +82,8 @@ app.add_typer(scenario.app, name="scenario")
 app.add_typer(zoo.app, name="zoo")
 app.command()(zoo.export)
 app.command()(zoo.serve)
+app.command()(releases.release)
+app.command()(releases.verify)
 app.command()(render.render)
 app.command()(view.view)
 app.command()(doctor.doctor)

@@ -12,35 +12,9 @@ from benchmark.experiment.version import (
     changed_settings,
     versions,
 )
-from benchmark.results.files import ResultsError
 from benchmark.results.reading import RunResult
 from benchmark.results.run_folder import CONTINUED
 from smarts.config import ConfigError, fitted
-
-NONE = "of no version"
-
-
-def check_one_version(runs: Sequence[RunResult], place: str) -> None:
-    """Check that all finished runs are of one version of the benchmark.
-
-    Args:
-        runs: Finished or not.
-        place: Named in the error.
-
-    Raises:
-        ResultsError: They are not; names the runs of each version.
-    """
-    found: dict[int | None, list[str]] = {}
-    for run in runs:
-        if run.table is not None:
-            found.setdefault(run.benchmark_version, []).append(str(run))
-    if len(found) > 1:
-        said = "; ".join(f"{_named(version)}: {', '.join(names)}" for version, names in found.items())
-        raise ResultsError(
-            f"results of several versions of the benchmark are not mixed: {said}",
-            place=place,
-            remedy="keep each version in a folder of its own",
-        )
 
 
 def version_lines(runs: Sequence[RunResult]) -> list[str]:
@@ -63,10 +37,6 @@ def version_lines(runs: Sequence[RunResult]) -> list[str]:
     said = "; ".join(f"{commit or 'unknown'}: {', '.join(names)}" for commit, names in commits.items())
     marked = f"These are not of one clean commit (+: with changes that were not committed): {said}."
     return [f"Benchmark version {version}. {marked}", *_changed(version, finished)]
-
-
-def _named(version: int | None) -> str:
-    return NONE if version is None else f"version {version}"
 
 
 def _commits(run: RunResult) -> list[str]:

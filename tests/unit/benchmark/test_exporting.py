@@ -23,8 +23,8 @@ from smarts.errors import SmartsError, UnknownNameError
 from smarts.observations.lists import feature_list
 from smarts.registry import import_own
 from smarts.zoo import make_agent, make_spec
+from smarts_agent_kit.exported import TEAM, ExportError
 from smarts_agent_kit.exported import ExportedPolicy as KitPolicy
-from smarts_agent_kit.exported import ExportError
 
 pytestmark = pytest.mark.slow
 
@@ -131,6 +131,40 @@ def test_the_actions_are_those_of_the_checkpoint(make, tmp_path, name, settings,
     assert compared >= 2000
 
 
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("commnet", "{sharing: all}"),
+        ("commnet", "{}"),
+        ("networked_q", "{sharing: all}"),
+        ("networked_q", "{}"),
+        ("ppo", "{sharing: all, gru: 8}"),
+        ("ppo", "{sharing: {one: [agent-0, agent-2], two: [agent-1, agent-3]}}"),
+    ],
+)
+def test_a_team_acts_as_the_checkpoint_also_where_agents_talk(make, tmp_path, name, settings):
+    """With agents that leave one by one, in simulations side by side."""
+    run, folder = make(name, settings, "{agents: 4}")
+    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    team, of_the_kit = make_spec_of(exported, TEAM).build_agent(), KitPolicy(exported, TEAM)
+    index = feature_list("benchmark").layout(4)["agent_index"]
+    compared, chosen = 0, set()
+    for step, (vectors, masks, alive, reset, actions) in enumerate(recorded(run, folder, 80)):
+        envs, agents = np.nonzero(alive)
+        own = np.delete(vectors[envs, agents], np.arange(index.start, index.stop), axis=1)
+        mask = None if masks is None else masks[envs, agents]
+        batch = batch_of(own, mask, envs, step, (step == 0) | reset[envs])._replace(
+            agent_id=agents.astype(np.int32)
+        )
+        given = team.act(batch)
+        np.testing.assert_array_equal(given, actions[envs, agents])
+        np.testing.assert_array_equal(of_the_kit.act(batch), given)
+        compared += len(envs)
+        chosen |= {*given.tolist()}
+    assert compared >= 2000
+    assert len(chosen) > 1
+
+
 def make_spec_of(folder, agent=""):
     """Return the spec of an exported folder, imported under a name that no other test uses."""
     link = folder.parent / f"zoo_{abs(hash(str(folder)))}"
@@ -143,8 +177,7 @@ def make_spec_of(folder, agent=""):
 @pytest.mark.parametrize(
     ("name", "settings", "environment", "reason"),
     [
-        ("commnet", "{}", "{agents: 2}", "messages"),
-        ("networked_q", "{}", "{agents: 2}", "other"),
+        ("bicnet", "{}", "{agents: 2}", "messages"),
         ("mf_q", "{}", "{agents: 2}", "others"),
         ("ppo", "{}", "{agents: 2, observation: paper}", "images"),
         ("ppo", "{set_width: 8}", "{agents: 2, observation: neighbor_rows}", "sets"),
