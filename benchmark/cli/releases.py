@@ -76,8 +76,8 @@ def verify(
 
     Exit code 0 if every policy is confirmed, 1 if one is marked or refused, 2 if nothing is played.
 
-    The submission runs no code here, and its agents get no seed. One that claims nothing gets its claims: what
-    to submit is then in OUT/submission. Give the same command again to resume.
+    The submission runs no code here, and its agents get no seed. One that claims nothing gets its claims:
+    what to submit is then in OUT/submission. Give the same command again to resume.
     """
     from benchmark.results.release import CONFIRMED
     from benchmark.running.experiment import interruptible
