@@ -264,9 +264,7 @@ def agent_of(entry: Entry, folder: Path, environment: Environment) -> BatchAgent
     differing = [] if action == environment.action else [f"action {action}"]
     for name in DRIVING:
         wanted, has = getattr(environment, SETTINGS.get(name, name)), getattr(interface, name)
-        if (tuple(has), tuple(wanted)) != () and (
-            has != wanted if isinstance(has, str) else [*has] != [*wanted]
-        ):
+        if [*has] != [*wanted]:  # texts, or sequences of wheels
             differing.append(f"{name} {has}")
     if differing:
         raise RefusedError(f"drives otherwise than the version: {', '.join(differing)}", place=str(entry))
