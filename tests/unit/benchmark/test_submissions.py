@@ -264,13 +264,15 @@ def test_a_policy_of_another_version_or_with_other_weights_is_refused(submission
     root = submission()
     with (root / "policies/mine/policy.npz").open("ab") as file:
         file.write(b"x")
-    with pytest.raises(ResultsError, match="policy.npz is not the file that its manifest describes"):
+    with pytest.raises(ResultsError, match=r"policy\.npz is not the file that its manifest describes"):
         verified(root, tmp_path / "out")
 
 
 def test_a_changed_scenario_of_the_evaluator_is_refused_too(submission, tmp_path, frozen):
     root = submission()
-    frozen.write_text(frozen.read_text().replace(scenario_digests(task_setting())["loop"], "0123456789abcdef"))
+    frozen.write_text(
+        frozen.read_text().replace(scenario_digests(task_setting())["loop"], "0123456789abcdef")
+    )
     version.versions.cache_clear()
     with pytest.raises(ResultsError, match="this program's scenario loop"):
         verified(root, tmp_path / "out")
@@ -405,7 +407,9 @@ def test_digests_see_the_distance_to_the_micrometre_and_no_metric():
     assert [one == two for one, two in zip(digests, changed, strict=True)] == [True, False]
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"format": 2}', '{"format": 1, "name": "../x", "policies": []}'])
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"format": 2}', '{"format": 1, "name": "../x", "policies": []}']
+)
 def test_a_damaged_manifest_is_named(tmp_path, text):
     (tmp_path / MANIFEST).write_text(text)
     with pytest.raises(ResultsError) as caught:
