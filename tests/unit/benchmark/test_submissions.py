@@ -114,7 +114,7 @@ def claimed(tmp_path_factory):
 
 @pytest.fixture
 def submission(tmp_path, claimed):
-    """Return a function that writes a submission with three seeds of one policy, and changes of its manifest."""
+    """Return a function that writes a submission with three seeds of one policy, perhaps changed."""
 
     def write(changes=lambda manifest: None, **given):
         root = tmp_path / "submission"
