@@ -14,7 +14,18 @@ import typer
 from typer.core import TyperGroup
 
 from algorithms.errors import AlgorithmError
-from benchmark.cli import doctor, experiments, render, reports, scenario, scripted, settings, view, zoo
+from benchmark.cli import (
+    doctor,
+    experiments,
+    render,
+    reports,
+    robustness,
+    scenario,
+    scripted,
+    settings,
+    view,
+    zoo,
+)
 from benchmark.running.exit_codes import INTERRUPTED
 from smarts.errors import SmartsError
 
@@ -59,6 +70,7 @@ app = typer.Typer(
 app.command()(experiments.run)
 app.command()(experiments.sweep)
 app.command()(experiments.evaluate)
+app.command()(robustness.robustness)
 app.command()(scripted.scripted)
 app.command()(reports.report)
 app.command()(reports.compare)
