@@ -1,4 +1,4 @@
-"""Cross-play and robustness of an experiment's policies: checked as a whole, then played one after another."""
+"""Cross-play and robustness of an experiment's policies: checked as a whole, then played in turn."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ from typing import Any
 from benchmark.experiment.conditions import condition, conditions
 from benchmark.experiment.config import EMPTY_ROADS
 from benchmark.experiment.runs import Run, TaskSetting
+from benchmark.metrics.results import Frame
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.run_folder import RunFolder, changed_code
@@ -80,8 +81,8 @@ def cells_of(root: Path, given: Given) -> list[Cell]:
         given: What is asked for.
 
     Raises:
-        SmartsError: An algorithm, scripted policy, cell or condition is unknown; a run is not finished, has no
-            checkpoint or no greedy test of so many episodes; runs are of several versions or commits, or
+        SmartsError: An algorithm, scripted policy, cell or condition is unknown; a run is not finished, or
+            has no checkpoint or no greedy test of so many episodes; runs are of several versions or commits, or
             what they were made of has changed.
     """
     import_own(given.imports)
@@ -169,8 +170,7 @@ def _tested(run: RunResult) -> int:
     Raises:
         ResultsError: There are none.
     """
-    assert run.table is not None
-    table = run.table
+    table: Frame = run.table
     rows = table[(table["mode"] == "greedy") & (table["split"] == "train") & ~table["is_invalid"]]
     if not len(rows):
         raise ResultsError(

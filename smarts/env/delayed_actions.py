@@ -32,8 +32,8 @@ class _Sent:
 class DelayedEncoder(ActionEncoder):
     """Writes actions some steps after they were given.
 
-    Until then the last action that has arrived is kept, and a vehicle whose agent's first action is on its way
-    is driven as before its first decision. An action whose agent has ended meanwhile is dropped.
+    Until then the last action that has arrived is kept; before the first one, a vehicle is driven as before
+    its agent's first decision. An action whose agent has ended meanwhile is dropped.
 
     Args:
         actions: The buffers, with the action types of all agents.
