@@ -37,7 +37,10 @@ CROSS_PLAY = (
     "arrangements. Self-play is the policy's own test; XP is the mean over all partners."
 )
 CONDITIONS = "Other conditions than in training, for all agents: {}."
-OWN_KIND = "* acts on messages, observations or draws that agents share: in cross-play it has those of its own kind only."
+OWN_KIND = (
+    "* acts on messages, observations or draws that agents share: in cross-play it has those of its own "
+    "kind only."
+)
 SELF, XP, TEST = "self-play", "XP", "test"
 """Columns without a partner or a condition; self-play and the test are the same episodes."""
 PARTNERS, UNDER = "partner", "condition"
@@ -100,11 +103,11 @@ def robustness_of(report: Report) -> Robustness:
 
 def _values(report: Report, played: Played) -> Iterator[dict[str, Any]]:
     """Yield a row for each cell, policy, partner or condition, and rate."""
-    assert played.table is not None and played.seed is not None
-    for (task, traffic), cell in played.table.groupby(["task", "task_traffic"], sort=True):
+    table: Frame = played.table
+    for (task, traffic), cell in table.groupby(["task", "task_traffic"], sort=True):
         worlds = cell["world"].unique()
         for policy, own in cell.groupby("algorithm", sort=True):
-            test = reference_rows(report.results, task, traffic, policy, played.seed)
+            test = reference_rows(report.results, task, traffic, policy, played.seed or 0)
             test = None if test is None else test[test["world"].isin(worlds)]
             names = {"task": task, "traffic": traffic, "policy": policy}
             for kind, name, rows, count in _parts(own, test):
@@ -178,11 +181,8 @@ def _change(row: dict[Any, Any]) -> str:
 def _matrices(report: Report, values: Frame, needing: set[str]) -> Iterator[Matrix]:
     order = [name for name, _ in report.names]
     titles = {UNDER: "other conditions", PARTNERS: "partners"}
-    cells = [
-        column
-        for column in report.columns
-        if column in set(zip(values["task"], values["traffic"], strict=True))
-    ]
+    there = {*zip(values["task"], values["traffic"], strict=True)}
+    cells = [column for column in report.columns if column in there]
     for kind in (PARTNERS, UNDER):
         for task, traffic in cells:
             own = values[(values["task"] == task) & (values["traffic"] == traffic) & (values["kind"] == kind)]
