@@ -95,7 +95,7 @@ def values_csv(values: Frame) -> str:
 
 
 def robustness_csv(robustness: Robustness) -> dict[str, str]:
-    """Return a row for each cell, policy, partner or condition, and rate; no file where nothing was played."""
+    """Return a row for each cell, policy, partner or condition, and rate; no file if nothing was played."""
     if not len(robustness.values):
         return {}
     return {ROBUSTNESS: robustness.values.to_csv(index=False, float_format=csv_number, lineterminator="\n")}

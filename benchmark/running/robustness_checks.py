@@ -81,9 +81,9 @@ def cells_of(root: Path, given: Given) -> list[Cell]:
         given: What is asked for.
 
     Raises:
-        SmartsError: An algorithm, scripted policy, cell or condition is unknown; a run is not finished, or has
-            no checkpoint, or no greedy test of so many episodes; runs are of several versions or commits; what
-            they were made of has changed.
+        SmartsError: An algorithm, scripted policy, cell or condition is unknown; a run is not finished, or
+            has no checkpoint, or no greedy test of so many episodes; runs are of several versions or commits;
+            what they were made of has changed.
     """
     import_own(given.imports)
     for name in given.conditions:
