@@ -29,8 +29,8 @@ TITLE = "Cross-play and robustness"
 NOTE = (
     "Nothing was trained further: the last checkpoints act greedily in the first test episodes, with the same "
     "starts and traffic. A cell is the collision / completion rate of the row's policy alone, with 95% "
-    "intervals of these checkpoints. Below it stands what is better or worse than in the policy's own test: "
-    "paired at equal starts, p-values corrected after Holm over the tables' cells, policies and both rates."
+    "intervals of these checkpoints. Below it: what is better or worse than in the policy's own test, paired "
+    "at equal starts; p-values are corrected after Holm over cells, policies and both rates."
 )
 CROSS_PLAY = (
     "Cross-play: the policy drives every second agent and the column's partner the others, in both "
