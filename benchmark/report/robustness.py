@@ -105,25 +105,24 @@ def _values(report: Report, played: Played) -> Iterator[dict[str, Any]]:
     """Yield a row for each cell, policy, partner or condition, and rate."""
     table: Frame = played.table
     for (task, traffic), cell in table.groupby(["task", "task_traffic"], sort=True):
-        worlds = cell["world"].unique()
+        worlds, agents = cell["world"].unique(), cell["agent"].nunique()
         for policy, own in cell.groupby("algorithm", sort=True):
             test = reference_rows(report.results, task, traffic, policy, played.seed or 0)
             test = None if test is None else test[test["world"].isin(worlds)]
             names = {"task": task, "traffic": traffic, "policy": policy}
-            for kind, name, rows, count in _parts(own, test):
+            for kind, name, rows, count in _parts(own, test, agents):
                 is_test = name in (SELF, TEST)
                 against = None if is_test or test is None else pd.concat([test] * count, ignore_index=True)
                 yield from _compared(rows, against, {**names, "kind": kind, "with": name})
 
 
-def _parts(own: Frame, test: Frame | None) -> Iterator[tuple[str, str, Frame, int]]:
+def _parts(own: Frame, test: Frame | None, agents: int) -> Iterator[tuple[str, str, Frame, int]]:
     """Yield kind, name, rows, and how often they have each agent-episode, of what one policy played."""
     cross = own[own[CONDITION] == AS_TRAINED]
-    agents = own.groupby(["world", "scenario"])["agent"].nunique().max()
     whole = [
         (str(partner), rows)
         for partner, rows in cross.groupby(PARTNER, sort=True)
-        if rows.groupby(["world", "scenario"])["agent"].nunique().min() == agents
+        if rows["agent"].nunique() == agents
     ]  # one arrangement alone is of half the agents
     under = own[own[CONDITION] != AS_TRAINED]
     if whole:
