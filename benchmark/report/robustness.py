@@ -27,8 +27,8 @@ from benchmark.statistics import holm
 
 TITLE = "Cross-play and robustness"
 NOTE = (
-    "Nothing was trained further: the last checkpoints act greedily in the first test episodes, with the same "
-    "starts and traffic. A cell is the collision / completion rate of the row's policy alone, with 95% "
+    "Nothing was trained further: the last checkpoints act greedily in the first test episodes, at equal "
+    "starts in equal traffic. A cell is the collision / completion rate of the row's policy alone, with 95% "
     "intervals of these checkpoints. Below it: what is better or worse than in the policy's own test, paired "
     "at equal starts; p-values are corrected after Holm over cells, policies and both rates."
 )

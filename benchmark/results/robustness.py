@@ -95,6 +95,8 @@ def read_played(results: Results) -> Played:
             table = read_play(folder)
         except SmartsError as error:
             problem = error.problem
+        except (KeyError, TypeError, ValueError) as error:
+            problem = f"damaged: {PLAY}: {type(error).__name__}: {error}"
         if problem:
             problems[place] = f"{problem}; `smarts-bench robustness` plays it again"
             continue

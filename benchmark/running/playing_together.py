@@ -68,11 +68,6 @@ class ScriptedDriver:
         return self._drivers.act(now, now.alive & self._agents)
 
 
-def even_places(count: int) -> Agents:
-    """Return which of some agents are at even places: the first, the third, and so on."""
-    return np.arange(count) % 2 == 0
-
-
 def play_together(env: VectorHiWayEnv, drivers: Sequence[tuple[Driver, Agents]], indices: range) -> None:
     """Play test episodes as tests do, in an environment that records them.
 

@@ -38,7 +38,6 @@ from benchmark.running.playing_together import (
     Agents,
     ScriptedDriver,
     TrainedDriver,
-    even_places,
     play_together,
 )
 from benchmark.running.policy import Policy
@@ -128,7 +127,7 @@ def _play(root: Path, cell: Cell, play: Play, facts: Mapping[str, Any]) -> None:
         labels = {"algorithm": "", "training_seed": cell.seed, "task": play.task}
         labels |= {"task_traffic": play.traffic, "mode": "greedy", PARTNER: "", CONDITION: play.condition}
         table = join_tables([*measure_part(part, Path(scratch), labels, play_part, setting)])
-    write_table(_by_driver(table, play, [*setting.environment.driving()]), root / play.folder / TABLE)
+    write_table(_by_driver(table, play, _at_even_places(setting)), root / play.folder / TABLE)
     needing = [name for name, policy in policies.items() if policy.needs_others]
     write_versioned(root / play.folder / PLAY, {**facts, "needs_others": needing})
 
@@ -159,13 +158,18 @@ def _drivers(env: Any, play: Play, cell: Cell, policies: Mapping[str, Policy]) -
 
     if play.even == play.odd:
         return [driver(play.even, np.ones(len(env.agents), np.bool_))]
-    even = even_places(len(env.agents))
+    even = np.isin(env.agents, _at_even_places(cell.setting))
     return [driver(play.even, even), driver(play.odd, ~even)]
 
 
-def _by_driver(table: Frame, play: Play, agents: Sequence[str]) -> Frame:
+def _at_even_places(setting: TaskSetting) -> list[str]:
+    """Return the agents at even places of the experiment: the first, the third, and so on."""
+    return [*setting.environment.driving()][::2]
+
+
+def _by_driver(table: Frame, play: Play, even: Sequence[str]) -> Frame:
     """Return the rows with who drives the agent, and who drives the others."""
-    is_even = table["agent"].isin([agents[place] for place in np.flatnonzero(even_places(len(agents)))])
+    is_even = table["agent"].isin([*even])
     drivers = np.where(is_even, play.even, play.odd)
     partners = np.where(is_even, play.odd, play.even)
     answer = table.assign(**{"algorithm": drivers, PARTNER: partners})

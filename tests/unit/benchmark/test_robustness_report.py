@@ -67,7 +67,7 @@ def test_a_policy_is_measured_alone_in_both_arrangements_and_compared_with_its_o
     played = rows["ppo", "partner", "dqn", "collision_rate"]
     assert (played["value"], played["n"], played["episodes"]) == (0.5, 20, 10)
     assert (played["difference"], played["change"]) == (0.5, "worse")
-    # Ten gaps of 0.5: error sqrt(2.5 + 1 - 25 / 12) / 12 of matched pairs, t = 5.04 with 9 degrees of freedom.
+    # Ten gaps of 0.5: error sqrt(2.5 + 1 - 25 / 12) / 12 of matched pairs, t = 5.04, 9 degrees of freedom.
     assert played["p_value"] == pytest.approx(0.0007, abs=1e-4)
     assert rows["dqn", "partner", "ppo", "completion_rate"]["change"] == "better"
     assert rows["ppo", "partner", "self-play", "completion_rate"]["value"] == 1.0
@@ -118,10 +118,12 @@ def test_plays_of_other_checkpoints_and_damaged_ones_are_named_and_left_out(root
     cut = write_play(root, "latency_100", "dqn", "dqn", GOALS)
     moved = write_play(root, "latency_300", "dqn", "dqn", GOALS, even="ppo")
     other = write_play(root, "latency_500", "ppo", "ppo", GOALS, training_seed=2, trained={})
+    bare = write_play(root, "latency_300", "ppo", "ppo", GOALS)
+    write_versioned(bare / PLAY, {"condition": "latency_300"})
     (cut / TABLE).write_bytes((cut / TABLE).read_bytes()[:-30])
     found, _ = values(root)
     left_out = dict(line.split(": ", 1) for line in found.left_out)
-    places = {each.relative_to(root).as_posix() for each in (stale, gone, cut, moved)}
+    places = {each.relative_to(root).as_posix() for each in (stale, gone, cut, moved, bare)}
     assert {*left_out} == {*places, "robustness"}
     assert "ppo has been trained again since" in left_out[stale.relative_to(root).as_posix()]
     assert "[1, 2]" in left_out["robustness"]
