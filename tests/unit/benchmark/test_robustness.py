@@ -39,7 +39,7 @@ tasks: [intersection]
 traffic: [random_social_vehicles]
 seeds: [1]
 environment: {agents: 3, time_limit: 12}
-budget: {agent_steps: 2000}
+budget: {agent_steps: 1500}
 evaluation: {episodes: 3, modes: [greedy], validations: 0, validation_episodes: 1}
 resources: {num_envs_per_env_runner: 2}
 """
@@ -95,7 +95,7 @@ def rows(table):
     return kept[[*SAME]].to_dict("list")
 
 
-def tested(root, name):
+def of_test(root, name):
     return rows(reference_rows(read_results(root), TASK, TRAFFIC, name, 1))
 
 
@@ -107,7 +107,7 @@ def run_place(root, name):
 @pytest.mark.parametrize("condition", [*NEUTRAL])
 def test_a_condition_that_changes_nothing_plays_the_test_again(played, name, condition):
     play = read_play(played / Play(TASK, TRAFFIC, condition, name, name).folder)
-    assert rows(play) == tested(played, name)
+    assert rows(play) == of_test(played, name)
 
 
 @pytest.mark.parametrize("name", ["ppo", "maddpg"])
@@ -128,7 +128,7 @@ def test_two_halves_of_one_policy_play_the_test_again(trained, monkeypatch, name
     monkeypatch.setattr(robustness, "write_table", lambda table, path: written.update(table=table))
     monkeypatch.setattr(robustness, "write_versioned", lambda path, content: None)
     robustness._play(trained, cell, play, {})
-    assert rows(written["table"]) == tested(trained, name)
+    assert rows(written["table"]) == of_test(trained, name)
 
 
 def test_partners_drive_the_agents_at_other_places_in_both_arrangements(played):
@@ -136,7 +136,7 @@ def test_partners_drive_the_agents_at_other_places_in_both_arrangements(played):
         table = read_play(played / Play(TASK, TRAFFIC, AS_TRAINED, even, odd).folder)
         assert set(table["world"]) == {FIRST_TEST_EPISODE + number for number in range(3)}
         for agent, driver, partner in zip(table["agent"], table["algorithm"], table["partner"], strict=True):
-            is_even = int(agent.split("_")[1]) % 2 == 0
+            is_even = int(agent.split("-")[1]) % 2 == 0
             assert (driver, partner) == ((even, odd) if is_even else (odd, even))
         parked = table[table["algorithm"] == "parked"]
         assert (parked["distance_travelled"] < 40.0).all()  # it brakes from its start on

@@ -11,7 +11,7 @@ from benchmark.metrics import write_table
 from benchmark.report.content import make_report
 from benchmark.report.robustness import robustness_of
 from benchmark.report.writing import write_report
-from benchmark.results.files import write_versioned
+from benchmark.results.files import read_versioned, write_versioned
 from benchmark.results.reading import read_results
 from benchmark.results.robustness import PLAY, TABLE, Play
 from smarts.config import ConfigError
@@ -46,8 +46,10 @@ def root(tmp_path):
     """PPO arrives and DQN crashes alone; together PPO's agent_0 crashes, and DQN arrives."""
     write_experiment(tmp_path, algorithms=["ppo", "dqn"], tasks=[TASK], traffic=[SOCIAL], scripted=["parked"])
     for name, outcomes in (("ppo", GOALS), ("dqn", CRASHES)):
-        write_run(tmp_path, name, [agent_episodes(outcomes, mode="greedy", task=TASK)], traffic=SOCIAL)
-    parked = [agent_episodes([["not_moving"] * 2] * 10, mode="scripted", task=TASK)]
+        table = agent_episodes(outcomes, mode="greedy", task=TASK, task_traffic=SOCIAL)
+        write_run(tmp_path, name, [table], traffic=SOCIAL)
+    stands = [["not_moving"] * 2] * 10
+    parked = [agent_episodes(stands, mode="scripted", task=TASK, task_traffic=SOCIAL)]
     write_run(tmp_path, "parked", parked, traffic=SOCIAL, seed=-1)
     write_play(tmp_path, AS_TRAINED, "ppo", "dqn", [["collision", "goal"]] * 10)
     write_play(tmp_path, AS_TRAINED, "dqn", "ppo", GOALS)
@@ -116,7 +118,8 @@ def test_plays_of_other_checkpoints_and_damaged_ones_are_named_and_left_out(root
     stale = write_play(root, "latency_100", "ppo", "ppo", GOALS, trained={"ppo": {**TRAINED, "seconds": 9.0}})
     gone = write_play(root, "latency_100", "maac", "maac", GOALS)
     cut = write_play(root, "latency_100", "dqn", "dqn", GOALS)
-    moved = write_play(root, "latency_300", "dqn", "dqn", GOALS, even="ppo")
+    moved = write_play(root, "latency_300", "dqn", "dqn", GOALS)
+    write_versioned(moved / PLAY, {**read_versioned(moved / PLAY), "even": "ppo"})
     other = write_play(root, "latency_500", "ppo", "ppo", GOALS, training_seed=2, trained={})
     bare = write_play(root, "latency_300", "ppo", "ppo", GOALS)
     write_versioned(bare / PLAY, {"condition": "latency_300"})
