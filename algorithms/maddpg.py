@@ -19,6 +19,7 @@ import torch
 from gymnasium.spaces import Discrete
 from torch import Generator, Tensor, nn
 
+from algorithms.errors import SpaceError
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch
 from algorithms.joint.checks import check_vectors
@@ -198,6 +199,21 @@ class MADDPGConfig(JointConfig):
     """RLlib config of MADDPG."""
 
     algorithm = "maddpg"
+
+    def check(self, spec: JointSpec) -> None:
+        """Raise if the algorithm cannot handle the environment; see `JointConfig.check`.
+
+        Raises:
+            SpaceError: There is noise on continuous actions, but no agent has any.
+        """
+        super().check(spec)
+        default = self.entry.settings.model_fields["noise"].default
+        if self.noise != default and all(isinstance(b.action, Discrete) for b in spec.spaces.blocks):
+            raise SpaceError(
+                f"noise={self.noise!r} changes nothing: all actions are discrete, and sampled",
+                place="training(noise=...)",
+                remedy="leave it out",
+            )
 
     def exploration(self, steps: int) -> Exploration:
         """Return sampling, and noise on continuous actions."""

@@ -178,7 +178,7 @@ class MATLearner(PPOLearner):
         represented = net.represent(own)
         outputs = net.decide(represented, batch.encoded_actions()[group.id], own.alive)
         policy = net.head.distribution(outputs, own.action_mask)
-        log_prob = policy.log_prob(own.actions)
+        log_prob = torch.where(own.alive, policy.log_prob(own.actions), own.log_prob)
         reports = {
             "policy_loss": self.policy_loss(log_prob, own.log_prob, own.advantages),
             "value_loss": (net.value(represented) - net.moments.scaled(own.targets)).square(),

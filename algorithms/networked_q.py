@@ -284,8 +284,8 @@ class NetworkedQConfig(JointConfig):
         """Raise if the algorithm cannot handle the environment.
 
         Raises:
-            SpaceError: Actions are not discrete or make too many combinations, an observation is an image, or
-                a fixed graph falls into parts, which could never agree.
+            SpaceError: Actions are not discrete or make too many combinations, an observation is an image,
+                all agents share one network, or a fixed graph falls into parts, which could never agree.
         """
         super().check(spec)
         check_vectors(spec, self.algorithm)
@@ -296,6 +296,14 @@ class NetworkedQConfig(JointConfig):
                 f"{self.max_joint_actions}",
                 place="action space",
                 remedy="raise it, use fewer agents or actions, or use 'qmix' or 'maac'",
+            )
+        if self.consensus and len(spec.groups) == 1 and len(spec.agents) > 1:
+            raise SpaceError(
+                f"all {len(spec.agents)} agents share one network, so that there is one node and nothing to "
+                "agree on",
+                place=f"training(sharing={self.sharing!r}) of {self.algorithm!r}",
+                remedy='give each its own by sharing="none" (settings: {networked_q: {sharing: none}}), '
+                "or set consensus=False",
             )
         fixed = Neighbourhood(spec.spaces, self.graph).fixed
         if not self.consensus or fixed is None:

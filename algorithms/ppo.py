@@ -102,7 +102,8 @@ class PPOLearner(OnPolicyLearner):
             count = self.parallel.count(stack.counts(own.alive))
             head = self.net(stack.groups[0].id).head
             policy = head.distribution(self._outputs(stack, own), own.action_mask)
-            log_prob = policy.log_prob(own.actions)
+            # The ratio of inactive agents may overflow, and masking it afterwards leaves NaN as its gradient.
+            log_prob = torch.where(own.alive, policy.log_prob(own.actions), own.log_prob)
             loss = self.policy_loss(log_prob, own.log_prob, own.advantages)
             entropy, weight = policy.entropy(), self.schedule_value(self.config.entropy_coeff)
             losses.append((stack.sums(loss - weight * entropy, own.alive) / count).sum())

@@ -16,6 +16,8 @@ from torch import Tensor
 
 from algorithms.dqn import DQN, DQNConfig, DQNLearner
 from algorithms.joint.batch import JointView, ReplayBatch
+from algorithms.joint.learner import OffPolicyLearner
+from algorithms.joint.replay import JointReplay
 from algorithms.parts.masking import masked_mean_of_agents
 
 
@@ -45,6 +47,10 @@ class VDNLearner(DQNLearner):
         self.step_optimizer(total_loss, *(name for name in self.trained() if name not in absent))
         self.log(self.groups[0].id, "td_loss", loss)
         self.polyak_update(*self.trained(), tau=self.config.tau)
+
+    def make_replay(self) -> JointReplay:
+        """Return an empty replay buffer: the team's loss gives no agent's difference to rank by."""
+        return OffPolicyLearner.make_replay(self)
 
     def mix(self, values: Tensor, view: JointView, *, target: bool = False) -> Tensor:
         """Return the team's values (M,) of the agents' (M, N), zeros for the absent."""

@@ -40,11 +40,13 @@ committed results.
 - **Checks**: tests against the definition, named as oracles on the page.
 - **Own games**: scores after few steps, in brackets that of a worse baseline or of a wrong implementation.
 - **foraging, spread, matrices**: [yardsticks](algorithms.md#yardsticks), the best greedy evaluation of
-  the mean over seeds, in brackets the number of seeds and the environment steps. One seed does not tell
+  the mean over seeds (policy gradients sample in publications, see there), in brackets the number of
+  seeds and the environment steps. One seed does not tell
   how others would turn out: small differences between such scores prove nothing.
 - **Intersection**: completion / collision of the last 100 episodes of sampled play, mean over seeds, in
-  brackets their number and the agent-steps, no traffic: with default settings (`results/all_algorithms`,
-  if it is there), else of the paper's table with tuned ones.
+  brackets their number and the agent-steps, no traffic: shared networks and otherwise default settings
+  (`results/all_algorithms`, if it is there; `happo` and `networked_q` with a network for each agent),
+  else of the paper's table, where `ppo` and `maddpg` are tuned.
 
 """
 
@@ -54,7 +56,8 @@ CONTINUED = """
 ![learning curves](learning_curves.png)
 
 `python -m perf.learning_curves` trains each algorithm at the intersection by `smarts-bench run`, one seed,
-default settings; kills the command and all its processes (SIGKILL) after a checkpoint; and gives the same
+shared networks (`happo` and `networked_q`: one for each agent) and otherwise default settings; kills
+the command and all its processes (SIGKILL) after a checkpoint; and gives the same
 command again. {count} of {all} algorithms so far. Curves are completion in training, with sampled actions; so
 short a training ranks nothing. Agent-steps:
 

@@ -25,12 +25,14 @@ import numpy as np
 
 from perf.yardstick_games import results
 from perf.yardstick_games.recipes import RECIPES, YARDSTICKS, Recipe
-from perf.yardstick_games.results import RANDOM, Evaluation, RunFile
+from perf.yardstick_games.results import RANDOM, SEED, Evaluation, RunFile
 
 if TYPE_CHECKING:
     from algorithms.joint.sampler import EvaluatedStep
 
 EVALUATIONS, EPISODES, RANDOM_EPISODES = 20, 200, 2_000
+EVALUATION_SEED = 20
+"""Of the episodes of all evaluations, whatever the training's seed."""
 
 
 def origin() -> dict[str, str]:
@@ -61,6 +63,7 @@ def trained(game: str, algorithm: str, seed: int, steps: int, episodes: int) -> 
     algo.stop()
     about = {
         **ORIGIN,
+        SEED: EVALUATION_SEED,
         "num_envs": recipe.num_envs,
         "fragment": recipe.fragment,
         "settings": recipe.settings,
@@ -87,8 +90,8 @@ def evaluated(game: str, algo: Any, episodes: int, steps: int, seconds: float) -
     from algorithms.joint.evaluation import evaluate
 
     loops, score = Loops(), YARDSTICKS[game].score
-    greedy = evaluate(algo, episodes, on_step=loops)
-    sampled = evaluate(algo, episodes, explore=True)
+    greedy = evaluate(algo, episodes, on_step=loops, seed=EVALUATION_SEED)
+    sampled = evaluate(algo, episodes, explore=True, seed=EVALUATION_SEED)
     means = [score(float(np.mean([e.returns.sum() for e in played]))) for played in (greedy, sampled)]
     return Evaluation(steps, means[0], means[1], len(loops.looped) / episodes, seconds)
 

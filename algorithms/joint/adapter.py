@@ -50,9 +50,9 @@ class JointVector:
         self._episodes = np.zeros(num_envs, int)
         self._seed = self._stride = 0
         first = self._envs[0]
-        names = list(first.possible_agents)
-        self._flattening = {a: Flattening(first.get_observation_space(a), a) for a in names}
-        actions = {a: check_action_space(first.get_action_space(a), a) for a in names}
+        names, observation_space, action_space = _agents_of(first)
+        self._flattening = {a: Flattening(observation_space(a), a) for a in names}
+        actions = {a: check_action_space(action_space(a), a) for a in names}
         infos = self._first_infos()
         self.spaces = _spaces(names, self._flattening, actions, infos)
         self._place = {
@@ -192,7 +192,7 @@ class JointVector:
 
     def _write_agent(self, b: int, agent: str, seen: Any, info: Mapping[str, Any]) -> None:
         """Write an agent's observation and mask; zeros and every action where it is not there."""
-        _, number, row = self._place[agent]
+        column, number, row = self._place[agent]
         leaves, mask = self._view.observations[number], self._view.masks[number]
         if seen is None:
             parts, action_mask = dict.fromkeys(leaves, 0), True
@@ -203,7 +203,10 @@ class JointVector:
         for name, part in parts.items():
             leaves[name][b, row] = part
         if mask is not None:
-            mask[b, row] = info[MASK] if action_mask is None else action_mask
+            if action_mask is None:
+                _check_mask(agent, missing=MASK not in info and bool(self._view.alive[b, column]))
+                action_mask = info.get(MASK, True)
+            mask[b, row] = action_mask
 
     def _start(self, b: int) -> None:
         seed = episode_seed(self._seed, int(self._indices[b]), int(self._episodes[b]))
@@ -299,6 +302,17 @@ class JointVector:
         )
 
 
+def _agents_of(env: Any) -> tuple[list[str], Callable[[str], Any], Callable[[str], Any]]:
+    """Return an environment's agents, and functions to their observation and action spaces.
+
+    RLlib's wrapper of PettingZoo's environments knows only the agents that are there after the first reset.
+    """
+    wrapped: Any = getattr(env, "par_env", None)
+    if set(getattr(wrapped, "possible_agents", ())) > set(env.possible_agents):
+        return list(wrapped.possible_agents), wrapped.observation_space, wrapped.action_space
+    return list(env.possible_agents), env.get_observation_space, env.get_action_space
+
+
 def _outcome(own_end: bool, own_cut: bool, all_end: bool, all_cut: bool) -> tuple[bool, bool]:
     """Return whether an agent terminated, or else was truncated; its own flag goes before all agents'."""
     end = own_end or (all_end and not own_cut)
@@ -322,6 +336,16 @@ def _check_cut(agent: str, *, blind: bool) -> None:
             f"agent {agent!r} was truncated without an observation to value what was cut off",
             place="environment",
             remedy="give every agent that is truncated its last observation in the same step",
+        )
+
+
+def _check_mask(agent: str, *, missing: bool) -> None:
+    """Raise if an agent that acts next has no mask, although it had one at the beginning."""
+    if missing:
+        raise SpaceError(
+            f"the infos of agent {agent!r} have no {MASK!r}, as they had after the first reset",
+            place="environment",
+            remedy=f"give {MASK!r} in the infos of every agent that acts next, in each step",
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import logging
 import secrets
+from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -24,6 +25,8 @@ from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.rllib_names import (
     DEFAULT_POLICIES,
+    OTHER_NAMES,
+    USUAL_NAMES,
     MappedPolicies,
     OtherName,
     check_names,
@@ -104,8 +107,15 @@ class JointConfig(AlgorithmConfig):
             raise UnknownSettingError(
                 f"{self.algorithm!r} has no setting {name!r}",
                 place="training()",
-                remedy=nearest_names(name, known),
+                remedy=f"use {USUAL_NAMES[name]!r}"
+                if USUAL_NAMES.get(name) in known
+                else nearest_names(name, known),
             )
+        for other, name in OTHER_NAMES.items():
+            if settings.keys() >= {other, name} and name in self.setting_names:
+                self._value_error(
+                    f"{other}={settings[other]!r} and {name}={settings[name]!r}: give one of them"
+                )
         own = settings.keys() & self.setting_names
         super().training(**{name: value for name, value in settings.items() if name not in own})
         for name in own:
@@ -130,6 +140,11 @@ class JointConfig(AlgorithmConfig):
         if model_config is not NotProvided:
             self.training(**network_settings(model_config))
         return self
+
+    def get_state(self) -> dict[str, Any]:
+        """Return all settings as they are; RLlib leaves out those of -1 and opens `PolicySpec`s."""
+        names = vars(self).keys() - {"algo_class", "_is_frozen"}
+        return {**super().get_state(), **{name: vars(self)[name] for name in names}}
 
     def modules(self, spec: JointSpec) -> dict[str, RLModuleSpec]:
         """Return the networks by module id: one policy per group, under the group's id, and critics.
@@ -294,6 +309,14 @@ class JointConfig(AlgorithmConfig):
             )
         self.rollout_fragment_length = size // count
 
+    def _check_groups(self) -> None:
+        """Check that no agent is in two groups."""
+        if not isinstance(self.sharing, Mapping):
+            return
+        counts = Counter(agent for members in self.sharing.values() for agent in members)
+        if twice := sorted(agent for agent, count in counts.items() if count > 1):
+            self._value_error(f"sharing={self.sharing!r}: {twice[0]!r} is in {counts[twice[0]]} groups")
+
     def _check_settings(self) -> None:
         values = {name: getattr(self, name) for name in self.setting_names}
         values = {name: v.item() if isinstance(v, np.generic) else v for name, v in values.items()}
@@ -301,6 +324,7 @@ class JointConfig(AlgorithmConfig):
             values["rollout_fragment_length"] = values["sequence_length"]
         for fault in faults(self.entry.settings, values):
             self._value_error(str(fault))
+        self._check_groups()
         if self.gru and not self.entry.recurrent:
             fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.recurrent)
             self._value_error(f"gru={self.gru}: {self.algorithm!r} has no memory; use one of: {fitting}")
@@ -324,9 +348,9 @@ class JointConfig(AlgorithmConfig):
 
     def _check_learners(self) -> None:
         """Check how many learners there are, and what each needs."""
-        for name in ("num_learners", "num_cpus_per_learner", "num_gpus_per_learner"):
+        for name in ("num_learners", "num_env_runners", "num_cpus_per_learner", "num_gpus_per_learner"):
             value = getattr(self, name)
-            whole = name == "num_learners"
+            whole = name in ("num_learners", "num_env_runners")
             if value == "auto" and name == "num_cpus_per_learner":
                 continue
             if isinstance(value, bool) or not isinstance(value, int if whole else int | float) or value < 0:

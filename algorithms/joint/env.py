@@ -37,7 +37,8 @@ class AgentBlock(NamedTuple):
 
     Attributes:
         agents: Names, in column order.
-        observation: Space of each leaf; arrays keep the dtype of the space.
+        observation: Space of each leaf; arrays have the dtype of the space. Learners store float32 instead of
+            other floating-point numbers.
         action: Their action space.
         masked: Whether the environment gives masks of discrete actions.
     """

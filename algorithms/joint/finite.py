@@ -9,36 +9,50 @@ import torch
 from torch import Tensor
 
 from algorithms.errors import LearnerFailure
-from algorithms.joint.env import Bools, Ints, JointStep
+from algorithms.joint.env import Ints, JointStep
 
 
-def non_finite(step: JointStep) -> dict[int, BaseException]:
-    """Return an error for each environment with a number that is not finite.
+def non_finite(step: JointStep, agents: Sequence[str]) -> dict[int, BaseException]:
+    """Return an error for each environment with numbers that are not finite, which names them and the agents.
 
     Rewards, observations and global states are checked, those of final moments included.
+
+    Args:
+        step: The step.
+        agents: Names of all N agents in column order.
     """
     parts = list(_numbers(step))
     # One sum is ten times cheaper than a look at every number, and is finite nearly always.
-    if np.isfinite(sum(float(array.sum()) for _, array in parts)):
+    if np.isfinite(sum(float(array.sum()) for _, array, _, _ in parts)):
         return {}
-    finite: Bools = np.ones(len(step.rewards), bool)
-    for rows, array in parts:
-        finite[rows] &= np.isfinite(array.reshape(len(array), -1)).all(1)
+    found: dict[int, list[str]] = {}
+    for rows, array, what, columns in parts:
+        leading = array.shape[: 1 + bool(columns)]
+        broken = ~np.isfinite(array.reshape(*leading, -1)).all(-1)
+        for row, *place in np.argwhere(broken).tolist():
+            whose = f" of agent {agents[columns[place[0]]]!r}" if columns else ""
+            found.setdefault(int(rows[row]), []).append(what + whose)
     return {
-        int(b): FloatingPointError("non-finite observation, state or reward") for b in np.flatnonzero(~finite)
+        b: FloatingPointError(f"NaN or infinity: {', '.join(dict.fromkeys(names))}")
+        for b, names in sorted(found.items())
     }
 
 
-def _numbers(step: JointStep) -> Iterator[tuple[Ints, np.ndarray]]:
-    """Yield (environments, array) for every array of floating-point numbers."""
-    all_envs = np.arange(len(step.rewards))
-    yield all_envs, step.rewards
+def _numbers(step: JointStep) -> Iterator[tuple[Ints, np.ndarray, str, range]]:
+    """Yield (environments, array, meaning, agents' columns) for every array of floating-point numbers."""
+    all_envs, count = np.arange(len(step.rewards)), step.rewards.shape[1]
+    yield all_envs, step.rewards, "reward", range(count)
     moments = [(all_envs, step)] if step.final is None else [(all_envs, step), (step.final.rows, step.final)]
     for rows, moment in moments:
-        arrays = [leaf for leaves in moment.observations for leaf in leaves.values()]
+        first = 0
+        for leaves in moment.observations:
+            size = next(iter(leaves.values())).shape[1] if leaves else 0
+            columns, first = range(first, first + size), first + size
+            for name, leaf in leaves.items():
+                if leaf.dtype.kind == "f":
+                    yield rows, leaf, f"observation {name!r}" if name else "observation", columns
         if moment.state is not None:
-            arrays.append(moment.state)
-        yield from ((rows, array) for array in arrays if array.dtype.kind == "f")
+            yield rows, moment.state, "state", range(0)
 
 
 def check_weights(networks: Mapping[str, Sequence[Tensor]], steps: int) -> None:

@@ -13,6 +13,19 @@ from algorithms.errors import SpaceError, UnknownSettingError
 
 DEFAULT_POLICIES = {"shared"}
 """Names of policies where the user gives none; they are never asked for."""
+OTHER_NAMES = {"num_epochs": "epochs", "train_batch_size_per_learner": "batch_size"}
+"""Our names of RLlib's settings that mean the same."""
+USUAL_NAMES = {
+    "learning_rate": "lr",
+    "vf_loss_coeff": "value_coeff",
+    "clip_param": "clip",
+    "lambda": "lambda_",
+    "gae_lambda": "lambda_",
+    "discount": "gamma",
+    "ent_coef": "entropy_coeff",
+    "buffer_size": "capacity",
+}
+"""Our names of settings by what they are called elsewhere."""
 _NETWORK = {"fcnet_hiddens": "hidden"}
 """Our names of RLlib's settings of networks."""
 

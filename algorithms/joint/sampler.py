@@ -18,7 +18,7 @@ from algorithms.joint.masks import same_trajectory
 from algorithms.joint.policies import Policies
 from algorithms.joint.progress import Episode, EpisodeProgress
 from algorithms.joint.rollout import JointRollout, View
-from algorithms.joint.spaces import Action, to_env
+from algorithms.joint.spaces import Action, learned_step, to_env
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration, SampledActions
 
@@ -92,7 +92,7 @@ class Sampler:
 
     def begin(self, indices: Ints, *, stride: int = 0) -> None:
         """Start a new episode in every environment; see `VectorJointEnv.reset`."""
-        step = self.env.reset(_restarted(self._seed, self._source[1]), indices, stride=stride)
+        step = learned_step(self.env.reset(_restarted(self._seed, self._source[1]), indices, stride=stride))
         step = self._finite_start(step)
         self.progress = EpisodeProgress.begin(
             self._indices(indices), len(self.spec.agents), stride, self.progress.failed_total
@@ -242,7 +242,9 @@ class Sampler:
     def _step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
         before = self._view()
         acted = before.alive.copy()
-        step = self._with_leaves(self._fail_non_finite(self.env.step(actions)), MEMORY, self._memories)
+        step = self._with_leaves(
+            self._fail_non_finite(learned_step(self.env.step(actions))), MEMORY, self._memories
+        )
         over = self.progress.account(step, acted)
         if over.any():
             self._stop_at_failures(step)
@@ -320,10 +322,10 @@ class Sampler:
 
     def _fail_non_finite(self, step: JointStep) -> JointStep:
         """Treat environments with NaN or infinite observations, states or rewards as failed."""
-        broken = non_finite(step)
+        broken = non_finite(step, self.spec.agents)
         if not broken:
             return step
-        fresh = self._finite_start(self.env.recreate(broken))
+        fresh = self._finite_start(learned_step(self.env.recreate(broken)))
         rewards = np.where(np.isfinite(step.rewards), step.rewards, 0)
         return step._replace(
             observations=fresh.observations,
@@ -337,7 +339,7 @@ class Sampler:
 
     def _finite_start(self, step: JointStep) -> JointStep:
         """Return first moments without NaN or infinity: environments that begin with them are recreated."""
-        attempts, broken = 1, non_finite(step)
+        attempts, broken = 1, non_finite(step, self.spec.agents)
         while broken:
             if attempts > self._max_failures:
                 raise EnvironmentFailure(
@@ -346,8 +348,8 @@ class Sampler:
                     remedy="fix the environment: its reset gives non-finite observations or states",
                 )
             self.progress.failed_total += len(broken)
-            step = self.env.recreate(broken)
-            attempts, broken = attempts + 1, non_finite(step)
+            step = learned_step(self.env.recreate(broken))
+            attempts, broken = attempts + 1, non_finite(step, self.spec.agents)
         return step
 
     def _see(self, step: JointStep) -> None:

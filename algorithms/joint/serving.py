@@ -105,7 +105,7 @@ def ask(group: Group, batch: Mapping[str, Any], *, recurrent: bool) -> Question:
 def _leaves(group: Group, seen: Any) -> tuple[dict[str, Tensor], Tensor | None]:
     """Return (leaves that come from the environment, action mask or None) of observations."""
     if not isinstance(seen, Mapping):
-        return {"": torch.as_tensor(seen)}, None
+        return {"": _tensor(seen)}, None
     flat = _flat(seen)
     mask = flat.pop(MASK, None)
     if next(iter(group.observation)) == "" and len(flat) == 1 and next(iter(flat)) in WRAPPED:
@@ -116,11 +116,17 @@ def _leaves(group: Group, seen: Any) -> tuple[dict[str, Tensor], Tensor | None]:
     return {name: flat[name] for name in group.observation if name in flat}, mask
 
 
+def _tensor(leaf: Any) -> Tensor:
+    """Return a leaf as networks read it: floating-point numbers are float32."""
+    given = torch.as_tensor(leaf)
+    return given.float() if given.is_floating_point() else given
+
+
 def _flat(seen: Mapping[str, Any], path: tuple[str, ...] = ()) -> dict[str, Tensor]:
     flat = {}
     for name, part in seen.items():
         own = (*path, name) if name else path
-        flat |= _flat(part, own) if isinstance(part, Mapping) else {"/".join(own): torch.as_tensor(part)}
+        flat |= _flat(part, own) if isinstance(part, Mapping) else {"/".join(own): _tensor(part)}
     return flat
 
 

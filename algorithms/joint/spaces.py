@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete
 
 from algorithms.errors import SpaceError
-from algorithms.joint.env import Action
+from algorithms.joint.env import Action, JointStep, map_arrays
 
 MASK = "action_mask"
 WRAPPED = ("observations", "observation", "obs")
@@ -71,6 +71,32 @@ class Flattening:
                 part = part[key]
             leaves[name] = part if isinstance(space, Box) else gym.spaces.flatten(space, part)
         return leaves, mask
+
+
+def learned_space(space: Box) -> Box:
+    """Return the space of an observation leaf as learners store it: floating-point numbers are float32."""
+    if space.dtype is None or space.dtype.kind != "f" or space.dtype == np.float32:
+        return space
+    with np.errstate(over="ignore"):  # bounds beyond float32 are no bounds
+        return Box(space.low.astype(np.float32), space.high.astype(np.float32), space.shape, np.float32)
+
+
+def learned_step(step: JointStep) -> JointStep:
+    """Return the step with float32 observations and states, whatever floats the environment gives."""
+    final = step.final
+    if final is not None:
+        final = final._replace(
+            observations=map_arrays(_learned, final.observations), state=map_arrays(_learned, final.state)
+        )
+    seen = map_arrays(_learned, step.observations)
+    return step._replace(observations=seen, state=map_arrays(_learned, step.state), final=final)
+
+
+def _learned(array: np.ndarray) -> np.ndarray:
+    if array.dtype.kind != "f" or array.dtype == np.float32:
+        return array
+    with np.errstate(over="ignore"):  # what becomes infinite counts as a failure of the environment
+        return array.astype(np.float32)
 
 
 def check_action_space(space: gym.Space | None, agent: str) -> Action:

@@ -12,6 +12,7 @@ from gymnasium.spaces import Box, Dict, Discrete
 
 from algorithms.errors import SpaceError, nearest_names
 from algorithms.joint.env import LATENT, MEMORY, Action, AgentBlock, Ints, JointSpaces
+from algorithms.joint.spaces import learned_space
 from algorithms.settings import Sharing
 
 SPEC = "__joint__"
@@ -72,7 +73,7 @@ class JointSpec:
         carried: Callable[[AgentBlock], Mapping[str, Box]] | None = None,
         set_width: int = 0,
     ) -> JointSpec:
-        """Order the agents of `spaces` into groups.
+        """Order the agents of `spaces` into groups; observations of other floats become float32.
 
         With `"all"`, agents with different spaces still get one network per block. `carried`
         returns the leaves that the sampler adds to the observations of a block.
@@ -81,6 +82,12 @@ class JointSpec:
             SpaceError: A group names an unknown agent, leaves one out, or mixes agents with different spaces;
                 a carried leaf is none that a sampler fills; there are no sets for `set_width`.
         """
+        spaces = spaces._replace(
+            blocks=tuple(
+                b._replace(observation={name: learned_space(leaf) for name, leaf in b.observation.items()})
+                for b in spaces.blocks
+            )
+        )
         if carried is not None:
             for name in {name for block in spaces.blocks for name in carried(block)} - {MEMORY, LATENT}:
                 raise SpaceError(

@@ -4,7 +4,14 @@ RLlib's configs take their defaults and checks from here, experiment files their
 `smarts-bench algorithms NAME` its table. The package imports neither torch nor Ray.
 """
 
-from algorithms.settings.base import EpsilonGreedySettings, JointSettings, OffPolicySettings, OnPolicySettings
+from algorithms.settings.base import (
+    ActorCriticSettings,
+    EpsilonGreedySettings,
+    JointSettings,
+    OffPolicySettings,
+    OnPolicySettings,
+    ReplaySettings,
+)
 from algorithms.settings.faults import SettingFault, faults
 from algorithms.settings.kinds import (
     Count,
@@ -55,6 +62,7 @@ from algorithms.settings.on_policy import (
 
 __all__ = [
     "A2CSettings",
+    "ActorCriticSettings",
     "BiCNetSettings",
     "COMASettings",
     "CentralisedVSettings",
@@ -91,6 +99,7 @@ __all__ = [
     "ROMMEOSettings",
     "RecurrentIPPOSettings",
     "RecurrentMAPPOSettings",
+    "ReplaySettings",
     "ScheduledFraction",
     "ScheduledWeight",
     "SettingFault",

@@ -56,7 +56,7 @@ class JointSettings(BaseModel):
     gru: Annotated[int, Field(ge=0, le=WIDEST)] = 0
     """Width of the policies' memory (gated recurrent units), for recurrent algorithms; 0: no memory."""
     sequence_length: Count = 16
-    """Steps through which recurrent policies are differentiated; divides `rollout_fragment_length`."""
+    """Steps through which policies with `gru` are differentiated; divides `rollout_fragment_length`."""
     max_env_failures: Count = 10
     """Failures of one environment without a completed episode in between that stop the run."""
     max_silent_iterations: Count = 3
@@ -80,8 +80,25 @@ class JointSettings(BaseModel):
             part.setdefault("description", cls.meaning(name))
             part.pop("title", None)
 
+    def check_unused(self, *names: str, used: bool, unless: str) -> None:
+        """Raise if settings differ from their defaults but are not used.
+
+        Args:
+            names: The settings.
+            used: Whether other settings make use of them.
+            unless: What would make use of them.
+
+        Raises:
+            ValueError: They do.
+        """
+        for name in names:
+            value = getattr(self, name)
+            if not used and value != type(self).model_fields[name].default:
+                raise ValueError(f"{name}={value!r} changes nothing unless {unless}: leave it out")
+
     @model_validator(mode="after")
     def _sequences_fit(self) -> Self:
+        self.check_unused("sequence_length", used=self.gru > 0, unless="gru is above 0")
         if self.gru and self.rollout_fragment_length % self.sequence_length:
             raise ValueError(
                 f"rollout_fragment_length={self.rollout_fragment_length} is not a multiple of "
@@ -93,8 +110,6 @@ class JointSettings(BaseModel):
 class OnPolicySettings(JointSettings):
     """Settings of algorithms that learn from each rollout once."""
 
-    lambda_: Fraction = 0.95
-    """Weight of longer returns in generalised advantage estimation."""
     epochs: Count = 4
     """Passes over each rollout."""
     minibatch_size: Count | None = 128
@@ -103,9 +118,18 @@ class OnPolicySettings(JointSettings):
     """Whether advantages are standardised per policy network over each rollout."""
     entropy_coeff: ScheduledWeight = 0.01
     """Weight of the entropy bonus, or a schedule over environment steps."""
+    normalize_values: bool = False
+    """Whether critics fit standardised targets."""
 
 
-class OffPolicySettings(JointSettings):
+class ActorCriticSettings(OnPolicySettings):
+    """Settings of algorithms whose critics estimate advantages."""
+
+    lambda_: Fraction = 0.95
+    """Weight of longer returns in generalised advantage estimation."""
+
+
+class ReplaySettings(JointSettings):
     """Settings of algorithms that learn from replay."""
 
     rollout_fragment_length: Count = 8
@@ -118,8 +142,6 @@ class OffPolicySettings(JointSettings):
     """Joint transitions stored before the first update."""
     updates_per_step: Positive = 0.125
     """Updates per environment step (of one environment)."""
-    tau: Annotated[float, Field(gt=0, le=1)] = 0.01
-    """Step of target networks towards their originals, each update (polyak averaging)."""
     checkpoint_replay: bool = True
     """Whether checkpoints hold the replay buffer; without it a restored run is not exact."""
 
@@ -133,10 +155,21 @@ class OffPolicySettings(JointSettings):
         return self
 
 
-class EpsilonGreedySettings(OffPolicySettings):
+class OffPolicySettings(ReplaySettings):
+    """Settings of algorithms that learn from replay, with target networks that follow in every update."""
+
+    tau: Annotated[float, Field(gt=0, le=1)] = 0.01
+    """Step of target networks towards their originals, each update (polyak averaging)."""
+
+
+class RandomActionSettings(ReplaySettings):
     """Settings of algorithms that explore by random actions."""
 
     epsilon: FirstAndLast = (1.0, 0.05)
     """First and last probability of a random action."""
     epsilon_steps: NotNegative = 10_000
     """Environment steps from the first to the last."""
+
+
+class EpsilonGreedySettings(OffPolicySettings, RandomActionSettings):
+    """Settings of algorithms with target networks that explore by random actions."""

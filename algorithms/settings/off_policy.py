@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from algorithms.settings.base import EpsilonGreedySettings, OffPolicySettings
+from algorithms.settings.base import EpsilonGreedySettings, OffPolicySettings, RandomActionSettings
 from algorithms.settings.kinds import (
     WIDEST,
     Count,
@@ -24,32 +24,38 @@ from algorithms.settings.kinds import (
 )
 
 
-class DQNSettings(EpsilonGreedySettings):
-    """Independent DQN."""
+class QLearningSettings(EpsilonGreedySettings):
+    """Settings of algorithms with a Q network for each group."""
 
     double: bool = True
     """Whether the online network chooses the next action."""
     duelling: bool = True
     """Whether value and advantage have separate streams."""
+
+
+class DQNSettings(QLearningSettings):
+    """Independent DQN."""
+
     prioritised: bool = False
     """Whether transitions are drawn by their last temporal difference (Schaul et al. 2016); without `gru`."""
     priority_alpha: NotNegative = 0.6
-    """Exponent of priorities: 0 is uniform."""
+    """Exponent of priorities: 0 is uniform. With `prioritised` only."""
     priority_beta: NotNegative = 0.4
-    """How far importance weights undo them: 1 entirely."""
+    """How far importance weights undo them: 1 entirely. With `prioritised` only."""
 
     @model_validator(mode="after")
     def _priorities_fit(self) -> Self:
         if self.prioritised and self.gru:
             raise ValueError("prioritised replay ranks single transitions: set gru to 0")
+        self.check_unused(
+            "priority_alpha", "priority_beta", used=self.prioritised, unless="prioritised is true"
+        )
         return self
 
 
-class VDNSettings(DQNSettings):
+class VDNSettings(QLearningSettings):
     """VDN."""
 
-    prioritised: Literal[False] = False  # type: ignore[reportIncompatibleVariableOverride]
-    """Always False: the team's loss gives no agent's temporal difference; 'dqn' has prioritised replay."""
     team_reward: Literal["sum", "mean"] = "sum"
     """How rewards of the active agents are joined; "mean" where all get the same shared reward."""
 
@@ -133,7 +139,7 @@ class MADDPGSettings(OffPolicySettings):
     grad_clip: Positive | None = 0.5
     batch_size: Count = 256
     noise: NotNegative = 0.1
-    """Standard deviation of exploration noise on continuous actions in [-1, 1]."""
+    """Standard deviation of exploration noise on continuous actions in [-1, 1]; with these only."""
     logit_penalty: NotNegative = 1e-3
     """Weight of the mean square of policy outputs, which keeps samples from freezing."""
 
@@ -187,7 +193,7 @@ class MeanFieldACSettings(MeanFieldSettings):
     """Weight of the policies' entropy, in scaled returns, or a schedule over environment steps."""
 
 
-class NetworkedQSettings(EpsilonGreedySettings):
+class NetworkedQSettings(RandomActionSettings):
     """Networked fitted Q-iteration."""
 
     set_width: Literal[0] = 0  # type: ignore[reportIncompatibleVariableOverride]
@@ -206,3 +212,8 @@ class NetworkedQSettings(EpsilonGreedySettings):
     """Rounds of averaging at the end of a fit."""
     max_joint_actions: Count = 4096
     """Maximum number of joint actions."""
+
+    @model_validator(mode="after")
+    def _exchange_fits(self) -> Self:
+        self.check_unused("graph", "agreement_rounds", used=self.consensus, unless="consensus is true")
+        return self

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from algorithms.settings.base import JointSettings, OnPolicySettings
+from algorithms.settings.base import ActorCriticSettings, JointSettings, OnPolicySettings
 from algorithms.settings.kinds import (
     WIDEST,
     Count,
@@ -22,13 +22,11 @@ from algorithms.settings.kinds import (
 )
 
 
-class PPOSettings(OnPolicySettings):
+class PPOSettings(ActorCriticSettings):
     """Independent PPO."""
 
     clip: Positive = 0.2
     """Largest rewarded change of an action's probability ratio."""
-    normalize_values: bool = False
-    """Whether critics fit standardised targets."""
 
 
 class CentralisedVSettings(PPOSettings):
@@ -80,25 +78,34 @@ class MATSettings(PPOSettings):
         return self
 
 
-class A2CSettings(PPOSettings):
-    """Independent A2C."""
+class SingleStepSettings(OnPolicySettings):
+    """Settings of policy gradients without a ratio, which take one step on each rollout."""
 
     lr: ScheduledFraction = 1e-3
-    rollout_fragment_length: Count = 16
     epochs: Literal[1] = 1  # type: ignore[reportIncompatibleVariableOverride]
     """One: without a ratio, a second step on the same data is no policy gradient; 'ppo' takes more."""
     minibatch_size: None = None  # type: ignore[reportIncompatibleVariableOverride]
     """Always the whole rollout; 'ppo' takes minibatches."""
 
 
-class PGSettings(A2CSettings):
+class A2CSettings(SingleStepSettings, ActorCriticSettings):  # type: ignore[reportIncompatibleVariableOverride]
+    """Independent A2C."""
+
+    rollout_fragment_length: Count = 16
+
+
+class PGSettings(SingleStepSettings):
     """Independent policy gradient."""
 
-    rollout_fragment_length: Count = 64
     baseline: bool = True
     """Whether a learned value is subtracted from the returns."""
     longest_trajectory: Count = 10_000
     """Most steps of a trajectory: nothing is learned from it before it ends."""
+
+    @model_validator(mode="after")
+    def _baseline_fits(self) -> Self:
+        self.check_unused("normalize_values", used=self.baseline, unless="baseline is true")
+        return self
 
 
 class CommNetSettings(A2CSettings):
@@ -118,7 +125,8 @@ class CommNetSettings(A2CSettings):
 class COMASettings(JointSettings):
     """COMA."""
 
-    lr: ScheduledFraction = 5e-4
+    lr: ScheduledFraction = 1e-3
+    rollout_fragment_length: Count = 16
     lambda_: Fraction = 0.8
     """Weight of longer returns in the critic's targets, TD(lambda)."""
     epsilon: FirstAndLast = (0.5, 0.02)

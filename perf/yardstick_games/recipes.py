@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from smarts.registry import load_own
 
@@ -13,12 +13,16 @@ class Published(NamedTuple):
     Attributes:
         algorithm: Its name there.
         score: In the units of the game's score.
-        training: What it was trained with.
+        steps: Environment steps of its training.
+        mode: How it played, "greedy" or "sampled".
+        source: Where it is published.
     """
 
     algorithm: str
     score: float
-    training: str
+    steps: int
+    mode: Literal["greedy", "sampled"]
+    source: str
 
 
 class Yardstick(NamedTuple):
@@ -72,9 +76,10 @@ YARDSTICKS = {
         2_000_000,
         "share of the food loaded, Foraging-8x8-2p-2f-coop-v3 (1 is best)",
         published=(
-            Published("VDN", 1.00, f"2M steps, {_PAPER}"),
-            Published("QMIX", 0.96, f"2M steps, {_PAPER}"),
-            Published("IPPO, MAPPO", 1.00, f"20M steps, {_PAPER}"),
+            Published("VDN", 1.00, 2_000_000, "greedy", _PAPER),
+            Published("QMIX", 0.96, 2_000_000, "greedy", _PAPER),
+            Published("IPPO", 1.00, 20_000_000, "sampled", _PAPER),
+            Published("MAPPO", 1.00, 20_000_000, "sampled", _PAPER),
         ),
     ),
     "spread": Yardstick(
@@ -83,7 +88,6 @@ YARDSTICKS = {
         "return in the publication's units: 2 x - 75, x the sum of simple_spread_v3's rewards over agents",
         scale=2.0,
         offset=-75.0,
-        published=(Published("MAPPO, MADDPG and others", -137.5, f"about this level, {_PAPER}"),),
     ),
     "matrices": Yardstick(
         "perf.yardstick_games.matrices:Matrices",

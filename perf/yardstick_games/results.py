@@ -7,14 +7,16 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from perf.yardstick_games.recipes import YARDSTICKS, Yardstick
+from perf.yardstick_games.recipes import YARDSTICKS, Published, Yardstick
 
 FOLDER = Path(__file__).resolve().parents[2] / "results" / "yardsticks"
 RANDOM = "random"
+SEED = "evaluation_seed"
+"""In a run's first line: of the evaluations' episodes; without it they are the training seed's own."""
 
 
 class Evaluation(NamedTuple):
@@ -96,7 +98,7 @@ def runs_in(folder: Path) -> list[RunFile]:
 def page(folder: Path = FOLDER) -> str:
     """Return the Markdown page of all runs."""
     runs = runs_in(folder)
-    parts = [HEAD]
+    parts = [HEAD.replace("{episodes}", episodes_of(runs))]
     for name, game in YARDSTICKS.items():
         own = [run for run in runs if run.game == name]
         if own:
@@ -110,11 +112,15 @@ Games of other publications, played by our algorithms. `python -m perf.yardstick
 and writes this page, `python -m perf.yardsticks --page` only writes it. The settings are in
 `perf/yardstick_games/recipes.py`, and with the commit in the first line of each run's file.
 
-Scores are means over 200 fixed episodes and over training seeds; in brackets how many seeds, where they
+Scores are means over 200 episodes and over training seeds; in brackets how many seeds, where they
 are fewer than three: such a score does not tell how further seeds would turn out, and differences
-between them prove nothing. "Best" is the highest greedy evaluation of the mean over seeds, as EPyMARL's
-publication reports it (of several seeds); it is chosen on the same episodes, so it is too high by
-chance. "Last" is at the end. Sampled play explores as at the end of the training. "Looped" is the share
+between them prove nothing. {episodes} "Best" is the highest evaluation of the mean over seeds; it is chosen
+on the same episodes, so it is too high by chance. "Last" is at the end. Sampled play explores as at the end
+of the training.
+
+Published rows (in italics) are the largest means over evaluations. EPyMARL evaluates policy gradients by
+sampled play (`action_selector: "soft_policies"`, which ignores test mode) and values by greedy play: they
+stand in the column of that mode, and ours is to be read in the same one. "Looped" is the share
 of greedy episodes in which all agents see again what they saw before: without memory such a team repeats
 itself for ever.
 
@@ -127,14 +133,35 @@ def section(name: str, game: Yardstick, runs: Sequence[RunFile]) -> str:
     lines = [
         f"## {name}\n",
         f"{game.measure[0].upper()}{game.measure[1:]}.\n",
-        "| algorithm | seeds | steps | greedy, last | by seed | greedy, best | sampled, last | looped |",
-        "|---|---|---|---|---|---|---|---|",
+        "| algorithm | seeds | steps | greedy, last | by seed | greedy, best | sampled, last | sampled, best "
+        "| looped |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for algorithm in dict.fromkeys(run.algorithm for run in runs):
         own = [run for run in runs if run.algorithm == algorithm]
         lines.append(row(algorithm, own))
-    lines += [f"| *{p.algorithm}* | | *{p.training}* | *{p.score:.2f}* | | | | |" for p in game.published]
+    lines += [published(each) for each in game.published]
     return "\n".join(lines) + "\n"
+
+
+def published(score: Published) -> str:
+    """Return the line of a score from elsewhere, in the column of its mode."""
+    best = {mode: f"*{score.score:.2f}*" if mode == score.mode else "" for mode in ("greedy", "sampled")}
+    named = f"*{score.algorithm}, {score.source}*"
+    return f"| {named} | | *{score.steps:,}* | | | {best['greedy']} | | {best['sampled']} | |"
+
+
+def episodes_of(runs: Sequence[RunFile]) -> str:
+    """Return in words which episodes the runs' evaluations play."""
+    own = sum(SEED not in run.about for run in runs if run.algorithm != RANDOM)
+    fixed = "The episodes are the same for all training seeds"
+    if not own:
+        return f"{fixed}."
+    all_runs = sum(run.algorithm != RANDOM for run in runs)
+    if own == all_runs:
+        return "Episodes are each training seed's own."
+    where = f"the {own} of {all_runs} runs without `{SEED}` in their first line"
+    return f"{fixed}, but each training seed's own in {where}."
 
 
 def row(algorithm: str, runs: Sequence[RunFile]) -> str:
@@ -143,11 +170,20 @@ def row(algorithm: str, runs: Sequence[RunFile]) -> str:
     means = (float(np.mean([getattr(e, name) for e in ends])) for name in ("greedy", "sampled"))
     greedy, sampled = (scored(mean, runs) for mean in means)
     if algorithm == RANDOM:
-        return f"| `{algorithm}` | | | | | | {np.mean([e.sampled for e in ends]):.2f} | |"
+        return f"| `{algorithm}` | | | | | | {np.mean([e.sampled for e in ends]):.2f} | | |"
     steps = " ".join(f"{count:,}" for count in dict.fromkeys(end.steps for end in ends))
     seeds = ", ".join(f"{run.seed}: {end.greedy:.2f}" for run, end in zip(runs, ends, strict=True))
     looped = f"{np.mean([e.looped for e in ends]):.2f}"
-    cells = (str(len(runs)), steps, greedy, seeds, scored(best(runs), runs), sampled, looped)
+    cells = (
+        str(len(runs)),
+        steps,
+        greedy,
+        seeds,
+        scored(best(runs), runs),
+        sampled,
+        scored(best(runs, "sampled"), runs),
+        looped,
+    )
     return f"| `{algorithm}` | {' | '.join(cells)} |"
 
 
@@ -161,10 +197,10 @@ def seeds_of(runs: Sequence[RunFile]) -> str:
     return f"{len(runs)} seed{'s'[: len(runs) != 1]}"
 
 
-def best(runs: Sequence[RunFile]) -> float:
-    """Return the highest greedy evaluation of the mean over runs."""
+def best(runs: Sequence[RunFile], mode: Literal["greedy", "sampled"] = "greedy") -> float:
+    """Return the highest evaluation of the mean over runs."""
     shortest = min(len(run.curve) for run in runs)
-    return float(np.mean([[e.greedy for e in run.curve[:shortest]] for run in runs], 0).max())
+    return float(np.mean([[getattr(e, mode) for e in run.curve[:shortest]] for run in runs], 0).max())
 
 
 def draw(folder: Path = FOLDER) -> None:

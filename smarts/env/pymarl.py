@@ -15,6 +15,7 @@ from smarts.env.parallel import ParallelHiWayEnv
 from smarts.env.runner import NotCopied
 from smarts.env.settings import Agents, EnvOptions, make_settings, refuse_bubbles
 from smarts.env.staying import StayingAgents
+from smarts.errors import ActionError
 from smarts.observations.action_mask import MASK
 
 _SHARES = {"completed": "goal", "collided": "collision"}
@@ -98,8 +99,14 @@ class PyMARLEnv(NotCopied):
             ended the episode.
 
         Raises:
-            ActionError: An action is not among the agent's.
+            ActionError: An action is not among the agent's, or there is not one for each agent.
         """
+        if len(actions) != self.n_agents:
+            raise ActionError(
+                f"{len(actions)} actions for {self.n_agents} agents: {list(actions)}",
+                place="PyMARLEnv.step",
+                remedy=f"give one for each of {', '.join(self.agents)}; those of absent agents do nothing",
+            )
         was_there = self._env.present
         chosen = dict(zip(self.agents, (int(action) for action in actions), strict=True))
         observations, by_agent, _, truncated, infos = self._env.step(chosen)

@@ -55,3 +55,9 @@ def test_the_end_of_curves_is_their_mean_over_all_seeds_without_traffic(tmp_path
 def test_the_experiment_trains_every_algorithm():
     runs = runs_of(read_experiment(ROOT / "configs" / "all_algorithms.yaml", []))
     assert sorted(run.algorithm for run in runs) == sorted(ALGORITHMS)
+
+
+def test_the_experiment_sets_nothing_by_hand_but_which_networks_are_shared():
+    for run in runs_of(read_experiment(ROOT / "configs" / "all_algorithms.yaml", [])):
+        own_networks = run.algorithm in ("happo", "networked_q")
+        assert run.settings == {"sharing": "none" if own_networks else "all"}

@@ -100,7 +100,8 @@ def trained(name, env, env_config=None):
     config.env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=24)
     replay = {"learning_starts": 16, "batch_size": 16, "capacity": 200, "updates_per_step": 0.1}
     known = {setting: value for setting, value in replay.items() if setting in config.setting_names}
-    algo: Any = config.training(sharing="all", hidden=(32,), **known).build_algo()
+    sharing = "none" if name == "networked_q" else "all"
+    algo: Any = config.training(sharing=sharing, hidden=(32,), **known).build_algo()
     try:
         algo.train()
         before = algo.get_weights()

@@ -151,19 +151,32 @@ def test_the_page_shows_means_over_seeds_and_the_best_of_the_mean(tmp_path):
         results.write(tmp_path, RunFile("foraging", "vdn", seed, {"commit": "abc"}, curve))
     results.write(tmp_path, RunFile("foraging", "random", 1, {}, [Evaluation(0, np.nan, 0.01, np.nan, 0.0)]))
     page = results.page(tmp_path)
-    few = "0.80 (2 seeds) | 1: 0.60, 2: 1.00 | 0.80 (2 seeds) | 0.40 (2 seeds) | 0.25"
+    few = "0.80 (2 seeds) | 1: 0.60, 2: 1.00 | 0.80 (2 seeds) | 0.40 (2 seeds) | 0.40 (2 seeds) | 0.25"
     assert f"| `vdn` | 2 | 20 | {few} |" in page
-    assert "| `random` | | | | | | 0.01 | |" in page
+    assert "| `random` | | | | | | 0.01 | | |" in page
     for seed in (4, 5, 6):
         curve = [Evaluation(20, 0.1 * seed, 0.5, 0.0, 3.0)]
         results.write(tmp_path, RunFile("foraging", "ppo", seed, {}, curve))
-    several = "0.50 | 4: 0.40, 5: 0.50, 6: 0.60 | 0.50 | 0.50 | 0.00"
+    several = "0.50 | 4: 0.40, 5: 0.50, 6: 0.60 | 0.50 | 0.50 | 0.50 | 0.00"
     assert f"| `ppo` | 3 | 20 | {several} |" in results.page(tmp_path)
     assert results.read(results.file_of(tmp_path, "foraging", "vdn", 1)).about == {"commit": "abc"}
 
 
+def test_a_published_score_stands_in_the_column_of_its_mode():
+    greedy, sampled = (Published("x", 0.5, 1_000, mode, "y") for mode in ("greedy", "sampled"))
+    assert results.published(greedy) == "| *x, y* | | *1,000* | | | *0.50* | |  | |"
+    assert results.published(sampled) == "| *x, y* | | *1,000* | | |  | | *0.50* | |"
+
+
+def test_the_page_says_which_episodes_were_played():
+    own, fixed = (RunFile("foraging", "vdn", 1, about, []) for about in ({}, {results.SEED: 20}))
+    assert results.episodes_of([own, own]) == "Episodes are each training seed's own."
+    assert results.episodes_of([fixed]) == "The episodes are the same for all training seeds."
+    assert "1 of 2 runs" in results.episodes_of([own, fixed])
+
+
 def test_scores_are_scaled_returns():
-    game = Yardstick("", 1, "", scale=2.0, offset=-75.0, published=(Published("x", 0.0, ""),))
+    game = Yardstick("", 1, "", scale=2.0, offset=-75.0, published=(Published("x", 0.0, 1, "greedy", ""),))
     assert game.score(-31.25) == -137.5
 
 

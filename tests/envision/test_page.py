@@ -14,7 +14,7 @@ from smarts.envision.viewer_page import Embedded
 from smarts.stream.arrays import packed_array, unpacked_array
 from smarts.stream.container import framed, messages_in
 from tests.envision.conftest import DESKTOP, PHONE
-from tests.envision.pages import changed, episode, observing, page_with
+from tests.envision.pages import changed, episode, observing, page_with, rewarded
 
 pytestmark = pytest.mark.browser
 
@@ -98,6 +98,27 @@ def test_the_panel_follows_the_chosen_agent(open_page):
     assert page.locator(".chart").count() >= 2
     page.keyboard.press("a")
     expect(page.locator(".panel h2")).to_have_text("agent-3")
+
+
+@pytest.mark.parametrize("size", [PHONE, DESKTOP])
+def test_charts_of_reward_terms_fit_into_the_panel(open_page, size):
+    terms = ["progress", "collision", "off_road", "wrong_way", "lane_departure_on_curves"]
+    page = open_page(rewarded(episode("intersection"), terms), fragment="#t=3", size=size)
+    if size == PHONE:
+        page.get_by_role("button", name="Panel of the agent").tap()
+    expect(page.locator(".chart svg")).to_have_count(2)
+    expect(page.locator(".chart .key")).to_have_count(6)
+    for n, term in enumerate(terms):
+        expect(page.locator(".chart .key").nth(1 + n)).to_have_text(f"{term} {n}.00")
+    panel = page.locator(".panel").bounding_box()
+    assert panel
+    assert panel["x"] + panel["width"] <= size[0]
+    for each in page.locator(".chart, .chart svg, .chart .key, .chart .value").all():
+        box = each.bounding_box()
+        if box:
+            assert panel["x"] <= box["x"]
+            assert box["x"] + box["width"] <= panel["x"] + panel["width"]
+    assert page.locator(".panel-body").evaluate("e => e.scrollWidth <= e.clientWidth")
 
 
 def test_a_link_and_a_reload_restore_the_view(open_page):

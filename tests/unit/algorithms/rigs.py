@@ -14,7 +14,7 @@ from algorithms.joint.runner import SPEC
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration
-from algorithms.settings import OffPolicySettings, faults
+from algorithms.settings import ReplaySettings, faults
 
 
 def cases(names):
@@ -25,7 +25,7 @@ def cases(names):
 
 EVERY = cases(algorithms.names())
 OFF_POLICY = [
-    name for name in algorithms.names() if issubclass(algorithms.entry(name).settings, OffPolicySettings)
+    name for name in algorithms.names() if issubclass(algorithms.entry(name).settings, ReplaySettings)
 ]
 
 

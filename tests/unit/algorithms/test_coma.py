@@ -175,7 +175,7 @@ SHARES = {"lr": 1e-2, "team_reward": "mean", "epsilon": (0.5, 0.5), "critic_step
 
 def shares_score(seed, name="coma", steps=4_096):
     """Return the share of agents that found their good action."""
-    rig = Rig(name, Shares, seed=seed, gamma=0.0, **(SHARES if name == "coma" else {"lr": 1e-3}))
+    rig = Rig(name, Shares, seed=seed, gamma=0.0, **(SHARES if name == "coma" else {"lr": SHARES["lr"]}))
     for done in range(0, steps, 64):
         rig.learner.update_joint(rig.rollout(32, **rig.config.exploration(done)._asdict()))
     return np.mean(rig.rollout(1, explore=False).actions[0][0, 0] == np.arange(12) % 4)
@@ -184,13 +184,13 @@ def shares_score(seed, name="coma", steps=4_096):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_small_shares_of_a_noisy_reward_are_found(seed):
-    """1; without the counterfactual baseline 0.69."""
+    """1; without the counterfactual baseline 0.69; `centralised_v` finds them, too."""
     assert shares_score(seed) > (1 + 0.75) / 2
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_small_shares_are_not_found_without_the_counterfactual_baseline(seed, monkeypatch):
+@pytest.mark.parametrize(("seed", "lr"), [(1, 1e-2), (2, 1e-2), (3, 1e-2), (1, 1e-3), (1, 3e-3), (1, 3e-2)])
+def test_small_shares_are_not_found_without_the_counterfactual_baseline(seed, lr, monkeypatch):
     """The paper's ablation "central-QV": Q(s, u) - V(s); the game has one state, so V(s) is the mean of Q."""
 
     def without(values, policy, actions):
@@ -198,10 +198,5 @@ def test_small_shares_are_not_found_without_the_counterfactual_baseline(seed, mo
         return chosen - chosen.mean()
 
     monkeypatch.setattr(coma, "counterfactual_advantage", without)
+    monkeypatch.setitem(SHARES, "lr", lr)
     assert shares_score(seed) < (1 + 0.75) / 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_small_shares_are_not_found_by_a_central_state_value(seed):
-    assert shares_score(seed, "centralised_v") < (1 + 0.75) / 2

@@ -22,7 +22,7 @@ SEEDS = [1, 2, 3]
 @pytest.mark.parametrize("sharing", ["none", "all", {"odd": ["b"], "even": ["a", "c"]}])
 def test_own_values_are_the_best_over_all_possible_joint_actions(sharing):
     """By enumeration; the dead can do nothing but action 0."""
-    rig = Rig("networked_q", Ragged, sharing=sharing)
+    rig = Rig("networked_q", Ragged, sharing=sharing, consensus=sharing != "all")
     rollout = rig.rollout(20, epsilon=1.0)
     rig.learner.replay.add(rollout)
     batch = rig.learner.replay.sample(np.random.default_rng(0), 20)
@@ -67,7 +67,8 @@ def test_the_number_of_a_joint_action_is_its_place_in_the_table():
 def twins(graph, **settings):
     """Return a learner of independent nodes, and one of a single node of all agents, of equal weights."""
     several = Rig("networked_q", Ragged, {"crash": 0.0}, graph=graph, **REPLAY, **settings)
-    single = Rig("networked_q", Ragged, {"crash": 0.0}, sharing="all", **REPLAY, **settings)
+    alone = {**REPLAY, **settings, "sharing": "all", "consensus": False}
+    single = Rig("networked_q", Ragged, {"crash": 0.0}, **alone)
     weights = copy.deepcopy(single.learner.net("shared").state_dict())
     # Alone, each agent's flag stands behind its observation; together, all flags stand at the end.
     order = [0, 1, 2, 9, 3, 4, 5, 10, 6, 7, 8, 11]
@@ -196,6 +197,16 @@ def test_what_cannot_be_fitted_is_refused():
     with pytest.raises(SpaceError, match=r"^action space: "):
         Rig("networked_q", Target)
     assert algorithms.entry("networked_q").communication
+
+
+@pytest.mark.parametrize("sharing", ["all", {"team": ["a", "b", "c"]}])
+def test_a_consensus_of_one_node_is_refused(sharing):
+    with pytest.raises(SpaceError) as caught:
+        Rig("networked_q", Ragged, sharing=sharing)
+    assert f"sharing={sharing!r}" in caught.value.place
+    assert 'sharing="none"' in caught.value.remedy
+    rig = Rig("networked_q", Ragged, sharing=sharing, consensus=False)
+    assert len(rig.spec.groups) == 1
 
 
 class Gifts(Game):

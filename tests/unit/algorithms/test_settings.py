@@ -5,8 +5,10 @@ from typing import Annotated
 import numpy as np
 import pytest
 from pydantic import Field
+from ray.rllib.policy.policy import PolicySpec
 
 import algorithms
+from algorithms.errors import UnknownSettingError
 from algorithms.ppo import PPOConfig
 from algorithms.registry import ALGORITHMS
 from algorithms.settings import Near, PPOSettings, faults
@@ -42,7 +44,6 @@ from algorithms.settings import Near, PPOSettings, faults
         ("networked_q", {"fit_steps": 0}),
         ("commnet", {"communication_steps": -1}),
         ("vdn", {"team_reward": "avg"}),
-        ("vdn", {"prioritised": True}),
     ],
 )
 def test_a_setting_out_of_range_is_named_with_its_value(name, wrong):
@@ -72,6 +73,12 @@ def test_a_wrong_part_of_a_setting_is_named_by_its_place(wrong, key):
     [
         ("dqn", {"learning_starts": 5000, "capacity": 1000}),
         ("dqn", {"prioritised": True, "gru": 8}),
+        ("dqn", {"priority_alpha": 0.9}),
+        ("dqn", {"priority_beta": 0.9}),
+        ("ppo", {"sequence_length": 4}),
+        ("maddpg", {"sequence_length": 4}),
+        ("pg", {"normalize_values": True, "baseline": False}),
+        ("networked_q", {"agreement_rounds": 2, "consensus": False}),
         ("maac", {"attention_heads": 5}),
         ("ppo", {"rollout_fragment_length": 60, "gru": 8}),
     ],
@@ -130,3 +137,55 @@ def test_every_number_among_the_settings_has_a_range(name):
     numbers = [part for part in described if part.get("type") in ("integer", "number")]
     assert numbers
     assert all(part.keys() & {"minimum", "exclusiveMinimum", "const"} for part in numbers)
+
+
+def handed_over(config):
+    """Return a config as an algorithm gets it from its user."""
+    return type(config).from_state(config.get_state())
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        (lambda c: c.training(lr=-1), "^lr=-1"),
+        (lambda c: c.training(lr=-1.0), "^lr=-1.0"),
+        (lambda c: c.learners(num_learners=-1), "^num_learners=-1"),
+        (lambda c: c.env_runners(num_env_runners=-1), "num_env_runners"),
+        (lambda c: c.training(sharing={"g": ["a", "b"], "h": ["b"]}), "'b' is in 2 groups"),
+        (lambda c: c.multi_agent(policies={"a": PolicySpec(config={"lr": 0.0})}), "'a'.*settings of its own"),
+        (lambda c: c.multi_agent(policies={"a": PolicySpec(policy_class=Near)}), "'a'.*settings of its own"),
+    ],
+)
+def test_what_an_algorithm_is_handed_over_is_checked_as_it_was_given(changes, named):
+    """RLlib's state of a config leaves out whatever is -1, and makes tuples of `PolicySpec`s."""
+    config = algorithms.config("ppo")
+    with pytest.raises(ValueError, match=named):
+        handed_over(changes(config)).validate()
+
+
+def test_a_config_that_is_handed_over_keeps_its_settings():
+    config = algorithms.config("dqn").training(lr=1e-2, batch_size=16).debugging(seed=5)
+    other = handed_over(config)
+    assert (other.lr, other.batch_size, other.seed, other.algo_class) == (1e-2, 16, 5, config.algo_class)
+    other.validate()
+
+
+def test_two_names_of_one_setting_are_refused():
+    with pytest.raises(ValueError, match=r"num_epochs=2 and epochs=5"):
+        algorithms.config("ppo").training(num_epochs=2, epochs=5)
+    with pytest.raises(ValueError, match=r"train_batch_size_per_learner=8 and batch_size=16"):
+        algorithms.config("dqn").training(train_batch_size_per_learner=8, batch_size=16)
+
+
+@pytest.mark.parametrize(
+    ("other", "own"), [("learning_rate", "lr"), ("clip_param", "clip"), ("gae_lambda", "lambda_")]
+)
+def test_names_of_other_libraries_lead_to_ours(other, own):
+    with pytest.raises(UnknownSettingError, match=f"remedy: use '{own}'"):
+        algorithms.config("ppo").training(**{other: 0.1})
+
+
+def test_a_setting_that_an_algorithm_lacks_under_any_name_is_not_offered():
+    with pytest.raises(UnknownSettingError) as caught:
+        algorithms.config("ppo").training(vf_loss_coeff=0.5)
+    assert "value_coeff" not in str(caught.value)

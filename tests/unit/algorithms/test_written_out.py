@@ -143,8 +143,9 @@ def test_mf_acs_losses(monkeypatch):
 
 @pytest.mark.parametrize("name", cases(OFF_POLICY))
 def test_target_networks_follow_by_tau_in_every_update(name):
-    tau = 1.0 if name == "networked_q" else 0.25  # which copies, every so often
-    rig = Rig(name, Constant, tau=tau, **REPLAY)
+    own = known(name, {"tau": 0.25})
+    tau = own.get("tau", 1.0)  # networked_q copies, every so often
+    rig = Rig(name, Constant, **own, **REPLAY)
     unlike_targets(rig)
     batch, before = replayed(rig, 16), rig.weights()
     rig.learner.update_minibatch(batch)

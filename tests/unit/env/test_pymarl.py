@@ -123,3 +123,11 @@ def test_an_action_that_there_is_not_is_refused(envs):
     env.reset()
     with pytest.raises(ActionError):
         env.step([0, 7, 0])
+
+
+@pytest.mark.parametrize("actions", [[0, 0], [0, 0, 0, 0]])
+def test_a_step_needs_an_action_for_each_agent(envs, actions):
+    lists, _ = envs
+    lists.reset(seed=11)
+    with pytest.raises(ActionError, match=rf"{len(actions)} actions for 3 agents"):
+        lists.step(actions)

@@ -4,6 +4,8 @@ import type { Series } from "./agents";
 import { h, svg } from "./dom";
 
 const WIDTH = 300;
+/** Lines in one chart. */
+const MOST = 6;
 
 interface Scale {
   begin: number;
@@ -17,6 +19,8 @@ export class Chart {
   private readonly plot: SVGSVGElement;
   private readonly cursor = svg("line", { class: "cursor", y1: 0 });
   private readonly value = h("span", { class: "value" });
+  /** The names of several lines, with their values. */
+  private readonly keys = h("div", { class: "keys" });
   private scale: Scale = { begin: 0, end: 1, low: 0, high: 1 };
   private series: readonly Series[] = [];
 
@@ -44,19 +48,23 @@ export class Chart {
       { class: "chart" },
       h("figcaption", {}, h("span", { class: "name" }, title), this.value),
       this.plot,
+      this.keys,
     );
   }
 
   /** Draws lines over the steps from `begin` to `end`. */
   show(series: readonly Series[], begin: number, end: number): void {
     this.series = series;
+    const shown = series.length > 1 ? series.slice(0, MOST) : [];
+    this.keys.replaceChildren(...shown.map((_, i) => h("span", { class: `key key-${i}` })));
+    this.keys.hidden = !shown.length;
     const values = series.flatMap((each) => each.values).filter(Number.isFinite);
     const low = Math.min(0, ...values.slice(0, 50_000));
     const high = Math.max(low + 1e-3, ...values.slice(0, 50_000));
     this.scale = { begin, end: Math.max(begin + 1, end), low, high };
     const zero = this.y(0);
     const lines = series
-      .slice(0, 6)
+      .slice(0, MOST)
       .map((each, i) => svg("path", { d: this.path(each), class: `line line-${i}` }));
     const area = series.length === 1 ? [svg("path", { d: this.area(series[0], zero), class: "area" })] : [];
     this.plot.replaceChildren(
@@ -71,16 +79,15 @@ export class Chart {
     const x = ((step - this.scale.begin) / (this.scale.end - this.scale.begin)) * WIDTH;
     this.cursor.setAttribute("x1", x.toFixed(1));
     this.cursor.setAttribute("x2", x.toFixed(1));
-    const now = this.series.slice(0, 6).map((each) => ({ name: each.name, value: at(each, step) }));
-    const text = now
-      .map(({ name, value }) =>
-        now.length > 1
-          ? `${name.replace(/^reward\//, "")} ${format(value)}`
-          : `${format(value)} ${this.unit}`,
-      )
-      .join("  ");
-    if (this.value.textContent !== text) this.value.textContent = text;
-    this.plot.setAttribute("aria-label", `${this.title} over time: ${text}`);
+    const texts = this.series.slice(0, MOST).map((each) => {
+      const value = format(at(each, step));
+      return this.series.length > 1 ? `${each.name.replace(/^reward\//, "")} ${value}` : `${value} ${this.unit}`;
+    });
+    const places = this.series.length > 1 ? [...this.keys.children] : [this.value];
+    places.forEach((place, i) => {
+      if (place.textContent !== texts[i]) place.textContent = texts[i];
+    });
+    this.plot.setAttribute("aria-label", `${this.title} over time: ${texts.join(", ")}`);
   }
 
   private x(step: number): number {

@@ -113,23 +113,7 @@ export class Panel {
       chart.show(series, begin, end);
       return chart;
     });
-    const legend =
-      rewards.length > 1
-        ? [
-            h(
-              "div",
-              { class: "keys" },
-              ...rewards
-                .slice(0, 6)
-                .map((each, i) => h("span", { class: `key key-${i}` }, each.name.replace(/^reward\//, ""))),
-            ),
-          ]
-        : [];
-    this.charts.replaceChildren(
-      ...this.drawn.slice(0, 2).map((chart) => chart.element),
-      ...legend,
-      ...this.drawn.slice(2).map((chart) => chart.element),
-    );
+    this.charts.replaceChildren(...this.drawn.map((chart) => chart.element));
   }
 
   /** Draws the agents' names where they have changed, and the chosen one's place. */

@@ -1,8 +1,11 @@
 import copy
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Tuple
+from pettingzoo import ParallelEnv
+from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 
 from algorithms.errors import EnvironmentFailure, SpaceError
 from algorithms.joint.adapter import JointVector
@@ -201,3 +204,86 @@ def test_who_enters_later_is_masked_like_those_of_equal_spaces():
     assert block.masked
     assert env.reset(0, np.array([0])).masks[0][0].tolist() == [[True, False], [True, True]]
     assert env.step((np.zeros((1, 2), np.int64),)).masks[0][0].tolist() == [[True, False]] * 2
+
+
+class SilentAtTheEnd(Cues):
+    """Gives masks in infos, but none in the step that truncates an agent."""
+
+    silent = True
+
+    def reset(self, *, seed=None, options=None):
+        return super().reset(seed=seed, options=options)[0], self.infos()
+
+    def step(self, action_dict):
+        seen, rewards, ends, cuts, _ = super().step(action_dict)
+        missing = cuts["__all__"] if self.silent else self.t == 3
+        return (
+            seen,
+            rewards,
+            ends,
+            {a: cuts["__all__"] for a in self.agents} | cuts,
+            {} if missing else self.infos(),
+        )
+
+    def infos(self):
+        return {a: {"action_mask": np.array([1, 0, 1, 1], bool)} for a in self.agents}
+
+
+def test_an_agent_that_is_truncated_needs_no_mask():
+    env = JointVector(lambda b: SilentAtTheEnd(), 1)
+    env.reset(0, np.zeros(1, int))
+    for _ in range(9):
+        assert env.step((np.zeros((1, 2), int),)).final is None
+    assert env.step((np.zeros((1, 2), int),)).final.masks[0].all()
+
+
+def test_an_agent_that_acts_next_needs_its_mask():
+    env = JointVector(lambda b: type("Silent", (SilentAtTheEnd,), {"silent": False})(), 1)
+    env.reset(0, np.zeros(1, int))
+    for _ in range(2):
+        env.step((np.zeros((1, 2), int),))
+    with pytest.raises(SpaceError, match=r"agent 'agent_0' have no 'action_mask'"):
+        env.step((np.zeros((1, 2), int),))
+
+
+class Late(ParallelEnv):
+    """PettingZoo: 'late' comes with step 2 and leaves with step 4; an episode has 6 steps."""
+
+    metadata: ClassVar = {"name": "late_v0"}
+    possible_agents: ClassVar = ["first", "late"]
+
+    def observation_space(self, agent):
+        return Box(0, 10, (1,), np.float32)
+
+    def action_space(self, agent):
+        return Discrete(2)
+
+    def reset(self, seed=None, options=None):
+        self.t, self.agents = 0, ["first"]
+        return self.seen(self.agents), {"first": {}}
+
+    def step(self, actions):
+        assert set(actions) == set(self.agents)
+        self.t += 1
+        acted = list(self.agents)
+        ends = {a: a == "late" and self.t == 4 for a in acted}
+        cuts = {a: self.t == 6 for a in acted}
+        self.agents = ["first", "late"] if 2 <= self.t < 4 else ["first"]
+        there = {*acted, *self.agents}
+        flags = [{a: False for a in there} | given for given in (ends, cuts)]
+        return self.seen(there), {a: 1.0 for a in acted}, *flags, {a: {} for a in there}
+
+    def seen(self, agents):
+        return {a: np.full(1, self.t, np.float32) for a in agents}
+
+
+def test_agents_that_come_late_in_pettingzoo_are_there():
+    env = JointVector(lambda b: ParallelPettingZooEnv(Late()), 1)
+    assert env.spaces.blocks[0].agents == ("first", "late")
+    alive = [env.reset(0, np.zeros(1, int)).alive[0].tolist()]
+    for _ in range(5):
+        step = env.step((np.zeros((1, 2), int),))
+        assert step.terminated[0].tolist() == [False, len(alive) == 4]
+        alive.append(step.alive[0].tolist())
+        assert not step.failed
+    assert alive == [[True, 2 <= t < 4] for t in range(6)]

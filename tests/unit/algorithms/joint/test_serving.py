@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import torch
-from rigs import takes
+from rigs import known, takes
 
 import algorithms
 from algorithms.joint.env import MEMORY
 from algorithms.joint.features import MEAN_ACTION
 from algorithms.joint.rollout import View
 from algorithms.parts.distributions import Exploration
-from algorithms.settings import OffPolicySettings
+from algorithms.settings import ReplaySettings
 from tests.games.games import Cues, Ragged, Target
 from tests.games.recall import Recall
 
@@ -25,7 +25,7 @@ def build():
     def built_algo(name, env: type = Cues, runners=0, **settings):
         config = algorithms.config(name).environment(env).debugging(seed=3)
         config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
-        replay = LEARN if issubclass(algorithms.entry(name).settings, OffPolicySettings) else {}
+        replay = LEARN if issubclass(algorithms.entry(name).settings, ReplaySettings) else {}
         built.append(config.training(**{"hidden": (16,), **replay, **settings}).build_algo())
         return built[-1]
 
@@ -44,7 +44,7 @@ def policy_of(algo, agent):
     [(name, kind) for name in algorithms.names() for kind in ("all", "none") if takes(name, sharing=kind)],
 )
 def test_every_algorithm_serves_observations_of_single_agents(build, name, sharing):
-    algo = build(name, sharing=sharing)
+    algo = build(name, sharing=sharing, **known(name, {"consensus": sharing != "all"}))
     algo.train()
     seen = np.eye(4, dtype=np.float32)
     for agent in ("agent_0", "agent_1"):
@@ -115,7 +115,7 @@ def test_memory_goes_through_rllibs_states(build, name):
 
 @pytest.mark.parametrize("name", ["commnet", "networked_q", "ppo"])
 def test_a_row_may_be_all_agents_of_a_group_who_hear_each_other(build, name):
-    algo = build(name, Ragged, sharing="all")
+    algo = build(name, Ragged, sharing="all", **known(name, {"consensus": False}))
     algo.train()
     module = policy_of(algo, "a")
     seen = torch.randn(6, 3, *algo.spec.groups[0].observation[""].shape)
