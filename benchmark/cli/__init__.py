@@ -20,6 +20,7 @@ from benchmark.cli import (
     releases,
     render,
     reports,
+    robustness,
     scenario,
     scripted,
     settings,
@@ -70,6 +71,7 @@ app = typer.Typer(
 app.command()(experiments.run)
 app.command()(experiments.sweep)
 app.command()(experiments.evaluate)
+app.command()(robustness.robustness)
 app.command()(scripted.scripted)
 app.command()(reports.report)
 app.command()(reports.compare)

@@ -13,7 +13,7 @@ from benchmark.experiment.version import (
     versions,
 )
 from benchmark.results.reading import RunResult
-from benchmark.results.run_folder import CONTINUED
+from benchmark.results.versions import commits_of
 from smarts.config import ConfigError, fitted
 
 
@@ -30,19 +30,13 @@ def version_lines(runs: Sequence[RunResult]) -> list[str]:
         return []
     commits: dict[str, list[str]] = {}
     for run in finished:
-        commits.setdefault(", then ".join(_commits(run)), []).append(str(run))
+        commits.setdefault(", then ".join(commits_of(run)), []).append(str(run))
     (first, *others) = commits
     if not others and first and "+" not in first and "," not in first:
         return [f"Benchmark version {version}, commit {first}.", *_changed(version, finished)]
     said = "; ".join(f"{commit or 'unknown'}: {', '.join(names)}" for commit, names in commits.items())
     marked = f"These are not of one clean commit (+: with changes that were not committed): {said}."
     return [f"Benchmark version {version}. {marked}", *_changed(version, finished)]
-
-
-def _commits(run: RunResult) -> list[str]:
-    """Return the distinct commits of a run, that of its beginning first."""
-    facts = (run.facts, *run.facts.get(CONTINUED, ()))
-    return [*dict.fromkeys(str(each.get("commit") or "") for each in facts)]
 
 
 def _changed(version: int, runs: Sequence[RunResult]) -> list[str]:

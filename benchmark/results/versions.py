@@ -1,4 +1,4 @@
-"""Results of one version of the benchmark."""
+"""Versions and commits of the runs of an experiment."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import RunResult
+from benchmark.results.run_folder import CONTINUED
 
 NONE = "of no version"
 
@@ -31,6 +32,12 @@ def check_one_version(runs: Sequence[RunResult], place: str) -> None:
             place=place,
             remedy="keep each version in a folder of its own",
         )
+
+
+def commits_of(run: RunResult) -> list[str]:
+    """Return the distinct commits of a run, that of its beginning first."""
+    facts = (run.facts, *run.facts.get(CONTINUED, ()))
+    return [*dict.fromkeys(str(each.get("commit") or "") for each in facts)]
 
 
 def _named(version: int | None) -> str:
