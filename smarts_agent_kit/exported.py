@@ -82,6 +82,7 @@ class ExportedPolicy(BatchAgent):
         self._groups = content["groups"]
         used = dict.fromkeys(each["group"] for each in self._cast)
         self._layers = {name: layers_of(Path(folder), name, self._groups[name]["layers"]) for name in used}
+        self._sets = {name: sets_of(Path(folder), name, self._groups[name].get("sets", ())) for name in used}
         self._head, self._bounds = content["head"], content["bounds"]
         self._is_joint = bool(content.get(JOINT_Q))
         self._memory = Memory(max(1, *(self._groups[name]["memory"] for name in used)))
@@ -221,8 +222,12 @@ class ExportedPolicy(BatchAgent):
         """Return what the network reads of some rows: the observation, and which agent it is."""
         count, parts = len(rows), []
         cast = [self._cast[k] for k in who.tolist()]
+        sets = self._sets[cast[0]["group"]]
         for name in self._leaves:
             given = obs.observations[name][rows]
+            if name in sets:
+                parts.append(self._of_set(given.astype(np.float64), *sets[name]))
+                continue
             leaf = given.reshape(count, math.prod(given.shape[1:])).astype(np.float64)
             if name == VECTOR and self._index is not None:
                 number = np.eye(self._index["size"])[[each["number"] for each in cast]]
@@ -233,6 +238,22 @@ class ExportedPolicy(BatchAgent):
         if places and with_place:
             parts.append(np.eye(places)[[each["place"] for each in cast]])
         return np.ascontiguousarray(np.concatenate(parts, axis=1))
+
+    def _of_set(
+        self, rows: NDArray, weight: NDArray, bias: NDArray, weight_2: NDArray, bias_2: NDArray
+    ) -> NDArray:
+        """Return the largest and the mean value of each unit over the rows of sets, (N, K, F) to (N, 2 P).
+
+        A row of zeros is an empty place, whose units are zero.
+        """
+        count, places, numbers = rows.shape
+        units = np.maximum(self._linear(rows.reshape(count * places, numbers), weight, bias), 0.0)
+        units = np.maximum(self._linear(units, weight_2, bias_2), 0.0).reshape(count, places, len(bias_2))
+        units = units * (rows != 0).any(axis=2, keepdims=True)
+        total = np.zeros((count, len(bias_2)))
+        for place in range(places):
+            total += units[:, place]
+        return np.concatenate([units.max(axis=1), total / places], axis=1)
 
     @staticmethod
     def _linear(x: NDArray, weight: NDArray, bias: NDArray) -> NDArray:
@@ -303,13 +324,25 @@ def layers_of(folder: Path, group: str, kinds: list[str]) -> list[tuple[str, tup
     Raises:
         ExportError: They cannot be read.
     """
+    counts = [{"linear": 2, HEAR: 3, "gru": 4}.get(kind, 0) for kind in kinds]
+    return [
+        (kind, _weights(folder, f"{group}/{number}", count))
+        for number, (kind, count) in enumerate(zip(kinds, counts, strict=True))
+    ]
+
+
+def sets_of(folder: Path, group: str, leaves: Sequence[str]) -> dict[str, tuple[NDArray, ...]]:
+    """Return the weights of both layers that the rows of each set go through.
+
+    Raises:
+        ExportError: They cannot be read.
+    """
+    return {leaf: _weights(folder, f"{group}/{leaf}", 4) for leaf in leaves}
+
+
+def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
     try:
         with np.load(folder / WEIGHTS, allow_pickle=False) as file:
-            found = []
-            for number, kind in enumerate(kinds):
-                count = {"linear": 2, HEAR: 3, "gru": 4}.get(kind, 0)
-                names = [f"{group}/{number}/{k}" for k in range(count)]
-                found.append((kind, tuple(file[name].astype(np.float64) for name in names)))
-            return found
+            return tuple(file[f"{name}/{k}"].astype(np.float64) for k in range(count))
     except (OSError, ValueError, KeyError) as error:
         raise ExportError(f"the weights cannot be read: {error}", str(folder / WEIGHTS)) from error

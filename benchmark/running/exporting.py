@@ -19,6 +19,7 @@ from algorithms.joint.env import CARRIED, MEMORY
 from algorithms.joint.spec import Group
 from algorithms.networked_q import NetworkedQModule
 from algorithms.parts.distributions import DeterministicHead, GaussianHead
+from algorithms.parts.networks import Encoder
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import VERSION, Run
 from benchmark.results.files import write_whole
@@ -129,11 +130,15 @@ def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], dic
     weights: dict[str, NDArray] = {}
     for group in spec.groups:
         layers = _checked_layers(run, group, modules[group.id])
+        sets = _sets(modules[group.id])
         groups[group.id] = {
             "places": _places(modules[group.id]),
             "memory": modules[group.id].memory_size,
             "layers": [kind for kind, _ in layers],
+            "sets": [*sets],
         }
+        for leaf, arrays in sets.items():
+            weights.update({f"{group.id}/{leaf}/{k}": array for k, array in enumerate(arrays)})
         for number, (_, arrays) in enumerate(layers):
             weights.update({f"{group.id}/{number}/{k}": array for k, array in enumerate(arrays)})
         for place, name in enumerate(group.agents):
@@ -186,8 +191,6 @@ def _checked_layers(run: Run, group: Group, module: Any) -> list[tuple[str, list
         raise _refusal(run, f"its policies see what others do, or draw ({', '.join(foreign)})")
     if any(len(space.shape) == 3 for space in group.observation.values()):
         raise _refusal(run, "its policies see images, whose convolutions are not exported")
-    if group.set_width:
-        raise _refusal(run, f"its policies read sets (set_width={group.set_width}), which are not exported")
     if isinstance(module, CommNetModule):
         return _talking_layers(run, module)
     if isinstance(module, NetworkedQModule):
@@ -200,6 +203,15 @@ def _checked_layers(run: Run, group: Group, module: Any) -> list[tuple[str, list
     if module.memory_size and hasattr(module, "q"):
         return _layers(run, [*module.q.trunk, module.q.memory.cell, module.q.folded()[-1]])
     raise _refusal(run, "its policy is no chain of layers")
+
+
+def _sets(module: Any) -> dict[str, list[NDArray]]:
+    """Return the weights and biases of each observation that a policy reads as a set of rows."""
+    parts = module.feedforward_parts()
+    encoder = parts[0] if parts is not None else getattr(getattr(module, "q", module), "encoder", None)
+    if not isinstance(encoder, Encoder):
+        return {}
+    return {name: _arrays(*rows.layers.parameters()) for name, rows in encoder.set_networks.items()}
 
 
 def _talking_layers(run: Run, module: CommNetModule) -> list[tuple[str, list[NDArray]]]:

@@ -43,6 +43,7 @@ from tests.served_agents import served
 ENVIRONMENT = Environment(agents=2, reward="v1", time_limit=5.0)
 EPISODES = 2
 SEED_READER = '''
+import hashlib
 import numpy as np
 from smarts_agent_kit import BatchAgent
 
