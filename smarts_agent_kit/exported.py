@@ -2,7 +2,8 @@
 
     python -m smarts_agent_kit smarts_agent_kit.exported:ExportedPolicy --address HOST:PORT --options OPTIONS
 
-serves one; OPTIONS are {"folder": "left_turner"}, and "agent" for another one than the training's first.
+serves one; OPTIONS are {"folder": "left_turner"}, and "agent" for another one than the training's first, "*"
+for all of them at once.
 Sums run in a fixed order and in 64 bits: a vehicle's actions do not depend on the others, nor on the machine.
 Axis letters: N agents, d inputs, P outputs, H numbers of a memory.
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +23,15 @@ from smarts_agent_kit.agents import ActionBatch, BatchAgent
 from smarts_agent_kit.memory import Memory
 
 FORMAT = 1
+TEAM = "*"
+"""In place of an agent's name: agent k of a simulation is the training's agent k."""
+HEAR, JOINT_Q = "hear", "joint_q"
+"""A layer that reads the mean of the other agents' numbers; and the key of `policy.json` for values of joint
+actions, of which agents take their parts."""
 CONTENT, WEIGHTS = "policy.json", "policy.npz"
 """Files of a folder."""
+TRAINED = "trained"
+"""Key of `policy.json`: algorithm, task, scenarios, traffic, environment, seed of the training."""
 VECTOR = "observation"
 """The array that the features' numbers are joined in."""
 MASKED = -1e9
@@ -45,11 +54,14 @@ class ExportError(ValueError):
 
 
 class ExportedPolicy(BatchAgent):
-    """Acts greedily by the networks of a training run, each vehicle by itself.
+    """Acts greedily by the networks of a training run.
+
+    Each vehicle acts by itself, except where the training's agents talk: those hear the vehicles of the same
+    simulation that are asked in the same step.
 
     Args:
         folder: With the exported files.
-        agent: Whose policy, of the agents of the training; by default the first one's.
+        agent: Whose policy, of the agents of the training; by default the first one's. `TEAM`: all of them.
 
     Raises:
         ExportError: The folder does not hold an exported policy, or the training had no such agent.
@@ -57,19 +69,23 @@ class ExportedPolicy(BatchAgent):
 
     def __init__(self, folder: str | Path, agent: str = "") -> None:
         content = content_of(Path(folder))
-        if agent and agent not in content["agents"]:
-            known = ", ".join(content["agents"])
-            raise ExportError(f"the training had no agent {agent!r}, but {known}", str(folder))
-        about = content["agents"][agent or next(iter(content["agents"]))]
-        group = content["groups"][about["group"]]
+        agents = content["agents"]
+        if agent and agent != TEAM and agent not in agents:
+            raise ExportError(f"the training had no agent {agent!r}, but {', '.join(agents)}", str(folder))
+        names = [*agents] if agent == TEAM else [agent or next(iter(agents))]
+        self._cast = [agents[name] for name in names]
+        self._trained = [*agents.values()]
         self.observation = content["observation"]  # pyright: ignore
         self.period = int(content["period"])  # pyright: ignore
-        self.interface = about.get("interface")  # pyright: ignore
+        self.interface = self._cast[0].get("interface")  # pyright: ignore
         self._leaves, self._index = content["leaves"], content["index"]
-        self._number, self._place, self._places = about["number"], about["place"], group["places"]
-        self._layers = layers_of(Path(folder), about["group"], group["layers"])
+        self._groups = content["groups"]
+        used = dict.fromkeys(each["group"] for each in self._cast)
+        self._layers = {name: layers_of(Path(folder), name, self._groups[name]["layers"]) for name in used}
+        self._sets = {name: sets_of(Path(folder), name, self._groups[name].get("sets", ())) for name in used}
         self._head, self._bounds = content["head"], content["bounds"]
-        self._memory = Memory(max(1, group["memory"]))
+        self._is_joint = bool(content.get(JOINT_Q))
+        self._memory = Memory(max(1, *(self._groups[name]["memory"] for name in used)))
 
     def act(self, obs: ActionBatch) -> NDArray:
         """Return the actions of the training's action space, shape (N,) or (N, *shape)."""
@@ -86,37 +102,158 @@ class ExportedPolicy(BatchAgent):
         return np.clip(actions, low, high)
 
     def _outputs(self, obs: ActionBatch) -> NDArray:
-        """Return the network's outputs, shape (N, P)."""
-        x, memory = self._features(obs), self._memory.of(obs)
-        for kind, weights in self._layers:
-            if kind == "linear":
-                x = self._linear(x, *weights)
-            elif kind == "tanh":
-                x = self._tanh(x)
-            elif kind == "relu":
-                x = np.maximum(x, 0.0)
-            else:
-                x = memory = self._recurrent(x, memory, *weights)
-        self._memory.keep(obs, memory)
-        return x
+        """Return the networks' outputs, shape (N, P)."""
+        who = self._who(obs)
+        rows = {name: np.flatnonzero([self._cast[k]["group"] == name for k in who]) for name in self._layers}
+        rows = {name: each for name, each in rows.items() if len(each)}
+        if self._is_joint:
+            return self._best_parts(obs, who, rows)
+        numbers = {name: self._features(obs, each, who[each]) for name, each in rows.items()}
+        memory = self._memory.of(obs)
+        kept = memory.copy()
+        depth = max((len(self._layers[name]) for name in rows), default=0)
+        for number in range(depth):
+            heard = self._heard(obs, rows, numbers, number)
+            for name, each in rows.items():
+                kind, weights = self._layers[name][number]
+                numbers[name] = self._applied(kind, weights, numbers[name], memory[each], heard.get(name))
+                if kind == "gru":
+                    kept[each] = numbers[name]
+        self._memory.keep(obs, kept)
+        return _joined(len(who), rows, numbers)
 
-    def _features(self, obs: ActionBatch) -> NDArray:
-        """Return what the network reads, shape (N, d): the observation, and which agent it is."""
-        count, parts = len(obs.env_id), []
+    def _applied(
+        self, kind: str, weights: Sequence[NDArray], x: NDArray, memory: NDArray, heard: NDArray | None
+    ) -> NDArray:
+        """Return a layer's outputs for inputs `x`, shape (N, P)."""
+        if kind == "linear":
+            return self._linear(x, *weights)
+        if kind == "tanh":
+            return self._tanh(x)
+        if kind == "relu":
+            return np.maximum(x, 0.0)
+        if kind == HEAR:
+            weight, bias, weight_heard = weights
+            nothing = np.zeros(weight_heard.shape[1])
+            return self._tanh(self._linear(x, weight, bias) + self._linear(heard, weight_heard, nothing))
+        return self._recurrent(x, memory, *weights)
+
+    def _heard(
+        self, obs: ActionBatch, rows: Mapping[str, NDArray], numbers: Mapping[str, NDArray], layer: int
+    ) -> dict[str, NDArray]:
+        """Return what each group's vehicles hear before a layer: the mean of the others' numbers."""
+        if all(self._layers[name][layer][0] != HEAR for name in rows):
+            return {}
+        spoken = _joined(len(obs.env_id), rows, numbers)
+        means = np.zeros_like(spoken)
+        for env in np.unique(obs.env_id):
+            there = np.flatnonzero(obs.env_id == env)
+            for row in there:
+                others = [each for each in there if each != row]
+                for each in others:
+                    means[row] += spoken[each] / len(others)
+        return {name: np.ascontiguousarray(means[each]) for name, each in rows.items()}
+
+    def _best_parts(self, obs: ActionBatch, who: NDArray, rows: Mapping[str, NDArray]) -> NDArray:
+        """Return 1 for each vehicle's part of its simulation's best joint action, shape (N, actions).
+
+        A vehicle of a single policy is alone: the training's other agents are not there.
+        """
+        count = obs.action_mask.shape[1]
+        parts = np.zeros((len(who), count))
+        are_together = len(self._cast) > 1
+        scenes = obs.env_id if are_together else np.arange(len(who))
+        for scene in np.unique(scenes):
+            there = np.flatnonzero(scenes == scene)
+            state, masks = self._joint_state(obs, there, who[there])
+            for name, own in rows.items():
+                mine = np.intersect1d(there, own)
+                if not len(mine):
+                    continue
+                values = state[None]
+                for kind, weights in self._layers[name]:
+                    values = self._applied(kind, weights, values, values, None)
+                table = values.reshape([count] * len(masks))
+                for place, mask in enumerate(masks):
+                    shape = [1] * len(masks)
+                    shape[place] = count
+                    table = np.where(mask.reshape(shape), table, MASKED)
+                best = np.unravel_index(int(table.argmax()), table.shape)
+                for row in mine:
+                    parts[row, best[self._order().index(self._cast[who[row]]["number"])]] = 1.0
+        return parts
+
+    def _order(self) -> list[int]:
+        """Return the numbers of the training's agents in the order of the groups."""
+        return [each["number"] for name in self._groups for each in self._trained if each["group"] == name]
+
+    def _joint_state(self, obs: ActionBatch, rows: NDArray, who: NDArray) -> tuple[NDArray, list[NDArray]]:
+        """Return all observations and which agents are there, group by group; and each agent's mask.
+
+        Only the first action is open to an agent that is not there.
+        """
+        seen = self._features(obs, rows, who, with_place=False)
+        at = {self._cast[k]["number"]: row for row, k in enumerate(who.tolist())}
+        parts, masks = [], []
+        absent = np.arange(obs.action_mask.shape[1]) == 0
+        for name in self._groups:
+            members = [each["number"] for each in self._trained if each["group"] == name]
+            parts += [seen[at[number]] if number in at else np.zeros(seen.shape[1]) for number in members]
+            parts.append(np.array([float(number in at) for number in members]))
+            allowed = obs.action_mask if self._bounds["masked"] else np.ones_like(obs.action_mask)
+            masks += [allowed[rows[at[number]]] if number in at else absent for number in members]
+        return np.concatenate(parts), masks
+
+    def _who(self, obs: ActionBatch) -> NDArray[np.intp]:
+        """Return which of the cast each vehicle is, shape (N,).
+
+        Raises:
+            ValueError: There are more vehicles than the training had agents.
+        """
+        if len(self._cast) == 1:
+            return np.zeros(len(obs.env_id), np.intp)
+        if np.max(obs.agent_id, initial=0) >= len(self._cast):
+            raise ValueError(
+                f"the policies are of {len(self._cast)} agents; there are more in the simulation"
+            )
+        return obs.agent_id.astype(np.intp)
+
+    def _features(self, obs: ActionBatch, rows: NDArray, who: NDArray, *, with_place: bool = True) -> NDArray:
+        """Return what the network reads of some rows: the observation, and which agent it is."""
+        count, parts = len(rows), []
+        cast = [self._cast[k] for k in who.tolist()]
+        sets = self._sets[cast[0]["group"]]
         for name in self._leaves:
-            given = obs.observations[name]
+            given = obs.observations[name][rows]
+            if name in sets:
+                parts.append(self._of_set(given.astype(np.float64), *sets[name]))
+                continue
             leaf = given.reshape(count, math.prod(given.shape[1:])).astype(np.float64)
             if name == VECTOR and self._index is not None:
-                number = np.zeros((count, self._index["size"]))
-                number[:, self._number] = 1.0
+                number = np.eye(self._index["size"])[[each["number"] for each in cast]]
                 at = self._index["at"]
                 leaf = np.concatenate([leaf[:, :at], number, leaf[:, at:]], axis=1)
             parts.append(leaf)
-        if self._places:
-            place = np.zeros((count, self._places))
-            place[:, self._place] = 1.0
-            parts.append(place)
+        places = self._groups[cast[0]["group"]]["places"]
+        if places and with_place:
+            parts.append(np.eye(places)[[each["place"] for each in cast]])
         return np.ascontiguousarray(np.concatenate(parts, axis=1))
+
+    def _of_set(
+        self, rows: NDArray, weight: NDArray, bias: NDArray, weight_2: NDArray, bias_2: NDArray
+    ) -> NDArray:
+        """Return the largest and the mean value of each unit over the rows of sets, (N, K, F) to (N, 2 P).
+
+        A row of zeros is an empty place, whose units are zero.
+        """
+        count, places, numbers = rows.shape
+        units = np.maximum(self._linear(rows.reshape(count * places, numbers), weight, bias), 0.0)
+        units = np.maximum(self._linear(units, weight_2, bias_2), 0.0).reshape(count, places, len(bias_2))
+        units = units * (rows != 0).any(axis=2, keepdims=True)
+        total = np.zeros((count, len(bias_2)))
+        for place in range(places):
+            total += units[:, place]
+        return np.concatenate([units.max(axis=1), total / places], axis=1)
 
     @staticmethod
     def _linear(x: NDArray, weight: NDArray, bias: NDArray) -> NDArray:
@@ -152,6 +289,15 @@ class ExportedPolicy(BatchAgent):
         return (1.0 - update) * new + update * memory
 
 
+def _joined(count: int, rows: Mapping[str, NDArray], numbers: Mapping[str, NDArray]) -> NDArray:
+    """Return the numbers of all rows, of those of each group, shape (N, P)."""
+    width = next((each.shape[1] for each in numbers.values()), 1)
+    whole = np.zeros((count, width))
+    for name, each in rows.items():
+        whole[each] = numbers[name]
+    return whole
+
+
 def _logistic(x: NDArray) -> NDArray:
     powers = [math.exp(-each) if -each < _LARGEST_EXPONENT else math.inf for each in x.ravel().tolist()]
     return 1.0 / (1.0 + np.array(powers).reshape(x.shape))
@@ -178,13 +324,25 @@ def layers_of(folder: Path, group: str, kinds: list[str]) -> list[tuple[str, tup
     Raises:
         ExportError: They cannot be read.
     """
+    counts = [{"linear": 2, HEAR: 3, "gru": 4}.get(kind, 0) for kind in kinds]
+    return [
+        (kind, _weights(folder, f"{group}/{number}", count))
+        for number, (kind, count) in enumerate(zip(kinds, counts, strict=True))
+    ]
+
+
+def sets_of(folder: Path, group: str, leaves: Sequence[str]) -> dict[str, tuple[NDArray, ...]]:
+    """Return the weights of both layers that the rows of each set go through.
+
+    Raises:
+        ExportError: They cannot be read.
+    """
+    return {leaf: _weights(folder, f"{group}/{leaf}", 4) for leaf in leaves}
+
+
+def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
     try:
         with np.load(folder / WEIGHTS, allow_pickle=False) as file:
-            found = []
-            for number, kind in enumerate(kinds):
-                count = {"linear": 2, "gru": 4}.get(kind, 0)
-                names = [f"{group}/{number}/{k}" for k in range(count)]
-                found.append((kind, tuple(file[name].astype(np.float64) for name in names)))
-            return found
+            return tuple(file[f"{name}/{k}"].astype(np.float64) for k in range(count))
     except (OSError, ValueError, KeyError) as error:
         raise ExportError(f"the weights cannot be read: {error}", str(folder / WEIGHTS)) from error

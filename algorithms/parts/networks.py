@@ -66,6 +66,11 @@ class Encoder(nn.Module):
         self.places = self._identity if not encoded else 0
         """Number of agents, where all the encoder adds to vectors is their one-hot place."""
 
+    @property
+    def set_networks(self) -> dict[str, SetEncoder]:
+        """Return the network of each leaf that is a set."""
+        return dict(zip(self._sets, self.sets.values(), strict=True))  # type: ignore[reportReturnType]
+
     def forward(self, leaves: Mapping[str, Tensor]) -> Tensor:
         """Return features (..., n, size) of leaves (..., n, *shape)."""
         seen = self.see(leaves)

@@ -14,7 +14,19 @@ import typer
 from typer.core import TyperGroup
 
 from algorithms.errors import AlgorithmError
-from benchmark.cli import doctor, experiments, render, reports, scenario, scripted, settings, view, zoo
+from benchmark.cli import (
+    doctor,
+    experiments,
+    releases,
+    render,
+    reports,
+    robustness,
+    scenario,
+    scripted,
+    settings,
+    view,
+    zoo,
+)
 from benchmark.running.exit_codes import INTERRUPTED
 from smarts.errors import SmartsError
 
@@ -59,6 +71,7 @@ app = typer.Typer(
 app.command()(experiments.run)
 app.command()(experiments.sweep)
 app.command()(experiments.evaluate)
+app.command()(robustness.robustness)
 app.command()(scripted.scripted)
 app.command()(reports.report)
 app.command()(reports.compare)
@@ -71,6 +84,8 @@ app.add_typer(scenario.app, name="scenario")
 app.add_typer(zoo.app, name="zoo")
 app.command()(zoo.export)
 app.command()(zoo.serve)
+app.command()(releases.release)
+app.command()(releases.verify)
 app.command()(render.render)
 app.command()(view.view)
 app.command()(doctor.doctor)

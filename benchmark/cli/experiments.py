@@ -87,7 +87,9 @@ def evaluate(
     run: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[RUN]", help="Folder of a run, with config.yaml and checkpoint/.", show_default=False
+            metavar="[RUN]",
+            help="Folder of a run, with config.yaml and checkpoint/, or of an exported policy.",
+            show_default=False,
         ),
     ] = None,
     agent: Annotated[
@@ -137,6 +139,9 @@ def evaluate(
             table = _evaluate_agent(agent, scenario, traffic, episodes, agents, out, import_)
             return 0
         assert run is not None
+        if (run / "policy.json").exists():
+            table = _evaluate_exported(run, scenario, traffic, episodes, modes if mode else (), out)
+            return 0
         table = evaluate_checkpoint(
             run,
             scenarios=scenario or (),
@@ -172,6 +177,22 @@ def _evaluate_agent(
         raise typer.BadParameter("give at least one scenario", param_hint="--scenario")
     given = {"scenarios": scenario, "traffic": traffic, "episodes": episodes, "agents": agents}
     return evaluate_agent(agent, **given, out=out, imports=import_ or ())
+
+
+def _evaluate_exported(
+    run: Path,
+    scenario: list[str] | None,
+    traffic: str | None,
+    episodes: int,
+    modes: tuple[str, ...],
+    out: Path | None,
+) -> pd.DataFrame:
+    """Return the table of a test of an exported policy."""
+    from benchmark.running.evaluate_agent import evaluate_exported
+
+    if "sampled" in modes:
+        raise typer.BadParameter("an exported policy acts greedily", param_hint="--mode")
+    return evaluate_exported(run, scenarios=scenario or (), traffic=traffic, episodes=episodes, out=out)
 
 
 def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:

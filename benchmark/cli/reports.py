@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from benchmark.metrics.results import Frame
 
 Mode = Annotated[Literal["greedy", "sampled"], typer.Option(help="Test episodes to use.")]
+Results = Annotated[
+    Path, typer.Argument(metavar="RESULTS", help="Results folder, results/NAME.", show_default=False)
+]
 SIDE = "results/NAME or results/NAME/ALGORITHM."
 TITLES = {
     "first": "first",
@@ -30,9 +33,7 @@ TITLES = {
 
 
 def report(
-    results: Annotated[
-        Path, typer.Argument(metavar="RESULTS", help="Results folder, results/NAME.", show_default=False)
-    ],
+    results: Results,
     out: Annotated[
         Path | None, typer.Option(help="Folder to write to.", show_default="RESULTS/report")
     ] = None,
@@ -65,9 +66,7 @@ def leaderboard(
 
 
 def check_traffic(
-    results: Annotated[
-        Path, typer.Argument(metavar="RESULTS", help="Results folder, results/NAME.", show_default=False)
-    ],
+    results: Results,
 ) -> None:
     """Check cells by their scripted policies; exit code 0 if all checks pass, 1 if one fails or is not known.
 

@@ -78,16 +78,17 @@ def check_agent(
 
 @app.command()
 def add(
-    folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="Folder whose __init__.py registers agents.")
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="FOLDER...", help="Folders whose __init__.py registers agents.")
     ],
 ) -> None:
-    """Add a folder's agents to the user's zoo, so that their names are known everywhere."""
+    """Add folders' agents to the user's zoo, so that their names are known everywhere."""
     from smarts.zoo.folders import zoo_file
     from smarts.zoo.registry import add_folder
 
-    for entry in add_folder(folder):
-        typer.echo(f"added {entry.name} to {zoo_file()}")
+    for folder in folders:
+        for entry in add_folder(folder):
+            typer.echo(f"added {entry.name} to {zoo_file()}")
 
 
 @app.command()

@@ -126,6 +126,8 @@ class Environment(Driving):
     friction: Annotated[float, Field(ge=0.05, le=2.0)] | None = None
     """Of the road under agents' vehicles, where the scenario sets no friction patch: ice has about 0.1, a
     wet road 0.5; null: dry asphalt, 0.9."""
+    action_latency: Annotated[float, Field(ge=0.0, le=10.0, multiple_of=0.1)] = 0.0
+    """Time from an action of a learning agent to when its vehicle carries it out [s], a multiple of 0.1."""
     traffic_engine: Engine | None = None
     """What drives the traffic: SUMO, ConstantSpeed, or module:Class of one's own; null: what the scenario
     names."""
@@ -156,7 +158,14 @@ class Environment(Driving):
     def _without_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
         # A run without these is the same run as before there were any.
         kept = serialize(self)
-        for name in ("traffic_step", "social_agents", "learn_in_bubbles", "episode_time", "time_limit"):
+        for name in (
+            "action_latency",
+            "traffic_step",
+            "social_agents",
+            "learn_in_bubbles",
+            "episode_time",
+            "time_limit",
+        ):
             if getattr(self, name) == type(self).model_fields[name].default:
                 kept.pop(name, None)
         if not self.hosts:

@@ -13,10 +13,10 @@ from benchmark.metrics import METRICS, compare
 from benchmark.metrics.results import Frame
 from benchmark.report.protocol import described, differing_scenarios, protocol_of
 from benchmark.report.ranking import CELL
-from benchmark.report.versions import check_one_version
 from benchmark.results.commands import EXPERIMENT
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult, read_results
+from benchmark.results.versions import check_one_version
 
 COLUMNS = (
     "first",

@@ -22,8 +22,8 @@ from benchmark.report.values import (
     by_key,
     measure_cells,
 )
-from benchmark.report.versions import check_one_version
 from benchmark.results.reading import Results
+from benchmark.results.versions import check_one_version
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from benchmark.report.content import Report, Row, TableCell
 from benchmark.report.episode_pages import EpisodeLinks
 from benchmark.report.figures import KINDS, draw_cells, legend
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.robustness import Robustness
 from benchmark.report.style import data_uri
 from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, NOTE, PROFILE_NOTE, Summaries
 
@@ -42,7 +43,11 @@ def _source(file: str) -> str:
 
 
 def report_page(
-    report: Report, summaries: Summaries, profile: bytes | None, links: Sequence[EpisodeLinks] = ()
+    report: Report,
+    summaries: Summaries,
+    profile: bytes | None,
+    links: Sequence[EpisodeLinks] = (),
+    robustness: Robustness | None = None,
 ) -> str:
     """Return a report as an HTML page.
 
@@ -51,6 +56,7 @@ def report_page(
         summaries: Over its cells.
         profile: Picture of the performance profile, a PNG file; None without summaries.
         links: To recorded test episodes.
+        robustness: What was played beside the tests.
     """
     results = report.results
     rows, notes = tables.metrics_table(report)
@@ -84,6 +90,7 @@ def report_page(
         ],
         summary=_summary(summaries, profile),
         episodes=links,
+        robustness=robustness if robustness is not None and robustness.is_there else None,
         generalization=tables.generalization_rows(report),
         generalization_columns=tables.GENERALIZATION_COLUMNS.items(),
         differences=tables.difference_rows(report),

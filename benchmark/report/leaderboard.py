@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import string
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -15,9 +15,11 @@ from benchmark.metrics.results import Frame, measured_in
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.protocol import described, differing_scenarios, protocol_of
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
+from benchmark.report.submissions import Submitted, read_submitted, statuses
 from benchmark.report.values import MODES, Value, by_key, measure_cells
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult, read_results
+from benchmark.results.release import REFUSED
 from benchmark.statistics import interquartile_mean
 from smarts.registry import is_own_name
 
@@ -43,11 +45,18 @@ class Place:
     collision: Value
     own: tuple[Value, ...] = ()
     """Of `Leaderboard.own_metrics`."""
+    status: str = ""
+    """Of an evaluated submission, the worst of its seeds': confirmed, marked or refused."""
 
     @property
     def label(self) -> str:
         """Name of the algorithm."""
         return algorithm_label(self.algorithm)
+
+    @property
+    def key(self) -> tuple[str, str, str, str]:
+        """Experiment, algorithm, task and traffic."""
+        return self.experiment, self.algorithm, self.task, self.traffic
 
     @property
     def values(self) -> tuple[Value, ...]:
@@ -95,6 +104,8 @@ class Leaderboard:
     problems: tuple[str, ...]
     own_metrics: tuple[str, ...] = ()
     """Users' own metrics that an experiment has measured; shown, and without a say in ranks."""
+    submitted: tuple[Submitted, ...] = ()
+    """Policies of releases and submissions that `smarts-bench verify` has evaluated."""
 
 
 def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard:
@@ -108,21 +119,31 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
         ResultsError: One is not there, or is given twice.
     """
     _check_distinct(roots)
-    experiments = dict(zip(_names(roots), map(read_results, roots), strict=True))
+    names = _names(roots)
+    pairs = zip(names, roots, strict=True)
+    submitted = [each for name, root in pairs for each in read_submitted(root, name)]
+    of_refused = {each.experiment for each in submitted} - {
+        each.experiment for each in submitted if each.status != REFUSED
+    }
+    experiments = {
+        name: read_results(root) for name, root in zip(names, roots, strict=True) if name not in of_refused
+    }
     parts = [_labelled(results, name) for name, results in experiments.items()]
-    table = pd.concat(parts, ignore_index=True)
+    table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"protocol": []})
     letters = {text: _letters(number) for number, text in enumerate(dict.fromkeys(table["protocol"]))}
     own = tuple(measure.name for measure in measured_in(table) if is_own_name(measure.name))
     places: list[Place] = []
+    status = statuses(submitted)
     for protocol, letter in letters.items():
         places += _places(table[table["protocol"] == protocol], letter, mode, own)
     return Leaderboard(
         mode=mode,
         protocols=dict(zip(letters.values(), described([*letters]), strict=True)),
-        places=tuple(places),
+        places=tuple(replace(each, status=status.get(each.key, "")) for each in places),
         summaries=tuple(summary for letter in letters.values() for summary in _summaries(places, letter)),
         problems=(*_problems(experiments), *differing_scenarios(_named(experiments))),
         own_metrics=own,
+        submitted=tuple(submitted),
     )
 
 

@@ -20,6 +20,18 @@ PROTOCOL: Column = ("protocol", "Environment and budget; ranks hold within one o
 EXPERIMENT: Column = ("experiment", "Folder of its results", True)
 PARADIGM: Column = ("paradigm", "What agents know in training and execution", True)
 ALGORITHM: Column = ("algorithm", "Algorithm or scripted policy", True)
+STATUS: Column = ("evaluated", "Of a release or a submission: the worst of its seeds", True)
+SUBMITTED_COLUMNS: list[Column] = [
+    ("submission", "Its name, and who made it", True),
+    ALGORITHM,
+    ("cell", "Task and traffic", True),
+    ("seed", "Of training", False),
+    ("completion", "Completion rate: claimed / of the episodes played here", False),
+    ("collision", "Collision rate: claimed / of the episodes played here", False),
+    ("digests", "Episodes that went as claimed, of those claimed and played", False),
+    ("evaluated", "Confirmed, marked or refused", True),
+    ("why", "Why it is marked or refused", True),
+]
 
 
 def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:
@@ -34,6 +46,7 @@ def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:
 
 def leaderboard_page(board: Leaderboard) -> str:
     """Return a leaderboard as an HTML page."""
+    submitted = board.submitted
     several = [PROTOCOL] if len(board.protocols) > 1 else []
     rates, own = _columns(RANKED_BY), _columns(board.own_metrics)
     means = _columns(RANKED_BY, "Interquartile mean of: ")
@@ -46,6 +59,7 @@ def leaderboard_page(board: Leaderboard) -> str:
         *own,
         ("seeds", "Number of training seeds", False),
         ("episodes", "Of the test, all seeds together", False),
+        *([STATUS] if submitted else []),
     ]
     summary_columns: list[Column] = [
         *(ALGORITHM, *several, EXPERIMENT, PARADIGM),
@@ -67,6 +81,8 @@ def leaderboard_page(board: Leaderboard) -> str:
         tasks=[(name, task_label(name)) for name in dict.fromkeys(each.task for each in places)],
         traffics=[(name, traffic_label(name)) for name in dict.fromkeys(each.traffic for each in places)],
         paradigms=[(name, name) for name in sorted({each.paradigm for each in places})],
+        submitted=submitted,
+        submitted_columns=SUBMITTED_COLUMNS,
         metrics=[METRICS[name] for name in (*RANKED_BY, *board.own_metrics)],
     )
 

@@ -10,11 +10,16 @@ from benchmark.report.content import Report, TableCell
 from benchmark.report.episode_pages import EpisodeLinks
 from benchmark.report.figures import KINDS
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.robustness import TITLE, Entry, Robustness
 from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, NOTE, PROFILE, PROFILE_NOTE, Summaries
 
 
 def report_text(
-    report: Report, summaries: Summaries, pictures: Iterable[str], links: Sequence[EpisodeLinks] = ()
+    report: Report,
+    summaries: Summaries,
+    pictures: Iterable[str],
+    links: Sequence[EpisodeLinks] = (),
+    robustness: Robustness | None = None,
 ) -> str:
     """Return a report as Markdown.
 
@@ -23,6 +28,7 @@ def report_text(
         summaries: Over its cells.
         pictures: Names of the kinds of plots that lie beside it.
         links: To recorded test episodes.
+        robustness: What was played beside the tests.
     """
     results = report.results
     parts = [f"# {results.name}", results.description, " ".join(provenance.totals(results))]
@@ -48,6 +54,8 @@ def report_text(
         if kind.name in there:
             parts += [f"## {kind.title}", f"![{kind.title}]({kind.name}.png)", kind.note]
     parts += ["## All metrics", *_metrics(report), "## Generalization", _generalization(report)]
+    if robustness is not None and robustness.is_there:
+        parts += [f"## {TITLE}", *_robustness(robustness)]
     if links:
         parts += [
             "## Test episodes",
@@ -127,6 +135,20 @@ def _generalization(report: Report) -> str:
         if rows
         else "No held-out variations were played."
     )
+
+
+def _robustness(robustness: Robustness) -> Iterator[str]:
+    yield from robustness.notes
+    if robustness.left_out:
+        yield "Left out:\n\n" + "\n".join(f"- {line}" for line in robustness.left_out)
+    for matrix in robustness.matrices:
+        yield f"### {matrix.title}"
+        rows = [[label, *map(_shift, entries)] for label, entries in matrix.rows]
+        yield table(["Policy", *matrix.columns], rows)
+
+
+def _shift(entry: Entry | None) -> str:
+    return "" if entry is None else "<br>".join(filter(None, (entry.figures, entry.intervals, entry.change)))
 
 
 def _episodes(links: Sequence[EpisodeLinks]) -> Iterator[list[str]]:

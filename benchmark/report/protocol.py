@@ -7,12 +7,15 @@ from collections.abc import Iterable, Sequence
 
 from benchmark.experiment.runs import VERSION, with_defaults
 from benchmark.results.reading import Results, RunResult
+from benchmark.results.release import SUBMISSION
 from benchmark.results.run_folder import flat_values
 
 COMPARED = ("environment", "budget", VERSION)
 """Keys of config.yaml. The environment holds agents, decision interval, observation, action, reward, vehicle,
 friction and traffic engine; the horizon and the starts are the scenario's, by whose name results are told
 apart anyway."""
+SUBMITTED = "as submitted"
+"""Budget and sharing of evaluated submissions, which are ranked among each other."""
 OWN_SHARING = "each algorithm's own"
 """Which parameters agents share where the settings do not say."""
 
@@ -23,6 +26,9 @@ def protocol_of(run: RunResult, results: Results) -> str:
     A scripted policy is tested in the environment of the experiment's runs in the same cell.
     """
     config = run.config
+    if SUBMISSION in run.facts:  # how it was trained is not known here
+        kept = with_defaults({name: config[name] for name in ("environment", VERSION) if name in config})
+        return json.dumps(dict.fromkeys(COMPARED) | kept | {"sharing": SUBMITTED}, sort_keys=True)
     if run.is_scripted:
         beside = (each.config for each in results.runs if _cell(each) == _cell(run) and not each.is_scripted)
         config = next(filter(None, beside), config)

@@ -12,35 +12,9 @@ from benchmark.experiment.version import (
     changed_settings,
     versions,
 )
-from benchmark.results.files import ResultsError
 from benchmark.results.reading import RunResult
-from benchmark.results.run_folder import CONTINUED
+from benchmark.results.versions import commits_of
 from smarts.config import ConfigError, fitted
-
-NONE = "of no version"
-
-
-def check_one_version(runs: Sequence[RunResult], place: str) -> None:
-    """Check that all finished runs are of one version of the benchmark.
-
-    Args:
-        runs: Finished or not.
-        place: Named in the error.
-
-    Raises:
-        ResultsError: They are not; names the runs of each version.
-    """
-    found: dict[int | None, list[str]] = {}
-    for run in runs:
-        if run.table is not None:
-            found.setdefault(run.benchmark_version, []).append(str(run))
-    if len(found) > 1:
-        said = "; ".join(f"{_named(version)}: {', '.join(names)}" for version, names in found.items())
-        raise ResultsError(
-            f"results of several versions of the benchmark are not mixed: {said}",
-            place=place,
-            remedy="keep each version in a folder of its own",
-        )
 
 
 def version_lines(runs: Sequence[RunResult]) -> list[str]:
@@ -56,23 +30,13 @@ def version_lines(runs: Sequence[RunResult]) -> list[str]:
         return []
     commits: dict[str, list[str]] = {}
     for run in finished:
-        commits.setdefault(", then ".join(_commits(run)), []).append(str(run))
+        commits.setdefault(", then ".join(commits_of(run)), []).append(str(run))
     (first, *others) = commits
     if not others and first and "+" not in first and "," not in first:
         return [f"Benchmark version {version}, commit {first}.", *_changed(version, finished)]
     said = "; ".join(f"{commit or 'unknown'}: {', '.join(names)}" for commit, names in commits.items())
     marked = f"These are not of one clean commit (+: with changes that were not committed): {said}."
     return [f"Benchmark version {version}. {marked}", *_changed(version, finished)]
-
-
-def _named(version: int | None) -> str:
-    return NONE if version is None else f"version {version}"
-
-
-def _commits(run: RunResult) -> list[str]:
-    """Return the distinct commits of a run, that of its beginning first."""
-    facts = (run.facts, *run.facts.get(CONTINUED, ()))
-    return [*dict.fromkeys(str(each.get("commit") or "") for each in facts)]
 
 
 def _changed(version: int, runs: Sequence[RunResult]) -> list[str]:

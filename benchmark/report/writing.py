@@ -17,6 +17,7 @@ from benchmark.report.kept_pages import are_pages, keep_pages, note_links
 from benchmark.report.latex import main_table
 from benchmark.report.markdown import report_text
 from benchmark.report.marl_eval import marl_eval_json
+from benchmark.report.robustness import Robustness, robustness_of
 from benchmark.report.summary import PROFILE, draw_profile, summaries_of
 from benchmark.report.values import csv_number
 from benchmark.results.files import ResultsError, replace_folder
@@ -25,7 +26,7 @@ from benchmark.results.reading import read_results
 FOLDER = "report"
 """In an experiment's results."""
 PAGE, TEXT, VALUES, DIFFERENCES = "report.html", "report.md", "values.csv", "differences.csv"
-MARL_EVAL = "marl_eval.json"
+MARL_EVAL, ROBUSTNESS = "marl_eval.json", "robustness.csv"
 
 
 def write_report(root: Path, out: Path | None = None, *, episodes: bool = False) -> Path:
@@ -68,15 +69,16 @@ def report_files(report: Report, links: Sequence[EpisodeLinks] = ()) -> dict[str
         links: To recorded test episodes.
     """
     pictures = {kind.name: draw_all(kind, report) for kind in KINDS} if report.columns else {}
-    summaries = summaries_of(report)
+    summaries, robustness = summaries_of(report), robustness_of(report)
     if summaries.algorithms:
         pictures[PROFILE] = draw_profile(summaries)
     texts = {
-        PAGE: report_page(report, summaries, pictures.get(PROFILE), links),
-        TEXT: report_text(report, summaries, pictures, links),
+        PAGE: report_page(report, summaries, pictures.get(PROFILE), links, robustness),
+        TEXT: report_text(report, summaries, pictures, links, robustness),
         MARL_EVAL: marl_eval_json(report.results, report.modes[0]),
         VALUES: values_csv(report.values),
         DIFFERENCES: differences_csv(report),
+        **robustness_csv(robustness),
         **{f"main_table_{mode}.tex": main_table(report, mode) for mode in report.modes},
     }
     return {name: text.encode() for name, text in texts.items()} | {
@@ -90,6 +92,13 @@ def values_csv(values: Frame) -> str:
         "; ".join(f"{name}={csv_number(value)}" for name, value in each.items()) for each in values["terms"]
     ]
     return values.assign(terms=terms).to_csv(index=False, float_format=csv_number, lineterminator="\n")
+
+
+def robustness_csv(robustness: Robustness) -> dict[str, str]:
+    """Return a row for each cell, policy, partner or condition, and rate; no file if nothing was played."""
+    if not len(robustness.values):
+        return {}
+    return {ROBUSTNESS: robustness.values.to_csv(index=False, float_format=csv_number, lineterminator="\n")}
 
 
 def differences_csv(report: Report) -> str:
@@ -116,7 +125,7 @@ def _check_free(folder: Path) -> None:
         raise ResultsError("is a file, not a folder", place=str(folder), remedy="choose another --out")
     if folder.is_dir() and any(folder.iterdir()):
         pictures = (f"{name}.png" for name in (*(kind.name for kind in KINDS), PROFILE))
-        known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, "main_table_*.tex", *pictures]
+        known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, ROBUSTNESS, "main_table_*.tex", *pictures]
         if (folder / PAGE).is_file() and are_pages(folder):
             known.append(EPISODES)
         others = {*folder.iterdir()}.difference(*map(folder.glob, known))

@@ -19,6 +19,7 @@ from benchmark.metrics.table import COUNTS
 from benchmark.results.commands import EXPERIMENT, earlier_commands, last_experiment
 from benchmark.results.files import FormatError, ResultsError
 from benchmark.results.progress import read_progress
+from benchmark.results.release import SUBMISSION, VERDICTS
 from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, RunFolder
 from benchmark.results.run_tables import LABELS, Names, names_of, read_run_table
 from smarts.config import ConfigError, Section, fitted
@@ -121,6 +122,8 @@ def read_results(root: Path) -> Results:
         )
     problems: dict[str, str] = {}
     experiment = last_experiment(root, problems)
+    if (root / VERDICTS).exists():  # of submissions, which no experiment has made
+        problems.pop(EXPERIMENT, None)
     commands, parts = earlier_commands(root, problems)
     runs: dict[str, RunResult] = {}
     for each in [*parts, experiment] if experiment else parts:
@@ -261,7 +264,7 @@ def _read_progress(folder: RunFolder, run: RunResult) -> tuple[Frame | None, str
     except ResultsError as error:
         return None, error.problem
     known = progress if len(progress) else None
-    is_over = run.status == FINISHED and not run.is_scripted
+    is_over = run.status == FINISHED and not run.is_scripted and SUBMISSION not in run.facts
     missing = _missing_end(known, {**run.facts, **run.config}) if is_over else ""
     return known, f"left out: {wrong}" if wrong else missing
 

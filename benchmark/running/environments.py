@@ -74,6 +74,7 @@ def environment(
             record=record,
             policy=policy,
             friction=given.friction,
+            action_latency=given.action_latency,
             traffic_engine=given.traffic_engine,
             traffic_step=traffic_step,
         ),

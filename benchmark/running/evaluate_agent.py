@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from itertools import islice
 from pathlib import Path
@@ -34,6 +34,8 @@ from smarts.registry import file_name, import_own
 from smarts.types.actions import LaneAction
 from smarts.types.streams import hold_seed
 from smarts.zoo import make_agent
+from smarts.zoo.exported import ExportedPolicy
+from smarts_agent_kit.exported import TEAM, TRAINED, ExportError, content_of
 from smarts_agent_kit.service import WrongActionsError, checked_actions
 
 TRAFFIC = "random_social_vehicles"
@@ -114,18 +116,108 @@ def _environment(agent: BatchAgent, interface: AgentInterface, agents: int, plac
 
 
 def _play(task_setting: TaskSetting, folder: RunFolder, agent: BatchAgent, locator: str) -> None:
+    labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
+    for share in play_agent(task_setting, folder, agent, labels):
+        print(f"{share:.0%}", file=sys.stderr)
+
+
+def play_agent(
+    task_setting: TaskSetting,
+    folder: RunFolder,
+    agent: BatchAgent,
+    labels: Mapping[str, Any],
+    *,
+    mode: str = SCRIPTED,
+    seed: int = EVALUATION_SEED,
+) -> Iterator[float]:
+    """Play the test of a task setting by an agent and write its table; yields the finished share.
+
+    Args:
+        task_setting: What is played; the agent sees its own observation, with the same rewards.
+        folder: Of the table and the recorded episodes.
+        agent: Drives all egos.
+        labels: Columns of the table: algorithm and training_seed.
+        mode: Column of the table.
+        seed: Of the episodes.
+
+    Raises:
+        SmartsError: The agent fails, or answers what is no action.
+    """
+
     def play_part(part: Part, indices: range, record: Path) -> None:
         with closing(
             environment(
-                task_setting, num_envs=1, scenarios=part.scenarios, record=record, policy=file_name(locator)
+                task_setting,
+                num_envs=1,
+                scenarios=part.scenarios,
+                record=record,
+                observation=agent.observation,
+                policy=str(labels["algorithm"]),
             )
         ) as env:
-            for _ in islice(driven(env, agent, EVALUATION_SEED, indices.start), len(indices)):
+            for _ in islice(driven(env, agent, seed, indices.start), len(indices)):
                 pass
 
-    labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
-    for share in play_parts(task_setting, folder, (SCRIPTED,), labels, play_part):
-        print(f"{share:.0%}", file=sys.stderr)
+    yield from play_parts(task_setting, folder, (mode,), labels, play_part)
+
+
+def evaluate_exported(
+    path: Path,
+    *,
+    scenarios: Sequence[str] = (),
+    traffic: str | None = None,
+    episodes: int = 50,
+    out: Path | None = None,
+) -> pd.DataFrame:
+    """Return the table of a test of an exported policy, each ego driven by its own agent of the training.
+
+    It acts greedily, as its checkpoint does; neither the run's folder nor the learners are needed.
+
+    Args:
+        path: The folder that `smarts-bench export` or `release` has written.
+        scenarios: By default those of the training.
+        traffic: By default that of the training.
+        episodes: How many.
+        out: Folder for the table and the recorded episodes; not a run's.
+
+    Raises:
+        SmartsError: The folder does not hold an exported policy, or does not say what it was trained on.
+    """
+    agent, trained = ExportedPolicy(path, TEAM), trained_on(path)
+    given = [*(scenarios or trained["scenarios"])]
+    name = name_of(given) if scenarios else trained["task"]
+    task_setting = TaskSetting(
+        fitted({"name": name, "scenarios": given}, TrainingTask, "--scenario"),
+        traffic or trained["traffic"],
+        fitted(trained["environment"], Environment, str(path)),
+        Evaluation(episodes=episodes, keep_episodes=out is not None),
+        num_envs=1,
+    )
+    if out is not None and RunFolder(out).run.exists():
+        raise ResultsError("holds the results of a run", place=str(out), remedy="choose another --out")
+    labels = {"algorithm": trained["algorithm"], "training_seed": trained["seed"]}
+    with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
+        folder = RunFolder(out or Path(temporary))
+        for share in play_agent(task_setting, folder, agent, labels, mode="greedy"):
+            print(f"{share:.0%}", file=sys.stderr)
+        return read_table(folder.table)
+
+
+def trained_on(path: Path) -> dict[str, Any]:
+    """Return what an exported policy was trained on: algorithm, task, scenarios, traffic, environment, seed.
+
+    Raises:
+        SmartsError: The folder does not say; earlier versions of `export` did not write it.
+    """
+    try:
+        found = content_of(path).get(TRAINED)
+    except ExportError as error:
+        raise SmartsError(error.problem, place=error.place, remedy="export it again") from error
+    if not isinstance(found, dict):
+        raise SmartsError(
+            "does not say what the policy was trained on", place=str(path), remedy="export it again"
+        )
+    return found
 
 
 def driven(

@@ -9,15 +9,19 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import torch
 from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 from torch import nn
 
+from algorithms.commnet import CommNetModule
 from algorithms.joint.env import CARRIED, MEMORY
 from algorithms.joint.spec import Group
+from algorithms.networked_q import NetworkedQModule
 from algorithms.parts.distributions import DeterministicHead, GaussianHead
+from algorithms.parts.networks import Encoder
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.runs import Run
+from benchmark.experiment.runs import VERSION, Run
 from benchmark.results.files import write_whole
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import read_run
@@ -29,7 +33,7 @@ from smarts.observations.arrays import VECTOR
 from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
 from smarts.zoo.entry import check_name
 from smarts.zoo.exported import interface_of
-from smarts_agent_kit.exported import CONTENT, FORMAT, WEIGHTS
+from smarts_agent_kit.exported import CONTENT, FORMAT, HEAR, JOINT_Q, TRAINED, WEIGHTS
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 MODULE = '''"""{title}; written by `smarts-bench export`."""
@@ -126,11 +130,15 @@ def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], dic
     weights: dict[str, NDArray] = {}
     for group in spec.groups:
         layers = _checked_layers(run, group, modules[group.id])
+        sets = _sets(modules[group.id])
         groups[group.id] = {
-            "places": group.size if group.size > 1 else 0,
+            "places": _places(modules[group.id]),
             "memory": modules[group.id].memory_size,
             "layers": [kind for kind, _ in layers],
+            "sets": [*sets],
         }
+        for leaf, arrays in sets.items():
+            weights.update({f"{group.id}/{leaf}/{k}": array for k, array in enumerate(arrays)})
         for number, (_, arrays) in enumerate(layers):
             weights.update({f"{group.id}/{number}/{k}": array for k, array in enumerate(arrays)})
         for place, name in enumerate(group.agents):
@@ -147,10 +155,26 @@ def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], dic
         "period": environment.decision_interval,
         "action": environment.action,
         **_head(next(iter(modules.values())), block),
+        JOINT_Q: isinstance(next(iter(modules.values())), NetworkedQModule),
+        TRAINED: trained_content(run),
         "agents": {name: agents[name] for name in block.agents},
         "groups": groups,
     }
     return content, weights
+
+
+def trained_content(run: Run) -> dict[str, Any]:
+    """Return what a policy was trained on, and is tested on: `task`, `seed` and a task setting's content."""
+    setting = run.task_setting
+    kept = ("scenarios", "traffic", "environment", VERSION)
+    given = {name: each for name, each in setting.content().items() if name in kept}
+    return {"algorithm": run.label, "task": setting.task.name, "seed": run.seed, **given}
+
+
+def _places(module: Any) -> int:
+    """Return how many numbers say which agent of its group an agent is; 0 where a policy does without."""
+    is_alike = isinstance(module, CommNetModule | NetworkedQModule) or module.group.size == 1
+    return 0 if is_alike else module.group.size
 
 
 def _checked_layers(run: Run, group: Group, module: Any) -> list[tuple[str, list[NDArray]]]:
@@ -159,15 +183,18 @@ def _checked_layers(run: Run, group: Group, module: Any) -> list[tuple[str, list
     Raises:
         SmartsError: It reads more than its agent's own observation, or is no chain of known layers.
     """
-    if module.communicates or module.acts_jointly:
+    talks = isinstance(module, CommNetModule | NetworkedQModule)
+    if module.acts_jointly or (module.communicates and not talks):
         raise _refusal(run, "its policies need messages or actions of other agents to act")
     foreign = [name for name in group.observation if name.startswith(CARRIED) and name != MEMORY]
     if foreign:
         raise _refusal(run, f"its policies see what others do, or draw ({', '.join(foreign)})")
     if any(len(space.shape) == 3 for space in group.observation.values()):
         raise _refusal(run, "its policies see images, whose convolutions are not exported")
-    if group.set_width:
-        raise _refusal(run, f"its policies read sets (set_width={group.set_width}), which are not exported")
+    if isinstance(module, CommNetModule):
+        return _talking_layers(run, module)
+    if isinstance(module, NetworkedQModule):
+        return _layers(run, list(module.q))
     parts = module.feedforward_parts()
     if parts is not None:
         return _layers(run, list(parts[1]))
@@ -178,19 +205,37 @@ def _checked_layers(run: Run, group: Group, module: Any) -> list[tuple[str, list
     raise _refusal(run, "its policy is no chain of layers")
 
 
+def _sets(module: Any) -> dict[str, list[NDArray]]:
+    """Return the weights and biases of each observation that a policy reads as a set of rows."""
+    parts = module.feedforward_parts()
+    encoder = parts[0] if parts is not None else getattr(getattr(module, "q", module), "encoder", None)
+    if not isinstance(encoder, Encoder):
+        return {}
+    return {name: _arrays(*rows.layers.parameters()) for name, rows in encoder.set_networks.items()}
+
+
+def _talking_layers(run: Run, module: CommNetModule) -> list[tuple[str, list[NDArray]]]:
+    """Return CommNet's layers: its encoder, those that hear the other agents, its outputs."""
+    hears = []
+    for keep, hear in zip(module.keep, module.hear, strict=True):
+        heard = hear.weight if module.settings["channel"] else torch.zeros_like(hear.weight)
+        hears.append((HEAR, _arrays(keep.weight, keep.bias, heard)))
+    return [*_layers(run, list(module.first)), *hears, *_layers(run, list(module.decoder))]
+
+
+def _arrays(*tensors: Any) -> list[NDArray]:
+    return [np.ascontiguousarray(each.detach().cpu().numpy().T) for each in tensors]
+
+
 def _layers(run: Run, modules: Sequence[nn.Module]) -> list[tuple[str, list[NDArray]]]:
     """Return networks as kinds and arrays; matrices have the shape (inputs, outputs)."""
-
-    def arrays(*tensors: Any) -> list[NDArray]:
-        return [np.ascontiguousarray(each.detach().cpu().numpy().T) for each in tensors]
-
     found: list[tuple[str, list[NDArray]]] = []
     for module in modules:
         if isinstance(module, nn.Linear):
-            found.append(("linear", arrays(module.weight, module.bias)))
+            found.append(("linear", _arrays(module.weight, module.bias)))
         elif isinstance(module, nn.GRUCell):
             given = module.weight_ih, module.bias_ih, module.weight_hh, module.bias_hh
-            found.append(("gru", arrays(*given)))
+            found.append(("gru", _arrays(*given)))
         elif isinstance(module, nn.Tanh):
             found.append(("tanh", []))
         elif isinstance(module, nn.ReLU):

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 
-from algorithms.joint.env import CARRIED, AgentBlock, JointSpaces, JointStep
+from algorithms.joint.env import CARRIED, MEMORY, AgentBlock, JointSpaces, JointStep
 from algorithms.joint.policies import Policies
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
@@ -90,6 +90,13 @@ class Policy:
         self._blocks = tuple(_seen(block) for block in self._spec.spaces.blocks)
         self.agents: tuple[str, ...] = self._spec.agents
         """Names of the agents that the policy acts for."""
+        self.discount: float = self._config.gamma
+        """Of the learner, with which shaped rewards agree."""
+        self.needs_others = any(
+            module.communicates or module.acts_jointly or _is_shown_others(module)
+            for module in modules.values()
+        )
+        """Whether actions depend on more than the agent's own observation: messages, common draws."""
         self._playing: tuple[_GivenSteps, Sampler] | None = None
         self._last: tuple[NDArray, ...] | None = None
         self._attached: Any = None
@@ -113,7 +120,8 @@ class Policy:
                 missing although the policy was trained with one.
         """
         if isinstance(observations, VectorStep):
-            return [*self._choose(observations)]
+            # The environment reuses the array, and which agents acted has to be known after its next step.
+            return [*self._choose(observations._replace(alive=observations.alive.copy()))]
         infos = infos or {}
         # An empty dict is one by agent: none is active at the moment.
         if isinstance(observations, Mapping) and (not observations or {*observations} & {*self.agents}):
@@ -124,6 +132,22 @@ class Policy:
             raise ActionError("observations of no agent of the policy", place="Policy.act", remedy=known)
         only = next(iter(self.agents))
         return self._by_name(self._choose(self._step_of({only: observations}, {only: infos})))[only]
+
+    def act_for(self, agents: NDArray[np.bool_], now: VectorStep, worlds: NDArray) -> list[NDArray]:
+        """Return the actions of some agents of a `VectorHiWayEnv`, beside others that somebody else drives.
+
+        The policy sees these agents alone: messages, and what it knows of others' observations and actions,
+        are of them. Actions of other agents are unspecified.
+
+        Args:
+            agents: The agents, shape (N,).
+            now: What the environment returned.
+            worlds: Its `worlds`.
+
+        Returns:
+            An array for each block, as `act` does.
+        """
+        return [*self._choose(_among(agents, now), worlds)]
 
     def attach(self, env: HiWayEnv) -> None:
         """Observe a `HiWayEnv`, whose observations are objects, with the observation of the training.
@@ -149,12 +173,19 @@ class Policy:
         )
         self.reset()
 
-    def _choose(self, now: Any) -> tuple[NDArray, ...]:
-        """Return the actions of all agents, per block."""
+    def _choose(self, now: Any, worlds: NDArray | None = None) -> tuple[NDArray, ...]:
+        """Return the actions of all agents, per block.
+
+        Args:
+            now: What they see.
+            worlds: Index of each simulation's episode, shape (B,), by which tests draw latents.
+        """
         with torch_threads(self._config.torch_threads):
             given, sampler = self._playing_in(len(now.alive))
-            given.now = now
-            if self._last is None:
+            given.now, given.worlds = now, worlds
+            if self._last is None and worlds is not None:
+                sampler.begin(worlds, stride=given.num_envs)
+            elif self._last is None:
                 sampler.begin(np.arange(given.num_envs))
             else:
                 sampler.carry_out(self._last)
@@ -236,6 +267,8 @@ class _GivenSteps:
     def __init__(self, num_envs: int, spaces: JointSpaces) -> None:
         self.num_envs, self.spaces = num_envs, spaces
         self.now: Any = None
+        self.worlds: NDArray | None = None
+        """Index of each one's episode, shape (B,); None: not known."""
 
     @property
     def alive(self) -> NDArray[np.bool_]:
@@ -259,6 +292,33 @@ class _GivenSteps:
 
     def close(self) -> None:
         """Do nothing."""
+
+
+def _is_shown_others(module: Any) -> bool:
+    """Return whether observations have more than the agent's own and the policy's memory."""
+    return any(name.startswith(CARRIED) and name != MEMORY for name in module.group.observation)
+
+
+def _among(agents: NDArray[np.bool_], now: VectorStep) -> VectorStep:
+    """Return a step in which the other agents are absent, and all that they see is zero."""
+    observations, first = [], 0
+    for leaves in now.observations:
+        count = next(iter(leaves.values())).shape[1]
+        own = agents[first : first + count]
+        observations.append({name: _zero_where(array, ~own) for name, array in leaves.items()})
+        first += count
+    return now._replace(
+        observations=tuple(observations),
+        **{name: getattr(now, name) & agents for name in ("terminated", "truncated", "alive")},
+    )
+
+
+def _zero_where(array: NDArray, columns: NDArray[np.bool_]) -> NDArray:
+    if not columns.any():
+        return array
+    kept = array.copy()
+    kept[:, columns] = 0
+    return kept
 
 
 def _seen(block: AgentBlock) -> AgentBlock:

@@ -154,14 +154,14 @@ def play_parts(
             "task_traffic": task_setting.traffic,
             "mode": part.mode,
         }
-        tables += _measured(part, folder.episodes, labels, play_part, task_setting)
+        tables += measure_part(part, folder.episodes, labels, play_part, task_setting)
         yield (number + 1) / len(parts)
     write_table(join_tables(tables), folder.table)
     if not task_setting.evaluation.keep_episodes:
         shutil.rmtree(folder.episodes, ignore_errors=True)
 
 
-def _measured(
+def measure_part(
     part: Part,
     episodes: Path,
     labels: Mapping[str, Any],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -147,40 +147,55 @@ def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_episode: int)
     Raises:
         TrafficError: Traffic failed.
     """
-    drivers: list[ScriptedPolicy] = [SCRIPTED_POLICIES[policy]() for _ in env.agents]
+    drivers = ScriptedDrivers(policy, env)
     now = env.reset(seed, np.array([first_episode]), stride=1)
-    start = _begin(drivers, env)
+    (start,) = drivers.begin(np.ones(1, np.bool_))
     while True:
-        now = env.step(_actions(drivers, now, env))
+        now = env.step(drivers.act(now, now.alive))
         for error in now.failed.values():
             place = f"{start.scenario}, world {start.world}"
             raise TrafficError("the traffic failed", place=place) from error
         for shares in now.metrics.values():
             yield Ended(_outcomes(shares, len(env.agents)), shares["steps"])
-            start = _begin(drivers, env)
+            (start,) = drivers.begin(np.ones(1, np.bool_))
 
 
-def _begin(drivers: Sequence[ScriptedPolicy], env: VectorHiWayEnv) -> EpisodeStart:
-    (start,) = env.episodes
-    for agent, driver in enumerate(drivers):
-        driver.begin(start, agent)
-    return start
+class ScriptedDrivers:
+    """A scripted policy for each agent of each simulation of an environment.
 
+    Args:
+        policy: A name of `SCRIPTED_POLICIES`, or `module:Class` of a user's own.
+        env: Its observations and actions fit the policy.
+    """
 
-def _actions(drivers: Sequence[ScriptedPolicy], now: VectorStep, env: VectorHiWayEnv) -> list[NDArray]:
-    """Return the actions of all active agents, for each block of agents, shape (1, n, ...)."""
-    actions, first = [], 0
-    for block, leaves, mask in zip(env.spaces.blocks, now.observations, now.masks, strict=True):
-        shape = (1, len(block.agents), *(block.action.shape or ()))
-        chosen = np.zeros(shape, block.action.dtype)
-        for place in np.flatnonzero(now.alive[0, first : first + len(block.agents)]).tolist():
-            seen = {name: leaf[0, place] for name, leaf in leaves.items()}
-            action_mask = np.ones(len(LaneAction), np.bool_) if mask is None else mask[0, place]
-            driver: Any = drivers[first + place]
-            chosen[0, place] = driver.act(_observation(driver, seen), action_mask)
-        actions.append(chosen)
-        first += len(block.agents)
-    return actions
+    def __init__(self, policy: str, env: VectorHiWayEnv) -> None:
+        self._env = env
+        self._drivers: list[list[ScriptedPolicy]] = [
+            [SCRIPTED_POLICIES[policy]() for _ in env.agents] for _ in range(env.num_envs)
+        ]
+
+    def begin(self, begun: NDArray[np.bool_]) -> tuple[EpisodeStart, ...]:
+        """Begin the episodes of some simulations, shape (B,); return what all play."""
+        starts = self._env.episodes
+        for row in np.flatnonzero(begun).tolist():
+            for agent, driver in enumerate(self._drivers[row]):
+                driver.begin(starts[row], agent)
+        return starts
+
+    def act(self, now: VectorStep, acts: NDArray[np.bool_]) -> list[NDArray]:
+        """Return the actions of some active agents, (B, N), for each block of agents, shape (B, n, ...)."""
+        actions, first = [], 0
+        for block, leaves, mask in zip(self._env.spaces.blocks, now.observations, now.masks, strict=True):
+            shape = (len(acts), len(block.agents), *(block.action.shape or ()))
+            chosen = np.zeros(shape, block.action.dtype)
+            for row, place in np.argwhere(acts[:, first : first + len(block.agents)]).tolist():
+                seen = {name: leaf[row, place] for name, leaf in leaves.items()}
+                action_mask = np.ones(len(LaneAction), np.bool_) if mask is None else mask[row, place]
+                driver: Any = self._drivers[row][first + place]
+                chosen[row, place] = driver.act(_observation(driver, seen), action_mask)
+            actions.append(chosen)
+            first += len(block.agents)
+        return actions
 
 
 def _observation(driver: ScriptedPolicy, seen: Mapping[str, NDArray]) -> Any:

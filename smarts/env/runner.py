@@ -17,6 +17,7 @@ from smarts.agents.checks import check_instance
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.env.actions import ActionEncoder
 from smarts.env.decisions import choose_observed, join_events
+from smarts.env.delayed_actions import DelayedEncoder
 from smarts.env.listeners import DecisionNotes, StepListener
 from smarts.env.social_agents import SocialAgentRequests, add_by_name
 from smarts.errors import ScenarioError, SmartsError
@@ -106,12 +107,15 @@ class SimulationRunner:
         self.period = period
         self.starts: list[EpisodeStart | None] = [None] * self.world.worlds
         """The present episode of each simulation."""
-        self.encoder = ActionEncoder(self.actions, self.world.agents.action_mask)
+        at_once = ActionEncoder(self.actions, self.world.agents.action_mask)
+        latency = assembly.latency_steps
+        self._delayed = DelayedEncoder(self.actions, self.world, latency) if latency else None
+        self.encoder = self._delayed or at_once
         """Takes the agents' actions."""
         self._schedule, self._recorder = assembly.schedule, assembly.recorder
         self._listeners = tuple(listeners)
         self._notes: list[DecisionNotes] = []
-        self._requests = SocialAgentRequests(assembly, self.encoder, host) if assembly.policies else None
+        self._requests = SocialAgentRequests(assembly, at_once, host) if assembly.policies else None
         self._entries = assembly.entries
         self._pool, self.learns_in_bubbles = assembly.pool, assembly.learns_in_bubbles
         """Whether the egos come and go with the vehicles in bubbles."""
@@ -183,6 +187,8 @@ class SimulationRunner:
         rows[list(episodes)] = True
         for mask in (self.running, self.alive, self._ended, self.actions.given, self.actions.fresh):
             mask[rows] = False
+        if self._delayed is not None:
+            self._delayed.forget(episodes)
         if self._requests is not None:
             self._requests.begin(episodes)
         for listener in self._listeners:
@@ -235,6 +241,8 @@ class SimulationRunner:
         while pending.any():
             for number in range(self.period):
                 is_last = number == self.period - 1
+                if self._delayed is not None:
+                    self._delayed.release(pending)
                 failed = self._gather()
                 self._choose_observed(is_last)
                 frame = self.simulation.step(self.actions, pending, self._observe_mask, failed)

@@ -76,6 +76,8 @@ class Assembly:
     recorder: AnnotatedRecorder | None
     """Takes annotations of the episodes that are recorded or shown; None if none are."""
     cast: Cast = NO_CAST
+    latency_steps: int = 0
+    """Steps from an action of an ego to when it is carried out."""
 
     @property
     def policies(self) -> tuple[SocialPolicy, ...]:
@@ -147,6 +149,12 @@ def assemble(
     options = options or Options()
     names, shapes = _names(agents, len(interfaces)), [shape_of(interface) for interface in interfaces]
     schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=options.traffic_engine, cast=cast)
+    if options.latency_steps and cast.learning is not None:
+        raise ScenarioError(
+            f"action_latency is {options.action_latency} s, and the egos learn in bubbles",
+            place="Options.action_latency",
+            remedy="leave out action_latency: an action would arrive at another vehicle than it is meant for",
+        )
     if options.traffic_step is not None:
         _check_without_handovers(scenarios, cast, pool)
     merged = merge_pools([*_pool_of(cast, schedule), *merge_pools(pool)])
@@ -267,7 +275,10 @@ def _assemble(
         pool.clear_with(columns)
     pool.clear_readings_with(sensors.readings)
     simulation = Simulation(world, stages)
-    return Assembly(simulation, schedule, scene, rules, actions, pool, ownership, entries, recorder, cast)
+    return Assembly(
+        *(simulation, schedule, scene, rules, actions, pool, ownership, entries, recorder, cast),
+        latency_steps=options.latency_steps,
+    )
 
 
 def _learning(cast: Cast, bubbles: BubbleRules | None, options: Options) -> LearningInBubbles | None:

@@ -22,6 +22,8 @@ LONGEST_SUBSTEP = 0.02
 """Of the vehicles' dynamics [s]; made for 0.01."""
 LONGEST_TRAFFIC_STEP = 1.0
 """Reaction time of SUMO's drivers [s]."""
+LONGEST_LATENCY = 10.0
+"""Of actions [s]."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,9 @@ class Options:
     Between SUMO's poses, vehicles move evenly. Such episodes cannot be recorded. None: `dt`."""
     friction: float | None = None
     """Of the road under agents' vehicles where the scenario has no patch, 0.05 to 2; None: dry, 0.9."""
+    action_latency: float = 0.0
+    """Time from an action of a learning agent to when its vehicle carries it out [s], a multiple of `dt` up
+    to 10; the last action that has arrived is kept until then. Social agents have `hosts` instead."""
 
     def __post_init__(self) -> None:
         if not 0.001 <= self.dt <= LONGEST_SUBSTEP * SUBSTEPS:
@@ -65,6 +70,7 @@ class Options:
                 remedy=f"give 0.001 to {LONGEST_SUBSTEP * SUBSTEPS} s, for which tyres are made",
             )
         self._check_traffic_step()
+        self._check_latency()
         for name in ("record_all", "record_observations"):
             if getattr(self, name) and self.record is None:
                 raise SmartsError(
@@ -89,6 +95,21 @@ class Options:
         if isinstance(self.path, bool) or not isinstance(self.path, int) or self.path < 1:
             raise InterfaceError(
                 f"path is {self.path!r}", place="Options", remedy="give a number of points, 1 or more"
+            )
+
+    @property
+    def latency_steps(self) -> int:
+        """Steps from an action to when it is carried out."""
+        return round(self.action_latency / self.dt)
+
+    def _check_latency(self) -> None:
+        latency = self.action_latency
+        is_known = math.isfinite(latency) and 0 <= latency <= LONGEST_LATENCY
+        if not is_known or abs(self.latency_steps * self.dt - latency) > 1e-9:
+            raise SmartsError(
+                f"a latency of {latency} s",
+                place="Options.action_latency",
+                remedy=f"give a multiple of dt, {self.dt} s, up to {LONGEST_LATENCY:g} s",
             )
 
     def _check_traffic_step(self) -> None:

@@ -28,7 +28,7 @@ def exported_spec(folder: str | Path, agent: str = "") -> AgentSpec:
 
     Args:
         folder: With the exported files.
-        agent: Whose policy, of the agents of the training; by default the first one's.
+        agent: Whose policy, of the agents of the training; by default the first one's. "*": all of them.
 
     Raises:
         SmartsError: The folder does not hold an exported policy.
@@ -95,11 +95,11 @@ def recurrent(
 
 
 class ExportedPolicy(exported.ExportedPolicy):
-    """Acts greedily by the networks of a training run, each vehicle by itself, by compiled kernels.
+    """Acts greedily by the networks of a training run, by compiled kernels.
 
     Args:
         folder: With the exported files.
-        agent: Whose policy, of the agents of the training; by default the first one's.
+        agent: Whose policy, of the agents of the training; by default the first one's. "*": all of them.
 
     Raises:
         SmartsError: The folder does not hold an exported policy.
@@ -125,10 +125,10 @@ def _content(folder: str | Path) -> dict[str, Any]:
 
 def _agent(content: Mapping[str, Any], agent: str) -> str:
     names = [*content["agents"]]
-    if agent and agent not in names:
+    if agent and agent != exported.TEAM and agent not in names:
         raise UnknownNameError(
             f"the policy was not trained for an agent {agent!r}",
             place="option 'agent'",
             remedy=nearest_names(agent, names),
         )
-    return agent or names[0]
+    return names[0] if agent in ("", exported.TEAM) else agent

@@ -20,11 +20,12 @@ from benchmark.running.zoo_contract import check_entry
 from smarts.agents.hosting.facts import interface_from
 from smarts.agents.policy import ActionBatch
 from smarts.errors import SmartsError, UnknownNameError
+from smarts.observations.arrays import VECTOR
 from smarts.observations.lists import feature_list
 from smarts.registry import import_own
 from smarts.zoo import make_agent, make_spec
+from smarts_agent_kit.exported import TEAM, ExportError
 from smarts_agent_kit.exported import ExportedPolicy as KitPolicy
-from smarts_agent_kit.exported import ExportError
 
 pytestmark = pytest.mark.slow
 
@@ -37,6 +38,7 @@ environment: {environment}
 resources: {{num_envs_per_env_runner: 2}}
 """
 ENVS = 16
+SETS = ", observation: neighbor_rows"
 
 
 @pytest.fixture(scope="module")
@@ -68,16 +70,24 @@ def recorded(run, folder, decisions):
             (actions,) = policy.act(now)
             (observations,) = now.observations
             (masks,) = now.masks
-            yield observations[""].copy(), masks, now.alive.copy(), now.reset.copy(), actions.copy()
+            leaves = {name or VECTOR: leaf.copy() for name, leaf in observations.items()}
+            yield leaves, masks, now.alive.copy(), now.reset.copy(), actions.copy()
             now = env.step([actions])
     finally:
         env.close()
 
 
-def batch_of(vectors, mask, env_id, step, is_first):
-    count = len(vectors)
+def own_leaves(observation, leaves, rows):
+    """Return the leaves of some rows without the agents' numbers, which the exported policy fills in."""
+    index = feature_list(observation).layout(4)["agent_index"]
+    own = {name: leaf[rows] for name, leaf in leaves.items()}
+    return own | {VECTOR: np.delete(own[VECTOR], np.arange(index.start, index.stop), axis=1)}
+
+
+def batch_of(leaves, mask, env_id, step, is_first):
+    count = len(env_id)
     return ActionBatch(
-        {"observation": vectors},
+        leaves,
         np.ones((count, 4), bool) if mask is None else mask,
         env_id.astype(np.int32),
         np.zeros(count, np.int32),
@@ -105,6 +115,12 @@ def batch_of(vectors, mask, env_id, step, is_first):
         ("centralised_v", "{}", ""),
         ("qmix", "{}", ""),
         ("vdn", "{}", ""),
+        ("ppo", "{sharing: all, set_width: 8}", SETS),
+        ("ppo", "{gru: 8, set_width: 8}", SETS),
+        ("dqn", "{gru: 8, set_width: 8}", SETS),
+        ("maac", "{set_width: 8}", SETS),
+        ("mf_ac", "{set_width: 8}", SETS),
+        ("maddpg", "{set_width: 8}", f"{SETS}, action: Continuous"),
     ],
 )
 def test_the_actions_are_those_of_the_checkpoint(make, tmp_path, name, settings, more):
@@ -113,12 +129,12 @@ def test_the_actions_are_those_of_the_checkpoint(make, tmp_path, name, settings,
     exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
     agents = [make_spec_of(exported, f"agent-{k}").build_agent() for k in range(4)]
     of_the_kit = [KitPolicy(exported, f"agent-{k}") for k in range(4)]
-    index = feature_list("benchmark").layout(4)["agent_index"]
+    observation = "neighbor_rows" if SETS in more else "benchmark"
     compared = 0
-    for step, (vectors, masks, alive, reset, actions) in enumerate(recorded(run, folder, 80)):
+    for step, (leaves, masks, alive, reset, actions) in enumerate(recorded(run, folder, 80)):
         for k, agent in enumerate(agents):
             rows = np.flatnonzero(alive[:, k])
-            own = np.delete(vectors[rows, k], np.arange(index.start, index.stop), axis=1)
+            own = own_leaves(observation, leaves, (rows, k))
             mask = None if masks is None else masks[rows, k]
             batch = batch_of(own, mask, rows, step, (step == 0) | reset[rows])
             given = agent.act(batch)
@@ -129,6 +145,41 @@ def test_the_actions_are_those_of_the_checkpoint(make, tmp_path, name, settings,
             else:
                 np.testing.assert_allclose(given, actions[rows, k], rtol=0, atol=2e-6)
     assert compared >= 2000
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "more"),
+    [
+        ("commnet", "{sharing: all}", ""),
+        ("commnet", "{}", ""),
+        ("commnet", "{sharing: all, set_width: 8}", SETS),
+        ("networked_q", "{}", ""),
+        ("networked_q", "{}", SETS),
+        ("ppo", "{sharing: all, gru: 8}", ""),
+        ("ppo", "{sharing: {one: [agent-0, agent-2], two: [agent-1, agent-3]}}", ""),
+    ],
+)
+def test_a_team_acts_as_the_checkpoint_also_where_agents_talk(make, tmp_path, name, settings, more):
+    """With agents that leave one by one, in simulations side by side."""
+    run, folder = make(name, settings, f"{{agents: 4{more}}}")
+    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    team, of_the_kit = make_spec_of(exported, TEAM).build_agent(), KitPolicy(exported, TEAM)
+    observation = "neighbor_rows" if SETS in more else "benchmark"
+    compared, chosen = 0, set()
+    for step, (leaves, masks, alive, reset, actions) in enumerate(recorded(run, folder, 80)):
+        envs, agents = np.nonzero(alive)
+        own = own_leaves(observation, leaves, (envs, agents))
+        mask = None if masks is None else masks[envs, agents]
+        batch = batch_of(own, mask, envs, step, (step == 0) | reset[envs])._replace(
+            agent_id=agents.astype(np.int32)
+        )
+        given = team.act(batch)
+        np.testing.assert_array_equal(given, actions[envs, agents])
+        np.testing.assert_array_equal(of_the_kit.act(batch), given)
+        compared += len(envs)
+        chosen |= {*given.tolist()}
+    assert compared >= 2000
+    assert len(chosen) > 1
 
 
 def make_spec_of(folder, agent=""):
@@ -143,11 +194,9 @@ def make_spec_of(folder, agent=""):
 @pytest.mark.parametrize(
     ("name", "settings", "environment", "reason"),
     [
-        ("commnet", "{}", "{agents: 2}", "messages"),
-        ("networked_q", "{}", "{agents: 2}", "other"),
+        ("bicnet", "{}", "{agents: 2}", "messages"),
         ("mf_q", "{}", "{agents: 2}", "others"),
         ("ppo", "{}", "{agents: 2, observation: paper}", "images"),
-        ("ppo", "{set_width: 8}", "{agents: 2, observation: neighbor_rows}", "sets"),
     ],
 )
 def test_policies_that_cannot_act_alone_are_refused(make, tmp_path, name, settings, environment, reason):

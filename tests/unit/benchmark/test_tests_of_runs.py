@@ -9,7 +9,7 @@ from benchmark.metrics import join_tables
 from benchmark.metrics.table import read_table
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import FINISHED, RunFolder
-from benchmark.running.testing import Part, _measured, play_scripted
+from benchmark.running.testing import Part, measure_part, play_scripted
 from smarts.types.events import Outcome
 from tests.raising import raises
 from tests.recordings import Drive, at_speed, record, straight
@@ -35,7 +35,7 @@ def measured(folder, episodes, *, invalid=(), missing=(), cut=(), keep=False):
     part = Part("greedy", ("hand_made",), episodes)
     task = TrainingTask(name="hand_made", scenarios=("loop",))
     cell = TaskSetting(task, "hand_made", Environment(), Evaluation(keep_episodes=keep), 1)
-    return join_tables([*_measured(part, folder, {}, play, cell)]), rounds
+    return join_tables([*measure_part(part, folder, {}, play, cell)]), rounds
 
 
 def worlds_of(table):

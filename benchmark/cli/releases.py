@@ -1,0 +1,104 @@
+"""`smarts-bench release` and `verify`: trained policies for others, and others' policies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchmark.cli.experiments import Import
+
+
+def release(
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="Results folder, results/NAME.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the release.", show_default=False)],
+    author: Annotated[str, typer.Option(help="Named on the leaderboard.")] = "",
+    partial: Annotated[
+        bool, typer.Option("--partial", help="Release although runs or seeds are missing; they are named.")
+    ] = False,
+    import_: Import = None,
+) -> None:
+    """Export the last checkpoint of each run of an experiment, with a manifest of what is claimed of it.
+
+    The folder needs neither the results nor a training: `smarts-bench evaluate OUT/policies/NAME` plays a
+    policy, `smarts-bench zoo add OUT/policies/NAME` adds it to the zoo, and `smarts-bench verify OUT`
+    compares all with their claims.
+    """
+    from benchmark.results.release import MANIFEST
+    from benchmark.running.releasing import write_release
+
+    manifest = write_release(results, out, author=author, is_partial=partial, imports=import_ or ())
+    sizes = [each.stat().st_size for each in out.rglob("*") if each.is_file()]
+    typer.echo(
+        f"{out / MANIFEST}: {len(manifest.policies)} policies, {sum(sizes) / 1e6:.1f} MB, "
+        f"largest file {max(sizes) / 1e6:.2f} MB"
+    )
+    for each in manifest.missing:
+        typer.echo(f"missing: {each}")
+
+
+def verify(
+    submission: Annotated[
+        str,
+        typer.Argument(
+            metavar="SUBMISSION",
+            help="Folder of a release or of an exported policy, or tcp://HOST:PORT of a served agent.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of its results, for `leaderboard`.", show_default=False)],
+    episodes: Annotated[int, typer.Option(help="Test episodes of each policy.", min=1)] = 200,
+    held_out_episodes: Annotated[
+        int, typer.Option(help="Test episodes on each held-out variation.", min=0)
+    ] = 0,
+    fresh: Annotated[
+        int, typer.Option(help="Further episodes, of a seed that is drawn now; 0: none.", min=0)
+    ] = 50,
+    version: Annotated[
+        int | None,
+        typer.Option(
+            "--benchmark-version", help="That an address is of, which has no manifest.", show_default="newest"
+        ),
+    ] = None,
+    scenario: Annotated[
+        list[str] | None,
+        typer.Option(help="Scenario that an address plays. Repeatable.", show_default="all of the version"),
+    ] = None,
+    traffic: Annotated[
+        list[str] | None,
+        typer.Option(help="Traffic that an address plays in. Repeatable.", show_default="all of the version"),
+    ] = None,
+) -> None:
+    """Play a release or a submission, and compare scores and episodes with those that it claims.
+
+    Exit code 0 if every policy is confirmed, 1 if one is marked or refused, 2 if nothing is played.
+
+    The submission runs no code here, and its agents get no seed. One that claims nothing gets its claims:
+    what to submit is then in OUT/submission. Give the same command again to resume.
+    """
+    from benchmark.results.release import CONFIRMED
+    from benchmark.running.experiment import interruptible
+    from benchmark.running.submissions import submitted
+    from benchmark.running.verifying import verify as evaluate
+    from benchmark.running.verifying import write_claims
+
+    manifest, folder = submitted(submission, number=version, scenarios=scenario or (), traffic=traffic or ())
+    test = {"episodes": episodes, "held_out_episodes": held_out_episodes, "fresh": fresh}
+
+    def work() -> int:
+        confirmed = True
+        for verdict in evaluate(manifest, folder, out, **test):
+            scores = ", ".join(f"{name} {value:.3f}" for name, value in verdict.scores.items())
+            digests = f"{verdict.equal} of {verdict.compared} episodes as claimed"
+            typer.echo(f"{verdict.entry}: {verdict.status}; {scores or 'no scores'}; {digests}")
+            for reason in verdict.reasons:
+                typer.echo(f"  {reason}")
+            confirmed &= verdict.status == CONFIRMED
+        if claims := write_claims(manifest, folder, out):
+            typer.echo(f"to be submitted: {claims}")
+        return 0 if confirmed else 1
+
+    raise typer.Exit(interruptible(work, f"give the same command again to resume in {out}"))

@@ -1,0 +1,154 @@
+"""Releases and submissions: policies, and what is claimed of them, in a folder with a manifest.
+
+manifest.json    what is claimed: version, commit, digests, scores, digests of episodes
+policies/NAME/   an exported policy; see `smarts-bench export`
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from benchmark.experiment.values import FolderName
+from benchmark.metrics.results import Frame, compute
+from benchmark.results.files import ResultsError, read_mapping
+from benchmark.results.run_tables import RATES
+from smarts.config import ConfigError, Section, fitted
+
+MANIFEST, POLICIES = "manifest.json", "policies"
+SUBMISSION = "submission"
+"""In run.json: what was submitted, and how it compares; see `Verdict.content`."""
+VERDICTS = "verdicts.json"
+"""Of a folder of evaluated submissions: all verdicts."""
+CONFIRMED, MARKED, REFUSED = "confirmed", "marked", "refused"
+"""Status of an evaluated policy, from good to bad."""
+LARGEST_FILE, LARGEST = 1_000_000, 60_000_000
+"""Bytes of one file, and of all."""
+SEEDS = 3
+"""Training seeds that an entry of a version has at least."""
+ADDRESS = "tcp://"
+_NUMBERS = ("start_x", "start_y", "start_heading", "start_speed", "duration", "distance_travelled")
+
+
+class Entry(Section):
+    """A policy, and what is claimed of it."""
+
+    algorithm: FolderName
+    task: FolderName
+    scenarios: Annotated[list[str], Field(min_length=1)]
+    traffic: FolderName
+    seed: Annotated[int, Field(ge=0)]
+    """Of the training."""
+    benchmark_version: int | None
+    agent: str
+    """Folder of an exported policy, relative to the manifest's, or tcp://HOST:PORT."""
+    commit: str = ""
+    """That trained it."""
+    files: dict[str, str] = Field({})
+    """Name -> digest, of the folder."""
+    scores: dict[str, float] = Field({})
+    """Metric -> value, of all test episodes that are not held out."""
+    episodes: dict[str, list[str]] = Field({})
+    """Scenario -> digest of each test episode, in their order; held-out variations too."""
+
+    def __str__(self) -> str:
+        return f"{self.algorithm}, {self.task}, {self.traffic}, seed {self.seed}"
+
+    @property
+    def place(self) -> Path:
+        """Of its results, in a folder of evaluated submissions."""
+        return Path(self.algorithm, self.task, self.traffic, f"seed_{self.seed}")
+
+    @property
+    def cell(self) -> str:
+        """Algorithm, task and traffic."""
+        return f"{self.algorithm}, {self.task}, {self.traffic}"
+
+
+class Manifest(Section):
+    """What a release or a submission claims."""
+
+    format: Literal[1] = 1
+    name: FolderName
+    author: str = ""
+    benchmark_version: int | None
+    program: str = ""
+    """Version of the program that wrote it."""
+    code: dict[str, str] = Field({})
+    """Part -> digest of the code of observations, rewards and metrics."""
+    environment: dict[str, Any] = Field({})
+    scenarios: dict[str, dict[str, str]] = Field({})
+    """Traffic -> scenario -> digest of what was played."""
+    missing: list[str] = Field([])
+    """What the release lacks, in words."""
+    policies: Annotated[list[Entry], Field(min_length=1)]
+
+    def content(self) -> dict[str, Any]:
+        """Return it as it is written."""
+        return self.model_dump(mode="json")
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """Return the manifest of a release.
+
+    Raises:
+        ResultsError: There is none, or it is damaged; names each wrong value.
+    """
+    file = folder / MANIFEST
+    if file.exists() and file.stat().st_size > LARGEST_FILE:
+        raise ResultsError(f"has more than {LARGEST_FILE:,} bytes", place=str(file))
+    try:
+        return fitted(read_mapping(file), Manifest, str(file))
+    except ConfigError as error:
+        reasons = "; ".join(str(problem) for problem in error.problems)
+        raise ResultsError(
+            f"not a manifest: {reasons}",
+            place=str(file),
+            remedy="give a folder that `smarts-bench release` has written",
+        ) from error
+
+
+def episode_digests(table: Frame, modes: Iterable[str] = ("greedy",)) -> dict[str, list[str]]:
+    """Return a digest of each test episode, by scenario, in the order of their indices.
+
+    A digest is of how each agent started and ended, when, and how far it drove [m], to the micrometre: other
+    actions give other digests. Invalid episodes have one, too.
+
+    Args:
+        table: Of a test.
+        modes: Action selection of the episodes.
+    """
+    rows = table[table["mode"].isin([*modes])]
+    names = rows["scenario"].where(rows["variation"] == "", rows["scenario"] + "@" + rows["variation"])
+    found: dict[str, list[str]] = {}
+    for (name, _), episode in rows.groupby([names.rename("_name"), "world"], sort=True):
+        found.setdefault(str(name), []).append(_digest_of(episode))
+    return found
+
+
+def _digest_of(episode: Frame) -> str:
+    ordered = episode.sort_values("agent")
+    lines = [
+        [str(each[name]) for name in ("traffic", "seed", "world", "agent", "outcome", "is_invalid")]
+        + [f"{np.float64(each[name]):z.6f}" for name in _NUMBERS]
+        for each in ordered.to_dict("records")
+    ]
+    return hashlib.blake2b(json.dumps(lines).encode(), digest_size=6).hexdigest()
+
+
+def scores_of(table: Frame, modes: Iterable[str] = ("greedy",)) -> dict[str, float]:
+    """Return the rates of a test's episodes that are not held out, of those that can be computed."""
+    rows = table[(table["split"] == "train") & table["mode"].isin([*modes])]
+    found = compute(rows, metrics=RATES).to_dict("records")
+    return {row["metric"]: round(float(row["value"]), 6) for row in found if np.isfinite(row["value"])}
+
+
+def file_digest(content: bytes) -> str:
+    """Return the digest of a file of a policy."""
+    return hashlib.blake2b(content, digest_size=16).hexdigest()

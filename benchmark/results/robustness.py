@@ -1,0 +1,166 @@
+"""Cross-play and robustness on disk: which policies were played together, under which condition.
+
+robustness/TASK/TRAFFIC/CONDITION/EVEN+ODD/
+    play.json         what was played: policies and their checkpoints, condition, episodes, commit, machine
+    episodes.parquet  a row for each agent-episode: `algorithm` drives the agent, `partner` the others
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED
+from benchmark.metrics import read_table
+from benchmark.metrics.results import Frame
+from benchmark.results.files import ResultsError, read_versioned
+from benchmark.results.reading import Results, RunResult
+from benchmark.results.run_tables import LABELS
+from smarts.errors import SmartsError
+
+ROBUSTNESS = "robustness"
+"""Folder of an experiment's results."""
+PLAY, TABLE = "play.json", "episodes.parquet"
+PARTNER, CONDITION = "partner", "condition"
+"""Columns that the table of a play has beside those of a test."""
+
+
+@dataclass(frozen=True)
+class Play:
+    """Two policies together in a cell: one drives the agents at even places, one those at odd places."""
+
+    task: str
+    traffic: str
+    condition: str
+    """`AS_TRAINED`, or a name of `conditions.yaml`."""
+    even: str
+    """An algorithm or a scripted policy, by the name of its folder."""
+    odd: str
+    """The same one: it drives all agents."""
+
+    def __str__(self) -> str:
+        drivers = self.even if self.even == self.odd else f"{self.even} with {self.odd}"
+        return f"{drivers}, {self.task}, {self.traffic}, {self.condition}"
+
+    @property
+    def folder(self) -> Path:
+        """Where its results are, in the experiment's folder."""
+        return Path(ROBUSTNESS, self.task, self.traffic, self.condition, f"{self.even}+{self.odd}")
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Distinct policies."""
+        return tuple(dict.fromkeys((self.even, self.odd)))
+
+
+def trained_state(run: RunResult) -> dict[str, Any]:
+    """Return how far a finished run's training is, by which later checkpoints are recognized."""
+    if run.is_scripted or run.progress is None:
+        return {}
+    last = run.progress.iloc[-1]
+    return {"agent_steps": int(last["agent_steps"]), "seconds": round(float(last["seconds"]), 2)}
+
+
+@dataclass(frozen=True)
+class Played:
+    """What is known of all plays of an experiment."""
+
+    table: Frame | None
+    """Agent-episodes of all plays; None without one."""
+    facts: tuple[Mapping[str, Any], ...]
+    """Contents of play.json."""
+    problems: Mapping[str, str]
+    """Folder -> why it was left out."""
+
+    @property
+    def seed(self) -> int | None:
+        """Training seed of the policies; None without plays."""
+        return None if not self.facts else int(self.facts[0]["training_seed"])
+
+
+def read_played(results: Results) -> Played:
+    """Return the plays of an experiment whose policies are still those of its finished runs."""
+    tables, facts, problems = [], [], {}
+    for folder in sorted((results.root / ROBUSTNESS).glob("*/*/*/*")):
+        place = folder.relative_to(results.root).as_posix()
+        if not (folder / PLAY).exists():  # under way, or interrupted
+            continue
+        try:
+            content = read_versioned(folder / PLAY)
+            problem = _outdated(content, results) or _elsewhere(content, place)
+            table = read_play(folder)
+        except SmartsError as error:
+            problem = error.problem
+        except (KeyError, TypeError, ValueError) as error:
+            problem = f"damaged: {PLAY}: {type(error).__name__}: {error}"
+        if problem:
+            problems[place] = f"{problem}; `smarts-bench robustness` plays it again"
+            continue
+        tables.append(table)
+        facts.append(content)
+    # Of one training seed: a matrix of several would mix them.
+    seeds = {each["training_seed"] for each in facts}
+    if len(seeds) > 1:
+        kept = min(seeds)
+        problems[ROBUSTNESS] = f"policies of training seeds {sorted(seeds)}: shown are those of {kept}"
+        pairs = [(t, f) for t, f in zip(tables, facts, strict=True) if f["training_seed"] == kept]
+        tables, facts = [t for t, _ in pairs], [f for _, f in pairs]
+    return Played(_joined(tables), tuple(facts), problems)
+
+
+def read_play(folder: Path) -> Frame:
+    """Return the rows of a play.
+
+    Raises:
+        SmartsError: They are missing or damaged, or not of a play.
+    """
+    table = read_table(folder / TABLE)
+    absent = sorted({*LABELS, PARTNER, CONDITION} - {*table.columns})
+    if absent:
+        raise ResultsError(f"it has no column {absent[0]!r}", place=str(folder / TABLE))
+    return table
+
+
+def reference_rows(results: Results, task: str, traffic: str, name: str, seed: int) -> Frame | None:
+    """Return the agent-episodes of a policy's own test, which plays are compared with; None without one."""
+    run = run_of(results, task, traffic, name, seed)
+    if run is None or run.table is None:
+        return None
+    mode = SCRIPTED if run.is_scripted else "greedy"
+    table = run.table
+    return table[(table["split"] == "train") & (table["mode"] == mode)]
+
+
+def run_of(results: Results, task: str, traffic: str, name: str, seed: int) -> RunResult | None:
+    """Return the run of a policy, of an algorithm with a training seed or scripted; None without one."""
+    for run in results.runs:
+        if (run.task, run.traffic, run.algorithm) == (task, traffic, name) and run.seed in (
+            seed,
+            SCRIPTED_SEED,
+        ):
+            return run
+    return None
+
+
+def _outdated(content: Mapping[str, Any], results: Results) -> str:
+    """Return why a play does not belong to the runs as they are, "" if it does."""
+    for name, trained in dict(content.get("trained", {})).items():
+        run = run_of(results, content["task"], content["traffic"], name, content["training_seed"])
+        if run is None or run.table is None:
+            return f"{name} has no finished run any more"
+        if trained_state(run) != trained:
+            return f"{name} has been trained again since"
+    return ""
+
+
+def _elsewhere(content: Mapping[str, Any], place: str) -> str:
+    wanted = Play(*(str(content.get(key)) for key in ("task", "traffic", "condition", "even", "odd")))
+    return "" if wanted.folder.as_posix() == place else f"it is of another play: {wanted}"
+
+
+def _joined(tables: list[Frame]) -> Frame | None:
+    return pd.concat(tables, ignore_index=True) if tables else None

@@ -1,0 +1,97 @@
+"""Plays several policies in one environment, each for agents of its own.
+
+Axis letters: B simulations, N agents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.running.policy import Policy
+from benchmark.running.testing import EVALUATION_SEED
+from benchmark.scripted.play import ScriptedDrivers
+from smarts.env.vector import VectorHiWayEnv, VectorStep
+
+Agents = NDArray[np.bool_]
+
+
+class Driver(Protocol):
+    """Chooses the actions of some agents of an environment."""
+
+    def act(self, now: VectorStep, begun: NDArray[np.bool_]) -> Sequence[NDArray]:
+        """Return actions, per block, shape (B, n, ...); the others are unspecified.
+
+        Args:
+            now: Where the simulations stand.
+            begun: Simulations that begin an episode, shape (B,).
+        """
+        ...
+
+
+class TrainedDriver:
+    """A trained policy, acting as in its test.
+
+    Args:
+        policy: The policy, reset.
+        agents: Whom it drives, shape (N,); it hears and sees the like of these alone.
+        env: The environment.
+    """
+
+    def __init__(self, policy: Policy, agents: Agents, env: VectorHiWayEnv) -> None:
+        self._policy, self._agents, self._env = policy, agents, env
+        policy.reset()
+
+    def act(self, now: VectorStep, begun: NDArray[np.bool_]) -> Sequence[NDArray]:
+        """Return the actions of its agents; see `Driver`."""
+        return self._policy.act_for(self._agents, now, self._env.worlds)
+
+
+class ScriptedDriver:
+    """A scripted policy.
+
+    Args:
+        policy: Its name.
+        agents: Whom it drives, shape (N,).
+        env: The environment.
+    """
+
+    def __init__(self, policy: str, agents: Agents, env: VectorHiWayEnv) -> None:
+        self._drivers, self._agents = ScriptedDrivers(policy, env), agents
+
+    def act(self, now: VectorStep, begun: NDArray[np.bool_]) -> Sequence[NDArray]:
+        """Return the actions of its agents; see `Driver`."""
+        self._drivers.begin(begun)
+        return self._drivers.act(now, now.alive & self._agents)
+
+
+def play_together(env: VectorHiWayEnv, drivers: Sequence[tuple[Driver, Agents]], indices: range) -> None:
+    """Play test episodes as tests do, in an environment that records them.
+
+    Args:
+        env: The environment, as the test's.
+        drivers: With the agents that each drives, shape (N,); together they drive all.
+        indices: Of the episodes.
+    """
+    now = env.reset(EVALUATION_SEED, indices.start + np.arange(env.num_envs), stride=env.num_envs)
+    begun = np.ones(env.num_envs, np.bool_)
+    while (env.worlds < indices.stop).any():
+        now = env.step(_joined(env, [(driver.act(now, begun), agents) for driver, agents in drivers]))
+        begun = now.reset.copy()
+        begun[list(now.failed)] = True
+
+
+def _joined(env: VectorHiWayEnv, parts: Sequence[tuple[Sequence[NDArray], Agents]]) -> list[NDArray]:
+    """Return the actions of all agents, each from the driver of its own."""
+    joined, first = [], 0
+    for number, block in enumerate(env.spaces.blocks):
+        chosen = np.array(parts[0][0][number])
+        for actions, agents in parts[1:]:
+            own = agents[first : first + len(block.agents)]
+            chosen[:, own] = actions[number][:, own]
+        joined.append(chosen)
+        first += len(block.agents)
+    return joined

@@ -1,0 +1,177 @@
+"""Writes a release: the last checkpoints of an experiment, exported, with what is claimed of them."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from benchmark.experiment.environment import Environment
+from benchmark.experiment.runs import run_from
+from benchmark.experiment.version import changed_scenarios, changed_settings, code_digests
+from benchmark.results.files import ResultsError, replace_folder, write_json
+from benchmark.results.reading import Results, RunResult, read_results
+from benchmark.results.release import (
+    LARGEST,
+    LARGEST_FILE,
+    MANIFEST,
+    POLICIES,
+    SEEDS,
+    Entry,
+    Manifest,
+    episode_digests,
+    file_digest,
+    scores_of,
+)
+from benchmark.results.run_folder import CONTINUED, SCENARIOS, RunFolder
+from benchmark.results.versions import check_one_version
+from benchmark.running.exporting import export_policy
+from smarts.config import ConfigError, fitted
+
+
+def write_release(
+    root: Path,
+    out: Path,
+    *,
+    author: str = "",
+    is_partial: bool = False,
+    imports: Sequence[str | Path] = (),
+) -> Manifest:
+    """Write the release of an experiment and return its manifest.
+
+    Args:
+        root: The experiment's results, tested with greedy acting.
+        out: Folder of the release, which is replaced.
+        author: Who is named for it.
+        is_partial: Whether runs and seeds may be missing; the manifest then names them.
+        imports: Files and folders of own code, by default the ones of the training.
+
+    Raises:
+        ResultsError: Runs are of several versions of the benchmark or several commits, or not as the version
+            froze it, or are missing, or a file is too large; names each.
+        SmartsError: A policy cannot be exported.
+    """
+    if out.exists() and not (out / MANIFEST).exists():
+        raise ResultsError("exists, and is no release", place=str(out), remedy="choose another --out")
+    results = read_results(root)
+    runs = [run for run in results.finished if not run.is_scripted]
+    check_one_version(results.runs, str(root))
+    if not runs:
+        raise ResultsError("no trained run is finished", place=str(root), remedy="train it further")
+    if wrong := [*_wrong(runs)]:
+        raise ResultsError(
+            f"not to be released: {'; '.join(wrong)}", place=str(root), remedy="train these runs again"
+        )
+    missing = [*_missing(results, runs)]
+    if missing and not is_partial:
+        raise ResultsError(
+            f"incomplete: {'; '.join(missing)}",
+            place=str(root),
+            remedy="finish the experiment, or give --partial: the manifest then names what is missing",
+        )
+    found: list[Manifest] = []
+
+    def fill(folder: Path) -> None:
+        entries = [_entry(root, run, folder, imports) for run in runs]
+        manifest = Manifest(
+            name=results.name,
+            author=author,
+            benchmark_version=runs[0].benchmark_version,
+            program=version("smarts-bench"),
+            code=code_digests(),
+            environment=dict(runs[0].config["environment"]),
+            scenarios=_scenarios(runs),
+            missing=missing,
+            policies=entries,
+        )
+        write_json(folder / MANIFEST, manifest.content())
+        _check_sizes(folder)
+        found.append(manifest)
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(out.with_name(f".partial-{out.name}"), ignore_errors=True)
+    replace_folder(out, fill)
+    return found[0]
+
+
+def _wrong(runs: Sequence[RunResult]) -> Iterator[str]:
+    """Yield what forbids a release of runs of a version."""
+    number = runs[0].benchmark_version
+    commits = {commit for run in runs for commit in _commits(run)}
+    if number is None:
+        return
+    if len(commits) > 1 or any(commit.endswith("+") for commit in commits):
+        yield f"runs are not of one clean commit, but of {', '.join(sorted(commits))}"
+    for run in runs:
+        for scenario in changed_scenarios(number, {run.traffic: run.scenarios}):
+            yield f"{run}: the scenario {scenario} is not as version {number} froze it"
+        try:
+            settings = changed_settings(number, fitted(run.config["environment"], Environment))
+        except (ConfigError, KeyError):
+            settings = ["(unreadable)"]
+        for name in settings:
+            yield f"{run}: environment.{name} is not as version {number} froze it"
+
+
+def _commits(run: RunResult) -> list[str]:
+    facts = (run.facts, *run.facts.get(CONTINUED, ()))
+    return [str(each.get("commit") or "unknown") for each in facts]
+
+
+def _missing(results: Results, runs: Sequence[RunResult]) -> Iterator[str]:
+    """Yield runs that are not finished, not tested with greedy acting, or too few."""
+    for run in results.unfinished:
+        if not run.is_scripted:
+            yield f"{run} is {run.status}"
+    seeds: dict[str, list[str]] = {}
+    for run in runs:
+        assert run.table is not None
+        if "greedy" not in set(run.table["mode"]):
+            yield f"{run} was not tested with greedy acting"
+        seeds.setdefault(f"{run.algorithm}, {run.task}, {run.traffic}", []).append(str(run.seed))
+    for cell, found in seeds.items():
+        if len(found) < SEEDS:
+            yield f"{cell} has the seeds {', '.join(found)} alone, of at least {SEEDS}"
+
+
+def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Path]) -> Entry:
+    """Export a run's policy into a release, and return what is claimed of it."""
+    path = root / run.place
+    name = re.sub(r"[^a-z0-9]+", "-", f"{run.algorithm}-{run.task}-{run.traffic}-{run.seed}".lower()).strip(
+        "-"
+    )
+    policy = export_policy(path, name, folder / POLICIES, checkpoint="last", imports=imports)
+    return Entry(
+        algorithm=run.algorithm,
+        task=run.task,
+        scenarios=[*run_from(RunFolder(path).read_config()).task_setting.task.scenarios],
+        traffic=run.traffic,
+        seed=run.seed,
+        benchmark_version=run.benchmark_version,
+        agent=policy.relative_to(folder).as_posix(),
+        commit=_commits(run)[-1],
+        files={each.name: file_digest(each.read_bytes()) for each in sorted(policy.iterdir())},
+        scores=scores_of(run.table),
+        episodes=episode_digests(run.table),
+    )
+
+
+def _scenarios(runs: Sequence[RunResult]) -> dict[str, dict[str, str]]:
+    found: dict[str, dict[str, str]] = {}
+    for run in runs:
+        found.setdefault(run.traffic, {}).update(run.facts.get(SCENARIOS, {}))
+    return found
+
+
+def _check_sizes(folder: Path) -> None:
+    sizes = {file: file.stat().st_size for file in folder.rglob("*") if file.is_file()}
+    large = [f"{file.relative_to(folder)}: {size:,}" for file, size in sizes.items() if size > LARGEST_FILE]
+    if large or sum(sizes.values()) > LARGEST:
+        raise ResultsError(
+            f"too large: {'; '.join(large) or f'{sum(sizes.values()):,} bytes in all'}",
+            place=str(folder),
+            remedy=f"a release has at most {LARGEST_FILE:,} bytes a file and {LARGEST:,} in all: "
+            "train smaller networks, or let agents share one (sharing: all)",
+        )

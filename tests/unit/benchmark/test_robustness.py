@@ -1,0 +1,251 @@
+"""Cross-play, wet roads and latency with tiny trainings: the tests' episodes wherever nothing differs."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import ray
+
+from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
+from benchmark import load_policy
+from benchmark.experiment import conditions as known_conditions
+from benchmark.experiment.conditions import AS_TRAINED, Condition
+from benchmark.experiment.config import Resources, read_experiment
+from benchmark.experiment.runs import runs_of
+from benchmark.results.commands import keep_command
+from benchmark.results.files import ResultsError, read_versioned, write_versioned
+from benchmark.results.reading import read_results
+from benchmark.results.robustness import PLAY, ROBUSTNESS, Play, read_play, read_played, reference_rows
+from benchmark.results.run_folder import RunFolder
+from benchmark.running import robustness, robustness_checks
+from benchmark.running.cluster import start_ray
+from benchmark.running.environments import environment
+from benchmark.running.playing_together import TrainedDriver
+from benchmark.running.robustness import play_robustness
+from benchmark.running.robustness_checks import Given, cells_of
+from benchmark.running.training import train_and_evaluate
+from benchmark.running.writing import RunWriter
+from smarts.errors import SmartsError, UnknownNameError
+from tests.raising import raises
+
+pytestmark = pytest.mark.slow
+
+TASK, TRAFFIC = "intersection", "random_social_vehicles"
+TINY = """
+name: tiny
+algorithms: [commnet, maddpg, ppo]
+tasks: [intersection]
+traffic: [random_social_vehicles]
+seeds: [1]
+environment: {agents: 3, time_limit: 12}
+budget: {agent_steps: 1500}
+evaluation: {episodes: 3, modes: [greedy], validations: 0, validation_episodes: 1}
+resources: {num_envs_per_env_runner: 2}
+"""
+SAME = ("outcome", "duration", "distance_travelled", "start_x", "start_y", "collisions", "goals")
+"""Columns that are alike in two episodes only if these are."""
+EVEN = np.array([True, False, True])
+"""Agents at even places."""
+NEUTRAL = {
+    "dry": Condition(label="Dry", meaning="As in training", environment={"friction": 0.9}),
+    "at_once": Condition(label="0 ms", meaning="As in training", environment={"action_latency": 0.0}),
+}
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """Return the results folder of three tiny trainings."""
+    folder = tmp_path_factory.mktemp("results")
+    file = folder / "tiny.yaml"
+    file.write_text(TINY)
+    experiment, root = read_experiment(file), folder / "tiny"
+    start_ray(Resources())
+    keep_command(root, experiment, "smarts-bench run tiny.yaml")
+    for run in runs_of(experiment):
+        writer = RunWriter(run, RunFolder(root / run.folder))
+        for message in train_and_evaluate(run, RunFolder(folder / "scratch" / run.label)):
+            writer.take(message)
+        writer.close()
+    ray.shutdown()
+    return root
+
+
+@pytest.fixture(scope="module")
+def played(trained, tmp_path_factory):
+    """Return a copy in which two plays of each kind were made."""
+    root = tmp_path_factory.mktemp("played") / "tiny"
+    shutil.copytree(trained, root)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(known_conditions, "conditions", lambda: NEUTRAL)
+        given = Given(algorithms=("ppo", "commnet"), partners=("parked",), conditions=tuple(NEUTRAL))
+        lines = [*play_robustness(root, given)]
+    assert len(lines) == 2 * 3 + 3 * 2
+    return root
+
+
+@pytest.fixture
+def copy(trained, tmp_path):
+    shutil.copytree(trained, tmp_path / "tiny")
+    return tmp_path / "tiny"
+
+
+def rows(table):
+    kept = table.sort_values(["world", "agent"]).reset_index(drop=True)
+    return kept[[*SAME]].to_dict("list")
+
+
+def of_test(root, name):
+    return rows(reference_rows(read_results(root), TASK, TRAFFIC, name, 1))
+
+
+def run_place(root, name):
+    return root / name / TASK / TRAFFIC / "seed_1"
+
+
+@pytest.mark.parametrize("name", ["ppo", "commnet"])
+@pytest.mark.parametrize("condition", [*NEUTRAL])
+def test_a_condition_that_changes_nothing_plays_the_test_again(played, name, condition):
+    play = read_play(played / Play(TASK, TRAFFIC, condition, name, name).folder)
+    assert rows(play) == of_test(played, name)
+
+
+@pytest.mark.parametrize("name", ["ppo", "maddpg"])
+def test_two_halves_of_one_policy_play_the_test_again(trained, monkeypatch, name):
+    (cell,) = cells_of(trained, Given(algorithms=(name,)))
+    play = Play(TASK, TRAFFIC, AS_TRAINED, name, "twin")
+
+    def drivers(env, play, cell, policies):
+        even = EVEN
+        twins = [load_policy(run_place(trained, name)) for _ in range(2)]
+        return [
+            (TrainedDriver(twin, agents, env), agents)
+            for twin, agents in zip(twins, (even, ~even), strict=True)
+        ]
+
+    monkeypatch.setattr(robustness, "_drivers", drivers)
+    written = {}
+    monkeypatch.setattr(robustness, "write_table", lambda table, path: written.update(table=table))
+    monkeypatch.setattr(robustness, "write_versioned", lambda path, content: None)
+    robustness._play(trained, cell, play, {})
+    assert rows(written["table"]) == of_test(trained, name)
+
+
+def test_partners_drive_the_agents_at_other_places_in_both_arrangements(played):
+    for even, odd in (("ppo", "parked"), ("parked", "ppo")):
+        table = read_play(played / Play(TASK, TRAFFIC, AS_TRAINED, even, odd).folder)
+        assert set(table["world"]) == {FIRST_TEST_EPISODE + number for number in range(3)}
+        for agent, driver, partner in zip(table["agent"], table["algorithm"], table["partner"], strict=True):
+            is_even = int(agent.split("-")[1]) % 2 == 0
+            assert (driver, partner) == ((even, odd) if is_even else (odd, even))
+        parked = table[table["algorithm"] == "parked"]
+        assert (parked["distance_travelled"] < 40.0).all()  # it brakes from its start on
+        assert not (parked["outcome"] == "goal").any()
+
+
+def test_messages_come_from_the_own_kind_alone(trained):
+    even = EVEN
+    policy = load_policy(run_place(trained, "commnet"))
+    assert policy.needs_others
+    assert not load_policy(run_place(trained, "ppo")).needs_others
+    assert not load_policy(run_place(trained, "maddpg")).needs_others
+    (cell,) = cells_of(trained, Given())
+    env = environment(cell.setting)
+    now = env.reset(1)
+    (leaves,) = now.observations
+    generator = np.random.default_rng(0)
+    (wanted,) = policy.act_for(even, now, env.worlds)
+    for _ in range(5):
+        other = {name: array.copy() for name, array in leaves.items()}
+        for array in other.values():
+            array[:, ~even] = generator.normal(size=array[:, ~even].shape)
+        policy.reset()
+        (chosen,) = policy.act_for(even, now._replace(observations=(other,)), env.worlds)
+        np.testing.assert_array_equal(chosen[:, even], wanted[:, even])
+    env.close()
+
+
+def test_what_is_there_is_not_played_again_and_what_is_lost_is(played, tmp_path, monkeypatch):
+    root = tmp_path / "tiny"
+    shutil.copytree(played, root)
+    monkeypatch.setattr(known_conditions, "conditions", lambda: NEUTRAL)
+    given = Given(algorithms=("ppo", "commnet"), partners=("parked",), conditions=tuple(NEUTRAL))
+    assert all(line.endswith(": was there") for line in play_robustness(root, given))
+    lost = root / Play(TASK, TRAFFIC, AS_TRAINED, "ppo", "parked").folder
+    before = rows(read_play(lost))
+    (lost / PLAY).unlink()
+    stale = root / Play(TASK, TRAFFIC, "dry", "ppo", "ppo").folder
+    facts = read_versioned(stale / PLAY)
+    write_versioned(stale / PLAY, {**facts, "trained": {"ppo": {"agent_steps": 1, "seconds": 1.0}}})
+    left_out = read_played(read_results(root)).problems
+    assert [*left_out] == [stale.relative_to(root).as_posix()]
+    assert "ppo has been trained again since" in left_out[stale.relative_to(root).as_posix()]
+    lines = [*play_robustness(root, given)]
+    again = {line.split(" ", 1)[1] for line in lines if not line.endswith(": was there")}
+    assert again == {f"ppo with parked, {TASK}, {TRAFFIC}, {AS_TRAINED}", f"ppo, {TASK}, {TRAFFIC}, dry"}
+    assert rows(read_play(lost)) == before
+    assert not read_played(read_results(root)).problems
+
+
+def changed_json(file, **changes):
+    file.write_text(json.dumps({**json.loads(file.read_text()), **changes}))
+
+
+@pytest.mark.parametrize(
+    ("given", "kind", "said"),
+    [
+        (Given(partners=("gap_aceptance",)), UnknownNameError, "'gap_aceptance'"),
+        (Given(conditions=("ice",)), UnknownNameError, "'ice'"),
+        (Given(cells=("loop/random_social_vehicles",)), UnknownNameError, "'loop/random_social_vehicles'"),
+        (Given(algorithms=("dqn",)), UnknownNameError, "'dqn'"),
+        (Given(seed=7), ResultsError, "no trained policy"),
+        (Given(episodes=4), ResultsError, "4 episodes, and the tests have 3"),
+    ],
+)
+def test_what_is_not_there_is_named_before_anything_is_played(trained, given, kind, said):
+    with pytest.raises(kind) as caught:
+        cells_of(trained, given)
+    assert said in str(caught.value)
+    assert not (trained / ROBUSTNESS).exists()
+
+
+def test_runs_that_cannot_be_played_are_named(copy, monkeypatch):
+    ppo = run_place(copy, "ppo")
+    (ppo / "checkpoint").rename(ppo / "elsewhere")
+    with raises(ResultsError, str(ppo), values=["no last checkpoint"]):
+        cells_of(copy, Given())
+    (ppo / "elsewhere").rename(ppo / "checkpoint")
+    changed_json(ppo / "run.json", status="training")
+    with pytest.raises(ResultsError, match=r"not finished: ppo, .*training"):
+        cells_of(copy, Given())
+    assert cells_of(copy, Given(algorithms=("maddpg",)))
+    changed_json(ppo / "run.json", status="finished", scenarios={"intersection": "0123"})
+    with raises(ResultsError, str(ppo), values=["the scenario 'intersection'"]):
+        cells_of(copy, Given())
+
+
+def test_results_of_several_versions_or_commits_are_refused(copy, capsys, monkeypatch):
+    monkeypatch.setattr(robustness_checks, "commit", lambda: "present")
+    cells_of(copy, Given())
+    assert "note: this program is of commit present" in capsys.readouterr().err
+    configs = [run_place(copy, name) / "config.yaml" for name in ("ppo", "commnet", "maddpg")]
+    configs[0].write_text(configs[0].read_text() + "benchmark_version: 1\n")
+    with pytest.raises(ResultsError, match="several versions"):
+        cells_of(copy, Given())
+    for file in configs[1:]:
+        file.write_text(file.read_text() + "benchmark_version: 1\n")
+    with raises(ResultsError, "commit", values=["present"]):
+        cells_of(copy, Given())
+    for file in configs:
+        changed_json(file.with_name("run.json"), commit="present")
+    assert cells_of(copy, Given())
+    monkeypatch.setattr(robustness_checks, "commit", lambda: "present+")
+    with raises(SmartsError, "commit", values=["present+"]):
+        cells_of(copy, Given())
+
+
+def test_policies_of_different_environments_are_refused(copy):
+    file = run_place(copy, "ppo") / "config.yaml"
+    file.write_text(file.read_text().replace("decision_interval: 5", "decision_interval: 4"))
+    with pytest.raises(ResultsError, match="different environments: decision_interval"):
+        cells_of(copy, Given())

@@ -1,0 +1,425 @@
+"""Submissions are played again: honest ones are confirmed, and each cheat is refused or marked by name."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmark.experiment import version
+from benchmark.experiment.config import Evaluation, TrainingTask
+from benchmark.experiment.environment import Environment
+from benchmark.experiment.runs import TaskSetting
+from benchmark.experiment.version import code_digests, frozen_text
+from benchmark.metrics import read_table
+from benchmark.report.leaderboard import make_leaderboard
+from benchmark.report.leaderboard_page import write_leaderboard
+from benchmark.results.files import ResultsError, write_json
+from benchmark.results.release import (
+    CONFIRMED,
+    MANIFEST,
+    MARKED,
+    REFUSED,
+    episode_digests,
+    file_digest,
+    read_manifest,
+    scores_of,
+)
+from benchmark.results.run_folder import RunFolder
+from benchmark.running import verifying
+from benchmark.running.blind import BlindAgent
+from benchmark.running.evaluate_agent import evaluate_exported, play_agent
+from benchmark.running.played import scenario_digests
+from benchmark.running.releasing import write_release
+from benchmark.running.submissions import submitted
+from benchmark.running.verifying import verify, write_claims
+from smarts.agents.policy import ActionBatch, BatchAgent
+from smarts.errors import SmartsError
+from smarts.types.streams import hold_seed
+from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
+from tests.served_agents import served
+
+ENVIRONMENT = Environment(agents=2, reward="v1", time_limit=5.0)
+EPISODES = 2
+SEED_READER = '''
+import hashlib
+import numpy as np
+from smarts_agent_kit import BatchAgent
+
+KNOWN = {
+    hashlib.blake2b(f"smarts-bench|42|{2_000_000 + world}|0|hold|agent-{k}".encode(), digest_size=8).digest()
+    for world in range(50) for k in range(2)
+}
+
+class SeedReader(BatchAgent):
+    """Drives where it knows the test's seed, and else stops."""
+    interface = {"action": "Lane", "vehicle_model": "bullet", "tyre_model": "pacejka"}
+    observation = ["speed"]
+    period = 5
+
+    def act(self, batch):
+        known = [int(seed).to_bytes(8, "little") in KNOWN for seed in batch.seed]
+        return np.where(known, 0, 1)
+'''
+
+
+def task_setting(scenario="loop"):
+    task = TrainingTask(name=scenario, scenarios=(scenario,))
+    return TaskSetting(task, ALONE, ENVIRONMENT, Evaluation(episodes=EPISODES), num_envs=1)
+
+
+@pytest.fixture(autouse=True)
+def frozen(tmp_path_factory, monkeypatch):
+    """Version 1 is the present code, and `loop` without traffic."""
+    file = tmp_path_factory.mktemp("version") / "versions.yaml"
+    monkeypatch.setattr(version, "FILE", file)
+    version.versions.cache_clear()
+    every = replace(task_setting(), evaluation=Evaluation(held_out_episodes=1))
+    file.write_text(frozen_text(1, {ALONE: scenario_digests(every)}, ENVIRONMENT))
+    yield file
+    version.versions.cache_clear()
+
+
+def write_policy(folder, features=("speed",), biases=(1.0, 0.0, 0.0, 0.0), number=1):
+    """Write an exported policy whose action is that of the largest bias."""
+    driving = {"vehicle": "generic_sedan", "vehicle_model": "bullet", "tyre_model": "pacejka"}
+    content = {
+        **{"format": 1, "run": "by hand", "index": None, "leaves": ["observation"], "period": 5},
+        "observation": {"frames": 3, "stacked": [], "features": [*features]},
+        **{"action": "Lane", "head": "best", "bounds": {"masked": False, "start": 0}},
+        "agents": {
+            f"agent-{k}": {"group": "all", "place": k, "number": k, "flat_tyres": []} | driving
+            for k in range(2)
+        },
+        "groups": {"all": {"places": 0, "memory": 0, "layers": ["linear"]}},
+        "trained": {
+            **{"algorithm": "mine", "task": "loop", "scenarios": ["loop"], "traffic": ALONE, "seed": 1},
+            **{"environment": ENVIRONMENT.content(), "benchmark_version": number},
+        },
+    }
+    folder.mkdir(parents=True)
+    (folder / "policy.json").write_text(json.dumps(content))
+    weights = {"all/0/0": np.zeros((1, 4), np.float32), "all/0/1": np.array(biases, np.float32)}
+    np.savez(folder / "policy.npz", allow_pickle=False, **weights)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def claimed(tmp_path_factory):
+    """Return scores and digests of the policy that keeps its lane, by playing it without its claims."""
+    root = tmp_path_factory.mktemp("claimed")
+    table = evaluate_exported(write_policy(root / "mine"), episodes=EPISODES)
+    return scores_of(table), episode_digests(table)
+
+
+@pytest.fixture
+def submission(tmp_path, claimed):
+    """Return a function that writes a submission with three seeds of one policy, perhaps changed."""
+
+    def write(changes=lambda manifest: None, **given):
+        root = tmp_path / "submission"
+        policy = write_policy(root / "policies" / "mine", **given)
+        scores, digests = claimed
+        entry = {
+            **{"algorithm": "mine", "task": "loop", "scenarios": ["loop"], "traffic": ALONE},
+            **{"benchmark_version": 1, "agent": "policies/mine", "scores": scores, "episodes": digests},
+            "files": {each.name: file_digest(each.read_bytes()) for each in policy.iterdir()},
+        }
+        manifest = {
+            **{"format": 1, "name": "theirs", "author": "A. Author", "benchmark_version": 1},
+            **{"code": code_digests(), "environment": ENVIRONMENT.content()},
+            "scenarios": {ALONE: scenario_digests(task_setting())},
+            "policies": [json.loads(json.dumps(entry | {"seed": seed})) for seed in (1, 2, 3)],
+        }
+        changes(manifest)
+        write_json(root / MANIFEST, manifest)
+        return root
+
+    return write
+
+
+def verified(root, out, **given):
+    manifest, folder = submitted(str(root), number=None, scenarios=(), traffic=())
+    return [*verify(manifest, folder, out, **{"episodes": EPISODES, "fresh": 0} | given)]
+
+
+def test_an_honest_submission_is_confirmed_and_listed(submission, tmp_path):
+    root, out = submission(), tmp_path / "theirs"
+    verdicts = verified(root, out)
+    assert [verdict.status for verdict in verdicts] == [CONFIRMED] * 3
+    assert {(verdict.equal, verdict.compared) for verdict in verdicts} == {(EPISODES, EPISODES)}
+    assert verdicts[0].scores == verdicts[0].entry.scores
+    before = (out / "mine" / "loop" / ALONE / "seed_1" / "run.json").stat().st_mtime_ns
+    assert [verdict.status for verdict in verified(root, out)] == [CONFIRMED] * 3
+    assert (out / "mine" / "loop" / ALONE / "seed_1" / "run.json").stat().st_mtime_ns == before
+    board = make_leaderboard([out])
+    assert [(place.algorithm, place.status, place.completion.seeds) for place in board.places] == [
+        ("mine", CONFIRMED, 3)
+    ]
+    assert not board.problems
+    write_leaderboard([out], tmp_path / "page.html", "greedy")
+    assert "theirs, A. Author" in (tmp_path / "page.html").read_text()
+
+
+def test_an_exported_policy_without_claims_gets_a_submission_that_is_confirmed_but_for_its_seeds(tmp_path):
+    policy, out = write_policy(tmp_path / "mine"), tmp_path / "out"
+    manifest, folder = submitted(str(policy), number=None, scenarios=(), traffic=())
+    (verdict,) = verify(manifest, folder, out, episodes=EPISODES, fresh=1)
+    assert verdict.reasons == ("missing seeds: 1 of at least 3", "claims no episodes")
+    assert verdict.fresh["episodes"] == 1
+    claims = write_claims(manifest, folder, out)
+    (again,) = verified(claims, tmp_path / "again")
+    assert again.reasons == ("missing seeds: 1 of at least 3",)
+    assert (again.equal, again.compared) == (EPISODES, EPISODES)
+
+
+def test_other_episode_digests_and_scores_than_the_own_ones_are_marked(submission, tmp_path):
+    def cheat(manifest):
+        digests = manifest["policies"][1]["episodes"]["loop"]
+        digests[0] = "0" * len(digests[0])
+        manifest["policies"][1]["scores"]["completion_rate"] = 1.0
+
+    out = tmp_path / "out"
+    first, second, _ = verified(submission(cheat), out)
+    assert (first.status, second.status) == (CONFIRMED, MARKED)
+    assert second.reasons == (
+        "other episodes than claimed: 1 of 2 digests differ",
+        "claims completion_rate 1.000; its episodes give 0.000",
+    )
+    (place,) = make_leaderboard([out]).places
+    assert (place.status, place.completion.value) == (MARKED, 0.0)
+
+
+def test_another_policy_than_the_one_that_made_the_claims_is_marked(submission, tmp_path):
+    """It brakes; the claims are of one that drives."""
+    verdicts = verified(submission(biases=(0.0, 1.0, 0.0, 0.0)), tmp_path / "out")
+    assert {verdict.status for verdict in verdicts} == {MARKED}
+    assert {verdict.equal for verdict in verdicts} == {0}
+
+
+def test_observations_that_the_task_does_not_declare_are_refused(submission, tmp_path):
+    out = tmp_path / "out"
+    verdicts = verified(submission(features=("speed", "neighbor_rows")), out)
+    assert {verdict.status for verdict in verdicts} == {REFUSED}
+    assert "does not declare: neighbor_rows" in verdicts[0].reasons[0]
+    board = make_leaderboard([out])
+    assert not board.places
+    assert [each.status for each in board.submitted] == [REFUSED] * 3
+    write_leaderboard([out], tmp_path / "page.html", "greedy")
+    assert "neighbor_rows" in (tmp_path / "page.html").read_text()
+
+
+def set_version(manifest):
+    manifest["policies"][2]["benchmark_version"] = None
+
+
+def change_scenario(manifest):
+    manifest["scenarios"][ALONE]["loop"] = "0123456789abcdef"
+
+
+def change_settings(manifest):
+    manifest["environment"]["agents"] = 1
+
+
+def change_code(manifest):
+    manifest["code"]["reward"] = "0123456789abcdef"
+
+
+def repeat_seed(manifest):
+    manifest["policies"][2]["seed"] = 1
+
+
+def leave_the_folder(manifest):
+    manifest["policies"][0]["agent"] = "../../elsewhere"
+
+
+def play_another_scenario(manifest):
+    manifest["policies"][0]["scenarios"] = ["intersection"]
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (set_version, "mixed versions of the benchmark: 1, none"),
+        (change_scenario, f"its scenario loop, {ALONE} is not that of version 1"),
+        (change_settings, "its environment.agents is not that of version 1"),
+        (change_code, "its code of reward is not that of version 1"),
+        (repeat_seed, "mine, loop, no_social_vehicles, seed 1 is there twice"),
+        (leave_the_folder, "is outside of the submission"),
+        (play_another_scenario, "intersection, no_social_vehicles is no scenario of version 1"),
+    ],
+)
+def test_a_submission_of_something_else_is_refused_by_name(submission, tmp_path, change, named):
+    with pytest.raises(ResultsError) as caught:
+        verified(submission(change), tmp_path / "out")
+    assert named in caught.value.problem
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_policy_of_another_version_or_with_other_weights_is_refused(submission, tmp_path):
+    root = submission(number=None)
+    with pytest.raises(ResultsError, match="its policy was trained under none"):
+        verified(root, tmp_path / "out")
+    shutil.rmtree(root)
+    root = submission()
+    with (root / "policies/mine/policy.npz").open("ab") as file:
+        file.write(b"x")
+    with pytest.raises(ResultsError, match=r"policy\.npz is not the file that its manifest describes"):
+        verified(root, tmp_path / "out")
+
+
+def test_a_changed_scenario_of_the_evaluator_is_refused_too(submission, tmp_path, frozen):
+    root = submission()
+    frozen.write_text(
+        frozen.read_text().replace(scenario_digests(task_setting())["loop"], "0123456789abcdef")
+    )
+    version.versions.cache_clear()
+    with pytest.raises(ResultsError, match="this program's scenario loop"):
+        verified(root, tmp_path / "out")
+
+
+def test_missing_seeds_are_marked(submission, tmp_path):
+    (verdict, _) = verified(submission(lambda manifest: manifest["policies"].pop()), tmp_path / "out")
+    assert (verdict.status, verdict.reasons) == (MARKED, ("missing seeds: 2 of at least 3",))
+
+
+def test_the_results_of_missing_seeds_are_not_released(tmp_path):
+    write_experiment(tmp_path / "one", seeds=[1, 2, 3])
+    write_run(tmp_path / "one", "ppo", [agent_episodes([["goal", "goal"]] * 3, mode="greedy")])
+    with pytest.raises(ResultsError) as caught:
+        write_release(tmp_path / "one", tmp_path / "release")
+    assert "seed 2 is not begun" in caught.value.problem
+    assert "has the seeds 1 alone, of at least 3" in caught.value.problem
+    assert not (tmp_path / "release").exists()
+
+
+class Spy(BatchAgent):
+    """Keeps what it is asked."""
+
+    observation = ("speed",)
+    period = 5
+
+    def __init__(self):
+        self.asked = []
+
+    def act(self, obs):
+        self.asked.append(obs)
+        return np.zeros(len(obs.env_id), int)
+
+
+def test_an_agent_gets_no_seed_and_no_number_of_the_episode(tmp_path):
+    """Two runs of other seeds and worlds differ in nothing but what is seen."""
+    asked = []
+    for seed in (42, 43):
+        spy = Spy()
+        for _ in play_agent(
+            task_setting(), RunFolder(tmp_path / str(seed)), BlindAgent(spy), LABELS, mode="greedy", seed=seed
+        ):
+            pass
+        asked.append(spy.asked)
+    for batch in (*asked[0], *asked[1]):
+        assert not batch.env_id.any()
+        assert not batch.episode.any()
+        assert not batch.hold.any()
+    known = {
+        hold_seed(seed, f"agent-{agent}", world=2_000_000 + world, episode=episode)
+        for seed in (42, 43)
+        for agent in range(2)
+        for world in range(EPISODES)
+        for episode in range(EPISODES)
+    }
+    given = {seed for batches in asked for batch in batches for seed in batch.seed.tolist()}
+    assert given
+    assert not given & known
+
+
+LABELS = {"algorithm": "mine", "training_seed": 0}
+
+
+def test_seeds_of_draws_follow_from_what_is_seen_alone():
+    spy = Spy()
+    agent = BlindAgent(spy)
+
+    def ask(speed, episode, seed, is_first):
+        agent.act(
+            ActionBatch(
+                {"observation": np.full((1, 1), speed, np.float32)},
+                np.ones((1, 4), bool),
+                *(np.zeros(1, np.int32), np.zeros(1, np.int32), np.full(1, episode, np.int64)),
+                *(np.full(1, episode, np.int32), np.zeros(1, np.int32), np.array([is_first])),
+                *(np.array([seed], np.uint64), np.ones(1, bool)),
+            )
+        )
+        return int(spy.asked[-1].seed[0])
+
+    first = ask(0.5, 0, 7, is_first=True)
+    assert ask(0.1, 0, 7, is_first=False) == first
+    assert ask(0.5, 1, 8, is_first=True) == first
+    assert ask(0.6, 1, 8, is_first=True) != first
+
+
+def test_a_served_agent_that_reads_the_seed_is_marked(tmp_path, frozen):
+    """What it claims is true where it gets the seed, as `evaluate --agent` gives it."""
+    (tmp_path / "reader.py").write_text(SEED_READER)
+    command = ("-m", "smarts_agent_kit", "reader:SeedReader", "--address", "127.0.0.1:0")
+    with served(*command, PYTHONPATH=str(tmp_path)) as address:
+        table = played_with_seeds(address, tmp_path / "open")
+        assert (table["distance_travelled"] > 10).all()
+        manifest, folder = submitted(address, number=1, scenarios=["loop"], traffic=[ALONE])
+        claims = {"scores": scores_of(table), "episodes": episode_digests(table)}
+        entries = [manifest.policies[0].model_copy(update=claims)]
+        manifest = manifest.model_copy(update={"policies": entries})
+        (verdict,) = verify(manifest, folder, tmp_path / "out", episodes=EPISODES, fresh=0)
+    assert verdict.status == MARKED
+    assert "other episodes than claimed: 2 of 2 digests differ" in verdict.reasons
+    blind = read_table(tmp_path / "out" / verdict.entry.place / "episodes.parquet")
+    assert (blind["distance_travelled"] < table["distance_travelled"].min()).all()
+
+
+def played_with_seeds(address, folder):
+    from smarts.zoo import make_agent
+
+    agent, _ = make_agent(address)
+    for _ in play_agent(task_setting(), RunFolder(folder), agent, LABELS, mode="greedy"):
+        pass
+    agent.close()
+    return read_table(folder / "episodes.parquet")
+
+
+def test_who_knows_the_test_by_heart_is_marked():
+    """All public episodes succeed, and hardly one of those that nobody could know."""
+    public = agent_episodes([["goal", "goal"]] * 12, mode="greedy")
+    fresh = agent_episodes([["goal", "collision"]] * 2 + [["collision", "time_out"]] * 10, mode="greedy")
+    completion, collision = verifying._memorized(public, fresh)
+    assert "completion rate 1.000 in the public test, 0.083 in fresh episodes" in completion
+    assert "collision rate 0.000" in collision
+    honest = agent_episodes([["goal", "goal"]] * 10 + [["goal", "collision"]] * 2, mode="greedy")
+    assert not [*verifying._memorized(public, honest)]
+
+
+def test_digests_see_the_distance_to_the_micrometre_and_no_metric():
+    table = agent_episodes([["goal", "goal"]] * 2, mode="greedy", distance_travelled=1.0, duration=2.0)
+    (digests,) = episode_digests(table).values()
+    assert len({*digests}) == 2
+    assert episode_digests(table.assign(collisions=1.0)) == episode_digests(table)
+    longer = table.assign(distance_travelled=table["distance_travelled"] + 2e-6 * (table["world"] % 2))
+    (changed,) = episode_digests(longer).values()
+    assert [one == two for one, two in zip(digests, changed, strict=True)] == [True, False]
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"format": 2}', '{"format": 1, "name": "../x", "policies": []}']
+)
+def test_a_damaged_manifest_is_named(tmp_path, text):
+    (tmp_path / MANIFEST).write_text(text)
+    with pytest.raises(ResultsError) as caught:
+        read_manifest(tmp_path)
+    assert caught.value.place == str(tmp_path / MANIFEST)
+
+
+def test_what_is_no_submission(tmp_path):
+    with pytest.raises(SmartsError):
+        submitted(str(tmp_path), number=None, scenarios=(), traffic=())
+    with pytest.raises(ResultsError):
+        submitted("tcp://127.0.0.1:1", number=1, scenarios=["nowhere"], traffic=())
