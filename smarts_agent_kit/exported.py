@@ -132,7 +132,7 @@ class ExportedPolicy(BatchAgent):
             return self._tanh(x)
         if kind == "relu":
             return np.maximum(x, 0.0)
-        if kind == HEAR:
+        if heard is not None:
             weight, bias, weight_heard = weights
             nothing = np.zeros(weight_heard.shape[1])
             return self._tanh(self._linear(x, weight, bias) + self._linear(heard, weight_heard, nothing))

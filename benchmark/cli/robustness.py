@@ -60,8 +60,9 @@ def robustness(
     from benchmark.running.robustness_checks import Given
 
     chosen = {
-        "partners": partner and tuple(name for name in partner if name != NONE),
-        "conditions": condition and tuple(name for name in condition if name != NONE),
+        name: tuple(each for each in given if each != NONE)
+        for name, given in (("partners", partner), ("conditions", condition))
+        if given
     }
     given = Given(
         episodes,
@@ -69,7 +70,7 @@ def robustness(
         tuple(cell or ()),
         tuple(algorithm or ()),
         imports=tuple(import_ or ()),
-        **{name: value for name, value in chosen.items() if value is not None},
+        **chosen,
     )
 
     def work() -> int:

@@ -50,11 +50,11 @@ class Entry(Section):
     """Folder of an exported policy, relative to the manifest's, or tcp://HOST:PORT."""
     commit: str = ""
     """That trained it."""
-    files: dict[str, str] = Field({})
+    files: dict[str, str] = Field(default_factory=dict)
     """Name -> digest, of the folder."""
-    scores: dict[str, float] = Field({})
+    scores: dict[str, float] = Field(default_factory=dict)
     """Metric -> value, of all test episodes that are not held out."""
-    episodes: dict[str, list[str]] = Field({})
+    episodes: dict[str, list[str]] = Field(default_factory=dict)
     """Scenario -> digest of each test episode, in their order; held-out variations too."""
 
     def __str__(self) -> str:
@@ -80,12 +80,12 @@ class Manifest(Section):
     benchmark_version: int | None
     program: str = ""
     """Version of the program that wrote it."""
-    code: dict[str, str] = Field({})
+    code: dict[str, str] = Field(default_factory=dict)
     """Part -> digest of the code of observations, rewards and metrics."""
-    environment: dict[str, Any] = Field({})
-    scenarios: dict[str, dict[str, str]] = Field({})
+    environment: dict[str, Any] = Field(default_factory=dict)
+    scenarios: dict[str, dict[str, str]] = Field(default_factory=dict)
     """Traffic -> scenario -> digest of what was played."""
-    missing: list[str] = Field([])
+    missing: list[str] = Field(default_factory=list)
     """What the release lacks, in words."""
     policies: Annotated[list[Entry], Field(min_length=1)]
 

@@ -25,6 +25,7 @@ from smarts.errors import SmartsError
 ROBUSTNESS = "robustness"
 """Folder of an experiment's results."""
 PLAY, TABLE = "play.json", "episodes.parquet"
+AGAIN = "`smarts-bench robustness` plays it again"
 PARTNER, CONDITION = "partner", "condition"
 """Columns that the table of a play has beside those of a test."""
 
@@ -91,17 +92,14 @@ def read_played(results: Results) -> Played:
             continue
         try:
             content = read_versioned(folder / PLAY)
-            problem = _outdated(content, results) or _elsewhere(content, place)
-            table = read_play(folder)
+            if problem := _outdated(content, results) or _elsewhere(content, place):
+                raise ResultsError(problem, place=place)
+            tables.append(read_play(folder))
+            facts.append(content)
         except SmartsError as error:
-            problem = error.problem
+            problems[place] = f"{error.problem}; {AGAIN}"
         except (KeyError, TypeError, ValueError) as error:
-            problem = f"damaged: {PLAY}: {type(error).__name__}: {error}"
-        if problem:
-            problems[place] = f"{problem}; `smarts-bench robustness` plays it again"
-            continue
-        tables.append(table)
-        facts.append(content)
+            problems[place] = f"damaged: {PLAY}: {type(error).__name__}: {error}; {AGAIN}"
     # Of one training seed: a matrix of several would mix them.
     seeds = {each["training_seed"] for each in facts}
     if len(seeds) > 1:

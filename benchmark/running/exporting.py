@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 import torch
@@ -218,7 +218,8 @@ def _talking_layers(run: Run, module: CommNetModule) -> list[tuple[str, list[NDA
     """Return CommNet's layers: its encoder, those that hear the other agents, its outputs."""
     hears = []
     for keep, hear in zip(module.keep, module.hear, strict=True):
-        heard = hear.weight if module.settings["channel"] else torch.zeros_like(hear.weight)
+        weight = cast("nn.Linear", hear).weight
+        heard = weight if module.settings["channel"] else torch.zeros_like(weight)
         hears.append((HEAR, _arrays(keep.weight, keep.bias, heard)))
     return [*_layers(run, list(module.first)), *hears, *_layers(run, list(module.decoder))]
 

@@ -130,13 +130,14 @@ def verify(
 
 def _known(manifest: Manifest, entry: Entry, out: Path, test: Evaluation) -> Verdict | None:
     """Return the verdict of an earlier evaluation of the same entry in the same test."""
-    with suppress(ResultsError, KeyError, TypeError):
+    with suppress(ResultsError, KeyError, TypeError, ValueError):
         facts = RunFolder(out / entry.place).facts()
         said = facts[SUBMISSION]
         is_same = said["entry"] == _identity(manifest, entry) and facts["tested"] == _tested(test)
         if facts["status"] == FINISHED and is_same:
+            equal, compared = said["digests"]
             given = said["status"], tuple(said["reasons"]), said["scores"]
-            return Verdict(entry, *given, *said["digests"], said["fresh"])
+            return Verdict(entry, *given, equal, compared, said["fresh"])
     return None
 
 
