@@ -36,6 +36,7 @@ from benchmark.running.importing import named_own_code
 from benchmark.running.machine import machine
 from benchmark.running.playing_together import (
     Agents,
+    ObservationsOfBoth,
     ScriptedDriver,
     TrainedDriver,
     play_together,
@@ -43,6 +44,7 @@ from benchmark.running.playing_together import (
 from benchmark.running.policy import Policy
 from benchmark.running.robustness_checks import Cell, Given, cells_of
 from benchmark.running.testing import EVALUATION_SEED, Part, measure_part
+from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.errors import SmartsError
 
 KEPT = ("task", "traffic", "condition", "even", "odd", "episodes", "training_seed", "environment", "trained")
@@ -116,9 +118,8 @@ def _play(root: Path, cell: Cell, play: Play, facts: Mapping[str, Any]) -> None:
     def play_part(part: Part, indices: range, record: Path) -> None:
         discount = next((policy.discount for policy in policies.values()), None)
         name = play.even if play.even == play.odd else f"{play.even}+{play.odd}"
-        with closing(
-            environment(setting, scenarios=part.scenarios, record=record, discount=discount, policy=name)
-        ) as env:
+        given = {"record": record, "discount": discount, "policy": name, **_observations(cell, play)}
+        with closing(environment(setting, scenarios=part.scenarios, **given)) as env:
             play_together(env, _drivers(env, play, cell, policies), indices)
 
     doing = f"a policy of {play}"
@@ -146,6 +147,15 @@ def _setting(cell: Cell, play: Play) -> TaskSetting:
         evaluation=Evaluation(episodes=cell.episodes, modes=("greedy",)),
         metrics=RATES,
     )
+
+
+def _observations(cell: Cell, play: Play) -> dict[str, Any]:
+    """Return arguments of an environment in which a scripted policy sees what it does in its own test."""
+    scripted = [cell.scripted[name] for name in play.drivers if name in cell.scripted]
+    wanted = getattr(SCRIPTED_POLICIES[scripted[0]], "observation", None) if scripted else None
+    if wanted is None or cell.setting.environment.adapter is not None:
+        return {}
+    return {"adapter": ObservationsOfBoth, "adapter_options": {"scripted": wanted}}
 
 
 def _drivers(env: Any, play: Play, cell: Cell, policies: Mapping[str, Policy]) -> list[tuple[Any, Agents]]:

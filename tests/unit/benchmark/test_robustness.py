@@ -12,7 +12,7 @@ from benchmark import load_policy
 from benchmark.experiment import conditions as known_conditions
 from benchmark.experiment.conditions import AS_TRAINED, Condition
 from benchmark.experiment.config import Resources, read_experiment
-from benchmark.experiment.runs import runs_of
+from benchmark.experiment.runs import runs_of, scripted_runs_of
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, read_versioned, write_versioned
 from benchmark.results.reading import read_results
@@ -24,6 +24,7 @@ from benchmark.running.environments import environment
 from benchmark.running.playing_together import TrainedDriver
 from benchmark.running.robustness import play_robustness
 from benchmark.running.robustness_checks import Given, cells_of
+from benchmark.running.testing import play_scripted
 from benchmark.running.training import train_and_evaluate
 from benchmark.running.writing import RunWriter
 from smarts.errors import SmartsError, UnknownNameError
@@ -38,9 +39,10 @@ algorithms: [commnet, maddpg, ppo]
 tasks: [intersection]
 traffic: [random_social_vehicles]
 seeds: [1]
-environment: {agents: 3, time_limit: 12}
+environment: {agents: 3, time_limit: 12, observation: neighbor_rows}
 budget: {agent_steps: 1500}
 evaluation: {episodes: 3, modes: [greedy], validations: 0, validation_episodes: 1}
+scripted: [gap_acceptance]
 resources: {num_envs_per_env_runner: 2}
 """
 SAME = ("outcome", "duration", "distance_travelled", "start_x", "start_y", "collisions", "goals")
@@ -68,6 +70,11 @@ def trained(tmp_path_factory):
             writer.take(message)
         writer.close()
     ray.shutdown()
+    for run in scripted_runs_of(experiment):
+        writer = RunWriter(run, RunFolder(root / run.folder))
+        for message in play_scripted(run, RunFolder(folder / "scratch" / run.label)):
+            writer.take(message)
+        writer.close()
     return root
 
 
@@ -163,6 +170,20 @@ def test_messages_come_from_the_own_kind_alone(trained):
         (chosen,) = policy.act_for(even, now._replace(observations=(other,)), env.worlds)
         np.testing.assert_array_equal(chosen[:, even], wanted[:, even])
     env.close()
+
+
+def test_a_scripted_partner_sees_what_it_sees_in_its_own_test(trained, tmp_path, monkeypatch):
+    """It needs the vehicles in its vector; the trained ones have them as rows, and nothing else."""
+    root = tmp_path / "tiny"
+    shutil.copytree(trained, root)
+    monkeypatch.setattr(known_conditions, "conditions", lambda: NEUTRAL)
+    lines = [*play_robustness(root, Given(algorithms=("ppo",), conditions=("dry",)))]
+    assert len(lines) == 2 + 2
+    for name in ("gap_acceptance", "ppo"):
+        play = read_play(root / Play(TASK, TRAFFIC, "dry", name, name).folder)
+        assert rows(play) == of_test(root, name)
+    together = read_play(root / Play(TASK, TRAFFIC, AS_TRAINED, "ppo", "gap_acceptance").folder)
+    assert set(together["algorithm"]) == {"ppo", "gap_acceptance"}
 
 
 def test_what_is_there_is_not_played_again_and_what_is_lost_is(played, tmp_path, monkeypatch):
