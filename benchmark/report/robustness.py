@@ -113,7 +113,9 @@ def _values(report: Report, played: Played) -> Iterator[dict[str, Any]]:
             for kind, name, rows, count in _parts(own, test, agents):
                 is_test = name in (SELF, TEST)
                 against = None if is_test or test is None else pd.concat([test] * count, ignore_index=True)
-                yield from _compared(rows, against, {**names, "kind": kind, "with": name})
+                for row in _compared(rows, against, {**names, "kind": kind, "with": name}):
+                    mean = f"mean over {count} partners" if name == XP else ""
+                    yield row | {"note": "; ".join(filter(None, (mean, row["note"])))}
 
 
 def _parts(own: Frame, test: Frame | None, agents: int) -> Iterator[tuple[str, str, Frame, int]]:
@@ -239,6 +241,12 @@ def _notes(played: Played, values: Frame, needing: set[str]) -> Iterator[str]:
         yield CROSS_PLAY
         if needing:
             yield OWN_KIND
+        for (task, traffic), cell in values[values["with"] == XP].groupby(["task", "traffic"]):
+            counts = dict(zip(map(algorithm_label, cell["policy"]), cell["note"], strict=True))
+            if len({*counts.values()}) > 1:
+                said = "; ".join(f"{policy}: {note}" for policy, note in counts.items())
+                where = f"{task_label(task)}, {traffic_label(traffic)}"
+                yield f"{where}: XP is not of equally many partners: {said}."
     there = [each for name, each in conditions().items() if (values["with"] == name).any()]
     if there:
         said = "; ".join(f"{each.label}: {each.meaning[0].lower()}{each.meaning[1:]}" for each in there)

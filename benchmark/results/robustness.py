@@ -1,19 +1,21 @@
 """Cross-play and robustness on disk: which policies were played together, under which condition.
 
-robustness/TASK/TRAFFIC/CONDITION/EVEN+ODD/
+robustness/TASK/TRAFFIC/CONDITION/seed_SEED/EVEN+ODD/
     play.json         what was played: policies and their checkpoints, condition, episodes, commit, machine
     episodes.parquet  a row for each agent-episode: `algorithm` drives the agent, `partner` the others
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from benchmark.experiment.conditions import AS_TRAINED, condition
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED
 from benchmark.metrics import read_table
 from benchmark.metrics.results import Frame
@@ -42,6 +44,8 @@ class Play:
     """An algorithm or a scripted policy, by the name of its folder."""
     odd: str
     """The same one: it drives all agents."""
+    seed: int
+    """Training seed of the policies."""
 
     def __str__(self) -> str:
         drivers = self.even if self.even == self.odd else f"{self.even} with {self.odd}"
@@ -50,7 +54,8 @@ class Play:
     @property
     def folder(self) -> Path:
         """Where its results are, in the experiment's folder."""
-        return Path(ROBUSTNESS, self.task, self.traffic, self.condition, f"{self.even}+{self.odd}")
+        seed = f"seed_{self.seed}"
+        return Path(ROBUSTNESS, self.task, self.traffic, self.condition, seed, f"{self.even}+{self.odd}")
 
     @property
     def drivers(self) -> tuple[str, ...]:
@@ -86,7 +91,7 @@ class Played:
 def read_played(results: Results) -> Played:
     """Return the plays of an experiment whose policies are still those of its finished runs."""
     tables, facts, problems = [], [], {}
-    for folder in sorted((results.root / ROBUSTNESS).glob("*/*/*/*")):
+    for folder in sorted((results.root / ROBUSTNESS).glob("*/*/*/*/*")):
         place = folder.relative_to(results.root).as_posix()
         if not (folder / PLAY).exists():  # under way, or interrupted
             continue
@@ -100,14 +105,39 @@ def read_played(results: Results) -> Played:
             problems[place] = f"{error.problem}; {AGAIN}"
         except (KeyError, TypeError, ValueError) as error:
             problems[place] = f"damaged: {PLAY}: {type(error).__name__}: {error}; {AGAIN}"
-    # Of one training seed: a matrix of several would mix them.
-    seeds = {each["training_seed"] for each in facts}
+    kept = _alike(facts, problems)
+    return Played(_joined([tables[k] for k in kept]), tuple(facts[k] for k in kept), problems)
+
+
+def _alike(facts: Sequence[Mapping[str, Any]], problems: dict[str, str]) -> list[int]:
+    """Return the plays that can stand in one table: of one training seed, and in each cell of one extent.
+
+    Of several numbers of episodes and commits, that of most plays stays. The others are named.
+    """
+    seeds = sorted({int(each["training_seed"]) for each in facts})
+    kept = [k for k, each in enumerate(facts) if each["training_seed"] == seeds[0]]
     if len(seeds) > 1:
-        kept = min(seeds)
-        problems[ROBUSTNESS] = f"policies of training seeds {sorted(seeds)}: shown are those of {kept}"
-        pairs = [(t, f) for t, f in zip(tables, facts, strict=True) if f["training_seed"] == kept]
-        tables, facts = [t for t, _ in pairs], [f for _, f in pairs]
-    return Played(_joined(tables), tuple(facts), problems)
+        problems[ROBUSTNESS] = f"policies of training seeds {seeds}: shown are those of {seeds[0]}"
+    extents: dict[tuple[str, str], Counter[tuple[int, str]]] = {}
+    for k in kept:
+        extents.setdefault(_cell_of(facts[k]), Counter())[_extent(facts[k])] += 1
+    for k in [*kept]:
+        (most, _), *others = extents[_cell_of(facts[k])].most_common()
+        if others and _extent(facts[k]) != most:
+            kept.remove(k)
+            problems[_play_of(facts[k]).folder.as_posix()] = (
+                f"{_extent(facts[k])[0]} episodes at commit {_extent(facts[k])[1]}, and most plays of this "
+                f"cell have {most[0]} at commit {most[1]}; {AGAIN}"
+            )
+    return kept
+
+
+def _cell_of(facts: Mapping[str, Any]) -> tuple[str, str]:
+    return str(facts["task"]), str(facts["traffic"])
+
+
+def _extent(facts: Mapping[str, Any]) -> tuple[int, str]:
+    return int(facts["episodes"]), str(facts.get("commit"))
 
 
 def read_play(folder: Path) -> Frame:
@@ -146,6 +176,10 @@ def run_of(results: Results, task: str, traffic: str, name: str, seed: int) -> R
 
 def _outdated(content: Mapping[str, Any], results: Results) -> str:
     """Return why a play does not belong to the runs as they are, "" if it does."""
+    name = content["condition"]
+    wanted = {} if name == AS_TRAINED else dict(condition(name).environment)
+    if dict(content.get("environment", {})) != wanted:
+        return f"the condition {name} is another one now"
     for name, trained in dict(content.get("trained", {})).items():
         run = run_of(results, content["task"], content["traffic"], name, content["training_seed"])
         if run is None or run.table is None:
@@ -156,8 +190,13 @@ def _outdated(content: Mapping[str, Any], results: Results) -> str:
 
 
 def _elsewhere(content: Mapping[str, Any], place: str) -> str:
-    wanted = Play(*(str(content.get(key)) for key in ("task", "traffic", "condition", "even", "odd")))
+    wanted = _play_of(content)
     return "" if wanted.folder.as_posix() == place else f"it is of another play: {wanted}"
+
+
+def _play_of(content: Mapping[str, Any]) -> Play:
+    names = (str(content.get(key)) for key in ("task", "traffic", "condition", "even", "odd"))
+    return Play(*names, seed=int(content["training_seed"]))
 
 
 def _joined(tables: list[Frame]) -> Frame | None:

@@ -10,6 +10,7 @@ from benchmark.experiment.environment import Driving, Host
 from benchmark.experiment.runs import TaskSetting
 from smarts.agents.benchmark import MAX_STEPS, benchmark_interface
 from smarts.agents.interface import AgentInterface
+from smarts.env.adapters import Adapter
 from smarts.env.vector import VectorHiWayEnv
 from smarts.observations.lists import Observed, feature_list
 from smarts.registry import import_own
@@ -32,6 +33,8 @@ def environment(
     max_episode_steps: int | None = None,
     traffic_step: float | None = None,
     observation: Observed | None = None,
+    adapter: Adapter | None = None,
+    adapter_options: Mapping[str, Any] | None = None,
     policy: str = "",
 ) -> Any:
     """Return a task setting's environment, a `VectorHiWayEnv`.
@@ -45,6 +48,8 @@ def environment(
         max_episode_steps: Of each agent, instead of the task setting's time limit.
         traffic_step: Of the training environment alone; see `Options`.
         observation: Instead of the task setting's, with the same rewards.
+        adapter: Instead of the task setting's, with its options.
+        adapter_options: Of `adapter`.
         policy: Name of what drives the agents, for those who watch.
 
     Raises:
@@ -68,8 +73,8 @@ def environment(
         observation=given.observation if observation is None else observation,
         reward=reward,
         discount=discount,
-        adapter=given.adapter,
-        adapter_options=given.adapter_options,
+        adapter=given.adapter if adapter is None else adapter,
+        adapter_options=given.adapter_options if adapter is None else adapter_options,
         simulation=Options(
             record=record,
             policy=policy,

@@ -5,7 +5,8 @@ Axis letters: B simulations, N agents.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -14,9 +15,46 @@ from numpy.typing import NDArray
 from benchmark.running.policy import Policy
 from benchmark.running.testing import EVALUATION_SEED
 from benchmark.scripted.play import ScriptedDrivers
+from smarts.env.adapters import ObservationAndReward
+from smarts.env.groups import ALONE, MASK
 from smarts.env.vector import VectorHiWayEnv, VectorStep
+from smarts.observations.arrays import ArrayObservation
+from smarts.observations.context import AdapterContext
+from smarts.observations.lists import Observed
+from smarts.rewards.own import Reward
 
 Agents = NDArray[np.bool_]
+SCRIPTED = "scripted:"
+"""Before the names of arrays that scripted policies see."""
+
+
+class ObservationsOfBoth(ObservationAndReward):
+    """What trained policies observe, and beside it what a scripted one does.
+
+    Args:
+        context: The agents.
+        observation: Of the trained policies.
+        reward: As in `ObservationAndReward`.
+        discount: As in `ObservationAndReward`.
+        scripted: What a scripted policy observes.
+    """
+
+    def __init__(
+        self,
+        context: AdapterContext,
+        observation: Observed,
+        reward: Reward | None,
+        discount: float | None,
+        *,
+        scripted: Observed,
+    ) -> None:
+        super().__init__(context, observation, reward, discount)
+        seen = ArrayObservation(context, scripted)
+        self._observed.append(seen)
+        fields = [field for field in seen.fields if field.name != MASK]
+        self.fields += tuple(replace(field, name=SCRIPTED + field.name) for field in fields)
+        added = {SCRIPTED + field.name: seen.arrays[field.name] for field in fields}
+        self.observations = {**self.observations, **added}
 
 
 class Driver(Protocol):
@@ -47,7 +85,7 @@ class TrainedDriver:
 
     def act(self, now: VectorStep, begun: NDArray[np.bool_]) -> Sequence[NDArray]:
         """Return the actions of its agents; see `Driver`."""
-        return self._policy.act_for(self._agents, now, self._env.worlds)
+        return self._policy.act_for(self._agents, _seen(now, is_scripted=False), self._env.worlds)
 
 
 class ScriptedDriver:
@@ -65,7 +103,23 @@ class ScriptedDriver:
     def act(self, now: VectorStep, begun: NDArray[np.bool_]) -> Sequence[NDArray]:
         """Return the actions of its agents; see `Driver`."""
         self._drivers.begin(begun)
-        return self._drivers.act(now, now.alive & self._agents)
+        return self._drivers.act(_seen(now, is_scripted=True), now.alive & self._agents)
+
+
+def _seen(now: VectorStep, *, is_scripted: bool) -> VectorStep:
+    """Return what one kind of policies sees: the same where both observe alike."""
+    if not any(name.startswith(SCRIPTED) for leaves in now.observations for name in leaves):
+        return now
+
+    def own(leaves: Mapping[str, NDArray]) -> dict[str, NDArray]:
+        found = {
+            name.removeprefix(SCRIPTED): leaf
+            for name, leaf in leaves.items()
+            if name.startswith(SCRIPTED) == is_scripted
+        }
+        return {"": found[ALONE]} if [*found] == [ALONE] else found
+
+    return now._replace(observations=tuple(map(own, now.observations)))
 
 
 def play_together(env: VectorHiWayEnv, drivers: Sequence[tuple[Driver, Agents]], indices: range) -> None:

@@ -18,7 +18,7 @@ from benchmark.experiment.runs import TaskSetting
 from benchmark.metrics import join_tables, write_table
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
-from benchmark.results.files import locked, read_versioned, write_versioned
+from benchmark.results.files import ResultsError, locked, read_versioned, write_versioned
 from benchmark.results.robustness import (
     CONDITION,
     PARTNER,
@@ -36,6 +36,7 @@ from benchmark.running.importing import named_own_code
 from benchmark.running.machine import machine
 from benchmark.running.playing_together import (
     Agents,
+    ObservationsOfBoth,
     ScriptedDriver,
     TrainedDriver,
     play_together,
@@ -43,6 +44,7 @@ from benchmark.running.playing_together import (
 from benchmark.running.policy import Policy
 from benchmark.running.robustness_checks import Cell, Given, cells_of
 from benchmark.running.testing import EVALUATION_SEED, Part, measure_part
+from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.errors import SmartsError
 
 KEPT = ("task", "traffic", "condition", "even", "odd", "episodes", "training_seed", "environment", "trained")
@@ -66,6 +68,7 @@ def play_robustness(root: Path, given: Given) -> Iterator[str]:
     with locked(root / ROBUSTNESS):
         facts = machine()
         plays = [(cell, play) for cell in cells for play in plays_of(cell, given)]
+        _check_shorter(root, plays)
         for number, (cell, play) in enumerate(plays, start=1):
             wanted = _wanted(cell, play)
             is_there = _is_there(root / play.folder, {**wanted, "commit": facts["commit"]})
@@ -79,11 +82,11 @@ def plays_of(cell: Cell, given: Given) -> Iterator[Play]:
     place = cell.task, cell.traffic
     for one, other in itertools.combinations(cell.names, 2):
         if one in cell.runs or other in cell.runs:  # tests of scripted policies alone say nothing here
-            yield Play(*place, AS_TRAINED, one, other)
-            yield Play(*place, AS_TRAINED, other, one)
+            yield Play(*place, AS_TRAINED, one, other, cell.seed)
+            yield Play(*place, AS_TRAINED, other, one, cell.seed)
     for name in given.conditions:
         for policy in cell.names:
-            yield Play(*place, name, policy, policy)
+            yield Play(*place, name, policy, policy, cell.seed)
 
 
 def _wanted(cell: Cell, play: Play) -> dict[str, Any]:
@@ -93,6 +96,21 @@ def _wanted(cell: Cell, play: Play) -> dict[str, Any]:
         "environment": {} if play.condition == AS_TRAINED else condition(play.condition).environment,
         "trained": {name: trained_state(cell.runs[name]) for name in play.drivers if name in cell.runs},
     }
+
+
+def _check_shorter(root: Path, plays: Sequence[tuple[Cell, Play]]) -> None:
+    """Raise if plays of more episodes would be replaced."""
+    for cell, play in plays:
+        try:
+            found = int(read_versioned(root / play.folder / PLAY)["episodes"])
+        except (SmartsError, KeyError, TypeError, ValueError):
+            continue  # none, or damaged
+        if found > cell.episodes:
+            raise ResultsError(
+                f"a play of {found} episodes would be replaced by one of {cell.episodes}",
+                place=str(root / play.folder),
+                remedy=f"give --episodes {found}, or remove {root / ROBUSTNESS}",
+            )
 
 
 def _is_there(folder: Path, wanted: Mapping[str, Any]) -> bool:
@@ -116,9 +134,8 @@ def _play(root: Path, cell: Cell, play: Play, facts: Mapping[str, Any]) -> None:
     def play_part(part: Part, indices: range, record: Path) -> None:
         discount = next((policy.discount for policy in policies.values()), None)
         name = play.even if play.even == play.odd else f"{play.even}+{play.odd}"
-        with closing(
-            environment(setting, scenarios=part.scenarios, record=record, discount=discount, policy=name)
-        ) as env:
+        given = {"record": record, "discount": discount, "policy": name, **_observations(cell, play)}
+        with closing(environment(setting, scenarios=part.scenarios, **given)) as env:
             play_together(env, _drivers(env, play, cell, policies), indices)
 
     doing = f"a policy of {play}"
@@ -146,6 +163,15 @@ def _setting(cell: Cell, play: Play) -> TaskSetting:
         evaluation=Evaluation(episodes=cell.episodes, modes=("greedy",)),
         metrics=RATES,
     )
+
+
+def _observations(cell: Cell, play: Play) -> dict[str, Any]:
+    """Return arguments of an environment in which a scripted policy sees what it does in its own test."""
+    scripted = [cell.scripted[name] for name in play.drivers if name in cell.scripted]
+    wanted = getattr(SCRIPTED_POLICIES[scripted[0]], "observation", None) if scripted else None
+    if wanted is None or cell.setting.environment.adapter is not None:
+        return {}
+    return {"adapter": ObservationsOfBoth, "adapter_options": {"scripted": wanted}}
 
 
 def _drivers(env: Any, play: Play, cell: Cell, policies: Mapping[str, Policy]) -> list[tuple[Any, Agents]]:

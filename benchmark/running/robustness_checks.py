@@ -21,7 +21,6 @@ from benchmark.running.machine import commit
 from benchmark.running.played import scenario_digests
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.errors import UnknownNameError, nearest_names
-from smarts.observations.lists import feature_list
 from smarts.registry import file_name, import_own
 
 EPISODES = 100
@@ -229,17 +228,10 @@ def _check_agents(setting: TaskSetting, where: str) -> None:
 
 
 def _check_partner(name: str, setting: TaskSetting) -> None:
-    """Raise unless a scripted policy can act on what trained ones see."""
+    """Raise unless a scripted policy acts as the trained ones do."""
     policy, given = SCRIPTED_POLICIES[name], setting.environment
     if given.adapter is not None or not policy.__module__.startswith("benchmark.scripted."):
         return  # one's own policy or adapter, which know of each other
-    needed = getattr(policy, "observation", None)
-    if needed is not None and _vector_of(needed) != _vector_of(given.observation):
-        raise ResultsError(
-            f"the partner {name!r} acts on the observation {needed!r}, the policies on {given.observation!r}",
-            place=str(setting),
-            remedy="choose another --partner, or --partner none",
-        )
     actions = {each.action for each in given.driving().values()}
     if actions != {"Lane"}:
         raise ResultsError(
@@ -247,15 +239,6 @@ def _check_partner(name: str, setting: TaskSetting) -> None:
             place=str(setting),
             remedy="choose another --partner, or --partner none",
         )
-
-
-def _vector_of(observation: Any) -> Any:
-    """Return the features that make the vector of an observation."""
-    found = feature_list(observation)
-    stacked, last = (
-        [each for each in choices if each.kind().in_vector] for choices in (found.stacked, found.features)
-    )
-    return found.frames if stacked else 1, stacked, last
 
 
 def _check_commits(runs: list[RunResult]) -> None:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smarts.arrays import Bools, Floats
+from smarts.arrays import Bools, Floats, Ints
 from smarts.controllers import action_format
 from smarts.controllers.action_formats import (
     ActionFormat,
@@ -48,6 +48,8 @@ class Own(NamedTuple):
     """Shape (B, G, ...)."""
     chosen: Bools
     """Shape (B, G)."""
+    agent_ids: Ints
+    """Rows of `AgentStates`, shape (G,)."""
 
 
 class ActionEncoder:
@@ -101,7 +103,7 @@ class ActionEncoder:
         actions = self._actions
         if own:
             with _restored_on_error(actions):
-                for encoding, given, chosen in own:
+                for encoding, given, chosen, _ in own:
                     encoding.encode(given, chosen, actions)
         for each in parsed:
             each.format.write(each.numbers, each.places, actions)

@@ -109,7 +109,7 @@ class AdapterDictEnv(DictEnv):
                 given[0, place] = element_of(group, name, actions[name])
                 chosen[0, place] = True
         encoding: Any = group.encoding
-        return Own(encoding, given, chosen)
+        return Own(encoding, given, chosen, group.agent_ids)
 
     def _step_result(self, transition: Transition) -> StepResult:
         self._rewards = rewards_of(self._groups, transition.acted)[0].tolist()

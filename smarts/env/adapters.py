@@ -81,22 +81,25 @@ class ObservationAndReward:
         features = feature_list(observation)
         self._context = context
         self._rewards = make_rewards(context, features.reward if reward is None else reward, discount)
-        self._observation = ArrayObservation(context, features)
-        self.fields = self._observation.fields
-        self.observations = self._observation.arrays
+        seen = ArrayObservation(context, features)
+        self._observed = [seen]
+        self.fields = seen.fields
+        self.observations: Mapping[str, NDArray] = seen.arrays
         self.rewards = self._rewards.values
 
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Accumulate a step's reward, and observe the agents whose decision ends with it."""
         has_decided = self._rewards.collect(frame, is_last)
         if np.count_nonzero(has_decided):
-            self._observation.observe(has_decided)
+            for each in self._observed:
+                each.observe(has_decided)
 
     def reset(self, egos: Bools) -> None:
         """Begin episodes of these egos, shape (B, N)."""
         agents = egos[:, self._context.agent_ids]
         self._rewards.reset(agents)
-        self._observation.reset(agents)
+        for each in self._observed:
+            each.reset(agents)
 
 
 def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = None) -> Callable[..., Any]:

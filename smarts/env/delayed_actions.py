@@ -49,7 +49,7 @@ class DelayedEncoder(ActionEncoder):
     def write(self, parsed: Iterable[Parsed], own: Sequence[Own] = ()) -> None:
         """Take actions, to be written by `release`."""
         # The arrays are the caller's, and change before the actions arrive.
-        copied = [Own(each.encoding, each.given.copy(), each.chosen.copy()) for each in own]
+        copied = [each._replace(given=each.given.copy(), chosen=each.chosen.copy()) for each in own]
         due = self._world.step + self._latency
         self._sent.append(_Sent([*parsed], copied, due, np.ones(len(due), np.bool_)))
 
@@ -70,7 +70,7 @@ class DelayedEncoder(ActionEncoder):
             if arrives.any():
                 there = arrives[:, None] & (world.agents.state == int(AgentStatus.ACTIVE))
                 parsed = [part for each in sent.parsed if (part := _chosen(each, there)) is not None]
-                own = [Own(e.encoding, e.given, e.chosen & arrives[:, None]) for e in sent.own]
+                own = [each._replace(chosen=each.chosen & there[:, each.agent_ids]) for each in sent.own]
                 super().write(parsed, own)
                 sent.left &= ~arrives
         self._sent = [sent for sent in self._sent if sent.left.any()]

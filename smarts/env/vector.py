@@ -211,7 +211,7 @@ class VectorHiWayEnv(NotCopied):
             if group.encoding is None:
                 parsed.append(encoder.parse_group(group, given, acts))
             else:
-                own.append(Own(group.encoding, given, acts))
+                own.append(Own(group.encoding, given, acts, group.agent_ids))
         encoder.write(parsed, own)
 
     def _so_far(self) -> VectorStep:

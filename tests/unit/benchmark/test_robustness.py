@@ -12,7 +12,7 @@ from benchmark import load_policy
 from benchmark.experiment import conditions as known_conditions
 from benchmark.experiment.conditions import AS_TRAINED, Condition
 from benchmark.experiment.config import Resources, read_experiment
-from benchmark.experiment.runs import runs_of
+from benchmark.experiment.runs import runs_of, scripted_runs_of
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, read_versioned, write_versioned
 from benchmark.results.reading import read_results
@@ -24,6 +24,7 @@ from benchmark.running.environments import environment
 from benchmark.running.playing_together import TrainedDriver
 from benchmark.running.robustness import play_robustness
 from benchmark.running.robustness_checks import Given, cells_of
+from benchmark.running.testing import play_scripted
 from benchmark.running.training import train_and_evaluate
 from benchmark.running.writing import RunWriter
 from smarts.errors import SmartsError, UnknownNameError
@@ -38,9 +39,10 @@ algorithms: [commnet, maddpg, ppo]
 tasks: [intersection]
 traffic: [random_social_vehicles]
 seeds: [1]
-environment: {agents: 3, time_limit: 12}
+environment: {agents: 3, time_limit: 12, observation: neighbor_rows}
 budget: {agent_steps: 1500}
 evaluation: {episodes: 3, modes: [greedy], validations: 0, validation_episodes: 1}
+scripted: [gap_acceptance]
 resources: {num_envs_per_env_runner: 2}
 """
 SAME = ("outcome", "duration", "distance_travelled", "start_x", "start_y", "collisions", "goals")
@@ -68,6 +70,11 @@ def trained(tmp_path_factory):
             writer.take(message)
         writer.close()
     ray.shutdown()
+    for run in scripted_runs_of(experiment):
+        writer = RunWriter(run, RunFolder(root / run.folder))
+        for message in play_scripted(run, RunFolder(folder / "scratch" / run.label)):
+            writer.take(message)
+        writer.close()
     return root
 
 
@@ -106,14 +113,14 @@ def run_place(root, name):
 @pytest.mark.parametrize("name", ["ppo", "commnet"])
 @pytest.mark.parametrize("condition", [*NEUTRAL])
 def test_a_condition_that_changes_nothing_plays_the_test_again(played, name, condition):
-    play = read_play(played / Play(TASK, TRAFFIC, condition, name, name).folder)
+    play = read_play(played / Play(TASK, TRAFFIC, condition, name, name, 1).folder)
     assert rows(play) == of_test(played, name)
 
 
 @pytest.mark.parametrize("name", ["ppo", "maddpg"])
 def test_two_halves_of_one_policy_play_the_test_again(trained, monkeypatch, name):
     (cell,) = cells_of(trained, Given(algorithms=(name,)))
-    play = Play(TASK, TRAFFIC, AS_TRAINED, name, "twin")
+    play = Play(TASK, TRAFFIC, AS_TRAINED, name, "twin", 1)
 
     def drivers(env, play, cell, policies):
         even = EVEN
@@ -133,7 +140,7 @@ def test_two_halves_of_one_policy_play_the_test_again(trained, monkeypatch, name
 
 def test_partners_drive_the_agents_at_other_places_in_both_arrangements(played):
     for even, odd in (("ppo", "parked"), ("parked", "ppo")):
-        table = read_play(played / Play(TASK, TRAFFIC, AS_TRAINED, even, odd).folder)
+        table = read_play(played / Play(TASK, TRAFFIC, AS_TRAINED, even, odd, 1).folder)
         assert set(table["world"]) == {FIRST_TEST_EPISODE + number for number in range(3)}
         for agent, driver, partner in zip(table["agent"], table["algorithm"], table["partner"], strict=True):
             is_even = int(agent.split("-")[1]) % 2 == 0
@@ -165,16 +172,30 @@ def test_messages_come_from_the_own_kind_alone(trained):
     env.close()
 
 
+def test_a_scripted_partner_sees_what_it_sees_in_its_own_test(trained, tmp_path, monkeypatch):
+    """It needs the vehicles in its vector; the trained ones have them as rows, and nothing else."""
+    root = tmp_path / "tiny"
+    shutil.copytree(trained, root)
+    monkeypatch.setattr(known_conditions, "conditions", lambda: NEUTRAL)
+    lines = [*play_robustness(root, Given(algorithms=("ppo",), conditions=("dry",)))]
+    assert len(lines) == 2 + 2
+    for name in ("gap_acceptance", "ppo"):
+        play = read_play(root / Play(TASK, TRAFFIC, "dry", name, name, 1).folder)
+        assert rows(play) == of_test(root, name)
+    together = read_play(root / Play(TASK, TRAFFIC, AS_TRAINED, "ppo", "gap_acceptance", 1).folder)
+    assert set(together["algorithm"]) == {"ppo", "gap_acceptance"}
+
+
 def test_what_is_there_is_not_played_again_and_what_is_lost_is(played, tmp_path, monkeypatch):
     root = tmp_path / "tiny"
     shutil.copytree(played, root)
     monkeypatch.setattr(known_conditions, "conditions", lambda: NEUTRAL)
     given = Given(algorithms=("ppo", "commnet"), partners=("parked",), conditions=tuple(NEUTRAL))
     assert all(line.endswith(": was there") for line in play_robustness(root, given))
-    lost = root / Play(TASK, TRAFFIC, AS_TRAINED, "ppo", "parked").folder
+    lost = root / Play(TASK, TRAFFIC, AS_TRAINED, "ppo", "parked", 1).folder
     before = rows(read_play(lost))
     (lost / PLAY).unlink()
-    stale = root / Play(TASK, TRAFFIC, "dry", "ppo", "ppo").folder
+    stale = root / Play(TASK, TRAFFIC, "dry", "ppo", "ppo", 1).folder
     facts = read_versioned(stale / PLAY)
     write_versioned(stale / PLAY, {**facts, "trained": {"ppo": {"agent_steps": 1, "seconds": 1.0}}})
     left_out = read_played(read_results(root)).problems
@@ -185,6 +206,13 @@ def test_what_is_there_is_not_played_again_and_what_is_lost_is(played, tmp_path,
     assert again == {f"ppo with parked, {TASK}, {TRAFFIC}, {AS_TRAINED}", f"ppo, {TASK}, {TRAFFIC}, dry"}
     assert rows(read_play(lost)) == before
     assert not read_played(read_results(root)).problems
+
+
+def test_longer_plays_are_not_replaced_by_shorter_ones(played, monkeypatch):
+    monkeypatch.setattr(known_conditions, "conditions", lambda: NEUTRAL)
+    given = Given(episodes=2, algorithms=("ppo", "commnet"), partners=("parked",), conditions=())
+    with raises(ResultsError, "ppo+commnet", values=["3 episodes", "one of 2"]):
+        [*play_robustness(played, given)]
 
 
 def changed_json(file, **changes):

@@ -31,10 +31,11 @@ def write_play(root, name, even, odd, outcomes, seed=1, **facts):
     table["algorithm"] = np.where(is_even, even, odd)
     table["partner"], table["condition"] = np.where(is_even, odd, even), name
     table.attrs = counts
-    play = Play(TASK, SOCIAL, name, even, odd)
+    play = Play(TASK, SOCIAL, name, even, odd, seed)
     trained = {driver: TRAINED for driver in play.drivers if driver != "parked"}
     content = {"task": TASK, "traffic": SOCIAL, "condition": name, "even": even, "odd": odd, "episodes": 10}
     content |= {"training_seed": seed, "trained": trained, "commit": "abc", "needs_others": ["dqn"]}
+    content["environment"] = {} if name == AS_TRAINED else condition(name).environment
     (root / play.folder).mkdir(parents=True)
     write_table(table, root / play.folder / TABLE)
     write_versioned(root / play.folder / PLAY, {**content, **facts})
@@ -93,9 +94,11 @@ def test_a_policy_is_measured_alone_in_both_arrangements_and_compared_with_its_o
 
 def test_the_mean_over_partners_is_paired_with_the_test_as_often(root):
     write_play(root, AS_TRAINED, "parked", "ppo", [["not_moving", "goal"]] * 10)
-    _, rows = values(root)
+    found, rows = values(root)
+    assert any("PPO: mean over 2 partners" in note for note in found.notes)  # DQN has one
     mean = rows["ppo", "partner", "XP", "collision_rate"]
-    assert (mean["value"], mean["n"], mean["difference"], mean["note"]) == (0.25, 40, 0.25, "")
+    assert (mean["value"], mean["n"], mean["difference"]) == (0.25, 40, 0.25)
+    assert mean["note"] == "mean over 2 partners"
     assert rows["ppo", "partner", "parked", "collision_rate"]["difference"] == 0.0
     assert rows["parked", "partner", "ppo", "completion_rate"]["value"] == 0.0
 
@@ -120,7 +123,7 @@ def test_plays_of_other_checkpoints_and_damaged_ones_are_named_and_left_out(root
     cut = write_play(root, "latency_100", "dqn", "dqn", GOALS)
     moved = write_play(root, "latency_300", "dqn", "dqn", GOALS)
     write_versioned(moved / PLAY, {**read_versioned(moved / PLAY), "even": "ppo"})
-    other = write_play(root, "latency_500", "ppo", "ppo", GOALS, training_seed=2, trained={})
+    other = write_play(root, "latency_500", "ppo", "ppo", GOALS, seed=2, trained={})
     bare = write_play(root, "latency_300", "ppo", "ppo", GOALS)
     write_versioned(bare / PLAY, {"condition": "latency_300"})
     (cut / TABLE).write_bytes((cut / TABLE).read_bytes()[:-30])
@@ -132,6 +135,19 @@ def test_plays_of_other_checkpoints_and_damaged_ones_are_named_and_left_out(root
     assert "[1, 2]" in left_out["robustness"]
     assert [matrix.columns for matrix in found.matrices][1] == ("Test", "Wet road")
     assert other.exists()
+
+
+def test_plays_of_another_extent_or_condition_are_left_out_by_name(root):
+    short = write_play(root, "latency_100", "dqn", "dqn", GOALS[:1], episodes=1)
+    later = write_play(root, "latency_100", "ppo", "ppo", GOALS, commit="def")
+    ice = write_play(root, "latency_300", "ppo", "ppo", GOALS, environment={"action_latency": 0.4})
+    found, rows = values(root)
+    left_out = dict(line.split(": ", 1) for line in found.left_out)
+    assert {*left_out} == {each.relative_to(root).as_posix() for each in (short, later, ice)}
+    assert "1 episodes at commit abc" in left_out[short.relative_to(root).as_posix()]
+    assert "10 episodes at commit def" in left_out[later.relative_to(root).as_posix()]
+    assert "another one now" in left_out[ice.relative_to(root).as_posix()]
+    assert not [key for key in rows if "latency_100" in key or "latency_300" in key]
 
 
 def test_without_plays_there_is_no_section(root, tmp_path):

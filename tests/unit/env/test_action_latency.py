@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from smarts.env import VectorHiWayEnv, hiway_parallel_env
+from smarts.env.actions import Own
 from smarts.errors import ScenarioError, SmartsError
 from smarts.sim.assembly import Options
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.types.actions import LaneAction
+from smarts.types.agent_states import AgentStatus
 from tests.raising import raises
 
 LEFT_TURN = Path(__file__).parents[3] / "examples" / "left_turn_bubble"
@@ -92,6 +94,29 @@ def test_actions_of_an_episode_that_is_over_do_not_reach_the_next(tmp_path):
     found = carried_out(tmp_path)
     assert [action for _, _, action in found[7]] == [KEEP, KEEP]
     assert [step for _, step, _ in found[7]] == [step + 10 for step in (0, 5)]
+
+
+class Noted:
+    """An encoding of actions that notes whose arrive."""
+
+    def __init__(self):
+        self.arrived = []
+
+    def encode(self, given, chosen, actions):
+        self.arrived.append(chosen.tolist())
+
+
+def test_own_actions_of_agents_that_have_ended_meanwhile_are_dropped():
+    env = vector(0.1, agents=3)
+    env.reset()
+    runner, noted = env._runner, Noted()
+    own = Own(noted, np.zeros((1, 2)), np.ones((1, 2), bool), np.array([1, 2]))
+    runner.encoder.write([], [own])
+    runner.world.step[:] += 1
+    runner.world.agents.state[0, 2] = AgentStatus.DONE
+    runner.encoder.release(np.ones(1, bool))
+    assert noted.arrived == [[[True, False]]]
+    env.close()
 
 
 def test_environments_by_name_have_it_too():
