@@ -18,7 +18,6 @@ observations in s_0; its returns are standardised by running moments, and H(z) h
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -83,11 +82,10 @@ class MAVENModule(DQNModule):
     """A Q network given the latent, and a share of the policy that draws it."""
 
     def make_networks(self) -> None:
-        """Create the Q network, its target and the latents' policy."""
+        """Create the Q network and the latents' policy."""
         hidden, latents = self.settings["hidden"], self.settings["latents"]
         kind = {"duelling": self.settings["duelling"], "memory": self.memory_size}
         self.q = LatentQNetwork(self.group, hidden, self.head.outputs, latents, **kind)
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
         self.latent = LatentPolicy(self.group, hidden, latents)
 
     def feedforward_parts(self) -> None:
