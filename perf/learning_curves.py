@@ -4,11 +4,12 @@
     python -m perf.learning_curves --page
 
 Trains each algorithm by `smarts-bench run configs/all_algorithms.yaml` with this budget. Once there is a
-checkpoint and a line of progress after it, the command and all its processes get SIGKILL; the same command
-then trains to the end. What the checkpoint had must still be there, and the next line has to follow it; the
-agent-steps at each point go into results/all_algorithms/continued.csv. Algorithms that it has are left out:
-the same command resumes. Then docs/learning_curves.png and docs/algorithms_table.md are made again. Exit
-code 1: a training did not continue where its checkpoint was.
+checkpoint and a line of progress after it, the command and all its processes get SIGKILL. The checkpoint then
+has to be restored whole into a new algorithm, which `perf.checkpoints` compares value by value, and the same
+command trains to the end. The lines of progress before the checkpoint must still be there, and the next has
+to follow it; the agent-steps at each point go into results/all_algorithms/continued.csv. Algorithms that it
+has are left out: the same command resumes. Then docs/learning_curves.png and docs/algorithms_table.md are
+made again. Exit code 1: a checkpoint was not restored, or a training did not continue where it was.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import csv
 import json
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -63,7 +65,8 @@ def kill_and_continue(algorithm: str, steps: int, out: Path) -> Continuation:
     """Train an algorithm with a kill in between.
 
     Raises:
-        RuntimeError: A command ended early, or the training did not continue where its checkpoint was.
+        RuntimeError: A command ended early, the checkpoint is not restored whole, or the training did not
+            continue where it was.
     """
     folder = run_folder(out, algorithm)
     if RunFolder(folder).status == FINISHED:
@@ -81,6 +84,11 @@ def kill_and_continue(algorithm: str, steps: int, out: Path) -> Continuation:
     training.interrupt(signal.SIGKILL)
     before = read_progress(folder / "progress.csv")[0].to_dict("records")
     state = json.loads((folder / "checkpoint" / "training.json").read_text())
+    command = [sys.executable, "-m", "perf.checkpoints", str(folder)]  # its Ray is not the training's
+    compared = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+    print(compared.stdout, end="", flush=True)
+    if compared.returncode:
+        raise RuntimeError(f"{folder}: the checkpoint at the kill is not restored, see above")
     training.start()
     code = training.process.wait(PATIENCE)
     if code:
