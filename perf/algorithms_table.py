@@ -57,9 +57,13 @@ CONTINUED = """
 
 `python -m perf.learning_curves` trains each algorithm at the intersection by `smarts-bench run`, one seed,
 shared networks (`happo` and `networked_q`: one for each agent) and otherwise default settings; kills
-the command and all its processes (SIGKILL) after a checkpoint; and gives the same
-command again. {count} of {all} algorithms so far. Curves are completion in training, with sampled actions; so
-short a training ranks nothing. Agent-steps:
+the command and all its processes (SIGKILL) after a checkpoint; restores that checkpoint into a new algorithm and
+compares all that learners store, value by value (`python -m perf.checkpoints RUN_FOLDER`); and gives the same
+command again. The counts below show that the training went on from the checkpoint's count. What they cannot show,
+that a checkpoint holds all that training depends on, is tested for every algorithm: restored in another process, one
+more iteration ends in the same weights, targets, optimisers, replay and random generators to the last bit
+(`tests/unit/algorithms/joint/test_whole_registry.py`). {count} of {all} algorithms so far. Curves are completion in
+training, with sampled actions; so short a training ranks nothing. Agent-steps:
 
 | algorithm | killed at | of the checkpoint | next line after the checkpoint | end |
 |---|---|---|---|---|

@@ -48,14 +48,10 @@ def values_in(checkpoint: Path) -> dict[str, Any]:
     for file in sorted((checkpoint / LEARNER).rglob("*state.pkl")):
         with file.open("rb") as opened:
             place = file.relative_to(checkpoint).with_suffix("").as_posix()
-            found |= _flat(cloudpickle.load(opened), place)
+            found |= dict(_leaves(cloudpickle.load(opened), place))
     if not found:
         raise FileNotFoundError(f"{checkpoint / LEARNER} holds no state of a learner")
     return found
-
-
-def _flat(node: Any, place: str) -> dict[str, Any]:
-    return dict(_leaves(node, place))
 
 
 def _leaves(node: Any, place: str) -> Iterator[tuple[str, Any]]:
@@ -115,8 +111,9 @@ def check(path: Path) -> str:
     moved = [place for place in control if "/rl_module/" in place]
     if not moved:
         raise RuntimeError("the checkpoint has the weights of a new algorithm, so this shows nothing")
-    numbers = sum(value.size for value in saved.values() if isinstance(value, np.ndarray))
-    weights = sum("/rl_module/" in place for place in saved)
+    arrays = {place: value for place, value in saved.items() if isinstance(value, np.ndarray)}
+    numbers = sum(value.size for value in arrays.values())
+    weights = sum("/rl_module/" in place for place in arrays)
     return (
         f"{len(saved):,} values ({numbers:,} numbers in arrays) are restored; a new algorithm differs in "
         f"{len(control):,}, {len(moved)} of {weights} arrays of weights among them"
