@@ -13,8 +13,8 @@ by the policy gradient grad log pi_z(z | s_0) R on whole episodes as they end.
 Deviations: QMIX's; z is one-hot and enters the mixer's hypernetworks beside the state; sigma is of single
 steps (the authors' code has this and a recurrent one); the logits of pi_z are sums over the agents'
 observations in s_0; its returns are standardised by running moments, and H(z) has a weight of its own,
-`latent_entropy`. pi_z learns from an episode when that ends. Where it outlasts its fragment, an older pi_z drew
-its z and older values played it: no importance ratio corrects that.
+`latent_entropy`. pi_z learns from an episode when that ends. Where it outlasts its fragment, an older pi_z
+drew its z and older values played it: no importance ratio corrects that.
 """
 
 from __future__ import annotations

@@ -19,11 +19,14 @@ import argparse
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, is_dataclass
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import ray
 import torch
 from ray import cloudpickle
 
@@ -90,8 +93,23 @@ def _is_same(one: Any, other: Any) -> bool:
     return type(one) is type(other) and repr(one) == repr(other)
 
 
-def check(path: Path) -> str:
-    """Return what was compared of a run's last checkpoint.
+class Restored(NamedTuple):
+    """What was compared of a checkpoint and is equal after it was restored."""
+
+    values: int
+    """Arrays, single values and names of parts."""
+    numbers: int
+    """In the arrays."""
+    weights: int
+    """Arrays of networks, targets included."""
+    changed: int
+    """Values that a new algorithm has otherwise."""
+    changed_weights: int
+    """Arrays of networks among them."""
+
+
+def check(path: Path) -> Restored:
+    """Compare a run's last checkpoint with what is restored from it.
 
     Raises:
         RuntimeError: Something was not restored, or a new algorithm has the same weights.
@@ -114,10 +132,20 @@ def check(path: Path) -> str:
     arrays = {place: value for place, value in saved.items() if isinstance(value, np.ndarray)}
     numbers = sum(value.size for value in arrays.values())
     weights = sum("/rl_module/" in place for place in arrays)
-    return (
-        f"{len(saved):,} values ({numbers:,} numbers in arrays) are restored; a new algorithm differs in "
-        f"{len(control):,}, {len(moved)} of {weights} arrays of weights among them"
-    )
+    return Restored(len(saved), numbers, weights, len(control), len(moved))
+
+
+def check_apart(path: Path) -> Restored:
+    """Return what `check` does, in a process with a Ray of its own."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as apart:
+        return apart.submit(_check_once, path).result()
+
+
+def _check_once(path: Path) -> Restored:
+    try:
+        return check(path)
+    finally:
+        ray.shutdown()
 
 
 def main() -> int:
@@ -129,10 +157,17 @@ def main() -> int:
     code = 0
     for path in parser.parse_args().runs:
         try:
-            print(f"{path}: {check(path)}", flush=True)
+            found = check(path)
         except RuntimeError as error:
             print(f"{path}: FAILED: {error}", flush=True)
             code = 1
+            continue
+        print(
+            f"{path}: {found.values:,} values ({found.numbers:,} numbers in arrays) are restored; a new "
+            f"algorithm differs in {found.changed:,}, {found.changed_weights} of {found.weights} arrays of "
+            "weights among them",
+            flush=True,
+        )
     return code
 
 

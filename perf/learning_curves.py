@@ -19,7 +19,6 @@ import csv
 import json
 import os
 import signal
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -34,6 +33,7 @@ from benchmark.results.progress import read_progress
 from benchmark.results.run_folder import CONTINUED, FINISHED, RunFolder
 from perf import algorithms_table
 from perf.algorithms_table import CONTINUATIONS
+from perf.checkpoints import check_apart
 from perf.endurance import PATIENCE, Training
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -54,6 +54,8 @@ class Continuation(NamedTuple):
     next_line: int
     """First line of progress after the checkpoint, of the continued training."""
     end: int
+    restored: int = 0
+    """Values that were equal after the checkpoint was restored; 0: not compared, in tables of before that."""
 
 
 def run_folder(out: Path, algorithm: str) -> Path:
@@ -84,11 +86,7 @@ def kill_and_continue(algorithm: str, steps: int, out: Path) -> Continuation:
     training.interrupt(signal.SIGKILL)
     before = read_progress(folder / "progress.csv")[0].to_dict("records")
     state = json.loads((folder / "checkpoint" / "training.json").read_text())
-    command = [sys.executable, "-m", "perf.checkpoints", str(folder)]  # its Ray is not the training's
-    compared = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
-    print(compared.stdout, end="", flush=True)
-    if compared.returncode:
-        raise RuntimeError(f"{folder}: the checkpoint at the kill is not restored, see above")
+    restored = check_apart(folder)
     training.start()
     code = training.process.wait(PATIENCE)
     if code:
@@ -99,7 +97,7 @@ def kill_and_continue(algorithm: str, steps: int, out: Path) -> Continuation:
     found = continuation(algorithm, before, state, after)
     if len(RunFolder(folder).facts().get(CONTINUED, ())) < 1:
         raise RuntimeError(f"{folder}: run.json does not say that the run was continued")
-    return found
+    return found._replace(restored=restored.values)
 
 
 def continuation(
@@ -145,7 +143,7 @@ def read(file: Path) -> list[Continuation]:
     with file.open(newline="") as opened:
         rows = csv.DictReader(opened)
         return [
-            Continuation(row["algorithm"], *(int(row[name]) for name in Continuation._fields[1:]))
+            Continuation(row["algorithm"], *(int(row.get(name, 0)) for name in Continuation._fields[1:]))
             for row in rows
         ]
 
