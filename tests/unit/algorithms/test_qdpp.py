@@ -278,7 +278,7 @@ BLOCKER = {
 }
 
 
-def blocker_score(seed, name="qdpp", steps=6_000, **settings):
+def blocker_score(seed, name="qdpp", steps=8_000, **settings):
     """Return the mean return of an agent over 64 greedy episodes."""
     learn = {**BLOCKER, "epsilon_steps": steps // 2, "temperature_steps": steps // 2, **settings}
     rig, done = Rig(name, Blocker, seed=seed, **known(name, learn)), 0
@@ -294,5 +294,5 @@ def blocker_score(seed, name="qdpp", steps=6_000, **settings):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_qdpp_deceives_the_blockers(seed):
-    """The best is -2.3, the mean of independent learners -7.5."""
-    assert blocker_score(seed) > (-2.3 - 7.5) / 2
+    """The best is -2.3, the mean of independent learners -6.1."""
+    assert blocker_score(seed) > (-2.3 - 6.1) / 2
