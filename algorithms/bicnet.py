@@ -17,7 +17,6 @@ have networks of their own, which hand on to each other; the paper's agents shar
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
 
 import torch
@@ -105,9 +104,8 @@ class BiCNetModule(MADDPGModule):
     communicates = True
 
     def make_networks(self) -> None:
-        """Create policy and target policy."""
+        """Create the policy."""
         self.actor = BidirectionalNet(self.group, self.settings["hidden"], 0, self.head.outputs)
-        self.target_actor = copy.deepcopy(self.actor).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:
         """Return the outputs of a group that is alone."""
@@ -128,9 +126,8 @@ class BiCNetCritic(LearnerModule):
     targets = ("target_q",)
 
     def make_networks(self) -> None:
-        """Create critic and target critic."""
+        """Create the critic."""
         self.q = BidirectionalNet(self.group, self.settings["hidden"], action_size(self.group.action), 1)
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
 
 
 class BiCNetLearner(OffPolicyLearner):

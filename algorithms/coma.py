@@ -19,7 +19,6 @@ averaging; Adam instead of RMSProp.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from itertools import pairwise
 
@@ -39,7 +38,7 @@ from algorithms.maac import counterfactual_advantage
 from algorithms.parts.advantages import generalised_advantages
 from algorithms.parts.distributions import Exploration, FlooredDistribution, FlooredHead, Head
 from algorithms.parts.masking import masked_mean_of_agents
-from algorithms.parts.schedule import value_at
+from algorithms.parts.schedule import annealed
 from algorithms.vdn import team_reward
 
 CRITIC = "team__critic"
@@ -101,9 +100,8 @@ class COMACritic(LearnerModule):
     targets = ("target_q",)
 
     def make_networks(self) -> None:
-        """Create critic and target critic."""
+        """Create the critic."""
         self.q = CounterfactualQ(self.spec, self.settings["hidden"])
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
 
 
 class COMALearner(OnPolicyLearner):
@@ -225,9 +223,8 @@ class COMAConfig(JointConfig):
 
     def exploration(self, steps: int) -> Exploration:
         """Return sampling with a floor that is annealed linearly."""
-        first, last = self.epsilon
-        floor = value_at(((0, first), (self.epsilon_steps, last)), steps)
-        return Exploration(explore=bool(self.explore), epsilon=floor)
+        epsilon = annealed(self.epsilon, self.epsilon_steps, steps)
+        return Exploration(explore=bool(self.explore), epsilon=epsilon)
 
     def modules(self, spec: JointSpec):
         """Return a policy for each group and the critic of the team."""

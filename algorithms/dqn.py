@@ -33,6 +33,7 @@ from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
 from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.parts.memory import GRUMemory
 from algorithms.parts.networks import Encoder, perceptron
+from algorithms.parts.schedule import annealed
 
 
 class QNetwork(nn.Module):
@@ -101,6 +102,7 @@ class DQNModule(JointModule):
         sizes = (self.group, self.settings["hidden"], self.head.outputs)
         kind = {"duelling": self.settings["duelling"], "memory": self.memory_size}
         self.q = QNetwork(*sizes, **kind)
+        # Drawn, not copied, so that the networks built after it begin as they did when scores were measured.
         self.target_q = QNetwork(*sizes, **kind).requires_grad_(False)
         self.target_q.load_state_dict(self.q.state_dict())
 
@@ -193,9 +195,8 @@ class DQNConfig(JointConfig):
 
     def exploration(self, steps: int) -> Exploration:
         """Return epsilon-greedy exploration, annealed linearly."""
-        first, last = self.epsilon
-        done = min(steps / max(self.epsilon_steps, 1), 1.0)
-        return Exploration(explore=bool(self.explore), epsilon=first + (last - first) * done)
+        epsilon = annealed(self.epsilon, self.epsilon_steps, steps)
+        return Exploration(explore=bool(self.explore), epsilon=epsilon)
 
     def module_settings(self):
         """Return the settings that networks are built from."""

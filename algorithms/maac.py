@@ -15,7 +15,6 @@ of the width `hidden[-1]`; agents of a group share networks and are told apart b
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterable, Mapping
 from typing import cast
 
@@ -42,9 +41,8 @@ class MAACModule(JointModule):
     targets = ("target_actor",)
 
     def make_networks(self) -> None:
-        """Create policy and target policy."""
+        """Create the policy."""
         self.actor = PolicyNetwork(self.group, self.settings["hidden"], self.head.outputs)
-        self.target_actor = copy.deepcopy(self.actor).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:
         """Return logits (M, n, A)."""
@@ -129,9 +127,8 @@ class MAACCritic(LearnerModule):
     targets = ("target_q",)
 
     def make_networks(self) -> None:
-        """Create critic and target critic."""
+        """Create the critic."""
         self.q = AttentionQ(self.spec, self.settings["hidden"][-1], self.settings["attention_heads"])
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
 
 
 def of_actions(values: Tensor, actions: Tensor) -> Tensor:

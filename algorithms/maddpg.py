@@ -12,8 +12,6 @@ which agents are active; agents of a group share networks, told apart by a learn
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 import torch
 from gymnasium.spaces import Discrete
@@ -60,9 +58,8 @@ class MADDPGModule(JointModule):
         return CategoricalHead(space) if isinstance(space, Discrete) else DeterministicHead(space)
 
     def make_networks(self) -> None:
-        """Create policy and target policy."""
+        """Create the policy."""
         self.actor = PolicyNetwork(self.group, self.settings["hidden"], self.head.outputs)
-        self.target_actor = copy.deepcopy(self.actor).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:
         """Return logits, or actions before tanh, (M, n, P)."""
@@ -142,11 +139,10 @@ class MADDPGCritic(LearnerModule):
     targets = ("target_q",)
 
     def make_networks(self) -> None:
-        """Create critic and target critic."""
+        """Create the critic."""
         if self.group is None:
             raise TypeError("a MADDPG critic belongs to a group")
         self.q = JointQ(self.spec, self.group, self.settings["hidden"])
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
 
 
 class MADDPGLearner(OffPolicyLearner):

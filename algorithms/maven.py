@@ -13,12 +13,12 @@ by the policy gradient grad log pi_z(z | s_0) R on whole episodes as they end.
 Deviations: QMIX's; z is one-hot and enters the mixer's hypernetworks beside the state; sigma is of single
 steps (the authors' code has this and a recurrent one); the logits of pi_z are sums over the agents'
 observations in s_0; its returns are standardised by running moments, and H(z) has a weight of its own,
-`latent_entropy`.
+`latent_entropy`. pi_z learns from an episode when that ends. Where it outlasts its fragment, an older pi_z
+drew its z and older values played it: no importance ratio corrects that.
 """
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -83,11 +83,10 @@ class MAVENModule(DQNModule):
     """A Q network given the latent, and a share of the policy that draws it."""
 
     def make_networks(self) -> None:
-        """Create the Q network, its target and the latents' policy."""
+        """Create the Q network and the latents' policy."""
         hidden, latents = self.settings["hidden"], self.settings["latents"]
         kind = {"duelling": self.settings["duelling"], "memory": self.memory_size}
         self.q = LatentQNetwork(self.group, hidden, self.head.outputs, latents, **kind)
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
         self.latent = LatentPolicy(self.group, hidden, latents)
 
     def feedforward_parts(self) -> None:

@@ -15,8 +15,6 @@ paper's gradient without the noise of sampling that action; an entropy bonus.
 
 from __future__ import annotations
 
-import copy
-
 import torch
 from gymnasium.spaces import Box
 from torch import Tensor
@@ -38,13 +36,12 @@ class MeanFieldCritic(LearnerModule):
     targets = ("target_q",)
 
     def make_networks(self) -> None:
-        """Create critic and target critic."""
+        """Create the critic."""
         if self.group is None:
             raise TypeError("a mean-field critic belongs to a group")
         actions = common_actions(self.spec.spaces)
         seen = {**self.group.observation, MEAN_ACTION: Box(0.0, 1.0, (actions,))}
         self.q = MeanFieldQ(self.group, seen, self.settings["hidden"], actions)
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
 
 
 class MeanFieldACLearner(OffPolicyLearner):

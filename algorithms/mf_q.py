@@ -21,7 +21,6 @@ share a network are told apart by their place.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 
 import torch
@@ -67,10 +66,9 @@ class MeanFieldQModule(JointModule):
         return BoltzmannHead(self.group.action, self.settings["temperature"])  # type: ignore[arg-type]
 
     def make_networks(self) -> None:
-        """Create the Q network and its target."""
+        """Create the Q network."""
         seen, outputs = self.group.observation, self.head.outputs
         self.q = MeanFieldQ(self.group, seen, self.settings["hidden"], outputs)
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:
         """Return Q values (M, n, A) for the mean action of the step before, which is among the leaves."""

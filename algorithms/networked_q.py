@@ -30,7 +30,6 @@ share a network is one node, whose weight is its size.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from math import prod
 from typing import Any
@@ -52,6 +51,7 @@ from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
 from algorithms.parts.graph import consensus_rate, metropolis
 from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.parts.networks import perceptron
+from algorithms.parts.schedule import annealed
 
 
 def joint_state(views: Sequence[GroupView]) -> Tensor:
@@ -144,11 +144,10 @@ class NetworkedQModule(JointModule):
         return EpsilonGreedyHead(self.group.action)
 
     def make_networks(self) -> None:
-        """Create the Q network and its target."""
+        """Create the Q network."""
         self.combinations = JointActions(self.spec.groups)
         inputs = self.spec.joint_size + len(self.spec.agents)
         self.q = perceptron([inputs, *self.settings["hidden"], prod(self.combinations.sizes)], nn.ReLU)
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:
         """Return the outputs of a group that is alone: the others' agents are not there."""
@@ -276,9 +275,8 @@ class NetworkedQConfig(JointConfig):
 
     def exploration(self, steps: int) -> Exploration:
         """Return epsilon-greedy exploration, annealed linearly."""
-        first, last = self.epsilon
-        done = min(steps / max(self.epsilon_steps, 1), 1.0)
-        return Exploration(explore=bool(self.explore), epsilon=first + (last - first) * done)
+        epsilon = annealed(self.epsilon, self.epsilon_steps, steps)
+        return Exploration(explore=bool(self.explore), epsilon=epsilon)
 
     def check(self, spec: JointSpec) -> None:
         """Raise if the algorithm cannot handle the environment.

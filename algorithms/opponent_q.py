@@ -18,8 +18,6 @@ the Huber loss, and target networks by polyak averaging.
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -123,7 +121,6 @@ class OpponentQModule(JointModule):
     def make_networks(self) -> None:
         """Create all networks."""
         self.q = PairwiseQ(self.spec, self.group, self.settings["hidden"])
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
         self.model = OpponentModel(self.spec, self.group, self.settings["hidden"])
 
     def policy(self, view: GroupView) -> Tensor:

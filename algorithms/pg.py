@@ -11,7 +11,9 @@ failing environment breaks off has no return and is dropped.
 
 Deviations: the factor gamma^t of a step's place in its trajectory is left out, as is usual; the baseline is a
 learned V(o_i), regressed on the returns (`baseline=False`: none); standardised advantages; an entropy bonus;
-Adam.
+Adam. A trajectory that outlasts its fragment is learned from by the newest policy, although older ones chose
+its first actions, one update older for each fragment: no importance ratio corrects that. Fragments that are
+long beside episodes keep the share of such actions small.
 """
 
 from __future__ import annotations

@@ -29,7 +29,6 @@ penalty on the balance of singular values.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -44,7 +43,7 @@ from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import CategoricalDistribution, Exploration, SampledActions
 from algorithms.parts.masking import MASKED_LOGIT
-from algorithms.parts.schedule import value_at
+from algorithms.parts.schedule import annealed
 from algorithms.vdn import team_reward
 
 
@@ -127,10 +126,9 @@ class QDPPModule(DQNModule):
     acts_jointly = True
 
     def make_networks(self) -> None:
-        """Create the network and its target."""
+        """Create the network."""
         sizes = self.settings["hidden"], self.head.outputs, self.settings["features"]
         self.q = DiverseQNetwork(self.group, *sizes, duelling=self.settings["duelling"])
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
         places = torch.eye(len(self.spec.agents))[self.group.columns]
         self.places = nn.Buffer(places, persistent=False)
 
@@ -216,8 +214,7 @@ class QDPPConfig(JointConfig):
 
     def exploration(self, steps: int) -> Exploration:
         """Return the sampler's temperature, annealed linearly."""
-        first, last = self.temperature
-        temperature = value_at(((0, first), (self.temperature_steps, last)), steps)
+        temperature = annealed(self.temperature, self.temperature_steps, steps)
         return Exploration(explore=bool(self.explore), temperature=temperature)
 
     def module_settings(self):

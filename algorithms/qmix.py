@@ -9,8 +9,6 @@ Deviations: as VDN; the state is the environment's, or all observations side by 
 
 from __future__ import annotations
 
-import copy
-
 import torch
 from torch import Tensor, nn
 
@@ -53,9 +51,8 @@ class QMIXMixer(LearnerModule):
         return self.spec.state_size
 
     def make_networks(self) -> None:
-        """Create mixer and target mixer."""
+        """Create the mixer."""
         self.mixer = MonotoneMixer(self.state_size, len(self.spec.agents), self.settings["mixer_width"])
-        self.target_mixer = copy.deepcopy(self.mixer).requires_grad_(False)
 
 
 class QMIXLearner(VDNLearner):

@@ -19,7 +19,6 @@ bootstrap from the mean of the active agents' outputs.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 
 import torch
@@ -67,7 +66,6 @@ class QTRANJoint(LearnerModule):
         hidden = self.settings["hidden"]
         kind = TeamQ if self.settings["variant"] == "base" else CounterfactualQ
         self.q = kind(self.spec, hidden)
-        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
         self.v = perceptron([self.spec.state_size, *hidden, 1], nn.ReLU)
 
 

@@ -59,10 +59,18 @@ CONTINUED = """
 shared networks (`happo` and `networked_q`: one for each agent) and otherwise default settings; kills
 the command and all its processes (SIGKILL) after a checkpoint; and gives the same
 command again. {count} of {all} algorithms so far. Curves are completion in training, with sampled actions; so
-short a training ranks nothing. Agent-steps:
+short a training ranks nothing.
 
-| algorithm | killed at | of the checkpoint | next line after the checkpoint | end |
-|---|---|---|---|---|
+Agent-steps show that the second command went on from the checkpoint's count, and no more. "Restored values":
+in between, the checkpoint was restored into a new algorithm by the code with which the command continues, and
+so many values that learners store (arrays of weights, targets, optimisers, random generators, ...) were equal
+to those saved, bit by bit; `python -m perf.checkpoints RUN_FOLDER` compares any run's. Replay buffers are
+left out of these checkpoints. That what is stored suffices is tested for every algorithm, replay included:
+restored in another process, it trains one more iteration to the same values
+(`tests/unit/algorithms/joint/test_whole_registry.py`).
+
+| algorithm | killed at | of the checkpoint | next line after the checkpoint | end | restored values |
+|---|---|---|---|---|---|
 """
 
 
@@ -92,12 +100,11 @@ def continued(file: Path) -> str:
         return ""
     with file.open(newline="") as opened:
         rows = [*csv.DictReader(opened)]
-    lines = [
-        "| "
-        + " | ".join([f"`{row.pop('algorithm')}`", *(f"{int(count):,}" for count in row.values())])
-        + " |"
-        for row in rows
-    ]
+    lines = []
+    for row in rows:
+        name, restored = row.pop("algorithm"), int(row.pop("restored", 0))
+        cells = [f"`{name}`", *(f"{int(count):,}" for count in row.values())]
+        lines.append("| " + " | ".join([*cells, f"{restored:,}" if restored else "not compared"]) + " |")
     return CONTINUED.format(count=len(rows), all=len(ALGORITHMS)) + "\n".join(lines) + "\n"
 
 

@@ -37,8 +37,9 @@ def games() -> dict[str, Callable[[int], Any]]:
     coma, qtran, bicnet, maven = (
         importlib.import_module(f"test_{name}") for name in ("coma", "qtran", "bicnet", "maven")
     )
-    happo, memories, mat, opponents = (
-        importlib.import_module(f"test_{name}") for name in ("happo", "recurrent_ppo", "mat", "opponents")
+    happo, memories, mat, opponents, qdpp = (
+        importlib.import_module(f"test_{name}")
+        for name in ("happo", "recurrent_ppo", "mat", "opponents", "qdpp")
     )
 
     return {
@@ -63,6 +64,11 @@ def games() -> dict[str, Callable[[int], Any]]:
         **{f"{name} matrix": partial(qtran.matrix_score, name=name) for name in ("vdn", "qmix")},
         "qdpp matrix": partial(qtran.matrix_score, name="qdpp", reward_scale=0.1),
         "qdpp matrix, own_share=1": partial(qtran.matrix_score, name="qdpp", reward_scale=0.1, own_share=1.0),
+        **{
+            f"{name} blocker": partial(qdpp.blocker_score, name=name)
+            for name in ("qdpp", "dqn", "vdn", "qmix")
+        },
+        "qdpp blocker, own_share=1": partial(qdpp.blocker_score, own_share=1.0),
         **{f"{name} yielding": partial(happo.yielding_score, name) for name in ("happo", "ppo")},
         **{f"{name} turncoat": partial(opponents.turncoat_score, name) for name in (*_PLAIN, *_HOPING)},
         **{f"{name} climbing": partial(opponents.climbing_score, name) for name in (*_HOPING, *_PLAIN)},

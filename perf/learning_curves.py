@@ -4,11 +4,12 @@
     python -m perf.learning_curves --page
 
 Trains each algorithm by `smarts-bench run configs/all_algorithms.yaml` with this budget. Once there is a
-checkpoint and a line of progress after it, the command and all its processes get SIGKILL; the same command
-then trains to the end. What the checkpoint had must still be there, and the next line has to follow it; the
-agent-steps at each point go into results/all_algorithms/continued.csv. Algorithms that it has are left out:
-the same command resumes. Then docs/learning_curves.png and docs/algorithms_table.md are made again. Exit
-code 1: a training did not continue where its checkpoint was.
+checkpoint and a line of progress after it, the command and all its processes get SIGKILL. The checkpoint then
+has to be restored whole into a new algorithm, which `perf.checkpoints` compares value by value, and the same
+command trains to the end. The lines of progress before the checkpoint must still be there, and the next has
+to follow it; the agent-steps at each point go into results/all_algorithms/continued.csv. Algorithms that it
+has are left out: the same command resumes. Then docs/learning_curves.png and docs/algorithms_table.md are
+made again. Exit code 1: a checkpoint was not restored, or a training did not continue where it was.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from benchmark.results.progress import read_progress
 from benchmark.results.run_folder import CONTINUED, FINISHED, RunFolder
 from perf import algorithms_table
 from perf.algorithms_table import CONTINUATIONS
+from perf.checkpoints import check_apart
 from perf.endurance import PATIENCE, Training
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -52,6 +54,8 @@ class Continuation(NamedTuple):
     next_line: int
     """First line of progress after the checkpoint, of the continued training."""
     end: int
+    restored: int = 0
+    """Values that were equal after the checkpoint was restored; 0: not compared, in tables of before that."""
 
 
 def run_folder(out: Path, algorithm: str) -> Path:
@@ -63,7 +67,8 @@ def kill_and_continue(algorithm: str, steps: int, out: Path) -> Continuation:
     """Train an algorithm with a kill in between.
 
     Raises:
-        RuntimeError: A command ended early, or the training did not continue where its checkpoint was.
+        RuntimeError: A command ended early, the checkpoint is not restored whole, or the training did not
+            continue where it was.
     """
     folder = run_folder(out, algorithm)
     if RunFolder(folder).status == FINISHED:
@@ -81,6 +86,7 @@ def kill_and_continue(algorithm: str, steps: int, out: Path) -> Continuation:
     training.interrupt(signal.SIGKILL)
     before = read_progress(folder / "progress.csv")[0].to_dict("records")
     state = json.loads((folder / "checkpoint" / "training.json").read_text())
+    restored = check_apart(folder)
     training.start()
     code = training.process.wait(PATIENCE)
     if code:
@@ -91,7 +97,7 @@ def kill_and_continue(algorithm: str, steps: int, out: Path) -> Continuation:
     found = continuation(algorithm, before, state, after)
     if len(RunFolder(folder).facts().get(CONTINUED, ())) < 1:
         raise RuntimeError(f"{folder}: run.json does not say that the run was continued")
-    return found
+    return found._replace(restored=restored.values)
 
 
 def continuation(
@@ -137,7 +143,7 @@ def read(file: Path) -> list[Continuation]:
     with file.open(newline="") as opened:
         rows = csv.DictReader(opened)
         return [
-            Continuation(row["algorithm"], *(int(row[name]) for name in Continuation._fields[1:]))
+            Continuation(row["algorithm"], *(int(row.get(name, 0)) for name in Continuation._fields[1:]))
             for row in rows
         ]
 

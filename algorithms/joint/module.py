@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
@@ -29,7 +30,8 @@ class ConfiguredModule(TorchRLModule):
     """A network that a `JointConfig` describes.
 
     Attributes:
-        targets: Names of attributes that are target networks: learner only, no gradient.
+        targets: Names of attributes that are target networks: `target_x` is a copy of `x` (learner only, no
+            gradient), made after `make_networks` if that has not made it.
     """
 
     targets: tuple[str, ...] = ()
@@ -48,6 +50,17 @@ class ConfiguredModule(TorchRLModule):
         self.spec: JointSpec = config["spec"]
         self.group = next((g for g in self.spec.groups if g.id == config["group"]), None)
         self.settings: Mapping[str, Any] = config["settings"]
+
+    def make_networks(self) -> None:
+        """Create the networks, but for targets."""
+        raise NotImplementedError
+
+    def make_targets(self) -> None:
+        """Copy the networks that targets follow."""
+        for name in self.targets:
+            if not hasattr(self, name):
+                original = getattr(self, name.removeprefix("target_"))
+                setattr(self, name, copy.deepcopy(original).requires_grad_(False))
 
     def trained_parameters(self) -> list[nn.Parameter]:
         """Return the parameters that optimisers step: all but the target networks'."""
@@ -79,6 +92,7 @@ class JointModule(ConfiguredModule, InferenceOnlyAPI):
         self.exploration: Exploration = self.model_config.get("exploration", Exploration())
         self.head = self.make_head()
         self.make_networks()
+        self.make_targets()
 
     @property
     def recurrent(self) -> bool:
@@ -179,10 +193,7 @@ class LearnerModule(ConfiguredModule):
         """Read the model config and build the networks."""
         self.read_config()
         self.make_networks()
-
-    def make_networks(self) -> None:
-        """Create the networks."""
-        raise NotImplementedError
+        self.make_targets()
 
 
 def without_memory(leaves: Mapping[str, Any]) -> dict[str, Any]:

@@ -19,3 +19,8 @@ def value_at(schedule: Schedule, step: int) -> float:
         return float(schedule[-1][1])
     (begin, first), (end, last) = schedule[after - 1], schedule[after]
     return float(first + (last - first) * (step - begin) / (end - begin))
+
+
+def annealed(ends: tuple[float, float], steps: int, step: int) -> float:
+    """Return the value at an environment step on the straight line between two ends, `steps` apart."""
+    return value_at(((0, ends[0]), (steps, ends[1])), step)

@@ -1,7 +1,5 @@
 """An algorithm from scratch, a plain Q-learner with a target network, trained on the loop."""
 
-from copy import deepcopy
-
 import ray
 import torch
 from ray.tune import register_env
@@ -18,19 +16,13 @@ from smarts.env import VectorHiWayEnv
 
 
 class MyModule(JointModule):
-    """Q values: the default `body(encoder(observations))`, and targets of both."""
+    """Q values: the default `body(encoder(observations))`, and copies of both as targets."""
 
     targets = ("target_encoder", "target_body")
 
     def make_head(self):
         """Say how outputs become actions."""
         return EpsilonGreedyHead(self.group.action)
-
-    def make_networks(self):
-        """Create all networks."""
-        super().make_networks()
-        self.target_encoder = deepcopy(self.encoder).requires_grad_(False)
-        self.target_body = deepcopy(self.body).requires_grad_(False)
 
 
 class MyLearner(OffPolicyLearner):

@@ -48,13 +48,21 @@ def test_every_algorithm_has_a_place_in_one_panel():
 
 def test_the_table_is_read_as_it_was_written_in_the_order_of_the_registry(tmp_path):
     file = tmp_path / "continued.csv"
-    rows = [Continuation("vdn", 4, 3, 4, 9), Continuation("ppo", 30_000, 20_000, 25_000, 60_000)]
+    rows = [Continuation("vdn", 4, 3, 4, 9), Continuation("ppo", 30_000, 20_000, 25_000, 60_000, 1_234)]
     assert learning_curves.read(file) == []
     learning_curves.write(rows, file)
     assert learning_curves.read(file) == rows[::-1]
     section = algorithms_table.continued(file)
-    assert "| `ppo` | 30,000 | 20,000 | 25,000 | 60,000 |" in section
+    assert "| `ppo` | 30,000 | 20,000 | 25,000 | 60,000 | 1,234 |" in section
+    assert "| `vdn` | 4 | 3 | 4 | 9 | not compared |" in section
     assert f"2 of {len(ALGORITHMS)} algorithms" in section
+
+
+def test_tables_of_before_the_comparison_are_read(tmp_path):
+    file = tmp_path / "continued.csv"
+    file.write_text("algorithm,killed,checkpoint,next_line,end\nvdn,4,3,4,9\n")
+    assert learning_curves.read(file) == [Continuation("vdn", 4, 3, 4, 9, 0)]
+    assert "| `vdn` | 4 | 3 | 4 | 9 | not compared |" in algorithms_table.continued(file)
 
 
 def test_curves_are_drawn_from_progress(tmp_path):

@@ -73,6 +73,7 @@ IN_OWN_PROCESS = {
 ELSEWHERE = {
     "algorithms_table",
     "bubble_maps",
+    "checkpoints",
     "endurance",
     "learning_curves",
     "real_maps",

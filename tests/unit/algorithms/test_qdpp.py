@@ -1,16 +1,17 @@
-"""Q-DPP: determinants by enumeration, the sampler's probabilities, VDN as a special case, and a game."""
+"""Q-DPP: determinants by enumeration, the sampler's probabilities, VDN as a special case, and two games."""
 
 from itertools import product
 
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, replayed
+from rigs import Rig, known, replayed
 from test_qtran import Matrix, matrix_score
 
 from algorithms.joint.batch import GroupView
 from algorithms.parts.distributions import CategoricalDistribution, Exploration
 from algorithms.qdpp import Items, QDPPModule, choose_in_turn, greedy_in_turn, log_volume
+from tests.games.blocker import COLUMNS, LEFT, MIDDLE, MOVES, RIGHT, ROWS, Blocker, moved, shifted
 from tests.games.games import Ragged
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
@@ -222,3 +223,76 @@ def test_qdpp_finds_the_optimum_of_a_matrix_that_is_not_monotonic(seed):
 def test_without_diversity_it_does_not(seed):
     """The ablation that must fail, as VDN does."""
     assert matrix_score(seed, "qdpp", reward_scale=0.1, own_share=1.0) == 0
+
+
+def steps_to_win(columns, movers):
+    """Return the fewest steps in which agents that begin in these columns win, None if they never do."""
+    reached = {(tuple((0, column) for column in columns), MIDDLE)}
+    actions = [range(len(MOVES)) if i in movers else [MOVES.index((0, 0))] for i in range(len(columns))]
+    newest, steps = reached, 0
+    while newest:
+        steps += 1
+        after = [(moved(places, gap, joint), gap) for places, gap in newest for joint in product(*actions)]
+        if any(row == ROWS - 1 for places, _ in after for row, _ in places):
+            return steps
+        newest = {(places, shifted(gap, places)) for places, gap in after} - reached
+        reached = reached | newest
+    return None
+
+
+def test_blockers_are_deceived_by_two_agents_and_never_by_one():
+    """All joint actions are tried, breadth first."""
+    assert steps_to_win((0, 3, 6), movers={0, 1, 2}) == 3
+    assert steps_to_win((0, 3, 6), movers={0, 1}) == 4
+    assert steps_to_win((0, 1, 2), movers={0, 1, 2}) == 5
+    assert [steps_to_win((0, 3, 6), movers={i}) for i in range(3)] == [None] * 3
+
+
+def test_blockers_answer_to_whoever_is_above_them():
+    above = ROWS - 2
+    assert shifted(MIDDLE, [(above, MIDDLE), (0, LEFT)]) == LEFT
+    assert shifted(MIDDLE, [(above, MIDDLE), (above, LEFT)]) == RIGHT
+    assert shifted(MIDDLE, [(above, LEFT), (above, RIGHT)]) == MIDDLE
+    assert shifted(LEFT, [(above, RIGHT)]) == shifted(RIGHT, [(above, LEFT)]) == MIDDLE
+    assert shifted(LEFT, [(above, MIDDLE)]) == LEFT
+    down, right = MOVES.index((1, 0)), MOVES.index((0, 1))
+    assert moved([(above, MIDDLE)], LEFT, [down]) == ((above, MIDDLE),)  # the way is closed
+    assert moved([(above, MIDDLE)], MIDDLE, [down]) == ((ROWS - 1, MIDDLE),)
+    assert moved([(0, 1), (0, 2)], MIDDLE, [right, down]) == ((0, 1), (1, 2))  # still taken
+    assert moved([(0, 2), (0, 1)], MIDDLE, [down, right]) == ((1, 2), (0, 2))
+    assert moved([(0, COLUMNS - 1)], MIDDLE, [right]) == ((0, COLUMNS - 1),)
+
+
+BLOCKER = {
+    **REPLAY,
+    "learning_starts": 200,
+    "capacity": 20_000,
+    "batch_size": 64,
+    "updates_per_step": 0.25,
+    "hidden": (64, 64),
+    "sharing": "all",
+    "team_reward": "mean",
+    "lr": 1e-3,
+    "tau": 0.02,
+    "own_share": 0.05,
+}
+
+
+def blocker_score(seed, name="qdpp", steps=8_000, **settings):
+    """Return the mean return of an agent over 64 greedy episodes."""
+    learn = {**BLOCKER, "epsilon_steps": steps // 2, "temperature_steps": steps // 2, **settings}
+    rig, done = Rig(name, Blocker, seed=seed, **known(name, learn)), 0
+    while done < steps:
+        rollout = rig.rollout(8, **rig.config.exploration(done)._asdict())
+        rig.learner.update_joint(rollout)
+        done += rollout.env_steps()
+    rig.policies.refresh()
+    played = rig.sampler.episodes(1_000_000 + np.arange(64), Exploration(explore=False))
+    return float(np.mean([episode.returns.mean() for episode in played]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_qdpp_deceives_the_blockers(seed):
+    """The best is -2.3, the mean of independent learners -6.1."""
+    assert blocker_score(seed) > (-2.3 - 6.1) / 2

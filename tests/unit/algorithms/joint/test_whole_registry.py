@@ -1,4 +1,4 @@
-"""Every algorithm as an RLlib algorithm: built, trained, saved, and restored in another process."""
+"""Every algorithm as an RLlib algorithm: trained, saved, and restored and continued in another process."""
 
 import json
 import os
@@ -10,12 +10,13 @@ import pytest
 import ray
 
 import algorithms
+from perf.checkpoints import differing, values_in
 from tests.games.games import Cues
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[4]
-REPLAY = {"learning_starts": 32, "batch_size": 16, "capacity": 500}
+REPLAY = {"learning_starts": 32, "batch_size": 16, "capacity": 500, "updates_per_step": 0.1}
 RESTORE = """
 import json, sys
 import ray
@@ -24,8 +25,10 @@ ray.init(address=sys.argv[1], log_to_driver=False)
 scores = {}
 for name in names():
     algo = config(name).algo_class.from_checkpoint(f"{sys.argv[2]}/{name}")
+    algo.save_to_path(f"{sys.argv[2]}/{name}-restored")
     scores[name] = algo.evaluate()["env_runners"]["episode_return_mean"]
     algo.train()
+    algo.save_to_path(f"{sys.argv[2]}/{name}-continued there")
     algo.stop()
 print(json.dumps(scores))
 """
@@ -33,7 +36,7 @@ print(json.dumps(scores))
 
 @pytest.fixture(scope="module")
 def scores(cluster, tmp_path_factory):
-    """Return each algorithm's score before it was saved."""
+    """Return checkpoints, also of one iteration later, and each algorithm's score before it was saved."""
     folder, found = tmp_path_factory.mktemp("checkpoints"), {}
     for name in algorithms.names():
         config = algorithms.config(name).environment(Cues).debugging(seed=3)
@@ -46,13 +49,15 @@ def scores(cluster, tmp_path_factory):
         found[name] = algo.evaluate()["env_runners"]["episode_return_mean"]
         assert result["env_runners"]["num_env_steps_sampled_lifetime"] == 96
         algo.save_to_path(str(folder / name))
+        algo.train()
+        algo.save_to_path(str(folder / f"{name}-continued"))
         algo.stop()
     return folder, found
 
 
 @pytest.fixture(scope="module")
 def restored(scores):
-    """Return each algorithm's score in another process."""
+    """Save in another process what is restored, and again one iteration later; return the scores there."""
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         [sys.executable, "-c", RESTORE, ray.get_runtime_context().gcs_address, str(scores[0])],
@@ -68,3 +73,21 @@ def restored(scores):
 @pytest.mark.parametrize("name", algorithms.names())
 def test_a_checkpoint_plays_the_same_in_another_process(name, scores, restored):
     assert restored[name] == scores[1][name]
+
+
+@pytest.mark.usefixtures("restored")
+@pytest.mark.parametrize("name", algorithms.names())
+def test_a_checkpoint_is_restored_and_continued_in_another_process_to_the_last_bit(name, scores):
+    """All that learners store, value by value: weights, targets, optimisers, replay, random generators."""
+    saved, restored, continued, there = (
+        values_in(scores[0] / f"{name}{place}")
+        for place in ("", "-restored", "-continued", "-continued there")
+    )
+    assert differing(saved, restored) == []
+    assert differing(continued, there) == []
+    assert networks_at(differing(saved, continued)) == networks_at(saved) != set()
+
+
+def networks_at(places):
+    """Return the networks to which places of values belong."""
+    return {part[3] for part in (place.split("/") for place in places) if part[4:5] == ["module_state"]}
