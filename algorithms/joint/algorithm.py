@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import pickle
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -22,10 +23,11 @@ from ray.rllib.utils.metrics import (
     WEIGHTS_SEQ_NO,
 )
 
-from algorithms.errors import AlgorithmError, CheckpointError, LearnerFailure, RunnerFailure
+from algorithms.errors import AlgorithmError, CheckpointError, LearnerFailure, RunnerFailure, SpaceError
 from algorithms.joint.config import JointConfig
 from algorithms.joint.data_parallel import FAILURE
 from algorithms.joint.learner import JointTorchLearner
+from algorithms.joint.making import check_environment
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.runner import SAMPLERS, JointEnvRunner, SampleResult
 from algorithms.joint.spec import SPEC, JointSpec
@@ -37,6 +39,8 @@ SIGNATURE = "checkpoint_signature"
 KILLED = "num_hung_env_runners_killed"
 RESTART_POLL = 0.2
 """Time between two looks whether a lost runner is back [s]."""
+UNREADABLE = (OSError, EOFError, KeyError, ValueError, pickle.UnpicklingError)
+"""What reading files of a checkpoint raises where they are missing, cut or overwritten."""
 LEARNER_ANSWERS = 10.0
 """Time for the other learners to show that they are there, after one of them failed [s]."""
 
@@ -73,7 +77,25 @@ class JointAlgorithm(Algorithm):
         return cls.config_class(cls)
 
     def setup(self, config: JointConfig) -> None:  # type: ignore[override]
-        """Build runners, then check the spaces, then build networks (RLlib)."""
+        """Check settings of evaluation and spaces, then build runners and networks (RLlib).
+
+        RLlib starts Ray before it makes an environment; so one is made and checked before, unless Ray runs.
+
+        Raises:
+            SpaceError: There is no environment, or the algorithm cannot handle it.
+            ValueError: A setting for evaluation is out of its range.
+        """
+        if self.config.env is None:
+            raise SpaceError(
+                "there is no environment",
+                place=f"config of {self.config.algorithm!r}",
+                remedy="give one: .environment(...)",
+            )
+        for_evaluation = self.config.get_evaluation_config_object()
+        if for_evaluation is not None:
+            for_evaluation.validate()
+        if not ray.is_initialized():
+            check_environment(self.config, self.runner_class)
         super().setup(config)
 
     @property
@@ -149,13 +171,20 @@ class JointAlgorithm(Algorithm):
         """Restore from a checkpoint folder (RLlib), after checking that it fits before any weight is touched.
 
         Raises:
-            CheckpointError: The checkpoint is of another algorithm, of other agents, spaces or groups, or of
-                networks built from other settings.
+            CheckpointError: The checkpoint is damaged, of another algorithm, of other agents, spaces or
+                groups, or of networks built from other settings.
         """
-        self._check_signature(
-            _stored_signature(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl")
-        )
-        super().restore_from_path(path, *args, **kwargs)
+        try:
+            self._check_signature(
+                _stored_signature(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl")
+            )
+            super().restore_from_path(path, *args, **kwargs)
+        except UNREADABLE as error:
+            raise CheckpointError(
+                f"a file is missing or damaged: {error!r}",
+                place=f"checkpoint {getattr(path, 'path', path)}",
+                remedy="continue from another checkpoint",
+            ) from error
 
     def get_module(self, module_id: str = DEFAULT_MODULE_ID) -> Any:
         """Return a policy with the newest weights, as the local runner holds it, or None (RLlib)."""
