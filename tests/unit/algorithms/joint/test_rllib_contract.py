@@ -225,6 +225,21 @@ def test_a_checkpoint_of_other_networks_is_refused_with_the_settings_that_differ
     build(small(lr=1.0, hidden=[16])).set_state(algo.get_state())
 
 
+@pytest.mark.parametrize("part", ["algorithm_state.pkl", "learner_group/learner/state.pkl", "rl_module"])
+@pytest.mark.parametrize("damage", ["missing", "cut"])
+def test_a_damaged_checkpoint_is_named(build, tmp_path, part, damage):
+    algo = build(small())
+    folder = tmp_path / "checkpoint"
+    algo.save_to_path(str(folder))
+    for file in [each for each in folder.rglob("*.pkl") if part in str(each)]:
+        if damage == "cut":
+            file.write_bytes(file.read_bytes()[:50])
+        else:
+            file.unlink()
+    with pytest.raises(CheckpointError, match=rf"{folder}.*missing or damaged"):
+        algo.restore_from_path(str(folder))
+
+
 @pytest.mark.parametrize("fault", [{"raise_at": 3}, {"nan_at": 3}])
 def test_broken_episodes_are_counted_and_replaced(build, fault):
     algo = build(small(env=Broken, env_config={**fault, "chance": 0.5}))
