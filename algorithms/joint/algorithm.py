@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import pickle
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -23,7 +22,14 @@ from ray.rllib.utils.metrics import (
     WEIGHTS_SEQ_NO,
 )
 
-from algorithms.errors import AlgorithmError, CheckpointError, LearnerFailure, RunnerFailure, SpaceError
+from algorithms.errors import (
+    AlgorithmError,
+    CheckpointError,
+    DamagedCheckpointError,
+    LearnerFailure,
+    RunnerFailure,
+    SpaceError,
+)
 from algorithms.joint.config import JointConfig
 from algorithms.joint.data_parallel import FAILURE
 from algorithms.joint.learner import JointTorchLearner
@@ -39,8 +45,6 @@ SIGNATURE = "checkpoint_signature"
 KILLED = "num_hung_env_runners_killed"
 RESTART_POLL = 0.2
 """Time between two looks whether a lost runner is back [s]."""
-UNREADABLE = (OSError, EOFError, KeyError, ValueError, pickle.UnpicklingError)
-"""What reading files of a checkpoint raises where they are missing, cut or overwritten."""
 LEARNER_ANSWERS = 10.0
 """Time for the other learners to show that they are there, after one of them failed [s]."""
 
@@ -171,18 +175,23 @@ class JointAlgorithm(Algorithm):
         """Restore from a checkpoint folder (RLlib), after checking that it fits before any weight is touched.
 
         Raises:
-            CheckpointError: The checkpoint is damaged, of another algorithm, of other agents, spaces or
-                groups, or of networks built from other settings.
+            CheckpointError: The checkpoint is of another algorithm, of other agents, spaces or groups, or of
+                networks built from other settings.
+            DamagedCheckpointError: A file cannot be read.
         """
+        folder = Path(getattr(path, "path", path))
         try:
-            self._check_signature(
-                _stored_signature(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl")
-            )
+            self._check_signature(_stored_signature(folder / f"{self.STATE_FILE_NAME}.pkl"))
             super().restore_from_path(path, *args, **kwargs)
-        except UNREADABLE as error:
-            raise CheckpointError(
-                f"a file is missing or damaged: {error!r}",
-                place=f"checkpoint {getattr(path, 'path', path)}",
+        except AlgorithmError:
+            raise
+        except Exception as error:  # unpickling half a file may raise anything
+            damaged = _unreadable(folder)
+            if damaged is None and not isinstance(error, OSError):
+                raise
+            raise DamagedCheckpointError(
+                f"{damaged or 'a file'} is missing or damaged: {error!r}",
+                place=f"checkpoint {folder}",
                 remedy="continue from another checkpoint",
             ) from error
 
@@ -372,3 +381,14 @@ def _stored_signature(file: Path) -> dict[str, Any] | None:
         return None
     with file.open("rb") as stream:
         return cloudpickle.load(stream).get(SIGNATURE)
+
+
+def _unreadable(folder: Path) -> str | None:
+    """Return the first file of a checkpoint that cannot be unpickled, or None."""
+    for file in sorted(folder.rglob("*.pkl")):
+        try:
+            with file.open("rb") as stream:
+                cloudpickle.load(stream)
+        except Exception:  # whatever half a file makes of itself
+            return str(file.relative_to(folder))
+    return None
