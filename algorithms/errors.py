@@ -68,6 +68,10 @@ class CheckpointError(AlgorithmError):
     """A checkpoint that does not match the algorithm, agents, spaces, groups or networks."""
 
 
+class DamagedCheckpointError(CheckpointError):
+    """A checkpoint with a file that is missing or cannot be read."""
+
+
 def nearest_names(name: str, known: Iterable[str]) -> str:
     """Return a remedy that offers the known names closest to `name`."""
     known = sorted(known)

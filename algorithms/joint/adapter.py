@@ -12,7 +12,17 @@ from gymnasium.spaces import Discrete
 from ray.cloudpickle import cloudpickle
 
 from algorithms.errors import EnvironmentFailure, SpaceError
-from algorithms.joint.env import AgentBlock, Bools, FinalStep, Ints, JointSpaces, JointStep, episode_seed
+from algorithms.joint.env import (
+    AgentBlock,
+    Bools,
+    FinalStep,
+    Ints,
+    JointSpaces,
+    JointStep,
+    agents_of,
+    episode_seed,
+    name_of,
+)
 from algorithms.joint.rollout import View
 from algorithms.joint.spaces import MASK, Flattening, check_action_space
 
@@ -50,7 +60,7 @@ class JointVector:
         self._episodes = np.zeros(num_envs, int)
         self._seed = self._stride = 0
         first = self._envs[0]
-        names, observation_space, action_space = _agents_of(first)
+        names, observation_space, action_space = agents_of(first)
         self._flattening = {a: Flattening(observation_space(a), a) for a in names}
         actions = {a: check_action_space(action_space(a), a) for a in names}
         infos = self._first_infos()
@@ -115,6 +125,11 @@ class JointVector:
         for b, cause in failures.items():
             self._replace(b, cause)
         return self._step_so_far(failed=dict(failures))
+
+    @property
+    def name(self) -> str:
+        """The class of the environments."""
+        return name_of(self._envs[0])
 
     def close(self) -> None:
         """Close all environments."""
@@ -262,7 +277,7 @@ class JointVector:
     def _given_up(self, b: int, cause: BaseException | None) -> EnvironmentFailure:
         return EnvironmentFailure(
             f"environment {b} could not be started {self._max_failures} times in a row; last: {cause!r}",
-            place=f"environment {type(self._envs[0]).__name__}" if self._envs else "environment",
+            place=f"environment {self.name}" if self._envs else "environment",
             remedy="fix the environment: its constructor or reset raises",
         )
 
@@ -300,17 +315,6 @@ class JointVector:
             failed or {},
             metrics or {},
         )
-
-
-def _agents_of(env: Any) -> tuple[list[str], Callable[[str], Any], Callable[[str], Any]]:
-    """Return an environment's agents, and functions to their observation and action spaces.
-
-    RLlib's wrapper of PettingZoo's environments knows only the agents that are there after the first reset.
-    """
-    wrapped: Any = getattr(env, "par_env", None)
-    if set(getattr(wrapped, "possible_agents", ())) > set(env.possible_agents):
-        return list(wrapped.possible_agents), wrapped.observation_space, wrapped.action_space
-    return list(env.possible_agents), env.get_observation_space, env.get_action_space
 
 
 def _outcome(own_end: bool, own_cut: bool, all_end: bool, all_cut: bool) -> tuple[bool, bool]:

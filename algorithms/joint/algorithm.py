@@ -22,10 +22,18 @@ from ray.rllib.utils.metrics import (
     WEIGHTS_SEQ_NO,
 )
 
-from algorithms.errors import AlgorithmError, CheckpointError, LearnerFailure, RunnerFailure
+from algorithms.errors import (
+    AlgorithmError,
+    CheckpointError,
+    DamagedCheckpointError,
+    LearnerFailure,
+    RunnerFailure,
+    SpaceError,
+)
 from algorithms.joint.config import JointConfig
 from algorithms.joint.data_parallel import FAILURE
 from algorithms.joint.learner import JointTorchLearner
+from algorithms.joint.making import check_environment
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.runner import SAMPLERS, JointEnvRunner, SampleResult
 from algorithms.joint.spec import SPEC, JointSpec
@@ -73,7 +81,25 @@ class JointAlgorithm(Algorithm):
         return cls.config_class(cls)
 
     def setup(self, config: JointConfig) -> None:  # type: ignore[override]
-        """Build runners, then check the spaces, then build networks (RLlib)."""
+        """Check settings of evaluation and spaces, then build runners and networks (RLlib).
+
+        RLlib starts Ray before it makes an environment; so one is made and checked before, unless Ray runs.
+
+        Raises:
+            SpaceError: There is no environment, or the algorithm cannot handle it.
+            ValueError: A setting for evaluation is out of its range.
+        """
+        if self.config.env is None:
+            raise SpaceError(
+                "there is no environment",
+                place=f"config of {self.config.algorithm!r}",
+                remedy="give one: .environment(...)",
+            )
+        for_evaluation = self.config.get_evaluation_config_object()
+        if for_evaluation is not None:
+            for_evaluation.validate()
+        if not ray.is_initialized():
+            check_environment(self.config, self.runner_class)
         super().setup(config)
 
     @property
@@ -151,11 +177,23 @@ class JointAlgorithm(Algorithm):
         Raises:
             CheckpointError: The checkpoint is of another algorithm, of other agents, spaces or groups, or of
                 networks built from other settings.
+            DamagedCheckpointError: A file cannot be read.
         """
-        self._check_signature(
-            _stored_signature(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl")
-        )
-        super().restore_from_path(path, *args, **kwargs)
+        folder = Path(getattr(path, "path", path))
+        try:
+            self._check_signature(_stored_signature(folder / f"{self.STATE_FILE_NAME}.pkl"))
+            super().restore_from_path(path, *args, **kwargs)
+        except AlgorithmError:
+            raise
+        except Exception as error:  # unpickling half a file may raise anything
+            damaged = _unreadable(folder)
+            if damaged is None and not isinstance(error, OSError):
+                raise
+            raise DamagedCheckpointError(
+                f"{damaged or 'a file'} is missing or damaged: {error!r}",
+                place=f"checkpoint {folder}",
+                remedy="continue from another checkpoint",
+            ) from error
 
     def get_module(self, module_id: str = DEFAULT_MODULE_ID) -> Any:
         """Return a policy with the newest weights, as the local runner holds it, or None (RLlib)."""
@@ -343,3 +381,14 @@ def _stored_signature(file: Path) -> dict[str, Any] | None:
         return None
     with file.open("rb") as stream:
         return cloudpickle.load(stream).get(SIGNATURE)
+
+
+def _unreadable(folder: Path) -> str | None:
+    """Return the first file of a checkpoint that cannot be unpickled, or None."""
+    for file in sorted(folder.rglob("*.pkl")):
+        try:
+            with file.open("rb") as stream:
+                cloudpickle.load(stream)
+        except Exception:  # whatever half a file makes of itself
+            return str(file.relative_to(folder))
+    return None

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-import torch
 from gymnasium.spaces import Box, Discrete
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
@@ -19,19 +18,23 @@ from ray.rllib.utils.from_config import NotProvided
 from ray.rllib.utils.metrics.metrics_logger import DEFAULT_STATS_CLS_LOOKUP
 from ray.util.debug import log_once
 
-from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
+from algorithms.errors import SpaceError
 from algorithms.joint.env import MEMORY, AgentBlock, VectorJointEnv
+from algorithms.joint.learner_settings import learner_faults
 from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.rllib_names import (
     DEFAULT_POLICIES,
     OTHER_NAMES,
-    USUAL_NAMES,
     MappedPolicies,
     OtherName,
+    check_attributes,
+    check_known,
     check_names,
+    is_seed,
     network_settings,
     policy_faults,
+    same_value,
 )
 from algorithms.joint.rllib_settings import ignored_settings
 from algorithms.joint.spec import SPEC, Group, JointSpec, agent_spaces
@@ -76,6 +79,7 @@ class JointConfig(AlgorithmConfig):
         self.explore = True
         for name, value in self.entry.settings():
             setattr(self, name, value)
+        self._given_by: Mapping[str, str] = {}  # setting -> the method that it was given to
 
     if TYPE_CHECKING:
         entry: Entry  # a class attribute of a subclass that no registry has
@@ -100,17 +104,10 @@ class JointConfig(AlgorithmConfig):
 
         Raises:
             UnknownSettingError: Neither has a setting of this name.
+            ValueError: `rl_module` or `multi_agent` were given another value of it.
         """
         general = [*inspect.signature(AlgorithmConfig.training).parameters][1:]
-        known = [*self.setting_names, *general]
-        for name in settings.keys() - known:
-            raise UnknownSettingError(
-                f"{self.algorithm!r} has no setting {name!r}",
-                place="training()",
-                remedy=f"use {USUAL_NAMES[name]!r}"
-                if USUAL_NAMES.get(name) in known
-                else nearest_names(name, known),
-            )
+        check_known(self, settings, [*self.setting_names, *general], "training()")
         for other, name in OTHER_NAMES.items():
             if settings.keys() >= {other, name} and name in self.setting_names:
                 self._value_error(
@@ -118,16 +115,36 @@ class JointConfig(AlgorithmConfig):
                 )
         own = settings.keys() & self.setting_names
         super().training(**{name: value for name, value in settings.items() if name not in own})
-        for name in own:
-            setattr(self, name, settings[name])
+        return self._give({name: settings[name] for name in own}, "training()")
+
+    def _give(self, settings: Mapping[str, Any], method: str) -> Self:
+        """Change settings, unless another method was given another value of them."""
+        for name, value in settings.items():
+            other, present = self._given_by.get(name, method), getattr(self, name)
+            if other != method and not same_value(present, value):
+                self._value_error(
+                    f"{name}={present!r} in {other} and {value!r} in {method}: give one of them"
+                )
+            setattr(self, name, value)
+        self._given_by = {**self._given_by, **dict.fromkeys(settings, method)}
         return self
+
+    def update_from_dict(self, config_dict: Any) -> Self:
+        """Change settings by the names of their attributes (RLlib).
+
+        Raises:
+            UnknownSettingError: There is no such attribute.
+        """
+        check_attributes(self, config_dict.keys(), "update_from_dict()")
+        return super().update_from_dict(config_dict)
 
     def multi_agent(self, **settings: Any) -> Self:  # type: ignore[override]
         """Change RLlib's settings of several agents; a `policy_mapping_fn` becomes `sharing`."""
         super().multi_agent(**settings)
         if self.policy_mapping_fn not in (_unused_mapping, AlgorithmConfig.DEFAULT_POLICY_MAPPING_FN):
-            self.sharing = MappedPolicies(self.policy_mapping_fn)  # type: ignore[arg-type]
+            mapped = MappedPolicies(self.policy_mapping_fn)  # type: ignore[arg-type]
             self.policy_mapping_fn = _unused_mapping
+            self._give({"sharing": mapped}, mapped.place)
         return self
 
     def rl_module(self, *, model_config: Any = NotProvided, **settings: Any) -> Self:  # type: ignore[override]
@@ -138,7 +155,7 @@ class JointConfig(AlgorithmConfig):
         """
         super().rl_module(**settings)
         if model_config is not NotProvided:
-            self.training(**network_settings(model_config))
+            self._give(network_settings(model_config), "rl_module(model_config=...)")
         return self
 
     def get_state(self) -> dict[str, Any]:
@@ -267,6 +284,7 @@ class JointConfig(AlgorithmConfig):
         Raises:
             ValueError: A setting is out of its range; settings do not fit each other; evaluation by time, a
                 GPU that is not there, or a memory where the algorithm has none are asked for.
+            UnknownSettingError: The settings for evaluation have a name that there is not.
         """
         log_once(
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
@@ -276,13 +294,15 @@ class JointConfig(AlgorithmConfig):
         self._fit_fragment()
         if EPISODE_MEAN not in (self.stats_cls_lookup or {}):  # the user's own beside what runners need
             self.stats_cls_lookup = {**(self.stats_cls_lookup or {}), EPISODE_MEAN: EpisodeMean}
+        if isinstance(self.evaluation_config, Mapping):
+            check_attributes(self, self.evaluation_config, "evaluation(evaluation_config=...)")
         super().validate()
         self._check_settings()
         if self.seed is None:  # drawn once here, so that checkpoints and results hold it
             self.seed = secrets.randbits(31)
             logger.info("seed %d was drawn, since none was given", self.seed)
-        self._check_learner()
-        self._check_learners()
+        for fault in learner_faults(self):
+            self._value_error(fault)
         self._check_evaluation()
 
     def trains(self, policy: str) -> bool:
@@ -318,6 +338,8 @@ class JointConfig(AlgorithmConfig):
             self._value_error(f"sharing={self.sharing!r}: {twice[0]!r} is in {counts[twice[0]]} groups")
 
     def _check_settings(self) -> None:
+        if self.seed is not None and not is_seed(self.seed):
+            self._value_error(f"seed={self.seed!r} in debugging(): give a whole number from 0 to 2**32 - 1")
         values = {name: getattr(self, name) for name in self.setting_names}
         values = {name: v.item() if isinstance(v, np.generic) else v for name, v in values.items()}
         if self.in_evaluation:  # RLlib's copy for evaluation has fragments of one step
@@ -328,48 +350,6 @@ class JointConfig(AlgorithmConfig):
         if self.gru and not self.entry.recurrent:
             fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.recurrent)
             self._value_error(f"gru={self.gru}: {self.algorithm!r} has no memory; use one of: {fitting}")
-
-    def _check_learner(self) -> None:
-        if self.grad_clip is None and self.grad_clip_by != "global_norm":
-            self._value_error(f"grad_clip_by={self.grad_clip_by!r} clips nothing: set grad_clip")
-        own = self._learner_class
-        if own is not None and not issubclass(own, self.get_default_learner_class()):
-            self._value_error(
-                f"learner_class={own.__name__} is no {self.get_default_learner_class().__name__}: subclass it"
-            )
-        if self.learner_config_dict and own is None:
-            self._value_error("learner_config_dict is read by own learners only: give learner_class, too")
-        for module_id, changes in self.algorithm_config_overrides_per_module.items():
-            for name in changes.keys() - {"lr"}:
-                self._value_error(
-                    f"algorithm_config_overrides_per_module of {module_id!r} holds {name!r}: networks have "
-                    "learning rates of their own only, 'lr'"
-                )
-
-    def _check_learners(self) -> None:
-        """Check how many learners there are, and what each needs."""
-        for name in ("num_learners", "num_env_runners", "num_cpus_per_learner", "num_gpus_per_learner"):
-            value = getattr(self, name)
-            whole = name in ("num_learners", "num_env_runners")
-            if value == "auto" and name == "num_cpus_per_learner":
-                continue
-            if isinstance(value, bool) or not isinstance(value, int if whole else int | float) or value < 0:
-                self._value_error(
-                    f"{name}={value!r} is not {'a whole number' if whole else 'a number'} from 0 on"
-                )
-        name = "batch_size" if "batch_size" in self.setting_names else "minibatch_size"
-        size = getattr(self, name, None)
-        shares = None if size is None else max(size // (self.sequence_length if self.gru else 1), 1)
-        if shares is not None and self.num_learners > shares:
-            self._value_error(
-                f"num_learners={self.num_learners} is more than the {shares} rows or sequences that they "
-                f"share: raise {name}={size}, or use fewer learners"
-            )
-        if self.num_gpus_per_learner and not self.num_learners and not torch.cuda.is_available():
-            self._value_error(
-                f"num_gpus_per_learner={self.num_gpus_per_learner}: torch finds no GPU on this machine, on "
-                "which num_learners=0 learns; set it to 0, or num_learners to 1 for another machine's"
-            )
 
     def _validate_multi_agent_settings(self) -> None:
         """Check names of policies as far as they are known without the environment (RLlib)."""

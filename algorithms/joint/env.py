@@ -16,6 +16,8 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 
+from algorithms.errors import SpaceError
+
 Floats = NDArray[np.floating]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.integer]
@@ -187,3 +189,32 @@ def episode_seed(seed: int, index: int, episode: int) -> int:
 def is_vector_env(env: Any) -> bool:
     """Return whether an environment already has the vector interface."""
     return isinstance(env, VectorJointEnv)
+
+
+def name_of(env: Any) -> str:
+    """Return the class of an environment as its user wrote it, whatever is wrapped around it."""
+    inner = getattr(env, "par_env", env)  # RLlib's wrapper of PettingZoo's environments
+    own = getattr(env, "name", None) if is_vector_env(env) else None
+    return own if isinstance(own, str) else type(getattr(inner, "unwrapped", inner)).__name__
+
+
+def agents_of(env: Any) -> tuple[list[str], Callable[[str], Any], Callable[[str], Any]]:
+    """Return the agents of an RLlib `MultiAgentEnv`, and functions to their observation and action spaces.
+
+    RLlib's wrapper of PettingZoo's environments knows only the agents that are there after the first reset.
+
+    Raises:
+        SpaceError: It is no environment of several agents, or leaves out their names.
+    """
+    methods = all(hasattr(env, name) for name in ("get_observation_space", "get_action_space"))
+    if not methods or not getattr(env, "possible_agents", ()):
+        raise SpaceError(
+            f"{name_of(env)} has no `possible_agents`" if methods else f"{name_of(env)} is no MultiAgentEnv",
+            place="environment()",
+            remedy="give an RLlib MultiAgentEnv that sets `possible_agents`, an environment of PettingZoo in "
+            "ParallelPettingZooEnv, or a vector environment, see docs/algorithms_inside.md",
+        )
+    wrapped: Any = getattr(env, "par_env", None)
+    if set(getattr(wrapped, "possible_agents", ())) > set(env.possible_agents):
+        return list(wrapped.possible_agents), wrapped.observation_space, wrapped.action_space
+    return list(env.possible_agents), env.get_observation_space, env.get_action_space

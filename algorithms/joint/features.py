@@ -18,6 +18,7 @@ from algorithms.joint.env import (
     JointStep,
     VectorJointEnv,
     columns_of,
+    name_of,
 )
 from algorithms.joint.neighbours import Graph, Neighbourhood
 from algorithms.parts.communication import mean_over
@@ -95,6 +96,11 @@ class WithMeanActions:
     def worlds(self) -> Ints | None:
         """World that each environment plays, shape (B,), or None where they do not say."""
         return getattr(self._env, "worlds", None)
+
+    @property
+    def name(self) -> str:
+        """The class of the environment."""
+        return name_of(self._env)
 
     def close(self) -> None:
         """Release all resources."""

@@ -97,8 +97,7 @@ class JointTorchLearner(TorchLearner):
 
     def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
         """Create one Adam for every module, over its parameters without target networks."""
-        parameters = self.net(module_id).trained_parameters()
-        if parameters:
+        if parameters := self.net(module_id).trained_parameters():
             self.register_optimizer(
                 module_id=module_id,
                 optimizer=torch.optim.Adam(parameters, eps=1e-5, fused=True),
@@ -196,6 +195,7 @@ class JointTorchLearner(TorchLearner):
             for key, mean in zip(self._means, self.parallel.average([means])[0].tolist(), strict=True):
                 self.metrics.log_value(key, mean, window=1)
             self._means.clear()
+        self._log_trainable_parameters()  # RLlib does so once, and later results would be NaN
 
     def update_joint(self, rollout: JointRollout) -> None:
         """Learn from one rollout."""

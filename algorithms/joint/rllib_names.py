@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import difflib
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, is_dataclass
-from typing import Any
+from typing import Any, ClassVar
 
+import numpy as np
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.policy.policy import PolicySpec
 
-from algorithms.errors import SpaceError, UnknownSettingError
+from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
 
 DEFAULT_POLICIES = {"shared"}
 """Names of policies where the user gives none; they are never asked for."""
@@ -28,6 +30,8 @@ USUAL_NAMES = {
 """Our names of settings by what they are called elsewhere."""
 _NETWORK = {"fcnet_hiddens": "hidden"}
 """Our names of RLlib's settings of networks."""
+_NO_ATTRIBUTES = {"multiagent", "class", "_enable_new_api_stack"}
+"""What RLlib's dicts hold besides attributes."""
 
 
 class OtherName:
@@ -70,6 +74,8 @@ class MappedPolicies:
     """
 
     mapping: Callable[..., str]
+    place: ClassVar[str] = "multi_agent(policy_mapping_fn=...)"
+    """Where the mapping was given."""
 
     def __call__(self, agent: str) -> str:
         """Return the agent's policy.
@@ -82,9 +88,63 @@ class MappedPolicies:
         except (AttributeError, TypeError) as error:
             raise SpaceError(
                 f"the mapping of agent {agent!r} without an episode fails: {error}",
-                place="multi_agent(policy_mapping_fn=...)",
+                place=self.place,
                 remedy="map agents by their names: a policy's agents are the same in all episodes",
             ) from error
+
+
+def check_known(config: Any, names: Iterable[str], known: Collection[str], place: str) -> None:
+    """Raise if there is no setting of a name.
+
+    Args:
+        config: The config whose settings they are.
+        names: The names.
+        known: All names that there are.
+        place: Where they were given.
+
+    Raises:
+        UnknownSettingError: It offers the name of ours, or the nearest ones.
+    """
+    for name in sorted({*names} - {*known}):
+        close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+        raise UnknownSettingError(
+            f"{config.algorithm!r} has no setting {name!r}",
+            place=place,
+            remedy=f"use {USUAL_NAMES[name]!r}"
+            if USUAL_NAMES.get(name) in known
+            else nearest_names(name, known if close else config.setting_names),
+        )
+
+
+def check_attributes(config: Any, names: Iterable[str], place: str) -> None:
+    """Raise if a dict of RLlib's that changes a config has a name that the config has not.
+
+    Raises:
+        UnknownSettingError: It has.
+    """
+    settable = {
+        name
+        for kind in type(config).__mro__
+        for name, member in vars(kind).items()
+        if hasattr(member, "__set__")
+    }
+    given = {config._translate_special_keys(name, warn_deprecated=False) for name in names}
+    unknown = given - {*vars(config), *settable, *_NO_ATTRIBUTES}
+    public = [name for name in {*vars(config), *settable} if not name.startswith("_")]
+    # Ray's own notes, such as the number of a trial, have names with underscores around.
+    check_known(config, {name for name in unknown if not name.startswith("__")}, public, place)
+
+
+def same_value(one: Any, other: Any) -> bool:
+    """Return whether two values of a setting are the same; lists and tuples of the same numbers are."""
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return [*one] == [*other]
+    return bool(one == other)
+
+
+def is_seed(seed: Any) -> bool:
+    """Return whether all that RLlib seeds takes a value: NumPy's global stream takes 32 bits."""
+    return isinstance(seed, int | np.integer) and not isinstance(seed, bool) and 0 <= seed < 2**32
 
 
 def network_settings(model_config: Any) -> dict[str, Any]:

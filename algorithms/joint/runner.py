@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ import ray
 from ray.rllib.core import COMPONENT_RL_MODULE
 from ray.rllib.env.env_context import EnvContext
 from ray.rllib.env.env_runner import EnvRunner
-from ray.rllib.env.utils import _gym_env_creator
 from ray.rllib.utils.checkpoints import Checkpointable
 from ray.rllib.utils.metrics import (
     EPISODE_LEN_MEAN,
@@ -28,14 +26,14 @@ from ray.rllib.utils.metrics import (
     NUM_EPISODES_LIFETIME,
     WEIGHTS_SEQ_NO,
 )
-from ray.tune.registry import ENV_CREATOR, _global_registry
 
 from algorithms.errors import AlgorithmError, SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.callbacks import EpisodeCallbacks
 from algorithms.joint.config import JointConfig
-from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env
+from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env, name_of
 from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
+from algorithms.joint.making import creator_of
 from algorithms.joint.metrics import EPISODE_MEAN
 from algorithms.joint.policies import Policies
 from algorithms.joint.progress import Episode
@@ -249,11 +247,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
                 vector_index=b,
             )
 
-        name = self.config.env
-        if isinstance(name, str) and _global_registry.contains(ENV_CREATOR, name):
-            create = _global_registry.get(ENV_CREATOR, name)
-        else:
-            create = partial(_create, name)
+        create = creator_of(self.config.env)
         first: Any = create(context(0))
         if is_vector_env(first):
             return first
@@ -303,7 +297,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         if self._spec_of(env).spaces != self.spec.spaces:
             raise SpaceError(
                 f"the environment has {given.spaces}, the policies were made for {self.spec.spaces}",
-                place=type(given).__name__,
+                place=name_of(given),
                 remedy="evaluate with the agents and the observation of the training",
             )
         return env
@@ -384,7 +378,3 @@ class JointEnvRunner(EnvRunner, Checkpointable):
 
     def _log_mean(self, key: str | tuple[str, ...], values: Floats | Sequence[float]) -> None:
         self.metrics.log_value(key, (float(np.mean(values)), len(values)), reduce=EPISODE_MEAN)
-
-
-def _create(name: Any, context: EnvContext) -> Any:
-    return _gym_env_creator(env_context=context, env_descriptor=name)

@@ -12,7 +12,7 @@ from gymnasium.spaces import Discrete
 from torch import Generator
 
 from algorithms.errors import EnvironmentFailure
-from algorithms.joint.env import LATENT, MEMORY, Bools, Ints, JointStep, VectorJointEnv
+from algorithms.joint.env import LATENT, MEMORY, Bools, Ints, JointStep, VectorJointEnv, name_of
 from algorithms.joint.finite import non_finite
 from algorithms.joint.masks import same_trajectory
 from algorithms.joint.policies import Policies
@@ -269,7 +269,7 @@ class Sampler:
             if self.progress.failures[b] > self._max_failures:
                 raise EnvironmentFailure(
                     f"{self.progress.failures[b]} failures without a completed episode: {cause!r}",
-                    place=f"environment {b}, a {type(self.env).__name__}",
+                    place=f"environment {b}, a {name_of(self.env)}",
                     remedy="fix the environment, or raise `max_env_failures`",
                 ) from cause
 
@@ -344,7 +344,7 @@ class Sampler:
             if attempts > self._max_failures:
                 raise EnvironmentFailure(
                     f"environments {sorted(broken)} began {attempts} times in a row with NaN or infinity",
-                    place=f"environment {type(self.env).__name__}",
+                    place=f"environment {name_of(self.env)}",
                     remedy="fix the environment: its reset gives non-finite observations or states",
                 )
             self.progress.failed_total += len(broken)

@@ -65,6 +65,17 @@ def setting_faults(algorithm: str, values: Mapping[str, Any]) -> Iterator[tuple[
             yield fault, f"{algorithm}: {fault.problem}", ""
 
 
+def remedy_for_one(algorithm: str, fault: SettingFault) -> str:
+    """Return how to set for one algorithm what all were given, if it alone cannot have the value; else ""."""
+    name, own = str(fault.key[0]) if len(fault.key) == 1 else "", settings_of(algorithm)
+    having = [kind for kind in own.__mro__ if issubclass(kind, JointSettings) and name in kind.model_fields]
+    if all(faults(kind, {name: fault.value}) for kind in having):
+        return ""
+    default = own.model_fields[name].default
+    value = default if isinstance(default, str) else json.dumps(default)
+    return f"give it a value of its own, settings: {{{algorithm}: {{{name}: {value}}}}}"
+
+
 def settings_table(algorithm: str) -> list[tuple[str, str, str, str]]:
     """Return a header, and name, default, allowed values and meaning of each setting.
 

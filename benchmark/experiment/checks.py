@@ -9,7 +9,13 @@ from math import inf
 from typing import Any
 
 from algorithms.registry import ALGORITHMS, ActionKind
-from benchmark.experiment.algorithm_settings import CONFIGS, entry_of, setting_faults, setting_names
+from benchmark.experiment.algorithm_settings import (
+    CONFIGS,
+    entry_of,
+    remedy_for_one,
+    setting_faults,
+    setting_names,
+)
 from benchmark.experiment.cells import check_cells
 from benchmark.experiment.environment_checks import (
     Values,
@@ -79,7 +85,7 @@ def _settings(values: Values) -> Iterator[Fault]:
     common, own = section(values, "training"), section(values, "settings")
     algorithms = _known_algorithms(values)
     yield from _unused(common, algorithms)
-    reported: set[tuple[str | int, ...]] = set()
+    reported: set[tuple[Any, ...]] = set()
     for algorithm in dict.fromkeys([*algorithms, *own]):
         try:
             given = common if algorithm in algorithms else {}
@@ -88,8 +94,8 @@ def _settings(values: Values) -> Iterator[Fault]:
             yield Fault(("settings", algorithm), *message_and_remedy(error))
             continue
         for fault in faults:
-            if fault.key not in reported:
-                reported.add(fault.key)
+            if (fault.key, fault.text) not in reported:
+                reported.add((fault.key, fault.text))
                 yield fault
 
 
@@ -107,10 +113,12 @@ def _setting_faults(algorithm: str, common: Values, own: Values, values: Values)
     def place(name: str | int) -> tuple[str, ...]:
         return ("settings", algorithm) if name in own or name not in common else ("training",)
 
-    found = [
-        Fault((*place(fault.key[0]), *fault.key) if fault.key else ("settings", algorithm), text, remedy)
-        for fault, text, remedy in setting_faults(algorithm, given)
-    ]
+    found = []
+    for fault, text, remedy in setting_faults(algorithm, given):
+        key = (*place(fault.key[0]), *fault.key) if fault.key else ("settings", algorithm)
+        if key[0] == "training" and (own_value := remedy_for_one(algorithm, fault)):
+            text, remedy = f"{algorithm!r} cannot have {text}", own_value
+        found.append(Fault(key, text, remedy))
     sharing = _sharing_fault(given.get("sharing"), section(values, "environment"))
     return [*found, Fault((*place("sharing"), "sharing"), sharing)] if sharing else found
 

@@ -15,7 +15,7 @@ import numpy as np
 from ray import cloudpickle
 from ray.tune.registry import register_env
 
-from algorithms.errors import AlgorithmError
+from algorithms.errors import AlgorithmError, DamagedCheckpointError
 from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.evaluation import evaluate
 from benchmark.experiment.algorithm_settings import CONFIGS
@@ -147,9 +147,9 @@ def restore(algo: Any, checkpoint: Path) -> None:
     """
     try:
         algo.restore_from_path(str(checkpoint.absolute()))
-    except AlgorithmError:
-        raise
     except Exception as error:  # unpickling half a file may raise anything
+        if isinstance(error, AlgorithmError) and not isinstance(error, DamagedCheckpointError):
+            raise
         for file in sorted(checkpoint.rglob("*.pkl")):
             unpickled(file)
         raise checkpoint_error(error, checkpoint) from error

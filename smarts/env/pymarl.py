@@ -73,6 +73,7 @@ class PyMARLEnv(NotCopied):
         self._common_reward, self._scalarisation = common_reward, reward_scalarisation
         self._next_seed: int | None = None
         self._decisions = 0
+        self._plays = False
         self._outcomes: list[str] = []
 
     def reset(
@@ -80,7 +81,7 @@ class PyMARLEnv(NotCopied):
     ) -> tuple[list[NDArray[np.float32]], dict[str, Any]]:
         """Begin the next episode, or with a seed the first one of that seed; return observations and {}."""
         observations, infos = self._env.reset(self._next_seed if seed is None else seed)
-        self._next_seed, self._decisions, self._outcomes = None, 0, []
+        self._next_seed, self._decisions, self._outcomes, self._plays = None, 0, [], True
         self._keep(observations, infos)
         return self.get_obs(), {}
 
@@ -99,8 +100,11 @@ class PyMARLEnv(NotCopied):
             ended the episode.
 
         Raises:
-            ActionError: An action is not among the agent's, or there is not one for each agent.
+            ActionError: An action is not among the agent's; there is not one for each agent; the episode is
+                over, or none has begun.
         """
+        if not self._plays:
+            raise ActionError("no episode is played", place="PyMARLEnv.step", remedy="call reset()")
         if len(actions) != self.n_agents:
             raise ActionError(
                 f"{len(actions)} actions for {self.n_agents} agents: {list(actions)}",
@@ -115,6 +119,7 @@ class PyMARLEnv(NotCopied):
         over = not self._env.present
         # Missions that begin late may last longer than the longest episode of learners.
         limit = any(truncated[name] for name in was_there) if over else self._decisions >= self.episode_limit
+        self._plays = not (over or limit)
         self._outcomes += [info["outcome"] for info in infos.values() if "outcome" in info]
         shares = {name: self._outcomes.count(outcome) / self.n_agents for name, outcome in _SHARES.items()}
         rewards = [float(by_agent[name]) for name in self.agents]

@@ -4,14 +4,18 @@ from typing import Annotated
 
 import numpy as np
 import pytest
+import ray
+from gymnasium.envs.classic_control import CartPoleEnv
 from pydantic import Field
 from ray.rllib.policy.policy import PolicySpec
 
 import algorithms
-from algorithms.errors import UnknownSettingError
+from algorithms.errors import EnvironmentFailure, SpaceError, UnknownSettingError
+from algorithms.joint.making import check_environment
 from algorithms.ppo import PPOConfig
 from algorithms.registry import ALGORITHMS
 from algorithms.settings import Near, PPOSettings, faults
+from tests.games.games import Cues, Target
 
 
 @pytest.mark.parametrize(
@@ -189,3 +193,142 @@ def test_a_setting_that_an_algorithm_lacks_under_any_name_is_not_offered():
     with pytest.raises(UnknownSettingError) as caught:
         algorithms.config("ppo").training(vf_loss_coeff=0.5)
     assert "value_coeff" not in str(caught.value)
+
+
+def alike(agent_id, episode, **kwargs):
+    return "one"
+
+
+@pytest.mark.parametrize("in_turn", [1, -1])
+@pytest.mark.parametrize(
+    ("first", "second", "named"),
+    [
+        (
+            lambda c: c.training(sharing="none"),
+            lambda c: c.multi_agent(policy_mapping_fn=alike),
+            r"sharing=.*'none'",
+        ),
+        (
+            lambda c: c.training(hidden=[3]),
+            lambda c: c.rl_module(model_config={"fcnet_hiddens": [9]}),
+            r"hidden=.*\[3\]",
+        ),
+    ],
+)
+def test_a_setting_given_to_two_methods_is_refused_in_both_orders(first, second, named, in_turn):
+    config = algorithms.config("ppo")
+    one, other = [first, second][::in_turn]
+    one(config)
+    config = handed_over(config)
+    with pytest.raises(ValueError, match=named) as caught:
+        other(config)
+    assert "training()" in str(caught.value)
+    one(config)  # the same method may be called again
+
+
+def test_a_value_given_twice_is_taken():
+    config = algorithms.config("ppo").rl_module(model_config={"hidden": [9]}).training(hidden=(9,))
+    assert config.training(hidden=[9]).hidden == [9]
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"), [("lrr", "lr"), ("gama", "gamma"), ("num_env_runers", "num_env_")]
+)
+def test_a_typing_error_in_a_dict_of_settings_is_named(name, meant):
+    config = algorithms.config("ppo")
+    with pytest.raises(UnknownSettingError, match=rf"update_from_dict.*'{name}'[\s\S]*did you mean '{meant}"):
+        config.update_from_dict({name: 1})
+    config.evaluation(evaluation_config={name: 1})
+    with pytest.raises(
+        UnknownSettingError, match=rf"evaluation_config.*'{name}'[\s\S]*did you mean '{meant}"
+    ):
+        config.validate()
+
+
+def test_dicts_of_settings_that_rllib_makes_are_taken():
+    config = handed_over(algorithms.config("dqn").training(lr=0.5, epsilon=[1, 0]).debugging(seed=4))
+    other = algorithms.config("dqn").update_from_dict({**config.to_dict(), "__trial_info__": None})
+    other.update_from_dict({"num_workers": 3, "multiagent": {"policies": {"a"}}})
+    assert (other.lr, other.epsilon, other.seed, other.num_env_runners) == (0.5, [1, 0], 4, 3)
+    other.validate()
+
+
+@pytest.mark.parametrize("seed", ["abc", -1, 2**32, 1.5, True])
+def test_a_seed_that_is_none_is_named(seed):
+    with pytest.raises(ValueError, match=rf"seed={seed!r}"):
+        algorithms.config("ppo").debugging(seed=seed).validate()
+    algorithms.config("ppo").debugging(seed=np.int64(2**32 - 1)).validate()
+
+
+class Unstarted(Cues):
+    def reset(self, **kwargs):
+        raise OSError("no display")
+
+
+def drawn(letters):
+    rng = np.random.default_rng(1)
+    return lambda agent, *args, **kwargs: str(rng.choice(list(letters)))
+
+
+@pytest.mark.parametrize("env_runners", [0, 2])
+@pytest.mark.parametrize(
+    ("name", "env", "change", "error", "named"),
+    [
+        ("ppo", None, lambda c: c, SpaceError, r"no environment[\s\S]*environment\("),
+        ("dqn", Target, lambda c: c, SpaceError, "agent_0.*Box"),
+        ("ppo", Cues, lambda c: c.multi_agent(policies_to_train=["bot"]), SpaceError, "'bot'.*agent_0"),
+        ("ppo", Cues, lambda c: c.multi_agent(policies={"bot"}), SpaceError, "'bot'.*agent_0"),
+        ("ppo", Cues, lambda c: c.training(sharing={"g": ["agent_0"]}), SpaceError, "no group.*agent_1"),
+        (
+            "ppo",
+            Cues,
+            lambda c: c.multi_agent(policy_mapping_fn=lambda agent, episode: None),
+            SpaceError,
+            r"policy_mapping_fn.*'agent_0'.*None",
+        ),
+        (
+            "ppo",
+            Cues,
+            lambda c: c.multi_agent(policy_mapping_fn=drawn("az")),
+            SpaceError,
+            "'a'.* 'z'|'z'.* 'a'",
+        ),
+        ("ppo", Cues, lambda c: c.training(sharing=drawn("az")), SpaceError, r"training\(sharing"),
+        ("ppo", Cues, lambda c: c.evaluation(evaluation_config={"gamma": 7}), ValueError, "gamma=7"),
+        ("ppo", "CartPole-v1", lambda c: c, SpaceError, "'CartPole-v1'"),
+        ("ppo", CartPoleEnv, lambda c: c, SpaceError, "CartPoleEnv"),
+    ],
+)
+def test_what_does_not_fit_the_environment_is_an_error_before_ray_starts(
+    name, env, change, error, named, env_runners
+):
+    config = algorithms.config(name).environment(env).env_runners(num_env_runners=env_runners)
+    with pytest.raises(error, match=named):
+        change(config).build_algo()
+    assert not ray.is_initialized()
+
+
+def test_an_environment_that_cannot_start_is_an_error_before_ray_starts_unless_others_start_it():
+    """Remote runners may be on a machine that has what this one lacks."""
+    config = algorithms.config("ppo").environment(Unstarted).env_runners(num_env_runners=0)
+    with pytest.raises(EnvironmentFailure, match=r"Unstarted.*no display"):
+        config.build_algo()
+    assert not ray.is_initialized()
+    check_environment(config.env_runners(num_env_runners=1), config.algo_class.runner_class)
+
+
+def test_the_environment_that_is_made_to_be_checked_is_closed():
+    class Counted(Cues):
+        open = made = 0
+
+        def __init__(self, config=None):
+            super().__init__(config)
+            Counted.open += 1
+            Counted.made += 1
+
+        def close(self):
+            Counted.open -= 1
+
+    config = algorithms.config("ppo").environment(Counted)
+    check_environment(config, config.algo_class.runner_class)
+    assert (Counted.made, Counted.open) == (1, 0)

@@ -299,6 +299,20 @@ def test_mistakes_are_named(write, change, message):
         read_experiment(file, [change])
 
 
+def test_a_value_that_one_algorithm_cannot_have_leads_to_one_of_its_own(write):
+    file = write(f"extends: {CONFIGS / 'quickstart.yaml'}\nalgorithms: [ppo, happo, mat]\n")
+    own = "settings: {happo: {sharing: none}}"
+    message = said(file)
+    assert "training.sharing: 'happo' cannot have 'all'" in message
+    assert own in message
+    assert "mat" not in message.replace(str(file), "")
+    taken = read_experiment(file, ["settings={happo: {sharing: none}}"])
+    assert taken.settings_of("happo")["sharing"] == "none"
+    both = said(file, "training.sharing=none", "training.epochs=3", "algorithms=[mat, a2c]")
+    assert "settings: {mat: {sharing: all}}" in both
+    assert "settings: {a2c: {epochs: 1}}" in both
+
+
 def test_mistakes_of_all_kinds_are_told_at_once_with_their_lines(write):
     file = write(
         "algorithms: [ppo]\ntasks: [loop]\ntraffic:\n- no_social_vehicles\n- nobody\n"

@@ -57,6 +57,8 @@ def test_an_episode_is_that_of_the_pettingzoo_environment(envs):
         assert info["completed"] == outcomes.count("goal") / 3
         assert info["collided"] == outcomes.count("collision") / 3
     assert len(outcomes) == 3
+    with pytest.raises(ActionError, match="no episode"):
+        lists.step([0, 0, 0])
 
 
 def test_sizes_are_those_of_what_it_returns(envs):
@@ -74,12 +76,18 @@ def test_agents_that_stand_are_cut_at_the_limit():
     with_limit = {name: interface for name in ("a", "b")}
     env = PyMARLEnv(["intersection"], with_limit, common_reward=False, decision_interval=5)
     assert env.episode_limit == 5  # decisions of 5 steps; the last one is cut after 3
+    with pytest.raises(ActionError, match="no episode"):
+        env.step([0, 0])
     env.reset()
     results = [result for _, result in episode(env, lambda allowed: 0)]
     assert len(results) == 5
     assert results[-1][2:4] == (False, True)
     assert results[-1][4]["episode_limit"] is True
     assert np.shape(results[-1][1]) == (2,)
+    with pytest.raises(ActionError, match="no episode"):
+        env.step([0, 0])
+    env.reset()
+    env.step([0, 0])
     env.close()
 
 

@@ -109,7 +109,7 @@ def test_nan_in_every_first_observation_stops_the_run():
     rig = Rig("ppo", NaNStart)
     NaNStart.bad = 10**6
     rig.sampler._max_failures = 3
-    with pytest.raises(EnvironmentFailure, match=" 4 times"):
+    with pytest.raises(EnvironmentFailure, match=r"NaNStart: .* 4 times"):
         rig.rollout(2)
 
 
@@ -136,6 +136,18 @@ def test_a_copy_that_fails_once_to_start_is_started_again(where, number):
     step = env.reset(0, np.arange(3))
     assert step.alive.all()
     assert calls[where] == {"constructor": 3, "reset": 4}[where] + 1
+
+
+@pytest.mark.parametrize("name", ["ppo", "mf_q"])
+def test_an_environment_that_fails_in_every_episode_is_named_by_its_class(name):
+    class Crashing(Cues):
+        def step(self, action_dict):
+            raise RuntimeError("crash")
+
+    rig = Rig(name, Crashing)
+    rig.sampler._max_failures = 2
+    with pytest.raises(EnvironmentFailure, match=r"environment \d, a Crashing: 3 failures.*crash"):
+        rig.rollout(4)
 
 
 def test_a_constructor_that_always_raises_is_named():

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 import algorithms
-from algorithms.errors import CheckpointError, EnvironmentFailure, SpaceError, UnknownSettingError
+from algorithms.errors import (
+    CheckpointError,
+    DamagedCheckpointError,
+    EnvironmentFailure,
+    SpaceError,
+    UnknownSettingError,
+)
 from tests.games.games import Broken, Constant, Cues, Hanging, Ragged, Target
 
 pytestmark = pytest.mark.usefixtures("cluster")
@@ -223,6 +229,21 @@ def test_a_checkpoint_of_other_networks_is_refused_with_the_settings_that_differ
         other.set_state(algo.get_state())
     assert_same(before, weights(other))
     build(small(lr=1.0, hidden=[16])).set_state(algo.get_state())
+
+
+@pytest.mark.parametrize("part", ["algorithm_state.pkl", "learner_group/learner/state.pkl", "rl_module"])
+@pytest.mark.parametrize("damage", ["missing", "cut"])
+def test_a_damaged_checkpoint_is_named(build, tmp_path, part, damage):
+    algo = build(small())
+    folder = tmp_path / "checkpoint"
+    algo.save_to_path(str(folder))
+    file = next(each for each in sorted(folder.rglob("*.pkl")) if part in str(each))
+    if damage == "cut":
+        file.write_bytes(file.read_bytes()[:50])
+    else:
+        file.unlink()
+    with pytest.raises(DamagedCheckpointError, match=rf"{folder}.*{file.name}"):
+        algo.restore_from_path(str(folder))
 
 
 @pytest.mark.parametrize("fault", [{"raise_at": 3}, {"nan_at": 3}])

@@ -331,9 +331,10 @@ def test_policies_that_there_are_not_are_refused(settings, place):
 
 @pytest.mark.usefixtures("cluster")
 def test_epochs_batch_size_and_widths_by_rllibs_names_are_ours(build):
-    config = small(num_epochs=3, train_batch_size_per_learner=64).env_runners(num_envs_per_env_runner=4)
-    config.rl_module(model_config={"fcnet_hiddens": [5, 6]}).env_runners(rollout_fragment_length="auto")
-    named = build(config)
+    config = algorithms.config("ppo").environment(Cues).debugging(seed=3)
+    config.training(num_epochs=3, train_batch_size_per_learner=64)
+    config.env_runners(num_env_runners=0, num_envs_per_env_runner=4, rollout_fragment_length="auto")
+    named = build(config.rl_module(model_config={"fcnet_hiddens": [5, 6]}))
     ours_config = small(epochs=3).training(hidden=(5, 6)).env_runners(num_envs_per_env_runner=4)
     ours = build(ours_config.env_runners(rollout_fragment_length=16))
     for algo in (named, ours):
@@ -341,7 +342,7 @@ def test_epochs_batch_size_and_widths_by_rllibs_names_are_ours(build):
     assert not moved(weights(named), weights(ours))
     assert weights(named)["agent_0"]["body.0.weight"].shape[0] == 5
     assert small("dqn", train_batch_size_per_learner=7).batch_size == 7
-    assert small().rl_module(model_config=DefaultModelConfig(fcnet_hiddens=[7])).hidden == [7]
+    assert PPOConfig().rl_module(model_config=DefaultModelConfig(fcnet_hiddens=[7])).hidden == [7]
 
 
 @pytest.mark.parametrize(
@@ -405,6 +406,7 @@ def test_results_hold_what_users_look_for(build, name):
     config = small(name, Cues, **(LEARN if name in OFF_POLICY else {}))
     apart = takes(name, sharing="none")
     results = train(build(config.training(sharing="none" if apart else "all")), 4)["learners"]
+    assert results["__all_modules__"]["num_trainable_parameters"] > 100
     policies = ("agent_0", "agent_1") if apart else ("shared",)
     clipped = name in CLIPPED
     wanted = {"gradient_norm"}
