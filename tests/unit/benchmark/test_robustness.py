@@ -211,7 +211,7 @@ def test_what_is_there_is_not_played_again_and_what_is_lost_is(played, tmp_path,
 def test_longer_plays_are_not_replaced_by_shorter_ones(played, monkeypatch):
     monkeypatch.setattr(known_conditions, "conditions", lambda: NEUTRAL)
     given = Given(episodes=2, algorithms=("ppo", "commnet"), partners=("parked",), conditions=())
-    with raises(ResultsError, "ppo+commnet", values=["3 episodes", "one of 2"]):
+    with raises(ResultsError, "commnet+ppo", values=["3 episodes", "one of 2"]):
         [*play_robustness(played, given)]
 
 
