@@ -30,10 +30,12 @@ import ray
 import torch
 from ray import cloudpickle
 
+from algorithms.errors import AlgorithmError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.evaluate_checkpoint import read_run
 from benchmark.running.training import Training, algorithm_of
+from smarts.errors import SmartsError
 
 LEARNER = "learner_group"
 OTHERWISE = ("weights_seq_no", "metrics_logger")
@@ -101,11 +103,11 @@ class Restored(NamedTuple):
     numbers: int
     """In the arrays."""
     weights: int
-    """Arrays of networks, targets included."""
+    """Arrays and single values of networks, targets included."""
     changed: int
     """Values that a new algorithm has otherwise."""
     changed_weights: int
-    """Arrays of networks among them."""
+    """Those of networks among them."""
 
 
 def check(path: Path) -> Restored:
@@ -126,13 +128,12 @@ def check(path: Path) -> Restored:
         control, problems = differing(saved, values_in(new)), differing(saved, values_in(restored))
     if problems:
         raise RuntimeError(f"{len(problems)} of {len(saved)} were not restored, the first is {problems[0]}")
-    moved = [place for place in control if "/rl_module/" in place]
+    weights = {place for place in saved if "/rl_module/" in place and not place.endswith("/")}
+    moved = weights.intersection(control)
     if not moved:
         raise RuntimeError("the checkpoint has the weights of a new algorithm, so this shows nothing")
-    arrays = {place: value for place, value in saved.items() if isinstance(value, np.ndarray)}
-    numbers = sum(value.size for value in arrays.values())
-    weights = sum("/rl_module/" in place for place in arrays)
-    return Restored(len(saved), numbers, weights, len(control), len(moved))
+    numbers = sum(value.size for value in saved.values() if isinstance(value, np.ndarray))
+    return Restored(len(saved), numbers, len(weights), len(control), len(moved))
 
 
 def check_apart(path: Path) -> Restored:
@@ -158,14 +159,14 @@ def main() -> int:
     for path in parser.parse_args().runs:
         try:
             found = check(path)
-        except RuntimeError as error:
+        except (RuntimeError, SmartsError, AlgorithmError) as error:
             print(f"{path}: FAILED: {error}", flush=True)
             code = 1
             continue
         print(
             f"{path}: {found.values:,} values ({found.numbers:,} numbers in arrays) are restored; a new "
-            f"algorithm differs in {found.changed:,}, {found.changed_weights} of {found.weights} arrays of "
-            "weights among them",
+            f"algorithm differs in {found.changed:,}, {found.changed_weights} of the {found.weights} of "
+            "networks among them",
             flush=True,
         )
     return code
