@@ -94,7 +94,8 @@ def _row_of(obs: ActionBatch, row: int) -> ActionBatch:
     """Return the request for a single vehicle."""
     here = slice(row, row + 1)
     seen = {name: array[here] for name, array in obs.observations.items()}
-    return ActionBatch(seen, *(array[here] for array in obs[1:]))
+    others = {name: getattr(obs, name)[here] for name in ActionBatch._fields[1:]}
+    return ActionBatch(observations=seen, **others)
 
 
 def _digest_of(obs: ActionBatch, row: int) -> int:
