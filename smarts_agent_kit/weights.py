@@ -104,11 +104,11 @@ def check_network(
     for number, (kind, arrays) in enumerate(layers):
         if not arrays:
             continue
-        if width is None:
-            for what, count in narrow.items():
-                if arrays[0].ndim != 2 or not 0 <= count <= len(arrays[0]):
-                    raise ExportError(f"{what} {count} is more than its first layer reads", place)
+        is_first = width is None
         width = check_layer(f"layer {number} ({kind})", kind, arrays, memory, place, width)
+        for what, count in narrow.items() if is_first else ():
+            if not 0 <= count <= len(arrays[0]):
+                raise ExportError(f"{what} {count} is more than its first layer reads", place)
     if width is None:
         raise ExportError("its network has no weights", place)
 

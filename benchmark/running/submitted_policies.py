@@ -63,7 +63,7 @@ def check_policy(entry: Entry, folder: Path, number: int) -> Policy:
     except RefusedError:
         raise
     except SmartsError as error:
-        raise _refused(entry, f"{entry.agent}: {error}") from error
+        raise _refused(entry, f"{entry.agent}: {error.problem}") from error
     except Exception as error:  # of zip, of numpy or of a value of a wrong type
         raise _refused(entry, f"{entry.agent}: no policy: {type(error).__name__}: {error}") from error
     found = hashlib.blake2b(digest_size=16)
