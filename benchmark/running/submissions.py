@@ -54,6 +54,8 @@ from smarts_agent_kit.weights import CONTENT
 
 RESERVED = (SCRIPTED, SUBMISSION, ROBUSTNESS, MANIFEST, VERDICTS)
 """Names in a folder of results that no algorithm can have."""
+LONGEST_NAME = 100
+"""Characters of an algorithm's name."""
 DRIVING = ("vehicle_class", "vehicle_model", "tyre_model", "flat_tyres")
 SETTINGS = {"vehicle_class": "vehicle"}
 """Field of an interface -> setting of the environment, where the names differ."""
@@ -205,6 +207,8 @@ def _wrong_entries(manifest: Manifest, folder: Path, number: int) -> Iterator[st
         seen.add(entry.place)
         if entry.algorithm in RESERVED:
             yield f"{entry}: results need the name {entry.algorithm} for something else"
+        if len(entry.algorithm) > LONGEST_NAME:
+            yield f"{entry}: its algorithm's name has more than {LONGEST_NAME} characters"
         foreign = [*_foreign(entry, number)]
         yield from foreign
         if not foreign and (entry.task, entry.traffic) not in played:

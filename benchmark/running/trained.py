@@ -26,7 +26,7 @@ class Trained(Section):
     task: FolderName
     scenarios: Annotated[list[str], Field(min_length=1)]
     traffic: FolderName
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0, lt=2**31)]
     environment: dict[str, Any]
     benchmark_version: int | None = None
 

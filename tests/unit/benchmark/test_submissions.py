@@ -623,13 +623,25 @@ def test_a_held_out_variation_is_no_task(submission, tmp_path, frozen):
     assert "loop@dense, no_social_vehicles is no scenario" in refusal(submission(vary), tmp_path / "out")
 
 
-@pytest.mark.parametrize("name", ["scripted", "submission", "robustness"])
-def test_names_that_results_need_are_refused(submission, tmp_path, name):
+@pytest.mark.parametrize(
+    ("name", "named"),
+    [
+        ("scripted", "results need the name scripted for something else"),
+        ("submission", "results need the name submission for something else"),
+        ("robustness", "results need the name robustness for something else"),
+        ("x" * 300, "name has more than 100 characters"),
+    ],
+)
+def test_names_that_results_cannot_have_are_refused(submission, tmp_path, name, named):
     def rename(manifest):
         manifest["policies"][0]["algorithm"] = name
 
-    problem = refusal(submission(rename), tmp_path / "out")
-    assert f"results need the name {name} for something else" in problem
+    assert named in refusal(submission(rename), tmp_path / "out")
+
+
+def test_a_seed_that_tables_cannot_hold_is_refused(submission, tmp_path):
+    root = submission(lambda manifest: manifest["policies"][0].update(seed=2**70))
+    assert "policies[0].seed" in refusal(root, tmp_path / "out")
 
 
 @pytest.mark.parametrize(("algorithm", "is_refused"), [("ppo", True), ("commnet", False), ("own-one", False)])
