@@ -48,7 +48,7 @@ def trained_on(path: Path) -> Trained:
             "does not say what the policy was trained on", place=str(path), remedy="export it again"
         )
     try:
-        trained = fitted(found, Trained, f"{path / CONTENT}, {TRAINED}")
+        trained = fitted(found, Trained, TRAINED)
         foreign = [*own_names([content.get("observation"), trained.environment])]
     except (ConfigError, RecursionError) as error:
         raise SmartsError(
