@@ -55,8 +55,13 @@ def verify(
         int, typer.Option(help="Test episodes on each held-out variation.", min=0)
     ] = 0,
     fresh: Annotated[
-        int, typer.Option(help="Further episodes, of a seed that is drawn now; 0: none.", min=0)
-    ] = 50,
+        int | None,
+        typer.Option(
+            help="Further episodes, of a seed that is drawn now; 0: none.",
+            min=0,
+            show_default="as many as --episodes",
+        ),
+    ] = None,
     version: Annotated[
         int | None,
         typer.Option(
@@ -81,9 +86,9 @@ def verify(
     """
     from benchmark.results.release import CONFIRMED
     from benchmark.running.experiment import interruptible
+    from benchmark.running.submission_folder import write_claims
     from benchmark.running.submissions import submitted
     from benchmark.running.verifying import verify as evaluate
-    from benchmark.running.verifying import write_claims
 
     manifest, folder = submitted(submission, number=version, scenarios=scenario or (), traffic=traffic or ())
     test = {"episodes": episodes, "held_out_episodes": held_out_episodes, "fresh": fresh}

@@ -26,6 +26,8 @@ SUBMISSION = "submission"
 """In run.json: what was submitted, and how it compares; see `Verdict.content`."""
 VERDICTS = "verdicts.json"
 """Of a folder of evaluated submissions: all verdicts."""
+FRESH_SEED = "fresh_seed"
+"""In verdicts.json and run.json: of the fresh episodes, the same for all policies of a submission."""
 CONFIRMED, MARKED, REFUSED = "confirmed", "marked", "refused"
 """Status of an evaluated policy, from good to bad."""
 LARGEST_FILE, LARGEST = 1_000_000, 60_000_000
@@ -52,7 +54,7 @@ class Entry(Section):
     """That trained it."""
     files: dict[str, str] = Field(default_factory=dict)
     """Name -> digest, of the folder."""
-    scores: dict[str, float] = Field(default_factory=dict)
+    scores: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(default_factory=dict)
     """Metric -> value, of all test episodes that are not held out."""
     episodes: dict[str, list[str]] = Field(default_factory=dict)
     """Scenario -> digest of each test episode, in their order; held-out variations too."""

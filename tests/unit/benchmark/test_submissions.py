@@ -32,8 +32,9 @@ from benchmark.running.blind import BlindAgent
 from benchmark.running.evaluate_agent import evaluate_exported, play_agent
 from benchmark.running.played import scenario_digests
 from benchmark.running.releasing import write_release
+from benchmark.running.submission_folder import write_claims
 from benchmark.running.submissions import submitted
-from benchmark.running.verifying import verify, write_claims
+from benchmark.running.verifying import verify
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.errors import SmartsError
 from smarts.types.streams import hold_seed
