@@ -18,7 +18,7 @@ from benchmark.metrics import read_table
 from benchmark.results.files import (
     ResultsError,
     locked,
-    read_mapping,
+    read_json,
     replace_folder,
     write_files,
     write_json,
@@ -54,7 +54,8 @@ def open_evaluation(manifest: Manifest, out: Path) -> int:
                 f"holds something else: {', '.join(others[:5])}", place=str(out), remedy=another
             )
         write_verdicts(manifest, out, secrets.randbits(31), ())
-    said = read_mapping(file)
+    said = read_json(file, remedy=another)
+    said = said if isinstance(said, dict) else {}
     if said.get(SUBMISSION) != _digest_of(manifest) or not isinstance(said.get(FRESH_SEED), int):
         raise ResultsError("holds the evaluation of another submission", place=str(out), remedy=another)
     for path in out.glob("*/*/*/*"):
