@@ -211,13 +211,13 @@ def _places(
     places = []
     for (task, traffic), rows in sorted(found.items()):
         rates = {entry: row[: len(RANKED_BY)] for entry, row in rows.items()}
-        of = {entry: marks.get((*entry.split("\n"), task, traffic)) for entry in rows}  # type: ignore[arg-type]
-        apart = scripted | {entry for entry, mark in of.items() if mark and mark.knows_test}
+        known = {entry: marks.get(_key(entry, task, traffic)) for entry in rows}
+        apart = scripted | {entry for entry, mark in known.items() if mark and mark.knows_test}
         ranked = [entry for entry in rates if entry not in apart and all(x.is_known for x in rates[entry])]
         standings = ranks(of_cell(differing, task, traffic), ranked)
         for entry in sorted(rates, key=lambda each: _order(standings.get(each), rates[each])):
             experiment, _, algorithm = entry.partition("\n")
-            standing, mark = standings.get(entry), of[entry]
+            standing, mark = standings.get(entry), known[entry]
             places.append(
                 Place(
                     letter,
@@ -235,6 +235,11 @@ def _places(
                 )
             )
     return places
+
+
+def _key(entry: str, task: str, traffic: str) -> tuple[str, str, str, str]:
+    experiment, _, algorithm = entry.partition("\n")
+    return experiment, algorithm, task, traffic
 
 
 def _order(standing: Standing | None, figures: Sequence[Value]) -> tuple[float, float, float]:

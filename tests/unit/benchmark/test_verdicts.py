@@ -1,7 +1,8 @@
-"""Verdicts on submissions: nothing of others is lost, nothing false is confirmed, nothing honest is marked."""
+"""Verdicts on submissions: nothing of others is lost, nothing false confirmed, nothing honest marked."""
 
 import itertools
 import json
+import math
 import shutil
 
 import numpy as np
@@ -292,9 +293,10 @@ def test_a_copy_of_a_policy_is_no_further_evidence():
 
 
 def test_a_difference_is_judged_among_all_cells_of_a_submission():
-    public, fresh = played([["goal"]] * 10), played([["goal"]] * 4 + [["time_out"]] * 6)
-    by_hand = p_value(*(judging._by_episode([each], "goal") for each in (public, fresh)))
-    assert 2 * by_hand < judging.MOST_P * 2  # two rates, one of which is equal
+    """All seven failures are fresh: p = C(10, 7) / C(20, 7); the rate of collisions is a second test."""
+    public, fresh = played([["goal"]] * 10), played([["goal"]] * 3 + [["time_out"]] * 7)
+    found = p_value(*(judging._by_episode([each], "goal") for each in (public, fresh)))
+    assert abs(found - math.comb(10, 7) / math.comb(20, 7)) < 0.0005
     cells = {f"cell {number}": [(public, public)] for number in range(20)}
     assert memorized({"cell": [(public, fresh)]})
     assert not memorized({"cell": [(public, fresh)], **cells})
