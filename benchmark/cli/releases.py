@@ -79,7 +79,7 @@ def verify(
 ) -> None:
     """Play a release or a submission, and compare scores and episodes with those that it claims.
 
-    Exit code 0 if every policy is confirmed, 1 if one is marked or refused, 2 if nothing is played.
+    Exit code 0 if every policy is confirmed, 1 if one is marked or refused, 2 if it cannot be evaluated.
 
     The submission runs no code here, and its agents get no seed. One that claims nothing gets its claims:
     what to submit is then in OUT/submission. Give the same command again to resume.

@@ -41,6 +41,11 @@ class Submitted:
         return algorithm_label(self.algorithm)
 
     @property
+    def key(self) -> tuple[str, str, str, str]:
+        """Folder, algorithm, task and traffic."""
+        return self.experiment, self.algorithm, self.task, self.traffic
+
+    @property
     def cell(self) -> str:
         """Name of the cell."""
         return f"{task_label(self.task)}, {traffic_label(self.traffic)}"
@@ -78,13 +83,15 @@ def read_submitted(root: Path, experiment: str, runs: Iterable[RunResult]) -> li
     try:
         found = [_submitted(run.facts[SUBMISSION], experiment) for run in runs if SUBMISSION in run.facts]
         said = read_mapping(file)["verdicts"] if file.exists() else []
-        return found + [_submitted(each, experiment) for each in said if each["status"] == REFUSED]
+        refused = [_submitted(each, experiment) for each in said if each["status"] == REFUSED]
     except (KeyError, TypeError, ValueError) as error:
         raise ResultsError(
             f"verdicts are damaged: {type(error).__name__}: {error}",
             place=str(root),
             remedy="remove the folder, and verify the submission again",
         ) from error
+    played = {(*each.key, each.seed) for each in found}
+    return found + [each for each in refused if (*each.key, each.seed) not in played]
 
 
 def _submitted(said: Mapping[str, Any], experiment: str) -> Submitted:
@@ -114,8 +121,7 @@ def marks_of(submitted: Sequence[Submitted]) -> dict[tuple[str, str, str, str], 
     order = (CONFIRMED, MARKED, REFUSED)
     found: dict[tuple[str, str, str, str], Mark] = {}
     for each in submitted:
-        key = each.experiment, each.algorithm, each.task, each.traffic
-        before = found.get(key, Mark(CONFIRMED, knows_test=False))
+        before = found.get(each.key, Mark(CONFIRMED, knows_test=False))
         worst = max(before.status, each.status, key=order.index)
-        found[key] = Mark(worst, before.knows_test or each.knows_test)
+        found[each.key] = Mark(worst, before.knows_test or each.knows_test)
     return found
