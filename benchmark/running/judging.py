@@ -8,8 +8,10 @@ import numpy as np
 import pandas as pd
 
 from benchmark.metrics.results import Frame
-from benchmark.results.release import Entry, episode_digests
+from benchmark.results.release import Entry
 from benchmark.statistics import holm
+
+Digests = Mapping[str, Sequence[str]]
 
 TOLERATED = 0.01
 """Share of a policy's episodes that may differ from those claimed: it was tested in 32 bits and is played in
@@ -21,32 +23,33 @@ MOST_P = 0.01
 RESAMPLES = 100_000
 
 
-def equal_digests(entry: Entry, table: Frame) -> dict[str, tuple[int, int]]:
+def equal_digests(entry: Entry, played: Digests) -> dict[str, tuple[int, int]]:
     """Return by scenario how many claimed digests are those of the episodes, and how many were compared.
 
     Args:
         entry: Whose claims are compared.
-        table: Of its test.
+        played: Scenario -> digest of each episode; see `episode_digests`.
     """
     found = {}
-    for scenario, derived in episode_digests(table).items():
+    for scenario, derived in played.items():
         pairs = [*zip(derived, entry.episodes.get(scenario, ()), strict=False)]
         found[scenario] = sum(one == two for one, two in pairs), len(pairs)
     return found
 
 
-def differences(entry: Entry, table: Frame, scores: Mapping[str, float]) -> Iterator[str]:
+def differences(entry: Entry, table: Frame, scores: Mapping[str, float], digests: Digests) -> Iterator[str]:
     """Yield in what an entry's claims are not what its episodes gave.
 
     Args:
         entry: Whose claims are compared.
         table: Of its test.
         scores: Of the test.
+        digests: Scenario -> digest of each episode; see `episode_digests`.
     """
     if not entry.episodes:
         yield "claims no episodes"
         return
-    equal = equal_digests(entry, table)
+    equal = equal_digests(entry, digests)
     compared = sum(count for _, count in equal.values())
     differing = compared - sum(count for count, _ in equal.values())
     if not compared or differing > TOLERATED * compared:
@@ -55,8 +58,8 @@ def differences(entry: Entry, table: Frame, scores: Mapping[str, float]) -> Iter
     if foreign:
         yield f"claims episodes of {', '.join(foreign)}, which it does not play"
     claimed, played = (
-        sum(len(each) for name, each in digests.items() if "@" not in name)
-        for digests in (entry.episodes, episode_digests(table))
+        sum(len(each) for name, each in given.items() if "@" not in name)
+        for given in (entry.episodes, digests)
     )
     if claimed != played:
         yield f"claims {claimed} test episodes, {played} were played: its scores are not compared"

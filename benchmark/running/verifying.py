@@ -32,6 +32,7 @@ from benchmark.results.release import (
     SUBMISSION,
     Entry,
     Manifest,
+    episode_digests,
     scores_of,
 )
 from benchmark.results.run_folder import FINISHED, SCENARIOS, TESTING, RunFolder
@@ -273,13 +274,14 @@ def _judged(
         if each.table is None:
             yield Verdict(entry, REFUSED, (each.refused,), {}, 0, 0, {})
             continue
-        scores, digests = scores_of(each.table), equal_digests(entry, each.table).values()
+        scores, digests = scores_of(each.table), episode_digests(each.table)
         fresh: dict[str, Any] = {}
         if each.fresh is not None:
             fresh = {**again, "scores": scores_of(each.fresh)}
         known = learnt.get(entry.cell, [])
         marks = [reason for cell, reason in general if cell in (entry.cell, "")]
-        reasons = (*marks, *differences(entry, each.table, scores), *known)
-        equal, compared = (sum(pair[part] for pair in digests) for part in (0, 1))
+        reasons = (*marks, *differences(entry, each.table, scores, digests), *known)
+        same = equal_digests(entry, digests).values()
+        equal, compared = (sum(pair[part] for pair in same) for part in (0, 1))
         status = MARKED if reasons else CONFIRMED
         yield Verdict(entry, status, reasons, scores, equal, compared, fresh, knows_test=bool(known))

@@ -215,7 +215,7 @@ def played(outcomes, **given):
 
 
 def reasons(entry, table):
-    return [*differences(entry, table, scores_of(table))]
+    return [*differences(entry, table, scores_of(table), episode_digests(table))]
 
 
 def test_false_claims_are_marked_however_many_episodes_they_name():
