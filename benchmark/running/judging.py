@@ -121,7 +121,7 @@ def p_value(larger: np.ndarray, smaller: np.ndarray) -> float:
         return 1.0
     both = np.round(np.concatenate([larger, smaller]), 9)
     values, counts = np.unique(both, return_counts=True)
-    rng = np.random.Generator(np.random.PCG64(0))
+    rng = np.random.Generator(np.random.Philox(0))
     drawn = rng.multivariate_hypergeometric(counts, len(larger), size=RESAMPLES) @ values
     reached = int((drawn >= both[: len(larger)].sum() - 1e-6).sum())
     return (1 + reached) / (RESAMPLES + 1)

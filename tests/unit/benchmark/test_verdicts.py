@@ -273,7 +273,7 @@ def drawn(rng, rates):
 
 def test_all_seeds_of_a_cell_are_tested_together():
     """Each seed alone is 0.9 in public and 0.8 in fresh episodes, which might be chance."""
-    rng = np.random.Generator(np.random.PCG64(1))
+    rng = np.random.Generator(np.random.Philox(1))
     pairs = [(drawn(rng, [0.9] * 100), drawn(rng, [0.8] * 100)) for _ in range(3)]
     (reason,) = memorized({"cell": pairs})["cell"]
     assert reason.startswith("completion rate 0.9")
@@ -283,7 +283,7 @@ def test_all_seeds_of_a_cell_are_tested_together():
 
 def test_a_copy_of_a_policy_is_no_further_evidence():
     """Policies of a cell play the same episodes: those that are easy are easy for all of them."""
-    rng = np.random.Generator(np.random.PCG64(2))
+    rng = np.random.Generator(np.random.Philox(2))
     public, fresh = drawn(rng, [0.9] * 40), drawn(rng, [0.78] * 40)
     one, many = (
         [judging._by_episode([table] * count, "goal") for table in (public, fresh)] for count in (1, 9)
