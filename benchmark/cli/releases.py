@@ -55,8 +55,13 @@ def verify(
         int, typer.Option(help="Test episodes on each held-out variation.", min=0)
     ] = 0,
     fresh: Annotated[
-        int, typer.Option(help="Further episodes, of a seed that is drawn now; 0: none.", min=0)
-    ] = 50,
+        int | None,
+        typer.Option(
+            help="Further episodes, of a seed that is drawn now; 0: none.",
+            min=0,
+            show_default="as many as --episodes",
+        ),
+    ] = None,
     version: Annotated[
         int | None,
         typer.Option(
@@ -80,16 +85,16 @@ def verify(
 ) -> None:
     """Play a release or a submission, and compare scores and episodes with those that it claims.
 
-    Exit code 0 if every policy is confirmed, 1 if one is marked or refused, 2 if nothing is played.
+    Exit code 0 if every policy is confirmed, 1 if one is marked or refused, 2 if it cannot be evaluated.
 
     The submission runs no code here, and its agents get no seed. One that claims nothing gets its claims:
     what to submit is then in OUT/submission. Give the same command again to resume.
     """
     from benchmark.results.release import CONFIRMED
     from benchmark.running.experiment import interruptible
+    from benchmark.running.submission_folder import write_claims
     from benchmark.running.submissions import submitted
     from benchmark.running.verifying import verify as evaluate
-    from benchmark.running.verifying import write_claims
 
     manifest, folder = submitted(
         submission,

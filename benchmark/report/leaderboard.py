@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -13,13 +13,12 @@ from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics.results import Frame, measured_in
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.report.protocol import described, differing_scenarios, protocol_of
+from benchmark.report.protocol import SUBMITTED, described, differing_scenarios, protocol_of
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
-from benchmark.report.submissions import Submitted, read_submitted, statuses
+from benchmark.report.submissions import Mark, Submitted, has_no_runs, marks_of, read_submitted
 from benchmark.report.values import MODES, Value, by_key, measure_cells
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult, read_results
-from benchmark.results.release import REFUSED
 from benchmark.statistics import interquartile_mean
 from smarts.registry import is_own_name
 
@@ -39,7 +38,8 @@ class Place:
     algorithm: str
     paradigm: str
     rank: int | None
-    """None for scripted policies, without a figure, and without another algorithm at equal starts."""
+    """None for scripted policies and submissions that know the test, without a figure, and without another
+    algorithm at equal starts."""
     is_tied: bool
     completion: Value
     collision: Value
@@ -47,6 +47,8 @@ class Place:
     """Of `Leaderboard.own_metrics`."""
     status: str = ""
     """Of an evaluated submission, the worst of its seeds': confirmed, marked or refused."""
+    knows_test: bool = False
+    """Of an evaluated submission: whether it does better in the public test than in fresh episodes."""
 
     @property
     def label(self) -> str:
@@ -120,26 +122,25 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
     """
     _check_distinct(roots)
     names = _names(roots)
-    pairs = zip(names, roots, strict=True)
-    submitted = [each for name, root in pairs for each in read_submitted(root, name)]
-    of_refused = {each.experiment for each in submitted} - {
-        each.experiment for each in submitted if each.status != REFUSED
-    }
-    experiments = {
-        name: read_results(root) for name, root in zip(names, roots, strict=True) if name not in of_refused
-    }
+    experiments: dict[str, Results] = {}
+    submitted: list[Submitted] = []
+    for name, root in zip(names, roots, strict=True):
+        if not has_no_runs(root):
+            experiments[name] = read_results(root)
+        finished = experiments[name].finished if name in experiments else ()
+        submitted += read_submitted(root, name, finished)
     parts = [_labelled(results, name) for name, results in experiments.items()]
     table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"protocol": []})
     letters = {text: _letters(number) for number, text in enumerate(dict.fromkeys(table["protocol"]))}
     own = tuple(measure.name for measure in measured_in(table) if is_own_name(measure.name))
     places: list[Place] = []
-    status = statuses(submitted)
+    marks = marks_of(submitted)
     for protocol, letter in letters.items():
-        places += _places(table[table["protocol"] == protocol], letter, mode, own)
+        places += _places(table[table["protocol"] == protocol], letter, mode, own, marks)
     return Leaderboard(
         mode=mode,
         protocols=dict(zip(letters.values(), described([*letters]), strict=True)),
-        places=tuple(replace(each, status=status.get(each.key, "")) for each in places),
+        places=tuple(places),
         summaries=tuple(summary for letter in letters.values() for summary in _summaries(places, letter)),
         problems=(*_problems(experiments), *differing_scenarios(_named(experiments))),
         own_metrics=own,
@@ -191,7 +192,13 @@ def _letters(number: int) -> str:
     return (_letters(high - 1) if high else "") + string.ascii_uppercase[low]
 
 
-def _places(table: Frame, letter: str, mode: str, own: Sequence[str]) -> list[Place]:
+def _places(
+    table: Frame,
+    letter: str,
+    mode: str,
+    own: Sequence[str],
+    marks: Mapping[tuple[str, str, str, str], Mark],
+) -> list[Place]:
     """Return the places under one protocol."""
     table = table[table["mode"].isin([mode, SCRIPTED])]
     values = by_key(measure_cells(table.assign(algorithm=table["entry"]), [*RANKED_BY, *own]))
@@ -204,11 +211,13 @@ def _places(table: Frame, letter: str, mode: str, own: Sequence[str]) -> list[Pl
     places = []
     for (task, traffic), rows in sorted(found.items()):
         rates = {entry: row[: len(RANKED_BY)] for entry, row in rows.items()}
-        ranked = [entry for entry in rates if entry not in scripted and all(x.is_known for x in rates[entry])]
+        known = {entry: marks.get(_key(entry, task, traffic)) for entry in rows}
+        apart = scripted | {entry for entry, mark in known.items() if mark and mark.knows_test}
+        ranked = [entry for entry in rates if entry not in apart and all(x.is_known for x in rates[entry])]
         standings = ranks(of_cell(differing, task, traffic), ranked)
         for entry in sorted(rates, key=lambda each: _order(standings.get(each), rates[each])):
             experiment, _, algorithm = entry.partition("\n")
-            standing = standings.get(entry)
+            standing, mark = standings.get(entry), known[entry]
             places.append(
                 Place(
                     letter,
@@ -216,14 +225,21 @@ def _places(table: Frame, letter: str, mode: str, own: Sequence[str]) -> list[Pl
                     traffic,
                     experiment,
                     algorithm,
-                    paradigm_of(algorithm, entry in scripted),
+                    SUBMITTED if mark else paradigm_of(algorithm, entry in scripted),
                     standing.rank if standing else None,
                     standing is not None and standing.is_tied,
                     *rates[entry],
                     own=tuple(rows[entry][len(RANKED_BY) :]),
+                    status=mark.status if mark else "",
+                    knows_test=mark is not None and mark.knows_test,
                 )
             )
     return places
+
+
+def _key(entry: str, task: str, traffic: str) -> tuple[str, str, str, str]:
+    experiment, _, algorithm = entry.partition("\n")
+    return experiment, algorithm, task, traffic
 
 
 def _order(standing: Standing | None, figures: Sequence[Value]) -> tuple[float, float, float]:
@@ -232,7 +248,7 @@ def _order(standing: Standing | None, figures: Sequence[Value]) -> tuple[float, 
 
 
 def _summaries(places: Sequence[Place], letter: str) -> list[Summary]:
-    own = [place for place in places if place.protocol == letter]
+    own = [place for place in places if place.protocol == letter and not place.knows_test]
     most = len({(place.task, place.traffic) for place in own})
     entries = dict.fromkeys((place.experiment, place.algorithm, place.paradigm) for place in own)
     found = []

@@ -28,7 +28,7 @@ SUBMITTED_COLUMNS: list[Column] = [
     ("seed", "Of training", False),
     ("completion", "Completion rate: claimed / of the episodes played here", False),
     ("collision", "Collision rate: claimed / of the episodes played here", False),
-    ("digests", "Episodes that went as claimed, of those claimed and played", False),
+    ("digests", "Episodes that went as claimed, of those that were both claimed and played here", False),
     ("evaluated", "Confirmed, marked or refused", True),
     ("why", "Why it is marked or refused", True),
 ]
@@ -46,7 +46,7 @@ def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:
 
 def leaderboard_page(board: Leaderboard) -> str:
     """Return a leaderboard as an HTML page."""
-    submitted = board.submitted
+    submitted, has_status = board.submitted, any(place.status for place in board.places)
     several = [PROTOCOL] if len(board.protocols) > 1 else []
     rates, own = _columns(RANKED_BY), _columns(board.own_metrics)
     means = _columns(RANKED_BY, "Interquartile mean of: ")
@@ -59,7 +59,7 @@ def leaderboard_page(board: Leaderboard) -> str:
         *own,
         ("seeds", "Number of training seeds", False),
         ("episodes", "Of the test, all seeds together", False),
-        *([STATUS] if submitted else []),
+        *([STATUS] if has_status else []),
     ]
     summary_columns: list[Column] = [
         *(ALGORITHM, *several, EXPERIMENT, PARADIGM),
@@ -82,6 +82,7 @@ def leaderboard_page(board: Leaderboard) -> str:
         traffics=[(name, traffic_label(name)) for name in dict.fromkeys(each.traffic for each in places)],
         paradigms=[(name, name) for name in sorted({each.paradigm for each in places})],
         submitted=submitted,
+        has_status=has_status,
         submitted_columns=SUBMITTED_COLUMNS,
         metrics=[METRICS[name] for name in (*RANKED_BY, *board.own_metrics)],
     )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.results.files import ResultsError, read_mapping
-from benchmark.results.release import CONFIRMED, MARKED, REFUSED, VERDICTS
+from benchmark.results.reading import RunResult
+from benchmark.results.release import CONFIRMED, MARKED, REFUSED, SUBMISSION, VERDICTS
 
 
 @dataclass(frozen=True)
@@ -31,11 +32,18 @@ class Submitted:
     scores: Mapping[str, float]
     digests: tuple[int, int]
     """Equal ones, of those compared."""
+    knows_test: bool = False
+    """Whether it does better in the public test than in fresh episodes."""
 
     @property
     def label(self) -> str:
         """Name of the algorithm."""
         return algorithm_label(self.algorithm)
+
+    @property
+    def key(self) -> tuple[str, str, str, str]:
+        """Folder, algorithm, task and traffic."""
+        return self.experiment, self.algorithm, self.task, self.traffic
 
     @property
     def cell(self) -> str:
@@ -53,21 +61,37 @@ def _text(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
-def read_submitted(root: Path, experiment: str) -> list[Submitted]:
+def has_no_runs(root: Path) -> bool:
+    """Return whether a folder holds verdicts of `smarts-bench verify`, and no policy that was played."""
+    return (root / VERDICTS).exists() and not any(root.glob("*/*/*/seed_*/run.json"))
+
+
+def read_submitted(root: Path, experiment: str, runs: Iterable[RunResult]) -> list[Submitted]:
     """Return the policies of a folder that `smarts-bench verify` has written; none of any other folder.
+
+    What is said of a policy that was played is in its run.json; refused ones are in verdicts.json.
+
+    Args:
+        root: The folder.
+        experiment: Its name.
+        runs: Its finished runs.
 
     Raises:
         ResultsError: The verdicts are damaged.
     """
     file = root / VERDICTS
-    if not file.exists():
-        return []
     try:
-        return [_submitted(each, experiment) for each in read_mapping(file)["verdicts"]]
+        found = [_submitted(run.facts[SUBMISSION], experiment) for run in runs if SUBMISSION in run.facts]
+        said = read_mapping(file)["verdicts"] if file.exists() else []
+        refused = [_submitted(each, experiment) for each in said if each["status"] == REFUSED]
     except (KeyError, TypeError, ValueError) as error:
         raise ResultsError(
-            f"damaged: {type(error).__name__}: {error}", place=str(file), remedy="verify the submission again"
+            f"verdicts are damaged: {type(error).__name__}: {error}",
+            place=str(root),
+            remedy="remove the folder, and verify the submission again",
         ) from error
+    played = {(*each.key, each.seed) for each in found}
+    return found + [each for each in refused if (*each.key, each.seed) not in played]
 
 
 def _submitted(said: Mapping[str, Any], experiment: str) -> Submitted:
@@ -80,14 +104,24 @@ def _submitted(said: Mapping[str, Any], experiment: str) -> Submitted:
         claimed=dict(said["claimed"]),
         scores=dict(said["scores"]),
         digests=(int(equal), int(compared)),
+        knows_test=bool(said["knows_test"]),
     )
 
 
-def statuses(submitted: Sequence[Submitted]) -> dict[tuple[str, str, str, str], str]:
-    """Return by folder, algorithm, task and traffic the worst status of the seeds."""
+class Mark(NamedTuple):
+    """What is known of an algorithm of a submission in a cell."""
+
+    status: str
+    """The worst of its seeds."""
+    knows_test: bool
+
+
+def marks_of(submitted: Sequence[Submitted]) -> dict[tuple[str, str, str, str], Mark]:
+    """Return the marks by folder, algorithm, task and traffic."""
     order = (CONFIRMED, MARKED, REFUSED)
-    found: dict[tuple[str, str, str, str], str] = {}
+    found: dict[tuple[str, str, str, str], Mark] = {}
     for each in submitted:
-        key = each.experiment, each.algorithm, each.task, each.traffic
-        found[key] = max(found.get(key, order[0]), each.status, key=order.index)
+        before = found.get(each.key, Mark(CONFIRMED, knows_test=False))
+        worst = max(before.status, each.status, key=order.index)
+        found[each.key] = Mark(worst, before.knows_test or each.knows_test)
     return found

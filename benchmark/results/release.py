@@ -26,6 +26,8 @@ SUBMISSION = "submission"
 """In run.json: what was submitted, and how it compares; see `Verdict.content`."""
 VERDICTS = "verdicts.json"
 """Of a folder of evaluated submissions: all verdicts."""
+FRESH_SEED = "fresh_seed"
+"""In verdicts.json and run.json: of the fresh episodes, the same for all policies of a submission."""
 CONFIRMED, MARKED, REFUSED = "confirmed", "marked", "refused"
 """Status of an evaluated policy, from good to bad."""
 LARGEST_FILE, LARGEST = 1_000_000, 60_000_000
@@ -33,6 +35,7 @@ LARGEST_FILE, LARGEST = 1_000_000, 60_000_000
 SEEDS = 3
 """Training seeds that an entry of a version has at least."""
 ADDRESS = "tcp://"
+_NAMES = ("traffic", "seed", "world", "agent", "outcome", "is_invalid")
 _NUMBERS = ("start_x", "start_y", "start_heading", "start_speed", "duration", "distance_travelled")
 
 
@@ -52,7 +55,7 @@ class Entry(Section):
     """That trained it."""
     files: dict[str, str] = Field(default_factory=dict)
     """Name -> digest, of the folder."""
-    scores: dict[str, float] = Field(default_factory=dict)
+    scores: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(default_factory=dict)
     """Metric -> value, of all test episodes that are not held out."""
     episodes: dict[str, list[str]] = Field(default_factory=dict)
     """Scenario -> digest of each test episode, in their order; held-out variations too."""
@@ -127,7 +130,8 @@ def episode_digests(table: Frame, modes: Iterable[str] = ("greedy",)) -> dict[st
     rows = table[table["mode"].isin([*modes])]
     names = rows["scenario"].where(rows["variation"] == "", rows["scenario"] + "@" + rows["variation"])
     found: dict[str, list[str]] = {}
-    for (name, _), episode in rows.groupby([names.rename("_name"), "world"], sort=True):
+    kept = rows[[*_NAMES, *_NUMBERS]]
+    for (name, _), episode in kept.groupby([names.rename("_name"), "world"], sort=True):
         found.setdefault(str(name), []).append(_digest_of(episode))
     return found
 
@@ -135,8 +139,7 @@ def episode_digests(table: Frame, modes: Iterable[str] = ("greedy",)) -> dict[st
 def _digest_of(episode: Frame) -> str:
     ordered = episode.sort_values("agent")
     lines = [
-        [str(each[name]) for name in ("traffic", "seed", "world", "agent", "outcome", "is_invalid")]
-        + [f"{np.float64(each[name]):z.6f}" for name in _NUMBERS]
+        [str(each[name]) for name in _NAMES] + [f"{np.float64(each[name]):z.6f}" for name in _NUMBERS]
         for each in ordered.to_dict("records")
     ]
     return hashlib.blake2b(json.dumps(lines).encode(), digest_size=6).hexdigest()

@@ -31,13 +31,14 @@ from benchmark.results.release import (
     scores_of,
 )
 from benchmark.results.run_folder import RunFolder
-from benchmark.running import verifying
 from benchmark.running.blind import BlindAgent
 from benchmark.running.evaluate_agent import evaluate_exported, play_agent
+from benchmark.running.judging import memorized
 from benchmark.running.played import scenario_digests
 from benchmark.running.releasing import write_release
+from benchmark.running.submission_folder import write_claims
 from benchmark.running.submissions import agent_of, check_manifest, submitted
-from benchmark.running.verifying import verify, write_claims
+from benchmark.running.verifying import verify
 from smarts.agents.hosting.facts import check_observation
 from smarts.agents.hosting.options import HostError
 from smarts.agents.policy import ActionBatch, BatchAgent
@@ -410,11 +411,11 @@ def test_who_knows_the_test_by_heart_is_marked():
     """All public episodes succeed, and hardly one of those that nobody could know."""
     public = agent_episodes([["goal", "goal"]] * 12, mode="greedy")
     fresh = agent_episodes([["goal", "collision"]] * 2 + [["collision", "time_out"]] * 10, mode="greedy")
-    completion, collision = verifying._memorized(public, fresh)
+    completion, collision = memorized({"cell": [(public, fresh)]})["cell"]
     assert "completion rate 1.000 in the public test, 0.083 in fresh episodes" in completion
     assert "collision rate 0.000" in collision
     honest = agent_episodes([["goal", "goal"]] * 10 + [["goal", "collision"]] * 2, mode="greedy")
-    assert not [*verifying._memorized(public, honest)]
+    assert not memorized({"cell": [(public, honest)]})
 
 
 def test_digests_see_the_distance_to_the_micrometre_and_no_metric():
