@@ -256,7 +256,9 @@ def test_results_of_several_versions_or_commits_are_refused(copy, capsys, monkey
     monkeypatch.setattr(robustness_checks, "commit", lambda: "present")
     cells_of(copy, Given())
     assert "note: this program is of commit present" in capsys.readouterr().err
-    configs = [run_place(copy, name) / "config.yaml" for name in ("ppo", "commnet", "maddpg")]
+    scripted = copy / "scripted" / "gap_acceptance" / TASK / TRAFFIC
+    places = [*(run_place(copy, name) for name in ("ppo", "commnet", "maddpg")), scripted]
+    configs = [place / "config.yaml" for place in places]
     configs[0].write_text(configs[0].read_text() + "benchmark_version: 1\n")
     with pytest.raises(ResultsError, match="several versions"):
         cells_of(copy, Given())
