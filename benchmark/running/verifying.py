@@ -256,7 +256,7 @@ def _p_value(larger: np.ndarray, smaller: np.ndarray) -> float:
     """Return the one-sided p-value of a permutation test of means; 1 where there is nothing to compare."""
     if not len(larger) or not len(smaller):
         return 1.0
-    both, rng = np.concatenate([larger, smaller]), np.random.Generator(np.random.PCG64(0))
+    both, rng = np.concatenate([larger, smaller]), np.random.Generator(np.random.Philox(0))
     observed = larger.mean() - smaller.mean()
     drawn = rng.permuted(np.tile(both, (RESAMPLES, 1)), axis=1)
     gaps = drawn[:, : len(larger)].mean(axis=1) - drawn[:, len(larger) :].mean(axis=1)
