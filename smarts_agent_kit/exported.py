@@ -10,26 +10,29 @@ Axis letters: N agents, d inputs, P outputs, H numbers of a memory.
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts_agent_kit.agents import ActionBatch, BatchAgent
 from smarts_agent_kit.memory import Memory
+from smarts_agent_kit.weights import (
+    HEAR,
+    ExportError,
+    check_network,
+    check_width,
+    content_of,
+    layers_of,
+    sets_of,
+)
 
-FORMAT = 1
 TEAM = "*"
 """In place of an agent's name: agent k of a simulation is the training's agent k."""
-HEAR, JOINT_Q = "hear", "joint_q"
-"""A layer that reads the mean of the other agents' numbers; and the key of `policy.json` for values of joint
-actions, of which agents take their parts."""
-CONTENT, WEIGHTS = "policy.json", "policy.npz"
-"""Files of a folder."""
+JOINT_Q = "joint_q"
+"""Key of `policy.json` for values of joint actions, of which agents take their parts."""
 TRAINED = "trained"
 """Key of `policy.json`: algorithm, task, scenarios, traffic, environment, seed of the training."""
 VECTOR = "observation"
@@ -38,19 +41,6 @@ MASKED = -1e9
 """Output of an action that is not allowed."""
 _LARGEST_EXPONENT = 709.0
 """Of e, that a number holds."""
-
-
-class ExportError(ValueError):
-    """A folder does not hold an exported policy.
-
-    Args:
-        problem: What is wrong.
-        place: The file.
-    """
-
-    def __init__(self, problem: str, place: str) -> None:
-        self.problem, self.place = problem, place
-        super().__init__(f"{place}: {problem}; export it again")
 
 
 class ExportedPolicy(BatchAgent):
@@ -85,7 +75,40 @@ class ExportedPolicy(BatchAgent):
         self._sets = {name: sets_of(Path(folder), name, self._groups[name].get("sets", ())) for name in used}
         self._head, self._bounds = content["head"], content["bounds"]
         self._is_joint = bool(content.get(JOINT_Q))
-        self._memory = Memory(max(1, *(self._groups[name]["memory"] for name in used)))
+        memory = max(self._groups[name]["memory"] for name in used)
+        self._check(memory, str(folder))
+        self._memory = Memory(max(1, memory))
+
+    def _check(self, memory: int, place: str) -> None:
+        """Raise if the networks are not of one piece, before any of them reads beside its arrays.
+
+        Raises:
+            ExportError: They are not.
+        """
+        kinds = {kind for layers in self._layers.values() for kind, _ in layers}
+        if self._is_joint and kinds & {HEAR, "gru"}:
+            raise ExportError("values of joint actions have no layers that hear or remember", place)
+        if memory and "gru" not in kinds:
+            raise ExportError(f"keeps {memory} numbers of a vehicle, but no layer reads them", place)
+        for name, layers in self._layers.items():
+            narrow = {"places": self._groups[name]["places"]}
+            if self._index is not None:
+                narrow["the index's size"] = self._index["size"]
+            check_network(layers, self._sets[name], memory, narrow, place)
+
+    @property
+    def talks(self) -> bool:
+        """Whether its vehicles act on what others see."""
+        heard = (arrays[2] for layers in self._layers.values() for kind, arrays in layers if kind == HEAR)
+        return self._is_joint or any(each.any() for each in heard)
+
+    def weights(self) -> Iterator[NDArray]:
+        """Yield all weights, in the order in which the networks read them."""
+        for name, layers in self._layers.items():
+            for arrays in self._sets[name].values():
+                yield from arrays
+            for _, arrays in layers:
+                yield from arrays
 
     def act(self, obs: ActionBatch) -> NDArray:
         """Return the actions of the training's action space, shape (N,) or (N, *shape)."""
@@ -126,6 +149,8 @@ class ExportedPolicy(BatchAgent):
         self, kind: str, weights: Sequence[NDArray], x: NDArray, memory: NDArray, heard: NDArray | None
     ) -> NDArray:
         """Return a layer's outputs for inputs `x`, shape (N, P)."""
+        if weights:
+            check_width(x, weights[0])
         if kind == "linear":
             return self._linear(x, *weights)
         if kind == "tanh":
@@ -134,6 +159,7 @@ class ExportedPolicy(BatchAgent):
             return np.maximum(x, 0.0)
         if heard is not None:
             weight, bias, weight_heard = weights
+            check_width(heard, weight_heard)
             nothing = np.zeros(weight_heard.shape[1])
             return self._tanh(self._linear(x, weight, bias) + self._linear(heard, weight_heard, nothing))
         return self._recurrent(x, memory, *weights)
@@ -230,13 +256,13 @@ class ExportedPolicy(BatchAgent):
                 continue
             leaf = given.reshape(count, math.prod(given.shape[1:])).astype(np.float64)
             if name == VECTOR and self._index is not None:
-                number = np.eye(self._index["size"])[[each["number"] for each in cast]]
+                number = _one_hot([each["number"] for each in cast], self._index["size"])
                 at = self._index["at"]
                 leaf = np.concatenate([leaf[:, :at], number, leaf[:, at:]], axis=1)
             parts.append(leaf)
         places = self._groups[cast[0]["group"]]["places"]
         if places and with_place:
-            parts.append(np.eye(places)[[each["place"] for each in cast]])
+            parts.append(_one_hot([each["place"] for each in cast], places))
         return np.ascontiguousarray(np.concatenate(parts, axis=1))
 
     def _of_set(
@@ -247,6 +273,7 @@ class ExportedPolicy(BatchAgent):
         A row of zeros is an empty place, whose units are zero.
         """
         count, places, numbers = rows.shape
+        check_width(rows.reshape(count * places, numbers), weight)
         units = np.maximum(self._linear(rows.reshape(count * places, numbers), weight, bias), 0.0)
         units = np.maximum(self._linear(units, weight_2, bias_2), 0.0).reshape(count, places, len(bias_2))
         units = units * (rows != 0).any(axis=2, keepdims=True)
@@ -289,6 +316,13 @@ class ExportedPolicy(BatchAgent):
         return (1.0 - update) * new + update * memory
 
 
+def _one_hot(numbers: Sequence[int], size: int) -> NDArray:
+    """Return a row for each number, shape (N, size): 1 in its column, and else 0."""
+    out = np.zeros((len(numbers), size))
+    out[np.arange(len(numbers)), numbers] = 1.0
+    return out
+
+
 def _joined(count: int, rows: Mapping[str, NDArray], numbers: Mapping[str, NDArray]) -> NDArray:
     """Return the numbers of all rows, of those of each group, shape (N, P)."""
     width = next((each.shape[1] for each in numbers.values()), 1)
@@ -301,48 +335,3 @@ def _joined(count: int, rows: Mapping[str, NDArray], numbers: Mapping[str, NDArr
 def _logistic(x: NDArray) -> NDArray:
     powers = [math.exp(-each) if -each < _LARGEST_EXPONENT else math.inf for each in x.ravel().tolist()]
     return 1.0 / (1.0 + np.array(powers).reshape(x.shape))
-
-
-def content_of(folder: Path) -> dict[str, Any]:
-    """Return what `policy.json` holds.
-
-    Raises:
-        ExportError: There is none, or it is of another format.
-    """
-    try:
-        content = json.loads((folder / CONTENT).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ExportError(f"the exported policy cannot be read: {error}", str(folder / CONTENT)) from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise ExportError(f"not an exported policy of format {FORMAT}", str(folder / CONTENT))
-    return content
-
-
-def layers_of(folder: Path, group: str, kinds: list[str]) -> list[tuple[str, tuple[NDArray, ...]]]:
-    """Return the layers of a network: kind and weights.
-
-    Raises:
-        ExportError: They cannot be read.
-    """
-    counts = [{"linear": 2, HEAR: 3, "gru": 4}.get(kind, 0) for kind in kinds]
-    return [
-        (kind, _weights(folder, f"{group}/{number}", count))
-        for number, (kind, count) in enumerate(zip(kinds, counts, strict=True))
-    ]
-
-
-def sets_of(folder: Path, group: str, leaves: Sequence[str]) -> dict[str, tuple[NDArray, ...]]:
-    """Return the weights of both layers that the rows of each set go through.
-
-    Raises:
-        ExportError: They cannot be read.
-    """
-    return {leaf: _weights(folder, f"{group}/{leaf}", 4) for leaf in leaves}
-
-
-def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
-    try:
-        with np.load(folder / WEIGHTS, allow_pickle=False) as file:
-            return tuple(file[f"{name}/{k}"].astype(np.float64) for k in range(count))
-    except (OSError, ValueError, KeyError) as error:
-        raise ExportError(f"the weights cannot be read: {error}", str(folder / WEIGHTS)) from error

@@ -76,6 +76,12 @@ def verify(
         list[str] | None,
         typer.Option(help="Traffic that an address plays in. Repeatable.", show_default="all of the version"),
     ] = None,
+    address: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="tcp://HOST:PORT that a manifest may name, as you know it. Repeatable.", show_default="none"
+        ),
+    ] = None,
 ) -> None:
     """Play a release or a submission, and compare scores and episodes with those that it claims.
 
@@ -90,7 +96,13 @@ def verify(
     from benchmark.running.submissions import submitted
     from benchmark.running.verifying import verify as evaluate
 
-    manifest, folder = submitted(submission, number=version, scenarios=scenario or (), traffic=traffic or ())
+    manifest, folder = submitted(
+        submission,
+        number=version,
+        scenarios=scenario or (),
+        traffic=traffic or (),
+        addresses=address or (),
+    )
     test = {"episodes": episodes, "held_out_episodes": held_out_episodes, "fresh": fresh}
 
     def work() -> int:

@@ -84,7 +84,7 @@ def read_json(file: Path, remedy: str = LOST) -> Any:
     """
     try:
         return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ResultsError(f"cannot be read: {error}", place=str(file), remedy=remedy) from error
 
 

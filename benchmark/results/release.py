@@ -46,7 +46,7 @@ class Entry(Section):
     task: FolderName
     scenarios: Annotated[list[str], Field(min_length=1)]
     traffic: FolderName
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0, lt=2**31)]
     """Of the training."""
     benchmark_version: int | None
     agent: str

@@ -1,4 +1,4 @@
-"""Agents that are asked without anything that tells which episode it is."""
+"""Agents that are asked without anything that tells which episode it is, nor what others see."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.agents.hosting.options import HostError
+from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.policy import ActionBatch, BatchAgent
 
 
@@ -15,7 +17,8 @@ class BlindAgent(BatchAgent):
     """Asks another agent, which learns no more of the episode than what it sees.
 
     The run's seed, world and episode are functions of no number of the request: the seed of the agent's draws
-    is a digest of the first observation of its vehicle, so that draws repeat with the episode.
+    is a digest of the first observation of its vehicle, so that draws repeat with the episode, and vehicles
+    are numbered as they come.
 
     Args:
         agent: The other agent.
@@ -27,20 +30,72 @@ class BlindAgent(BatchAgent):
     def __init__(self, agent: BatchAgent) -> None:
         self._agent, self.observation, self.period = agent, agent.observation, agent.period
         self._seeds: dict[int, int] = {}
+        self._holds: dict[int, int] = {}
+        self._count = 0
 
     def act(self, obs: ActionBatch) -> NDArray:
         """Return the other agent's actions."""
         for row in np.flatnonzero(obs.is_first).tolist():
-            self._seeds[int(obs.agent_id[row])] = _digest_of(obs, row)
-        nothing = np.zeros(len(obs.env_id), np.int64)
+            vehicle = int(obs.agent_id[row])
+            self._seeds[vehicle], self._holds[vehicle] = _digest_of(obs, row), self._count
+            self._count += 1
+        nothing = np.zeros(len(obs.env_id), np.int32)
+        vehicles = obs.agent_id.tolist()
         return self._agent.act(
             obs._replace(
-                env_id=nothing.astype(np.int32),
-                hold=nothing,
-                episode=nothing.astype(np.int32),
-                seed=np.array([self._seeds[agent] for agent in obs.agent_id.tolist()], np.uint64),
+                env_id=nothing,
+                hold=np.array([self._holds[vehicle] for vehicle in vehicles], np.int64),
+                episode=nothing,
+                seed=np.array([self._seeds[vehicle] for vehicle in vehicles], np.uint64),
             )
         )
+
+
+class SeparateAgents(RemoteAgent):
+    """Asks an agent elsewhere about each vehicle through a connection of its own.
+
+    `smarts_agent_kit` and `smarts-bench serve` act for each connection in a process of its own, where nothing
+    is known of other vehicles.
+
+    Args:
+        agent: As it was made for all vehicles; it is not asked itself.
+    """
+
+    def __init__(self, agent: RemoteAgent) -> None:
+        super().__init__(agent.start, agent.options)
+        self._agents: dict[int, RemoteAgent] = {}
+
+    def act(self, obs: ActionBatch) -> NDArray:
+        """Return the actions of the vehicles, which are asked for one after the other.
+
+        Raises:
+            HostError: One fails, or does not answer, or answers are of different shapes.
+        """
+        if not len(obs.agent_id):
+            return super().act(obs)
+        answers = []
+        for row, vehicle in enumerate(obs.agent_id.tolist()):
+            if vehicle not in self._agents:
+                self._agents[vehicle] = RemoteAgent(self.start, self.options)
+            answers.append(self._agents[vehicle].act(_row_of(obs, row)))
+        if len({each.shape for each in answers}) > 1:
+            shapes = ", ".join(str(each.shape[1:]) for each in answers)
+            raise HostError(f"the agent answers by actions of the shapes {shapes}", place=self.start.place)
+        return np.concatenate(answers)
+
+    def close(self) -> None:
+        """End the agents; may be called again."""
+        for each in self._agents.values():
+            each.close()
+        super().close()
+
+
+def _row_of(obs: ActionBatch, row: int) -> ActionBatch:
+    """Return the request for a single vehicle."""
+    here = slice(row, row + 1)
+    seen = {name: array[here] for name, array in obs.observations.items()}
+    others = {name: getattr(obs, name)[here] for name in ActionBatch._fields[1:]}
+    return ActionBatch(observations=seen, **others)
 
 
 def _digest_of(obs: ActionBatch, row: int) -> int:

@@ -23,6 +23,7 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.importing import named_own_code
 from benchmark.running.testing import EVALUATION_SEED, Part, play_parts
+from benchmark.running.trained import check_suite, trained_on
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch, BatchAgent
@@ -35,7 +36,7 @@ from smarts.types.actions import LaneAction
 from smarts.types.streams import hold_seed
 from smarts.zoo import make_agent
 from smarts.zoo.exported import ExportedPolicy
-from smarts_agent_kit.exported import TEAM, TRAINED, ExportError, content_of
+from smarts_agent_kit.exported import TEAM
 from smarts_agent_kit.service import WrongActionsError, checked_actions
 
 TRAFFIC = "random_social_vehicles"
@@ -181,43 +182,30 @@ def evaluate_exported(
         out: Folder for the table and the recorded episodes; not a run's.
 
     Raises:
-        SmartsError: The folder does not hold an exported policy, or does not say what it was trained on.
+        SmartsError: The folder does not hold an exported policy, or does not say what it was trained on, or
+            names code or files of its author.
     """
-    agent, trained = ExportedPolicy(path, TEAM), trained_on(path)
-    given = [*(scenarios or trained["scenarios"])]
-    name = name_of(given) if scenarios else trained["task"]
+    trained = trained_on(path)
+    if not scenarios:
+        check_suite(trained, path)
+    agent = ExportedPolicy(path, TEAM)
+    given = [*(scenarios or trained.scenarios)]
+    name = name_of(given) if scenarios else trained.task
     task_setting = TaskSetting(
         fitted({"name": name, "scenarios": given}, TrainingTask, "--scenario"),
-        traffic or trained["traffic"],
-        fitted(trained["environment"], Environment, str(path)),
+        traffic or trained.traffic,
+        fitted(trained.environment, Environment, str(path)),
         Evaluation(episodes=episodes, keep_episodes=out is not None),
         num_envs=1,
     )
     if out is not None and RunFolder(out).run.exists():
         raise ResultsError("holds the results of a run", place=str(out), remedy="choose another --out")
-    labels = {"algorithm": trained["algorithm"], "training_seed": trained["seed"]}
+    labels = {"algorithm": trained.algorithm, "training_seed": trained.seed}
     with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
         folder = RunFolder(out or Path(temporary))
         for share in play_agent(task_setting, folder, agent, labels, mode="greedy"):
             print(f"{share:.0%}", file=sys.stderr)
         return read_table(folder.table)
-
-
-def trained_on(path: Path) -> dict[str, Any]:
-    """Return what an exported policy was trained on: algorithm, task, scenarios, traffic, environment, seed.
-
-    Raises:
-        SmartsError: The folder does not say; earlier versions of `export` did not write it.
-    """
-    try:
-        found = content_of(path).get(TRAINED)
-    except ExportError as error:
-        raise SmartsError(error.problem, place=error.place, remedy="export it again") from error
-    if not isinstance(found, dict):
-        raise SmartsError(
-            "does not say what the policy was trained on", place=str(path), remedy="export it again"
-        )
-    return found
 
 
 def driven(

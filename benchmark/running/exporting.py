@@ -33,7 +33,8 @@ from smarts.observations.arrays import VECTOR
 from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
 from smarts.zoo.entry import check_name
 from smarts.zoo.exported import interface_of
-from smarts_agent_kit.exported import CONTENT, FORMAT, HEAR, JOINT_Q, TRAINED, WEIGHTS
+from smarts_agent_kit.exported import JOINT_Q, TRAINED
+from smarts_agent_kit.weights import CONTENT, FORMAT, HEAR, WEIGHTS
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 MODULE = '''"""{title}; written by `smarts-bench export`."""

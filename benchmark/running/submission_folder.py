@@ -38,7 +38,7 @@ from benchmark.results.release import (
 )
 from benchmark.results.run_folder import FINISHED, SCENARIOS, RunFolder
 from benchmark.results.run_tables import names_of
-from smarts_agent_kit.exported import CONTENT, WEIGHTS
+from smarts_agent_kit.weights import CONTENT, WEIGHTS
 
 
 def open_evaluation(manifest: Manifest, out: Path) -> int:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import zipfile
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
+from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import Evaluation, TrainingTask
 from benchmark.experiment.environment import Environment
-from benchmark.experiment.runs import VERSION, TaskSetting
+from benchmark.experiment.runs import SCRIPTED, VERSION, TaskSetting
 from benchmark.experiment.version import (
     CODE,
     ENVIRONMENT,
@@ -23,38 +26,48 @@ from benchmark.results.files import ResultsError
 from benchmark.results.release import (
     ADDRESS,
     LARGEST,
-    LARGEST_FILE,
     MANIFEST,
     SEEDS,
+    SUBMISSION,
+    VERDICTS,
     Entry,
     Manifest,
-    file_digest,
     read_manifest,
 )
-from benchmark.running.evaluate_agent import trained_on
+from benchmark.results.robustness import ROBUSTNESS
+from benchmark.running.blind import SeparateAgents
 from benchmark.running.played import scenario_digests
+from benchmark.running.submitted_policies import SAME, RefusedError, check_policy
+from benchmark.running.trained import trained_on
+from smarts.agents.hosting.options import HostError
+from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface
-from smarts.agents.policy import BatchAgent
+from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.config import ConfigError, fitted
 from smarts.errors import SmartsError
 from smarts.observations.lists import FeatureChoice, feature_list
+from smarts.sstudio.locating import VARIATION_MARK
 from smarts.zoo import make_agent
 from smarts.zoo.exported import ExportedPolicy, exported_spec
-from smarts_agent_kit.exported import CONTENT, TEAM, WEIGHTS
+from smarts_agent_kit.exported import TEAM
+from smarts_agent_kit.weights import CONTENT
 
-UNPACKED = 16 * LARGEST_FILE
-"""Bytes of a policy's weights in memory."""
+RESERVED = (SCRIPTED, SUBMISSION, ROBUSTNESS, MANIFEST, VERDICTS)
+"""Names in a folder of results that no algorithm can have."""
+LONGEST_NAME = 100
+"""Characters of an algorithm's name."""
 DRIVING = ("vehicle_class", "vehicle_model", "tyre_model", "flat_tyres")
 SETTINGS = {"vehicle_class": "vehicle"}
 """Field of an interface -> setting of the environment, where the names differ."""
 
 
-class RefusedError(SmartsError):
-    """An entry of a submission is not evaluated, or its evaluation has failed."""
-
-
 def submitted(
-    given: str, *, number: int | None, scenarios: Sequence[str], traffic: Sequence[str]
+    given: str,
+    *,
+    number: int | None,
+    scenarios: Sequence[str],
+    traffic: Sequence[str],
+    addresses: Sequence[str] = (),
 ) -> tuple[Manifest, Path]:
     """Return the manifest of what is submitted, and the folder that its policies are in.
 
@@ -63,29 +76,43 @@ def submitted(
         number: Version of the benchmark, of an address; by default the newest.
         scenarios: Of the version, that an address plays; by default all.
         traffic: Of the version, that an address plays; by default all.
+        addresses: That a manifest may name: nothing is sent to others.
 
     Raises:
-        ResultsError: It is none of these.
+        ResultsError: It is none of these, or names another address.
     """
     folder = Path(given)
-    if not given.startswith(ADDRESS) and (folder / MANIFEST).exists():
-        return read_manifest(folder), folder
-    if not given.startswith(ADDRESS) and (folder / CONTENT).exists():
+    if given.startswith(ADDRESS):
+        return _at_address(given, number or max(versions()), scenarios, traffic), folder
+    if (folder / MANIFEST).exists():
+        manifest = read_manifest(folder)
+        named = {entry.agent for entry in manifest.policies if entry.agent.startswith(ADDRESS)}
+        if foreign := sorted(named - {*addresses}):
+            raise ResultsError(
+                f"its agents are at {', '.join(foreign)}",
+                place=str(folder / MANIFEST),
+                remedy="if you know these addresses, name each by --address: nothing is sent to others",
+            )
+        return manifest, folder
+    if (folder / CONTENT).exists():
         trained = trained_on(folder)
-        kept = {name: trained[name] for name in ("algorithm", "task", "scenarios", "traffic", "seed")}
-        version = trained.get(VERSION)
-        entry = fitted({**kept, "benchmark_version": version, "agent": folder.name}, Entry, str(folder))
-        manifest = Manifest(name=folder.name, benchmark_version=version, policies=[entry])
-        return manifest, folder.absolute().parent
-    if not given.startswith(ADDRESS):
-        raise ResultsError(
-            "there is no submission",
-            place=given,
-            remedy="give a folder that `smarts-bench release` or `export` has written, or tcp://HOST:PORT",
+        kept = {name: getattr(trained, name) for name in (*SAME, VERSION)}
+        entry = fitted({**kept, "agent": folder.name}, Entry, str(folder))
+        manifest = Manifest(
+            name=_name_of(folder.name), benchmark_version=trained.benchmark_version, policies=[entry]
         )
-    version = number or max(versions())
+        return manifest, folder.absolute().parent
+    raise ResultsError(
+        "there is no submission",
+        place=given,
+        remedy="give a folder that `smarts-bench release` or `export` has written, or tcp://HOST:PORT",
+    )
+
+
+def _at_address(address: str, version: int, scenarios: Sequence[str], traffic: Sequence[str]) -> Manifest:
+    """Return a manifest of an agent that is served: it plays each cell of a version, once."""
     frozen = versions().get(version, {}).get(SCENARIOS, {})
-    label = given.removeprefix(ADDRESS).replace(":", "-")
+    label = _name_of(address.removeprefix(ADDRESS))
     entries = [
         Entry(
             algorithm=label,
@@ -94,11 +121,13 @@ def submitted(
             traffic=each,
             seed=0,
             benchmark_version=version,
-            agent=given,
+            agent=address,
         )
         for each, names in frozen.items()
         for name in names
-        if "@" not in name and (not scenarios or name in scenarios) and (not traffic or each in traffic)
+        if VARIATION_MARK not in name
+        and (not scenarios or name in scenarios)
+        and (not traffic or each in traffic)
     ]
     if not entries:
         raise ResultsError(
@@ -107,7 +136,12 @@ def submitted(
             remedy="; ".join(f"with {each}: {', '.join(names)}" for each, names in frozen.items())
             or f"choose a version of {', '.join(map(str, versions()))}",
         )
-    return Manifest(name=label, benchmark_version=version, policies=entries), folder
+    return Manifest(name=label, benchmark_version=version, policies=entries)
+
+
+def _name_of(text: str) -> str:
+    """Return a text without what cannot be in the name of a folder."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-._") or "agent"
 
 
 def check_manifest(manifest: Manifest, folder: Path) -> list[tuple[str, str]]:
@@ -160,64 +194,66 @@ def _wrong(manifest: Manifest, folder: Path) -> Iterator[str]:
 def _changed_settings(number: int, environment: dict[str, Any]) -> list[str]:
     try:
         return changed_settings(number, fitted(environment, Environment)) if environment else []
-    except ConfigError:
+    except (ConfigError, RecursionError):
         return ["(unreadable)"]
 
 
 def _wrong_entries(manifest: Manifest, folder: Path, number: int) -> Iterator[str]:
     seen: set[Path] = set()
-    played: dict[tuple[str, str], str] = {}
-    total = 0
+    played: set[tuple[str, str]] = set()
     for entry in manifest.policies:
         if entry.place in seen:
             yield f"{entry} is there twice"
         seen.add(entry.place)
-        frozen = versions()[number][SCENARIOS].get(entry.traffic, {})
-        foreign = [name for name in entry.scenarios if name not in frozen]
-        for name in foreign:
-            yield f"{entry}: {name}, {entry.traffic} is no scenario of version {number}"
+        if entry.algorithm in RESERVED:
+            yield f"{entry}: results need the name {entry.algorithm} for something else"
+        if len(entry.algorithm) > LONGEST_NAME:
+            yield f"{entry}: its algorithm's name has more than {LONGEST_NAME} characters"
+        foreign = [*_foreign(entry, number)]
+        yield from foreign
         if not foreign and (entry.task, entry.traffic) not in played:
+            played.add((entry.task, entry.traffic))
             digests = scenario_digests(task_of(manifest, entry))
-            changed = changed_scenarios(number, {entry.traffic: digests})
-            played[entry.task, entry.traffic] = "; ".join(changed)
-            for name in changed:
+            for name in changed_scenarios(number, {entry.traffic: digests}):
                 yield f"this program's scenario {name} is not that of version {number}"
-        if not entry.agent.startswith(ADDRESS):
-            wrong, size = _wrong_files(entry, folder, number)
-            total += size
-            if wrong:
-                yield f"{entry}: {wrong}"
+    yield from _wrong_policies(manifest, folder, number)
+
+
+def _wrong_policies(manifest: Manifest, folder: Path, number: int) -> Iterator[str]:
+    """Yield what is wrong with the policies: with each, or that some are too large or are one."""
+    agents: dict[tuple[str, str], int] = {}
+    total = 0
+    for entry in manifest.policies:
+        agent = entry.agent
+        if not agent.startswith(ADDRESS):
+            try:
+                policy = check_policy(entry, folder, number)
+            except RefusedError as error:
+                yield f"{entry}: {error.problem}"
+                continue
+            agent, total = policy.digest, total + policy.size
+            if policy.talks and not _may_talk(entry):
+                yield f"{entry}: its vehicles act on what others see, which those of {entry.algorithm} do not"
+        other = agents.setdefault((entry.cell, agent), entry.seed)
+        if other != entry.seed:
+            yield f"{entry}: its policy is that of seed {other}"
     if total > LARGEST:
         yield f"its policies have {total:,} bytes, of at most {LARGEST:,}"
 
 
-def _wrong_files(entry: Entry, folder: Path, number: int) -> tuple[str, int]:
-    """Return what is wrong with the files of a policy, and their size in bytes."""
-    place = (folder / entry.agent).resolve()
-    if not place.is_relative_to(folder.resolve()):
-        return f"its policy {entry.agent} is outside of the submission", 0
-    size = 0
-    for name in (CONTENT, WEIGHTS):
-        file = place / name
-        if not file.is_file() or file.is_symlink():
-            return f"there is no file {entry.agent}/{name}", size
-        if file.stat().st_size > LARGEST_FILE:
-            return f"{entry.agent}/{name} has more than {LARGEST_FILE:,} bytes", size
-        content = file.read_bytes()
-        size += len(content)
-        if entry.files and entry.files.get(name) != file_digest(content):
-            return f"{entry.agent}/{name} is not the file that its manifest describes", size
-    try:
-        with zipfile.ZipFile(place / WEIGHTS) as archive:
-            if sum(each.file_size for each in archive.infolist()) > UNPACKED:
-                return f"{entry.agent}/{WEIGHTS} is larger than {UNPACKED:,} bytes when it is unpacked", size
-        trained = trained_on(place).get(VERSION)
-    except (zipfile.BadZipFile, SmartsError) as error:
-        return f"{entry.agent}: {error}", size
-    if trained != number:
-        said = "none" if trained is None else trained
-        return f"mixed versions of the benchmark: its policy was trained under {said}", size
-    return "", size
+def _foreign(entry: Entry, number: int) -> Iterator[str]:
+    """Yield what of an entry's task is not of the version, whose tasks are each a scenario of their name."""
+    frozen = versions()[number][SCENARIOS].get(entry.traffic, {})
+    for name in entry.scenarios:
+        if name not in frozen or VARIATION_MARK in name:
+            yield f"{entry}: {name}, {entry.traffic} is no scenario of version {number}"
+    if entry.scenarios != [entry.task]:
+        yield f"{entry}: plays {', '.join(entry.scenarios)}, which is another task than {entry.task}"
+
+
+def _may_talk(entry: Entry) -> bool:
+    """Return whether agents of an entry's algorithm exchange messages; others' own algorithms may."""
+    return entry.algorithm not in ALGORITHMS or ALGORITHMS[entry.algorithm].communication
 
 
 def task_of(manifest: Manifest, entry: Entry) -> TaskSetting:
@@ -235,22 +271,22 @@ def task_of(manifest: Manifest, entry: Entry) -> TaskSetting:
 
 
 def agent_of(entry: Entry, folder: Path, environment: Environment) -> BatchAgent:
-    """Return the agent of an entry.
+    """Return the agent of an entry, which sees of each vehicle what that one sees.
 
     Raises:
         RefusedError: It observes what the task does not declare, acts in another way, or cannot be made.
+        HostError: It cannot be reached, or what it says of itself cannot be.
     """
     try:
         agent, interface = _made(entry, folder)
-    except SmartsError:
+        unseen = undeclared(agent.observation, environment.observation)
+    except HostError:
         raise
+    except SmartsError as error:
+        raise RefusedError(error.problem, place=str(entry), remedy=error.remedy) from error
     except Exception as error:
         raise RefusedError(f"cannot be made: {type(error).__name__}: {error}", place=str(entry)) from error
-    if not isinstance(agent, BatchAgent):
-        raise RefusedError(
-            "acts on Observation objects", place=str(entry), remedy="derive it from BatchAgent"
-        )
-    if unseen := undeclared(agent.observation, environment.observation):
+    if unseen:
         raise RefusedError(
             f"observes what the task does not declare: {', '.join(unseen)}",
             place=str(entry),
@@ -271,12 +307,25 @@ def agent_of(entry: Entry, folder: Path, environment: Environment) -> BatchAgent
     return agent
 
 
-def _made(entry: Entry, folder: Path) -> tuple[Any, AgentInterface]:
+def _made(entry: Entry, folder: Path) -> tuple[BatchAgent, AgentInterface]:
     if entry.agent.startswith(ADDRESS):
-        return make_agent(entry.agent)
+        agent, interface = make_agent(entry.agent)
+        if not isinstance(agent, RemoteAgent):
+            raise RefusedError("acts on Observation objects", remedy="derive it from BatchAgent")
+        return SeparateAgents(agent), interface
     interface = exported_spec(folder / entry.agent, TEAM).interface
     assert interface is not None
-    return ExportedPolicy(folder / entry.agent, TEAM), interface
+    return _Exported(folder / entry.agent, TEAM), interface
+
+
+class _Exported(ExportedPolicy):
+    """Refuses what fails while it acts, such as an observation that it lacks."""
+
+    def act(self, obs: ActionBatch) -> NDArray:
+        try:
+            return super().act(obs)
+        except Exception as error:
+            raise RefusedError(f"cannot act: {type(error).__name__}: {error}") from error
 
 
 def undeclared(observation: Any, declared: Any) -> list[str]:

@@ -12,15 +12,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
+from smarts.agents.policy import ActionBatch
 from smarts.agents.spec import AgentSpec
 from smarts.arrays import Floats
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.geometry.compiling import kernel
 from smarts.types.actions import ActionSpaceType
 from smarts_agent_kit import exported
+from smarts_agent_kit.weights import ExportError, content_of
 
 
 def exported_spec(folder: str | Path, agent: str = "") -> AgentSpec:
@@ -112,14 +115,25 @@ class ExportedPolicy(exported.ExportedPolicy):
         _agent(_content(folder), agent)
         try:
             super().__init__(folder, agent)
-        except exported.ExportError as error:
+        except ExportError as error:
+            raise SmartsError(error.problem, place=error.place, remedy="export it again") from error
+
+    def act(self, obs: ActionBatch) -> NDArray:
+        """Return the actions of the training's action space, shape (N,) or (N, *shape).
+
+        Raises:
+            SmartsError: The networks read more or fewer numbers than there are.
+        """
+        try:
+            return super().act(obs)
+        except ExportError as error:
             raise SmartsError(error.problem, place=error.place, remedy="export it again") from error
 
 
 def _content(folder: str | Path) -> dict[str, Any]:
     try:
-        return exported.content_of(Path(folder))
-    except exported.ExportError as error:
+        return content_of(Path(folder))
+    except ExportError as error:
         raise SmartsError(error.problem, place=error.place, remedy="export it again") from error
 
 

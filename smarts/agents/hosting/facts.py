@@ -108,7 +108,8 @@ def check_observation(observation: Any, place: str) -> Any:
                 remedy="an agent elsewhere observes features of docs/extending.md",
             )
     elif isinstance(observation, Mapping):
-        for each in observation.values():
+        for name, each in observation.items():
+            check_observation(name, place)
             check_observation(each, place)
     elif isinstance(observation, list | tuple):
         for each in observation:

@@ -164,6 +164,7 @@ def test_a_team_acts_as_the_checkpoint_also_where_agents_talk(make, tmp_path, na
     run, folder = make(name, settings, f"{{agents: 4{more}}}")
     exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
     team, of_the_kit = make_spec_of(exported, TEAM).build_agent(), KitPolicy(exported, TEAM)
+    assert team.talks == of_the_kit.talks == (name in ("commnet", "networked_q"))
     observation = "neighbor_rows" if SETS in more else "benchmark"
     compared, chosen = 0, set()
     for step, (leaves, masks, alive, reset, actions) in enumerate(recorded(run, folder, 80)):

@@ -2,6 +2,9 @@
 
 import json
 import shutil
+import socket
+import sys
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +24,7 @@ from benchmark.results.release import (
     MANIFEST,
     MARKED,
     REFUSED,
+    Manifest,
     episode_digests,
     file_digest,
     read_manifest,
@@ -33,11 +37,15 @@ from benchmark.running.judging import memorized
 from benchmark.running.played import scenario_digests
 from benchmark.running.releasing import write_release
 from benchmark.running.submission_folder import write_claims
-from benchmark.running.submissions import submitted
+from benchmark.running.submissions import agent_of, check_manifest, submitted
 from benchmark.running.verifying import verify
+from smarts.agents.hosting.facts import check_observation
+from smarts.agents.hosting.options import HostError
 from smarts.agents.policy import ActionBatch, BatchAgent
+from smarts.config import fitted
 from smarts.errors import SmartsError
 from smarts.types.streams import hold_seed
+from smarts.zoo.exported import ExportedPolicy
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
 from tests.served_agents import served
 
@@ -82,8 +90,12 @@ def frozen(tmp_path_factory, monkeypatch):
     version.versions.cache_clear()
 
 
-def write_policy(folder, features=("speed",), biases=(1.0, 0.0, 0.0, 0.0), number=1):
-    """Write an exported policy whose action is that of the largest bias."""
+def write_policy(
+    folder, features=("speed",), biases=(1.0, 0.0, 0.0, 0.0), number=1, seed=1, layers=None, **trained
+):
+    """Write an exported policy whose action is that of the largest bias, or of other layers."""
+    if layers is None:
+        layers = [("linear", np.zeros((1, 4), np.float32), seed * np.array(biases, np.float32))]
     driving = {"vehicle": "generic_sedan", "vehicle_model": "bullet", "tyre_model": "pacejka"}
     content = {
         **{"format": 1, "run": "by hand", "index": None, "leaves": ["observation"], "period": 5},
@@ -93,15 +105,16 @@ def write_policy(folder, features=("speed",), biases=(1.0, 0.0, 0.0, 0.0), numbe
             f"agent-{k}": {"group": "all", "place": k, "number": k, "flat_tyres": []} | driving
             for k in range(2)
         },
-        "groups": {"all": {"places": 0, "memory": 0, "layers": ["linear"]}},
+        "groups": {"all": {"places": 0, "memory": 0, "layers": [kind for kind, *_ in layers]}},
         "trained": {
-            **{"algorithm": "mine", "task": "loop", "scenarios": ["loop"], "traffic": ALONE, "seed": 1},
+            **{"algorithm": "mine", "task": "loop", "scenarios": ["loop"], "traffic": ALONE, "seed": seed},
             **{"environment": ENVIRONMENT.content(), "benchmark_version": number},
+            **trained,
         },
     }
     folder.mkdir(parents=True)
     (folder / "policy.json").write_text(json.dumps(content))
-    weights = {"all/0/0": np.zeros((1, 4), np.float32), "all/0/1": np.array(biases, np.float32)}
+    weights = {f"all/{k}/{n}": each for k, layer in enumerate(layers) for n, each in enumerate(layer[1:])}
     np.savez(folder / "policy.npz", allow_pickle=False, **weights)
     return folder
 
@@ -116,22 +129,26 @@ def claimed(tmp_path_factory):
 
 @pytest.fixture
 def submission(tmp_path, claimed):
-    """Return a function that writes a submission with three seeds of one policy, perhaps changed."""
+    """Return a function that writes a submission with three policies that act alike, perhaps changed."""
 
     def write(changes=lambda manifest: None, **given):
         root = tmp_path / "submission"
-        policy = write_policy(root / "policies" / "mine", **given)
         scores, digests = claimed
-        entry = {
-            **{"algorithm": "mine", "task": "loop", "scenarios": ["loop"], "traffic": ALONE},
-            **{"benchmark_version": 1, "agent": "policies/mine", "scores": scores, "episodes": digests},
-            "files": {each.name: file_digest(each.read_bytes()) for each in policy.iterdir()},
-        }
+        entries = []
+        for seed in (1, 2, 3):
+            policy = write_policy(root / "policies" / f"mine_{seed}", seed=seed, **given)
+            entry = {
+                **{"algorithm": "mine", "task": "loop", "scenarios": ["loop"], "traffic": ALONE},
+                **{"benchmark_version": 1, "agent": f"policies/mine_{seed}", "seed": seed},
+                **{"scores": scores, "episodes": digests},
+                "files": {each.name: file_digest(each.read_bytes()) for each in policy.iterdir()},
+            }
+            entries.append(json.loads(json.dumps(entry)))
         manifest = {
             **{"format": 1, "name": "theirs", "author": "A. Author", "benchmark_version": 1},
             **{"code": code_digests(), "environment": ENVIRONMENT.content()},
             "scenarios": {ALONE: scenario_digests(task_setting())},
-            "policies": [json.loads(json.dumps(entry | {"seed": seed})) for seed in (1, 2, 3)],
+            "policies": entries,
         }
         changes(manifest)
         write_json(root / MANIFEST, manifest)
@@ -264,7 +281,7 @@ def test_a_policy_of_another_version_or_with_other_weights_is_refused(submission
         verified(root, tmp_path / "out")
     shutil.rmtree(root)
     root = submission()
-    with (root / "policies/mine/policy.npz").open("ab") as file:
+    with (root / "policies/mine_1/policy.npz").open("ab") as file:
         file.write(b"x")
     with pytest.raises(ResultsError, match=r"policy\.npz is not the file that its manifest describes"):
         verified(root, tmp_path / "out")
@@ -322,7 +339,9 @@ def test_an_agent_gets_no_seed_and_no_number_of_the_episode(tmp_path):
     for batch in (*asked[0], *asked[1]):
         assert not batch.env_id.any()
         assert not batch.episode.any()
-        assert not batch.hold.any()
+    for batches in asked:
+        came = np.concatenate([batch.hold[batch.is_first] for batch in batches])
+        np.testing.assert_array_equal(came, np.arange(ENVIRONMENT.agents * EPISODES))
     known = {
         hold_seed(seed, f"agent-{agent}", world=2_000_000 + world, episode=episode)
         for seed in (42, 43)
@@ -424,3 +443,288 @@ def test_what_is_no_submission(tmp_path):
         submitted(str(tmp_path), number=None, scenarios=(), traffic=())
     with pytest.raises(ResultsError):
         submitted("tcp://127.0.0.1:1", number=1, scenarios=["nowhere"], traffic=())
+
+
+def changed(root, change):
+    """Change the manifest of a written submission."""
+    manifest = json.loads((root / MANIFEST).read_text())
+    change(manifest)
+    write_json(root / MANIFEST, manifest)
+    return root
+
+
+def unlisted(manifest):
+    """Name no digests of files."""
+    for entry in manifest["policies"]:
+        entry["files"] = {}
+
+
+def refusal(root, out):
+    with pytest.raises(ResultsError) as caught:
+        verified(root, out)
+    assert not out.exists()
+    return caught.value.problem
+
+
+@pytest.fixture
+def module(tmp_path, monkeypatch):
+    """Return the name of a module that can be imported here, and has not been."""
+    (tmp_path / "of_a_stranger.py").write_text("Thing = object\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield "of_a_stranger"
+    assert "of_a_stranger" not in sys.modules
+
+
+@pytest.mark.parametrize("feature", ["{}:Thing", {"{}:Thing": {}}])
+def test_no_module_that_a_policy_observes_by_is_imported(submission, tmp_path, module, feature):
+    named = json.loads(json.dumps(feature).replace("{}:", f"{module}:"))
+    problem = refusal(submission(features=("speed", named)), tmp_path / "out")
+    assert f"names code or files of its author: '{module}:Thing'" in problem
+    with pytest.raises(HostError):
+        check_observation([named], "an agent elsewhere")
+
+
+@pytest.mark.parametrize("key", ["reward", "traffic_engine", "adapter", "observation"])
+def test_no_module_that_an_evaluated_policy_names_is_imported(tmp_path, module, key):
+    named = [{f"{module}:Thing": {}}] if key == "observation" else f"{module}:Thing"
+    policy = write_policy(tmp_path / "mine", environment=ENVIRONMENT.content() | {key: named})
+    with pytest.raises(SmartsError, match="names code or files of its author"):
+        evaluate_exported(policy, episodes=1)
+
+
+def test_no_scenario_folder_that_an_evaluated_policy_names_is_built(tmp_path):
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "theirs" / "scenario.py").write_text("raise SystemExit")
+    policy = write_policy(tmp_path / "mine", scenarios=[str(tmp_path / "theirs")])
+    with pytest.raises(SmartsError, match="no scenario of the suite"):
+        evaluate_exported(policy, episodes=1)
+
+
+NUMBERS = np.random.default_rng(3)
+
+
+def layer(kind, *shapes):
+    return (kind, *(NUMBERS.normal(size=shape).astype(np.float32) for shape in shapes))
+
+
+@pytest.mark.parametrize(
+    ("layers", "named"),
+    [
+        ([layer("linear", (1, 5), (4,))], "layer 0 (linear) has arrays of the shapes [(1, 5), (4,)]"),
+        ([layer("linear", (1, 8), (8,)), layer("linear", (9, 4), (4,))], "layer 1 (linear)"),
+        ([layer("linear", (1, 8), (8,)), layer("relu"), layer("linear", (7, 4), (4,))], "layer 2 (linear)"),
+        ([layer("linear", (4,), (4,))], "layer 0 (linear)"),
+        ([layer("gru", (1, 12), (12,), (4, 12), (12,))], "layer 0 (gru)"),
+        ([layer("linear", (1, 4), (4,)), layer("hear", (4, 4), (4,), (5, 4))], "layer 1 (hear)"),
+        ([layer("conv")], "there is no layer 'conv'"),
+        ([layer("tanh")], "its network has no weights"),
+        ([("linear", np.ones((15_000_000, 1), np.int8), np.zeros(4))], "of at most"),
+        ([("linear", np.array([["a"]]), np.zeros(1))], "holds <U1, not numbers"),
+    ],
+)
+def test_weights_that_do_not_fit_together_are_refused(submission, tmp_path, layers, named):
+    """Compiled code would read beside its arrays."""
+    root = submission(layers=layers)
+    for policy in (root / "policies").iterdir():
+        with np.load(policy / "policy.npz") as file:
+            weights = dict(file)
+        np.savez_compressed(policy / "policy.npz", allow_pickle=False, **weights)
+    assert named in refusal(changed(root, unlisted), tmp_path / "out")
+
+
+def test_a_network_that_reads_more_than_its_vehicle_sees_is_refused(submission, tmp_path):
+    """The second number would be what the next vehicle sees."""
+    root = submission(layers=[layer("linear", (2, 4), (4,))])
+    root = changed(root, lambda manifest: manifest.update(policies=manifest["policies"][:1]))
+    (verdict,) = verified(root, tmp_path / "out")
+    assert verdict.status == REFUSED
+    assert "a layer reads 2 numbers of a vehicle, which gives 1" in verdict.reasons[0]
+
+
+def test_memory_of_another_width_than_the_unit_that_reads_it_is_refused(tmp_path):
+    gru = layer("gru", (1, 12), (12,), (4, 12), (12,))
+    policy = write_policy(tmp_path / "mine", layers=[gru])
+    content = json.loads((policy / "policy.json").read_text())
+    for memory, is_right in ((4, True), (3, False), (5, False), (0, False), (10**9, False)):
+        content["groups"]["all"]["memory"] = memory
+        (policy / "policy.json").write_text(json.dumps(content))
+        with nullcontext() if is_right else pytest.raises(SmartsError, match="layer 0"):
+            ExportedPolicy(policy, "*")
+
+
+def test_one_policy_as_several_seeds_is_refused(submission, tmp_path):
+    """However its file is packed."""
+    root = submission()
+    for seed in (2, 3):
+        with np.load(root / "policies/mine_1/policy.npz") as file:
+            weights = {name: array.astype(np.float64) for name, array in file.items()}
+        np.savez_compressed(root / f"policies/mine_{seed}/policy.npz", **weights, more=np.full(1, seed))
+    problem = refusal(changed(root, unlisted), tmp_path / "out")
+    assert "seed 2: its policy is that of seed 1" in problem
+    assert "seed 3: its policy is that of seed 1" in problem
+
+
+def test_addresses_are_asked_only_if_the_evaluator_names_them(submission):
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        address = f"tcp://127.0.0.1:{listening.getsockname()[1]}"
+
+        def serve(manifest):
+            for entry in manifest["policies"]:
+                entry["agent"] = address
+
+        root = submission(serve)
+        given = {"number": None, "scenarios": (), "traffic": ()}
+        with pytest.raises(ResultsError, match="--address"):
+            submitted(str(root), **given)
+        manifest, folder = submitted(str(root), **given, addresses=[address])
+        with pytest.raises(ResultsError, match="seed 2: its policy is that of seed 1"):
+            check_manifest(manifest, folder)
+        listening.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            listening.accept()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("algorithm", "dqn"),
+        ("task", "other"),
+        ("scenarios", ["loop", "loop"]),
+        ("traffic", "none"),
+        ("seed", 77),
+    ],
+)
+def test_a_policy_of_another_training_than_its_entry_is_refused(submission, tmp_path, key, value):
+    root = submission()
+    file = root / "policies" / "mine_2" / "policy.json"
+    content = json.loads(file.read_text())
+    content["trained"][key] = value
+    file.write_text(json.dumps(content))
+    problem = refusal(changed(root, unlisted), tmp_path / "out")
+    assert f"seed 2: its policy was trained with {key} {value!r}, not" in problem
+
+
+def test_an_entry_of_another_task_than_it_plays_is_refused(submission, tmp_path):
+    def rename(manifest):
+        for entry in manifest["policies"]:
+            entry["task"] = "intersection"
+
+    problem = refusal(submission(rename), tmp_path / "out")
+    assert "plays loop, which is another task than intersection" in problem
+
+
+def test_a_held_out_variation_is_no_task(submission, tmp_path, frozen):
+    text = frozen.read_text().replace("      loop:", "      loop@dense: 0123456789abcdef\n      loop:")
+    frozen.write_text(text)
+    version.versions.cache_clear()
+
+    def vary(manifest):
+        manifest["policies"][0].update(task="loop", scenarios=["loop@dense"])
+
+    assert "loop@dense, no_social_vehicles is no scenario" in refusal(submission(vary), tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("name", "named"),
+    [
+        ("scripted", "results need the name scripted for something else"),
+        ("submission", "results need the name submission for something else"),
+        ("robustness", "results need the name robustness for something else"),
+        ("x" * 300, "name has more than 100 characters"),
+    ],
+)
+def test_names_that_results_cannot_have_are_refused(submission, tmp_path, name, named):
+    def rename(manifest):
+        manifest["policies"][0]["algorithm"] = name
+
+    assert named in refusal(submission(rename), tmp_path / "out")
+
+
+def test_a_seed_that_tables_cannot_hold_is_refused(submission, tmp_path):
+    root = submission(lambda manifest: manifest["policies"][0].update(seed=2**70))
+    assert "policies[0].seed" in refusal(root, tmp_path / "out")
+
+
+@pytest.mark.parametrize(("algorithm", "is_refused"), [("ppo", True), ("commnet", False), ("own-one", False)])
+def test_vehicles_that_hear_each_other_are_refused_where_the_algorithm_has_none(
+    submission, algorithm, is_refused
+):
+    def label(manifest):
+        manifest["policies"] = manifest["policies"][:1]
+        manifest["policies"][0]["algorithm"] = algorithm
+
+    layers = [layer("linear", (1, 4), (4,)), layer("hear", (4, 4), (4,), (4, 4))]
+    root = submission(label, layers=layers, algorithm=algorithm)
+    with pytest.raises(ResultsError, match="act on what others see") if is_refused else nullcontext():
+        check_manifest(*submitted(str(root), number=None, scenarios=(), traffic=()))
+
+
+COUNTING = """
+import numpy as np
+from smarts_agent_kit import BatchAgent
+
+class Counting(BatchAgent):
+    interface = {"action": "Lane", "vehicle_model": "bullet", "tyre_model": "pacejka"}
+    observation = ["speed"]
+    period = 5
+
+    def __init__(self):
+        self.seen, self.asked = set(), 0
+
+    def act(self, batch):
+        self.seen |= {*batch.agent_id.tolist()}
+        self.asked += 1
+        return np.full(len(batch.env_id), 10 * len(self.seen) + self.asked)
+"""
+
+
+def test_a_served_agent_learns_nothing_of_other_vehicles(tmp_path):
+    """It answers by the number of vehicles that it has ever been asked about, and how often."""
+    (tmp_path / "counting.py").write_text(COUNTING)
+    command = ("-m", "smarts_agent_kit", "counting:Counting", "--address", "127.0.0.1:0")
+    with served(*command, PYTHONPATH=str(tmp_path)) as address:
+        manifest, folder = submitted(address, number=1, scenarios=["loop"], traffic=[ALONE])
+        agent = agent_of(manifest.policies[0], folder, ENVIRONMENT)
+        answers = [BlindAgent(agent).act(request_for([0, 1])).tolist() for _ in range(2)]
+        answers.append(BlindAgent(agent).act(request_for([1])).tolist())
+        agent.close()
+    assert answers == [[11, 11], [12, 12], [13]]
+
+
+def request_for(vehicles):
+    count = len(vehicles)
+    nothing = np.zeros(count, np.int32)
+    return ActionBatch(
+        {"observation": np.full((count, 1), 0.5, np.float32)},
+        np.ones((count, 4), bool),
+        *(nothing, np.array(vehicles, np.int32), nothing.astype(np.int64), nothing, nothing),
+        *(np.ones(count, bool), np.zeros(count, np.uint64), np.ones(count, bool)),
+    )
+
+
+def test_files_that_are_nested_deeply_are_named(submission, tmp_path):
+    root = submission()
+    deep = "[" * 100_000
+    (root / "policies" / "mine_1" / "policy.json").write_text(deep)
+    assert "seed 1: policies/mine_1" in refusal(changed(root, unlisted), tmp_path / "out")
+    (root / MANIFEST).write_text(deep)
+    with pytest.raises(ResultsError, match="cannot be read"):
+        read_manifest(root)
+
+
+@pytest.mark.parametrize("trained", [{}, {"task": 1}, [], None])
+def test_an_exported_policy_that_does_not_say_what_it_was_trained_on_is_named(tmp_path, trained):
+    policy = write_policy(tmp_path / "mine")
+    content = json.loads((policy / "policy.json").read_text()) | {"trained": trained}
+    (policy / "policy.json").write_text(json.dumps(content))
+    with pytest.raises(SmartsError, match="does not say what the policy was trained on"):
+        submitted(str(policy), number=None, scenarios=(), traffic=())
+    with pytest.raises(SmartsError, match="does not say what the policy was trained on"):
+        evaluate_exported(policy, episodes=1)
+
+
+@pytest.mark.parametrize("address", ["tcp://[::1]:7007", "tcp://::1:7007", "tcp://"])
+def test_any_address_gives_a_name_of_folders(address):
+    manifest, _ = submitted(address, number=1, scenarios=(), traffic=())
+    assert fitted(manifest.content(), Manifest) == manifest
+    assert manifest.policies[0].agent == address

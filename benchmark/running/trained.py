@@ -1,0 +1,94 @@
+"""What an exported policy says that it was trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from benchmark.experiment.values import FolderName
+from smarts.config import ConfigError, Section, fitted
+from smarts.errors import SmartsError, shown
+from smarts.sstudio.locating import suite
+from smarts_agent_kit.exported import TRAINED
+from smarts_agent_kit.weights import CONTENT, ExportError, content_of
+
+PROJECT = "smarts.zoo:"
+"""Begins the locators of the project's own agents."""
+
+
+class Trained(Section):
+    """What a policy was trained on; `benchmark.running.exporting.trained_content` writes it."""
+
+    algorithm: FolderName
+    task: FolderName
+    scenarios: Annotated[list[str], Field(min_length=1)]
+    traffic: FolderName
+    seed: Annotated[int, Field(ge=0, lt=2**31)]
+    environment: dict[str, Any]
+    benchmark_version: int | None = None
+
+
+def trained_on(path: Path) -> Trained:
+    """Return what an exported policy was trained on.
+
+    Raises:
+        SmartsError: The folder does not say, as those that earlier versions of `export` wrote; or it names
+            code or files of this machine.
+    """
+    try:
+        content = content_of(path)
+    except ExportError as error:
+        raise SmartsError(error.problem, place=error.place, remedy="export it again") from error
+    found = content.get(TRAINED)
+    if not isinstance(found, dict):
+        raise SmartsError(
+            "does not say what the policy was trained on", place=str(path), remedy="export it again"
+        )
+    try:
+        trained = fitted(found, Trained, TRAINED)
+        foreign = [*own_names([content.get("observation"), trained.environment])]
+    except (ConfigError, RecursionError) as error:
+        raise SmartsError(
+            f"does not say what the policy was trained on: {error}",
+            place=str(path),
+            remedy="export it again",
+        ) from error
+    if foreign:
+        raise SmartsError(
+            f"names code or files of its author: {shown(foreign[0])}",
+            place=str(path / CONTENT),
+            remedy="of a training with own code, evaluate the run's folder instead",
+        )
+    return trained
+
+
+def own_names(values: Any) -> Iterator[str]:
+    """Yield texts, at any depth, that may name code or files: "module:Class", "folder/file"."""
+    if isinstance(values, str):
+        if not values.startswith(PROJECT) and any(each in values for each in ":/\\"):
+            yield values
+    elif isinstance(values, Mapping):
+        for name, each in values.items():
+            yield from own_names(name)
+            yield from own_names(each)
+    elif isinstance(values, list | tuple):
+        for each in values:
+            yield from own_names(each)
+
+
+def check_suite(trained: Trained, path: Path) -> None:
+    """Raise if a policy names folders as scenarios: their files are programs, which would run here.
+
+    Raises:
+        SmartsError: It does.
+    """
+    for name in trained.scenarios:
+        if name.partition("@")[0] not in suite():
+            raise SmartsError(
+                f"was trained on {shown(name)}, which is no scenario of the suite",
+                place=str(path / CONTENT),
+                remedy="name the scenario yourself, by --scenario: a scenario's files are programs",
+            )

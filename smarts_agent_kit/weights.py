@@ -1,0 +1,154 @@
+"""Files of policies that `smarts-bench export` has written, and whether their parts fit together."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FORMAT = 1
+HEAR = "hear"
+"""A layer that reads the mean of the other agents' numbers."""
+CONTENT, WEIGHTS = "policy.json", "policy.npz"
+"""Files of a folder."""
+ARRAYS = {"linear": 2, HEAR: 3, "gru": 4, "tanh": 0, "relu": 0}
+"""Kind of a layer -> how many arrays it has."""
+
+Layers = Sequence[tuple[str, tuple[NDArray, ...]]]
+"""Kind and arrays of each layer."""
+
+
+class ExportError(ValueError):
+    """A folder does not hold an exported policy.
+
+    Args:
+        problem: What is wrong.
+        place: The file.
+    """
+
+    def __init__(self, problem: str, place: str) -> None:
+        self.problem, self.place = problem, place
+        super().__init__(f"{place}: {problem}; export it again")
+
+
+def content_of(folder: Path) -> dict[str, Any]:
+    """Return what `policy.json` holds.
+
+    Raises:
+        ExportError: There is none, or it is of another format.
+    """
+    try:
+        content = json.loads((folder / CONTENT).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ExportError(f"the exported policy cannot be read: {error}", str(folder / CONTENT)) from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise ExportError(f"not an exported policy of format {FORMAT}", str(folder / CONTENT))
+    return content
+
+
+def layers_of(folder: Path, group: str, kinds: Sequence[str]) -> list[tuple[str, tuple[NDArray, ...]]]:
+    """Return the layers of a network: kind and weights.
+
+    Raises:
+        ExportError: They cannot be read, or there is no such kind.
+    """
+    if unknown := [kind for kind in kinds if kind not in ARRAYS]:
+        raise ExportError(f"there is no layer {unknown[0]!r}, but {', '.join(ARRAYS)}", str(folder / CONTENT))
+    return [(kind, _weights(folder, f"{group}/{number}", ARRAYS[kind])) for number, kind in enumerate(kinds)]
+
+
+def sets_of(folder: Path, group: str, leaves: Sequence[str]) -> dict[str, tuple[NDArray, ...]]:
+    """Return the weights of both layers that the rows of each set go through.
+
+    Raises:
+        ExportError: They cannot be read.
+    """
+    return {leaf: _weights(folder, f"{group}/{leaf}", 4) for leaf in leaves}
+
+
+def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
+    try:
+        with np.load(folder / WEIGHTS, allow_pickle=False) as file:
+            return tuple(np.ascontiguousarray(file[f"{name}/{k}"].astype(np.float64)) for k in range(count))
+    except (OSError, ValueError, KeyError) as error:
+        raise ExportError(f"the weights cannot be read: {error}", str(folder / WEIGHTS)) from error
+
+
+def check_network(
+    layers: Layers,
+    sets: Mapping[str, tuple[NDArray, ...]],
+    memory: int,
+    narrow: Mapping[str, int],
+    place: str,
+) -> None:
+    """Raise if a network's arrays do not fit together: what one layer gives, the next one reads.
+
+    Args:
+        layers: Of the network.
+        sets: Both layers of each set of rows.
+        memory: Numbers that the policy keeps of a vehicle.
+        narrow: What -> how many numbers the first layer reads of it at least.
+        place: For errors.
+
+    Raises:
+        ExportError: They do not fit; names the layer.
+    """
+    for name, arrays in sets.items():
+        first = check_layer(f"the set {name!r}", "linear", arrays[:2], 0, place)
+        check_layer(f"the set {name!r}", "linear", arrays[2:], 0, place, first)
+    width = None
+    for number, (kind, arrays) in enumerate(layers):
+        if not arrays:
+            continue
+        is_first = width is None
+        width = check_layer(f"layer {number} ({kind})", kind, arrays, memory, place, width)
+        for what, count in narrow.items() if is_first else ():
+            if not 0 <= count <= len(arrays[0]):
+                raise ExportError(f"{what} {count} is more than its first layer reads", place)
+    if width is None:
+        raise ExportError("its network has no weights", place)
+
+
+def check_layer(
+    name: str, kind: str, arrays: Sequence[NDArray], memory: int, place: str, width: int | None = None
+) -> int:
+    """Return how many numbers a layer gives.
+
+    Args:
+        name: For errors.
+        kind: Of the layer.
+        arrays: Its weights.
+        memory: Numbers that the policy keeps of a vehicle.
+        place: For errors.
+        width: How many numbers it reads; None: as many as it has rows.
+
+    Raises:
+        ExportError: Its arrays do not fit to each other, to the memory, or to what it reads.
+    """
+    shapes = [each.shape for each in arrays]
+    rows = width if width is not None else (shapes[0][:1] or (0,))[0]
+    units = memory if kind == "gru" else (shapes[0][1:] or (0,))[0]
+    wanted = {
+        "linear": [(rows, units), (units,)],
+        HEAR: [(rows, units), (units,), (rows, units)],
+        "gru": [(rows, 3 * units), (3 * units,), (units, 3 * units), (3 * units,)],
+    }[kind]
+    if shapes != wanted or not rows or not units:
+        raise ExportError(f"{name} has arrays of the shapes {shapes}, where {wanted} fit", place)
+    return units
+
+
+def check_width(x: NDArray, weight: NDArray) -> None:
+    """Raise if inputs (N, d) are not as many as weights (d, P) read.
+
+    Raises:
+        ExportError: They are more or fewer.
+    """
+    if x.shape[1] != len(weight):
+        raise ExportError(
+            f"a layer reads {len(weight)} numbers of a vehicle, which gives {x.shape[1]}", WEIGHTS
+        )
