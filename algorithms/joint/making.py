@@ -15,7 +15,6 @@ from algorithms.errors import AlgorithmError, EnvironmentFailure, SpaceError
 
 if TYPE_CHECKING:
     from algorithms.joint.config import JointConfig
-    from algorithms.joint.runner import JointEnvRunner
 
 logger = logging.getLogger(__name__)
 
@@ -45,7 +44,7 @@ def _create(name: Any, context: EnvContext) -> Any:
         ) from error
 
 
-def check_environment(config: JointConfig, runner: type[JointEnvRunner]) -> None:
+def check_environment(config: JointConfig, runner: Callable[[JointConfig], Any]) -> None:
     """Make one environment in this process and raise if the algorithm cannot handle its agents or spaces.
 
     Remote runners may have what this process lacks: where there are some, an environment that cannot be made

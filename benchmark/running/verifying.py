@@ -196,13 +196,14 @@ class _Evaluated:
         place.note(status=TESTING, **{SUBMISSION: {}})
         setting = replace(task_of(self.manifest, entry), evaluation=self.test)
         try:
-            agent = _agent_of(entry, self.folder, setting)
+            agent = agent_of(entry, self.folder, setting.environment)
+            blind = BlindAgent(agent)
             try:
-                table = _table(setting, agent, entry, place, EVALUATION_SEED)
+                table = _table(setting, blind, entry, place, EVALUATION_SEED)
                 fresh = None
                 if self.fresh:
                     again = replace(setting, evaluation=Evaluation(episodes=self.fresh))
-                    fresh = _table(again, agent, entry, RunFolder(place.path / FRESH), self.seed)
+                    fresh = _table(again, blind, entry, RunFolder(place.path / FRESH), self.seed)
             finally:
                 if isinstance(agent, RemoteAgent):
                     agent.close()
@@ -234,22 +235,10 @@ def _remove(folder: Path) -> None:
         shutil.rmtree(old, ignore_errors=True)
 
 
-def _agent_of(entry: Entry, folder: Path, setting: TaskSetting) -> BatchAgent:
-    """Return the agent of an entry.
-
-    Raises:
-        RefusedError: It cannot be made, or is none of the task's.
-    """
-    try:
-        return agent_of(entry, folder, setting.environment)
-    except SmartsError as error:
-        raise RefusedError(error.problem, place=error.place, remedy=error.remedy) from error
-
-
 def _table(setting: TaskSetting, agent: BatchAgent, entry: Entry, folder: RunFolder, seed: int) -> Frame:
     """Play episodes and return their table."""
     labels = {"algorithm": entry.algorithm, "training_seed": entry.seed}
-    for _ in play_agent(setting, folder, BlindAgent(agent), labels, mode="greedy", seed=seed):
+    for _ in play_agent(setting, folder, agent, labels, mode="greedy", seed=seed):
         pass
     return read_table(folder.table)
 
