@@ -44,7 +44,7 @@ def _create(name: Any, context: EnvContext) -> Any:
         ) from error
 
 
-def check_environment(config: JointConfig, runner: Callable[[JointConfig], Any]) -> None:
+def check_environment(config: JointConfig, runner: Callable[..., Any]) -> None:
     """Make one environment in this process and raise if the algorithm cannot handle its agents or spaces.
 
     Remote runners may have what this process lacks: where there are some, an environment that cannot be made
