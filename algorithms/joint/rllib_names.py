@@ -144,7 +144,7 @@ def same_value(one: Any, other: Any) -> bool:
 
 def is_seed(seed: Any) -> bool:
     """Return whether all that RLlib seeds takes a value: NumPy's global stream takes 32 bits."""
-    return isinstance(seed, int | np.integer) and not isinstance(seed, bool) and 0 <= seed < 2**32
+    return isinstance(seed, int | np.integer) and not isinstance(seed, bool) and 0 <= int(seed) < 2**32
 
 
 def network_settings(model_config: Any) -> dict[str, Any]:
