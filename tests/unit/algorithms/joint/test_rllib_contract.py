@@ -231,13 +231,15 @@ def test_a_checkpoint_of_other_networks_is_refused_with_the_settings_that_differ
     build(small(lr=1.0, hidden=[16])).set_state(algo.get_state())
 
 
-@pytest.mark.parametrize("part", ["algorithm_state.pkl", "learner_group/learner/state.pkl", "rl_module"])
+@pytest.mark.parametrize(
+    "part", ["algorithm_state.pkl", "learner/state.pkl", "learner/rl_module/agent_0/module_state.pkl"]
+)
 @pytest.mark.parametrize("damage", ["missing", "cut"])
 def test_a_damaged_checkpoint_is_named(build, tmp_path, part, damage):
     algo = build(small())
     folder = tmp_path / "checkpoint"
     algo.save_to_path(str(folder))
-    file = next(each for each in sorted(folder.rglob("*.pkl")) if part in str(each))
+    file = next(each for each in sorted(folder.rglob("*.pkl")) if str(each).endswith(part))
     if damage == "cut":
         file.write_bytes(file.read_bytes()[:50])
     else:
