@@ -200,6 +200,9 @@ def test_other_files_and_other_fresh_episodes_are_played_again(tmp_path):
     assert third.fresh["episodes"] == 1  # As many as public ones.
     (fourth,) = verified(root, out, fresh=2)
     assert (fourth.fresh["episodes"], fourth.fresh["seed"]) == (2, third.fresh["seed"])
+    table = read_table(RunFolder(place_of(out) / "fresh").table)
+    assert table["world"].nunique() == 2
+    assert {*table["seed"]} == {fourth.fresh["seed"]}
 
 
 def entry_of(table, **changes):
