@@ -374,7 +374,8 @@ def test_settings_are_checked_together_wherever_they_are_given(write):
 def test_a_setting_of_all_algorithms_must_suit_each(write):
     file = write("algorithms: [ppo, maac]\ntasks: [loop]\ntraining: {hidden: []}\n")
     (problem,) = said(file).splitlines()
-    assert f"{file}:3: training.hidden: []; " in problem
+    assert f"{file}:3: training.hidden: 'maac' cannot have []; " in problem
+    assert "settings: {maac: {hidden: [64, 64]}}" in problem
     assert read_experiment(file, ["algorithms=[ppo]"]).settings_of("ppo") == {"hidden": []}
 
 
