@@ -284,7 +284,7 @@ class JointConfig(AlgorithmConfig):
         Raises:
             ValueError: A setting is out of its range; settings do not fit each other; evaluation by time, a
                 GPU that is not there, or a memory where the algorithm has none are asked for.
-            UnknownSettingError: The settings for evaluation have a name that there is not.
+            UnknownSettingError: `evaluation_config` holds an unknown setting.
         """
         log_once(
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"

@@ -83,7 +83,7 @@ def verify(
         ),
     ] = None,
 ) -> None:
-    """Play a release or a submission, and compare scores and episodes with those that it claims.
+    """Play a release or a submission, and compare its scores and episodes with its claims.
 
     Exit code 0 if every policy is confirmed, 1 if one is marked or refused, 2 if it cannot be evaluated.
 

@@ -22,13 +22,13 @@ PARADIGM: Column = ("paradigm", "What agents know in training and execution", Tr
 ALGORITHM: Column = ("algorithm", "Algorithm or scripted policy", True)
 STATUS: Column = ("evaluated", "Of a release or a submission: the worst of its seeds", True)
 SUBMITTED_COLUMNS: list[Column] = [
-    ("submission", "Its name, and who made it", True),
+    ("submission", "Name and author", True),
     ALGORITHM,
     ("cell", "Task and traffic", True),
     ("seed", "Of training", False),
     ("completion", "Completion rate: claimed / of the episodes played here", False),
     ("collision", "Collision rate: claimed / of the episodes played here", False),
-    ("digests", "Episodes that went as claimed, of those that were both claimed and played here", False),
+    ("digests", "Played episodes with the claimed digest, of those claimed", False),
     ("evaluated", "Confirmed, marked or refused", True),
     ("why", "Why it is marked or refused", True),
 ]

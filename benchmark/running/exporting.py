@@ -216,7 +216,7 @@ def _sets(module: Any) -> dict[str, list[NDArray]]:
 
 
 def _talking_layers(run: Run, module: CommNetModule) -> list[tuple[str, list[NDArray]]]:
-    """Return CommNet's layers: its encoder, those that hear the other agents, its outputs."""
+    """Return CommNet's layers: encoder, communication layers, output layers."""
     hears = []
     for keep, hear in zip(module.keep, module.hear, strict=True):
         weight = cast("nn.Linear", hear).weight

@@ -44,7 +44,7 @@ def write_release(
     Args:
         root: The experiment's results, tested with greedy acting.
         out: Folder of the release, which is replaced.
-        author: Who is named for it.
+        author: Shown on the leaderboard.
         is_partial: Whether runs and seeds may be missing; the manifest then names them.
         imports: Files and folders of own code, by default the ones of the training.
 

@@ -175,7 +175,7 @@ def _observations(cell: Cell, play: Play) -> dict[str, Any]:
 
 
 def _drivers(env: Any, play: Play, cell: Cell, policies: Mapping[str, Policy]) -> list[tuple[Any, Agents]]:
-    """Return who drives which agents of an environment."""
+    """Return the drivers of an environment's agents, with the agents of each."""
 
     def driver(name: str, agents: Agents) -> tuple[Any, Agents]:
         if name in policies:
@@ -194,7 +194,7 @@ def _at_even_places(setting: TaskSetting) -> list[str]:
 
 
 def _by_driver(table: Frame, play: Play, even: Sequence[str]) -> Frame:
-    """Return the rows with who drives the agent, and who drives the others."""
+    """Return the rows with each agent's policy as `algorithm`, and that of the other agents as `partner`."""
     is_even = table["agent"].isin([*even])
     drivers = np.where(is_even, play.even, play.odd)
     partners = np.where(is_even, play.odd, play.even)

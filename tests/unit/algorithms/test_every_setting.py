@@ -146,7 +146,7 @@ def test_every_setting_changes_what_is_learned_or_is_refused(name):
     expected = {*known(name, {"noise": 0}), *known(name, NEEDS)}
     if not settings_of(name)["gru"]:
         expected |= {"sequence_length"} if entry.recurrent else {"sequence_length", "gru"}
-    if name == "networked_q":  # one node has nobody to exchange with
+    if name == "networked_q":  # a single node exchanges nothing
         expected.add("sharing")
     assert refused.keys() == expected
 

@@ -408,7 +408,7 @@ def played_with_seeds(address, folder):
 
 
 def test_who_knows_the_test_by_heart_is_marked():
-    """All public episodes succeed, and hardly one of those that nobody could know."""
+    """It succeeds in all public episodes, and in few fresh ones."""
     public = agent_episodes([["goal", "goal"]] * 12, mode="greedy")
     fresh = agent_episodes([["goal", "collision"]] * 2 + [["collision", "time_out"]] * 10, mode="greedy")
     completion, collision = memorized({"cell": [(public, fresh)]})["cell"]

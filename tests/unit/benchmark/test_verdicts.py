@@ -285,7 +285,7 @@ def test_all_seeds_of_a_cell_are_tested_together():
 
 
 def test_a_copy_of_a_policy_is_no_further_evidence():
-    """Policies of a cell play the same episodes: those that are easy are easy for all of them."""
+    """Policies of a cell play the same episodes, whose difficulty they share."""
     rng = np.random.Generator(np.random.Philox(2))
     public, fresh = drawn(rng, [0.9] * 40), drawn(rng, [0.78] * 40)
     one, many = (
