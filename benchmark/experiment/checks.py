@@ -240,9 +240,12 @@ def _draw_fault(given: Any) -> Fault | None:
     if isinstance(given, list) and given:
         return None
     (kind, bounds), *more = given.items() if isinstance(given, dict) and given else [("", None)]
+    if kind == "choice" and not more and isinstance(bounds, list) and bounds:
+        return None
     if kind not in DISTRIBUTIONS or more or not isinstance(bounds, list) or len(bounds) != 2:
         draws = ", ".join(f"{{{draw}: [low, high]}}" for draw in DISTRIBUTIONS)
-        return Fault((), f"{given!r} is not a search space", f"give a list of values, or one of {draws}")
+        remedy = f"give a list of values, or one of {{choice: [value, ...]}}, {draws}"
+        return Fault((), f"{given!r} is not a search space", remedy)
     return _bounds_fault(kind, bounds)
 
 
@@ -259,10 +262,13 @@ def _bounds_fault(kind: str, bounds: list[Any]) -> Fault | None:
 
 
 def _ends(given: Any) -> list[tuple[tuple[str | int, ...], Any]]:
-    """Return place and value of all that a search may choose from, of a draw its two ends."""
+    """Return place and value of all that a search may choose from, of a draw within bounds its two ends."""
     if isinstance(given, list):
         return [((number,), value) for number, value in enumerate(given)]
-    ((kind, (low, high)),) = given.items()
+    ((kind, values),) = given.items()
+    if kind == "choice":
+        return [((kind, number), value) for number, value in enumerate(values)]
+    low, high = values
     if kind == "randint":
         return [((kind, 0), low), ((kind, 1), high - 1)]
     return [((kind, 0), float(low)), ((kind, 1), float(high))]

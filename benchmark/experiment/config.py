@@ -136,7 +136,8 @@ class Tune(Section):
     """A search for settings: `smarts-bench sweep`."""
 
     parameters: Annotated[dict[str, Any], Field(min_length=1)]
-    """Setting -> list of values, or {uniform: [low, high]}, {loguniform: [...]}, {randint: [...]}."""
+    """Setting -> list of values (a grid), or what is drawn from: {uniform: [low, high]}, {loguniform: [...]},
+    {randint: [...]}, {choice: [value, ...]}."""
     samples: Positive = 1
     """Draws from the space, or repetitions of a grid."""
     scheduler: Literal["none", "asha", "pbt"] = "none"

@@ -209,8 +209,13 @@ def space_of(section: Tune, algorithm: str) -> dict[str, Any]:
 def _values(given: Any) -> Any:
     if isinstance(given, list):
         return tune.grid_search(given)
-    ((kind, bounds),) = given.items()
-    return getattr(tune, kind)(*bounds)
+    ((kind, values),) = given.items()
+    return tune.choice(values) if kind == "choice" else getattr(tune, kind)(*values)
+
+
+def _listed(given: Any) -> list[Any]:
+    """Return the values that a search chooses from; none of a draw within bounds."""
+    return given if isinstance(given, list) else given.get("choice", [])
 
 
 def scheduler_of(section: Tune, validations: int) -> Any:
@@ -219,7 +224,7 @@ def scheduler_of(section: Tune, validations: int) -> Any:
         return ASHAScheduler(time_attr=VALIDATION, max_t=validations, grace_period=1)
     if section.scheduler == "pbt":
         mutations = {
-            name: given if isinstance(given, list) else _values(given)
+            name: _listed(given) or _values(given)
             for name, given in section.parameters.items()
         }
         return PopulationBasedTraining(
@@ -235,7 +240,7 @@ def within_bounds(section: Tune, config: dict[str, Any]) -> dict[str, Any]:
     """Return settings with draws kept in their bounds, out of which population-based training scales them."""
     kept = dict(config)
     for name, given in section.parameters.items():
-        if isinstance(given, dict):
+        if not _listed(given):
             (kind, (low, high)), *_ = given.items()
             # An upper bound of whole numbers is never drawn itself.
             kept[name] = min(max(kept[name], low), high - 1 if kind == "randint" else high)

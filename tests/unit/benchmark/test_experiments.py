@@ -288,6 +288,12 @@ def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
         ("tune.parameters={sharing: [allz]}", "tune.parameters.sharing[0]: 'allz'; "),
         ("tune.parameters={lr: {loguniform: [1e-5, 1]}, gamma: {uniform: [0, 1]}}", ""),
         ("tune.parameters={epochs: {randint: [1, 2]}, hidden: [[8], [8, 8]]}", ""),
+        ("tune.parameters={epochs: {choice: [1, 2, 9]}, hidden: {choice: [[8], [8, 8]]}}", ""),
+        ("tune.parameters={lr: {choice: []}}", "is not a search space"),
+        ("tune.parameters={lr: {choice: 0.1}}", "is not a search space"),
+        ("tune.parameters={lr: {choice: [0.1, 0.2], uniform: [0, 1]}}", "is not a search space"),
+        ("tune.parameters={lr: {choice: [0.1, 0.2, -1]}}", "tune.parameters.lr.choice[2]: -1; "),
+        ("tune.parameters={sharing: {choice: [allz]}}", "tune.parameters.sharing.choice[0]: 'allz'; "),
         ("tune.parameters={lrr: [1]}", "tune.parameters.lrr: 'ppo' has no such setting; did you mean 'lr'?"),
     ],
 )

@@ -59,6 +59,7 @@ def test_lists_are_grids_and_draws_keep_their_bounds():
             "lr": {"loguniform": [1e-4, 1e-2]},
             "epochs": [1, 4],
             "minibatch_size": {"randint": [16, 64]},
+            "hidden": {"choice": [[8], [8, 8], [64]]},
         }
     )
     space = space_of(section, "ppo")
@@ -66,6 +67,7 @@ def test_lists_are_grids_and_draws_keep_their_bounds():
     assert isinstance(space["lr"], Float)
     assert (space["lr"].lower, space["lr"].upper) == (1e-4, 1e-2)
     assert isinstance(space["minibatch_size"], Integer)
+    assert [*space["hidden"].categories] == [[8], [8, 8], [64]]
     draws = [space["lr"].sample() for _ in range(200)]
     assert 1e-4 <= min(draws) < 1e-3 < max(draws) <= 1e-2
 
@@ -79,11 +81,16 @@ def test_schedulers():
 
 def test_population_based_training_stays_within_bounds():
     parameters = {"gamma": {"uniform": [0.9, 0.99]}, "epochs": {"randint": [2, 5]}, "hidden": [[8], [16]]}
+    parameters["sharing"] = {"choice": ["all", "none"]}
     section = Tune(parameters=parameters, scheduler="pbt")
-    given = {"gamma": 0.99 * 1.2, "epochs": 5, "hidden": [16], "lr": 7.0}
-    assert within_bounds(section, given) == {"gamma": 0.99, "epochs": 4, "hidden": [16], "lr": 7.0}
-    low = {"gamma": 0.9 * 0.8, "epochs": 1, "hidden": [8]}
-    assert within_bounds(section, low) == {"gamma": 0.9, "epochs": 2, "hidden": [8]}
+    kept = {"hidden": [16], "sharing": "none", "lr": 7.0}
+    given = {"gamma": 0.99 * 1.2, "epochs": 5, **kept}
+    assert within_bounds(section, given) == {"gamma": 0.99, "epochs": 4, **kept}
+    low = {"gamma": 0.9 * 0.8, "epochs": 1, "hidden": [8], "sharing": "all"}
+    assert within_bounds(section, low) == {**low, "gamma": 0.9, "epochs": 2}
+    explored = scheduler_of(section, 5)._hyperparam_mutations
+    assert explored["sharing"] == ["all", "none"]
+    assert explored["hidden"] == [[8], [16]]
 
 
 @pytest.mark.parametrize(
