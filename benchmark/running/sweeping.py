@@ -223,10 +223,7 @@ def scheduler_of(section: Tune, validations: int) -> Any:
     if section.scheduler == "asha":
         return ASHAScheduler(time_attr=VALIDATION, max_t=validations, grace_period=1)
     if section.scheduler == "pbt":
-        mutations = {
-            name: _listed(given) or _values(given)
-            for name, given in section.parameters.items()
-        }
+        mutations = {name: _listed(given) or _values(given) for name, given in section.parameters.items()}
         return PopulationBasedTraining(
             time_attr=VALIDATION,
             perturbation_interval=1,
