@@ -156,7 +156,14 @@ def _tuner(run: Run, section: Tune, space: Mapping[str, Any], root: Path) -> tun
 
 def _summarize(found: tune.ResultGrid, section: Tune, root: Path) -> int:
     """Write and print the table of trials, and say which failed."""
-    results = found.get_dataframe()
+    # Not `get_dataframe`, which reads the trials' logs: after a kill some are empty.
+    results = pd.DataFrame(
+        [
+            {**each.metrics, **{f"config/{k}": v for k, v in (each.config or {}).items()}}
+            for each in found
+            if each.metrics
+        ]
+    )
     for error in found.errors:
         print(f"error: {shortened(str(getattr(error, 'cause', None) or error))}", file=sys.stderr)
     if section.metric in results:

@@ -81,5 +81,6 @@ def test_a_search_that_is_interrupted_goes_on_and_ranks_its_trials(tmp_path):
     assert str(root / "trials.csv") in out
 
     written = (root / "trials.csv").read_text()
+    (root / "trials" / rows[0]["trial_id"] / "result.json").write_text("")  # as a kill may leave it
     assert finish(begin(*command))[0] == 0
     assert (root / "trials.csv").read_text() == written  # what is finished is shown again
