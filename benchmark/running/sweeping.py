@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from math import prod
 from pathlib import Path
 from threading import Event
 from types import FrameType
@@ -48,7 +49,7 @@ def sweep(experiment: Experiment, root: Path) -> int:
 
     With several algorithms or cells there is a search for each algorithm in each cell, in a folder of its
     own, with the same draws in all cells; `write_chosen` then writes what is best on average over cells. The
-    same call resumes an interrupted search.
+    same call resumes an interrupted search, and repeats none that `is_complete`.
 
     Raises:
         SweepError: The experiment has no `tune` section, or cannot be searched.
@@ -58,7 +59,7 @@ def sweep(experiment: Experiment, root: Path) -> int:
     section = _section(experiment)
     check_task_settings(experiment)
     folders = [root if len(runs) == 1 else root / run.folder.parent for run in runs]
-    found: list[tune.ResultGrid] = []
+    codes: list[int] = []
     with locked(root):
         for run, folder in zip(runs, folders, strict=True):
             _check_same_search(folder / "search.json", run, section)
@@ -67,18 +68,34 @@ def sweep(experiment: Experiment, root: Path) -> int:
                 start_ray(experiment.resources, code)
             with _stoppable() as stopped:
                 for run, folder in zip(runs, folders, strict=True):
-                    if not stopped.is_set():
-                        space = space_of(section, run.algorithm)
-                        found.append(_tuner(run, section, space, folder.absolute()).fit())
+                    if is_complete(folder, section, run.algorithm):
+                        _show(pd.read_csv(folder / TRIALS), folder)
+                        continue
+                    space = space_of(section, run.algorithm)
+                    found = _tuner(run, section, space, folder.absolute()).fit()
+                    if stopped.is_set():
+                        break
+                    codes.append(_summarize(found, section, folder))
         finally:
             ray.shutdown()
         if stopped.is_set():
             return interrupted(resumable(root))
-        codes = [_summarize(each, section, folder) for each, folder in zip(found, folders, strict=True)]
         if len(runs) > 1 and not any(codes):
             tables = [(run.algorithm, each / TRIALS) for run, each in zip(runs, folders, strict=True)]
             write_chosen(experiment, section, tables, root)
-        return max(codes)
+        return max(codes, default=0)
+
+
+def is_complete(folder: Path, section: Tune, algorithm: str) -> bool:
+    """Return whether a search has ended: all of its trials are in its table.
+
+    Nothing else in the folder is needed then, so tables can be kept and the rest removed.
+    """
+    table = folder / TRIALS
+    if not table.exists():
+        return False
+    grids = (len(given) for given in parameters_of(section, algorithm).values() if isinstance(given, list))
+    return len(pd.read_csv(table)) >= section.samples * prod(grids)
 
 
 @contextmanager
@@ -172,12 +189,16 @@ def _summarize(found: tune.ResultGrid, section: Tune, root: Path) -> int:
         table = pd.DataFrame(results[shown]).sort_values(section.metric, ascending=False, ignore_index=True)
         table.columns = [name.removeprefix("config/") for name in table.columns]
         write_whole(root / TRIALS, lambda file: table.to_csv(file, index=False))
-        print(table.to_string(index=False))
-        print(f"table: {root / 'trials.csv'}")
+        _show(table, root)
     if found.num_errors:
         failed = f"{found.num_errors} of {len(found)} trials failed"
         print(f"{failed}; give the same command again to retry", file=sys.stderr)
     return FAILED if found.num_errors else 0
+
+
+def _show(table: pd.DataFrame, folder: Path) -> None:
+    print(table.to_string(index=False))
+    print(f"table: {folder / TRIALS}")
 
 
 def searched_runs(experiment: Experiment) -> list[Run]:
@@ -209,8 +230,13 @@ def searched_runs(experiment: Experiment) -> list[Run]:
 
 def space_of(section: Tune, algorithm: str) -> dict[str, Any]:
     """Return Tune's search space of an algorithm: of a checked section, the settings that it has."""
+    return {name: _values(given) for name, given in parameters_of(section, algorithm).items()}
+
+
+def parameters_of(section: Tune, algorithm: str) -> dict[str, Any]:
+    """Return the parameters of a checked section that an algorithm has."""
     names = setting_names(algorithm)
-    return {name: _values(given) for name, given in section.parameters.items() if name in names}
+    return {name: given for name, given in section.parameters.items() if name in names}
 
 
 def _values(given: Any) -> Any:
