@@ -323,7 +323,7 @@ def test_a_policy_whose_checkpoint_is_gone_stays_in_the_release(tmp_path):
     policy = write_policy(out / "policies" / "first")
     entry = {
         **{"algorithm": "ppo", "task": run.task, "scenarios": ["intersection"], "traffic": run.traffic},
-        **{"benchmark_version": None, "agent": "policies/first", "seed": 1, "commit": "unknown"},
+        **{"benchmark_version": None, "agent": "policies/first", "seed": 1, "commit": run.facts["commit"]},
         **{"scores": scores_of(run.table), "episodes": episode_digests(run.table)},
         "files": {each.name: file_digest(each.read_bytes()) for each in policy.iterdir()},
     }
@@ -336,7 +336,7 @@ def test_a_policy_whose_checkpoint_is_gone_stays_in_the_release(tmp_path):
     files = {each.name: each.read_bytes() for each in policy.iterdir()}
     assert [each.model_dump() for each in released()] == [{**entry}]
     assert {each.name: each.read_bytes() for each in policy.iterdir()} == files
-    for other in ({"commit": "0123456789ab"}, {"scores": {}}, {"seed": 2}):
+    for other in ({"commit": "0123456789ab"}, {"scores": {"completion_rate": 0.0}}, {"seed": 2}):
         with raises(ResultsError, values=[root / run.place]):  # there is nothing to export
             released(**other)
         assert policy.is_dir()
