@@ -336,7 +336,7 @@ def test_a_policy_whose_checkpoint_is_gone_stays_in_the_release(tmp_path):
     files = {each.name: each.read_bytes() for each in policy.iterdir()}
     assert [each.model_dump() for each in released()] == [{**entry}]
     assert {each.name: each.read_bytes() for each in policy.iterdir()} == files
-    for other in ({"commit": "0123456789ab"}, {"scores": {"completion_rate": 0.0}}, {"seed": 2}):
+    for other in ({"commit": "fedcba987654"}, {"scores": {"completion_rate": 0.0}}, {"seed": 2}):
         with raises(ResultsError, values=[root / run.place]):  # there is nothing to export
             released(**other)
         assert policy.is_dir()
