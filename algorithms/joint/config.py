@@ -284,12 +284,14 @@ class JointConfig(AlgorithmConfig):
         Raises:
             ValueError: A setting is out of its range; settings do not fit each other; evaluation by time, a
                 GPU that is not there, or a memory where the algorithm has none are asked for.
-            UnknownSettingError: `evaluation_config` holds an unknown setting.
+            UnknownSettingError: `evaluation_config` holds an unknown setting, or an unknown attribute was set.
         """
         log_once(
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
         )  # there is no other stack to warn about
-        for fault in ignored_settings(self, type(self)(self.algo_class)):
+        fresh = type(self)(self.algo_class)
+        check_attributes(fresh, [name for name in vars(self) if name[0] != "_"], "an attribute of the config")
+        for fault in ignored_settings(self, fresh):
             self._value_error(fault)
         self._fit_fragment()
         if EPISODE_MEAN not in (self.stats_cls_lookup or {}):  # the user's own beside what runners need

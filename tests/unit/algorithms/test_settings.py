@@ -245,6 +245,14 @@ def test_a_typing_error_in_a_dict_of_settings_is_named(name, meant):
         config.validate()
 
 
+@pytest.mark.parametrize(("name", "meant"), [("lrr", "lr"), ("gama", "gamma"), ("epoch", "epochs")])
+def test_a_typing_error_in_an_attribute_is_named(name, meant):
+    config = algorithms.config("ppo")
+    setattr(config, name, 1)
+    with pytest.raises(UnknownSettingError, match=rf"'{name}'[\s\S]*did you mean '{meant}"):
+        config.validate()
+
+
 def test_dicts_of_settings_that_rllib_makes_are_taken():
     config = handed_over(algorithms.config("dqn").training(lr=0.5, epsilon=[1, 0]).debugging(seed=4))
     other = algorithms.config("dqn").update_from_dict({**config.to_dict(), "__trial_info__": None})
