@@ -23,7 +23,6 @@ from benchmark.results.release import (
     Manifest,
     episode_digests,
     file_digest,
-    read_manifest,
     scores_of,
 )
 from benchmark.results.run_folder import CONTINUED, SCENARIOS, RunFolder
@@ -41,9 +40,6 @@ def write_release(
     imports: Sequence[str | Path] = (),
 ) -> Manifest:
     """Write the release of an experiment and return its manifest.
-
-    Policies of a release that is there already are kept where their runs have no checkpoint any more, so
-    that an experiment can be released part by part.
 
     Args:
         root: The experiment's results, tested with greedy acting.
@@ -76,10 +72,9 @@ def write_release(
             remedy="finish the experiment, or give --partial: the manifest then names what is missing",
         )
     found: list[Manifest] = []
-    before = _released(out)
 
     def fill(folder: Path) -> None:
-        entries = [_entry(root, run, folder, imports, before.get(str(run.place))) for run in runs]
+        entries = [_entry(root, run, folder, imports) for run in runs]
         manifest = Manifest(
             name=results.name,
             author=author,
@@ -141,34 +136,12 @@ def _missing(results: Results, runs: Sequence[RunResult]) -> Iterator[str]:
             yield f"{cell} has the seeds {', '.join(found)} alone, of at least {SEEDS}"
 
 
-def _released(out: Path) -> dict[str, tuple[Path, Entry]]:
-    """Return policy folder and entry of what a release holds, by the place of the run; empty without one."""
-    if not (out / MANIFEST).exists():
-        return {}
-    return {str(entry.place): (out / entry.agent, entry) for entry in read_manifest(out).policies}
-
-
-def _entry(
-    root: Path,
-    run: RunResult,
-    folder: Path,
-    imports: Sequence[str | Path],
-    before: tuple[Path, Entry] | None,
-) -> Entry:
-    """Export a run's policy into a release, and return what is claimed of it.
-
-    Without a checkpoint, the policy is that of the release before, if it was released with the same claims.
-    """
+def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Path]) -> Entry:
+    """Export a run's policy into a release, and return what is claimed of it."""
     path = root / run.place
     name = re.sub(r"[^a-z0-9]+", "-", f"{run.algorithm}-{run.task}-{run.traffic}-{run.seed}".lower()).strip(
         "-"
     )
-    commit, scores, episodes = _commits(run)[-1], scores_of(run.table), episode_digests(run.table)
-    if before is not None and not RunFolder(path).checkpoint.exists():
-        released, claimed = before
-        if (claimed.commit, claimed.scores, claimed.episodes) == (commit, scores, episodes):
-            shutil.copytree(released, folder / claimed.agent)
-            return claimed
     policy = export_policy(path, name, folder / POLICIES, checkpoint="last", imports=imports)
     return Entry(
         algorithm=run.algorithm,
@@ -178,10 +151,10 @@ def _entry(
         seed=run.seed,
         benchmark_version=run.benchmark_version,
         agent=policy.relative_to(folder).as_posix(),
-        commit=commit,
+        commit=_commits(run)[-1],
         files={each.name: file_digest(each.read_bytes()) for each in sorted(policy.iterdir())},
-        scores=scores,
-        episodes=episodes,
+        scores=scores_of(run.table),
+        episodes=episode_digests(run.table),
     )
 
 

@@ -19,7 +19,6 @@ from benchmark.metrics import read_table
 from benchmark.report.leaderboard import make_leaderboard
 from benchmark.report.leaderboard_page import write_leaderboard
 from benchmark.results.files import ResultsError, write_json
-from benchmark.results.reading import read_results
 from benchmark.results.release import (
     CONFIRMED,
     MANIFEST,
@@ -48,7 +47,6 @@ from smarts.errors import SmartsError
 from smarts.types.streams import hold_seed
 from smarts.zoo.exported import ExportedPolicy
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
-from tests.raising import raises
 from tests.served_agents import served
 
 ENVIRONMENT = Environment(agents=2, reward="v1", time_limit=5.0)
@@ -312,34 +310,6 @@ def test_the_results_of_missing_seeds_are_not_released(tmp_path):
     assert "seed 2 is not begun" in caught.value.problem
     assert "has the seeds 1 alone, of at least 3" in caught.value.problem
     assert not (tmp_path / "release").exists()
-
-
-def test_a_policy_whose_checkpoint_is_gone_stays_in_the_release(tmp_path):
-    root, out = tmp_path / "one", tmp_path / "release"
-    write_experiment(root)
-    episodes = agent_episodes([["goal", "goal"]] * 3, mode="greedy")
-    write_run(root, "ppo", [episodes.assign(duration=9.5, distance_travelled=80.0)])
-    (run,) = read_results(root).finished
-    policy = write_policy(out / "policies" / "first")
-    entry = {
-        **{"algorithm": "ppo", "task": run.task, "scenarios": ["intersection"], "traffic": run.traffic},
-        **{"benchmark_version": None, "agent": "policies/first", "seed": 1, "commit": run.facts["commit"]},
-        **{"scores": scores_of(run.table), "episodes": episode_digests(run.table)},
-        "files": {each.name: file_digest(each.read_bytes()) for each in policy.iterdir()},
-    }
-
-    def released(**changes):
-        manifest = {"name": "one", "benchmark_version": None, "policies": [entry | changes]}
-        write_json(out / MANIFEST, manifest)
-        return write_release(root, out, is_partial=True).policies
-
-    files = {each.name: each.read_bytes() for each in policy.iterdir()}
-    assert [each.model_dump() for each in released()] == [{**entry}]
-    assert {each.name: each.read_bytes() for each in policy.iterdir()} == files
-    for other in ({"commit": "fedcba987654"}, {"scores": {"completion_rate": 0.0}}, {"seed": 2}):
-        with raises(ResultsError, values=[root / run.place]):  # there is nothing to export
-            released(**other)
-        assert policy.is_dir()
 
 
 class Spy(BatchAgent):
