@@ -82,5 +82,13 @@ def test_a_search_that_is_interrupted_goes_on_and_ranks_its_trials(tmp_path):
 
     written = (root / "trials.csv").read_text()
     (root / "trials" / rows[0]["trial_id"] / "result.json").write_text("")  # as a kill may leave it
+    (root / "trials.csv").unlink()
     assert finish(begin(*command))[0] == 0
-    assert (root / "trials.csv").read_text() == written  # what is finished is shown again
+    assert (root / "trials.csv").read_text() == written
+
+    shutil.rmtree(root / "trials")
+    code, out, err = finish(begin(*command))
+    assert code == 0, err
+    assert str(root / "trials.csv") in out  # what is finished is shown again, from its table alone
+    assert (root / "trials.csv").read_text() == written
+    assert not (root / "trials").exists()

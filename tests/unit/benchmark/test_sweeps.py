@@ -15,6 +15,7 @@ from benchmark.results.files import ResultsError
 from benchmark.running.choosing import SweepError, mean_over_cells, write_chosen
 from benchmark.running.sweeping import (
     _check_same_search,
+    is_complete,
     scheduler_of,
     searched_runs,
     space_of,
@@ -91,6 +92,19 @@ def test_population_based_training_stays_within_bounds():
     explored = scheduler_of(section, 5)._hyperparam_mutations
     assert explored["sharing"] == ["all", "none"]
     assert explored["hidden"] == [[8], [16]]
+
+
+def test_a_search_is_complete_when_its_table_has_all_trials(tmp_path):
+    section = Tune(
+        parameters={"lr": [0.1, 0.2], "epochs": {"randint": [1, 4]}, "capacity": [10, 20, 30]}, samples=3
+    )
+    trials = {"ppo": 3 * 2, "dqn": 3 * 2 * 3}  # each its own grids, in all three draws
+    for algorithm, count in trials.items():
+        assert not is_complete(tmp_path / algorithm, section, algorithm)
+        (tmp_path / algorithm).mkdir()
+        for rows in (count - 1, count):
+            pd.DataFrame({"lr": [0.1] * rows}).to_csv(tmp_path / algorithm / "trials.csv", index=False)
+            assert is_complete(tmp_path / algorithm, section, algorithm) == (rows == count)
 
 
 @pytest.mark.parametrize(
