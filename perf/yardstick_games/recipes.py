@@ -105,7 +105,8 @@ _VALUES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "batch_size": 256, 
 _FORAGING = {**_VALUES, "reward_scale": 10.0, "epsilon_steps": 200_000}
 _POLICIES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "minibatch_size": 800}
 _SPREAD = {**_VALUES, "gamma": 0.95, "epsilon_steps": 200_000, "reward_scale": 0.2}
-_AS_PUBLISHED = Recipe(8, {**_SPREAD, "reward_scale": 1.0, "standardize_rewards": True}, limit_ends=True)
+_STANDARDIZED = {**_SPREAD, "reward_scale": 1.0, "standardize_rewards": True}
+_AS_PUBLISHED = Recipe(8, _STANDARDIZED, limit_ends=True)
 """As EPyMARL plays simple_spread: rewards are standardised, and the time limit is an end of the game."""
 _MATRIX = {"hidden": (64, 64), "lr": 1e-3, "epsilon": (1.0, 0.2), "epsilon_steps": 40_000}
 _MATRIX_POLICIES = {"hidden": (64, 64), "lr": 3e-3, "minibatch_size": None, "epochs": 4}
@@ -148,6 +149,8 @@ RECIPES: dict[str, dict[str, Recipe]] = {
         "vdn": Recipe(8, _SPREAD),
         "qmix": Recipe(8, _SPREAD),
         **{f"{name}-as_published": _AS_PUBLISHED for name in ("qmix", "vdn")},
+        "qmix-limit_ends": Recipe(8, _SPREAD, steps=1_000_000, limit_ends=True),
+        "qmix-standardized": Recipe(8, _STANDARDIZED, steps=1_000_000),
     },
     "matrices": {
         **{name: Recipe(8, _MATRIX) for name in ("dqn", "vdn", "qmix", "qtran", "networked_q")},
