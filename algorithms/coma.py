@@ -34,12 +34,12 @@ from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import JointSpec, action_size
+from algorithms.joint.team import team_reward
 from algorithms.maac import counterfactual_advantage
 from algorithms.parts.advantages import generalised_advantages
 from algorithms.parts.distributions import Exploration, FlooredDistribution, FlooredHead, Head
 from algorithms.parts.masking import masked_mean_of_agents
 from algorithms.parts.schedule import annealed
-from algorithms.vdn import team_reward
 
 CRITIC = "team__critic"
 LINEAR = 64

@@ -35,12 +35,12 @@ from algorithms.joint.module import LearnerModule
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.serving import ask
 from algorithms.joint.spec import Group, JointSpec, action_size
+from algorithms.joint.team import team_reward
 from algorithms.parts.distributions import CategoricalDistribution
 from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, perceptron
 from algorithms.qmix import MIXER, QMIX, QMIXConfig, QMIXLearner, QMIXMixer
-from algorithms.vdn import team_reward
 
 DISCRIMINATOR = "team__discriminator"
 

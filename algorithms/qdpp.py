@@ -39,12 +39,11 @@ from algorithms.dqn import DQNModule, QNetwork
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch
 from algorithms.joint.config import JointConfig
-from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.spec import Group, JointSpec
+from algorithms.joint.team import TeamLearner
 from algorithms.parts.distributions import CategoricalDistribution, Exploration, SampledActions
 from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.parts.schedule import annealed
-from algorithms.vdn import team_reward
 
 
 class Items(NamedTuple):
@@ -166,7 +165,7 @@ class QDPPModule(DQNModule):
         """Return None: agents that explore are not evaluated one by one."""
 
 
-class QDPPLearner(OffPolicyLearner):
+class QDPPLearner(TeamLearner):
     """One temporal difference for the whole team."""
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
@@ -189,8 +188,7 @@ class QDPPLearner(OffPolicyLearner):
         ranked = self.items(following, "q") if self.config.double else valued
         value = self.worth(following, valued, greedy_in_turn(list(ranked.values())))[0]
         value = torch.where(following.alive.any(-1), value, 0)
-        reward = team_reward(batch.rewards, batch.alive, self.config.team_reward)
-        return self.config.reward_scale * reward + self.gamma * value
+        return self.reward(batch) + self.gamma * value
 
     def items(self, view: JointView, network: str) -> dict[str, Items]:
         """Return what all agents can do by group id, by the networks of this name."""

@@ -32,7 +32,7 @@ from algorithms.joint.module import LearnerModule
 from algorithms.joint.spec import JointSpec, action_size
 from algorithms.parts.masking import masked_mean_of_agents
 from algorithms.parts.networks import perceptron
-from algorithms.vdn import VDN, VDNConfig, VDNLearner, team_reward
+from algorithms.vdn import VDN, VDNConfig, VDNLearner
 
 JOINT = "team__joint"
 FORBIDDEN = 1e9
@@ -125,8 +125,7 @@ class QTRANLearner(VDNLearner):
             chosen[group.id] = encode(group, best_actions(ranking, view)) * view.alive[..., None]
         joint = self.net(JOINT).target_q(following, chosen)
         value = masked_mean_of_agents(self.estimates(following, joint, chosen), self.estimating(following))
-        reward = team_reward(batch.rewards, batch.alive, self.config.team_reward)
-        return self.config.reward_scale * reward + self.gamma * value
+        return self.reward(batch) + self.gamma * value
 
     def smallest_gaps(
         self, batch: ReplayBatch, values: Actions, taken: Actions, joint: Actions, v: Tensor

@@ -4,7 +4,7 @@ Sunehag et al. 2018, "Value-Decomposition Networks for Cooperative Multi-Agent L
 Q_i(o_i, a_i), learned end to end from the team's reward by the squared double-Q temporal difference.
 
 Deviations: recurrence is optional (`gru`); absent agents contribute zero, and the team's reward is the sum
-(or mean) over those present.
+(or mean) over those present, standardised if asked for (`standardize_rewards`).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from algorithms.dqn import DQN, DQNConfig, DQNLearner
 from algorithms.joint.batch import JointView, ReplayBatch
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.replay import JointReplay
-from algorithms.parts.masking import masked_mean_of_agents
+from algorithms.joint.team import TeamLearner
 
 
-class VDNLearner(DQNLearner):
+class VDNLearner(TeamLearner, DQNLearner):
     """One temporal difference for the whole team. Others override `mix`, `penalty` and `trained`."""
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
@@ -38,8 +38,7 @@ class VDNLearner(DQNLearner):
             # All agents that are active next count, late arrivals too, as when that moment is fitted.
             value = self.mix(torch.where(following.alive, batch.join(best), 0), following, target=True)
             value = torch.where(following.alive.any(-1), value, 0)
-            reward = team_reward(batch.rewards, batch.alive, self.config.team_reward)
-            target = self.config.reward_scale * reward + self.gamma * value
+            target = self.reward(batch) + self.gamma * value
         # Squared, not Huber's: a sum fits most games only on average, and it is the mean that is meant.
         loss = self.mean((total - target).square(), batch.alive.any(-1))
         absent = batch.absent()
@@ -63,11 +62,6 @@ class VDNLearner(DQNLearner):
     def trained(self) -> tuple[str, ...]:
         """Return the networks that the team's loss steps."""
         return tuple(group.id for group in self.groups)
-
-
-def team_reward(rewards: Tensor, alive: Tensor, kind: str) -> Tensor:
-    """Return the "sum" or "mean" (...) of the active agents' rewards (..., N)."""
-    return masked_mean_of_agents(rewards, alive) if kind == "mean" else torch.where(alive, rewards, 0).sum(-1)
 
 
 class VDNConfig(DQNConfig):

@@ -66,6 +66,7 @@ def trained(game: str, algorithm: str, seed: int, steps: int, episodes: int) -> 
         SEED: EVALUATION_SEED,
         "num_envs": recipe.num_envs,
         "fragment": recipe.fragment,
+        "limit_ends": recipe.limit_ends,
         "settings": recipe.settings,
     }
     return RunFile(game, algorithm, seed, about, curve)
@@ -77,7 +78,7 @@ def built(game: str, algorithm: str, seed: int, recipe: Recipe) -> Any:
 
     import algorithms
 
-    register_env(game, lambda config: YARDSTICKS[game].make(config["num_envs"]))
+    register_env(game, lambda config: YARDSTICKS[game].make(config["num_envs"], limit_ends=recipe.limit_ends))
     config = algorithms.config(algorithm.partition("-")[0]).environment(game).debugging(seed=seed)
     config.env_runners(
         num_env_runners=0, num_envs_per_env_runner=recipe.num_envs, rollout_fragment_length=recipe.fragment

@@ -1,4 +1,4 @@
-"""Running mean and scale of value targets."""
+"""Running mean and scale of value targets and rewards."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ class RunningMoments(nn.Module):
         self.mean_square = nn.Buffer(torch.zeros(()))
         self.weight = nn.Buffer(torch.zeros(()))
 
-    def observe(self, x: Tensor, mask: Tensor) -> None:
-        """Take in the values of `x` where `mask`."""
+    def observe(self, x: Tensor, mask: Tensor, decay: float | None = None) -> None:
+        """Take in the values of `x` where `mask`, with another `decay` if one is given."""
         if self._enabled and bool(mask.any()):
-            self.mean.lerp_(masked_mean(x, mask), 1 - self._decay)
-            self.mean_square.lerp_(masked_mean(x.square(), mask), 1 - self._decay)
-            self.weight.lerp_(torch.ones_like(self.weight), 1 - self._decay)
+            share = 1 - (self._decay if decay is None else decay)
+            self.mean.lerp_(masked_mean(x, mask), share)
+            self.mean_square.lerp_(masked_mean(x.square(), mask), share)
+            self.weight.lerp_(torch.ones_like(self.weight), share)
 
     def scaled(self, x: Tensor) -> Tensor:
         """Return standardised values."""

@@ -53,11 +53,18 @@ class DQNSettings(QLearningSettings):
         return self
 
 
-class VDNSettings(QLearningSettings):
-    """VDN."""
+class TeamSettings(OffPolicySettings):
+    """Settings of algorithms that fit a value of the team."""
 
     team_reward: Literal["sum", "mean"] = "sum"
     """How rewards of the active agents are joined; "mean" where all get the same shared reward."""
+    standardize_rewards: bool = False
+    """Whether the team's rewards get mean 0 and standard deviation 1 before they are scaled (`reward_scale`);
+    by moments of about the transitions in replay, deviations below 0.01 counting as 0.01."""
+
+
+class VDNSettings(QLearningSettings, TeamSettings):
+    """VDN."""
 
 
 class QMIXSettings(VDNSettings):
@@ -89,15 +96,13 @@ class QTRANSettings(VDNSettings):
     """Weight of the constraint elsewhere."""
 
 
-class QDPPSettings(OffPolicySettings):
+class QDPPSettings(TeamSettings):
     """Q-DPP."""
 
     double: bool = True
     """Whether the online network chooses the next joint action."""
     duelling: bool = True
     """Whether value and advantage have separate streams."""
-    team_reward: Literal["sum", "mean"] = "sum"
-    """How rewards of the active agents are joined; "mean" where all get the same shared reward."""
     features: Width = 32
     """Numbers in a diversity vector."""
     own_share: Annotated[float, Field(ge=1e-5, le=1)] = 1e-3

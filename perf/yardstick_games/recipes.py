@@ -48,9 +48,11 @@ class Yardstick(NamedTuple):
         """Return the score of an episode's return, summed over agents."""
         return self.scale * total + self.offset
 
-    def make(self, num_envs: int) -> Any:
-        """Return copies of the game."""
-        return load_own(self.target, "game")(num_envs)
+    def make(self, num_envs: int, *, limit_ends: bool = False) -> Any:
+        """Return copies of the game; `limit_ends`: its time limit is a termination."""
+        game = load_own(self.target, "game")(num_envs)
+        game.limit_ends = limit_ends
+        return game
 
 
 class Recipe(NamedTuple):
@@ -61,12 +63,14 @@ class Recipe(NamedTuple):
         settings: The algorithm's settings that differ from its defaults.
         num_envs: Copies of the game.
         steps: Environment steps, if others than the game's.
+        limit_ends: Whether the game's time limit is a termination.
     """
 
     fragment: int
     settings: dict[str, Any]
     num_envs: int = 64
     steps: int | None = None
+    limit_ends: bool = False
 
 
 _PAPER = "Papoudakis et al. 2021 (EPyMARL)"
@@ -101,6 +105,9 @@ _VALUES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "batch_size": 256, 
 _FORAGING = {**_VALUES, "reward_scale": 10.0, "epsilon_steps": 200_000}
 _POLICIES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "minibatch_size": 800}
 _SPREAD = {**_VALUES, "gamma": 0.95, "epsilon_steps": 200_000, "reward_scale": 0.2}
+_STANDARDIZED = {**_SPREAD, "reward_scale": 1.0, "standardize_rewards": True}
+_AS_PUBLISHED = Recipe(8, _STANDARDIZED, limit_ends=True)
+"""As EPyMARL plays simple_spread: rewards are standardised, and the time limit is an end of the game."""
 _MATRIX = {"hidden": (64, 64), "lr": 1e-3, "epsilon": (1.0, 0.2), "epsilon_steps": 40_000}
 _MATRIX_POLICIES = {"hidden": (64, 64), "lr": 3e-3, "minibatch_size": None, "epochs": 4}
 
@@ -141,6 +148,9 @@ RECIPES: dict[str, dict[str, Recipe]] = {
         ),
         "vdn": Recipe(8, _SPREAD),
         "qmix": Recipe(8, _SPREAD),
+        **{f"{name}-as_published": _AS_PUBLISHED for name in ("qmix", "vdn")},
+        "qmix-limit_ends": Recipe(8, _SPREAD, steps=1_000_000, limit_ends=True),
+        "qmix-standardized": Recipe(8, _STANDARDIZED, steps=1_000_000),
     },
     "matrices": {
         **{name: Recipe(8, _MATRIX) for name in ("dqn", "vdn", "qmix", "qtran", "networked_q")},

@@ -34,7 +34,9 @@ class VectorGame:
     width: int
     """Numbers in an agent's observation."""
     length: int
-    """Steps after which an episode is truncated."""
+    """Steps after which an episode is over."""
+    limit_ends = False
+    """Whether this limit is an end of the game (a termination): its value is no longer bootstrapped."""
 
     def __init__(self, num_envs: int) -> None:
         self.num_envs = num_envs
@@ -89,8 +91,9 @@ class VectorGame:
                 self._begin(row)
             seen[rows] = self.observe()[rows]
         shape = (self.num_envs, self.num_agents)
-        terminated = np.broadcast_to(ended[:, None], shape)
-        truncated = np.broadcast_to((over & ~ended)[:, None], shape)
+        terminal = over if self.limit_ends else ended
+        terminated = np.broadcast_to(terminal[:, None], shape)
+        truncated = np.broadcast_to((over & ~terminal)[:, None], shape)
         alive = np.ones(shape, bool)
         return JointStep(
             ({"": seen},), rewards.astype(np.float32), terminated, truncated, alive, over, final, (None,)

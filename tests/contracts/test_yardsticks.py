@@ -101,6 +101,17 @@ def test_spread_equals_the_packages_game_step_by_step():
                 shown[row] = env.reset(seed=episode_seed(SEED, row, t // 25))[0]
 
 
+@pytest.mark.parametrize("limit_ends", [True, False])
+def test_a_time_limit_is_an_end_of_the_game_only_where_the_recipe_says_so(limit_ends):
+    game = YARDSTICKS["spread"].make(2, limit_ends=limit_ends)
+    game.reset(SEED, np.arange(2))
+    steps = [game.step((np.zeros((2, 3), int),)) for _ in range(game.length)]
+    assert not any((step.terminated | step.truncated).any() for step in steps[:-1])
+    assert (steps[-1].terminated == limit_ends).all()
+    assert (steps[-1].truncated != limit_ends).all()
+    assert steps[-1].reset.all()
+
+
 def test_matrices_pay_the_team_1_for_the_best_actions_and_0_on_average():
     payoffs = scaled(np.array([[[1.0, 2.0], [3.0, 6.0]]]))
     assert np.allclose(payoffs, [[[-2 / 3, -1 / 3], [0, 1]]])

@@ -63,9 +63,9 @@ def product_score(seed):
     return score("maddpg", Product, 4_000, seed, gamma=0.5)
 
 
-def two_step_score(name, seed):
+def two_step_score(name, seed, **settings):
     """Return the team's return in an episode of QMIX's game."""
-    explore = {"epsilon": (1.0, 1.0), "gamma": 0.99, "lr": 2e-3}
+    explore = {"epsilon": (1.0, 1.0), "gamma": 0.99, "lr": 2e-3, **settings}
     return 4 * score(name, TwoStep, 3_000, seed, **explore).mean()  # half of it per agent, over two steps
 
 
@@ -94,3 +94,8 @@ def test_qmix_represents_the_two_step_game_and_vdn_does_not(seed):
     """QMIX 8, VDN 7."""
     assert two_step_score("qmix", seed) == pytest.approx(8, abs=0.1)
     assert two_step_score("vdn", seed) == pytest.approx(7, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_qmix_solves_the_two_step_game_with_standardised_rewards(seed):
+    assert two_step_score("qmix", seed, standardize_rewards=True) == pytest.approx(8, abs=0.1)

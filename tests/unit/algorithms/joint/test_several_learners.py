@@ -38,6 +38,7 @@ VARIANTS = [
     ("ppo", {"sharing": "all", "gru": 8}),
     ("dqn", {"prioritised": True}),
     ("vdn", {"gru": 8}),
+    ("qmix", {"standardize_rewards": True}),
     ("qtran", {"variant": "alt"}),
     ("maddpg", {"sharing": "all"}),
     ("maac", {"sharing": {"both": ["a", "c"], "own": ["b"]}}),
