@@ -35,6 +35,7 @@ from algorithms.joint.rllib_names import (
     network_settings,
     policy_faults,
     same_value,
+    unknown_attributes,
 )
 from algorithms.joint.rllib_settings import ignored_settings
 from algorithms.joint.spec import SPEC, Group, JointSpec, agent_spaces
@@ -163,6 +164,14 @@ class JointConfig(AlgorithmConfig):
         names = vars(self).keys() - {"algo_class", "_is_frozen"}
         return {**super().get_state(), **{name: vars(self)[name] for name in names}}
 
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> Any:
+        """Return the config of a state, without attributes that configs do not have any more (RLlib)."""
+        config = super().from_state(state)
+        for name in unknown_attributes(config, type(config)()):
+            del vars(config)[name]
+        return config
+
     def modules(self, spec: JointSpec) -> dict[str, RLModuleSpec]:
         """Return the networks by module id: one policy per group, under the group's id, and critics.
 
@@ -284,13 +293,13 @@ class JointConfig(AlgorithmConfig):
         Raises:
             ValueError: A setting is out of its range; settings do not fit each other; evaluation by time, a
                 GPU that is not there, or a memory where the algorithm has none are asked for.
-            UnknownSettingError: `evaluation_config` holds an unknown setting, or an unknown attribute was set.
+            UnknownSettingError: `evaluation_config` holds an unknown setting, or an attribute is unknown.
         """
         log_once(
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
         )  # there is no other stack to warn about
         fresh = type(self)(self.algo_class)
-        check_attributes(fresh, [name for name in vars(self) if name[0] != "_"], "an attribute of the config")
+        check_known(self, unknown_attributes(self, fresh), vars(fresh).keys(), "an attribute of the config")
         for fault in ignored_settings(self, fresh):
             self._value_error(fault)
         self._fit_fragment()

@@ -135,6 +135,17 @@ def check_attributes(config: Any, names: Iterable[str], place: str) -> None:
     check_known(config, {name for name in unknown if not name.startswith("__")}, public, place)
 
 
+def unknown_attributes(config: Any, fresh: Any) -> set[str]:
+    """Return the public attributes that were set on a config and that neither its class nor a new one has.
+
+    Args:
+        config: Of any algorithm.
+        fresh: A new config of the same class.
+    """
+    known = {*vars(fresh), "class"}  # which `from_state` of RLlib leaves behind
+    return {n for n in vars(config) if n[0] != "_" and n not in known and not hasattr(type(config), n)}
+
+
 def same_value(one: Any, other: Any) -> bool:
     """Return whether two values of a setting are the same; lists and tuples of the same numbers are."""
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):

@@ -33,20 +33,26 @@ class TeamLearner(OffPolicyLearner):
     def build(self) -> None:
         """Build modules, with no reward seen."""
         super().build()
-        self.reward_moments = RunningMoments(enabled=self.config.standardize_rewards).to(self._device)
+        # In 64 bits: the variance is a difference of squares, whatever the mean.
+        moments = RunningMoments(enabled=self.config.standardize_rewards)
+        self.reward_moments = moments.to(self._device, torch.float64)
 
     def update_joint(self, rollout: JointRollout) -> None:
-        """Take in the team's rewards, then learn from replay."""
-        alive, rewards = (to_tensor(x, self._device) for x in (rollout.views.alive[:-1], rollout.rewards))
-        there = alive.any(-1)
-        decay = math.exp(-int(there.sum()) / self.config.capacity)
-        self.reward_moments.observe(team_reward(rewards, alive, self.config.team_reward), there, decay)
+        """Update the moments of the team's rewards, then learn from replay."""
+        if self.config.standardize_rewards:
+            alive, rewards = (to_tensor(x, self._device) for x in (rollout.views.alive[:-1], rollout.rewards))
+            is_active = alive.any(-1)
+            decay = math.exp(-int(is_active.sum()) / self.config.capacity)
+            team = team_reward(rewards.double(), alive, self.config.team_reward)
+            self.reward_moments.observe(team, is_active, decay)
         super().update_joint(rollout)
 
     def reward(self, batch: ReplayBatch) -> Tensor:
         """Return the team's rewards (M,) that values are fitted to."""
         reward = team_reward(batch.rewards, batch.alive, self.config.team_reward)
-        return self.config.reward_scale * self.reward_moments.scaled(reward)
+        if self.config.standardize_rewards:
+            reward = self.reward_moments.scaled(reward.double()).to(reward.dtype)
+        return self.config.reward_scale * reward
 
     def _own_state(self) -> dict[str, Any]:
         moments = {name: float(x) for name, x in self.reward_moments.state_dict().items()}
@@ -54,5 +60,6 @@ class TeamLearner(OffPolicyLearner):
 
     def _set_own_state(self, state: dict[str, Any]) -> None:
         super()._set_own_state(state)
-        if MOMENTS in state:  # older checkpoints have none
-            self.reward_moments.load_state_dict({name: torch.tensor(x) for name, x in state[MOMENTS].items()})
+        # Older checkpoints have none: as before the first rollout.
+        for name, buffer in self.reward_moments.named_buffers():
+            buffer.fill_(state.get(MOMENTS, {}).get(name, 0.0))

@@ -10,8 +10,8 @@ class SetEncoder(nn.Module):
     """Rows of a set to one vector that does not depend on their order: Deep Sets (Zaheer et al., 2017).
 
     Every row goes through the same two layers; the vector is the largest and the summed value of each unit,
-    the sum over the number of places. A row of zeros is an empty place, which is not computed and contributes
-    nothing; the vector of an empty set is zero.
+    the sum over the number of places. A row of zeros is an empty place and contributes nothing; the
+    vector of an empty set is zero.
 
     Args:
         places: Number K of rows.
@@ -28,10 +28,17 @@ class SetEncoder(nn.Module):
 
     def forward(self, rows: Tensor) -> Tensor:
         """Return vectors (..., 2 H) of sets (..., K, F)."""
-        every = rows.flatten(0, -2)
-        taken = (every != 0).any(-1).nonzero().squeeze(-1)
-        computed = self.layers(every.index_select(0, taken))
-        units = computed.new_zeros(len(every), self.size // 2).index_copy(0, taken, computed)
-        units = units.unflatten(0, rows.shape[:-1])
+        is_present = (rows != 0).any(-1, keepdim=True)
+        if torch.is_grad_enabled():
+            units = self._units_of_present(rows, is_present)
+        else:  # every row, so that what an agent does never depends, in its last bits, on what others see
+            units = self.layers(rows) * is_present
         # No unit is below zero after the rectifier: the zero of an empty place exceeds none.
         return torch.cat([units.amax(-2), units.sum(-2) / self._places], -1)
+
+    def _units_of_present(self, rows: Tensor, is_present: Tensor) -> Tensor:
+        """Return units (..., K, H), computed for non-empty rows alone: often fewer than half."""
+        flat, present = rows.flatten(0, -2), is_present.flatten().nonzero().squeeze(-1)
+        units = self.layers(flat.index_select(0, present))
+        spread = units.new_zeros(len(flat), units.shape[-1]).index_copy(0, present, units)
+        return spread.unflatten(0, rows.shape[:-1])

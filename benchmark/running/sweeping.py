@@ -40,6 +40,8 @@ from smarts.errors import shortened
 
 VALIDATION = "validation"
 """What counts the validations of a trial: the time of schedulers."""
+SEARCH = "search.json"
+"""Of a search's folder: what is searched."""
 MEASURES = ("completion", "safety", "return", VALIDATION, "agent_steps", "trial_id")
 """What the table of trials shows beside the settings."""
 
@@ -61,18 +63,23 @@ def sweep(experiment: Experiment, root: Path) -> int:
     folders = [root if len(runs) == 1 else root / run.folder.parent for run in runs]
     codes: list[int] = []
     with locked(root):
+        ended = [
+            is_complete(folder, section, run.algorithm) for run, folder in zip(runs, folders, strict=True)
+        ]
         for run, folder in zip(runs, folders, strict=True):
-            _check_same_search(folder / "search.json", run, section)
+            _check_same_search(folder / SEARCH, run, section)
         try:
             with shipped_code(experiment) as code:
                 start_ray(experiment.resources, code)
             with _stoppable() as stopped:
-                for run, folder in zip(runs, folders, strict=True):
-                    if is_complete(folder, section, run.algorithm):
+                for run, folder, has_ended in zip(runs, folders, ended, strict=True):
+                    if has_ended:
                         _show(pd.read_csv(folder / TRIALS), folder)
                         continue
-                    space = space_of(section, run.algorithm)
-                    found = _tuner(run, section, space, folder.absolute()).fit()
+                    tuner = _tuner(run, section, space_of(section, run.algorithm), folder.absolute())
+                    if stopped.is_set():
+                        break
+                    found = tuner.fit()
                     if stopped.is_set():
                         break
                     codes.append(_summarize(found, section, folder))
@@ -87,15 +94,17 @@ def sweep(experiment: Experiment, root: Path) -> int:
 
 
 def is_complete(folder: Path, section: Tune, algorithm: str) -> bool:
-    """Return whether a search has ended: all of its trials are in its table.
+    """Return whether a search has ended: all of its trials are in its table, none failed.
 
-    Nothing else in the folder is needed then, so tables can be kept and the rest removed.
+    Only the table and search.json are needed then, so the trials' own folders can be removed.
     """
-    table = folder / TRIALS
-    if not table.exists():
+    if not ((folder / TRIALS).exists() and (folder / SEARCH).exists()):
+        return False
+    table = pd.read_csv(folder / TRIALS)
+    if "trial_id" not in table:  # averages over cells
         return False
     grids = (len(given) for given in parameters_of(section, algorithm).values() if isinstance(given, list))
-    return len(pd.read_csv(table)) >= section.samples * prod(grids)
+    return int(table[section.metric].notna().sum()) == section.samples * prod(grids)
 
 
 @contextmanager
@@ -178,7 +187,7 @@ def _summarize(found: tune.ResultGrid, section: Tune, root: Path) -> int:
         [
             {**each.metrics, **{f"config/{k}": v for k, v in (each.config or {}).items()}}
             for each in found
-            if each.metrics
+            if each.metrics and each.error is None
         ]
     )
     for error in found.errors:

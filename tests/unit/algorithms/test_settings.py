@@ -253,6 +253,35 @@ def test_a_typing_error_in_an_attribute_is_named(name, meant):
         config.validate()
 
 
+@pytest.mark.parametrize("name", ["num_workers", "lambda", "multiagent"])
+def test_an_old_name_is_no_attribute(name):
+    config = algorithms.config("ppo")
+    setattr(config, name, 4)
+    with pytest.raises(UnknownSettingError, match=f"'{name}'"):
+        config.validate()
+
+
+def test_a_subclass_may_have_attributes_of_its_own():
+    class Mine(type(algorithms.config("ppo"))):
+        bonus = 0.5
+
+        def __init__(self, algo_class=None):
+            super().__init__(algo_class)
+            self.malus = 0.1
+
+    config = Mine()
+    config.bonus, config.malus = 1.0, 0.2
+    config.validate()
+
+
+def test_attributes_of_an_older_version_are_left_out():
+    config = algorithms.config("ppo").training(lr=0.5)
+    restored = type(config).from_state({**config.get_state(), "of_an_older_version": 1})
+    restored.validate()
+    assert restored.lr == 0.5
+    assert not hasattr(restored, "of_an_older_version")
+
+
 def test_dicts_of_settings_that_rllib_makes_are_taken():
     config = handed_over(algorithms.config("dqn").training(lr=0.5, epsilon=[1, 0]).debugging(seed=4))
     other = algorithms.config("dqn").update_from_dict({**config.to_dict(), "__trial_info__": None})

@@ -98,13 +98,26 @@ def test_a_search_is_complete_when_its_table_has_all_trials(tmp_path):
     section = Tune(
         parameters={"lr": [0.1, 0.2], "epochs": {"randint": [1, 4]}, "capacity": [10, 20, 30]}, samples=3
     )
-    trials = {"ppo": 3 * 2, "dqn": 3 * 2 * 3}  # each its own grids, in all three draws
-    for algorithm, count in trials.items():
-        assert not is_complete(tmp_path / algorithm, section, algorithm)
-        (tmp_path / algorithm).mkdir()
-        for rows in (count - 1, count):
-            pd.DataFrame({"lr": [0.1] * rows}).to_csv(tmp_path / algorithm / "trials.csv", index=False)
-            assert is_complete(tmp_path / algorithm, section, algorithm) == (rows == count)
+    for algorithm, count in {
+        "ppo": 3 * 2,
+        "dqn": 3 * 2 * 3,
+    }.items():  # each its own grids, in all three draws
+        folder = tmp_path / algorithm
+        assert not is_complete(folder, section, algorithm)
+        folder.mkdir()
+
+        def is_complete_with(completion, folder=folder, algorithm=algorithm):
+            table = pd.DataFrame({"lr": 0.1, "completion": completion, "trial_id": "abc"})
+            table.to_csv(folder / "trials.csv", index=False)
+            return is_complete(folder, section, algorithm)
+
+        assert not is_complete_with([0.5] * count)  # of which search is not known
+        (folder / "search.json").write_text("{}")
+        assert is_complete_with([0.5] * count)
+        assert not is_complete_with([0.5] * (count - 1))
+        assert not is_complete_with([0.5] * (count - 1) + [float("nan")]), "a trial failed"
+        pd.DataFrame({"lr": [0.1] * count, "completion": 0.5}).to_csv(folder / "trials.csv", index=False)
+        assert not is_complete(folder, section, algorithm), "averages over cells"
 
 
 @pytest.mark.parametrize(
