@@ -5,17 +5,21 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
+import yaml
 
 from algorithms.registry import ALGORITHMS
 from benchmark.cli.experiments import _budgets
-from benchmark.experiment.algorithm_settings import settings_of, settings_table
+from benchmark.experiment.algorithm_settings import settings_table
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of, scripted_runs_of, task_settings_of
 from benchmark.experiment.schema import schema
+from benchmark.running.sweeping import is_complete
 from smarts.config import ConfigError
 
 CONFIGS = Path(__file__).parents[3] / "configs"
+SEARCHED = CONFIGS.parent / "results" / "tune_v1"
 
 
 @pytest.fixture
@@ -117,22 +121,41 @@ def test_cells_that_an_override_leaves_out_may_be_named(write):
 
 def test_all_algorithms_of_version_1_have_the_same_budget_and_schedule_in_a_cell():
     experiment = read_experiment(CONFIGS / "benchmark_v1.yaml", ["seeds=[1]"])
-    millions, hard = {}, {}
+    tuned = yaml.safe_load((CONFIGS / "tuned_v1.yaml").read_text())["settings"]
+    assert tuned.keys() == {*experiment.algorithms}
+    millions, last_steps = {}, {}
     for run in runs_of(experiment):
         cell = str(run.task_setting.folder)
+        (_, first), (last_step, last) = run.settings["lr"]
         millions.setdefault(cell, set()).add(run.budget.agent_steps / 1_000_000)
-        if cell == "intersection_v1/random_social_vehicles":
-            (_, first), (last_step, last) = run.settings["lr"]
-            hard[run.algorithm] = last_step, pytest.approx(0.1 * first) == last
-            assert first == settings_of(run.algorithm)().lr
-        else:
-            assert "lr" not in run.settings
-    assert {cell: {2.0} for cell in millions} | {
-        "two_way_v1/no_social_vehicles": {1.0},
-        "two_way_v1/random_social_vehicles": {1.0},
-        "intersection_v1/random_social_vehicles": {4.0},
-    } == millions
-    assert hard == dict.fromkeys(experiment.algorithms, (250_000, True))
+        last_steps.setdefault(cell, set()).add(last_step)
+        assert first == pytest.approx(tuned[run.algorithm]["lr"], rel=0.005)
+        assert last == pytest.approx(0.1 * first, rel=0.005)
+        found = {name: run.settings[name] for name in tuned[run.algorithm] if name != "lr"}
+        assert found == {name: value for name, value in tuned[run.algorithm].items() if name != "lr"}
+    budgets = {cell: {1.0} for cell in millions} | {
+        "two_way_v1/no_social_vehicles": {0.5},
+        "two_way_v1/random_social_vehicles": {0.5},
+        "intersection_v1/random_social_vehicles": {2.0},
+    }
+    assert millions == budgets
+    for cell, (steps,) in last_steps.items():  # three quarters of the budget, 12 agent-steps a decision
+        assert 12 * steps / 1e6 == pytest.approx(0.75 * min(budgets[cell]), rel=0.01)
+
+
+def test_the_settings_of_version_1_are_those_that_its_search_found():
+    """Each algorithm had as many trials; the best in validation is taken."""
+    tuned = yaml.safe_load((CONFIGS / "tuned_v1.yaml").read_text())["settings"]
+    searched = read_experiment(CONFIGS / "tune_v1.yaml")
+    assert tuned.keys() == {*searched.algorithms}
+    for algorithm, settings in tuned.items():
+        folder = SEARCHED / algorithm / "both" / "random_social_vehicles"
+        assert is_complete(folder, searched.tune, algorithm)
+        trials = pd.read_csv(folder / "trials.csv", float_precision="round_trip")
+        best = trials.sort_values("completion", ascending=False, kind="stable")
+        assert {name: str(best[name].iloc[0]) for name in settings} == {
+            name: str(value) for name, value in settings.items()
+        }
 
 
 @pytest.mark.parametrize(
