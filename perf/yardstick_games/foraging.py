@@ -2,7 +2,7 @@
 
 Christianos, Schäfer & Albrecht 2020; Papoudakis et al. 2021. Every food needs both agents: side by side with
 it, in the same step. An episode's rewards sum to 1 if both foods are loaded. Only the end by the time limit
-differs: the package flags it as an end of the game, here it is a truncation.
+differs: the package flags it as a termination, here it is a truncation.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ _POLICIES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "minibatch_size":
 _SPREAD = {**_VALUES, "gamma": 0.95, "epsilon_steps": 200_000, "reward_scale": 0.2}
 _STANDARDIZED = {**_SPREAD, "reward_scale": 1.0, "standardize_rewards": True}
 _AS_PUBLISHED = Recipe(8, _STANDARDIZED, limit_ends=True)
-"""As EPyMARL plays simple_spread: rewards are standardised, and the time limit is an end of the game."""
+"""As EPyMARL plays simple_spread: rewards are standardised, and the time limit is a termination."""
 _MATRIX = {"hidden": (64, 64), "lr": 1e-3, "epsilon": (1.0, 0.2), "epsilon_steps": 40_000}
 _MATRIX_POLICIES = {"hidden": (64, 64), "lr": 3e-3, "minibatch_size": None, "epochs": 4}
 

@@ -36,7 +36,7 @@ class VectorGame:
     length: int
     """Steps after which an episode is over."""
     limit_ends = False
-    """Whether this limit is an end of the game (a termination): its value is no longer bootstrapped."""
+    """Whether this limit is a termination, beyond which nothing is bootstrapped."""
 
     def __init__(self, num_envs: int) -> None:
         self.num_envs = num_envs
