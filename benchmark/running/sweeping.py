@@ -104,7 +104,7 @@ def is_complete(folder: Path, section: Tune, algorithm: str) -> bool:
     if "trial_id" not in table:  # averages over cells
         return False
     grids = (len(given) for given in parameters_of(section, algorithm).values() if isinstance(given, list))
-    return int(table[section.metric].notna().sum()) == section.samples * prod(grids)
+    return len(table.dropna(subset=[section.metric])) == section.samples * prod(grids)
 
 
 @contextmanager
