@@ -27,7 +27,7 @@ class RunningMoments(nn.Module):
         self.weight = nn.Buffer(torch.zeros(()))
 
     def observe(self, x: Tensor, mask: Tensor, decay: float | None = None) -> None:
-        """Take in the values of `x` where `mask`, with another `decay` if one is given."""
+        """Update the averages with the values of `x` where `mask`, with another `decay` if one is given."""
         if self._enabled and bool(mask.any()):
             share = 1 - (self._decay if decay is None else decay)
             self.mean.lerp_(masked_mean(x, mask), share)

@@ -272,6 +272,7 @@ def test_a_subclass_may_have_attributes_of_its_own():
     config = Mine()
     config.bonus, config.malus = 1.0, 0.2
     config.validate()
+    assert (config.bonus, config.malus) == (1.0, 0.2)
 
 
 def test_attributes_of_an_older_version_are_left_out():
