@@ -33,7 +33,7 @@ from ray import cloudpickle
 from algorithms.errors import AlgorithmError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
-from benchmark.running.evaluate_checkpoint import read_run
+from benchmark.running.trained_run import read_run
 from benchmark.running.training import Training, algorithm_of
 from smarts.errors import SmartsError
 

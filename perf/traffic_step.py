@@ -181,8 +181,8 @@ def trained(run: Path, episodes: int, steps: Sequence[float | None]) -> bool:
     # Only trained policies wait for torch and Ray.
     from benchmark.results.run_folder import RunFolder
     from benchmark.running.environments import environment
-    from benchmark.running.evaluate_checkpoint import read_run
     from benchmark.running.policy import load_policy
+    from benchmark.running.trained_run import read_run
 
     setting = read_run(RunFolder(run)).task_setting
 

@@ -19,7 +19,7 @@ from ray.rllib.utils.metrics.metrics_logger import DEFAULT_STATS_CLS_LOOKUP
 from ray.util.debug import log_once
 
 from algorithms.errors import SpaceError
-from algorithms.joint.env import MEMORY, AgentBlock, VectorJointEnv
+from algorithms.joint.env import MEMORY, AgentBlock, VectorJointEnv, name_of
 from algorithms.joint.learner_settings import learner_faults
 from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
 from algorithms.joint.module import JointModule, LearnerModule
@@ -198,6 +198,21 @@ class JointConfig(AlgorithmConfig):
     def adapt(self, env: VectorJointEnv) -> VectorJointEnv:
         """Return the environment as this algorithm's agents see it."""
         return env
+
+    def fitting(self, env: VectorJointEnv, spec: JointSpec) -> VectorJointEnv:
+        """Return the environment as this algorithm's agents see it, if they are those of `spec`.
+
+        Raises:
+            SpaceError: It has other agents or spaces.
+        """
+        adapted = self.adapt(env)
+        if JointSpec.build(adapted.spaces, self.sharing, self.carried, self.set_width).spaces != spec.spaces:
+            raise SpaceError(
+                f"the environment has {env.spaces}, the policies were made for {spec.spaces}",
+                place=name_of(env),
+                remedy="evaluate with the agents and the observation of the training",
+            )
+        return adapted
 
     def exploration(self, steps: int) -> Exploration:  # type: ignore[override] - RLlib's is of its old stack
         """Return how runners explore after this many environment steps."""

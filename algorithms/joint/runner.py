@@ -27,11 +27,11 @@ from ray.rllib.utils.metrics import (
     WEIGHTS_SEQ_NO,
 )
 
-from algorithms.errors import AlgorithmError, SpaceError
+from algorithms.errors import AlgorithmError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.callbacks import EpisodeCallbacks
 from algorithms.joint.config import JointConfig
-from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env, name_of
+from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env
 from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.making import creator_of
 from algorithms.joint.metrics import EPISODE_MEAN
@@ -293,14 +293,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         if given is None:
             self._own_evaluation_env = self._own_evaluation_env or self._new_env()
             return self._own_evaluation_env
-        env = self.config.adapt(given)
-        if self._spec_of(env).spaces != self.spec.spaces:
-            raise SpaceError(
-                f"the environment has {given.spaces}, the policies were made for {self.spec.spaces}",
-                place=name_of(given),
-                remedy="evaluate with the agents and the observation of the training",
-            )
-        return env
+        return self.config.fitting(given, self.spec)
 
     def _spec_of(self, env: VectorJointEnv) -> JointSpec:
         return JointSpec.build(env.spaces, self.config.sharing, self.config.carried, self.config.set_width)

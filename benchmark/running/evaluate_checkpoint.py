@@ -12,17 +12,16 @@ from typing import Literal
 import pandas as pd
 
 from benchmark.experiment.config import Evaluation, TrainingTask, name_of
-from benchmark.experiment.runs import Run, run_from
+from benchmark.experiment.runs import Run
 from benchmark.metrics import read_table
-from benchmark.results.files import FormatError, ResultsError
+from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder, changed_code
-from benchmark.running.cluster import start_ray
 from benchmark.running.importing import named_own_code
 from benchmark.running.played import scenario_digests
-from benchmark.running.testing import play_test
-from benchmark.running.training import algorithm_of, restore
+from benchmark.running.policy import Policy
+from benchmark.running.testing import EVALUATION_SEED, play_test
+from benchmark.running.trained_run import read_run
 from smarts.config import fitted
-from smarts.registry import import_own
 from smarts.sstudio.build import build_scenario
 
 
@@ -52,7 +51,7 @@ def evaluate_checkpoint(
     Raises:
         ResultsError: There is no run or no such checkpoint, or it is damaged; or `out` is a run's folder.
         SmartsError: A scenario or its traffic does not exist (a `ConfigError` where one has a wrong name).
-        CheckpointError: The checkpoint does not fit the run's config.
+        SpaceError: The scenarios have other agents than the training, or these see or do something else.
         OwnCodeError: Own code cannot be imported, or raises.
     """
     folder = RunFolder(path)
@@ -71,15 +70,16 @@ def evaluate_checkpoint(
     for what in _changes(folder, trained, run):
         print(f"note: {path}: {what} has changed since this run", file=sys.stderr)
     kept = folder.kept(checkpoint)
-    start_ray(run.resources)
     with (
         tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary,
         named_own_code("the run's own code"),
-        algorithm_of(run) as algo,
     ):
-        restore(algo, kept)
+        policies = {
+            mode: Policy(run, kept, is_sampled=mode == "sampled", seed=EVALUATION_SEED) for mode in modes
+        }
         answer = RunFolder(out or Path(temporary))
-        for _ in play_test(run, answer, algo):
+        discount = policies[modes[0]].discount
+        for _ in play_test(run, answer, discount, lambda env, part, mode: policies[mode].play(env, part)):
             pass
         return read_table(answer.table)
 
@@ -91,35 +91,6 @@ def _changes(folder: RunFolder, trained: Run, run: Run) -> Iterator[str]:
     if run.task_setting.traffic == trained.task_setting.traffic:
         for name in folder.changed_scenarios(scenario_digests(run.task_setting)):
             yield f"the scenario {name!r}"
-
-
-def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
-    """Return the run of a folder and import its own code.
-
-    Args:
-        folder: The run's.
-        imports: Files and folders of own code, by default the ones of the training.
-
-    Raises:
-        ResultsError: There is none, or its config is damaged.
-        OwnCodeError: A file or folder of own code does not exist.
-    """
-    try:
-        tested = folder.facts().get("tested", {})  # first, since it refuses other formats
-        run = run_from(folder.read_config())
-        metrics = tuple(tested["metrics"]) if "metrics" in tested else None
-        own = tuple(str(Path(path).absolute()) for path in imports) or run.task_setting.imports
-        import_own(own)
-        return replace(run, task_setting=replace(run.task_setting, imports=own, metrics=metrics))
-    except FormatError:
-        raise
-    except (ResultsError, ValueError) as error:
-        reason = error.problem if isinstance(error, ResultsError) else error
-        raise ResultsError(
-            f"not a run: {reason}",
-            place=str(folder.config),
-            remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1",
-        ) from error
 
 
 def _with_test(
@@ -140,5 +111,4 @@ def _with_test(
     task_setting = replace(
         task_setting, task=task, traffic=traffic or task_setting.traffic, evaluation=evaluation
     )
-    resources = run.resources.model_copy(update={"env_runners": 0})
-    return replace(run, task_setting=task_setting, resources=resources)
+    return replace(run, task_setting=task_setting)

@@ -24,8 +24,8 @@ from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import VERSION, Run
 from benchmark.results.files import write_whole
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.evaluate_checkpoint import read_run
 from benchmark.running.policy import policy_modules
+from benchmark.running.trained_run import read_run
 from smarts.agents.hosting.facts import facts_of
 from smarts.errors import SmartsError
 from smarts.observations.agent_index import AgentIndex

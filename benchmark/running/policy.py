@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 
-from algorithms.joint.env import CARRIED, MEMORY, AgentBlock, JointSpaces, JointStep
+from algorithms.joint.env import CARRIED, MEMORY, AgentBlock, JointSpaces, JointStep, VectorJointEnv
 from algorithms.joint.policies import Policies
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
@@ -20,7 +20,7 @@ from algorithms.joint.threads import torch_threads
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.evaluate_checkpoint import read_run
+from benchmark.running.trained_run import read_run
 from benchmark.running.training import config_of, unpickled
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorStep
@@ -148,6 +148,26 @@ class Policy:
             An array for each block, as `act` does.
         """
         return [*self._choose(_among(agents, now), worlds)]
+
+    def play(self, env: VectorJointEnv, indices: range) -> None:
+        """Play episodes as tests do; each step is told what its actions were drawn from.
+
+        Args:
+            env: One that records them, with the agents and the observation of the training; it stays open.
+            indices: Of the episodes.
+
+        Raises:
+            SpaceError: It has other agents, or these see or do something else.
+        """
+        sampler = Sampler(
+            self._config.fitting(env, self._spec),
+            self._policies,
+            self._spec,
+            seed=self._seed,
+            max_failures=self._config.max_env_failures,
+        )
+        with torch_threads(self._config.torch_threads):
+            sampler.episodes(np.array(indices), self._exploration)
 
     def attach(self, env: HiWayEnv) -> None:
         """Observe a `HiWayEnv`, whose observations are objects, with the observation of the training.

@@ -16,9 +16,9 @@ from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.run_folder import RunFolder, changed_code
 from benchmark.results.versions import check_one_version, commits_of
-from benchmark.running.evaluate_checkpoint import read_run
 from benchmark.running.machine import commit
 from benchmark.running.played import scenario_digests
+from benchmark.running.trained_run import read_run
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.errors import UnknownNameError, nearest_names
 from smarts.registry import file_name, import_own

@@ -13,7 +13,6 @@ from typing import Any
 import pandas as pd
 
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
-from algorithms.joint.evaluation import evaluate
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, Run, ScriptedRun, TaskSetting
 from benchmark.metrics import join_tables, measure_episodes, write_table
 from benchmark.metrics.table import COUNTS
@@ -63,8 +62,18 @@ def parts_of(task_setting: TaskSetting, modes: tuple[str, ...]) -> Iterator[Part
         yield Part(modes[0], (scenario,), evaluation.held_out_episodes, split="held_out")
 
 
-def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
-    """Play the test of a trained policy and write its table; yields the finished share."""
+def play_test(
+    run: Run, folder: RunFolder, discount: float, play: Callable[[Any, range, str], object]
+) -> Iterator[float]:
+    """Play the test of a trained policy and write its table; yields the finished share.
+
+    Args:
+        run: The run.
+        folder: Of the table and the recorded episodes.
+        discount: Of the learner, with which shaped rewards agree.
+        play: Plays the episodes of some indices in an environment that records them, in the mode "greedy" or
+            "sampled".
+    """
 
     def play_part(part: Part, indices: range, record: Path) -> None:
         with closing(
@@ -72,18 +81,11 @@ def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
                 run.task_setting,
                 scenarios=part.scenarios,
                 record=record,
-                discount=algo.config.gamma,
+                discount=discount,
                 policy=run.label,
             )
         ) as env:
-            evaluate(
-                algo,
-                len(indices),
-                explore=part.mode == "sampled",
-                first_episode=indices.start,
-                env=env,
-                seed=EVALUATION_SEED,
-            )
+            play(env, indices, part.mode)
 
     labels = {"algorithm": run.label, "training_seed": run.seed}
     yield from play_parts(run.task_setting, folder, run.task_setting.evaluation.modes, labels, play_part)

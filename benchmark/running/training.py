@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -83,12 +84,18 @@ def train_and_evaluate(
             return
         yield Noted({"status": TESTING, ENDED_BY: training.ended_by})
         began = time.monotonic()
-        for share in play_test(run, scratch, algo):
+        for share in play_test(run, scratch, algo.config.gamma, partial(_play, algo)):
             yield RunProgress(TESTING, share)
     took = round(time.monotonic() - began, 1)
     yield from results_of(scratch)
     tested = {"tested": run.task_setting.test_content(), "ended": _now(), "test_seconds": took}
     yield Noted({"status": FINISHED, **tested, SCENARIOS: scenarios})
+
+
+def _play(algo: Any, env: Any, indices: range, mode: str) -> None:
+    """Play the episodes of some indices with the present policies."""
+    explore, first = mode == "sampled", indices.start
+    evaluate(algo, len(indices), explore=explore, first_episode=first, env=env, seed=EVALUATION_SEED)
 
 
 @contextmanager

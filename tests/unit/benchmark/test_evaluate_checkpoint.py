@@ -7,7 +7,8 @@ from benchmark.experiment.runs import run_from, runs_of
 from benchmark.results.commands import EXPERIMENT, last_experiment
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.evaluate_checkpoint import evaluate_checkpoint, read_run
+from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
+from benchmark.running.trained_run import read_run
 from benchmark.running.training import unpickled
 from smarts.config import ConfigError
 from tests.raising import raises

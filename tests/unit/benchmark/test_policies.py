@@ -3,22 +3,26 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 import ray
 
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from benchmark import load_policy
-from benchmark.experiment.config import Resources, read_experiment
+from benchmark.experiment.config import Evaluation, Resources, read_experiment
 from benchmark.experiment.runs import runs_of
+from benchmark.metrics import read_table
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
-from benchmark.running.testing import EVALUATION_SEED
-from benchmark.running.training import algorithm_of, checkpoint_files
+from benchmark.running.testing import EVALUATION_SEED, play_test
+from benchmark.running.training import _play, algorithm_of, checkpoint_files, restore
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ActionError
@@ -57,6 +61,17 @@ def make(tmp_path_factory):
     ray.shutdown()
 
 
+def table_of_training(run, folder, out):
+    """Return the table that the training itself would write of its last policy."""
+    evaluation = Evaluation(episodes=2, keep_episodes=True)
+    run = replace(run, task_setting=replace(run.task_setting, evaluation=evaluation))
+    with algorithm_of(run) as algo:
+        restore(algo, folder.checkpoint)
+        for _ in play_test(run, out, algo.config.gamma, partial(_play, algo)):
+            pass
+    return read_table(out.table)
+
+
 def decisions(root):
     """Return what was decided in each recorded episode by world: agents' agents, steps, actions."""
     found = {}
@@ -74,7 +89,8 @@ def decisions(root):
 )
 def test_the_actions_are_those_of_evaluate(make, tmp_path, name, settings):
     run, folder = make(name, settings)
-    evaluate_checkpoint(folder.path, episodes=2, modes=("greedy",), out=tmp_path / "out")
+    tested = evaluate_checkpoint(folder.path, episodes=2, out=tmp_path / "out")
+    pd.testing.assert_frame_equal(tested, table_of_training(run, folder, RunFolder(tmp_path / "test")))
     wanted = decisions(tmp_path / "out" / "episodes" / "greedy-loop")
     policy = load_policy(folder.path)
     env = environment(run.task_setting, num_envs=1, record=tmp_path / "own")

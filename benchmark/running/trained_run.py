@@ -1,0 +1,41 @@
+"""A trained run, read from its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from benchmark.experiment.runs import Run, run_from
+from benchmark.results.files import FormatError, ResultsError
+from benchmark.results.run_folder import RunFolder
+from smarts.registry import import_own
+
+
+def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
+    """Return the run of a folder and import its own code.
+
+    Args:
+        folder: The run's.
+        imports: Files and folders of own code, by default the ones of the training.
+
+    Raises:
+        ResultsError: There is none, or its config is damaged.
+        OwnCodeError: A file or folder of own code does not exist.
+    """
+    try:
+        tested = folder.facts().get("tested", {})  # first, since it refuses other formats
+        run = run_from(folder.read_config())
+        metrics = tuple(tested["metrics"]) if "metrics" in tested else None
+        own = tuple(str(Path(path).absolute()) for path in imports) or run.task_setting.imports
+        import_own(own)
+        return replace(run, task_setting=replace(run.task_setting, imports=own, metrics=metrics))
+    except FormatError:
+        raise
+    except (ResultsError, ValueError) as error:
+        reason = error.problem if isinstance(error, ResultsError) else error
+        raise ResultsError(
+            f"not a run: {reason}",
+            place=str(folder.config),
+            remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1",
+        ) from error
