@@ -24,7 +24,6 @@ from ray.rllib.utils.metrics import (
 
 from algorithms.errors import (
     AlgorithmError,
-    CheckpointError,
     DamagedCheckpointError,
     LearnerFailure,
     RunnerFailure,
@@ -36,6 +35,7 @@ from algorithms.joint.learner import JointTorchLearner
 from algorithms.joint.making import check_environment
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.runner import SAMPLERS, JointEnvRunner, SampleResult
+from algorithms.joint.signature import check_signature
 from algorithms.joint.spec import SPEC, JointSpec
 from algorithms.joint.training_data import JointTrainingData
 
@@ -355,16 +355,8 @@ class JointAlgorithm(Algorithm):
         return {**self.config.checkpoint_signature(), **self.spec.describe()}
 
     def _check_signature(self, stored: dict[str, Any] | None) -> None:
-        own = self._signature()
-        if stored is None or stored == own:
-            return
-        differing = sorted(name for name in {*stored, *own} if stored.get(name) != own.get(name))
-        lines = "; ".join(f"{n}: {stored.get(n)} there, {own.get(n)} here" for n in differing)
-        raise CheckpointError(
-            f"the checkpoint does not fit: {lines}",
-            place="checkpoint",
-            remedy="build it with the environment and settings that the checkpoint was made with",
-        )
+        if stored is not None:
+            check_signature(stored, self._signature())
 
 
 def _sampler_state(runner: Any) -> dict[Any, Any]:

@@ -51,6 +51,7 @@ def evaluate_checkpoint(
     Raises:
         ResultsError: There is no run or no such checkpoint, or it is damaged; or `out` is a run's folder.
         SmartsError: A scenario or its traffic does not exist (a `ConfigError` where one has a wrong name).
+        CheckpointError: The run's algorithm, or a setting of its networks, is another now.
         SpaceError: The scenarios have other agents than the training, or these see or do something else.
         OwnCodeError: Own code cannot be imported, or raises.
     """

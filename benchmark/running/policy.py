@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from algorithms.joint.env import CARRIED, MEMORY, AgentBlock, JointSpaces, JointStep, VectorJointEnv
 from algorithms.joint.policies import Policies
 from algorithms.joint.sampler import Sampler
+from algorithms.joint.signature import check_signature
 from algorithms.joint.spec import JointSpec
 from algorithms.joint.threads import torch_threads
 from benchmark.experiment.runs import Run
@@ -77,11 +78,14 @@ class Policy:
 
     Raises:
         ResultsError: The checkpoint is damaged.
+        CheckpointError: The run's algorithm, or a setting of its networks, is another now.
     """
 
     def __init__(self, run: Run, checkpoint: Path, *, is_sampled: bool, seed: int) -> None:
         self._run, self._seed = run, seed
         self._config = config_of(run)
+        built = unpickled(checkpoint / "env_runner" / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]
+        check_signature(built["config"].checkpoint_signature(), self._config.checkpoint_signature())
         modules = policy_modules(checkpoint)
         self._spec: JointSpec = next(iter(modules.values())).spec
         self._policies = Policies(self._spec, modules)

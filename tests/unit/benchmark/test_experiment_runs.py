@@ -249,7 +249,7 @@ def test_generalization_compares_the_splits_of_each_cell(held_out):
 def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(held_out, tmp_path):
     run = tmp_path / "seed_3"
     shutil.copytree(held_out[0] / "ppo/double_merge/no_social_vehicles/seed_3", run)
-    damaged = run / "checkpoint" / "learner_group" / "learner" / "state.pkl"
+    damaged = run / "checkpoint" / "learner_group" / "learner" / "rl_module" / "shared" / "module_state.pkl"
     damaged.write_bytes(damaged.read_bytes()[:100])
     short = ("evaluate", str(run), "--episodes", "1", "--mode", "greedy")
     code, _, err = finish(begin(*short))

@@ -1,10 +1,12 @@
 """Trained policies in one's own loop: the same actions as `evaluate` plays, whatever the environment."""
 
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -105,6 +107,21 @@ def test_the_actions_are_those_of_evaluate(make, tmp_path, name, settings):
     assert {FIRST_TEST_EPISODE, FIRST_TEST_EPISODE + 1} <= wanted.keys() & got.keys()
     for world in (FIRST_TEST_EPISODE, FIRST_TEST_EPISODE + 1):
         assert got[world] == wanted[world]
+
+
+def test_what_git_keeps_of_a_checkpoint_is_evaluated_alike(make, tmp_path):
+    """Optimisers and critics of the table's checkpoints are not in the repository."""
+    _, folder = make("maddpg")
+    kept = tmp_path / "results" / "benchmark_v1" / "run"
+    shutil.copytree(folder.path, kept)
+    shutil.copy(Path(__file__).parents[3] / ".gitignore", tmp_path)
+    for command in (["init", "-q"], ["clean", "-qfdX"]):
+        subprocess.run(["git", *command], cwd=tmp_path, check=True)
+    given = {"episodes": 2, "modes": ("greedy",)}
+    assert len([*kept.rglob("*.pkl")]) < len([*folder.path.rglob("*.pkl")])
+    pd.testing.assert_frame_equal(
+        evaluate_checkpoint(kept, **given), evaluate_checkpoint(folder.path, **given)
+    )
 
 
 def by_dicts(env, policy, steps=12):
