@@ -220,6 +220,7 @@ class COMAConfig(JointConfig):
     """RLlib config of COMA."""
 
     algorithm = "coma"
+    exploration_settings = frozenset({"epsilon", "epsilon_steps"})
 
     def exploration(self, steps: int) -> Exploration:
         """Return sampling with a floor that is annealed linearly."""

@@ -192,6 +192,7 @@ class DQNConfig(JointConfig):
     """RLlib config of independent DQN."""
 
     algorithm = "dqn"
+    exploration_settings = frozenset({"epsilon", "epsilon_steps"})
 
     def exploration(self, steps: int) -> Exploration:
         """Return epsilon-greedy exploration, annealed linearly."""

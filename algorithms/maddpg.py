@@ -195,6 +195,7 @@ class MADDPGConfig(JointConfig):
     """RLlib config of MADDPG."""
 
     algorithm = "maddpg"
+    exploration_settings = frozenset({"noise"})
 
     def check(self, spec: JointSpec) -> None:
         """Raise if the algorithm cannot handle the environment; see `JointConfig.check`.

@@ -259,6 +259,7 @@ class NetworkedQConfig(JointConfig):
     """RLlib config of networked fitted Q-iteration."""
 
     algorithm = "networked_q"
+    exploration_settings = frozenset({"epsilon", "epsilon_steps"})
 
     def validate(self) -> None:
         """Check the settings; see `JointConfig.validate`.

@@ -209,6 +209,7 @@ class QDPPConfig(JointConfig):
     """RLlib config of Q-DPP."""
 
     algorithm = "qdpp"
+    exploration_settings = frozenset({"temperature", "temperature_steps"})
 
     def exploration(self, steps: int) -> Exploration:
         """Return the sampler's temperature, annealed linearly."""

@@ -38,6 +38,7 @@ from algorithms.joint.rllib_names import (
     unknown_attributes,
 )
 from algorithms.joint.rllib_settings import ignored_settings
+from algorithms.joint.sampling_settings import evaluation_faults, sampling_faults
 from algorithms.joint.spec import SPEC, Group, JointSpec, agent_spaces
 from algorithms.parts.distributions import Exploration
 from algorithms.registry import ALGORITHMS, ActionKind, Entry
@@ -61,6 +62,8 @@ class JointConfig(AlgorithmConfig):
     """Returns the `JointAlgorithm` of which this is the config; set by that class."""
     interchangeable: ClassVar[tuple[str, ...]] = ()
     """Settings of networks that a checkpoint may be restored under another value of."""
+    exploration_settings: ClassVar[frozenset[str]] = frozenset()
+    """Settings that `exploration` reads, which may be others in evaluation."""
     num_epochs = OtherName("epochs")
     _train_batch_size_per_learner = OtherName("batch_size")  # type: ignore[assignment]
 
@@ -320,8 +323,8 @@ class JointConfig(AlgorithmConfig):
         self._fit_fragment()
         if EPISODE_MEAN not in (self.stats_cls_lookup or {}):  # the user's own beside what runners need
             self.stats_cls_lookup = {**(self.stats_cls_lookup or {}), EPISODE_MEAN: EpisodeMean}
-        if isinstance(self.evaluation_config, Mapping):
-            check_attributes(self, self.evaluation_config, "evaluation(evaluation_config=...)")
+        for fault in (*sampling_faults(self), *evaluation_faults(self)):
+            self._value_error(fault)
         super().validate()
         self._check_settings()
         if self.seed is None:  # drawn once here, so that checkpoints and results hold it
@@ -329,7 +332,6 @@ class JointConfig(AlgorithmConfig):
             logger.info("seed %d was drawn, since none was given", self.seed)
         for fault in learner_faults(self):
             self._value_error(fault)
-        self._check_evaluation()
 
     def trains(self, policy: str) -> bool:
         """Return whether RLlib's `policies_to_train` has the policy learn; a frozen one only acts."""
@@ -381,16 +383,6 @@ class JointConfig(AlgorithmConfig):
         """Check names of policies as far as they are known without the environment (RLlib)."""
         for fault in policy_faults(self):
             self._value_error(fault)
-
-    def _check_evaluation(self) -> None:
-        if not self.evaluation_interval:
-            return
-        if self.evaluation_duration == "auto":
-            self._value_error(
-                "evaluation_duration must be a number of episodes: scores would not be comparable"
-            )
-        if self.evaluation_duration_unit != "episodes":
-            self._value_error("evaluation_duration_unit must be 'episodes': parts of episodes have no return")
 
 
 def _unused_mapping(agent_id: str, episode: Any = None, **kwargs: Any) -> str:

@@ -150,7 +150,10 @@ def same_value(one: Any, other: Any) -> bool:
     """Return whether two values of a setting are the same; lists and tuples of the same numbers are."""
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
         return [*one] == [*other]
-    return bool(one == other)
+    try:
+        return bool(one == other)
+    except (AttributeError, TypeError, ValueError):  # arrays, RLlib's `PolicySpec`
+        return False
 
 
 def is_seed(seed: Any) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Sequence
+from math import ceil
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,7 +84,9 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         self._policies: Policies | None = None
         self._weights = -1
         self._evaluated = 0
-        self._recent: deque[Episode] = deque(maxlen=config.metrics_num_episodes_for_smoothing)
+        # Results pool the windows of all runners.
+        window = ceil(config.metrics_num_episodes_for_smoothing / max(self.num_workers or 0, 1))  # type: ignore[operator]
+        self._recent: deque[Episode] = deque(maxlen=window)
         self.module: Any = None
         self.num_env_steps_sampled_lifetime = 0
         self.make_env()

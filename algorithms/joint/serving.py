@@ -10,6 +10,7 @@ from gymnasium.spaces import Box
 from ray.rllib.core.columns import Columns
 from torch import Tensor
 
+from algorithms.errors import SpaceError, nearest_names
 from algorithms.joint.batch import GroupView
 from algorithms.joint.env import CARRIED, MEMORY
 from algorithms.joint.spaces import MASK, WRAPPED
@@ -48,6 +49,9 @@ def answer(module: Any, batch: Mapping[str, Any], exploration: Exploration) -> d
             axis for time, (M, L, *shape), as RLlib does, and its memory from `state_in`. What the sampler
             adds to observations, such as the mean action, may be given under its own name, or is zero.
         exploration: How to act.
+
+    Raises:
+        SpaceError: `agent_id` names an agent that the policy does not act for.
     """
     question = ask(module.group, batch, recurrent=module.recurrent)
     if module.acts_jointly:
@@ -149,6 +153,13 @@ def _places(group: Group, batch: Mapping[str, Any], count: int) -> Tensor:
     agents: Sequence[str] | None = batch.get(Columns.AGENT_ID)
     if agents is None:
         return torch.zeros(count, dtype=torch.int64)
+    unknown = next((agent for agent in agents if agent not in group.agents), None)
+    if unknown is not None:
+        raise SpaceError(
+            f"{unknown!r} is no agent of the policy",
+            place=f"agent_id, asked of {group.id!r}",
+            remedy=nearest_names(unknown, group.agents),
+        )
     return torch.tensor([group.agents.index(agent) for agent in agents])
 
 

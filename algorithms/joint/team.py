@@ -33,9 +33,7 @@ class TeamLearner(OffPolicyLearner):
     def build(self) -> None:
         """Build modules, with no reward seen."""
         super().build()
-        # In 64 bits: the variance is a difference of squares, whatever the mean.
-        moments = RunningMoments(enabled=self.config.standardize_rewards)
-        self.reward_moments = moments.to(self._device, torch.float64)
+        self.reward_moments = RunningMoments(enabled=self.config.standardize_rewards).to(self._device)
 
     def update_joint(self, rollout: JointRollout) -> None:
         """Update the moments of the team's rewards, then learn from replay."""

@@ -444,3 +444,58 @@ def test_an_evaluation_of_both_modes_names_both(build):
     found = algo.evaluate()["env_runners"]
     assert found["greedy"]["episode_return_mean"] == found["episode_return_mean"]
     assert np.isfinite(found["sampled"]["episode_return_mean"])
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"evaluation_duration_unit": "timesteps"}, "evaluation_duration_unit"),
+        ({"evaluation_duration": "auto"}, "evaluation_duration"),
+        ({"evaluation_config": {"lr": 1e-9}}, "lr=1e-09"),
+        ({"evaluation_config": {"num_learners": 3}}, "num_learners=3"),
+        ({"evaluation_config": {"policies_to_train": ["agent_0"]}}, "policies_to_train="),
+        ({"evaluation_config": {"hidden": (3,)}}, "hidden="),
+        ({"evaluation_config": {"sharing": "all"}}, "sharing='all'"),
+        ({"evaluation_config": {"lambda": 0.3}}, "lambda_=0.3"),
+    ],
+)
+def test_what_evaluation_does_not_read_is_refused(change, named):
+    """Whether RLlib evaluates by itself, or the user calls `evaluate`."""
+    for interval in (None, 1):
+        config = small().evaluation(evaluation_interval=interval, **change)
+        with pytest.raises(ValueError, match=named.replace("(", r"\(")):
+            config.validate()
+
+
+def test_what_evaluation_reads_may_differ_there():
+    small().evaluation(evaluation_config={"lr": small().lr, "env_config": {"length": 3}}).validate()
+    small("dqn").evaluation(evaluation_config={"explore": True, "epsilon": (0.1, 0.1)}).validate()
+
+
+@pytest.mark.parametrize(
+    ("method", "given"),
+    [
+        ("env_runners", {"num_envs_per_env_runner": 2.5}),
+        ("env_runners", {"num_envs_per_env_runner": True}),
+        ("env_runners", {"sample_timeout_s": -1}),
+        ("reporting", {"metrics_num_episodes_for_smoothing": 0}),
+    ],
+)
+def test_numbers_that_make_no_sense_are_refused(method, given):
+    ((name, value),) = given.items()
+    with pytest.raises(ValueError, match=f"{name}={value}"):
+        getattr(small(), method)(**given).validate()
+
+
+def test_an_evaluation_that_is_sampled_already_has_no_second_mode():
+    config = small(evaluate_sampled=True).evaluation(evaluation_config={"explore": True})
+    with pytest.raises(ValueError, match="evaluate_sampled"):
+        config.validate()
+
+
+@pytest.mark.parametrize(("runners", "window"), [(0, 10), (1, 10), (4, 3)])
+def test_returns_are_smoothed_over_as_many_episodes_whatever_the_number_of_runners(runners, window):
+    config = small().reporting(metrics_num_episodes_for_smoothing=10)
+    runner = config.env_runner_cls(config=config, num_workers=runners, worker_index=min(runners, 1))
+    assert runner._recent.maxlen == window
+    runner.stop()

@@ -6,6 +6,7 @@ import torch
 from rigs import known, takes
 
 import algorithms
+from algorithms.errors import SpaceError
 from algorithms.joint.env import MEMORY
 from algorithms.joint.features import MEAN_ACTION
 from algorithms.joint.rollout import View
@@ -125,6 +126,13 @@ def test_a_row_may_be_all_agents_of_a_group_who_hear_each_other(build, name):
     policies = algo.env_runner_group.local_env_runner._policies
     expected = policies.act(view, Exploration(explore=False), torch.Generator())[0].actions
     assert torch.equal(together, expected)
+
+
+def test_an_agent_of_another_policy_is_named(build):
+    module = build("ppo", Ragged, sharing={"odd": ["b"], "even": ["a", "c"]}).get_module("even")
+    seen = torch.zeros(2, *module.group.observation[""].shape)
+    with pytest.raises(SpaceError, match=r"'b' is no agent[\s\S]*'a'"):
+        module.forward_inference({"obs": seen, "agent_id": ["a", "b"]})
 
 
 def test_continuous_actions_are_served_in_the_shape_of_their_space(build):
