@@ -41,7 +41,7 @@ class TeamLearner(OffPolicyLearner):
             alive, rewards = (to_tensor(x, self._device) for x in (rollout.views.alive[:-1], rollout.rewards))
             is_active = alive.any(-1)
             decay = math.exp(-int(is_active.sum()) / self.config.capacity)
-            team = team_reward(rewards.double(), alive, self.config.team_reward)
+            team = team_reward(rewards, alive, self.config.team_reward)
             self.reward_moments.observe(team, is_active, decay)
         super().update_joint(rollout)
 
@@ -49,7 +49,7 @@ class TeamLearner(OffPolicyLearner):
         """Return the team's rewards (M,) that values are fitted to."""
         reward = team_reward(batch.rewards, batch.alive, self.config.team_reward)
         if self.config.standardize_rewards:
-            reward = self.reward_moments.scaled(reward.double()).to(reward.dtype)
+            reward = self.reward_moments.scaled(reward)
         return self.config.reward_scale * reward
 
     def _own_state(self) -> dict[str, Any]:
@@ -59,5 +59,5 @@ class TeamLearner(OffPolicyLearner):
     def _set_own_state(self, state: dict[str, Any]) -> None:
         super()._set_own_state(state)
         # Older checkpoints have none: as before the first rollout.
-        for name, buffer in self.reward_moments.named_buffers():
-            buffer.fill_(state.get(MOMENTS, {}).get(name, 0.0))
+        known = state.get(MOMENTS) or dict.fromkeys(self.reward_moments.state_dict(), 0.0)
+        self.reward_moments.load_state_dict({name: torch.tensor(x) for name, x in known.items()})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 
@@ -9,13 +11,11 @@ from algorithms.parts.masking import masked_mean
 
 
 class RunningMoments(nn.Module):
-    """Debiased exponential averages of mean and mean square, kept as buffers, so checkpoints carry them.
-
-    They are of 64 bits: the variance is a difference of squares, whatever the mean. No standard deviation
-    is taken to be below 0.01.
+    """Debiased exponential averages of mean and variance, kept as buffers, so checkpoints carry them.
 
     Rewards of driving are metres, crashes and bonuses at once; critics fit their standardised values (the
-    first of the details that matter in Yu et al. 2022, "The Surprising Effectiveness of PPO").
+    first of the details that matter in Yu et al. 2022, "The Surprising Effectiveness of PPO"). No standard
+    deviation is taken to be below 0.01.
 
     Args:
         enabled: False: `scaled` and `unscaled` change nothing.
@@ -25,37 +25,43 @@ class RunningMoments(nn.Module):
     def __init__(self, *, enabled: bool, decay: float = 0.99) -> None:
         super().__init__()
         self._enabled, self._decay = enabled, decay
-        self.mean = nn.Buffer(torch.zeros((), dtype=torch.float64))
-        self.mean_square = nn.Buffer(torch.zeros((), dtype=torch.float64))
-        self.weight = nn.Buffer(torch.zeros((), dtype=torch.float64))
+        self.mean = nn.Buffer(torch.zeros(()))
+        self.variance = nn.Buffer(torch.zeros(()))
+        self.weight = nn.Buffer(torch.zeros(()))
 
     def observe(self, x: Tensor, mask: Tensor, decay: float | None = None) -> None:
         """Update the averages with the values of `x` where `mask`, with another `decay` if one is given."""
         if self._enabled and bool(mask.any()):
-            share = 1 - (self._decay if decay is None else decay)
-            x = x.double()
-            self.mean.lerp_(masked_mean(x, mask), share)
-            self.mean_square.lerp_(masked_mean(x.square(), mask), share)
-            self.weight.lerp_(torch.ones_like(self.weight), share)
+            self.weight.lerp_(torch.ones_like(self.weight), 1 - (self._decay if decay is None else decay))
+            share = (1 - (self._decay if decay is None else decay)) / self.weight
+            mean = masked_mean(x, mask)
+            variance = masked_mean((x - mean).square(), mask)
+            # Of deviations, not as a difference of squares, which would lose a small variance beside a large
+            # mean.
+            apart = share * (1 - share) * (mean - self.mean).square()
+            self.variance.lerp_(variance.to(self.variance.dtype), share).add_(apart)
+            self.mean.lerp_(mean.to(self.mean.dtype), share)
 
     def scaled(self, x: Tensor) -> Tensor:
         """Return standardised values."""
-        if not self._enabled:
-            return x
-        mean, std = self._moments(x)
-        return (x - mean) / std
+        return (x - self.mean) / self._std() if self._enabled else x
 
     def unscaled(self, x: Tensor) -> Tensor:
         """Return values in the units of the rewards."""
-        if not self._enabled:
-            return x
-        mean, std = self._moments(x)
-        return x * std + mean
+        return x * self._std() + self.mean if self._enabled else x
 
-    def _moments(self, like: Tensor) -> tuple[Tensor, Tensor]:
-        """Return mean and scale, of the type of other values."""
-        weight = self.weight.clamp(min=1e-5)
-        mean = self.mean / weight
-        variance = (self.mean_square / weight - mean.square()).clamp(min=1e-4)
+    def _std(self) -> Tensor:
         # Before the first observation the scale is one.
-        return mean.to(like.dtype), torch.where(self.weight > 0, variance, 1).sqrt().to(like.dtype)
+        return torch.where(self.weight > 0, self.variance.clamp(min=1e-4), 1).sqrt()
+
+    def _load_from_state_dict(
+        self, state_dict: dict[str, Any], prefix: str, *args: Any, **kwargs: Any
+    ) -> None:
+        """Read averages of older checkpoints, too: biased ones, of values and squares."""
+        square = state_dict.pop(f"{prefix}mean_square", None)
+        if square is not None:
+            weight = state_dict[f"{prefix}weight"].clamp(min=1e-5)
+            mean = state_dict[f"{prefix}mean"] / weight
+            state_dict[f"{prefix}mean"] = mean
+            state_dict[f"{prefix}variance"] = square / weight - mean.square()
+        super()._load_from_state_dict(state_dict, prefix, *args, **kwargs)

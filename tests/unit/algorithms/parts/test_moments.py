@@ -31,6 +31,13 @@ def test_only_what_is_there_counts_and_averages_forget():
     torch.testing.assert_close(moments.scaled(torch.tensor([1.0])), expected)
 
 
+def test_averages_of_older_checkpoints_are_read():
+    old = {"mean": torch.tensor(1.5), "mean_square": torch.tensor(5.0), "weight": torch.tensor(0.5)}
+    moments = RunningMoments(enabled=True)
+    moments.load_state_dict(old)
+    torch.testing.assert_close(moments.scaled(torch.tensor([4.0])), torch.tensor([1.0]))
+
+
 def test_without_moments_values_are_as_they_are():
     off, new = RunningMoments(enabled=False), RunningMoments(enabled=True)
     x = torch.tensor([5.0, -1.0])
