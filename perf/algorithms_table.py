@@ -19,7 +19,7 @@ from statistics import fmean
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import EMPTY_ROADS
 from perf.yardstick_games import results
-from perf.yardstick_games.recipes import YARDSTICKS
+from perf.yardstick_games.recipes import AS_PUBLISHED, YARDSTICKS
 from perf.yardstick_games.results import RunFile
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,7 +41,8 @@ committed results.
 - **Own games**: scores after few steps, in brackets that of a worse baseline or of a wrong implementation.
 - **foraging, spread, matrices**: [yardsticks](algorithms.md#yardsticks), the best greedy evaluation of
   the mean over seeds (policy gradients sample in publications, see there), in brackets the number of
-  seeds and the environment steps. One seed does not tell
+  seeds and the environment steps; `as_published`: with standardised rewards and the time limit as a
+  termination, as in EPyMARL. One seed does not tell
   how others would turn out: small differences between such scores prove nothing.
 - **Intersection**: completion / collision of the last 100 episodes of sampled play, mean over seeds, in
   brackets their number and the agent-steps, no traffic: shared networks and otherwise default settings
@@ -156,12 +157,16 @@ def own_games(scores: str, failing: Mapping[str, str]) -> str:
 
 
 def yardstick(runs: list[RunFile], game: str, name: str) -> str:
-    """Return the best greedy evaluation on a game, seeds and steps."""
-    own = [run for run in runs if (run.game, run.algorithm) == (game, name)]
-    if not own:
-        return ""
-    steps = min(run.curve[-1].steps for run in own)
-    return f"{results.best(own):.2f} ({results.seeds_of(own)}, {steps / 1e6:.2g}M)"
+    """Return the best greedy evaluation on a game, seeds, steps; then by the publication's choices."""
+    shown = []
+    for recipe in (name, f"{name}-{AS_PUBLISHED}"):
+        own = [run for run in runs if (run.game, run.algorithm) == (game, recipe)]
+        if own:
+            steps = min(run.curve[-1].steps for run in own)
+            noted = f", {AS_PUBLISHED}" if recipe != name else ""
+            score = f"{results.best(own):.2f} ({results.seeds_of(own)}, {steps / 1e6:.2g}M{noted})"
+            shown.append(score)
+    return "; ".join(shown)
 
 
 def intersection(folder: Path) -> str:

@@ -101,6 +101,8 @@ YARDSTICKS = {
 }
 """Games by name."""
 
+AS_PUBLISHED = "as_published"
+"""Ends the names of recipes with the publication's choices."""
 _VALUES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "batch_size": 256, "updates_per_step": 1 / 32}
 _FORAGING = {**_VALUES, "reward_scale": 10.0, "epsilon_steps": 200_000}
 _POLICIES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "minibatch_size": 800}
@@ -148,7 +150,7 @@ RECIPES: dict[str, dict[str, Recipe]] = {
         ),
         "vdn": Recipe(8, _SPREAD),
         "qmix": Recipe(8, _SPREAD),
-        **{f"{name}-as_published": _AS_PUBLISHED for name in ("qmix", "vdn")},
+        **{f"{name}-{AS_PUBLISHED}": _AS_PUBLISHED for name in ("qmix", "vdn")},
         "qmix-limit_ends": Recipe(8, _SPREAD, steps=1_000_000, limit_ends=True),
         "qmix-standardized": Recipe(8, _STANDARDIZED, steps=1_000_000),
     },
