@@ -69,8 +69,9 @@ def sweep(experiment: Experiment, root: Path) -> int:
         for run, folder in zip(runs, folders, strict=True):
             _check_same_search(folder / SEARCH, run, section)
         try:
-            with shipped_code(experiment) as code:
-                start_ray(experiment.resources, code)
+            if not all(ended):
+                with shipped_code(experiment) as code:
+                    start_ray(experiment.resources, code)
             with _stoppable() as stopped:
                 for run, folder, has_ended in zip(runs, folders, ended, strict=True):
                     if has_ended:
@@ -100,7 +101,10 @@ def is_complete(folder: Path, section: Tune, algorithm: str) -> bool:
     """
     if not ((folder / TRIALS).exists() and (folder / SEARCH).exists()):
         return False
-    table = pd.read_csv(folder / TRIALS)
+    try:
+        table = pd.read_csv(folder / TRIALS)
+    except (pd.errors.EmptyDataError, pd.errors.ParserError):  # written again when the search has ended
+        return False
     if "trial_id" not in table:  # averages over cells
         return False
     grids = (len(given) for given in parameters_of(section, algorithm).values() if isinstance(given, list))

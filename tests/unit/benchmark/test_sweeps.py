@@ -118,6 +118,8 @@ def test_a_search_is_complete_when_its_table_has_all_trials(tmp_path):
         assert not is_complete_with([0.5] * (count - 1) + [float("nan")]), "a trial failed"
         pd.DataFrame({"lr": [0.1] * count, "completion": 0.5}).to_csv(folder / "trials.csv", index=False)
         assert not is_complete(folder, section, algorithm), "averages over cells"
+        (folder / "trials.csv").write_text("")
+        assert not is_complete(folder, section, algorithm), "an empty table"
 
 
 @pytest.mark.parametrize(
