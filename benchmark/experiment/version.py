@@ -1,8 +1,9 @@
 """The benchmark's versions: what a version froze, and in what the present code and scenarios differ from it.
 
 A version freezes, by digest, the scenarios, and the code that makes observations, rewards and metrics; and,
-by value, the settings of the environment. Digests of code are of its syntax tree without docstrings:
-comments, docstrings and layout are free. The simulator's own code is not frozen: results name their commit.
+by value, the settings of the environment, and the budgets and sharing of parameters of its table's trainings.
+Digests of code are of its syntax tree without docstrings: comments, docstrings and layout are free. The
+simulator's own code is not frozen: results name their commit.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from smarts.errors import SmartsError, shown
 
 FILE = Path(__file__).with_name("versions.yaml")
 """Version -> part -> digest; `scenarios` is traffic -> scenario -> digest, `environment` setting -> value."""
-SCENARIOS, ENVIRONMENT = "scenarios", "environment"
+SCENARIOS, ENVIRONMENT, TRAINING = "scenarios", "environment", "training"
+ALL = "all others"
+"""Algorithms that a version does not name."""
 _ROOT = Path(__file__).parents[2]
 CODE = {
     "observation": ("smarts/observations", "smarts/sensors"),
@@ -151,13 +154,41 @@ def _some(names: list[str]) -> str:
     return "; ".join(names[:MOST_NAMED]) + more
 
 
-def frozen_text(version: int, played: Played, environment: Environment, *, replaces: bool = False) -> str:
+def prescribed(version: int | None, algorithm: str, task: str, traffic: str) -> dict[str, Any]:
+    """Return the budget and the sharing of parameters that a version prescribes for a training.
+
+    Args:
+        version: Of the benchmark; without one nothing is prescribed.
+        algorithm: Its name; those that the version's table has not share as most of the table do.
+        task: Its name.
+        traffic: Its name.
+    """
+    training = versions().get(version, {}).get(TRAINING) if version is not None else None
+    if training is None:
+        return {}
+    sharing = training["sharing"]
+    return {
+        "budget": training["budget"].get(f"{task}/{traffic}"),
+        "sharing": sharing.get(algorithm, sharing[ALL]),
+    }
+
+
+def frozen_text(
+    version: int,
+    played: Played,
+    environment: Environment,
+    *,
+    training: Mapping[str, Any] | None = None,
+    replaces: bool = False,
+) -> str:
     """Return the content of `FILE` with the present code, scenarios and settings as a version.
 
     Args:
         version: To be frozen.
         played: Digests of what is played.
         environment: Its settings.
+        training: "budget" by "task/traffic", and "sharing" by algorithm, with that of most as `ALL`; without
+            it, nothing of trainings is prescribed.
         replaces: Whether the version may be there already.
 
     Raises:
@@ -172,4 +203,6 @@ def frozen_text(version: int, played: Played, environment: Environment, *, repla
         )
     scenarios = {traffic: dict(digests) for traffic, digests in played.items()}
     frozen = {**code_digests(), SCENARIOS: scenarios, ENVIRONMENT: environment.content()}
+    if training is not None:
+        frozen[TRAINING] = {part: dict(given) for part, given in training.items()}
     return yaml.safe_dump({**known, version: frozen})

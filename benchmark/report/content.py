@@ -110,7 +110,8 @@ class Report:
     @cached_property
     def tasks(self) -> list[str]:
         """In the paper's order, others behind."""
-        return _ordered((run.task for run in self.results.runs), paper()["tasks"])
+        known = [*paper()["tasks"], *paper()["counterparts"]]
+        return _ordered((run.task for run in self.results.runs), known)
 
     @cached_property
     def traffics(self) -> list[str]:

@@ -214,7 +214,7 @@ def _places(
         known = {entry: marks.get(_key(entry, task, traffic)) for entry in rows}
         apart = scripted | {entry for entry, mark in known.items() if mark and mark.knows_test}
         ranked = [entry for entry in rates if entry not in apart and all(x.is_known for x in rates[entry])]
-        standings = ranks(of_cell(differing, task, traffic), ranked)
+        standings = ranks(of_cell(differing, task, traffic), ranked) if len(ranked) > 1 else {}
         for entry in sorted(rates, key=lambda each: _order(standings.get(each), rates[each])):
             experiment, _, algorithm = entry.partition("\n")
             standing, mark = standings.get(entry), known[entry]

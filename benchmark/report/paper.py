@@ -32,7 +32,11 @@ def paper() -> dict[str, Any]:
 
 
 def printed(algorithm: str, task: str, traffic: str) -> tuple[Printed, ...]:
-    """Return what the paper prints for a cell: nothing, one pair, or two where its two tables differ."""
+    """Return what the paper prints for a cell: nothing, one pair, or two where its two tables differ.
+
+    A task of version 1 is compared with its counterpart.
+    """
+    task = counterpart(task)
     found: dict[tuple[float, float], Printed] = {}
     for place in PLACES:
         pair = paper()[place].get(traffic, {}).get(task, {}).get(algorithm)
@@ -43,7 +47,12 @@ def printed(algorithm: str, task: str, traffic: str) -> tuple[Printed, ...]:
 
 def misprint(algorithm: str, task: str, traffic: str) -> str:
     """Return why a cell of the paper looks like a misprint, "" if it does not."""
-    return paper()["misprints"].get(traffic, {}).get(task, {}).get(algorithm, "")
+    return paper()["misprints"].get(traffic, {}).get(counterpart(task), {}).get(algorithm, "")
+
+
+def counterpart(task: str) -> str:
+    """Return the paper's task that a task of version 1 stands for, or the task itself."""
+    return paper()["counterparts"].get(task, [task])[0]
 
 
 def impossible_sum(cells: Sequence[Printed]) -> str:
@@ -59,7 +68,8 @@ def algorithm_label(name: str) -> str:
 
 def task_label(name: str) -> str:
     """Return the paper's name of a task, or its own in words."""
-    return paper()["tasks"].get(name, name.replace("_", " ").capitalize())
+    counterparts = {task: label for task, (_, label) in paper()["counterparts"].items()}
+    return {**paper()["tasks"], **counterparts}.get(name, name.replace("_", " ").capitalize())
 
 
 def traffic_label(name: str) -> str:

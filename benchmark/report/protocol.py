@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from benchmark.experiment.runs import VERSION, with_defaults
+from benchmark.experiment.version import prescribed
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.release import SUBMISSION
 from benchmark.results.run_folder import flat_values
@@ -16,6 +17,8 @@ friction and traffic engine; the horizon and the starts are the scenario's, by w
 apart anyway."""
 SUBMITTED = "as submitted"
 """Budget and sharing of evaluated submissions, which are ranked among each other."""
+PRESCRIBED = "of the version"
+"""Budget and sharing as the benchmark's version prescribes them, which may differ by cell and algorithm."""
 OWN_SHARING = "each algorithm's own"
 """Which parameters agents share where the settings do not say."""
 
@@ -29,13 +32,19 @@ def protocol_of(run: RunResult, results: Results) -> str:
     if SUBMISSION in run.facts:  # how it was trained is not known here
         kept = with_defaults({name: config[name] for name in ("environment", VERSION) if name in config})
         return json.dumps(dict.fromkeys(COMPARED) | kept | {"sharing": SUBMITTED}, sort_keys=True)
+    like = run
     if run.is_scripted:
-        beside = (each.config for each in results.runs if _cell(each) == _cell(run) and not each.is_scripted)
-        config = next(filter(None, beside), config)
+        beside = (each for each in results.runs if _cell(each) == _cell(run) and not each.is_scripted)
+        like = next((each for each in beside if each.config), run)
     # Keys that an earlier version did not have are their defaults.
-    config = with_defaults({name: config[name] for name in (*COMPARED, "settings") if name in config})
+    config = with_defaults(
+        {name: like.config[name] for name in (*COMPARED, "settings") if name in like.config}
+    )
     settings = config.pop("settings", None) or {}
     content = dict.fromkeys(COMPARED) | config | {"sharing": settings.get("sharing", OWN_SHARING)}
+    for name, value in prescribed(content[VERSION], like.algorithm, run.task, run.traffic).items():
+        if content[name] == value:
+            content[name] = PRESCRIBED
     return json.dumps(content, sort_keys=True)
 
 
@@ -71,4 +80,14 @@ def described(protocols: Sequence[str]) -> list[str]:
     names = sorted({name for each in flat for name in each})
     if len(flat) > 1:
         names = [name for name in names if len({each.get(name) for each in flat}) > 1]
-    return [", ".join(f"{name} {each.get(name, 'not given')}" for name in names) for each in flat]
+    return [
+        ", ".join(f"{name} {each.get(name, 'not given')}" for name in names if not _is_in_parts(name, each))
+        for each in flat
+    ]
+
+
+def _is_in_parts(name: str, given: Mapping[str, str]) -> bool:
+    """Return whether a value is given by its parts, or as a whole of which the name is a part."""
+    return name not in given and any(
+        each.startswith(f"{name}.") or name.startswith(f"{each}.") for each in given
+    )

@@ -5,7 +5,14 @@ from __future__ import annotations
 from benchmark.metrics.results import THIS_CHECKPOINT
 from benchmark.report.against_paper import DEGENERATE, NON_INFERIOR, PASSES, WORDS
 from benchmark.report.content import Report, TableCell
-from benchmark.report.paper import Printed, algorithm_label, impossible_sum, task_label, traffic_label
+from benchmark.report.paper import (
+    Printed,
+    algorithm_label,
+    counterpart,
+    impossible_sum,
+    task_label,
+    traffic_label,
+)
 from benchmark.report.protocol import differing_scenarios
 from benchmark.report.versions import version_lines
 
@@ -41,6 +48,11 @@ AGAINST_PAPER = (
     "two-sided interval is on the wrong side of 0. Else undecided. A cell has the weaker word of its two "
     "figures. Not counted: cells that random, keep-lane or parked driving passes (better or non-inferior), "
     "cells with social vehicles that hardly differ from those without, and figures that look like misprints."
+)
+COUNTERPARTS = (
+    "The tasks of version 1 are not the paper's, whose figures stand beside them: agents meet slow vehicles "
+    "and drivers of four kinds, observe rows of neighbours, have another reward and a shorter time limit "
+    "(docs/benchmark_v1.md)."
 )
 BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
 THESE_CHECKPOINTS = "these checkpoints"
@@ -137,6 +149,8 @@ def standing(report: Report) -> list[str]:
         for check in report.traffic_checks
         if check.is_one is False or (check.is_one is None and report.has_paper)
     ]
+    if report.has_paper and any(counterpart(task) != task for task in report.tasks):
+        sentences.append(COUNTERPARTS)
     return sentences + [line for mode in report.modes for line in _against_paper(report, mode)]
 
 

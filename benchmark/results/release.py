@@ -30,7 +30,7 @@ FRESH_SEED = "fresh_seed"
 """In verdicts.json and run.json: of the fresh episodes, the same for all policies of a submission."""
 CONFIRMED, MARKED, REFUSED = "confirmed", "marked", "refused"
 """Status of an evaluated policy, from good to bad."""
-LARGEST_FILE, LARGEST = 1_000_000, 60_000_000
+LARGEST_FILE, LARGEST = 4_000_000, 80_000_000
 """Bytes of one file, and of all."""
 SEEDS = 3
 """Training seeds that an entry of a version has at least."""

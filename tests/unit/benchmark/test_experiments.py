@@ -15,6 +15,7 @@ from benchmark.experiment.algorithm_settings import settings_table
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of, scripted_runs_of, task_settings_of
 from benchmark.experiment.schema import schema
+from benchmark.experiment.version import prescribed, versions
 from benchmark.running.sweeping import is_complete
 from smarts.config import ConfigError
 
@@ -117,6 +118,17 @@ def test_the_command_names_the_budget_of_each_cell_where_they_differ(write):
 def test_cells_that_an_override_leaves_out_may_be_named(write):
     (one,) = {run.task_setting.task.name for run in runs_of(read_experiment(write(CELLS), ["tasks=[city]"]))}
     assert one == "city"
+
+
+def test_version_1_prescribes_what_its_config_says():
+    prescribing = versions()[1]["training"]
+    for run in runs_of(read_experiment(CONFIGS / "benchmark_v1.yaml")):
+        cell = run.task_setting.task.name, run.task_setting.traffic
+        wanted = {"budget": run.content()["budget"], "sharing": run.settings["sharing"]}
+        assert prescribed(1, run.algorithm, *cell) == wanted
+    assert len(prescribing["budget"]) == 6
+    assert prescribed(1, "happo", "two_way_v1", "no_social_vehicles")["sharing"] == "all"
+    assert prescribed(None, "dqn", "two_way_v1", "no_social_vehicles") == {}
 
 
 def test_all_algorithms_of_version_1_have_the_same_budget_and_schedule_in_a_cell():

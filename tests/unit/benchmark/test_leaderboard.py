@@ -3,6 +3,7 @@
 import csv
 
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from benchmark.cli import app
@@ -58,9 +59,9 @@ def test_protocols_are_not_mixed(tmp_path):
     board = make_leaderboard([one, two])
     assert board.protocols == {"A": "budget.agent_steps 1000", "B": "budget.agent_steps 7"}
     assert {(place.algorithm, place.protocol, place.rank) for place in board.places} == {
-        ("ppo", "A", 1),
+        ("ppo", "A", None),  # first of one is no rank
         ("parked", "A", None),
-        ("dqn", "B", 1),
+        ("dqn", "B", None),
     }
     page = tmp_path / "page.html"
     write_leaderboard([one, two], page, "greedy")
@@ -75,6 +76,44 @@ def test_who_shares_parameters_is_not_ranked_with_who_does_not(tmp_path):
     assert {place.algorithm: place.protocol for place in board.places} == {
         **{"ppo": "A", "parked": "A"},
         "dqn": "B",
+    }
+
+
+def of_version_1(root, algorithm, task, agent_steps, sharing):
+    """Write a run of version 1 of the benchmark."""
+    write_experiment(root, algorithms=[algorithm])
+    more = {"budget": {"agent_steps": agent_steps, "minutes": None}, "settings": {"sharing": sharing}}
+    run = write_run(root, algorithm, [agent_episodes(GOOD, mode="greedy", task=task)], task=task, **more)
+    config = yaml.safe_load((run / "config.yaml").read_text())
+    (run / "config.yaml").write_text(yaml.safe_dump(config | {"benchmark_version": 1}))
+
+
+def test_what_a_version_prescribes_is_one_protocol(tmp_path):
+    """Budgets by cell, and an algorithm whose agents do not share."""
+    for name, task, steps, sharing in (
+        ("dqn", "two_way_v1", 500_000, "all"),
+        ("networked_q", "two_way_v1", 500_000, "none"),
+        ("dqn", "double_merge_v1", 1_000_000, "all"),
+        ("happo", "double_merge_v1", 1_000_000, "none"),
+    ):
+        of_version_1(tmp_path / "one", name, task, steps, sharing)
+    of_version_1(tmp_path / "two", "dqn", "two_way_v1", 1_000_000, "all")
+    board = make_leaderboard([tmp_path / "one", tmp_path / "two"])
+    found = {
+        (place.experiment, place.algorithm, place.task): (board.protocols[place.protocol], place.rank)
+        for place in board.places
+    }
+    assert found["one", "networked_q", "two_way_v1"][1] == found["one", "dqn", "two_way_v1"][1] == 1
+    assert {key: protocol for key, (protocol, _) in found.items()} == {
+        ("one", "dqn", "two_way_v1"): "budget of the version, sharing of the version",
+        ("one", "networked_q", "two_way_v1"): "budget of the version, sharing of the version",
+        ("one", "dqn", "double_merge_v1"): "budget of the version, sharing of the version",
+        ("one", "happo", "double_merge_v1"): "budget of the version, sharing none",
+        (
+            "two",
+            "dqn",
+            "two_way_v1",
+        ): "budget.agent_steps 1000000, budget.minutes none, sharing of the version",
     }
 
 

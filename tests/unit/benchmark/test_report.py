@@ -20,12 +20,13 @@ from benchmark.report.content import make_report
 from benchmark.report.curves import seeds_curve
 from benchmark.report.latex import escaped
 from benchmark.report.marl_eval import marl_eval_json
-from benchmark.report.paper import paper, printed
+from benchmark.report.paper import paper, printed, task_label
 from benchmark.report.radar import axes_of_radar, draw_radar
 from benchmark.report.style import colour, line, new_figure, png
 from benchmark.report.summary import draw_profile, summaries_of
 from benchmark.report.values import Value
 from benchmark.report.wording import (
+    COUNTERPARTS,
     count,
     figures,
     intervals,
@@ -186,6 +187,19 @@ class TestAgainstThePaper:
         ]
         assert len(cells) == 42
         assert sum(self.word(cell, 0.0, 1.0) == "better" for cell in cells) == 32
+
+    def test_tasks_of_version_1_are_compared_with_the_papers_and_said_to_differ(self, tmp_path):
+        tasks = ["intersection_v1", "double_merge_v1", "two_way_v1"]
+        write_experiment(tmp_path, tasks=tasks)
+        for task in tasks:
+            write_run(tmp_path, "ppo", [agent_episodes(PERFECT, mode="greedy", task=task)], task=task)
+        report = make_report(read_results(tmp_path))
+        assert report.tasks == tasks[::-1]  # the paper's order
+        for task in tasks:
+            assert report.printed("ppo", task, ALONE) == printed("ppo", task.removesuffix("_v1"), ALONE) != ()
+            assert task_label(task) == f"{task_label(task.removesuffix('_v1'))} v1"
+        assert COUNTERPARTS in standing(report)
+        assert "misprint" in not_counted(cells_of(report, "ppo")["intersection_v1", ALONE])
 
     def test_nothing_without_figures_or_intervals(self):
         assert self.word((), 0.0, 1.0) is None
