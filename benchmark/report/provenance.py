@@ -54,8 +54,8 @@ CHANGED = " (+: with changes that were not committed)"
 
 
 def run_lines(results: Results) -> list[RunLine]:
-    """Return a line for each run, begun or not."""
-    return [_line(run) for run in results.runs]
+    """Return a line for each run that has begun; `gaps` has the others."""
+    return [_line(run) for run in results.runs if run.status != NOT_BEGUN]
 
 
 def _line(run: RunResult) -> RunLine:
@@ -148,13 +148,20 @@ def _counted(count: int, name: str) -> str:
 
 
 def gaps(results: Results) -> list[tuple[str, str]]:
-    """Return name and reason of all that is missing: runs, files, episodes."""
-    missing = [
-        (str(run), "has not begun" if run.status == NOT_BEGUN else f"is not finished: {run.status}")
-        for run in results.unfinished
-    ]
+    """Return name and reason of all that is missing: runs, files, episodes; a line for a cell's seeds."""
+    missing: dict[tuple[str, str], list[str]] = {}
+    for run in results.unfinished:
+        reason = "not begun" if run.status == NOT_BEGUN else f"not finished: {run.status}"
+        cell = f"{run.algorithm}, {run.task}, {run.traffic}"
+        seeds = missing.setdefault((cell, reason), [])
+        if not run.is_scripted:
+            seeds.append(str(run.seed))
     episodes = [(f"episode {name}", reason) for name, reason in results.counts["corrupted"].items()]
-    return [*missing, *results.problems.items(), *episodes]
+    runs = [
+        (cell + (f", seed{'s'[: len(seeds) != 1]} {', '.join(seeds)}" if seeds else ""), reason)
+        for (cell, reason), seeds in missing.items()
+    ]
+    return [*runs, *results.problems.items(), *episodes]
 
 
 def _text(value: Any) -> str:

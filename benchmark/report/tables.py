@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics import METRICS
@@ -16,6 +17,7 @@ GENERALIZATION_COLUMNS = {
     "algorithm": "Or scripted policy",
     "task": "What is driven",
     "traffic": "Social vehicles on the road",
+    "seeds": "Training seeds",
     "generalization": METRICS["generalization"].meaning,
     "worst": "The held-out variation of least value, of which the rates are",
     "completion, trained": "Completion rate on unseen seeds of the training's variations",
@@ -33,9 +35,12 @@ DIFFERENCE_COLUMNS = {
     "95% interval": "Of the difference, before correction",
     "p": "Two-sided, that there is no difference between these checkpoints",
     "corrected p": "After Holm over all cells, metrics and pairs of the table",
+    "seeds": "Training seeds of the first and the second, - for a scripted policy",
     "starts": "Distinct ones that both have played: the unit of comparison",
     "better": "Whose figure is better",
 }
+LEAST_P = 0.001
+"""Smaller p-values are not told apart."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +68,14 @@ class MetricsRow:
     """That a filter shows it for: a scripted policy has a row for each."""
     acting: str
     n: int
+    seeds: str
+    """How many training seeds, empty for a scripted policy."""
     cells: tuple[MetricCell | None, ...]
 
     @property
     def label(self) -> str:
-        """Name of the algorithm."""
-        return algorithm_label(self.algorithm)
+        """Name of the algorithm, and how many training seeds."""
+        return algorithm_label(self.algorithm) + (f" ({self.seeds})" if self.seeds else "")
 
     @property
     def task_label(self) -> str:
@@ -92,7 +99,9 @@ def metrics_table(report: Report) -> tuple[list[MetricsRow], list[str]]:
                 first = report.value(name, task, traffic, mode, "completion_rate")
                 if first is not None:
                     acting = SCRIPTED if is_scripted else mode
-                    rows.append(MetricsRow(name, task, traffic, mode, acting, first.n, tuple(cells)))
+                    rows.append(
+                        MetricsRow(name, task, traffic, mode, acting, first.n, first.seeds_text, tuple(cells))
+                    )
     return rows, [*notes]
 
 
@@ -114,7 +123,9 @@ def generalization_rows(report: Report) -> list[list[str]]:
         pairs = ("train_completion", "held_out_completion", "train_non_collision", "held_out_non_collision")
         raw = [f"{found.terms[each]:.2f}" for each in pairs]
         names = [algorithm_label(name), task_label(task), traffic_label(traffic)]
-        rows.append([*names, f"{found.text} {found.interval}".strip(), found.worst, *raw])
+        rows.append(
+            [*names, str(found.seeds or ""), f"{found.text} {found.interval}".strip(), found.worst, *raw]
+        )
     return rows
 
 
@@ -150,10 +161,27 @@ def _differences(report: Report) -> Iterator[list[str]]:
             algorithm_label(row["second"]),
             f"{row['value']:+z.2f}" if math.isfinite(row["value"]) else "n/a",
             f"[{row['low']:+z.2f}, {row['high']:+z.2f}]" if is_known else "",
-            *(f"{row[name]:.3f}" if math.isfinite(row[name]) else "" for name in ("p_value", "corrected")),
+            *(_p_text(row[name]) for name in ("p_value", "corrected")),
+            _seeds(report, row),
             str(row["pairs"]),
             algorithm_label(row["wins"]) if row["wins"] else "",
         ]
+
+
+def _p_text(value: float) -> str:
+    """Return a p-value as it is shown, empty without one."""
+    if not math.isfinite(value):
+        return ""
+    return f"{value:.3f}" if value >= LEAST_P else f"< {LEAST_P:g}"
+
+
+def _seeds(report: Report, row: dict[str, Any]) -> str:
+    """Return the numbers of training seeds of a difference's two entries."""
+    found = []
+    for name in ("first", "second"):
+        value = report.value(row[name], row["task"], row["task_traffic"], report.modes[0], row["metric"])
+        found.append(str((value.seeds if value else 0) or "-"))
+    return " / ".join(found)
 
 
 def mode_choices(report: Report) -> list[tuple[str, str]]:

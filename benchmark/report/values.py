@@ -24,6 +24,8 @@ OUTCOMES = (
     *(name for name in METRICS if name.startswith("ended_")),
 )
 """Metrics that are shares of outcomes and add up to 1."""
+TEST_EPISODES = "the test episodes"
+"""What the interval of a scripted policy covers."""
 COLUMNS = (
     *("algorithm", "kind", "task", "traffic", "mode", "metric", "value", "low", "high"),
     *("n", "count", "counted", "episodes", "seeds", "label", "note", "terms", "worst"),
@@ -47,7 +49,7 @@ class Value:
     """Unit of the denominator."""
     episodes: int
     seeds: int
-    """Training seeds."""
+    """Training seeds; none of a scripted policy."""
     label: str
     """What the interval covers, such as "3 training seeds"."""
     note: str
@@ -70,6 +72,11 @@ class Value:
         """What it was measured on, empty if that is all agent-episodes."""
         known = self.counted != "agent-episodes" and math.isfinite(self.count)
         return f"{self.count:,.0f} {self.counted}" if known else ""
+
+    @property
+    def seeds_text(self) -> str:
+        """How many training seeds, empty for a scripted policy."""
+        return f"{self.seeds} seed{'s'[: self.seeds != 1]}" if self.seeds else ""
 
     @property
     def digits(self) -> int:
@@ -110,6 +117,8 @@ def measure_cells(table: Frame, metrics: Sequence[str] = (), level: float = LEVE
     answer = pd.concat(parts, ignore_index=True).rename(columns={"task_traffic": "traffic"})
     scripted = set(table.loc[table["training_seed"] == SCRIPTED_SEED, "algorithm"])
     answer["kind"] = ["scripted" if name in scripted else "learning" for name in answer["algorithm"]]
+    # Nothing was trained: no seeds, no checkpoint.
+    answer.loc[answer["kind"] == "scripted", ["seeds", "label"]] = [0, TEST_EPISODES]
     order = {name: number for number, name in enumerate(METRICS)}
     answer = answer.sort_values(
         ["algorithm", "task", "traffic", "mode", "metric"],

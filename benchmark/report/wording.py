@@ -126,7 +126,7 @@ def count(cell: TableCell) -> str:
         return ""
     checkpoints = THIS_CHECKPOINT if found.seeds == 1 else THESE_CHECKPOINTS
     label = f"; {checkpoints}" if found.label == THIS_CHECKPOINT else ""
-    return f"{found.seeds} {'seed' if found.seeds == 1 else 'seeds'}, {found.episodes} episodes{label}"
+    return f"{', '.join(filter(None, (found.seeds_text, f'{found.episodes} episodes')))}{label}"
 
 
 def rank_text(cell: TableCell) -> str:

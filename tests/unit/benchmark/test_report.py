@@ -21,9 +21,17 @@ from benchmark.report.curves import seeds_curve
 from benchmark.report.latex import escaped
 from benchmark.report.marl_eval import marl_eval_json
 from benchmark.report.paper import paper, printed, task_label
+from benchmark.report.provenance import gaps
 from benchmark.report.radar import axes_of_radar, draw_radar
 from benchmark.report.style import colour, line, new_figure, png
 from benchmark.report.summary import draw_profile, summaries_of
+from benchmark.report.tables import (
+    DIFFERENCE_COLUMNS,
+    GENERALIZATION_COLUMNS,
+    difference_rows,
+    generalization_rows,
+    metrics_table,
+)
 from benchmark.report.values import Value
 from benchmark.report.wording import (
     COUNTERPARTS,
@@ -332,14 +340,39 @@ def test_the_page_needs_nothing_else(folder):
 def test_the_page_says_what_is_missing(folder):
     text = " ".join(text for _, text in page_of(folder).texts)
     assert "a < b & 5% of {x}_y" in text
-    assert f"maac, intersection, {ALONE}, seed 1: is not finished: training" in text
-    assert f"ppo, intersection, {SOCIAL}, seed 1: has not begun" in text
+    assert f"maac, intersection, {ALONE}, seed 1: not finished: training" in text
+    assert f"ppo, intersection, {SOCIAL}, seed 1: not begun" in text
     assert "1 episode in which vehicles overlapped at the start: discarded." in text
     assert "centralised_v, MAAC, PPO: 2 of 6 runs finished, 13 test episodes measured." in text
     assert "Scripted policies: 1 of 2 runs finished, 4 test episodes measured." in text
     assert "smarts-bench run hand.yaml" in text
     assert "abacus" in text
     assert "0123456789ab" in text
+
+
+def test_how_many_seeds_there_are_is_said_wherever_figures_are(tmp_path):
+    write_experiment(tmp_path, algorithms=["dqn", "ppo"], seeds=[1, 2, 3], scripted=["parked"])
+    for seed in (1, 2):
+        write_run(tmp_path, "dqn", [agent_episodes(PERFECT, mode="greedy")], seed=seed)
+    held = agent_episodes(HOPELESS, mode="greedy", split="held_out", variation="mirrored")
+    write_run(tmp_path, "ppo", [agent_episodes(HOPELESS, mode="greedy"), held])
+    write_run(tmp_path, "parked", [agent_episodes(HOPELESS, mode="scripted")], seed=-1)
+    results = read_results(tmp_path)
+    report = make_report(results)
+    assert gaps(results) == [
+        (f"dqn, intersection, {ALONE}, seed 3", "not begun"),
+        (f"ppo, intersection, {ALONE}, seeds 2, 3", "not begun"),
+    ]
+    assert [row.label for row in metrics_table(report)[0]] == ["DQN (2 seeds)", "PPO (1 seed)", "parked"]
+    seeds = [*DIFFERENCE_COLUMNS].index("seeds")
+    found = {(row[3], row[4]): row[seeds] for row in difference_rows(report)}
+    assert found == {("DQN", "PPO"): "2 / 1", ("DQN", "parked"): "2 / -"}
+    assert {row[[*DIFFERENCE_COLUMNS].index("p")] for row in difference_rows(report)} == {"< 0.001"}
+    (row,) = generalization_rows(report)
+    assert row[[*GENERALIZATION_COLUMNS].index("seeds")] == "1"
+    counts = {row.algorithm: count(row.cells[0]) for row in report.main_table("greedy")}
+    assert counts["ppo"] == f"1 seed, {len(HOPELESS)} episodes; this checkpoint"
+    assert counts["parked"] == f"{len(HOPELESS)} episodes"
 
 
 def test_an_own_experiment_is_reported_without_a_word_on_the_paper(tmp_path):

@@ -316,24 +316,25 @@ def test_the_permutation_test_counts_what_enumeration_counts():
 
 
 def test_who_knows_the_test_has_no_rank(tmp_path, monkeypatch):
-    """The other one of two submissions is ranked; the first is marked, and stands in no summary."""
-    first, second = (
-        write_submission(tmp_path / name, algorithm=name, name=name) for name in ("first", "second")
-    )
+    """The others of three submissions are ranked; the first is marked, and stands in no summary."""
+    names = ("first", "second", "third")
+    first, second, third = (write_submission(tmp_path / name, algorithm=name, name=name) for name in names)
     with monkeypatch.context() as patched:
         reason = "completion rate 1.000 in the public test: it knows the test"
         patched.setattr(verifying, "memorized", lambda cells: {cell: [reason] for cell in cells})
-        (verdict,) = verified(first, tmp_path / "one", fresh=1)
+        (verdict,) = verified(first, tmp_path / "one", fresh=1, episodes=2)
     assert (verdict.status, verdict.knows_test) == (MARKED, True)
     assert verdict.reasons[-1] == reason
-    verified(second, tmp_path / "two", fresh=1)
-    board = make_leaderboard([tmp_path / "one", tmp_path / "two"])
+    verified(second, tmp_path / "two", fresh=1, episodes=2)
+    verified(third, tmp_path / "three", fresh=1, episodes=2)
+    board = make_leaderboard([tmp_path / name for name in ("one", "two", "three")])
     assert {each.algorithm: (each.rank, each.knows_test) for each in board.places} == {
         "first": (None, True),
         "second": (1, False),
+        "third": (1, False),
     }
     assert {each.paradigm for each in board.places} == {"as submitted"}
-    assert [each.algorithm for each in board.summaries] == ["second"]
+    assert sorted(each.algorithm for each in board.summaries) == ["second", "third"]
 
 
 def test_claims_hold_two_files_of_each_policy_and_nothing_else(tmp_path):
