@@ -7,10 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from algorithms.registry import ALGORITHMS
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.results.files import ResultsError, read_mapping
 from benchmark.results.reading import RunResult
-from benchmark.results.release import CONFIRMED, MARKED, REFUSED, SUBMISSION, VERDICTS
+from benchmark.results.release import ADDRESS, CONFIRMED, MARKED, REFUSED, SUBMISSION, VERDICTS
+
+MAY_EXCHANGE = "its vehicles may tell each other what they see"
+"""Of an address, and of an algorithm that is not known here: from outside it cannot be told."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,8 @@ class Submitted:
     task: str
     traffic: str
     seed: int
+    agent: str
+    """Folder of the exported policy, or an address."""
     status: str
     """confirmed, marked or refused."""
     reasons: tuple[str, ...]
@@ -49,6 +55,12 @@ class Submitted:
     def cell(self) -> str:
         """Name of the cell."""
         return f"{task_label(self.task)}, {traffic_label(self.traffic)}"
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is wrong, and what cannot be told of it."""
+        is_open = self.agent.startswith(ADDRESS) or self.algorithm not in ALGORITHMS
+        return [*self.reasons, MAY_EXCHANGE] if is_open else [*self.reasons]
 
     @property
     def rates(self) -> Iterator[tuple[str, str]]:
@@ -95,7 +107,7 @@ def read_submitted(root: Path, experiment: str, runs: Iterable[RunResult]) -> li
 
 
 def _submitted(said: Mapping[str, Any], experiment: str) -> Submitted:
-    names = ("name", "author", "algorithm", "task", "traffic", "seed", "status")
+    names = ("name", "author", "algorithm", "task", "traffic", "seed", "agent", "status")
     equal, compared = said["digests"]
     return Submitted(
         experiment,

@@ -4,6 +4,7 @@ import itertools
 import json
 import math
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from benchmark.experiment.version import code_digests, frozen_text
 from benchmark.metrics import read_table
 from benchmark.report.leaderboard import make_leaderboard
 from benchmark.report.leaderboard_page import write_leaderboard
+from benchmark.report.submissions import MAY_EXCHANGE
 from benchmark.results.files import ResultsError, locked, write_json
 from benchmark.results.release import (
     CONFIRMED,
@@ -335,6 +337,10 @@ def test_who_knows_the_test_has_no_rank(tmp_path, monkeypatch):
     }
     assert {each.paradigm for each in board.places} == {"as submitted"}
     assert sorted(each.algorithm for each in board.summaries) == ["second", "third"]
+    own = board.submitted[-1]
+    assert own.remarks == [*own.reasons, MAY_EXCHANGE]  # an algorithm that is not known here
+    assert MAY_EXCHANGE not in replace(own, algorithm="ppo").remarks
+    assert MAY_EXCHANGE in replace(own, algorithm="ppo", agent="tcp://localhost:7000").remarks
 
 
 def test_claims_hold_two_files_of_each_policy_and_nothing_else(tmp_path):
