@@ -1,4 +1,4 @@
-"""The independent recomputation of a table finds what a report says, and sees where it says something else."""
+"""Rates that are recomputed apart are what a report says, and one that it says wrongly is found."""
 
 import importlib.util
 from pathlib import Path
