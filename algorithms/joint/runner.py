@@ -85,8 +85,11 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         self._weights = -1
         self._evaluated = 0
         # Results pool the windows of all runners.
-        window = ceil(config.metrics_num_episodes_for_smoothing / max(self.num_workers or 0, 1))  # type: ignore[operator]
-        self._recent: deque[Episode] = deque(maxlen=window)
+        episodes, runners = (
+            int(config.metrics_num_episodes_for_smoothing or 1),
+            max(int(self.num_workers or 0), 1),
+        )
+        self._recent: deque[Episode] = deque(maxlen=ceil(episodes / runners))
         self.module: Any = None
         self.num_env_steps_sampled_lifetime = 0
         self.make_env()

@@ -32,8 +32,9 @@ class RunningMoments(nn.Module):
     def observe(self, x: Tensor, mask: Tensor, decay: float | None = None) -> None:
         """Update the averages with the values of `x` where `mask`, with another `decay` if one is given."""
         if self._enabled and bool(mask.any()):
-            self.weight.lerp_(torch.ones_like(self.weight), 1 - (self._decay if decay is None else decay))
-            share = (1 - (self._decay if decay is None else decay)) / self.weight
+            added = 1 - (self._decay if decay is None else decay)
+            self.weight.lerp_(torch.ones_like(self.weight), added)
+            share = added / self.weight
             mean = masked_mean(x, mask)
             variance = masked_mean((x - mean).square(), mask)
             # Of deviations, not as a difference of squares, which would lose a small variance beside a large

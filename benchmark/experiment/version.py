@@ -159,7 +159,7 @@ def prescribed(version: int | None, algorithm: str, task: str, traffic: str) -> 
 
     Args:
         version: Of the benchmark; without one nothing is prescribed.
-        algorithm: Its name; those that the version's table has not share as most of the table do.
+        algorithm: Its name; one that is not in the version's table shares parameters as most of the table.
         task: Its name.
         traffic: Its name.
     """

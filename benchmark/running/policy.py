@@ -154,7 +154,7 @@ class Policy:
         return [*self._choose(_among(agents, now), worlds)]
 
     def play(self, env: VectorJointEnv, indices: range) -> None:
-        """Play episodes as tests do; each step is told what its actions were drawn from.
+        """Play test episodes; the environment also records the action probabilities.
 
         Args:
             env: One that records them, with the agents and the observation of the training; it stays open.

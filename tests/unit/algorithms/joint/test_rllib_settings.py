@@ -469,7 +469,11 @@ def test_what_evaluation_does_not_read_is_refused(change, named):
 
 def test_what_evaluation_reads_may_differ_there():
     small().evaluation(evaluation_config={"lr": small().lr, "env_config": {"length": 3}}).validate()
-    small("dqn").evaluation(evaluation_config={"explore": True, "epsilon": (0.1, 0.1)}).validate()
+    config = small("dqn").evaluation(evaluation_config={"explore": True, "epsilon": (0.1, 0.1)})
+    config.validate()
+    evaluated = config.get_evaluation_config_object()
+    assert (evaluated.explore, tuple(evaluated.epsilon)) == (True, (0.1, 0.1))
+    assert tuple(config.epsilon) != (0.1, 0.1)
 
 
 @pytest.mark.parametrize(
