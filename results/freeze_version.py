@@ -1,23 +1,27 @@
 """Freeze what an experiment plays as a version of the benchmark.
 
-    python results/freeze_version.py 1 configs/benchmark_v1.yaml
+    python results/freeze_version.py 1 configs/benchmark_v1.yaml --tuned results/tune_v1
 
 Writes digests of its scenarios, and of the code of observations, rewards and metrics, its settings of the
-environment, and the budgets and sharing of its trainings into `benchmark/experiment/versions.yaml`. Runs with
-`benchmark_version: 1` are refused while something differs, except for budgets and sharing, which tell
-protocols apart. A version that is there is frozen again with `--replace` only.
+environment, the budgets and sharing of its trainings, and how many trials have found their settings into
+`benchmark/experiment/versions.yaml`. Runs with `benchmark_version: 1` are refused while something differs,
+except for budgets and sharing, which tell protocols apart, and tuning, which reports name. A version that is
+there is frozen again with `--replace` only.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from benchmark.experiment.config import Experiment, read_experiment
 from benchmark.experiment.runs import runs_of
-from benchmark.experiment.version import ALL, FILE, frozen_text
+from benchmark.experiment.version import ALL, FILE, TUNING, frozen_text
 from benchmark.running.played import scenarios_by_traffic
 from smarts.errors import SmartsError
 
@@ -36,17 +40,42 @@ def training_of(experiment: Experiment) -> dict[str, dict[str, Any]]:
     }
 
 
+def tuning_of(sweep: Path) -> dict[str, Any]:
+    """Return the search space of a sweep's results, and the trials of each algorithm: number, agent-steps.
+
+    Args:
+        sweep: Results of `smarts-bench sweep`.
+
+    Raises:
+        SmartsError: There are none.
+    """
+    found = {}
+    for file in sorted(sweep.glob("*/*/*/search.json")):
+        search = json.loads(file.read_text())
+        each = {
+            "agent_steps": search["run"]["budget"]["agent_steps"],
+            "trials": len(pd.read_csv(file.with_name("trials.csv"))),
+        }
+        found[search["run"]["algorithm"]] = each
+    if not found:
+        raise SmartsError("holds no search", place=str(sweep), remedy="give the results of a sweep")
+    return {"results": sweep.as_posix(), "algorithms": found}
+
+
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description="Freeze a version of the benchmark.")
     parser.add_argument("version", type=int)
     parser.add_argument("experiment", type=Path)
+    parser.add_argument("--tuned", type=Path, help="results of the sweep that found the settings")
     parser.add_argument("--replace", action="store_true", help="freeze again; there are no results of it")
     given = parser.parse_args()
     experiment = read_experiment(given.experiment)
     played, environment = scenarios_by_traffic(experiment), experiment.environment
     try:
         training = training_of(experiment)
+        if given.tuned is not None:
+            training[TUNING] = tuning_of(given.tuned)
         text = frozen_text(given.version, played, environment, training=training, replaces=given.replace)
     except SmartsError as error:
         parser.exit(1, f"error: {error}\n")

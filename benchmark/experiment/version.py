@@ -1,7 +1,8 @@
 """The benchmark's versions: what a version froze, and in what the present code and scenarios differ from it.
 
 A version freezes, by digest, the scenarios, and the code that makes observations, rewards and metrics; and,
-by value, the settings of the environment, and the budgets and sharing of parameters of its table's trainings.
+by value, the settings of the environment, and the budgets, sharing of parameters and tuning of its table's
+trainings.
 Digests of code are of its syntax tree without docstrings: comments, docstrings and layout are free. The
 simulator's own code is not frozen: results name their commit.
 """
@@ -24,7 +25,7 @@ from smarts.errors import SmartsError, shown
 
 FILE = Path(__file__).with_name("versions.yaml")
 """Version -> part -> digest; `scenarios` is traffic -> scenario -> digest, `environment` setting -> value."""
-SCENARIOS, ENVIRONMENT, TRAINING = "scenarios", "environment", "training"
+SCENARIOS, ENVIRONMENT, TRAINING, TUNING = "scenarios", "environment", "training", "tuning"
 ALL = "all others"
 """Algorithms that a version does not name."""
 _ROOT = Path(__file__).parents[2]
@@ -173,6 +174,19 @@ def prescribed(version: int | None, algorithm: str, task: str, traffic: str) -> 
     }
 
 
+def tuning(version: int | None) -> dict[str, Any]:
+    """Return how a version's settings were searched; empty where that is not known.
+
+    Args:
+        version: Of the benchmark.
+
+    Returns:
+        "results" of the sweep; and "algorithms": name -> number of "trials", and "agent_steps" of each.
+    """
+    frozen = versions().get(version, {}) if version is not None else {}
+    return frozen.get(TRAINING, {}).get(TUNING, {})
+
+
 def frozen_text(
     version: int,
     played: Played,
@@ -187,8 +201,8 @@ def frozen_text(
         version: To be frozen.
         played: Digests of what is played.
         environment: Its settings.
-        training: "budget" by "task/traffic", and "sharing" by algorithm, with that of most as `ALL`; without
-            it, nothing of trainings is prescribed.
+        training: "budget" by "task/traffic", "sharing" by algorithm, with that of most as `ALL`, and if it
+            is known, `TUNING`; without it, nothing of trainings is prescribed.
         replaces: Whether the version may be there already.
 
     Raises:

@@ -8,11 +8,11 @@ from itertools import groupby
 from typing import Any
 
 from benchmark.metrics import METRICS
-from benchmark.report import provenance, tables, wording
+from benchmark.report import overview, provenance, tables, wording
 from benchmark.report.content import Report, Row, TableCell
 from benchmark.report.episode_pages import EpisodeLinks
 from benchmark.report.figures import KINDS, draw_cells, legend
-from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.paper import algorithm_label, task_differences, task_label, traffic_label
 from benchmark.report.robustness import Robustness
 from benchmark.report.style import data_uri
 from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, NOTE, PROFILE_NOTE, Summaries
@@ -88,6 +88,8 @@ def report_page(
             }
             for kind in KINDS
         ],
+        overview=(overview.overview_columns(report).items(), overview.overview_rows(report), overview.LEFT),
+        overview_note=overview.NOTE,
         summary=_summary(summaries, profile),
         episodes=links,
         robustness=robustness if robustness is not None and robustness.is_there else None,
@@ -98,6 +100,8 @@ def report_page(
         intervals=wording.INTERVALS,
         compared=wording.COMPARED,
         against_paper=wording.AGAINST_PAPER if report.has_paper else "",
+        task_differences=(wording.TASK_DIFFERENCES.items(), task_differences(), range(3)),
+        task_differences_title=wording.TASK_DIFFERENCES_TITLE if wording.has_counterparts(report) else "",
         difference_columns=tables.DIFFERENCE_COLUMNS.items(),
         commands=provenance.commands(results),
         circumstances=provenance.circumstances(results),
@@ -112,8 +116,8 @@ def _summary(summaries: Summaries, profile: bytes | None) -> dict[str, Any] | No
     return {
         "note": NOTE,
         "tables": [
-            (COLUMNS.items(), summaries.mean_rows(), 1),
-            (IMPROVEMENT_COLUMNS.items(), summaries.improvement_rows(), 2),
+            (COLUMNS.items(), summaries.mean_rows(), (0,)),
+            (IMPROVEMENT_COLUMNS.items(), summaries.improvement_rows(), (0, 1)),
         ],
         "profile": data_uri(profile),
         "profile_note": PROFILE_NOTE,

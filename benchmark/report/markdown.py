@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from benchmark.metrics import METRICS
-from benchmark.report import provenance, tables, wording
+from benchmark.report import overview, provenance, tables, wording
 from benchmark.report.content import Report, TableCell
 from benchmark.report.episode_pages import EpisodeLinks
 from benchmark.report.figures import KINDS
-from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.paper import algorithm_label, task_differences, task_label, traffic_label
 from benchmark.report.robustness import TITLE, Entry, Robustness
 from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, NOTE, PROFILE, PROFILE_NOTE, Summaries
 
@@ -45,6 +45,9 @@ def report_text(
         wording.COMPARED,
         " ".join(tables.difference_notes(report)),
     ]
+    lines = overview.overview_rows(report)
+    if lines:
+        parts += ["## Overview", overview.NOTE, table([*overview.overview_columns(report)], lines, left=3)]
     if summaries.algorithms:
         parts += ["## Summary over cells", NOTE, table([*COLUMNS], summaries.mean_rows())]
         parts += [table([*IMPROVEMENT_COLUMNS], summaries.improvement_rows(), left=2)]
@@ -61,11 +64,14 @@ def report_text(
             "## Test episodes",
             table(["Algorithm", "Task", "Traffic", "Seed", "Episodes"], _episodes(links), 5),
         ]
+    if wording.has_counterparts(report):
+        parts += [f"## {wording.TASK_DIFFERENCES_TITLE}"]
+        parts += [table([*wording.TASK_DIFFERENCES], task_differences(), left=3)]
     parts += ["## Definitions", _definitions(report)]
     parts += ["## Runs and machine", "\n".join(f"    {command}" for command in provenance.commands(results))]
     parts += ["\n".join(f"- {name}: {'; '.join(each)}" for name, each in provenance.circumstances(results))]
-    lines = [line.cells for line in provenance.run_lines(results)]
-    parts += [table([*provenance.RUN_COLUMNS], lines, left=5)]
+    runs = [line.cells for line in provenance.run_lines(results)]
+    parts += [table([*provenance.RUN_COLUMNS], runs, left=5)]
     return "\n\n".join(filter(None, parts)) + "\n"
 
 

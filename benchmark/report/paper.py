@@ -55,6 +55,11 @@ def counterpart(task: str) -> str:
     return paper()["counterparts"].get(task, [task])[0]
 
 
+def task_differences() -> list[list[str]]:
+    """Return in what version 1 differs from the paper's tasks: what, the paper's, version 1's."""
+    return paper()["differences"]
+
+
 def impossible_sum(cells: Sequence[Printed]) -> str:
     """Return what is odd about two exclusive rates that sum to more than 1, "" if none do."""
     sums = (cell.collision + cell.completion for cell in cells)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from benchmark.experiment.version import tuning
 from benchmark.metrics.table import COUNTS
 from benchmark.report.paper import algorithm_label
 from benchmark.results.reading import NOT_BEGUN, Results, RunResult
@@ -99,9 +100,25 @@ def circumstances(results: Results) -> list[tuple[str, list[str]]]:
         "Machine (processor, cores, system)": _distinct(map(_machine, facts)),
         "Environment": _values("environment", configs),
         "Budget": _values("budget", configs),
+        "Tuning": _tuning(results),
         "Settings": _distinct(f"{run.algorithm}: {_text(run.config.get('settings'))}" for run in learnt),
     }
     return [(name, values) for name, values in found.items() if values]
+
+
+def _tuning(results: Results) -> list[str]:
+    """Return which algorithms of a version had how many trials to find their settings."""
+    known = next(filter(None, (tuning(run.benchmark_version) for run in results.finished)), None)
+    if known is None:
+        return []
+    found: dict[str, list[str]] = {}
+    for name in dict.fromkeys(run.algorithm for run in results.finished if not run.is_scripted):
+        search = known["algorithms"].get(name)
+        size = "none that is known"
+        if search is not None:
+            size = f"{search['trials']} trials of {search['agent_steps']:,} agent-steps each"
+        found.setdefault(size, []).append(algorithm_label(name))
+    return [f"{', '.join(names)}: {size} ({known['results']})" for size, names in found.items()]
 
 
 def _machine(facts: Mapping[str, Any]) -> str:

@@ -52,8 +52,14 @@ AGAINST_PAPER = (
 COUNTERPARTS = (
     "The tasks of version 1 are not the paper's, whose figures stand beside them: agents meet slow vehicles "
     "and drivers of four kinds, observe rows of neighbours, have another reward and a shorter time limit "
-    "(docs/benchmark_v1.md)."
+    "(all differences are in a table below)."
 )
+TASK_DIFFERENCES = {
+    "what": "What differs",
+    "the paper's, as rebuilt": "In two_way, double_merge and intersection, which are after the paper",
+    "version 1": "In the tasks of version 1",
+}
+TASK_DIFFERENCES_TITLE = "Differences from the paper's tasks"
 BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
 THESE_CHECKPOINTS = "these checkpoints"
 SAME_TASK = "hardly differs from the cell without social vehicles"
@@ -136,6 +142,11 @@ def rank_text(cell: TableCell) -> str:
     return f"rank {cell.rank}{', tie' if cell.is_tied else ''}"
 
 
+def has_counterparts(report: Report) -> bool:
+    """Return whether tasks of version 1 stand beside the paper's figures."""
+    return report.has_paper and any(counterpart(task) != task for task in report.tasks)
+
+
 def standing(report: Report) -> list[str]:
     """Return sentences on the version, on runs that must not be compared, and on the paper.
 
@@ -149,7 +160,7 @@ def standing(report: Report) -> list[str]:
         for check in report.traffic_checks
         if check.is_one is False or (check.is_one is None and report.has_paper)
     ]
-    if report.has_paper and any(counterpart(task) != task for task in report.tasks):
+    if has_counterparts(report):
         sentences.append(COUNTERPARTS)
     return sentences + [line for mode in report.modes for line in _against_paper(report, mode)]
 

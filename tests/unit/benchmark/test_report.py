@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,8 +20,10 @@ from benchmark.report.against_paper import WORDS, compare_with
 from benchmark.report.content import make_report
 from benchmark.report.curves import seeds_curve
 from benchmark.report.latex import escaped
+from benchmark.report.markdown import table
 from benchmark.report.marl_eval import marl_eval_json
-from benchmark.report.paper import paper, printed, task_label
+from benchmark.report.overview import overview_columns, overview_rows
+from benchmark.report.paper import paper, printed, task_differences, task_label
 from benchmark.report.provenance import gaps
 from benchmark.report.radar import axes_of_radar, draw_radar
 from benchmark.report.style import colour, line, new_figure, png
@@ -35,6 +38,7 @@ from benchmark.report.tables import (
 from benchmark.report.values import Value
 from benchmark.report.wording import (
     COUNTERPARTS,
+    TASK_DIFFERENCES,
     count,
     figures,
     intervals,
@@ -373,6 +377,50 @@ def test_how_many_seeds_there_are_is_said_wherever_figures_are(tmp_path):
     counts = {row.algorithm: count(row.cells[0]) for row in report.main_table("greedy")}
     assert counts["ppo"] == f"1 seed, {len(HOPELESS)} episodes; this checkpoint"
     assert counts["parked"] == f"{len(HOPELESS)} episodes"
+
+
+def test_the_overview_has_a_line_for_each_algorithm_and_cell(tmp_path):
+    write_experiment(tmp_path, algorithms=["ppo", "dqn"], scripted=["gap_acceptance", "parked"])
+    held = [
+        agent_episodes(PERFECT[:2], mode="greedy", split="held_out", variation="dense"),
+        agent_episodes(MIXED, mode="greedy", split="held_out", variation="mirrored"),
+    ]
+    tested = [agent_episodes(PERFECT, mode="greedy"), agent_episodes(MIXED, mode="sampled")]
+    write_run(tmp_path, "ppo", [*tested, *held])
+    write_run(tmp_path, "dqn", [agent_episodes(HOPELESS, mode=mode) for mode in ("greedy", "sampled")])
+    rules = [["goal", "goal"]] * 11 + [["goal", "collision"]]
+    write_run(tmp_path, "gap_acceptance", [agent_episodes(rules, mode="scripted")], seed=-1)
+    write_run(tmp_path, "parked", [agent_episodes(HOPELESS, mode="scripted")], seed=-1)
+    report = make_report(read_results(tmp_path))
+    rows = [dict(zip(overview_columns(report), row, strict=True)) for row in overview_rows(report)]
+    found = {row["algorithm"]: row for row in rows}
+    assert [*found] == ["DQN", "PPO", "gap_acceptance"]
+    ppo, dqn, driver = found["PPO"], found["DQN"], found["gap_acceptance"]
+    assert (ppo["greedy"], ppo["sampled"], ppo["greedy - sampled"]) == ("0.00 / 1.00", "0.25 / 0.75", "+0.25")
+    # One of 24 agents of the rule-based policy collides.
+    assert (ppo["- gap_acceptance"], dqn["- gap_acceptance"]) == ("-0.04 / +0.04", "+0.96 / -0.96")
+    assert (ppo["worst variation"], ppo["variation"]) == ("0.25 / 0.75", "intersection@mirrored")
+    assert (ppo["rank"], dqn["rank"], dqn["greedy - sampled"], dqn["worst variation"]) == (
+        "1",
+        "2",
+        "+0.00",
+        "",
+    )
+    assert driver == dict.fromkeys(driver, "") | {
+        **{name: driver[name] for name in ("task", "traffic", "algorithm")},
+        **{"greedy": "0.04 / 0.96", "against the paper": ""},
+    }
+
+
+def test_differences_from_the_papers_tasks_are_the_table_of_the_documents(tmp_path):
+    text = table([*TASK_DIFFERENCES], task_differences(), left=3)
+    assert text in (Path(__file__).parents[3] / "docs/benchmark_v1.md").read_text()
+    for name, task in (("other", "intersection"), ("versioned", "intersection_v1")):
+        write_experiment(tmp_path / name, tasks=[task])
+        write_run(tmp_path / name, "ppo", [agent_episodes(PERFECT, mode="greedy")], task=task)
+        page = write_report(tmp_path / name)
+        assert (text in page.with_suffix(".md").read_text()) == (name == "versioned")
+        assert ('id="task-differences"' in page.read_text()) == (name == "versioned")
 
 
 def test_an_own_experiment_is_reported_without_a_word_on_the_paper(tmp_path):

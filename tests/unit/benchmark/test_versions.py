@@ -1,7 +1,9 @@
 """Versions of the benchmark: what they freeze, and that their results are not mixed."""
 
+import importlib.util
 import shutil
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
@@ -27,6 +29,7 @@ from smarts.errors import SmartsError
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
 from tests.raising import raises
 
+ROOT = Path(__file__).parents[3]
 CONFIG = """
 algorithms: [ppo]
 tasks: [loop]
@@ -196,6 +199,18 @@ class TestRefusals:
         both = yaml.safe_load(frozen_text(2, {}, Environment()))
         assert both[1] == yaml.safe_load(frozen.read_text())[1]
 
+    def test_its_settings_were_searched_by_as_many_trials_for_each_algorithm(self):
+        experiment = read_experiment(ROOT / "configs/benchmark_v1.yaml")
+        known = version.tuning(experiment.benchmark_version)
+        spec = importlib.util.spec_from_file_location("freeze_version", ROOT / "results/freeze_version.py")
+        freezing = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(freezing)
+        assert known == freezing.tuning_of(Path("results/tune_v1"))
+        sizes = [known["algorithms"][run.algorithm] for run in runs_of(experiment)]
+        assert all(size == {"trials": 12, "agent_steps": 300_000} for size in sizes)
+        with raises(SmartsError, "results/tune_v1/dqn", values=["no search"]):
+            freezing.tuning_of(Path("results/tune_v1/dqn"))
+
     def test_an_unknown_version(self, tmp_path, frozen):
         with pytest.raises(ConfigError, match="7"):
             self.experiment(tmp_path, "benchmark_version: 7\n")
@@ -254,6 +269,16 @@ class TestResults:
         _, settings, metrics = version_lines(read_results(tmp_path / "one").runs)
         assert "environment.decision_interval of ppo, intersection" in settings
         assert "metrics" in metrics
+        content[1]["training"] = {
+            "tuning": {"results": "a/sweep", "algorithms": {"ppo": {"trials": 12, "agent_steps": 3000}}}
+        }
+        frozen.write_text(yaml.safe_dump(content))
+        version.versions.cache_clear()
+        write(tmp_path / "one", "dqn", 1, commit="0123456789ab")
+        assert dict(circumstances(read_results(tmp_path / "one")))["Tuning"] == [
+            "DQN: none that is known (a/sweep)",
+            "PPO: 12 trials of 3,000 agent-steps each (a/sweep)",
+        ]
         write_experiment(tmp_path / "old")
         write(tmp_path / "old", "ppo", None)
         old = read_results(tmp_path / "old")

@@ -1,0 +1,93 @@
+"""A line for each algorithm and cell: both ways of acting, distance to rules, worst held-out variation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from benchmark.report.content import Report, TableCell
+from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.task_check import RULE_BASED
+from benchmark.report.values import GENERALIZATION, Value
+from benchmark.report.wording import figures, mark, not_counted, rank_text
+
+COLUMNS = {
+    "task": "What is driven",
+    "traffic": "Social vehicles on the road",
+    "algorithm": "Or the rule-based policy",
+    "rank": "Among the learning algorithms of the cell; greedy",
+    "seeds": "Training seeds",
+    "greedy": "Collision rate / completion rate of the most probable actions",
+    "sampled": "Collision rate / completion rate of drawn actions",
+    "greedy - sampled": "Difference of the completion rates",
+    f"- {RULE_BASED}": "Collision rate / completion rate less those of the rule-based policy; greedy",
+    "worst variation": "Collision rate / completion rate of the held-out variation in which the policy is "
+    "farthest behind its training; greedy",
+    "variation": "Its name",
+}
+AGAINST_PAPER = {"against the paper": "Word of the comparison; greedy"}
+LEFT = (0, 1, 2, 10, 11)
+"""Columns of words."""
+NOTE = (
+    "Algorithms, and the rule-based policy where it was played. Differences have no interval here: see the "
+    "table of differences."
+)
+
+
+def overview_columns(report: Report) -> dict[str, str]:
+    """Return title and meaning of the columns."""
+    return COLUMNS | (AGAINST_PAPER if report.has_paper else {})
+
+
+def overview_rows(report: Report) -> list[list[str]]:
+    """Return a row for each algorithm, and the rule-based policy, that has finished a cell."""
+    main, others = report.modes[0], {mode: _by_place(report, mode) for mode in report.modes}
+    rows = []
+    for task, traffic in report.columns:
+        for name, is_scripted in report.names:
+            cells = {mode: found[name, task, traffic] for mode, found in others.items()}
+            first, rules = cells[main], others[main].get((RULE_BASED, task, traffic))
+            if first.completion is None or (is_scripted and name != RULE_BASED):
+                continue
+            sampled = None if is_scripted else cells.get("sampled")
+            reached = report.value(name, task, traffic, main, GENERALIZATION)
+            rows.append(
+                [
+                    *(task_label(task), traffic_label(traffic), algorithm_label(name)),
+                    *(rank_text(first).removeprefix("rank "), str(first.completion.seeds or "")),
+                    figures(first),
+                    figures(sampled) if sampled else "",
+                    _less(first, sampled, lambda cell: (cell.completion,)),
+                    "" if name == RULE_BASED else _less(first, rules, lambda x: (x.collision, x.completion)),
+                    *_worst(reached),
+                    " ".join(filter(None, (mark(first), not_counted(first) and "(not counted)"))),
+                ]
+            )
+    return [row[: len(overview_columns(report))] for row in rows]
+
+
+def _by_place(report: Report, mode: str) -> dict[tuple[str, str, str], TableCell]:
+    return {
+        (row.algorithm, cell.task, cell.traffic): cell
+        for row in report.main_table(mode)
+        for cell in row.cells
+    }
+
+
+def _less(
+    first: TableCell, second: TableCell | None, rates: Callable[[TableCell], tuple[Value | None, ...]]
+) -> str:
+    """Return differences of rates, first minus second; empty where one is missing."""
+    pairs = [*zip(rates(first), rates(second), strict=True)] if second is not None else []
+    texts = [f"{one.value - other.value:+z.2f}" for one, other in pairs if one and other]
+    return " / ".join(texts)
+
+
+def _worst(reached: Value | None) -> tuple[str, str]:
+    """Return collision / completion in the worst held-out variation, and its name; empty without one."""
+    if reached is None or math.isnan(reached.terms["held_out_completion"]):
+        return "", ""
+    if not reached.is_known:
+        return reached.text, ""
+    collision = 1.0 - reached.terms["held_out_non_collision"]
+    return f"{collision:z.2f} / {reached.terms['held_out_completion']:z.2f}", reached.worst
