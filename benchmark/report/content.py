@@ -13,6 +13,7 @@ from benchmark.metrics.results import Frame
 from benchmark.report.against_paper import ONE_SIDED, BothLevels, Comparison, compare_with, passing
 from benchmark.report.paper import Printed, misprint, paper, printed
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
+from benchmark.report.seed_differences import with_seed_differences
 from benchmark.report.traffic_check import TrafficCheck, traffic_checks
 from benchmark.report.values import (
     GENERALIZATION,
@@ -80,7 +81,7 @@ class Report:
     one_sided: Frame
     """The two rates with intervals whose ends are one-sided 95% ends."""
     differences: dict[str, Frame]
-    """By mode; of `benchmark.report.ranking.differences`."""
+    """By mode; of `benchmark.report.seed_differences.with_seed_differences`."""
 
     @cached_property
     def _by_key(self) -> dict[Key, Value]:
@@ -243,5 +244,5 @@ def make_report(results: Results) -> Report:
     table = results.table
     report = Report(results, values, measure_cells(table, RANKED_BY, ONE_SIDED), {})
     for mode in report.modes:
-        report.differences[mode] = differences(table, mode)
+        report.differences[mode] = with_seed_differences(differences(table, mode), table, mode)
     return report

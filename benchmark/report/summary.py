@@ -46,7 +46,7 @@ IMPROVEMENT_COLUMNS = {
 NOTE = (
     "Over all cells, of the algorithms that have finished the same number of training seeds in each of them. "
     "95% intervals: 2,000 resamples of training seeds within each cell (rliable's definitions, Agarwal et "
-    "al., 2021)."
+    "al., 2021). With three seeds a cell has ten distinct resamples, and their intervals are too narrow."
 )
 PROFILE_NOTE = (
     "Share of training seeds and cells with a completion rate above a threshold; band: 95%, pointwise."

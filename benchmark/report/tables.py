@@ -36,6 +36,8 @@ DIFFERENCE_COLUMNS = {
     "p": "Two-sided, that there is no difference between these checkpoints",
     "corrected p": "After Holm over all cells, metrics and pairs of the table",
     "seeds": "Training seeds of the first and the second, - for a scripted policy",
+    "interval, seeds": "Of the difference, with training seeds as the unit; three or more of each",
+    "corrected p, seeds": "The same, after Holm over all that have one",
     "starts": "Distinct ones that both have played: the unit of comparison",
     "better": "Whose figure is better",
 }
@@ -152,7 +154,6 @@ def difference_notes(report: Report) -> list[str]:
 
 def _differences(report: Report) -> Iterator[list[str]]:
     for row in report.differences[report.modes[0]].to_dict("records"):
-        is_known = math.isfinite(row["low"])
         yield [
             task_label(row["task"]),
             traffic_label(row["task_traffic"]),
@@ -160,12 +161,19 @@ def _differences(report: Report) -> Iterator[list[str]]:
             algorithm_label(row["first"]),
             algorithm_label(row["second"]),
             f"{row['value']:+z.2f}" if math.isfinite(row["value"]) else "n/a",
-            f"[{row['low']:+z.2f}, {row['high']:+z.2f}]" if is_known else "",
+            _ends(row["low"], row["high"]),
             *(_p_text(row[name]) for name in ("p_value", "corrected")),
             _seeds(report, row),
+            _ends(row["seeds_low"], row["seeds_high"]),
+            _p_text(row["seeds_corrected"]),
             str(row["pairs"]),
             algorithm_label(row["wins"]) if row["wins"] else "",
         ]
+
+
+def _ends(low: float, high: float) -> str:
+    """Return an interval of a difference as it is shown, empty without one."""
+    return f"[{low:+z.2f}, {high:+z.2f}]" if math.isfinite(low) else ""
 
 
 def _p_text(value: float) -> str:

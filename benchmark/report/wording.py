@@ -36,7 +36,8 @@ INTERVALS = (
 COMPARED = (
     "The unit of comparison is a distinct start of these checkpoints: an algorithm's value there over all "
     "its training seeds, paired with the other's, by Student's t. It does not cover further "
-    "training seeds; the cells' intervals show how far seeds spread. P-values are "
+    "training seeds. Beside it, where both have three or more, stands the difference with training seeds as "
+    "the unit (Welch's t; at least as wide as the other interval): three seeds prove little. P-values are "
     "corrected after Holm over all cells, metrics and pairs of learning algorithms of the table; scripted "
     "policies against them are a family of their own. Tie: the corrected p-value is 0.05 or more. Not "
     "compared: fewer than two common starts."

@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import t as student
 
 from benchmark.metrics import compare, compute
 from benchmark.metrics.results import NO_SPREAD
-from benchmark.report.ranking import ranks
+from benchmark.report.ranking import differences, ranks
+from benchmark.report.seed_differences import COLUMNS, with_seed_differences
 from tests.hand_made_results import agent_episodes
 
 GOOD, BAD = [["goal", "goal"]] * 12, [["collision", "collision"]] * 12
@@ -157,3 +159,45 @@ def test_ratios_of_counts_have_wilsons_interval(seeds):
     square, trials = 1.959964**2, 12 * seeds
     assert (row["value"], row["low"], row["count"]) == (0.0, 0.0, trials)
     assert row["high"] == pytest.approx(square / (trials + square))
+
+
+def shares(good, total=8):
+    """Return outcomes of episodes of which `good` arrive."""
+    return [["goal", "goal"]] * good + [["collision", "collision"]] * (total - good)
+
+
+def of_algorithm(name, goods):
+    parts = [agent_episodes(shares(good), training_seed=seed) for seed, good in enumerate(goods, start=1)]
+    return pd.concat(parts, ignore_index=True).assign(
+        algorithm=name, task="t", task_traffic="no", mode="greedy"
+    )
+
+
+class TestByTrainingSeeds:
+    def row(self, first, second):
+        """Return the difference in completion of A and B, each with a share of eight for each seed."""
+        table = pd.concat([of_algorithm("A", first), of_algorithm("B", second)], ignore_index=True)
+        found = differences(table, "greedy", ["completion_rate"])
+        return with_seed_differences(found, table, "greedy").iloc[0]
+
+    def test_is_welchs(self):
+        # Rates 1, 0.75, 0.5 and 0, 0.25, 0: means 0.75 and 1/12, variances 1/16 and 1/48, so that the error
+        # is sqrt(1/48 + 1/144) = 1/6 with 3.2 degrees of freedom.
+        row = self.row([8, 6, 4], [0, 2, 0])
+        reach = float(student.ppf(0.975, 3.2)) / 6
+        assert (row["value"], row["seeds_low"]) == pytest.approx((2 / 3, 2 / 3 - reach))
+        assert row["seeds_high"] == pytest.approx(2 / 3 + reach)
+        assert row["seeds_p_value"] == pytest.approx(2 * float(student.sf(4.0, 3.2)))
+        assert row["seeds_corrected"] == row["seeds_p_value"]
+
+    def test_is_at_least_as_wide_as_over_starts(self):
+        row = self.row([7, 7, 6], [6, 6, 5])
+        assert row["seeds_low"] <= row["low"]
+        assert row["seeds_high"] >= row["high"]
+        assert row["seeds_p_value"] >= row["p_value"]
+
+    @pytest.mark.parametrize(("first", "second"), [([8, 8, 8], [0, 0, 0]), ([8, 6], [0, 2, 0])])
+    def test_there_is_none_of_seeds_that_agree_or_are_few(self, first, second):
+        row = self.row(first, second)
+        assert math.isfinite(row["p_value"])
+        assert all(math.isnan(row[name]) for name in COLUMNS)

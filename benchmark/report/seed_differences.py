@@ -1,0 +1,70 @@
+"""Differences of algorithms with training seeds as the unit: how further trainings would turn out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.special import stdtr, stdtrit
+
+from benchmark.metrics import METRICS
+from benchmark.metrics.results import Frame
+from benchmark.metrics.table import sums_of
+from benchmark.statistics import LEVEL, holm
+
+Floats = NDArray[np.float64]
+
+LEAST_SEEDS = 3
+"""Of either algorithm."""
+COLUMNS = ("seeds_low", "seeds_high", "seeds_p_value", "seeds_corrected")
+
+
+def with_seed_differences(found: Frame, table: Frame, mode: str) -> Frame:
+    """Return differences at equal starts with `COLUMNS`: the same by training seeds, NaN where they are few.
+
+    Welch's t on the values of training seeds. Seeds that agree are no evidence of low variance, so the
+    interval is at least as wide as that over starts, and the p-value at least as large. P-values are
+    corrected after Holm over all rows that have one.
+
+    Args:
+        found: Of `benchmark.report.ranking.differences`, of learning algorithms and scripted policies.
+        table: Agent-episodes of all of them.
+        mode: Way of acting of the learning algorithms.
+    """
+    values: dict[tuple[str, ...], Floats] = {}
+    is_kept = (table["split"] == "train") & (table["mode"] == mode) & ~table["is_invalid"]
+    kept: Frame = table[is_kept]
+    for metric in found["metric"].unique():
+        measure = METRICS[metric]
+        keys = ["task", "task_traffic", "algorithm", "training_seed"]
+        sums: Frame = sums_of(kept, measure.needs, [kept[key] for key in keys])
+        totals = {name: sums[name].to_numpy(float) for name in sums}
+        of_seeds = pd.Series(measure.of_whole(totals), sums.index)
+        places: Any = of_seeds.groupby(keys[:3])
+        values |= {(metric, *place): each.to_numpy(float) for place, each in places}
+    rows = [_by_seeds(row, values) for row in found.to_dict("records")]
+    answer = found.assign(**{name: [row[number] for row in rows] for number, name in enumerate(COLUMNS[:3])})
+    return answer.assign(seeds_corrected=holm(answer["seeds_p_value"].to_numpy(float)))
+
+
+def _by_seeds(row: dict[str, Any], values: dict[tuple[str, ...], Floats]) -> tuple[float, float, float]:
+    """Return ends of the interval, and p-value."""
+    place = row["metric"], row["task"], row["task_traffic"]
+    both = [values.get((*place, row[name]), np.zeros(0)) for name in ("first", "second")]
+    is_known = math.isfinite(row["p_value"]) and all(np.isfinite(each).all() for each in both)
+    if not is_known or min(map(len, both)) < LEAST_SEEDS:
+        return math.nan, math.nan, math.nan
+    parts = np.array([each.var(ddof=1) / len(each) for each in both])
+    if parts.sum() == 0.0:
+        return math.nan, math.nan, math.nan
+    gap = float(both[0].mean() - both[1].mean())
+    freedom = parts.sum() ** 2 / sum(
+        part**2 / (len(each) - 1) for part, each in zip(parts, both, strict=True)
+    )
+    error = float(np.sqrt(parts.sum()))
+    reach = float(stdtrit(freedom, (1 + LEVEL) / 2)) * error
+    p_value = 2.0 * float(stdtr(freedom, -abs(gap) / error))
+    return min(gap - reach, row["low"]), max(gap + reach, row["high"]), max(p_value, row["p_value"])
