@@ -70,8 +70,8 @@ def test_rows_hold_the_rates_of_all_valid_agents():
     assert greedy.agent_episodes == len(played)
 
 
-def test_the_experiment_has_two_cells_and_three_seeds():
+def test_the_experiment_has_two_cells_and_five_seeds():
     runs = runs_of(read_experiment(comparison.CONFIG, ["environment.traffic_step=0.5"]))
     assert {(run.task_setting.task.name, run.seed) for run in runs} == {
-        (task, seed) for task in ("intersection", "double_merge") for seed in (1, 2, 3)
+        (task, seed) for task in ("double_merge_v1", "intersection_v1") for seed in range(1, 6)
     }
