@@ -165,7 +165,8 @@ def _tuner(run: Run, section: Tune, space: Mapping[str, Any], root: Path) -> tun
         {"cpu": run.resources.processes, "gpu": run.resources.gpus},
     )
     trials = root / "trials"
-    if tune.Tuner.can_restore(str(trials)):
+    # Tune has its own file long before its first state: restored in between, it would try no settings at all.
+    if tune.Tuner.can_restore(str(trials)) and any(trials.glob("experiment_state-*.json")):
         return tune.Tuner.restore(str(trials), trainable, resume_unfinished=True, restart_errored=True)
     return tune.Tuner(
         trainable,

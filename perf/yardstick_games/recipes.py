@@ -113,6 +113,17 @@ _AS_PUBLISHED = Recipe(8, _STANDARDIZED, limit_ends=True)
 _MATRIX = {"hidden": (64, 64), "lr": 1e-3, "epsilon": (1.0, 0.2), "epsilon_steps": 40_000}
 _MATRIX_POLICIES = {"hidden": (64, 64), "lr": 3e-3, "minibatch_size": None, "epochs": 4}
 
+# Algorithms that play matrices, by their settings.
+_EPSILON_GREEDY = (
+    *("dqn", "vdn", "qmix", "qtran", "networked_q"),
+    *("opponent_q", "pr2", "rommeo", "maven"),
+)
+_ON_POLICY = (
+    *("ppo", "centralised_v", "pg", "a2c", "happo", "mat", "commnet"),
+    *("recurrent_ippo", "recurrent_mappo"),
+)
+_OTHERS = ("maddpg", "maac", "mf_q", "mf_ac", "bicnet", "qdpp", "coma")
+
 _ABLATIONS: dict[str, dict[str, Any]] = {
     "unscaled": {"reward_scale": 1.0},
     "unshared": {"sharing": "none"},
@@ -155,9 +166,9 @@ RECIPES: dict[str, dict[str, Recipe]] = {
         "qmix-standardized": Recipe(8, _STANDARDIZED, steps=1_000_000),
     },
     "matrices": {
-        **{name: Recipe(8, _MATRIX) for name in ("dqn", "vdn", "qmix", "qtran", "networked_q")},
-        **{name: Recipe(16, _MATRIX_POLICIES) for name in ("ppo", "centralised_v")},
-        "maddpg": Recipe(8, {"hidden": (64, 64)}),
+        **{name: Recipe(8, _MATRIX) for name in _EPSILON_GREEDY},
+        **{name: Recipe(16, _MATRIX_POLICIES) for name in _ON_POLICY},
+        **{name: Recipe(8, {"hidden": (64, 64)}) for name in _OTHERS},
     },
 }
 """Settings by game and algorithm; "ppo-gru" is a variant of "ppo"."""

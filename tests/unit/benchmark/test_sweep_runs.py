@@ -92,3 +92,92 @@ def test_a_search_that_is_interrupted_goes_on_and_ranks_its_trials(tmp_path):
     assert str(root / "trials.csv") in out  # what is finished is shown again, from its table alone
     assert (root / "trials.csv").read_text() == written
     assert not (root / "trials").exists()
+
+
+FALTERING = '''
+from pathlib import Path
+
+from algorithms.ppo import PPO, PPOConfig, PPOLearner
+from algorithms.registry import ActionKind, Entry, Paradigm
+from algorithms.settings import NotNegative, PPOSettings
+
+
+class Learner(PPOLearner):
+    """PPO whose trials with some caution fail while a file is there."""
+
+    def policy_loss(self, log_prob, old_log_prob, advantages):
+        """Return PPO's loss."""
+        if self.config.caution and Path("{broken}").exists():
+            raise RuntimeError("the brakes are off")
+        return super().policy_loss(log_prob, old_log_prob, advantages)
+
+
+class Settings(PPOSettings):
+    """PPO's settings, and one more."""
+
+    caution: NotNegative = 0.0
+    """Whether it may fail."""
+
+
+class Config(PPOConfig):
+    """Its config."""
+
+    algorithm = "faltering"
+    entry = Entry("faltering:Config", Settings, Paradigm.DECENTRALISED, "M1", ActionKind.BOTH, "failing")
+
+
+class Faltering(PPO):
+    """The algorithm."""
+
+    config_class = Config
+    learner_class = Learner
+'''
+
+
+def test_a_search_of_two_algorithms_is_stopped_between_them_and_one_of_its_trials_fails(tmp_path):
+    file, broken = tmp_path / "both.yaml", tmp_path / "broken"
+    (tmp_path / "faltering.py").write_text(FALTERING.replace("{broken}", str(broken)))
+    text = SEARCH.replace("[ppo]", '[ppo, "faltering:Config"]').replace("{scenario}", "loop")
+    text = text.replace("{lr: [0.001, 0.0001]}", "{lr: [0.001], caution: [0.0, 0.5]}")
+    file.write_text(text.replace("3000", "1000").replace("validations: 2", "validations: 1"))
+    root = tmp_path / "results" / "both"
+    command = (
+        "sweep",
+        str(file),
+        "--out",
+        str(tmp_path / "results"),
+        "--import",
+        str(tmp_path / "faltering.py"),
+    )
+
+    def table(algorithm):
+        (folder,) = root.glob(f"{algorithm}/*/*")
+        return folder / "trials.csv"
+
+    broken.touch()
+    first = begin(*command)
+    wait_for(lambda: any(root.glob("ppo/*/*/trials.csv")), first)
+    first.send_signal(signal.SIGINT)
+    code, _, err = finish(first)
+    assert code == 130
+    assert "give the same command again to resume" in err
+    assert not table("faltering-Config").exists()
+    searched = table("ppo").read_text()
+    ended = {each: each.stat().st_mtime_ns for each in table("ppo").parent.rglob("result.json")}
+
+    code, _, err = finish(begin(*command))
+    assert code == 1, err
+    assert "the brakes are off" in err
+    assert "1 of 2 trials failed" in err
+    with table("faltering-Config").open() as opened:
+        assert [row["caution"] for row in csv.DictReader(opened)] == ["0.0"]
+    assert not (root / "chosen.yaml").exists()
+
+    broken.unlink()
+    code, _, err = finish(begin(*command))
+    assert code == 0, err
+    with table("faltering-Config").open() as opened:
+        assert {row["caution"] for row in csv.DictReader(opened)} == {"0.0", "0.5"}
+    assert (root / "chosen.yaml").exists()
+    assert table("ppo").read_text() == searched
+    assert {each: each.stat().st_mtime_ns for each in table("ppo").parent.rglob("result.json")} == ended

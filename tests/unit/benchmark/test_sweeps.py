@@ -15,6 +15,7 @@ from benchmark.results.files import ResultsError
 from benchmark.running.choosing import SweepError, mean_over_cells, write_chosen
 from benchmark.running.sweeping import (
     _check_same_search,
+    _tuner,
     is_complete,
     scheduler_of,
     searched_runs,
@@ -164,6 +165,18 @@ def test_a_search_continues_with_further_imports_only(experiment, tmp_path):
         with pytest.raises(ResultsError) as caught:
             _check_same_search(file, other, searched)
         assert caught.value.place == str(file)
+
+
+def test_a_search_that_was_stopped_before_its_first_trial_begins_again(experiment, tmp_path):
+    """Tune restores its file of then without the settings to try."""
+    (run,) = searched_runs(experiment())
+    section = Tune(parameters={"lr": [0.1, 0.2]})
+    space = space_of(section, run.algorithm)
+    for _ in range(2):
+        tuner = _tuner(run, section, space, tmp_path)
+        assert tuner._local_tuner.get_run_config().name == "trials"
+        assert tuner._local_tuner._param_space == space
+        assert tune.Tuner.can_restore(str(tmp_path / "trials"))
 
 
 def test_an_algorithm_is_searched_in_what_it_has(experiment):
