@@ -118,10 +118,8 @@ _EPSILON_GREEDY = (
     *("dqn", "vdn", "qmix", "qtran", "networked_q"),
     *("opponent_q", "pr2", "rommeo", "maven"),
 )
-_ON_POLICY = (
-    *("ppo", "centralised_v", "pg", "a2c", "happo", "mat", "commnet"),
-    *("recurrent_ippo", "recurrent_mappo"),
-)
+_ON_POLICY = ("ppo", "centralised_v", "happo", "mat", "recurrent_ippo", "recurrent_mappo")
+_ONE_PASS = ("pg", "a2c", "commnet")
 _OTHERS = ("maddpg", "maac", "mf_q", "mf_ac", "bicnet", "qdpp", "coma")
 
 _ABLATIONS: dict[str, dict[str, Any]] = {
@@ -168,6 +166,7 @@ RECIPES: dict[str, dict[str, Recipe]] = {
     "matrices": {
         **{name: Recipe(8, _MATRIX) for name in _EPSILON_GREEDY},
         **{name: Recipe(16, _MATRIX_POLICIES) for name in _ON_POLICY},
+        **{name: Recipe(16, {**_MATRIX_POLICIES, "epochs": 1}) for name in _ONE_PASS},
         **{name: Recipe(8, {"hidden": (64, 64)}) for name in _OTHERS},
     },
 }
