@@ -50,6 +50,8 @@ class JobState:
     progress: RunProgress | None = None
     attempts: int = 0
     """Since its last checkpoint."""
+    heard: float = 0.0
+    """When its last message came, by the monotonic clock [s]."""
     error: str = ""
     updates: Any = field(default=None, repr=False)
     """The stream of its messages."""
@@ -210,6 +212,7 @@ class JobScheduler:
 
     def _take(self, state: JobState, message: Any) -> None:
         assert state.writer is not None
+        state.heard = time.monotonic()
         progress = state.writer.take(message)
         if progress is not None:
             state.progress, state.status = progress, progress.phase

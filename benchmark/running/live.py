@@ -23,6 +23,8 @@ STARTS = "waits for free CPUs, loads, and compiles kernels where `smarts-bench c
 """What a job does that starts; said of the first one."""
 SECONDS = 30.0
 """Between two lines of a job if the output is no terminal."""
+SILENCE = 300.0
+"""Without any message of a job that trains or is tested, after which this is said [s]."""
 
 
 class LiveProgress:
@@ -99,6 +101,8 @@ def _line(state: JobState) -> str:
     if progress is None or state.status not in (TRAINING, TESTING):
         return text
     text += f" {progress.share:.0%}"
+    if silence := _silence(state):
+        return f"{text}, {silence}"
     if state.status == TESTING:
         return text
     _, _, _, iteration, speed, returns, completion, collision, left = _cells(state)
@@ -108,6 +112,12 @@ def _line(state: JobState) -> str:
     return f"{text}, {left} of training left" if left else text
 
 
+def _silence(state: JobState) -> str:
+    """Return for how long nothing has been heard of a job; empty if that is not long."""
+    silent = time.monotonic() - state.heard
+    return f"nothing new for {silent // 60:.0f} min (docs/troubleshooting.md)" if silent > SILENCE else ""
+
+
 def _cells(state: JobState) -> list[str]:
     progress = state.progress
     if state.status == "failed":
@@ -115,11 +125,11 @@ def _cells(state: JobState) -> list[str]:
     if progress is None:
         return [str(state.job), state.status]
     if progress.phase != TRAINING:
-        return [str(state.job), progress.phase, f"{progress.share:.0%}"]
+        return [str(state.job), _silence(state) or progress.phase, f"{progress.share:.0%}"]
     left = progress.seconds * (1 / progress.share - 1) if progress.share else math.nan
     return [
         str(state.job),
-        progress.phase,
+        _silence(state) or progress.phase,
         f"{progress.share:.0%}",
         str(progress.iteration),
         f"{progress.agent_steps_per_second:,.0f}",

@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from dataclasses import replace
 
 import pytest
@@ -23,7 +24,7 @@ NAME = "ppo, two_way, no_social_vehicles, seed 1"
 def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     log = io.StringIO()
     shown = LiveProgress(Console(file=log, width=40))
-    state = JobState(NAME)  # type: ignore[arg-type] - of a job only its name is shown
+    state = JobState(NAME, heard=time.monotonic())  # type: ignore[arg-type] - of a job only its name is shown
 
     def lines(status, progress=None, error="", state=state):
         log.seek(0)
@@ -54,6 +55,22 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     assert lines("failed", error="[red] no") == [f"{NAME}: failed: [red] no"]
     assert lines("failed", error="[red] no") == []
     assert lines("finished") == [f"{NAME}: finished"]
+
+
+@pytest.mark.parametrize("phase", ["training", "testing"])
+def test_a_job_of_which_nothing_is_heard_is_named_once_a_minute(monkeypatch, phase):
+    log = io.StringIO()
+    clock = 1000.0
+    monkeypatch.setattr(live.time, "monotonic", lambda: clock)
+    shown = LiveProgress(Console(file=log, width=40))
+    state = JobState(NAME, phase, RunProgress(phase, 0.5), heard=clock)  # type: ignore[arg-type]
+    for _ in range(90):
+        shown.show([state])
+        clock += 5.0
+    text = f"{NAME}: {phase} 50%, nothing new for"
+    assert [line for line in log.getvalue().splitlines() if "nothing" in line] == [
+        f"{text} {minutes} min (docs/troubleshooting.md)" for minutes in (5, 6, 7)
+    ]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
