@@ -99,7 +99,9 @@ def evaluate(
             show_default=False,
         ),
     ] = None,
-    agents: Annotated[int, typer.Option(help="Number of egos; with --agent.", min=1, max=64)] = 4,
+    agents: Annotated[
+        int | None, typer.Option(help="Number of egos; with --agent.", min=1, max=64, show_default="4")
+    ] = None,
     scenario: Annotated[
         list[str] | None,
         typer.Option(
@@ -116,11 +118,15 @@ def evaluate(
         typer.Option(help="Action selection. Repeatable.", metavar="[greedy|sampled]", show_default="both"),
     ] = None,
     checkpoint: Annotated[
-        Literal["last", "best"], typer.Option(help="Last checkpoint, or the best one in validation.")
-    ] = "last",
+        Literal["last", "best"] | None,
+        typer.Option(help="Last checkpoint, or the best one in validation; of a run.", show_default="last"),
+    ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for the table and the recorded episodes.", show_default="not kept"),
+        typer.Option(
+            help="Folder for the table and the recorded episodes: new, empty, or of the same evaluation.",
+            show_default="not kept",
+        ),
     ] = None,
     import_: Import = None,
 ) -> None:
@@ -128,6 +134,14 @@ def evaluate(
     modes = _modes(mode)
     if (run is None) == (agent is None):
         raise typer.BadParameter("give the folder of a run, or --agent", param_hint="RUN")
+    is_exported = run is not None and (run / "policy.json").exists()
+    _refuse(
+        "--agents", agents if agent is None else None, "is for --agent: a policy has those of its training"
+    )
+    _refuse("--checkpoint", checkpoint if is_exported or agent is not None else None, "is of a run's folder")
+    _refuse("--mode", mode if agent is not None else None, "is of a run's folder: an agent acts in one way")
+    if traffic == "":
+        raise typer.BadParameter("is empty", param_hint="--traffic")
     from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
     from benchmark.running.experiment import interruptible
 
@@ -136,10 +150,10 @@ def evaluate(
     def work() -> int:
         nonlocal table
         if agent is not None:
-            table = _evaluate_agent(agent, scenario, traffic, episodes, agents, out, import_)
+            table = _evaluate_agent(agent, scenario, traffic, episodes, agents or 4, out, import_)
             return 0
         assert run is not None
-        if (run / "policy.json").exists():
+        if is_exported:
             table = _evaluate_exported(run, scenario, traffic, episodes, modes if mode else (), out)
             return 0
         table = evaluate_checkpoint(
@@ -148,7 +162,7 @@ def evaluate(
             traffic=traffic,
             episodes=episodes,
             modes=modes,
-            checkpoint=checkpoint,
+            checkpoint=checkpoint or "last",
             out=out,
             imports=import_ or (),
         )
@@ -159,6 +173,12 @@ def evaluate(
     if table is not None:
         show_metrics(table, agent)
     raise typer.Exit(code)
+
+
+def _refuse(option: str, given: object, why: str) -> None:
+    """Raise if an option is given that would have no effect."""
+    if given is not None:
+        raise typer.BadParameter(why, param_hint=option)
 
 
 def _evaluate_agent(

@@ -58,10 +58,18 @@ def leaderboard(
     out: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("leaderboard.html"),
     mode: Mode = "greedy",
 ) -> None:
-    """Rank the algorithms of several experiments on one page."""
-    from benchmark.report.leaderboard_page import write_leaderboard
+    """Rank the algorithms of several experiments on one page.
 
-    write_leaderboard(results, out, mode)
+    Of several paths, files and folders that are no experiment's are left out, and named.
+    """
+    from benchmark.report.leaderboard_page import write_leaderboard
+    from benchmark.results.reading import holds_results
+
+    kept = [root for root in results if not root.exists() or holds_results(root)]
+    if kept:  # else all are named as errors
+        for root in sorted({*results} - {*kept}):
+            typer.echo(f"note: {root} has no results of an experiment: left out", err=True)
+    write_leaderboard(kept or results, out, mode)
     typer.echo(out)
 
 

@@ -197,7 +197,8 @@ def options_of(given: list[str]) -> dict[str, Any]:
         if not equals or not name.isidentifier():
             raise SmartsError(f"{text!r} is no option", place="--set", remedy="give KEY=VALUE, as tau=2")
         try:
-            options[name] = yaml.safe_load(value)
+            # An asterisk means all agents, and is no YAML.
+            options[name] = value if value == "*" else yaml.safe_load(value)
         except yaml.YAMLError as error:
             raise SmartsError(f"the value of {text!r} is no YAML", place="--set") from error
     return options

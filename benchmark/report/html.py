@@ -88,7 +88,7 @@ def report_page(
             }
             for kind in KINDS
         ],
-        overview=(overview.overview_columns(report).items(), overview.overview_rows(report), overview.LEFT),
+        overview=(overview.COLUMNS.items(), overview.overview_rows(report), overview.LEFT),
         overview_note=overview.NOTE,
         summary=_summary(summaries, profile),
         episodes=links,

@@ -9,7 +9,7 @@ from benchmark.report.content import Report, TableCell
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.task_check import RULE_BASED
 from benchmark.report.values import GENERALIZATION, Value
-from benchmark.report.wording import figures, mark, not_counted, rank_text
+from benchmark.report.wording import figures, rank_text
 
 COLUMNS = {
     "task": "What is driven",
@@ -21,22 +21,17 @@ COLUMNS = {
     "sampled": "Collision rate / completion rate of drawn actions",
     "greedy - sampled": "Difference of the completion rates",
     f"- {RULE_BASED}": "Collision rate / completion rate less those of the rule-based policy; greedy",
-    "worst variation": "Collision rate / completion rate of the held-out variation in which the policy is "
+    "worst held out": "Collision rate / completion rate of the held-out variation in which the policy is "
     "farthest behind its training; greedy",
-    "variation": "Its name",
 }
-AGAINST_PAPER = {"against the paper": "Word of the comparison; greedy"}
-LEFT = (0, 1, 2, 10, 11)
+LEFT = (0, 1, 2)
 """Columns of words."""
 NOTE = (
-    "Algorithms, and the rule-based policy where it was played. Differences have no interval here: see the "
-    "table of differences."
+    "Collision rate / completion rate, of algorithms and of the rule-based policy where it was played. Rank, "
+    "differences and the held-out variation are of greedy acting. Worst held out: the variation in which a "
+    "policy is farthest behind its training; n/a where it completes less than 0.5 in training. Differences "
+    "have no interval here: see the main tables, and differences.csv."
 )
-
-
-def overview_columns(report: Report) -> dict[str, str]:
-    """Return title and meaning of the columns."""
-    return COLUMNS | (AGAINST_PAPER if report.has_paper else {})
 
 
 def overview_rows(report: Report) -> list[list[str]]:
@@ -59,11 +54,10 @@ def overview_rows(report: Report) -> list[list[str]]:
                     figures(sampled) if sampled else "",
                     _less(first, sampled, lambda cell: (cell.completion,)),
                     "" if name == RULE_BASED else _less(first, rules, lambda x: (x.collision, x.completion)),
-                    *_worst(reached),
-                    " ".join(filter(None, (mark(first), not_counted(first) and "(not counted)"))),
+                    _worst(reached),
                 ]
             )
-    return [row[: len(overview_columns(report))] for row in rows]
+    return rows
 
 
 def _by_place(report: Report, mode: str) -> dict[tuple[str, str, str], TableCell]:
@@ -83,11 +77,12 @@ def _less(
     return " / ".join(texts)
 
 
-def _worst(reached: Value | None) -> tuple[str, str]:
+def _worst(reached: Value | None) -> str:
     """Return collision / completion in the worst held-out variation, and its name; empty without one."""
     if reached is None or math.isnan(reached.terms["held_out_completion"]):
-        return "", ""
+        return ""
     if not reached.is_known:
-        return reached.text, ""
-    collision = 1.0 - reached.terms["held_out_non_collision"]
-    return f"{collision:z.2f} / {reached.terms['held_out_completion']:z.2f}", reached.worst
+        return reached.text
+    collision = round(1.0 - reached.terms["held_out_non_collision"], 12)  # a share of whole numbers again
+    completion = reached.terms["held_out_completion"]
+    return f"{collision:z.2f} / {completion:z.2f} {reached.worst.partition('@')[2]}"

@@ -123,10 +123,18 @@ def generalization_rows(report: Report) -> list[list[str]]:
     rows = []
     for name, task, traffic, found in report.generalization():
         pairs = ("train_completion", "held_out_completion", "train_non_collision", "held_out_non_collision")
-        raw = [f"{found.terms[each]:.2f}" for each in pairs]
+        # Without a value no variation is the worst, so that those of none are shown.
+        shown = [found.is_known or each.startswith("train") for each in pairs]
+        raw = [f"{found.terms[x]:.2f}" if is_shown else "" for x, is_shown in zip(pairs, shown, strict=True)]
         names = [algorithm_label(name), task_label(task), traffic_label(traffic)]
         rows.append(
-            [*names, str(found.seeds or ""), f"{found.text} {found.interval}".strip(), found.worst, *raw]
+            [
+                *names,
+                str(found.seeds or ""),
+                f"{found.text} {found.interval}".strip(),
+                found.worst if found.is_known else "",
+                *raw,
+            ]
         )
     return rows
 

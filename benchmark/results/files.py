@@ -88,15 +88,19 @@ def read_json(file: Path, remedy: str = LOST) -> Any:
         raise ResultsError(f"cannot be read: {error}", place=str(file), remedy=remedy) from error
 
 
-def read_mapping(file: Path) -> dict[str, Any]:
+def read_mapping(file: Path, remedy: str = LOST) -> dict[str, Any]:
     """Return the content of a JSON file that holds keys and values.
+
+    Args:
+        file: Its path.
+        remedy: What to do if it is damaged.
 
     Raises:
         ResultsError: It is missing, damaged, or holds something else.
     """
-    content = read_json(file)
+    content = read_json(file, remedy)
     if not isinstance(content, dict):
-        raise ResultsError("holds no keys and values", place=str(file), remedy=LOST)
+        raise ResultsError("holds no keys and values", place=str(file), remedy=remedy)
     return content
 
 

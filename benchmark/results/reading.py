@@ -19,7 +19,7 @@ from benchmark.metrics.table import COUNTS
 from benchmark.results.commands import EXPERIMENT, earlier_commands, last_experiment
 from benchmark.results.files import FormatError, ResultsError
 from benchmark.results.progress import read_progress
-from benchmark.results.release import SUBMISSION, VERDICTS
+from benchmark.results.release import MANIFEST, SUBMISSION, VERDICTS
 from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, RunFolder
 from benchmark.results.run_tables import LABELS, Names, names_of, read_run_table
 from smarts.config import ConfigError, Section, fitted
@@ -109,6 +109,12 @@ class Results:
         return dict(self.table.attrs[COUNTS])
 
 
+def holds_results(root: Path) -> bool:
+    """Return whether a path is a folder of an experiment's results, or of an evaluated submission."""
+    made = any((root / name).exists() for name in (EXPERIMENT, VERDICTS))
+    return made or next(root.glob("*/*/*/seed_*/run.json"), None) is not None
+
+
 def read_results(root: Path) -> Results:
     """Return the results in an experiment's folder.
 
@@ -134,7 +140,9 @@ def read_results(root: Path) -> Results:
         raise ResultsError(
             "no results of an experiment" + _reasons(problems),
             place=str(root),
-            remedy="give the folder that `smarts-bench run` names at its end",
+            remedy="evaluate the release first: smarts-bench verify"
+            if (root / MANIFEST).exists()
+            else "give the folder that `smarts-bench run` names at its end",
         )
     runs |= found
     return Results(

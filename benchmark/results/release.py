@@ -107,7 +107,7 @@ def read_manifest(folder: Path) -> Manifest:
     if file.exists() and file.stat().st_size > LARGEST_FILE:
         raise ResultsError(f"has more than {LARGEST_FILE:,} bytes", place=str(file))
     try:
-        return fitted(read_mapping(file), Manifest, str(file))
+        return fitted(read_mapping(file, "get it again from where it came"), Manifest, str(file))
     except ConfigError as error:
         reasons = "; ".join(str(problem) for problem in error.problems)
         raise ResultsError(

@@ -267,8 +267,10 @@ class RunFolder:
         folder = self.checkpoint if checkpoint == "last" else self.best
         if folder.exists():
             return folder
-        problem = f"the run has no {checkpoint} checkpoint"
-        raise ResultsError(problem, place=str(self.path), remedy="train it further")
+        problem, other = f"the run has no {checkpoint} checkpoint", "last"
+        has_last = checkpoint != other and self.checkpoint.exists()
+        remedy = f"take the last one: --checkpoint {other}" if has_last else "train it further"
+        raise ResultsError(problem, place=str(self.path), remedy=remedy)
 
     def training_state(self) -> dict[str, Any] | None:
         """Return the state of training at the last checkpoint, None without one.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from itertools import islice
@@ -18,9 +17,9 @@ from benchmark.experiment.config import Evaluation, TrainingTask, name_of
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, TaskSetting
 from benchmark.metrics import read_table
-from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.environments import environment
+from benchmark.running.evaluation_folder import evaluation_folder
 from benchmark.running.importing import named_own_code
 from benchmark.running.testing import EVALUATION_SEED, Part, play_parts
 from benchmark.running.trained import check_suite, trained_on
@@ -65,15 +64,13 @@ def evaluate_agent(
         episodes: How many.
         agents: How many egos there are.
         options: Of the agent.
-        out: Folder for the table and the recorded episodes; not a run's.
+        out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
         imports: Files and folders of own code.
 
     Raises:
         SmartsError: There is no such agent or scenario, or the agent fails, or answers what is no action: a
             score of some of its actions would be none of the agent.
     """
-    if out is not None and RunFolder(out).run.exists():
-        raise ResultsError("holds the results of a run", place=str(out), remedy="choose another --out")
     import_own(imports)
     agent, interface = make_agent(locator, **(options or {}))
     try:
@@ -91,10 +88,12 @@ def evaluate_agent(
             num_envs=1,
             imports=tuple(str(Path(each).absolute()) for each in imports),
         )
-        with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
-            folder = RunFolder(out or Path(temporary))
-            with named_own_code(f"the agent {locator!r}"):
-                _play(task_setting, folder, agent, locator)
+        evaluated = {"agent": locator, "options": repr(dict(options or {})), "agents": agents}
+        with (
+            evaluation_folder(out, evaluated | _played(task_setting)) as folder,
+            named_own_code(f"the agent {locator!r}"),
+        ):
+            _play(task_setting, folder, agent, locator)
             return read_table(folder.table)
     finally:
         if isinstance(agent, RemoteAgent):
@@ -114,6 +113,10 @@ def _environment(agent: BatchAgent, interface: AgentInterface, agents: int, plac
         "observation": _listed(agent.observation),
     }
     return fitted(given, Environment, place)
+
+
+def _played(task_setting: TaskSetting) -> dict[str, Any]:
+    return {"scenarios": [*task_setting.task.scenarios], "traffic": task_setting.traffic}
 
 
 def _play(task_setting: TaskSetting, folder: RunFolder, agent: BatchAgent, locator: str) -> None:
@@ -179,7 +182,7 @@ def evaluate_exported(
         scenarios: By default those of the training.
         traffic: By default that of the training.
         episodes: How many.
-        out: Folder for the table and the recorded episodes; not a run's.
+        out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
 
     Raises:
         SmartsError: The folder does not hold an exported policy, or does not say what it was trained on, or
@@ -198,11 +201,9 @@ def evaluate_exported(
         Evaluation(episodes=episodes, keep_episodes=out is not None),
         num_envs=1,
     )
-    if out is not None and RunFolder(out).run.exists():
-        raise ResultsError("holds the results of a run", place=str(out), remedy="choose another --out")
     labels = {"algorithm": trained.algorithm, "training_seed": trained.seed}
-    with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
-        folder = RunFolder(out or Path(temporary))
+    evaluated = {"policy": str(path.resolve()), **_played(task_setting)}
+    with evaluation_folder(out, evaluated) as folder:
         for share in play_agent(task_setting, folder, agent, labels, mode="greedy"):
             print(f"{share:.0%}", file=sys.stderr)
         return read_table(folder.table)

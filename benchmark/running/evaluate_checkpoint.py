@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,8 +13,8 @@ import pandas as pd
 from benchmark.experiment.config import Evaluation, TrainingTask, name_of
 from benchmark.experiment.runs import Run
 from benchmark.metrics import read_table
-from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder, changed_code
+from benchmark.running.evaluation_folder import evaluation_folder
 from benchmark.running.importing import named_own_code
 from benchmark.running.played import scenario_digests
 from benchmark.running.policy import Policy
@@ -45,23 +44,17 @@ def evaluate_checkpoint(
         episodes: For each mode.
         modes: Ways of acting.
         checkpoint: The last, or the best in validation.
-        out: Folder for the table and the recorded episodes; not a run's.
+        out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
         imports: Files and folders of own code, by default the ones of the training.
 
     Raises:
-        ResultsError: There is no run or no such checkpoint, or it is damaged; or `out` is a run's folder.
+        ResultsError: There is no run or no such checkpoint, or it is damaged; or `out` holds something else.
         SmartsError: A scenario or its traffic does not exist (a `ConfigError` where one has a wrong name).
         CheckpointError: The run's algorithm, or a setting of its networks, is another now.
         SpaceError: The scenarios have other agents than the training, or these see or do something else.
         OwnCodeError: Own code cannot be imported, or raises.
     """
     folder = RunFolder(path)
-    if out is not None and RunFolder(out).run.exists():
-        raise ResultsError(
-            "holds the results of a run, which would be overwritten",
-            place=str(out),
-            remedy="choose another --out",
-        )
     trained = read_run(folder, imports)
     run = _with_test(trained, scenarios, traffic, episodes, modes, keep=out is not None)
     for scenario in run.task_setting.task.scenarios:
@@ -71,14 +64,18 @@ def evaluate_checkpoint(
     for what in _changes(folder, trained, run):
         print(f"note: {path}: {what} has changed since this run", file=sys.stderr)
     kept = folder.kept(checkpoint)
-    with (
-        tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary,
-        named_own_code("the run's own code"),
-    ):
+    task_setting = run.task_setting
+    evaluated = {
+        "policy": str(run),
+        "run": str(path.resolve()),
+        "checkpoint": checkpoint,
+        "scenarios": [*task_setting.task.scenarios],
+        "traffic": task_setting.traffic,
+    }
+    with evaluation_folder(out, evaluated) as answer, named_own_code("the run's own code"):
         policies = {
             mode: Policy(run, kept, is_sampled=mode == "sampled", seed=EVALUATION_SEED) for mode in modes
         }
-        answer = RunFolder(out or Path(temporary))
         discount = policies[modes[0]].discount
         for _ in play_test(run, answer, discount, lambda env, part, mode: policies[mode].play(env, part)):
             pass

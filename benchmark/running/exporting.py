@@ -24,7 +24,7 @@ from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import VERSION, Run
 from benchmark.results.files import write_whole
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.policy import policy_modules
+from benchmark.running.policy import checked_modules
 from benchmark.running.trained_run import read_run
 from smarts.agents.hosting.facts import facts_of
 from smarts.errors import SmartsError
@@ -74,6 +74,7 @@ def export_policy(
 
     Raises:
         ResultsError: There is no run or no such checkpoint, or it is damaged.
+        CheckpointError: The run's algorithm, or a setting of its networks, is another than the checkpoint's.
         SmartsError: The policy cannot act by itself, the name is none, or the folder exists.
     """
     if NAME.fullmatch(name) is None:
@@ -90,7 +91,7 @@ def export_policy(
         )
     run_folder = RunFolder(path)
     run = read_run(run_folder, imports)
-    content, weights = described(run, policy_modules(run_folder.kept(checkpoint)))
+    content, weights = described(run, checked_modules(run, run_folder.kept(checkpoint)))
     provenance = f"{run}, {checkpoint} checkpoint"
     level = ALGORITHMS[run.algorithm].level if run.algorithm in ALGORITHMS else ""
     folder.mkdir(parents=True)
@@ -124,6 +125,12 @@ def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], dic
     if len(spec.spaces.blocks) > 1:
         raise _refusal(run, "its agents have different observations or actions")
     (block,) = spec.spaces.blocks
+    if len(block.agents) != environment.agents:
+        raise SmartsError(
+            f"the checkpoint is of {len(block.agents)} agents, environment.agents is {environment.agents}",
+            place=str(run),
+            remedy="set config.yaml back to what was trained",
+        )
     observation, index = _without_index(run, feature_list(environment.observation), len(block.agents))
     driving, content = environment.driving(), {"format": FORMAT, "run": str(run)}
     agents: dict[str, Any] = {}

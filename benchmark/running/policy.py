@@ -22,7 +22,7 @@ from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.trained_run import read_run
-from benchmark.running.training import config_of, unpickled
+from benchmark.running.training import checkpoint_error, config_of, unpickled
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorStep
 from smarts.errors import ActionError, nearest_names
@@ -84,9 +84,7 @@ class Policy:
     def __init__(self, run: Run, checkpoint: Path, *, is_sampled: bool, seed: int) -> None:
         self._run, self._seed = run, seed
         self._config = config_of(run)
-        built = unpickled(checkpoint / "env_runner" / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]
-        check_signature(built["config"].checkpoint_signature(), self._config.checkpoint_signature())
-        modules = policy_modules(checkpoint)
+        modules = checked_modules(run, checkpoint)
         self._spec: JointSpec = next(iter(modules.values())).spec
         self._policies = Policies(self._spec, modules)
         steps = int(unpickled(checkpoint / "env_runner" / "state.pkl").get(STEPS, 0))
@@ -396,6 +394,18 @@ def _fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
         row[...] = array
 
 
+def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
+    """Return the policy networks of a run's checkpoint by group.
+
+    Raises:
+        ResultsError: The checkpoint is damaged.
+        CheckpointError: The run's algorithm, or a setting of its networks, is another than the checkpoint's.
+    """
+    built = unpickled(checkpoint / "env_runner" / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]
+    check_signature(built["config"].checkpoint_signature(), config_of(run).checkpoint_signature())
+    return policy_modules(checkpoint)
+
+
 def policy_modules(checkpoint: Path) -> dict[str, Any]:
     """Return the policy networks of a checkpoint by group.
 
@@ -418,7 +428,11 @@ def _module(folder: Path) -> Any:
     wanted = {key: named[key] for key in ("observation_space", "action_space", "model_config")}
     with _quiet():
         module = described["class"](**wanted, inference_only=True)
-    module.set_state(unpickled(folder / "module_state.pkl"))
+    weights = unpickled(folder / "module_state.pkl")
+    try:
+        module.set_state(weights)
+    except Exception as error:  # of weights of another kind or shape
+        raise checkpoint_error(error, folder / "module_state.pkl") from error
     module.eval()
     return module
 

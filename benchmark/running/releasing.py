@@ -23,6 +23,7 @@ from benchmark.results.release import (
     Manifest,
     episode_digests,
     file_digest,
+    read_manifest,
     scores_of,
 )
 from benchmark.results.run_folder import CONTINUED, SCENARIOS, RunFolder
@@ -43,20 +44,20 @@ def write_release(
 
     Args:
         root: The experiment's results, tested with greedy acting.
-        out: Folder of the release, which is replaced.
+        out: Folder of the release: new, or of an earlier one of the same experiment and author, all of whose
+            policies are in this one; that is replaced.
         author: Shown on the leaderboard.
         is_partial: Whether runs and seeds may be missing; the manifest then names them.
         imports: Files and folders of own code, by default the ones of the training.
 
     Raises:
         ResultsError: Runs are of several versions of the benchmark or several commits, or not as the version
-            froze it, or are missing, or a file is too large; names each.
+            froze it, or are missing, or a file is too large; names each. Or the folder holds something else.
         SmartsError: A policy cannot be exported.
     """
-    if out.exists() and not (out / MANIFEST).exists():
-        raise ResultsError("exists, and is no release", place=str(out), remedy="choose another --out")
     results = read_results(root)
     runs = [run for run in results.finished if not run.is_scripted]
+    _check_free(out, results.name, author, runs)
     check_one_version(results.runs, str(root))
     if not runs:
         raise ResultsError("no trained run is finished", place=str(root), remedy="train it further")
@@ -94,6 +95,27 @@ def write_release(
     shutil.rmtree(out.with_name(f".partial-{out.name}"), ignore_errors=True)
     replace_folder(out, fill)
     return found[0]
+
+
+def _check_free(out: Path, name: str, author: str, runs: Sequence[RunResult]) -> None:
+    """Raise if a folder holds what this release would not hold."""
+    if not out.exists():
+        return
+    remedy = "choose another --out"
+    if not (out / MANIFEST).exists():
+        raise ResultsError("exists, and is no release", place=str(out), remedy=remedy)
+    before = read_manifest(out)
+    if (before.name, before.author) != (name, author):
+        told = f"a release of {before.name!r} by {before.author!r}, not of {name!r} by {author!r}"
+        raise ResultsError(f"is {told}", place=str(out), remedy=remedy)
+    cells = {(run.algorithm, run.task, run.traffic, run.seed) for run in runs}
+    lost = [str(x) for x in before.policies if (x.algorithm, x.task, x.traffic, x.seed) not in cells]
+    lost += sorted(each.name for each in out.iterdir() if each.name not in (MANIFEST, POLICIES))
+    if lost:
+        more = f" and {len(lost) - 3} more" if len(lost) > 3 else ""
+        raise ResultsError(
+            f"holds {'; '.join(lost[:3])}{more}, which would be lost", place=str(out), remedy=remedy
+        )
 
 
 def _wrong(runs: Sequence[RunResult]) -> Iterator[str]:

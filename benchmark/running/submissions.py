@@ -57,6 +57,8 @@ RESERVED = (SCRIPTED, SUBMISSION, ROBUSTNESS, MANIFEST, VERDICTS)
 LONGEST_NAME = 100
 """Characters of an algorithm's name."""
 DRIVING = ("vehicle_class", "vehicle_model", "tyre_model", "flat_tyres")
+OWN = "this program's"
+"""Begins what is wrong with the program that verifies, not with what is submitted."""
 SETTINGS = {"vehicle_class": "vehicle"}
 """Field of an interface -> setting of the environment, where the names differ."""
 
@@ -133,7 +135,10 @@ def _at_address(address: str, version: int, scenarios: Sequence[str], traffic: S
         raise ResultsError(
             f"version {version} has no such scenario with such traffic",
             place="--scenario, --traffic",
-            remedy="; ".join(f"with {each}: {', '.join(names)}" for each, names in frozen.items())
+            remedy="; ".join(
+                f"with {each}: {', '.join(name for name in names if VARIATION_MARK not in name)}"
+                for each, names in frozen.items()
+            )
             or f"choose a version of {', '.join(map(str, versions()))}",
         )
     return Manifest(name=label, benchmark_version=version, policies=entries)
@@ -151,6 +156,12 @@ def check_manifest(manifest: Manifest, folder: Path) -> list[tuple[str, str]]:
         ResultsError: The submission is refused; names each reason.
     """
     if wrong := [*_wrong(manifest, folder)]:
+        if all(each.startswith(OWN) for each in wrong):
+            raise ResultsError(
+                f"nothing can be verified: {'; '.join(wrong)}",
+                place=f"version {manifest.benchmark_version}",
+                remedy="restore this program's files, as `git checkout -- .` does in a clone",
+            )
         raise ResultsError(
             "the submission is refused:\n" + "\n".join(f"  {each}" for each in wrong),
             place=str(folder / MANIFEST),
@@ -179,7 +190,7 @@ def _wrong(manifest: Manifest, folder: Path) -> Iterator[str]:
         yield f"benchmark version {number or 'none'}: only {known} can be compared"
         return
     for part in changed_code(number):
-        yield f"this program's code of {part} ({', '.join(CODE[part])}) is not that of version {number}"
+        yield f"{OWN} code of {part} ({', '.join(CODE[part])}) is not that of version {number}"
     frozen = versions()[number]
     for part, digest in manifest.code.items():
         if frozen.get(part) != digest:
@@ -215,7 +226,7 @@ def _wrong_entries(manifest: Manifest, folder: Path, number: int) -> Iterator[st
             played.add((entry.task, entry.traffic))
             digests = scenario_digests(task_of(manifest, entry))
             for name in changed_scenarios(number, {entry.traffic: digests}):
-                yield f"this program's scenario {name} is not that of version {number}"
+                yield f"{OWN} scenario {name} is not that of version {number}"
     yield from _wrong_policies(manifest, folder, number)
 
 

@@ -65,7 +65,9 @@ def check_policy(entry: Entry, folder: Path, number: int) -> Policy:
     except SmartsError as error:
         raise _refused(entry, f"{entry.agent}: {error.problem}") from error
     except Exception as error:  # of zip, of numpy or of a value of a wrong type
-        raise _refused(entry, f"{entry.agent}: no policy: {type(error).__name__}: {error}") from error
+        raise _refused(
+            entry, f"{entry.agent}: not as `smarts-bench export` writes it ({type(error).__name__}: {error})"
+        ) from error
     found = hashlib.blake2b(digest_size=16)
     for array in policy.weights():
         found.update(str(array.shape).encode() + array.tobytes())

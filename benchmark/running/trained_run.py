@@ -36,6 +36,6 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
         reason = error.problem if isinstance(error, ResultsError) else error
         raise ResultsError(
             f"not a run: {reason}",
-            place=str(folder.config),
+            place=(error.place if isinstance(error, ResultsError) else "") or str(folder.config),
             remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1",
         ) from error

@@ -25,6 +25,7 @@ from benchmark.metrics import read_table
 from benchmark.metrics.results import Frame
 from benchmark.results.files import locked, named_failures, previous_of, write_whole
 from benchmark.results.release import (
+    ADDRESS,
     CONFIRMED,
     FRESH_SEED,
     MARKED,
@@ -51,8 +52,8 @@ from smarts.errors import ActionError, OwnCodeError, SmartsError
 
 FRESH = "fresh"
 """Folder of the fresh episodes, in a policy's."""
-OF_AGENTS = (RefusedError, OwnCodeError, HostError, ActionError)
-"""Failures of an agent; others are this program's or its machine's, and say nothing of the agent."""
+OF_AGENTS = (OwnCodeError, HostError, ActionError)
+"""Failures of an agent while it plays; others are this program's or its machine's."""
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,8 @@ def verify(
         SmartsError: The evaluation fails for a reason that is none of a policy.
     """
     general = check_manifest(manifest, folder)
+    if not out.exists():  # lest a wrong address leave a folder that is another submission's for the right one
+        _check_addresses(manifest, folder)
     test = Evaluation(episodes=episodes, held_out_episodes=held_out_episodes, modes=("greedy",))
     with locked(out):
         seed = open_evaluation(manifest, out)
@@ -192,24 +195,26 @@ class _Evaluated:
         """
         place = RunFolder(self.out / entry.place)
         said = self.facts_of(entry)
-        _remove(place.path)
-        place.note(status=TESTING, **{SUBMISSION: {}})
         setting = replace(task_of(self.manifest, entry), evaluation=self.test)
         try:
+            # That nothing answers at its address says nothing of an agent: no verdict.
             agent = agent_of(entry, self.folder, setting.environment)
+        except RefusedError as error:
+            return _refused(entry, place, error)
+        _remove(place.path)
+        place.note(status=TESTING, **{SUBMISSION: {}})
+        try:
             blind = BlindAgent(agent)
-            try:
-                table = _table(setting, blind, entry, place, EVALUATION_SEED)
-                fresh = None
-                if self.fresh:
-                    again = replace(setting, evaluation=Evaluation(episodes=self.fresh))
-                    fresh = _table(again, blind, entry, RunFolder(place.path / FRESH), self.seed)
-            finally:
-                if isinstance(agent, RemoteAgent):
-                    agent.close()
+            table = _table(setting, blind, entry, place, EVALUATION_SEED)
+            fresh = None
+            if self.fresh:
+                again = replace(setting, evaluation=Evaluation(episodes=self.fresh))
+                fresh = _table(again, blind, entry, RunFolder(place.path / FRESH), self.seed)
         except OF_AGENTS as error:
-            _remove(place.path)
-            return _Outcome(entry, refused=" ".join(str(error).split()))
+            return _refused(entry, place, error)
+        finally:
+            if isinstance(agent, RemoteAgent):
+                agent.close()
         content = {"algorithm": entry.algorithm, **setting.content()}
         write_whole(place.config, lambda file: file.write_text(yaml.safe_dump(content, sort_keys=False)))
         facts = {SCENARIOS: scenario_digests(setting), "tested": self.tested, SUBMISSION: said}
@@ -223,6 +228,26 @@ class _Evaluated:
         facts = place.facts()
         if facts.get("status") != FINISHED or facts.get(SUBMISSION) != said:
             place.note(status=FINISHED, **{SUBMISSION: said})
+
+
+def _refused(entry: Entry, place: RunFolder, error: SmartsError) -> _Outcome:
+    """Return the outcome of an agent that failed, and remove what it has played."""
+    _remove(place.path)
+    return _Outcome(entry, refused="; ".join(map(str.strip, str(error).splitlines())))
+
+
+def _check_addresses(manifest: Manifest, folder: Path) -> None:
+    """Raise if nothing answers at an address.
+
+    Raises:
+        HostError: The first one.
+    """
+    entries = {entry.agent: entry for entry in manifest.policies if entry.agent.startswith(ADDRESS)}
+    for entry in entries.values():
+        with suppress(RefusedError):  # for which it gets a verdict
+            agent = agent_of(entry, folder, task_of(manifest, entry).environment)
+            if isinstance(agent, RemoteAgent):
+                agent.close()
 
 
 def _remove(folder: Path) -> None:

@@ -170,7 +170,8 @@ def outcomes_of(agents: Mapping[str, Any]) -> dict[str, int]:
 def _episodes_below(root: Path) -> Iterator[Path]:
     """Yield episodes: folders that have the table `episode`, and files of compact episodes."""
     if root.is_file():
-        yield root
+        if root.suffix == SUFFIX:
+            yield root
         return
     if (root / f"{EPISODE.name}.parquet").exists():
         yield root

@@ -139,6 +139,8 @@ class BuiltScenario:
     def _require_traffic(self, name: str, known: Collection[str]) -> None:
         if name not in known:
             remedy = nearest_names(name, known)
+            if not known:
+                remedy = "it has no traffic: write a scenario.py with missions and traffic for its map"
             raise ScenarioError(f"there is no traffic {name!r}", place=self.name, remedy=remedy)
 
 

@@ -1,16 +1,21 @@
 """Exported policies act as their checkpoints do, greedily, on the observations that those see."""
 
 import json
+import pickle
+import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 import ray
+import yaml
 
+from algorithms.errors import CheckpointError
 from benchmark import load_policy
 from benchmark.experiment.config import Resources, read_experiment
 from benchmark.experiment.runs import runs_of
+from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
@@ -205,6 +210,42 @@ def test_policies_that_cannot_act_alone_are_refused(make, tmp_path, name, settin
     with pytest.raises(SmartsError, match=reason):
         export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
     assert not (tmp_path / "own_one").exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "named"),
+    [
+        ({"algorithm": "nope"}, "nope"),
+        ({"algorithm": "dqn"}, "dqn"),
+        ({"settings": {"sharing": "all", "hidden": [8]}}, "hidden"),
+        ({"environment": {"agents": 5}}, "5"),
+    ],
+)
+def test_a_config_of_another_training_than_the_checkpoint_is_refused(make, tmp_path, changed, named):
+    _, folder = make("ppo", "{sharing: all}")
+    copied = tmp_path / "run"
+    shutil.copytree(folder.path, copied)
+    content = yaml.safe_load((copied / "config.yaml").read_text())
+    for key, value in changed.items():
+        content[key] = {**content[key], **value} if isinstance(value, dict) else value
+    (copied / "config.yaml").write_text(yaml.safe_dump(content))
+    with pytest.raises((SmartsError, CheckpointError), match=named):
+        export_policy(copied, "own-one", tmp_path, checkpoint="last")
+    assert not (tmp_path / "own_one").exists()
+
+
+@pytest.mark.parametrize("content", [[1, 2], {"a": 1}])
+def test_weights_of_another_kind_are_named(make, tmp_path, content):
+    _, folder = make("ppo", "{sharing: all}")
+    copied = tmp_path / "run"
+    shutil.copytree(folder.path, copied)
+    (state,) = copied.rglob("shared/module_state.pkl")
+    state.write_bytes(pickle.dumps(content))
+    with pytest.raises(ResultsError) as caught:
+        export_policy(copied, "own-one", tmp_path, checkpoint="last")
+    assert caught.value.place == str(state)
+    with pytest.raises(ResultsError, match="--checkpoint last"):
+        export_policy(copied, "own-one", tmp_path, checkpoint="best")
 
 
 def test_an_exported_agent_keeps_the_contract_and_needs_no_learner(make, tmp_path):

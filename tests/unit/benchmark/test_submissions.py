@@ -1,11 +1,13 @@
 """Submissions are played again: honest ones are confirmed, and each cheat is refused or marked by name."""
 
 import json
+import re
 import shutil
 import socket
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -35,7 +37,7 @@ from benchmark.running.blind import BlindAgent
 from benchmark.running.evaluate_agent import evaluate_exported, play_agent
 from benchmark.running.judging import memorized
 from benchmark.running.played import scenario_digests
-from benchmark.running.releasing import write_release
+from benchmark.running.releasing import _check_free, write_release
 from benchmark.running.submission_folder import write_claims
 from benchmark.running.submissions import agent_of, check_manifest, submitted
 from benchmark.running.verifying import verify
@@ -47,6 +49,7 @@ from smarts.errors import SmartsError
 from smarts.types.streams import hold_seed
 from smarts.zoo.exported import ExportedPolicy
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
+from tests.raising import raises
 from tests.served_agents import served
 
 ENVIRONMENT = Environment(agents=2, reward="v1", time_limit=5.0)
@@ -310,6 +313,33 @@ def test_the_results_of_missing_seeds_are_not_released(tmp_path):
     assert "seed 2 is not begun" in caught.value.problem
     assert "has the seeds 1 alone, of at least 3" in caught.value.problem
     assert not (tmp_path / "release").exists()
+
+
+def test_a_release_replaces_only_what_it_holds_itself(submission, tmp_path):
+    root = submission()
+    manifest = read_manifest(root)
+    runs = [SimpleNamespace(algorithm="mine", task="loop", traffic=ALONE, seed=seed) for seed in (1, 2, 3)]
+    _check_free(tmp_path / "new", "theirs", "A. Author", [])
+    _check_free(root, "theirs", "A. Author", runs)
+    for author, kept, named in (("", runs, "A. Author"), ("A. Author", runs[:1], "seed 2")):
+        with raises(ResultsError, str(root), values=[named]):
+            _check_free(root, "theirs", author, kept)
+    (root / "notes.md").write_text("mine")
+    with raises(ResultsError, str(root), values=["notes.md"]):
+        _check_free(root, "theirs", "A. Author", runs)
+    assert read_manifest(root) == manifest
+
+
+def test_where_nothing_listens_there_is_no_verdict(submission, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        address = f"tcp://127.0.0.1:{listening.getsockname()[1]}"
+    with pytest.raises(HostError, match=re.escape(address)):
+        verified(address, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "out").mkdir()
+    with pytest.raises(HostError):
+        verified(address, tmp_path / "out")
+    assert not [*tmp_path.rglob("verdicts.json"), *tmp_path.rglob("run.json")]
 
 
 class Spy(BatchAgent):

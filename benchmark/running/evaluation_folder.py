@@ -1,0 +1,64 @@
+"""The folder of `smarts-bench evaluate --out`: one evaluation, which nothing else is lost for."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from benchmark.results.files import FORMAT, ResultsError, locked, named_failures, read_mapping, write_json
+from benchmark.results.run_folder import RunFolder
+
+MARK = "evaluation.json"
+"""File of what was evaluated."""
+_OWN = (MARK, ".lock")
+
+
+@contextmanager
+def evaluation_folder(out: Path | None, evaluated: Mapping[str, Any]) -> Iterator[RunFolder]:
+    """Yield the folder of a test's table and episodes: `out`, locked, or a temporary one.
+
+    An earlier evaluation of the same is replaced.
+
+    Args:
+        out: A folder that is new, empty, or of an evaluation of the same; None for none that is kept.
+        evaluated: What is evaluated and in what, as plain values.
+
+    Raises:
+        ResultsError: The folder holds something else, or another process writes to it.
+    """
+    if out is None:
+        with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
+            yield RunFolder(Path(temporary))
+        return
+    content = {"format": FORMAT, **evaluated}
+    _check(out, content)
+    with locked(out):
+        _check(out, content)  # what another process has written until the lock was free
+        folder = RunFolder(out)
+        write_json(out / MARK, content)
+        with named_failures(out):
+            folder.table.unlink(missing_ok=True)
+            shutil.rmtree(folder.episodes, ignore_errors=True)
+        yield folder
+
+
+def _check(out: Path, content: Mapping[str, Any]) -> None:
+    if out.is_file():
+        raise ResultsError("is a file, not a folder", place=str(out), remedy="choose another --out")
+    if not out.is_dir() or not (there := [each.name for each in out.iterdir() if each.name not in _OWN]):
+        return
+    if not (out / MARK).exists():
+        raise ResultsError(
+            f"holds '{min(there)}', which is of no evaluation", place=str(out), remedy="choose another --out"
+        )
+    before = read_mapping(out / MARK)
+    if before != content:
+        differing = sorted(name for name in {*before, *content} if before.get(name) != content.get(name))
+        named = ", ".join(f"{name} {before.get(name)!r}" for name in differing)
+        raise ResultsError(
+            f"holds another evaluation: of {named}", place=str(out), remedy="choose another --out"
+        )

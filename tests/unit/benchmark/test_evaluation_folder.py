@@ -1,0 +1,93 @@
+"""`evaluate --out`: one evaluation in a folder, and nothing else lost; options that would have no effect."""
+
+import threading
+
+import pytest
+from typer.testing import CliRunner
+
+from benchmark.cli import app
+from benchmark.results.files import ResultsError, locked
+from benchmark.running.evaluation_folder import MARK, evaluation_folder
+from tests.raising import raises
+
+ONE = {"policy": "ppo, two_way", "scenarios": ["two_way"], "traffic": "none"}
+
+
+def evaluated(out, what=ONE):
+    """Write an evaluation's files."""
+    with evaluation_folder(out, what) as folder:
+        assert not folder.table.exists()
+        folder.table.parent.mkdir(parents=True, exist_ok=True)
+        folder.table.write_text("rows")
+        (folder.episodes / "greedy-two_way").mkdir(parents=True)
+    return folder
+
+
+def test_the_same_evaluation_replaces_itself_and_leaves_other_files(tmp_path):
+    out = tmp_path / "new"
+    folder = evaluated(out)
+    (out / "notes.txt").write_text("mine")
+    (folder.episodes / "greedy-old").mkdir()
+    evaluated(out)
+    assert (out / "notes.txt").read_text() == "mine"
+    assert not (folder.episodes / "greedy-old").exists()
+    assert (folder.episodes / "greedy-two_way").exists()
+
+
+def test_another_evaluation_is_refused_and_nothing_is_lost(tmp_path):
+    folder = evaluated(tmp_path)
+    for other in ({"traffic": "dense"}, {"policy": "dqn, two_way"}):
+        (name,) = other
+        with raises(ResultsError, str(tmp_path), values=[name, ONE[name]]):
+            evaluated(tmp_path, ONE | other)
+    assert folder.table.read_text() == "rows"
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "run.json", "episodes.parquet"])
+def test_folders_of_something_else_are_refused(tmp_path, name):
+    (tmp_path / name).write_text("mine")
+    with raises(ResultsError, str(tmp_path), values=[name]):
+        evaluated(tmp_path)
+    assert [each.name for each in tmp_path.iterdir()] == [name]
+    with raises(ResultsError, str(tmp_path / name), values=["file"]):
+        evaluated(tmp_path / name)
+
+
+def test_two_evaluations_do_not_write_to_one_folder(tmp_path):
+    has_begun, may_end = threading.Event(), threading.Event()
+
+    def first():
+        with locked(tmp_path):
+            has_begun.set()
+            may_end.wait(60)
+
+    other = threading.Thread(target=first)
+    other.start()
+    try:
+        assert has_begun.wait(60)
+        with raises(ResultsError, str(tmp_path), values=["is writing here"]):
+            evaluated(tmp_path)
+        assert not (tmp_path / MARK).exists()
+    finally:
+        may_end.set()
+        other.join()
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["RUN", "--agents", "8"], "--agents"),
+        (["POLICY", "--checkpoint", "best"], "--checkpoint"),
+        (["--agent", "idm-v0", "--mode", "sampled"], "--mode"),
+        (["--agent", "idm-v0", "--checkpoint", "last"], "--checkpoint"),
+        (["RUN", "--traffic", ""], "--traffic"),
+    ],
+)
+def test_options_without_effect_are_refused(tmp_path, options, named):
+    policy = tmp_path / "policy"
+    policy.mkdir()
+    (policy / "policy.json").write_text("{}")
+    places = {"RUN": str(tmp_path / "run"), "POLICY": str(policy)}
+    result = CliRunner().invoke(app, ["evaluate", *(places.get(each, each) for each in options)])
+    assert result.exit_code == 2
+    assert f"Invalid value for {named}" in " ".join(result.output.split())
