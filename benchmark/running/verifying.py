@@ -52,7 +52,7 @@ from smarts.errors import ActionError, OwnCodeError, SmartsError
 
 FRESH = "fresh"
 """Folder of the fresh episodes, in a policy's."""
-OF_AGENTS = (OwnCodeError, HostError, ActionError)
+OF_AGENTS = (RefusedError, OwnCodeError, HostError, ActionError)
 """Failures of an agent while it plays; others are this program's or its machine's."""
 
 
