@@ -31,6 +31,7 @@ from benchmark.results.release import (
     MARKED,
     REFUSED,
     SUBMISSION,
+    VERDICTS,
     Entry,
     Manifest,
     episode_digests,
@@ -130,7 +131,7 @@ def verify(
         SmartsError: The evaluation fails for a reason that is none of a policy.
     """
     general = check_manifest(manifest, folder)
-    if not out.exists():  # lest a wrong address leave a folder that is another submission's for the right one
+    if not (out / VERDICTS).exists():  # lest the right address find there the evaluation of a wrong one
         _check_addresses(manifest, folder)
     test = Evaluation(episodes=episodes, held_out_episodes=held_out_episodes, modes=("greedy",))
     with locked(out):
