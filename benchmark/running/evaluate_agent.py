@@ -19,7 +19,7 @@ from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, TaskSetting
 from benchmark.metrics import read_table
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.environments import environment
-from benchmark.running.evaluation_folder import evaluation_folder
+from benchmark.running.evaluation_folder import check_free, evaluation_folder
 from benchmark.running.importing import named_own_code
 from benchmark.running.testing import EVALUATION_SEED, Part, play_parts
 from benchmark.running.trained import check_suite, trained_on
@@ -71,6 +71,7 @@ def evaluate_agent(
         SmartsError: There is no such agent or scenario, or the agent fails, or answers what is no action: a
             score of some of its actions would be none of the agent.
     """
+    check_free(out)
     import_own(imports)
     agent, interface = make_agent(locator, **(options or {}))
     try:
@@ -188,6 +189,7 @@ def evaluate_exported(
         SmartsError: The folder does not hold an exported policy, or does not say what it was trained on, or
             names code or files of its author.
     """
+    check_free(out)
     trained = trained_on(path)
     if not scenarios:
         check_suite(trained, path)

@@ -14,7 +14,7 @@ from benchmark.experiment.config import Evaluation, TrainingTask, name_of
 from benchmark.experiment.runs import Run
 from benchmark.metrics import read_table
 from benchmark.results.run_folder import RunFolder, changed_code
-from benchmark.running.evaluation_folder import evaluation_folder
+from benchmark.running.evaluation_folder import check_free, evaluation_folder
 from benchmark.running.importing import named_own_code
 from benchmark.running.played import scenario_digests
 from benchmark.running.policy import Policy
@@ -54,6 +54,7 @@ def evaluate_checkpoint(
         SpaceError: The scenarios have other agents than the training, or these see or do something else.
         OwnCodeError: Own code cannot be imported, or raises.
     """
+    check_free(out)  # before anything is loaded
     folder = RunFolder(path)
     trained = read_run(folder, imports)
     run = _with_test(trained, scenarios, traffic, episodes, modes, keep=out is not None)

@@ -46,15 +46,27 @@ def evaluation_folder(out: Path | None, evaluated: Mapping[str, Any]) -> Iterato
         yield folder
 
 
-def _check(out: Path, content: Mapping[str, Any]) -> None:
+def check_free(out: Path | None) -> None:
+    """Raise if a folder holds something else than an evaluation.
+
+    Raises:
+        ResultsError: It does, or is a file.
+    """
+    if out is None or not out.exists():
+        return
     if out.is_file():
         raise ResultsError("is a file, not a folder", place=str(out), remedy="choose another --out")
-    if not out.is_dir() or not (there := [each.name for each in out.iterdir() if each.name not in _OWN]):
-        return
-    if not (out / MARK).exists():
+    there = sorted(each.name for each in out.iterdir() if each.name not in _OWN)
+    if there and not (out / MARK).exists():
         raise ResultsError(
-            f"holds '{min(there)}', which is of no evaluation", place=str(out), remedy="choose another --out"
+            f"holds '{there[0]}', which is of no evaluation", place=str(out), remedy="choose another --out"
         )
+
+
+def _check(out: Path, content: Mapping[str, Any]) -> None:
+    check_free(out)
+    if not (out / MARK).exists():
+        return
     before = read_mapping(out / MARK)
     if before != content:
         differing = sorted(name for name in {*before, *content} if before.get(name) != content.get(name))
