@@ -115,7 +115,7 @@ def _line(state: JobState) -> str:
 def _silence(state: JobState) -> str:
     """Return for how long nothing has been heard of a job; empty if that is not long."""
     silent = time.monotonic() - state.heard
-    return f"nothing new for {silent // 60:.0f} min (docs/troubleshooting.md)" if silent > SILENCE else ""
+    return f"no message for {silent // 60:.0f} min (docs/troubleshooting.md)" if silent > SILENCE else ""
 
 
 def _cells(state: JobState) -> list[str]:
