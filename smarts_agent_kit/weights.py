@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ FORMAT = 1
 HEAR = "hear"
 """A layer that reads the mean of the other agents' numbers."""
 CONTENT, WEIGHTS = "policy.json", "policy.npz"
-"""Files of a folder."""
+"""Files of a folder; the weights of further groups of agents are in policy_1.npz, policy_2.npz, ..."""
 ARRAYS = {"linear": 2, HEAR: 3, "gru": 4, "tanh": 0, "relu": 0}
 """Kind of a layer -> how many arrays it has."""
 
@@ -50,6 +51,17 @@ def content_of(folder: Path) -> dict[str, Any]:
     return content
 
 
+def weights_file(folder: Path, number: int) -> Path:
+    """Return the file of the weights of a group of agents, by its number."""
+    return folder / WEIGHTS if number == 0 else folder / f"policy_{number}.npz"
+
+
+def weights_files(folder: Path) -> list[Path]:
+    """Return all files of weights; the first, whether it is there or not."""
+    more = itertools.takewhile(Path.exists, (weights_file(folder, k) for k in itertools.count(1)))
+    return [folder / WEIGHTS, *more]
+
+
 def layers_of(folder: Path, group: str, kinds: Sequence[str]) -> list[tuple[str, tuple[NDArray, ...]]]:
     """Return the layers of a network: kind and weights.
 
@@ -71,11 +83,15 @@ def sets_of(folder: Path, group: str, leaves: Sequence[str]) -> dict[str, tuple[
 
 
 def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
-    try:
-        with np.load(folder / WEIGHTS, allow_pickle=False) as file:
-            return tuple(np.ascontiguousarray(file[f"{name}/{k}"].astype(np.float64)) for k in range(count))
-    except (OSError, ValueError, KeyError) as error:
-        raise ExportError(f"the weights cannot be read: {error}", str(folder / WEIGHTS)) from error
+    names = [f"{name}/{k}" for k in range(count)]
+    for place in weights_files(folder):
+        try:
+            with np.load(place, allow_pickle=False) as file:
+                if all(each in file for each in names):
+                    return tuple(np.ascontiguousarray(file[each].astype(np.float64)) for each in names)
+        except (OSError, ValueError) as error:
+            raise ExportError(f"the weights cannot be read: {error}", str(place)) from error
+    raise ExportError(f"the weights of {name!r} are missing", str(folder / WEIGHTS))
 
 
 def check_network(

@@ -222,11 +222,19 @@ def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
     found = compute(table, ["mode"])
     for name, group in found.groupby("mode"):
         rows = group.to_dict("records")
-        typer.echo(f"{agent or name}: {rows[0]['n']} agent-episodes")
+        typer.echo(
+            f"{agent or name}: {rows[0]['n']} agent-episodes of {_played(table.loc[table['mode'] == name])}"
+        )
         for row in rows:
             interval = f"[{row['low']:z.3f}, {row['high']:z.3f}]" if row["low"] == row["low"] else ""
             value = f"{row['value']:z.3f}" if row["value"] == row["value"] else "n/a"
             typer.echo(f"  {row['metric']:<24} {value:>8}  {interval:<18} {row['note']}".rstrip())
+
+
+def _played(table: pd.DataFrame) -> str:
+    """Return the scenarios, variations and traffic of a test."""
+    names = table["scenario"].where(table["variation"] == "", table["scenario"] + "@" + table["variation"])
+    return ", ".join([*names.unique(), *table["traffic"].unique()])
 
 
 def _modes(given: list[str] | None) -> tuple[Literal["greedy", "sampled"], ...]:

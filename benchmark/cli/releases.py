@@ -28,16 +28,21 @@ def release(
     compares all with their claims.
     """
     from benchmark.results.release import MANIFEST
+    from benchmark.running.experiment import interruptible
     from benchmark.running.releasing import write_release
 
-    manifest = write_release(results, out, author=author, is_partial=partial, imports=import_ or ())
-    sizes = [each.stat().st_size for each in out.rglob("*") if each.is_file()]
-    typer.echo(
-        f"{out / MANIFEST}: {len(manifest.policies)} policies, {sum(sizes) / 1e6:.1f} MB, "
-        f"largest file {max(sizes) / 1e6:.2f} MB"
-    )
-    for each in manifest.missing:
-        typer.echo(f"missing: {each}")
+    def work() -> int:
+        manifest = write_release(results, out, author=author, is_partial=partial, imports=import_ or ())
+        sizes = [each.stat().st_size for each in out.rglob("*") if each.is_file()]
+        typer.echo(
+            f"{out / MANIFEST}: {len(manifest.policies)} policies, {sum(sizes) / 1e6:.1f} MB, "
+            f"largest file {max(sizes) / 1e6:.2f} MB"
+        )
+        for each in manifest.missing:
+            typer.echo(f"missing: {each}")
+        return 0
+
+    raise typer.Exit(interruptible(work, f"{out} is as it was before"))
 
 
 def verify(

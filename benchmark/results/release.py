@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field, PlainSerializer
 
 from benchmark.experiment.values import FolderName
 from benchmark.metrics.results import Frame, compute
@@ -30,13 +30,21 @@ FRESH_SEED = "fresh_seed"
 """In verdicts.json and run.json: of the fresh episodes, the same for all policies of a submission."""
 CONFIRMED, MARKED, REFUSED = "confirmed", "marked", "refused"
 """Status of an evaluated policy, from good to bad."""
-LARGEST_FILE, LARGEST = 4_000_000, 80_000_000
+LARGEST_FILE, LARGEST = 1_000_000, 60_000_000
 """Bytes of one file, and of all."""
 SEEDS = 3
 """Training seeds that an entry of a version has at least."""
 ADDRESS = "tcp://"
 _NAMES = ("traffic", "seed", "world", "agent", "outcome", "is_invalid")
 _NUMBERS = ("start_x", "start_y", "start_heading", "start_speed", "duration", "distance_travelled")
+
+
+_Words = Annotated[
+    list[str],
+    BeforeValidator(lambda given: given.split() if isinstance(given, str) else given),
+    PlainSerializer(" ".join, return_type=str, when_used="json"),
+]
+"""A list that a file holds as one line."""
 
 
 class Entry(Section):
@@ -57,7 +65,7 @@ class Entry(Section):
     """Name -> digest, of the folder."""
     scores: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(default_factory=dict)
     """Metric -> value, of all test episodes that are not held out."""
-    episodes: dict[str, list[str]] = Field(default_factory=dict)
+    episodes: dict[str, _Words] = Field(default_factory=dict)
     """Scenario -> digest of each test episode, in their order; held-out variations too."""
 
     def __str__(self) -> str:

@@ -34,7 +34,7 @@ from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
 from smarts.zoo.entry import check_name
 from smarts.zoo.exported import interface_of
 from smarts_agent_kit.exported import JOINT_Q, TRAINED
-from smarts_agent_kit.weights import CONTENT, FORMAT, HEAR, WEIGHTS
+from smarts_agent_kit.weights import CONTENT, FORMAT, HEAR, weights_file
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 MODULE = '''"""{title}; written by `smarts-bench export`."""
@@ -98,8 +98,9 @@ def export_policy(
     write_whole(
         folder / CONTENT, lambda file: file.write_text(json.dumps(content, indent=1), encoding="utf-8")
     )
-    with (folder / WEIGHTS).open("wb") as file:
-        np.savez(file, allow_pickle=False, **weights)
+    for number, arrays in enumerate(weights):
+        with weights_file(folder, number).open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **arrays)
     title = f"The agent {locator}: {provenance}".replace('"', "'").replace("\\", "/")
     text = MODULE.format(
         title=title, locator=locator, level=level.split("-")[0], provenance=title.partition(": ")[2]
@@ -108,8 +109,8 @@ def export_policy(
     return folder
 
 
-def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray]]:
-    """Return what `policy.json` and `policy.npz` hold.
+def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], list[dict[str, NDArray]]]:
+    """Return what `policy.json` holds, and the files of weights: each those of a group.
 
     Args:
         run: The trained run.
@@ -135,7 +136,7 @@ def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], dic
     driving, content = environment.driving(), {"format": FORMAT, "run": str(run)}
     agents: dict[str, Any] = {}
     groups: dict[str, Any] = {}
-    weights: dict[str, NDArray] = {}
+    weights: list[dict[str, NDArray]] = []
     for group in spec.groups:
         layers = _checked_layers(run, group, modules[group.id])
         sets = _sets(modules[group.id])
@@ -145,10 +146,10 @@ def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], dic
             "layers": [kind for kind, _ in layers],
             "sets": [*sets],
         }
-        for leaf, arrays in sets.items():
-            weights.update({f"{group.id}/{leaf}/{k}": array for k, array in enumerate(arrays)})
-        for number, (_, arrays) in enumerate(layers):
-            weights.update({f"{group.id}/{number}/{k}": array for k, array in enumerate(arrays)})
+        named = [*sets.items(), *((number, arrays) for number, (_, arrays) in enumerate(layers))]
+        weights.append(
+            {f"{group.id}/{name}/{k}": array for name, arrays in named for k, array in enumerate(arrays)}
+        )
         for place, name in enumerate(group.agents):
             vehicle = {
                 key: getattr(driving[name], key)

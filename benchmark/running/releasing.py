@@ -143,19 +143,31 @@ def _commits(run: RunResult) -> list[str]:
 
 
 def _missing(results: Results, runs: Sequence[RunResult]) -> Iterator[str]:
-    """Yield runs that are not finished, not tested with greedy acting, or too few."""
+    """Yield runs that are not finished, not tested with greedy acting, or too few, by cell."""
+    unfinished: dict[tuple[str, str], list[int]] = {}
+    planned: dict[str, list[int]] = {}
     for run in results.unfinished:
         if not run.is_scripted:
-            yield f"{run} is {run.status}"
-    seeds: dict[str, list[str]] = {}
+            unfinished.setdefault((_cell(run), run.status), []).append(run.seed)
+            planned.setdefault(_cell(run), []).append(run.seed)
+    for (cell, status), seeds in unfinished.items():
+        yield f"{cell}, {_named(seeds)}: {status}"
     for run in runs:
         assert run.table is not None
         if "greedy" not in set(run.table["mode"]):
             yield f"{run} was not tested with greedy acting"
-        seeds.setdefault(f"{run.algorithm}, {run.task}, {run.traffic}", []).append(str(run.seed))
-    for cell, found in seeds.items():
-        if len(found) < SEEDS:
-            yield f"{cell} has the seeds {', '.join(found)} alone, of at least {SEEDS}"
+        planned.setdefault(_cell(run), []).append(run.seed)
+    for cell, seeds in planned.items():
+        if len(seeds) < SEEDS:
+            yield f"{cell} has {_named(seeds)} alone, of at least {SEEDS}"
+
+
+def _cell(run: RunResult) -> str:
+    return f"{run.algorithm}, {run.task}, {run.traffic}"
+
+
+def _named(seeds: Sequence[int]) -> str:
+    return f"seed{'s'[: len(seeds) != 1]} {', '.join(map(str, seeds))}"
 
 
 def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Path]) -> Entry:

@@ -38,7 +38,7 @@ from benchmark.results.release import (
 )
 from benchmark.results.run_folder import FINISHED, SCENARIOS, RunFolder
 from benchmark.results.run_tables import names_of
-from smarts_agent_kit.weights import CONTENT, WEIGHTS
+from smarts_agent_kit.weights import CONTENT, weights_files
 
 
 def open_evaluation(manifest: Manifest, out: Path) -> int:
@@ -101,18 +101,18 @@ def identity(manifest: Manifest, entry: Entry, folder: Path) -> str:
 
 
 def _files_of(entry: Entry, folder: Path) -> dict[str, bytes]:
-    """Return the two files of a policy.
+    """Return the files of a policy.
 
     Raises:
         ResultsError: One cannot be read, or is a link.
     """
     found = {}
-    for name in (CONTENT, WEIGHTS):
-        file = folder / entry.agent / name
+    place = folder / entry.agent
+    for file in (place / CONTENT, *weights_files(place)):
         try:
             if file.is_symlink():
                 raise OSError("it is a link")
-            found[name] = file.read_bytes()
+            found[file.name] = file.read_bytes()
         except OSError as error:
             raise ResultsError(
                 f"cannot be read: {error}", place=str(file), remedy="restore the submission"

@@ -15,9 +15,9 @@ from benchmark.running.trained import trained_on
 from smarts.errors import SmartsError, shown
 from smarts.zoo.exported import ExportedPolicy
 from smarts_agent_kit.exported import TEAM
-from smarts_agent_kit.weights import CONTENT, WEIGHTS
+from smarts_agent_kit.weights import CONTENT, weights_files
 
-UNPACKED = 16 * LARGEST_FILE
+UNPACKED = 64_000_000
 """Bytes of a policy's weights in memory, as numbers of 64 bits."""
 SAME = ("algorithm", "task", "scenarios", "traffic", "seed")
 """What a policy and its entry in the manifest both name."""
@@ -53,12 +53,15 @@ def check_policy(entry: Entry, folder: Path, number: int) -> Policy:
     place = (folder / entry.agent).resolve()
     if not place.is_relative_to(folder.resolve()):
         raise _refused(entry, f"its policy {entry.agent} is outside of the submission")
-    size = sum(_size_of(entry, place / name) for name in (CONTENT, WEIGHTS))
+    files = weights_files(place)
+    size = sum(_size_of(entry, file) for file in (place / CONTENT, *files))
     try:
         _check_training(entry, place, number)
-        unpacked = _unpacked(place / WEIGHTS)
+        unpacked = sum(map(_unpacked, files))
         if unpacked > UNPACKED:
-            raise _refused(entry, f"{entry.agent}/{WEIGHTS} has {unpacked:,} bytes, of at most {UNPACKED:,}")
+            raise _refused(
+                entry, f"{entry.agent}: its weights have {unpacked:,} bytes, of at most {UNPACKED:,}"
+            )
         policy = ExportedPolicy(place, TEAM)
     except RefusedError:
         raise

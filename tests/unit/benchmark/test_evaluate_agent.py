@@ -70,7 +70,7 @@ def test_wrong_commands_end_with_exit_code_2(arguments):
 def test_an_evaluation_names_its_agent():
     given = ["--scenario", "intersection", "--traffic", "no_social_vehicles", "--episodes", "1"]
     ended = CliRunner().invoke(app, ["evaluate", "--agent", DRAWING, "--agents", "1", *given])
-    assert f"{DRAWING}: 1 agent-episodes" in ended.stdout
+    assert f"{DRAWING}: 1 agent-episodes of intersection, no_social_vehicles" in ended.stdout
 
 
 def test_a_folder_that_is_not_there_is_not_added(tmp_path):

@@ -258,7 +258,7 @@ def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(held_out,
     assert "--checkpoint" in err
     code, out, _ = finish(begin(*short, "--checkpoint", "best"))
     assert code == 0
-    assert "greedy: 2 agent-episodes" in out
+    assert "greedy: 2 agent-episodes of double_merge, no_social_vehicles" in out
 
     config = run / "config.yaml"
     config.write_text(config.read_text().replace("algorithm: ppo", "algorithm: a2c"))

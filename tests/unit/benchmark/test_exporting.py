@@ -31,6 +31,7 @@ from smarts.registry import import_own
 from smarts.zoo import make_agent, make_spec
 from smarts_agent_kit.exported import TEAM, ExportError
 from smarts_agent_kit.exported import ExportedPolicy as KitPolicy
+from smarts_agent_kit.weights import weights_files
 
 pytestmark = pytest.mark.slow
 
@@ -168,6 +169,7 @@ def test_a_team_acts_as_the_checkpoint_also_where_agents_talk(make, tmp_path, na
     """With agents that leave one by one, in simulations side by side."""
     run, folder = make(name, settings, f"{{agents: 4{more}}}")
     exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    assert len(weights_files(exported)) == len([*exported.glob("*.npz")]) == len(run_groups(exported))
     team, of_the_kit = make_spec_of(exported, TEAM).build_agent(), KitPolicy(exported, TEAM)
     assert team.talks == of_the_kit.talks == (name in ("commnet", "networked_q"))
     observation = "neighbor_rows" if SETS in more else "benchmark"
@@ -186,6 +188,20 @@ def test_a_team_acts_as_the_checkpoint_also_where_agents_talk(make, tmp_path, na
         chosen |= {*given.tolist()}
     assert compared >= 2000
     assert len(chosen) > 1
+
+
+def run_groups(exported):
+    """Return the groups of agents of an exported policy; each has a network."""
+    return json.loads((exported / "policy.json").read_text())["groups"]
+
+
+def test_missing_weights_of_a_group_are_named(make, tmp_path):
+    _, folder = make("ppo", "{sharing: {one: [agent-0, agent-2], two: [agent-1, agent-3]}}", "{agents: 4}")
+    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    (exported / "policy_1.npz").unlink()
+    KitPolicy(exported, "agent-0")
+    with pytest.raises(ExportError, match=r"weights of 'two/0' are missing"):
+        KitPolicy(exported, "agent-1")
 
 
 def make_spec_of(folder, agent=""):

@@ -310,9 +310,16 @@ def test_the_results_of_missing_seeds_are_not_released(tmp_path):
     write_run(tmp_path / "one", "ppo", [agent_episodes([["goal", "goal"]] * 3, mode="greedy")])
     with pytest.raises(ResultsError) as caught:
         write_release(tmp_path / "one", tmp_path / "release")
-    assert "seed 2 is not begun" in caught.value.problem
-    assert "has the seeds 1 alone, of at least 3" in caught.value.problem
+    assert caught.value.problem == "incomplete: ppo, intersection, no_social_vehicles, seeds 2, 3: not begun"
     assert not (tmp_path / "release").exists()
+
+
+def test_fewer_seeds_than_an_entry_has_are_not_released(tmp_path):
+    write_experiment(tmp_path / "one", seeds=[1, 2])
+    for seed in (1, 2):
+        write_run(tmp_path / "one", "ppo", [agent_episodes([["goal", "goal"]] * 3, mode="greedy")], seed=seed)
+    with pytest.raises(ResultsError, match="has seeds 1, 2 alone, of at least 3"):
+        write_release(tmp_path / "one", tmp_path / "release")
 
 
 def test_a_release_replaces_only_what_it_holds_itself(submission, tmp_path):
