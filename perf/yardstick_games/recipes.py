@@ -109,7 +109,10 @@ _POLICIES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "minibatch_size":
 _SPREAD = {**_VALUES, "gamma": 0.95, "epsilon_steps": 200_000, "reward_scale": 0.2}
 _STANDARDIZED = {**_SPREAD, "reward_scale": 1.0, "standardize_rewards": True}
 _AS_PUBLISHED = Recipe(8, _STANDARDIZED, limit_ends=True)
-"""As EPyMARL plays simple_spread: rewards are standardised, and the time limit is a termination."""
+"""As EPyMARL plays: rewards are standardised, and the time limit is a termination."""
+_FORAGING_AS_PUBLISHED = Recipe(
+    8, {**_FORAGING, "reward_scale": 1.0, "standardize_rewards": True}, limit_ends=True
+)
 _MATRIX = {"hidden": (64, 64), "lr": 1e-3, "epsilon": (1.0, 0.2), "epsilon_steps": 40_000}
 _MATRIX_POLICIES = {"hidden": (64, 64), "lr": 3e-3, "minibatch_size": None, "epochs": 4}
 
@@ -139,6 +142,7 @@ RECIPES: dict[str, dict[str, Recipe]] = {
     "foraging": {
         "vdn": Recipe(8, _FORAGING),
         "qmix": Recipe(8, _FORAGING),
+        f"qmix-{AS_PUBLISHED}": _FORAGING_AS_PUBLISHED,
         "ppo": Recipe(50, {**_POLICIES, "normalize_values": True}),
         "centralised_v": Recipe(50, _POLICIES),
         **{f"vdn-{name}": _ablated(**changed) for name, changed in _ABLATIONS.items()},
