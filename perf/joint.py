@@ -4,7 +4,8 @@
 
 4 agents, observations of 200 floats, 5 actions, 8 environments, networks [64, 64], fragments of 64 steps.
 Prints agent-steps per second of this process' processor time, of sampling and of whole training iterations
-(independent PPO), and the ratios to RLlib's PPO measured in the same run.
+(independent PPO), the ratios to RLlib's PPO measured in the same run, and the time of an iteration without
+its sampling, in us for each agent-step and epoch.
 """
 
 from __future__ import annotations
@@ -178,7 +179,7 @@ def main() -> None:
     # One thread for both sides: with more, either is slowed tenfold by whatever else runs on the machine.
     torch.set_num_threads(1)
     ray.init(address="local", num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
-    print(f"agent-steps/CPU s, {arguments.epochs} epoch(s)  sampling   ratio   training   ratio")
+    print(f"agent-steps/CPU s, {arguments.epochs} epoch(s)  sampling   ratio   training   ratio  update [us]")
     for sharing in ("all", "none"):
         base = stock(sharing, arguments.epochs, arguments.seconds)
         rows = {
@@ -188,8 +189,10 @@ def main() -> None:
         }
         for name, (sampling, training) in rows.items():
             ratios = sampling / base[0], training / base[1]
+            update = 1e6 * (1 / training - 1 / sampling) / arguments.epochs
             label = f"sharing {sharing}: {name}"
-            print(f"{label:33s} {sampling:9,.0f} {ratios[0]:7.1f} {training:10,.0f} {ratios[1]:7.1f}")
+            rates = f"{sampling:9,.0f} {ratios[0]:7.1f} {training:10,.0f} {ratios[1]:7.1f}"
+            print(f"{label:33s} {rates} {update:12.1f}")
     ray.shutdown()
 
 

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import numpy as np
 from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 
-from algorithms.joint.env import CARRIED, MEMORY, AgentBlock, JointSpaces, JointStep, VectorJointEnv
+from algorithms.joint.env import CARRIED, MEMORY, AgentBlock, JointStep, VectorJointEnv
 from algorithms.joint.policies import Policies
 from algorithms.joint.sampler import Sampler
-from algorithms.joint.signature import check_signature
 from algorithms.joint.spec import JointSpec
 from algorithms.joint.threads import torch_threads
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
+from benchmark.running.given_steps import GivenSteps, among, fill, mask_in
+from benchmark.running.policy_modules import checked_modules
 from benchmark.running.trained_run import read_run
-from benchmark.running.training import checkpoint_error, config_of, unpickled
+from benchmark.running.training import config_of, unpickled
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorStep
 from smarts.errors import ActionError, nearest_names
-from smarts.observations.action_mask import MASK
 
 STEPS = "num_env_steps_sampled_lifetime"
 MODES = ("greedy", "sampled")
@@ -99,7 +97,7 @@ class Policy:
             for module in modules.values()
         )
         """Whether actions depend on more than the agent's own observation: messages, common draws."""
-        self._playing: tuple[_GivenSteps, Sampler] | None = None
+        self._playing: tuple[GivenSteps, Sampler] | None = None
         self._last: tuple[NDArray, ...] | None = None
         self._attached: Any = None
 
@@ -149,7 +147,7 @@ class Policy:
         Returns:
             An array for each block, as `act` does.
         """
-        return [*self._choose(_among(agents, now), worlds)]
+        return [*self._choose(among(agents, now), worlds)]
 
     def play(self, env: VectorJointEnv, indices: range) -> None:
         """Play test episodes; the environment also records the action probabilities.
@@ -214,10 +212,10 @@ class Policy:
             self._last = sampler.choose(self._exploration)
         return self._last
 
-    def _playing_in(self, count: int) -> tuple[_GivenSteps, Sampler]:
+    def _playing_in(self, count: int) -> tuple[GivenSteps, Sampler]:
         """Return the sampler of `count` simulations; another number of them starts a new one."""
         if self._playing is None or self._playing[0].num_envs != count:
-            given = _GivenSteps(count, self._spec.spaces._replace(blocks=self._blocks))
+            given = GivenSteps(count, self._spec.spaces._replace(blocks=self._blocks))
             env = self._config.adapt(given)
             self._playing = given, Sampler(env, self._policies, self._spec, seed=self._seed)
             self._last = None
@@ -256,9 +254,9 @@ class Policy:
             if name not in by_agent:
                 continue
             seen = self._arrays_of(name, by_agent[name])
-            _fill(name, seen, {leaf: array[0, row] for leaf, array in arrays.items()})
+            fill(name, seen, {leaf: array[0, row] for leaf, array in arrays.items()})
             if action_mask is not None:
-                action_mask[0, row] = _mask_in(name, seen, infos.get(name))
+                action_mask[0, row] = mask_in(name, seen, infos.get(name))
                 action_mask[0, row, 0] |= not action_mask[0, row].any()
         return arrays, action_mask
 
@@ -283,166 +281,12 @@ class Policy:
         return found
 
 
-class _GivenSteps:
-    """A vector environment whose next step is set from outside: algorithms wrap it like any other."""
-
-    def __init__(self, num_envs: int, spaces: JointSpaces) -> None:
-        self.num_envs, self.spaces = num_envs, spaces
-        self.now: Any = None
-        self.worlds: NDArray | None = None
-        """Index of each one's episode, shape (B,); None: not known."""
-
-    @property
-    def alive(self) -> NDArray[np.bool_]:
-        """Which agents were active in the last step, shape (B, N)."""
-        agents = sum(len(block.agents) for block in self.spaces.blocks)
-        return np.zeros((self.num_envs, agents), bool) if self.now is None else self.now.alive
-
-    def reset(self, seed: int, worlds: Any, *, stride: int = 0) -> Any:
-        """Return the step that was set."""
-        return self.now
-
-    def step(self, actions: Any) -> Any:
-        """Return the step that was set."""
-        return self.now
-
-    def recreate(self, failures: Mapping[int, BaseException]) -> NoReturn:
-        """Raise, since an observation is not finite."""
-        raise ActionError("an observation is not finite", place="Policy.act") from next(
-            iter(failures.values())
-        )
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
 def _is_shown_others(module: Any) -> bool:
     """Return whether observations have more than the agent's own and the policy's memory."""
     return any(name.startswith(CARRIED) and name != MEMORY for name in module.group.observation)
-
-
-def _among(agents: NDArray[np.bool_], now: VectorStep) -> VectorStep:
-    """Return a step in which the other agents are absent, and all that they see is zero."""
-    observations, first = [], 0
-    for leaves in now.observations:
-        count = next(iter(leaves.values())).shape[1]
-        own = agents[first : first + count]
-        observations.append({name: _zero_where(array, ~own) for name, array in leaves.items()})
-        first += count
-    return now._replace(
-        observations=tuple(observations),
-        **{name: getattr(now, name) & agents for name in ("terminated", "truncated", "alive")},
-    )
-
-
-def _zero_where(array: NDArray, columns: NDArray[np.bool_]) -> NDArray:
-    if not columns.any():
-        return array
-    kept = array.copy()
-    kept[:, columns] = 0
-    return kept
 
 
 def _seen(block: AgentBlock) -> AgentBlock:
     """Return a block without observations that the algorithm adds."""
     kept = {name: box for name, box in block.observation.items() if not name.startswith(CARRIED)}
     return block._replace(observation=kept)
-
-
-def _mask_in(name: str, *given: Any) -> NDArray[np.bool_]:
-    """Return an agent's action mask from the first mapping that has one.
-
-    Raises:
-        ActionError: There is none, although the policy was trained with one.
-    """
-    for each in given:
-        if isinstance(each, Mapping) and MASK in each:
-            return np.asarray(each[MASK], bool)
-    raise ActionError(
-        f"there is no {MASK!r} for {name!r}, with which the policy was trained",
-        place="Policy.act",
-        remedy="hand over the infos too, or use an environment with action_mask=True",
-    )
-
-
-def _fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
-    """Copy an agent's observation into its rows.
-
-    Raises:
-        ActionError: It lacks an array, or has one of another shape.
-    """
-    for leaf, row in rows.items():
-        try:
-            part = seen
-            if isinstance(seen, Mapping):
-                full = leaf or "observation"
-                for key in [full] if full in seen else full.split("/"):
-                    part = part[key]
-            array = np.asarray(part)
-        except (KeyError, TypeError) as error:
-            raise ActionError(
-                f"the observation of {name!r} has no {leaf or 'observation'!r}",
-                place="Policy.act",
-                remedy="use the observation of the training",
-            ) from error
-        if array.shape != row.shape:
-            raise ActionError(
-                f"{leaf or 'observation'!r} of {name!r} has the shape {array.shape}, not {row.shape}",
-                place="Policy.act",
-                remedy="use the number of agents and the observation of the training",
-            )
-        row[...] = array
-
-
-def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
-    """Return the policy networks of a run's checkpoint by group.
-
-    Raises:
-        ResultsError: The checkpoint is damaged.
-        CheckpointError: The run's algorithm, or a setting of its networks, is another than the checkpoint's.
-    """
-    built = unpickled(checkpoint / "env_runner" / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]
-    check_signature(built["config"].checkpoint_signature(), config_of(run).checkpoint_signature())
-    return policy_modules(checkpoint)
-
-
-def policy_modules(checkpoint: Path) -> dict[str, Any]:
-    """Return the policy networks of a checkpoint by group.
-
-    Raises:
-        ResultsError: It is damaged.
-    """
-    root = checkpoint / "learner_group" / "learner" / "rl_module"
-    folders = sorted(root.glob("*/"))
-    made = {folder.name: _module(folder) for folder in folders if "__" not in folder.name}  # no critics
-    groups = [group.id for group in next(iter(made.values())).spec.groups] if made else []
-    if not made or not {*groups} <= made.keys():
-        raise ResultsError("holds no policy of each group", place=str(root), remedy="train it further")
-    return {group: made[group] for group in groups}
-
-
-def _module(folder: Path) -> Any:
-    """Return a network with the weights of a checkpoint."""
-    described = unpickled(folder / "class_and_ctor_args.pkl")
-    named = described["ctor_args_and_kwargs"][1]
-    wanted = {key: named[key] for key in ("observation_space", "action_space", "model_config")}
-    with _quiet():
-        module = described["class"](**wanted, inference_only=True)
-    weights = unpickled(folder / "module_state.pkl")
-    try:
-        module.set_state(weights)
-    except Exception as error:  # of weights of another kind or shape
-        raise checkpoint_error(error, folder / "module_state.pkl") from error
-    module.eval()
-    return module
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep RLlib from warning of what its own constructor of modules does."""
-    before = logging.root.manager.disable
-    logging.disable(logging.WARNING)
-    try:
-        yield
-    finally:
-        logging.disable(before)

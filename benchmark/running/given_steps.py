@@ -1,0 +1,114 @@
+"""Steps of a user's own loop as arrays, from which a policy acts as from an environment's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.joint.env import JointSpaces
+from smarts.env.vector import VectorStep
+from smarts.errors import ActionError
+from smarts.observations.action_mask import MASK
+
+
+class GivenSteps:
+    """A vector environment whose next step is set from outside: algorithms wrap it like any other."""
+
+    def __init__(self, num_envs: int, spaces: JointSpaces) -> None:
+        self.num_envs, self.spaces = num_envs, spaces
+        self.now: Any = None
+        self.worlds: NDArray | None = None
+        """Index of each one's episode, shape (B,); None: not known."""
+
+    @property
+    def alive(self) -> NDArray[np.bool_]:
+        """Which agents were active in the last step, shape (B, N)."""
+        agents = sum(len(block.agents) for block in self.spaces.blocks)
+        return np.zeros((self.num_envs, agents), bool) if self.now is None else self.now.alive
+
+    def reset(self, seed: int, worlds: Any, *, stride: int = 0) -> Any:
+        """Return the step that was set."""
+        return self.now
+
+    def step(self, actions: Any) -> Any:
+        """Return the step that was set."""
+        return self.now
+
+    def recreate(self, failures: Mapping[int, BaseException]) -> NoReturn:
+        """Raise, since an observation is not finite."""
+        raise ActionError("an observation is not finite", place="Policy.act") from next(
+            iter(failures.values())
+        )
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def among(agents: NDArray[np.bool_], now: VectorStep) -> VectorStep:
+    """Return a step in which the other agents are absent, and all that they see is zero."""
+    observations, first = [], 0
+    for leaves in now.observations:
+        count = next(iter(leaves.values())).shape[1]
+        own = agents[first : first + count]
+        observations.append({name: _zero_where(array, ~own) for name, array in leaves.items()})
+        first += count
+    return now._replace(
+        observations=tuple(observations),
+        **{name: getattr(now, name) & agents for name in ("terminated", "truncated", "alive")},
+    )
+
+
+def _zero_where(array: NDArray, columns: NDArray[np.bool_]) -> NDArray:
+    if not columns.any():
+        return array
+    kept = array.copy()
+    kept[:, columns] = 0
+    return kept
+
+
+def mask_in(name: str, *given: Any) -> NDArray[np.bool_]:
+    """Return an agent's action mask from the first mapping that has one.
+
+    Raises:
+        ActionError: There is none, although the policy was trained with one.
+    """
+    for each in given:
+        if isinstance(each, Mapping) and MASK in each:
+            return np.asarray(each[MASK], bool)
+    raise ActionError(
+        f"there is no {MASK!r} for {name!r}, with which the policy was trained",
+        place="Policy.act",
+        remedy="hand over the infos too, or use an environment with action_mask=True",
+    )
+
+
+def fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
+    """Copy an agent's observation into its rows.
+
+    Raises:
+        ActionError: It lacks an array, or has one of another shape.
+    """
+    for leaf, row in rows.items():
+        try:
+            part = seen
+            if isinstance(seen, Mapping):
+                full = leaf or "observation"
+                for key in [full] if full in seen else full.split("/"):
+                    part = part[key]
+            array = np.asarray(part)
+        except (KeyError, TypeError) as error:
+            raise ActionError(
+                f"the observation of {name!r} has no {leaf or 'observation'!r}",
+                place="Policy.act",
+                remedy="use the observation of the training",
+            ) from error
+        if array.shape != row.shape:
+            raise ActionError(
+                f"{leaf or 'observation'!r} of {name!r} has the shape {array.shape}, not {row.shape}",
+                place="Policy.act",
+                remedy="use the number of agents and the observation of the training",
+            )
+        row[...] = array
