@@ -176,14 +176,15 @@ def _against_paper(report: Report, mode: str) -> list[str]:
     words = ", ".join(f"{word} in {counted.count(word)}" for word in reversed(WORDS))
     title, share = MODE_TITLES[mode], f"{passed} of {len(counted)} cells that count"
     lines = [f"{title}: better than or {NON_INFERIOR} to the paper in {share} ({words})."]
-    left_out = [
-        f"{algorithm_label(row.algorithm)}, {task_label(cell.task)}, {traffic_label(cell.traffic)}: "
-        f"{mark(cell)}, but {', '.join(_reasons(cell))}"
-        for row, cell in every
-        if not cell.counts
-    ]
+    left_out: dict[tuple[str, str], list[str]] = {}
+    for row, cell in every:
+        if not cell.counts:
+            place = f"{task_label(cell.task)}, {traffic_label(cell.traffic)}"
+            named = left_out.setdefault((place, ", ".join(_reasons(cell))), [])
+            named.append(algorithm_label(row.algorithm))
     if left_out:
-        lines.append(f"{title}: not counted: {'; '.join(left_out)}.")
+        told = [f"{place}: {', '.join(named)} ({reason})" for (place, reason), named in left_out.items()]
+        lines.append(f"{title}: not counted: {'; '.join(told)}.")
     absent = ", ".join(name for name in DEGENERATE if name not in report.scripted)
     if absent:
         lines.append(f"{title}: not played, so it is not known whether they pass cells: {absent}.")

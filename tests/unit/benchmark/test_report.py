@@ -245,7 +245,7 @@ class TestAgainstThePaper:
         assert cells_of(report, "maddpg")["intersection", ALONE].passed_by == ()
         first, left_out, absent = standing(report)
         assert "1 of 1 cells that count" in first
-        assert "not counted: PPO, Intersection, No Social Vehicle: better, but random passes" in left_out
+        assert "not counted: Intersection, No Social Vehicle: PPO (random passes" in left_out
         assert "MADDPG" not in left_out
         assert "keep_lane" in absent
 

@@ -145,7 +145,7 @@ def test_a_cell_that_is_one_in_name_only_is_not_counted_against_the_paper(tmp_pa
     said = " ".join(standing(report))
     assert "Not a cell with social vehicles in effect: intersection" in said
     assert "in 1 of 1 cells that count" in said
-    assert "not counted: MADDPG, Intersection, Random Social Vehicle: better, but" in said
+    assert "not counted: Intersection, Random Social Vehicle: MADDPG (" in said
     assert "hardly differs from the cell without social vehicles" in said
 
 
