@@ -1,0 +1,152 @@
+"""Write the tables of version 1 in README.md and docs/benchmark_v1.md from the committed results.
+
+    smarts-bench report results/benchmark_v1 && python results/tables.py [--check]
+
+A table stands between the lines "<!-- table NAME -->" and "<!-- end of table -->". With `--check` nothing is
+written; exit code 1 if a file has another table than the results.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from benchmark.report.paper import printed
+
+HERE = Path(__file__).resolve().parent
+RESULTS = HERE / "benchmark_v1"
+FILES = {"README.md": ("paper",), "docs/benchmark_v1.md": ("modes", "seeds")}
+"""File -> its tables."""
+TASKS, ALONE, SOCIAL = (
+    ("two_way", "double_merge", "intersection"),
+    "no_social_vehicles",
+    "random_social_vehicles",
+)
+CELLS = [(f"{task}_v1", traffic) for traffic in (ALONE, SOCIAL) for task in TASKS]
+TITLES = [
+    f"{task.replace('_', '-' if task == 'two_way' else ' ')}{', SV' * (traffic == SOCIAL)}"
+    for traffic in (ALONE, SOCIAL)
+    for task in TASKS
+]
+ALGORITHMS = {
+    "dqn": "DQN",
+    "ppo": "PPO",
+    "maac": "MAAC",
+    "mf_ac": "MF-AC",
+    "networked_q": "Networked Q",
+    "commnet": "CommNet",
+    "maddpg": "MADDPG",
+}
+RULES = "gap_acceptance"
+
+Values = dict[tuple[str, str, str, str, str], dict[str, str]]
+"""A row of values.csv by algorithm, task, traffic, mode and metric."""
+
+
+def read_values() -> Values:
+    """Return what the report says."""
+    keys = ("algorithm", "task", "traffic", "mode", "metric")
+    with (RESULTS / "report" / "values.csv").open(newline="") as file:
+        return {tuple(row[key] for key in keys): row for row in csv.DictReader(file)}  # type: ignore[misc]
+
+
+def rates(values: Values, algorithm: str, cell: tuple[str, str], mode: str) -> str:
+    """Return "collision / completion", or "" if there is none."""
+    found = [values.get((algorithm, *cell, mode, f"{rate}_rate")) for rate in ("collision", "completion")]
+    return " / ".join(f"{float(row['value']):.2f}" for row in found if row)
+
+
+def worst(values: Values, algorithm: str, cell: tuple[str, str], mode: str) -> str:
+    """Return completion in the worst held-out variation, and its name, or "" if there is none."""
+    row = values.get((algorithm, *cell, mode, "generalization"))
+    if row is None or not row["value"]:
+        return ""
+    terms = dict(term.split("=") for term in row["terms"].split("; "))
+    return f"{float(terms['held_out_completion']):.2f} ({row['worst'].partition('@')[2]})"
+
+
+def paper_table(values: Values) -> Iterable[Sequence[str]]:
+    """Yield rows of greedy rates, with the paper's in parentheses."""
+    yield ("", *TITLES)
+    for name, label in ALGORITHMS.items():
+        papers = [" / ".join(f"{each:g}" for each in _printed(name, cell)) for cell in CELLS]
+        ours = [rates(values, name, cell, "greedy") for cell in CELLS]
+        yield (label, *(f"{own} ({paper})" for own, paper in zip(ours, papers, strict=True)))
+    yield (f"`{RULES}` (scripted)", *(rates(values, RULES, cell, "scripted") for cell in CELLS))
+
+
+def _printed(algorithm: str, cell: tuple[str, str]) -> tuple[float, float]:
+    first = printed(algorithm, *cell)[0]
+    return first.collision, first.completion
+
+
+def modes_table(values: Values) -> Iterable[Sequence[str]]:
+    """Yield rows of greedy rates, sampled rates and the worst held-out variation."""
+    yield ("", *TITLES)
+    for name, label in [*ALGORITHMS.items(), (RULES, f"`{RULES}` (scripted)")]:
+        modes = ("scripted",) if name == RULES else ("greedy", "sampled")
+        parts = [
+            [*(rates(values, name, cell, mode) for mode in modes), worst(values, name, cell, modes[0])]
+            for cell in CELLS
+        ]
+        yield (label, *("; ".join(filter(None, each)) for each in parts))
+
+
+def seeds_table(values: Values) -> Iterable[Sequence[str]]:
+    """Yield rows of greedy rates by training seed, counted from the tests' rows."""
+    yield ("", *TITLES)
+    for name, label in ALGORITHMS.items():
+        yield (label, *("; ".join(_by_seed(name, cell)) for cell in CELLS))
+
+
+def _by_seed(algorithm: str, cell: tuple[str, str]) -> Iterable[str]:
+    for file in sorted(RESULTS.glob(f"{algorithm}/{'/'.join(cell)}/seed_*/episodes.parquet")):
+        table = pq.read_table(file, columns=["mode", "split", "is_invalid", "agents", "outcome"])
+        kept = pc.field("mode").isin(["greedy"]) & pc.field("split").isin(["train"])
+        outcomes = table.filter(kept & ~pc.field("is_invalid") & (pc.field("agents") > 0))[
+            "outcome"
+        ].to_pylist()
+        shares = [outcomes.count(outcome) / len(outcomes) for outcome in ("collision", "goal")]
+        yield " / ".join(f"{share:.2f}" for share in shares)
+
+
+TABLES = {"paper": paper_table, "modes": modes_table, "seeds": seeds_table}
+
+
+def lines_of(name: str, values: Values) -> str:
+    """Return a table in Markdown."""
+    head, *rows = TABLES[name](values)
+    written = ["| " + " | ".join(row) + " |" for row in (head, *rows)]
+    return "\n".join([written[0], "|---" * len(head) + "|", *written[1:]])
+
+
+def with_tables(text: str, names: Iterable[str], values: Values) -> str:
+    """Return a file's text with its tables as the results are."""
+    for name in names:
+        start, end = f"<!-- table {name} -->\n", "\n<!-- end of table -->"
+        before, rest = text.split(start)
+        text = f"{before}{start}{lines_of(name, values)}{end}{rest.partition(end)[2]}"
+    return text
+
+
+def main() -> int:
+    """Write the tables, or only compare them; return the exit code."""
+    values, differing = read_values(), []
+    for name, tables in FILES.items():
+        file = HERE.parent / name
+        text = file.read_text(encoding="utf-8")
+        if (new := with_tables(text, tables, values)) != text:
+            differing.append(name)
+            if "--check" not in sys.argv:
+                file.write_text(new, encoding="utf-8")
+    print(f"differing: {', '.join(differing) or 'none'}")
+    return int("--check" in sys.argv and bool(differing))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
