@@ -203,13 +203,12 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--episodes", type=int, default=300)
-    parser.add_argument("--policies", nargs="*", default=POLICIES)
+    parser.add_argument("--policies", nargs="*", help=f"default: {' '.join(POLICIES)}; none with --run")
     parser.add_argument("--scenarios", nargs="+", default=SCENARIOS)
     parser.add_argument("--step", type=float, default=0.5, help="of the traffic [s] (default 0.5)")
-    parser.add_argument(
-        "--run", type=Path, nargs="*", default=(), help="folders of trained runs, beside policies"
-    )
+    parser.add_argument("--run", type=Path, nargs="*", default=(), help="folders of trained runs")
     options = parser.parse_args()
+    policies = (() if options.run else POLICIES) if options.policies is None else options.policies
     steps = None, options.step
     print("| " + " | ".join(HEADER) + " |", "|---" * len(HEADER) + "|", sep="\n")
     try:
@@ -217,7 +216,7 @@ def main() -> None:
         agree += [
             scripted(policy, scenario, options.episodes, steps)
             for scenario in options.scenarios
-            for policy in options.policies
+            for policy in policies
         ]
     except SmartsError as error:
         sys.exit(f"perf.traffic_step: {error}")
