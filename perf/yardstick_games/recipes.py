@@ -143,7 +143,6 @@ RECIPES: dict[str, dict[str, Recipe]] = {
         "vdn": Recipe(8, _FORAGING),
         "qmix": Recipe(8, _FORAGING),
         f"qmix-{AS_PUBLISHED}": _FORAGING_AS_PUBLISHED,
-        "qmix-more_updates": Recipe(8, {**_FORAGING, "updates_per_step": 1 / 8}, steps=1_000_000),
         "ppo": Recipe(50, {**_POLICIES, "normalize_values": True}),
         "centralised_v": Recipe(50, _POLICIES),
         **{f"vdn-{name}": _ablated(**changed) for name, changed in _ABLATIONS.items()},
