@@ -50,9 +50,11 @@ Values = dict[tuple[str, str, str, str, str], dict[str, str]]
 
 def read_values() -> Values:
     """Return what the report says."""
-    keys = ("algorithm", "task", "traffic", "mode", "metric")
     with (RESULTS / "report" / "values.csv").open(newline="") as file:
-        return {tuple(row[key] for key in keys): row for row in csv.DictReader(file)}  # type: ignore[misc]
+        return {
+            (row["algorithm"], row["task"], row["traffic"], row["mode"], row["metric"]): row
+            for row in csv.DictReader(file)
+        }
 
 
 def rates(values: Values, algorithm: str, cell: tuple[str, str], mode: str) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import json
+import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -89,7 +91,7 @@ def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
             with np.load(place, allow_pickle=False) as file:
                 if all(each in file for each in names):
                     return tuple(np.ascontiguousarray(file[each].astype(np.float64)) for each in names)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
             raise ExportError(f"the weights cannot be read: {error}", str(place)) from error
     raise ExportError(f"the weights of {name!r} are missing", str(folder / WEIGHTS))
 

@@ -39,12 +39,12 @@ _NAMES = ("traffic", "seed", "world", "agent", "outcome", "is_invalid")
 _NUMBERS = ("start_x", "start_y", "start_heading", "start_speed", "duration", "distance_travelled")
 
 
-_Words = Annotated[
+_Digests = Annotated[
     list[str],
     BeforeValidator(lambda given: given.split() if isinstance(given, str) else given),
     PlainSerializer(" ".join, return_type=str, when_used="json"),
 ]
-"""A list that a file holds as one line."""
+"""A list of digests, which a manifest holds as one line."""
 
 
 class Entry(Section):
@@ -65,7 +65,7 @@ class Entry(Section):
     """Name -> digest, of the folder."""
     scores: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(default_factory=dict)
     """Metric -> value, of all test episodes that are not held out."""
-    episodes: dict[str, _Words] = Field(default_factory=dict)
+    episodes: dict[str, _Digests] = Field(default_factory=dict)
     """Scenario -> digest of each test episode, in their order; held-out variations too."""
 
     def __str__(self) -> str:

@@ -5,6 +5,7 @@ import pickle
 import shutil
 import subprocess
 import sys
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -202,6 +203,21 @@ def test_missing_weights_of_a_group_are_named(make, tmp_path):
     KitPolicy(exported, "agent-0")
     with pytest.raises(ExportError, match=r"weights of 'two/0' are missing"):
         KitPolicy(exported, "agent-1")
+
+
+def test_damaged_weights_are_named_wherever_the_damage_is(make, tmp_path):
+    _, folder = make("ppo", "{sharing: all}")
+    file = export_policy(folder.path, "own-one", tmp_path, checkpoint="last") / "policy.npz"
+    whole = file.read_bytes()
+    for place in range(0, len(whole), len(whole) // 40):
+        file.write_bytes(
+            whole[:place] + bytes(255 - each for each in whole[place : place + 40]) + whole[place + 40 :]
+        )
+        with suppress(ExportError):  # bytes that nothing depends on do no harm
+            KitPolicy(file.parent, "agent-0")
+    file.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ExportError, match="the weights cannot be read"):
+        KitPolicy(file.parent, "agent-0")
 
 
 def make_spec_of(folder, agent=""):

@@ -314,6 +314,15 @@ def test_the_results_of_missing_seeds_are_not_released(tmp_path):
     assert not (tmp_path / "release").exists()
 
 
+def test_digests_of_a_manifest_are_one_line_or_a_list(submission):
+    root = submission()
+    manifest = read_manifest(root)
+    written = manifest.content()
+    assert written["policies"][0]["episodes"]["loop"] == " ".join(manifest.policies[0].episodes["loop"])
+    (root / "manifest.json").write_text(json.dumps(written))
+    assert read_manifest(root) == manifest
+
+
 def test_fewer_seeds_than_an_entry_has_are_not_released(tmp_path):
     write_experiment(tmp_path / "one", seeds=[1, 2])
     for seed in (1, 2):
