@@ -153,7 +153,7 @@ class JointTorchLearner(TorchLearner):
 
     def log(self, module_id: str, name: str, value: Tensor) -> None:
         """Report the mean of a number over this update; read from the device only once an update."""
-        self._means.setdefault((module_id, name), []).append(value.detach())
+        self._means.setdefault((module_id, name), []).append(value.detach().to(self._device))
 
     def polyak_update(self, *module_ids: str, tau: float) -> None:
         """Move target networks towards their originals: target <- (1 - tau) * target + tau * original.

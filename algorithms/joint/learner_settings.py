@@ -49,6 +49,11 @@ def _number_faults(config: Any) -> Iterator[str]:
             f"num_learners={config.num_learners} is more than the {shares} rows or sequences that they "
             f"share: raise {name}={size}, or use fewer learners"
         )
+    if config.num_learners > 1 and 0 < config.num_gpus_per_learner < 1:
+        yield (
+            f"num_gpus_per_learner={config.num_gpus_per_learner}: {config.num_learners} learners average "
+            "gradients by NCCL, which wants a GPU for each: set it to 1, or num_learners to 1"
+        )
     if config.num_gpus_per_learner and not config.num_learners and not torch.cuda.is_available():
         yield (
             f"num_gpus_per_learner={config.num_gpus_per_learner}: torch finds no GPU on this machine, on "

@@ -75,6 +75,7 @@ ELSEWHERE = {
     "bubble_maps",
     "checkpoints",
     "endurance",
+    "gpu_learner",
     "learning_curves",
     "real_maps",
     "scenario_files",
@@ -116,6 +117,15 @@ def test_zoo_manoeuvres_takes_whole_batches(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         importlib.import_module("perf.zoo_manoeuvres").main()
     assert "multiple of 4" in capsys.readouterr().err
+
+
+def test_gpu_learner_says_that_there_is_no_gpu(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["gpu_learner"])
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    with pytest.raises(SystemExit) as ended:
+        importlib.import_module("perf.gpu_learner").main()
+    assert ended.value.code == 2
+    assert "finds no GPU" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("script", sorted(ELSEWHERE))

@@ -28,7 +28,7 @@ SETTINGS = {
 }
 
 
-def rig(name, learners=0, seed=0, **settings):
+def rig(name, learners=0, seed=0, gpus=0, **settings):
     """Return the rig of an algorithm: odd minibatches, agents that come and go."""
     return Rig(
         name,
@@ -36,6 +36,7 @@ def rig(name, learners=0, seed=0, **settings):
         {"crash": 0.0},
         seed=seed,
         learners=learners,
+        gpus=gpus,
         **(known(name, SETTINGS) | settings),
     )
 
@@ -57,7 +58,9 @@ def learn(learner, rollouts, made=0):
 
 def arrays(weights):
     """Return weights as arrays by name."""
-    return {f"{module}/{name}": x.numpy() for module, part in weights.items() for name, x in part.items()}
+    return {
+        f"{module}/{name}": x.cpu().numpy() for module, part in weights.items() for name, x in part.items()
+    }
 
 
 @ray.remote(num_cpus=0)

@@ -47,11 +47,11 @@ def known(name, settings):
 class Rig:
     """A learner and a sampler with its policies, on two copies of a game, or on a vector environment."""
 
-    def __init__(self, name, game, env_config=None, seed=0, learners=0, **settings):
+    def __init__(self, name, game, env_config=None, seed=0, learners=0, gpus=0, **settings):
         env = game if is_vector_env(game) else JointVector(lambda b: game(env_config or {}), 2)
         settings = {"hidden": (16,), **settings}
         self.config = algorithms.config(name).debugging(seed=seed).training(**settings)
-        self.config.learners(num_learners=learners)
+        self.config.learners(num_learners=learners, num_gpus_per_learner=gpus)
         self.env = self.config.adapt(env)
         self.spec = JointSpec.build(
             self.env.spaces, self.config.sharing, self.config.carried, self.config.set_width

@@ -1,0 +1,84 @@
+"""A learner on a GPU becomes what one on the CPU becomes; these tests need a GPU that torch can use."""
+
+import copy
+
+import numpy as np
+import pytest
+import torch
+
+from tests.unit.algorithms.joint.test_rllib_contract import build, small, train, weights
+from tests.unit.algorithms.joint.test_several_learners import VARIANTS
+from tests.unit.algorithms.learner_processes import LR, arrays, learn, rig
+from tests.unit.algorithms.rigs import EVERY
+
+assert build  # a fixture
+
+pytestmark = [
+    pytest.mark.usefixtures("cluster"),
+    pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU"),
+]
+
+TOLERANCE = 0.02 * LR
+"""Of weights: Adam divides gradients by their size, so the float error of a small one is a part of `lr`."""
+
+
+def assert_close(found, expected):
+    assert found.keys() == expected.keys()
+    for name, array in expected.items():
+        np.testing.assert_allclose(found[name], array, atol=TOLERANCE, rtol=1e-4, err_msg=name)
+
+
+def check_equal(name, settings):
+    """Compare a learner on the CPU with one on the GPU, and with each where the other's state was."""
+    here, there = rig(name, **settings), rig(name, gpus=1, **settings)
+    assert all(x.is_cuda for part in there.weights().values() for x in part.values())
+    before = arrays(here.weights())
+    assert_close(arrays(there.weights()), before)
+    rollouts = [here.rollout(24)]
+    learn(here.learner, rollouts)
+    learn(there.learner, rollouts)
+    here_again, there_again = rig(name, seed=1, **settings), rig(name, seed=1, gpus=1, **settings)
+    here_again.learner.set_state(copy.deepcopy(there.learner.get_state()))
+    there_again.learner.set_state(copy.deepcopy(here.learner.get_state()))
+    everyone = here, there, here_again, there_again
+    for made in (1, 2):
+        rollout = here.rollout(24)
+        reported, *others = [learn(each.learner, [rollout], made) for each in everyone]
+    expected = arrays(here.weights())
+    assert any((before[leaf] != expected[leaf]).any() for leaf in before)
+    for each, results in zip(everyone[1:], others, strict=True):
+        assert_close(arrays(each.weights()), expected)
+        assert each.learner.rng.random() == copy.deepcopy(here.learner.rng).random()
+        assert results.keys() == reported.keys()
+        for leaf, value in reported.items():
+            assert results[leaf] == pytest.approx(value, rel=1e-3, abs=1e-5), leaf
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_a_gpu_learns_what_the_cpu_learns(name):
+    check_equal(name, {})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "settings"), VARIANTS)
+def test_a_gpu_learns_what_the_cpu_learns_with_other_settings(name, settings):
+    check_equal(name, settings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+@pytest.mark.parametrize("learners", [0, 1])
+def test_a_training_continues_on_another_device(build, tmp_path, name, learners):
+    cpu, gpu = small(name), small(name).learners(num_learners=learners, num_gpus_per_learner=1)
+    control, cpu, gpu = build(small(name)), build(cpu), build(gpu)
+    for algo, folder in ((cpu, "cpu"), (gpu, "gpu")):
+        train(algo, 2)
+        algo.save_to_path(str(tmp_path / folder))
+    cpu.restore_from_path(str(tmp_path / "gpu"))
+    gpu.restore_from_path(str(tmp_path / "cpu"))
+    train(control, 4)
+    for algo in (cpu, gpu):
+        result = train(algo, 2)
+        assert result["learners"]["agent_0"]["gradient_norm"] > 0
+        for leaf, array in weights(control).items():
+            np.testing.assert_allclose(weights(algo)[leaf], array, atol=1e-4, err_msg=leaf)
