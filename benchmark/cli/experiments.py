@@ -23,6 +23,10 @@ Set = Annotated[
         metavar="KEY=VALUE",
     ),
 ]
+Parallel = Annotated[
+    int | None,
+    typer.Option(help="How many to play at a time, in processes.", min=1, show_default="one for each core"),
+]
 Import = Annotated[
     list[Path] | None,
     typer.Option(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from benchmark.cli.experiments import Import
+from benchmark.cli.experiments import Import, Parallel
 
 
 def release(
@@ -87,6 +87,7 @@ def verify(
             help="tcp://HOST:PORT that a manifest may name, as you know it. Repeatable.", show_default="none"
         ),
     ] = None,
+    parallel: Parallel = None,
 ) -> None:
     """Play a release or a submission, and compare its scores and episodes with its claims.
 
@@ -109,6 +110,7 @@ def verify(
         addresses=address or (),
     )
     test = {"episodes": episodes, "held_out_episodes": held_out_episodes, "fresh": fresh}
+    test["parallel"] = parallel
 
     def work() -> int:
         confirmed = True

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from benchmark.cli.experiments import Import
+from benchmark.cli.experiments import Import, Parallel
 from benchmark.cli.reports import Results
 
 NONE = "none"
@@ -48,6 +48,7 @@ def robustness(
             show_default="wet_road, latency_100, latency_300, latency_500",
         ),
     ] = None,
+    parallel: Parallel = None,
     import_: Import = None,
 ) -> None:
     """Play trained policies with partners from other algorithms, on a wet road, and with latency.
@@ -74,7 +75,7 @@ def robustness(
     )
 
     def work() -> int:
-        for line in play_robustness(results, given):
+        for line in play_robustness(results, given, parallel):
             typer.echo(line, err=True)
         typer.echo(f"report: {write_report(results)}")
         return 0

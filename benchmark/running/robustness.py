@@ -43,20 +43,23 @@ from benchmark.running.playing_together import (
 )
 from benchmark.running.policy import Policy
 from benchmark.running.robustness_checks import Cell, Given, cells_of
+from benchmark.running.side_by_side import side_by_side
 from benchmark.running.testing import EVALUATION_SEED, Part, measure_part
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.errors import SmartsError
+from smarts.registry import import_own
 
 KEPT = ("task", "traffic", "condition", "even", "odd", "episodes", "training_seed", "environment", "trained")
 """Keys of play.json that have to be as wanted, else it is played again; so has the commit."""
 
 
-def play_robustness(root: Path, given: Given) -> Iterator[str]:
+def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Iterator[str]:
     """Play all pairs of policies and all conditions that are not there yet.
 
     Args:
         root: The experiment's results.
         given: What is asked for.
+        parallel: Plays at a time, see `side_by_side`.
 
     Yields:
         A line for each play, when it is there.
@@ -69,12 +72,17 @@ def play_robustness(root: Path, given: Given) -> Iterator[str]:
         facts = machine()
         plays = [(cell, play) for cell in cells for play in plays_of(cell, given)]
         _check_shorter(root, plays)
-        for number, (cell, play) in enumerate(plays, start=1):
+        missing, there = [], 0
+        for cell, play in plays:
             wanted = _wanted(cell, play)
-            is_there = _is_there(root / play.folder, {**wanted, "commit": facts["commit"]})
-            if not is_there:
-                _play(root, cell, play, {**wanted, **facts})
-            yield f"{number}/{len(plays)} {play}{': was there' if is_there else ''}"
+            if _is_there(root / play.folder, {**wanted, "commit": facts["commit"]}):
+                there += 1
+                yield f"{there}/{len(plays)} {play}: was there"
+            else:
+                missing.append((root, cell, play, {**wanted, **facts}))
+        for number, _ in side_by_side(_play, missing, parallel):
+            there += 1
+            yield f"{there}/{len(plays)} {missing[number][2]}"
 
 
 def plays_of(cell: Cell, given: Given) -> Iterator[Play]:
@@ -127,6 +135,7 @@ def _is_there(folder: Path, wanted: Mapping[str, Any]) -> bool:
 
 def _play(root: Path, cell: Cell, play: Play, facts: Mapping[str, Any]) -> None:
     """Play and measure the episodes, and write rows, then facts, without which a play does not count."""
+    import_own(cell.setting.imports)  # this may be a process of its own
     (root / play.folder / PLAY).unlink(missing_ok=True)
     policies = {name: _policy(root, cell, name) for name in play.drivers if name in cell.runs}
     setting = _setting(cell, play)

@@ -43,6 +43,7 @@ from benchmark.running.evaluate_agent import play_agent
 from benchmark.running.judging import differences, equal_digests, memorized
 from benchmark.running.machine import machine
 from benchmark.running.played import scenario_digests
+from benchmark.running.side_by_side import side_by_side
 from benchmark.running.submission_folder import identity, open_evaluation, write_verdicts
 from benchmark.running.submissions import RefusedError, agent_of, check_manifest, task_of
 from benchmark.running.testing import EVALUATION_SEED
@@ -112,6 +113,7 @@ def verify(
     episodes: int = 200,
     held_out_episodes: int = 0,
     fresh: int | None = None,
+    parallel: int | None = 1,
 ) -> Iterator[Verdict]:
     """Evaluate a submission, and yield the verdict on each of its policies.
 
@@ -125,6 +127,7 @@ def verify(
         episodes: Test episodes of each policy.
         held_out_episodes: Of each policy on each held-out variation.
         fresh: Further episodes, of a seed that is drawn for the submission; by default as many as `episodes`.
+        parallel: Exported policies at a time, see `side_by_side`; an address is asked by one at a time.
 
     Raises:
         ResultsError: The submission is refused as a whole; names each reason. Or `out` holds something else.
@@ -137,10 +140,7 @@ def verify(
     with locked(out):
         seed = open_evaluation(manifest, out)
         evaluated = _Evaluated(manifest, folder, out, test, episodes if fresh is None else fresh, seed)
-        outcomes = []
-        for number, entry in enumerate(manifest.policies, start=1):
-            outcomes.append(evaluated.known(entry) or evaluated.played(entry))
-            print(f"{number} of {len(manifest.policies)}: {entry}: played", file=sys.stderr)
+        outcomes = evaluated.all(parallel)
         verdicts = [*_judged(outcomes, general, {"seed": seed, "episodes": evaluated.fresh})]
         for verdict in verdicts:
             if verdict.status != REFUSED:
@@ -168,6 +168,20 @@ class _Evaluated:
         """The test, as run.json has it."""
         kept = ("episodes", "held_out_episodes")
         return {"modes": [*self.test.modes], **{name: getattr(self.test, name) for name in kept}}
+
+    def all(self, parallel: int | None) -> list[_Outcome]:
+        """Return the outcomes of all entries, played now or known."""
+        entries = self.manifest.policies
+        outcomes = {k: outcome for k, entry in enumerate(entries) if (outcome := self.known(entry))}
+        ways: tuple[tuple[int | None, list[int]], ...] = (parallel, []), (1, [])
+        for k, entry in enumerate(entries):
+            if k not in outcomes:
+                ways[entry.agent.startswith(ADDRESS)][1].append(k)
+        for most, numbers in ways:
+            for done, outcome in side_by_side(self.played, [(entries[k],) for k in numbers], most):
+                outcomes[numbers[done]] = outcome
+                print(f"{len(outcomes)} of {len(entries)}: {outcome.entry}: played", file=sys.stderr)
+        return [outcomes[k] for k in range(len(entries))]
 
     def facts_of(self, entry: Entry) -> dict[str, Any]:
         """Return what tells in run.json whether an entry was played in this way."""

@@ -208,6 +208,14 @@ def test_what_is_there_is_not_played_again_and_what_is_lost_is(played, tmp_path,
     assert not read_played(read_results(root)).problems
 
 
+def test_plays_side_by_side_are_those_one_after_the_other(played, copy):
+    lines = [*play_robustness(copy, Given(algorithms=("ppo",), partners=("parked",), conditions=()), 2)]
+    assert [line.split(" ", 1)[0] for line in lines] == ["1/2", "2/2"]
+    for pair in (("ppo", "parked"), ("parked", "ppo")):
+        play = Play(TASK, TRAFFIC, AS_TRAINED, *pair, 1)
+        assert rows(read_play(copy / play.folder)) == rows(read_play(played / play.folder))
+
+
 def test_longer_plays_are_not_replaced_by_shorter_ones(played, monkeypatch):
     monkeypatch.setattr(known_conditions, "conditions", lambda: NEUTRAL)
     given = Given(episodes=2, algorithms=("ppo", "commnet"), partners=("parked",), conditions=())

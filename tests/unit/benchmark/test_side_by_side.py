@@ -1,0 +1,66 @@
+"""Calls in processes of their own: what comes back, what a failure says, what is left."""
+
+import operator
+import os
+import shutil
+
+import pytest
+
+from benchmark.results.files import ResultsError
+from benchmark.running.releasing import write_release
+from benchmark.running.side_by_side import side_by_side
+from benchmark.running.submissions import submitted
+from benchmark.running.verifying import verify
+from tests.blocks import ROOT
+from tests.raising import raises
+
+
+def test_one_at_a_time_is_in_this_process_and_in_order():
+    assert [*side_by_side(os.getpid, [()] * 3, 1)] == [(k, os.getpid()) for k in range(3)]
+
+
+def test_one_call_is_in_this_process():
+    assert [*side_by_side(os.getpid, [()])] == [(0, os.getpid())]
+
+
+def test_no_call_is_none():
+    assert not [*side_by_side(os.getpid, [])]
+
+
+@pytest.mark.slow
+def test_several_are_in_processes_of_their_own_and_keep_their_numbers():
+    assert dict(side_by_side(operator.mul, [(k, k) for k in range(5)], 2)) == {k: k * k for k in range(5)}
+    processes = {process for _, process in side_by_side(os.getpid, [()] * 4, 2)}
+    assert processes
+    assert os.getpid() not in processes
+
+
+@pytest.mark.slow
+def test_an_error_of_a_call_is_raised_as_it_is():
+    with pytest.raises(ZeroDivisionError):
+        [*side_by_side(operator.floordiv, [(1, 1), (1, 0), (1, 1)], 2)]
+
+
+@pytest.mark.slow
+def test_a_lost_process_is_named():
+    with raises(ResultsError, values=["lost", "--parallel 1"]):
+        [*side_by_side(os._exit, [(1,), (1,)], 2)]
+
+
+@pytest.mark.slow
+def test_policies_of_a_release_are_played_side_by_side(tmp_path):
+    results, cell = ROOT / "results" / "benchmark_v1", "dqn/two_way_v1/no_social_vehicles"
+    shutil.copytree(results / cell, tmp_path / "results" / cell)
+    for name in ("command.json", "experiment.json"):
+        shutil.copy(results / name, tmp_path / "results" / name)
+    write_release(tmp_path / "results", tmp_path / "release", author="A. Author", is_partial=True)
+    manifest, folder = submitted(str(tmp_path / "release"), number=None, scenarios=(), traffic=())
+    given = {"episodes": 2, "fresh": 1}
+    one, two = (
+        [*verify(manifest, folder, tmp_path / str(parallel), parallel=parallel, **given)]
+        for parallel in (1, 2)
+    )
+    assert len(one) == len(manifest.policies) > 1
+    for alone, beside in zip(one, two, strict=True):
+        assert (alone.entry, alone.scores, alone.reasons) == (beside.entry, beside.scores, beside.reasons)
+        assert (beside.equal, beside.compared) == (2, 2)
