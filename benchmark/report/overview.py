@@ -24,7 +24,7 @@ COLUMNS = {
     "worst held out": "Collision rate / completion rate of the held-out variation in which the policy is "
     "farthest behind its training; greedy",
 }
-LEFT = (0, 1, 2)
+LEFT = (0, 1, 2, 9)
 """Columns of words."""
 NOTE = (
     "Collision rate / completion rate, of algorithms and of the rule-based policy where it was played. Rank, "
