@@ -18,6 +18,7 @@ from statistics import fmean
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import EMPTY_ROADS
+from benchmark.results.plurals import counted
 from perf.yardstick_games import results
 from perf.yardstick_games.recipes import AS_PUBLISHED, YARDSTICKS
 from perf.yardstick_games.results import RunFile
@@ -179,7 +180,7 @@ def intersection(folder: Path) -> str:
     if not ends:
         return ""
     completion, collision, steps = (fmean(column) for column in zip(*ends, strict=True))
-    seeds = f"{len(ends)} seed{'s'[: len(ends) != 1]}"
+    seeds = counted(len(ends), "seed")
     return f"{completion:.2f} / {collision:.2f} ({seeds}, {steps / 1e6:.2g}M)"
 
 

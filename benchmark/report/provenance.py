@@ -9,6 +9,7 @@ from typing import Any
 from benchmark.experiment.version import tuning
 from benchmark.metrics.table import COUNTS
 from benchmark.report.paper import algorithm_label
+from benchmark.results.plurals import counted, listed
 from benchmark.results.reading import NOT_BEGUN, Results, RunResult
 from benchmark.results.run_folder import CONTINUED
 
@@ -144,24 +145,20 @@ def totals(results: Results) -> list[str]:
     lines = [_finished(name, of_group) for name, of_group in groups if of_group] or ["There are no runs."]
     if counts["invalid"]:
         lines.append(
-            f"{_counted(counts['invalid'], 'episode')} in which vehicles overlapped at the start: discarded."
+            f"{counted(counts['invalid'], 'episode')} in which vehicles overlapped at the start: discarded."
         )
     if counts["incomplete"]:
-        lines.append(f"{_counted(counts['incomplete'], 'episode')} cut short: discarded.")
+        lines.append(f"{counted(counts['incomplete'], 'episode')} cut short: discarded.")
     if counts["corrupted"]:
-        lines.append(f"{_counted(len(counts['corrupted']), 'episode')} that cannot be read: discarded.")
+        lines.append(f"{counted(len(counts['corrupted']), 'episode')} that cannot be read: discarded.")
     return lines
 
 
 def _finished(name: str, runs: Sequence[RunResult]) -> str:
     tables = [run.table for run in runs if run.table is not None]
     episodes = sum(table.attrs[COUNTS]["measured"] for table in tables)
-    finished = f"{len(tables)} of {_counted(len(runs), 'run')} finished"
-    return f"{name}: {finished}, {_counted(episodes, 'test episode')} measured."
-
-
-def _counted(count: int, name: str) -> str:
-    return f"{count} {name}{'' if count == 1 else 's'}"
+    finished = f"{len(tables)} of {counted(len(runs), 'run')} finished"
+    return f"{name}: {finished}, {counted(episodes, 'test episode')} measured."
 
 
 def gaps(results: Results) -> list[tuple[str, str]]:
@@ -175,7 +172,7 @@ def gaps(results: Results) -> list[tuple[str, str]]:
             seeds.append(str(run.seed))
     episodes = [(f"episode {name}", reason) for name, reason in results.counts["corrupted"].items()]
     runs = [
-        (cell + (f", seed{'s'[: len(seeds) != 1]} {', '.join(seeds)}" if seeds else ""), reason)
+        (cell + (f", {listed('seed', seeds)}" if seeds else ""), reason)
         for (cell, reason), seeds in missing.items()
     ]
     return [*runs, *results.problems.items(), *episodes]

@@ -11,7 +11,8 @@ import pandas as pd
 
 from benchmark.experiment.runs import SCRIPTED_SEED
 from benchmark.metrics import METRICS, compute
-from benchmark.metrics.results import Frame, measured_in
+from benchmark.metrics.results import THIS_CHECKPOINT, Frame, measured_in
+from benchmark.results.plurals import counted
 from benchmark.statistics import LEVEL
 
 MODES = ("greedy", "sampled")
@@ -26,6 +27,8 @@ OUTCOMES = (
 """Metrics that are shares of outcomes and add up to 1."""
 TEST_EPISODES = "the test episodes"
 """What the interval of a scripted policy covers."""
+THESE_CHECKPOINTS = "these checkpoints"
+"""What the interval of two training seeds covers."""
 COLUMNS = (
     *("algorithm", "kind", "task", "traffic", "mode", "metric", "value", "low", "high"),
     *("n", "count", "counted", "episodes", "seeds", "label", "note", "terms", "worst"),
@@ -76,7 +79,12 @@ class Value:
     @property
     def seeds_text(self) -> str:
         """How many training seeds, empty for a scripted policy."""
-        return f"{self.seeds} seed{'s'[: self.seeds != 1]}" if self.seeds else ""
+        return counted(self.seeds, "seed") if self.seeds else ""
+
+    @property
+    def is_of_checkpoints(self) -> bool:
+        """Whether the interval covers the trained policies, and no further training seeds."""
+        return self.label in (THIS_CHECKPOINT, THESE_CHECKPOINTS)
 
     @property
     def digits(self) -> int:
@@ -117,6 +125,7 @@ def measure_cells(table: Frame, metrics: Sequence[str] = (), level: float = LEVE
     answer = pd.concat(parts, ignore_index=True).rename(columns={"task_traffic": "traffic"})
     scripted = set(table.loc[table["training_seed"] == SCRIPTED_SEED, "algorithm"])
     answer["kind"] = ["scripted" if name in scripted else "learning" for name in answer["algorithm"]]
+    answer.loc[(answer["label"] == THIS_CHECKPOINT) & (answer["seeds"] > 1), "label"] = THESE_CHECKPOINTS
     # Nothing was trained: no seeds, no checkpoint.
     answer.loc[answer["kind"] == "scripted", ["seeds", "label"]] = [0, TEST_EPISODES]
     order = {name: number for number, name in enumerate(METRICS)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from benchmark.metrics.results import THIS_CHECKPOINT
 from benchmark.report.against_paper import DEGENERATE, NON_INFERIOR, PASSES, WORDS
 from benchmark.report.content import Report, TableCell
 from benchmark.report.paper import (
@@ -62,7 +61,6 @@ TASK_DIFFERENCES = {
 }
 TASK_DIFFERENCES_TITLE = "Differences from the paper's tasks"
 BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
-THESE_CHECKPOINTS = "these checkpoints"
 SAME_TASK = "hardly differs from the cell without social vehicles"
 NO_RUN = "no finished run"
 
@@ -131,8 +129,7 @@ def count(cell: TableCell) -> str:
     found = cell.completion
     if found is None:
         return ""
-    checkpoints = THIS_CHECKPOINT if found.seeds == 1 else THESE_CHECKPOINTS
-    label = f"; {checkpoints}" if found.label == THIS_CHECKPOINT else ""
+    label = f"; {found.label}" if found.is_of_checkpoints else ""
     return f"{', '.join(filter(None, (found.seeds_text, f'{found.episodes} episodes')))}{label}"
 
 

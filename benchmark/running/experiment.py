@@ -23,6 +23,7 @@ from benchmark.experiment.runs import Run, task_settings_of
 from benchmark.experiment.version import differences
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
+from benchmark.results.plurals import counted
 from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import given_hosts
@@ -233,7 +234,7 @@ def _summarize(states: Sequence[JobState], root: Path) -> int:
             file=sys.stderr,
         )
     if ended_by := Counter(filter(None, (_ending_budget(state, root) for state in states))):
-        counts = (f"{name} in {count} run{'s'[: count > 1]}" for name, count in ended_by.items())
+        counts = (f"{name} in {counted(count, 'run')}" for name, count in ended_by.items())
         print(f"training ended by: {', '.join(counts)}")
     print(f"results: {root}")
     return FAILED if failed else 0

@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from benchmark.results.plurals import counted
 from perf.yardstick_games.recipes import YARDSTICKS, Published, Yardstick
 
 FOLDER = Path(__file__).resolve().parents[2] / "results" / "yardsticks"
@@ -194,7 +195,7 @@ def scored(score: float, runs: Sequence[RunFile]) -> str:
 
 def seeds_of(runs: Sequence[RunFile]) -> str:
     """Return how many training seeds there are, in words."""
-    return f"{len(runs)} seed{'s'[: len(runs) != 1]}"
+    return counted(len(runs), "seed")
 
 
 def best(runs: Sequence[RunFile], mode: Literal["greedy", "sampled"] = "greedy") -> float:
@@ -223,9 +224,7 @@ def draw(folder: Path = FOLDER) -> None:
             axes.plot(steps, [e.greedy for e in run.curve], colour, label=label)
             axes.plot(steps, [e.sampled for e in run.curve], colour, linestyle=":", linewidth=0.8)
         most = max(sum(run[:2] == (game, name) for run in runs) for name in names)
-        title = (
-            f"{game}, {most} seed{'s'[: most != 1]} each at most" if most > 1 else f"{game}, one seed each"
-        )
+        title = f"{game}, {counted(most, 'seed')} each at most" if most > 1 else f"{game}, one seed each"
         axes.set(title=title, xlabel="environment steps", ylabel="score, greedy (dotted: sampled)")
         axes.legend(fontsize="small")
     figure.savefig(folder / "curves.png", dpi=80, metadata={"Software": None})

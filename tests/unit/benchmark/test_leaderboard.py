@@ -68,6 +68,14 @@ def test_protocols_are_not_mixed(tmp_path):
     assert "do not have the same protocol" in page.read_text()
 
 
+def test_the_page_says_of_two_seeds_that_intervals_are_of_these_checkpoints(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD})
+    write_run(one, "ppo", [agent_episodes(BAD, mode="greedy")], seed=2)
+    page = tmp_path / "page.html"
+    write_leaderboard([one], page, "greedy")
+    assert "] these checkpoints</span>" in page.read_text()
+
+
 def test_who_shares_parameters_is_not_ranked_with_who_does_not(tmp_path):
     one = experiment(tmp_path / "one", {"ppo": GOOD, "parked": SLOW}, settings={"sharing": "all"})
     two = experiment(tmp_path / "two", {"dqn": BAD}, settings={"sharing": "none"})

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from matplotlib.colors import to_rgba
 
@@ -20,7 +21,7 @@ from benchmark.report.provenance import circumstances, run_lines
 from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.summary import Summaries
 from benchmark.report.tables import difference_notes
-from benchmark.report.values import Value
+from benchmark.report.values import by_key, measure_cells
 from benchmark.report.wording import intervals, mark
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
@@ -186,12 +187,31 @@ def test_all_files_say_what_the_words_mean_and_count_ties_in_each_mode(report):
     assert len(notes) == 2
 
 
-def test_two_seeds_have_these_checkpoints():
-    value = Value("completion_rate", 0.5, 0.4, 0.6, 8, 8.0, "agent-episodes", 4, 2, "this checkpoint", "")
+@pytest.mark.parametrize(
+    ("seeds", "label", "said"),
+    [
+        ([1], "this checkpoint", "1 seed, 4 episodes; this checkpoint"),
+        ([1, 2], "these checkpoints", "2 seeds, 8 episodes; these checkpoints"),
+        ([1, 2, 3], "3 training seeds", "3 seeds, 12 episodes"),
+    ],
+)
+def test_tables_and_pages_say_alike_what_intervals_cover(seeds, label, said):
+    parts = [
+        agent_episodes(
+            GOOD[:4],
+            mode="greedy",
+            algorithm="ppo",
+            task="intersection",
+            task_traffic=ALONE,
+            training_seed=seed,
+        )
+        for seed in seeds
+    ]
+    rows = measure_cells(pd.concat(parts, ignore_index=True), ["completion_rate"])
+    assert [*rows["label"]] == [label]
+    (value,) = by_key(rows).values()
     cell = TableCell("intersection", ALONE, value, value, (), None, (), "", None, False)
-    assert wording.count(cell) == "2 seeds, 4 episodes; these checkpoints"
-    one = replace(cell, completion=replace(value, seeds=1))
-    assert wording.count(one) == "1 seed, 4 episodes; this checkpoint"
+    assert wording.count(cell) == said
 
 
 def test_a_commit_with_changes_is_explained(tmp_path):
