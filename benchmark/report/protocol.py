@@ -26,7 +26,8 @@ OWN_SHARING = "each algorithm's own"
 def protocol_of(run: RunResult, results: Results) -> str:
     """Return what a run was made under, as a text that is equal if and only if the protocol is.
 
-    A scripted policy is tested in the environment of the experiment's runs in the same cell.
+    A scripted policy is tested in the environment of the experiment's runs in the same cell. It has neither
+    budget nor parameters, so without such runs these are as the version prescribes them.
     """
     config = run.config
     if SUBMISSION in run.facts:  # how it was trained is not known here
@@ -43,7 +44,7 @@ def protocol_of(run: RunResult, results: Results) -> str:
     settings = config.pop("settings", None) or {}
     content = dict.fromkeys(COMPARED) | config | {"sharing": settings.get("sharing", OWN_SHARING)}
     for name, value in prescribed(content[VERSION], like.algorithm, run.task, run.traffic).items():
-        if content[name] == value:
+        if value is not None and (like.is_scripted or content[name] == value):
             content[name] = PRESCRIBED
     return json.dumps(content, sort_keys=True)
 

@@ -12,7 +12,15 @@ from benchmark.report.leaderboard import make_leaderboard
 from benchmark.report.leaderboard_page import write_leaderboard
 from benchmark.results.files import ResultsError
 from smarts.errors import UnknownNameError
-from tests.hand_made_results import ALONE, BUDGET, SOCIAL, agent_episodes, write_experiment, write_run
+from tests.hand_made_results import (
+    ALONE,
+    BUDGET,
+    ENVIRONMENT,
+    SOCIAL,
+    agent_episodes,
+    write_experiment,
+    write_run,
+)
 from tests.raising import raises
 
 GOOD = [["goal", "goal"]] * 12
@@ -123,6 +131,30 @@ def test_what_a_version_prescribes_is_one_protocol(tmp_path):
             "two_way_v1",
         ): "budget.agent_steps 1000000, budget.minutes none, sharing of the version",
     }
+
+
+def test_scripted_policies_alone_stand_under_the_protocol_of_the_versions_table(tmp_path):
+    """As `run --set algorithms=[]` makes them."""
+    of_version_1(tmp_path / "table", "dqn", "two_way_v1", 500_000, "all")
+    write_experiment(tmp_path / "alone", algorithms=[], scripted=["parked"])
+    driven = agent_episodes(GOOD, mode="scripted", task="two_way_v1")
+    config = {"policy": "parked", "environment": ENVIRONMENT, "benchmark_version": 1}
+    for name in ("table", "alone"):
+        run = write_run(tmp_path / name, "parked", [driven], seed=-1, task="two_way_v1")
+        (run / "config.yaml").write_text(yaml.safe_dump(config))
+    board = make_leaderboard([tmp_path / "table", tmp_path / "alone"])
+    assert [*board.protocols] == ["A"]
+    assert len(board.places) == 3
+
+
+def test_a_version_prescribes_no_budget_outside_its_tasks(tmp_path):
+    of_version_1(tmp_path, "dqn", "two_way_v1", 500_000, "all")
+    run = write_run(tmp_path, "dqn", [agent_episodes(GOOD, mode="greedy", task="loop")], task="loop")
+    config = {"algorithm": "dqn", "environment": ENVIRONMENT, "settings": {"sharing": "all"}}
+    (run / "config.yaml").write_text(yaml.safe_dump(config | {"benchmark_version": 1}))
+    board = make_leaderboard([tmp_path])
+    found = {place.task: board.protocols[place.protocol] for place in board.places}
+    assert found == {"two_way_v1": "budget of the version", "loop": "budget none"}
 
 
 def test_summary_is_the_interquartile_mean_over_cells(tmp_path):
