@@ -3,10 +3,10 @@
     python results/freeze_version.py 1 configs/benchmark_v1.yaml --tuned results/tune_v1
 
 Writes digests of its scenarios, and of the code of observations, rewards and metrics, its settings of the
-environment, the budgets and sharing of its trainings, and how many trials have found their settings into
-`benchmark/experiment/versions.yaml`. Runs with `benchmark_version: 1` are refused while something differs,
-except for budgets and sharing, which tell protocols apart, and tuning, which reports name. A version that is
-there is frozen again with `--replace` only.
+environment, the budgets and sharing of its trainings, digests of their settings, and how many trials have
+found these into `benchmark/experiment/versions.yaml`. Runs with `benchmark_version: 1` are refused while something
+differs, except for budgets and sharing, which tell protocols apart, and settings and tuning, by which reports
+say how a run's settings were found. A version that is there is frozen again with `--replace` only.
 """
 
 from __future__ import annotations
@@ -21,42 +21,52 @@ import pandas as pd
 
 from benchmark.experiment.config import Experiment, read_experiment
 from benchmark.experiment.runs import runs_of
-from benchmark.experiment.version import ALL, FILE, TUNING, frozen_text
+from benchmark.experiment.version import ALL, FILE, SETTINGS, TUNING, frozen_text, settings_digest
 from benchmark.running.played import scenarios_by_traffic
 from smarts.errors import SmartsError
 
 
 def training_of(experiment: Experiment) -> dict[str, dict[str, Any]]:
-    """Return the budgets of an experiment by cell, and how its algorithms share parameters."""
+    """Return the budgets of an experiment by cell, and how its algorithms share parameters and are set."""
     runs = [*runs_of(experiment)]
     sharing = {run.label: run.settings.get("sharing") for run in runs}
     most = Counter(sharing.values()).most_common(1)[0][0]
-    budgets = {
-        f"{run.task_setting.task.name}/{run.task_setting.traffic}": run.content()["budget"] for run in runs
-    }
+    budgets: dict[str, Any] = {}
+    settings: dict[str, dict[str, str]] = {}
+    for run in runs:
+        content, cell = run.content(), run.task_setting.folder.as_posix()
+        budgets[cell] = content["budget"]
+        settings.setdefault(run.label, {})[cell] = settings_digest(content["settings"])
     return {
         "budget": budgets,
         "sharing": {ALL: most} | {name: each for name, each in sharing.items() if each != most},
+        SETTINGS: settings,
     }
 
 
 def tuning_of(sweep: Path) -> dict[str, Any]:
-    """Return the search space of a sweep's results, and the trials of each algorithm: number, agent-steps.
+    """Return the folder of a sweep's results, and number and agent-steps of each algorithm's trials.
 
     Args:
         sweep: Results of `smarts-bench sweep`.
 
     Raises:
-        SmartsError: There are none.
+        SmartsError: There are none, or those of an algorithm differ by cell.
     """
-    found = {}
+    found: dict[str, dict[str, int]] = {}
     for file in sorted(sweep.glob("*/*/*/search.json")):
         search = json.loads(file.read_text())
         each = {
             "agent_steps": search["run"]["budget"]["agent_steps"],
             "trials": len(pd.read_csv(file.with_name("trials.csv"))),
         }
-        found[search["run"]["algorithm"]] = each
+        algorithm = search["run"]["algorithm"]
+        if (known := found.setdefault(algorithm, each)) != each:
+            raise SmartsError(
+                f"{algorithm} has {each} here, and {known} in another cell",
+                place=str(file.parent),
+                remedy="give a sweep whose cells are all finished, with as many trials in each",
+            )
     if not found:
         raise SmartsError("holds no search", place=str(sweep), remedy="give the results of a sweep")
     return {"results": sweep.as_posix(), "algorithms": found}
@@ -68,7 +78,12 @@ def main() -> None:
     parser.add_argument("version", type=int)
     parser.add_argument("experiment", type=Path)
     parser.add_argument("--tuned", type=Path, help="results of the sweep that found the settings")
-    parser.add_argument("--replace", action="store_true", help="freeze again; there are no results of it")
+    parser.add_argument(
+        "--replace",
+        action="store_true",
+        help="overwrite a version that is there; results of it, if any, are then of another one "
+        "(which is not checked)",
+    )
     given = parser.parse_args()
     experiment = read_experiment(given.experiment)
     played, environment = scenarios_by_traffic(experiment), experiment.environment

@@ -1,8 +1,8 @@
 """The benchmark's versions: what a version froze, and in what the present code and scenarios differ from it.
 
-A version freezes, by digest, the scenarios, and the code that makes observations, rewards and metrics; and,
-by value, the settings of the environment, and the budgets, sharing of parameters and tuning of its table's
-trainings.
+A version freezes, by digest, the scenarios, the code that makes observations, rewards and metrics, and the
+settings of its table's algorithms; and, by value, the settings of the environment, and the budgets, sharing
+of parameters and tuning of its table's trainings.
 Digests of code are of its syntax tree without docstrings: comments, docstrings and layout are free. The
 simulator's own code is not frozen: results name their commit.
 """
@@ -26,6 +26,8 @@ from smarts.errors import SmartsError, shown
 FILE = Path(__file__).with_name("versions.yaml")
 """Version -> part -> digest; `scenarios` is traffic -> scenario -> digest, `environment` setting -> value."""
 SCENARIOS, ENVIRONMENT, TRAINING, TUNING = "scenarios", "environment", "training", "tuning"
+SETTINGS = "settings"
+"""Part of `TRAINING`: algorithm -> "task/traffic" -> digest of the settings of the version's table."""
 ALL = "all others"
 """Algorithms that a version does not name."""
 _ROOT = Path(__file__).parents[2]
@@ -174,6 +176,29 @@ def prescribed(version: int | None, algorithm: str, task: str, traffic: str) -> 
     }
 
 
+def settings_digest(settings: Mapping[str, Any]) -> str:
+    """Return the digest of an algorithm's settings."""
+    text = json.dumps(settings, sort_keys=True, default=str)
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
+
+
+def has_settings_of(
+    version: int | None, algorithm: str, task: str, traffic: str, settings: Mapping[str, Any]
+) -> bool:
+    """Return whether a training's settings are those of a version's table; False where these are not known.
+
+    Args:
+        version: Of the benchmark.
+        algorithm: Its name.
+        task: Its name.
+        traffic: Its name.
+        settings: Of the algorithm, where they differ from its defaults.
+    """
+    frozen = versions().get(version, {}) if version is not None else {}
+    wanted = frozen.get(TRAINING, {}).get(SETTINGS, {}).get(algorithm, {}).get(f"{task}/{traffic}")
+    return wanted == settings_digest(settings)
+
+
 def tuning(version: int | None) -> dict[str, Any]:
     """Return how a version's settings were searched; empty where that is not known.
 
@@ -201,8 +226,8 @@ def frozen_text(
         version: To be frozen.
         played: Digests of what is played.
         environment: Its settings.
-        training: "budget" by "task/traffic", "sharing" by algorithm, with that of most as `ALL`, and if it
-            is known, `TUNING`; without it, nothing of trainings is prescribed.
+        training: "budget" by "task/traffic", "sharing" by algorithm, with that of most as `ALL`, `SETTINGS`,
+            and if it is known, `TUNING`; without it, nothing of trainings is prescribed.
         replaces: Whether the version may be there already.
 
     Raises:

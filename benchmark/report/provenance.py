@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from benchmark.experiment.version import tuning
+from benchmark.experiment.version import has_settings_of, tuning
 from benchmark.metrics.table import COUNTS
 from benchmark.report.paper import algorithm_label
 from benchmark.results.plurals import counted, listed
 from benchmark.results.reading import NOT_BEGUN, Results, RunResult
+from benchmark.results.release import SUBMISSION
 from benchmark.results.run_folder import CONTINUED
 
 
@@ -108,18 +110,40 @@ def circumstances(results: Results) -> list[tuple[str, list[str]]]:
 
 
 def _tuning(results: Results) -> list[str]:
-    """Return which algorithms of a version had how many trials to find their settings."""
-    known = next(filter(None, (tuning(run.benchmark_version) for run in results.finished)), None)
+    """Return which algorithms of a version had how many trials to find their settings.
+
+    A version knows that of its table's settings alone. How submissions were tuned is not known here.
+    """
+    trained = [run for run in results.finished if not run.is_scripted and SUBMISSION not in run.facts]
+    known = next(filter(None, (tuning(run.benchmark_version) for run in trained)), None)
     if known is None:
         return []
-    found: dict[str, list[str]] = {}
-    for name in dict.fromkeys(run.algorithm for run in results.finished if not run.is_scripted):
-        search = known["algorithms"].get(name)
-        size = "none that is known"
-        if search is not None:
+    runs = Counter(run.algorithm for run in trained)
+    found: dict[str, Counter[str]] = {}
+    for run in trained:
+        search = known["algorithms"].get(run.algorithm)
+        if not _has_settings_of_version(run):
+            size = "not known, settings are not the version's"
+        elif search is None:
+            size = "none that is known"
+        else:
             size = f"{search['trials']} trials of {search['agent_steps']:,} agent-steps each"
-        found.setdefault(size, []).append(algorithm_label(name))
-    return [f"{', '.join(names)}: {size} ({known['results']})" for size, names in found.items()]
+            size += f" ({known['results']})"
+        found.setdefault(size, Counter())[run.algorithm] += 1
+    return [
+        f"{', '.join(_some_runs(name, count, runs[name]) for name, count in counts.items())}: {size}"
+        for size, counts in found.items()
+    ]
+
+
+def _has_settings_of_version(run: RunResult) -> bool:
+    settings = run.config.get("settings") or {}
+    return has_settings_of(run.benchmark_version, run.algorithm, run.task, run.traffic, settings)
+
+
+def _some_runs(algorithm: str, count: int, total: int) -> str:
+    label = algorithm_label(algorithm)
+    return label if count == total else f"{label} in {count} of {counted(total, 'run')}"
 
 
 def _machine(facts: Mapping[str, Any]) -> str:

@@ -1,6 +1,7 @@
 """Versions of the benchmark: what they freeze, and that their results are not mixed."""
 
 import importlib.util
+import json
 import shutil
 import sys
 from pathlib import Path
@@ -39,9 +40,10 @@ environment: {agents: 2}
 """
 
 
-def write(root, algorithm, number, **facts):
+def write(root, algorithm, number, seed=1, settings=None, **facts):
     """Write a finished run of a version of the benchmark."""
-    folder = RunFolder(write_run(root, algorithm, [agent_episodes([["goal", "goal"]] * 3, mode="greedy")]))
+    table = agent_episodes([["goal", "goal"]] * 3, mode="greedy")
+    folder = RunFolder(write_run(root, algorithm, [table], seed=seed, settings=settings))
     content = yaml.safe_load(folder.config.read_text())
     if number is not None:
         folder.config.write_text(yaml.safe_dump(content | {"benchmark_version": number}))
@@ -96,6 +98,15 @@ def frozen(tmp_path, monkeypatch):
     version.versions.cache_clear()
     yield file
     version.versions.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def freezing():
+    """The script that freezes a version."""
+    spec = importlib.util.spec_from_file_location("freeze_version", ROOT / "results/freeze_version.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 class TestRefusals:
@@ -199,17 +210,37 @@ class TestRefusals:
         both = yaml.safe_load(frozen_text(2, {}, Environment()))
         assert both[1] == yaml.safe_load(frozen.read_text())[1]
 
-    def test_its_settings_were_searched_by_as_many_trials_for_each_algorithm(self):
+    def test_its_settings_were_searched_by_as_many_trials_for_each_algorithm(self, freezing):
         experiment = read_experiment(ROOT / "configs/benchmark_v1.yaml")
         known = version.tuning(experiment.benchmark_version)
-        spec = importlib.util.spec_from_file_location("freeze_version", ROOT / "results/freeze_version.py")
-        freezing = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(freezing)
         assert known == freezing.tuning_of(Path("results/tune_v1"))
         sizes = [known["algorithms"][run.algorithm] for run in runs_of(experiment)]
         assert all(size == {"trials": 12, "agent_steps": 300_000} for size in sizes)
         with raises(SmartsError, "results/tune_v1/dqn", values=["no search"]):
             freezing.tuning_of(Path("results/tune_v1/dqn"))
+
+    def test_its_settings_are_those_of_its_file(self, freezing):
+        experiment = read_experiment(ROOT / "configs/benchmark_v1.yaml")
+        known = version.versions()[1]["training"]
+        assert freezing.training_of(experiment) == {name: known[name] for name in known if name != "tuning"}
+        for run in runs_of(experiment):
+            place = run.algorithm, run.task_setting.task.name, run.task_setting.traffic
+            assert version.has_settings_of(1, *place, run.settings)
+            assert not version.has_settings_of(1, *place, {**run.settings, "lr": 0.9})
+            assert not version.has_settings_of(None, *place, run.settings)
+
+    def test_searches_of_an_algorithm_that_differ_by_cell_are_not_frozen(self, tmp_path, freezing):
+        for cell, trials in (("loop", 2), ("city", 2), ("two_way", 3)):
+            folder = tmp_path / "ppo" / cell / ALONE
+            folder.mkdir(parents=True)
+            run = {"algorithm": "ppo", "budget": {"agent_steps": 10}}
+            (folder / "search.json").write_text(json.dumps({"run": run}))
+            (folder / "trials.csv").write_text("lr\n" + "0.1\n" * trials)
+            if cell == "city":
+                size = {"trials": 2, "agent_steps": 10}
+                assert freezing.tuning_of(tmp_path)["algorithms"] == {"ppo": size}
+        with raises(SmartsError, str(tmp_path / "ppo" / "two_way" / ALONE), values=["ppo", 3, 2]):
+            freezing.tuning_of(tmp_path)
 
     def test_an_unknown_version(self, tmp_path, frozen):
         with pytest.raises(ConfigError, match="7"):
@@ -269,18 +300,42 @@ class TestResults:
         _, settings, metrics = version_lines(read_results(tmp_path / "one").runs)
         assert "environment.decision_interval of ppo, intersection" in settings
         assert "metrics" in metrics
-        content[1]["training"] = {
-            "tuning": {"results": "a/sweep", "algorithms": {"ppo": {"trials": 12, "agent_steps": 3000}}}
-        }
-        frozen.write_text(yaml.safe_dump(content))
-        version.versions.cache_clear()
-        write(tmp_path / "one", "dqn", 1, commit="0123456789ab")
-        assert dict(circumstances(read_results(tmp_path / "one")))["Tuning"] == [
-            "DQN: none that is known (a/sweep)",
-            "PPO: 12 trials of 3,000 agent-steps each (a/sweep)",
-        ]
         write_experiment(tmp_path / "old")
         write(tmp_path / "old", "ppo", None)
         old = read_results(tmp_path / "old")
         assert version_lines(old.runs) == []
         assert "before version 1" in dict(circumstances(old))["Benchmark version"][0]
+
+    def test_say_how_settings_were_tuned_where_these_are_the_versions(self, tmp_path, frozen):
+        content = yaml.safe_load(frozen.read_text())
+        content[1]["training"] = {
+            "settings": {
+                name: {f"intersection/{ALONE}": version.settings_digest({"lr": 0.5})}
+                for name in ("ppo", "dqn")
+            },
+            "tuning": {"results": "a/sweep", "algorithms": {"ppo": {"trials": 12, "agent_steps": 3000}}},
+        }
+        frozen.write_text(yaml.safe_dump(content))
+        version.versions.cache_clear()
+        write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac"])
+        write(tmp_path, "ppo", 1, settings={"lr": 0.5})
+        write(tmp_path, "dqn", 1, settings={"lr": 0.5})
+        write(tmp_path, "maac", 1, submission={"status": "confirmed"})
+
+        def said():
+            return dict(circumstances(read_results(tmp_path))).get("Tuning")
+
+        assert said() == [
+            "DQN: none that is known",
+            "PPO: 12 trials of 3,000 agent-steps each (a/sweep)",
+        ]
+        write(tmp_path, "ppo", 1, seed=2, settings={"lr": 0.9, "epochs": 77})
+        assert said() == [
+            "DQN: none that is known",
+            "PPO in 1 of 2 runs: 12 trials of 3,000 agent-steps each (a/sweep)",
+            "PPO in 1 of 2 runs: not known, settings are not the version's",
+        ]
+        for name in ("ppo", "dqn"):
+            shutil.rmtree(tmp_path / name)
+        write(tmp_path, "ppo", 1, settings={"lr": 0.5}, submission={"status": "confirmed"})
+        assert said() is None
