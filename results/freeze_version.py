@@ -4,9 +4,10 @@
 
 Writes digests of its scenarios, and of the code of observations, rewards and metrics, its settings of the
 environment, the budgets and sharing of its trainings, digests of their settings, and how many trials have
-found these into `benchmark/experiment/versions.yaml`. Runs with `benchmark_version: 1` are refused while something
-differs, except for budgets and sharing, which tell protocols apart, and settings and tuning, by which reports
-say how a run's settings were found. A version that is there is frozen again with `--replace` only.
+found these into `benchmark/experiment/versions.yaml`. Runs with `benchmark_version: 1` are refused while
+something differs, except for budgets and sharing, which tell protocols apart, and settings and tuning, by
+which reports say how a run's settings were found. A version that is there is frozen again with `--replace`
+only.
 """
 
 from __future__ import annotations
