@@ -6,9 +6,11 @@
 Runs the experiment configs/traffic_step.yaml twice, with exact traffic and with `environment.traffic_step`,
 seed by seed; the same command resumes. Tests run at 0.1 s in both. Writes the rates of each run to
 results/traffic_step.csv and prints, for each scenario and mode of acting, the means over training seeds and
-their difference with Student's interval (variances pooled). The words are those of the benchmark against the
+their difference with the interval of reports (Welch's t). The words are those of the benchmark against the
 paper: "worse" or "better" if the two-sided 95% interval excludes 0, "non-inferior" if the one-sided 95%
-interval ends within 0.075, else "undecided". Exit code 1: a greedy rate is worse.
+interval ends within 0.075, else "undecided". Beside them stand the one-sided ends: Welch's, by which the
+words are; that from intervals of both on the arcsine-root scale, as the benchmark has them of rates; and that
+of pairs of equal seeds. Exit code 1: a greedy rate is worse.
 """
 
 from __future__ import annotations
@@ -22,11 +24,12 @@ from statistics import fmean
 from typing import NamedTuple, get_type_hints
 
 import numpy as np
-from scipy.special import stdtrit
 
 from benchmark.experiment.config import read_experiment
+from benchmark.report.seed_differences import welch
 from benchmark.results.reading import RunResult
 from benchmark.running.api import run
+from benchmark.statistics import arcsine_interval, mover_interval, seed_interval
 from smarts.errors import SmartsError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -35,6 +38,8 @@ RATES = {"completion": 1, "collision": -1}
 """Compared rates, and 1 where more is better."""
 MARGIN = 0.075
 """What a non-inferior policy may be worse by."""
+ONE_SIDED = 0.90
+"""Level of the interval whose ends are one-sided 95% ends."""
 
 
 class Row(NamedTuple):
@@ -58,34 +63,60 @@ class Gap(NamedTuple):
 
     value: float
     error: float
-    """Standard error, with pooled variance."""
+    """Standard error."""
     low: float
     high: float
     """Two-sided 95% interval."""
+    gain: float
+    """Pessimistic end, one-sided 95%, of how much better the second sample is."""
     word: str
 
 
 def gap(exact: Sequence[float], longer: Sequence[float], sign: int) -> Gap:
-    """Compare the rates of two samples of training seeds.
+    """Compare the rates of two samples of training seeds by Welch's t.
 
     Args:
         exact: Rate of each seed, trained with exact traffic; two or more.
         longer: The same, trained with the longer step.
         sign: 1 if a larger rate is better, else -1.
     """
-    freedom = len(exact) + len(longer) - 2
-    pooled = (len(exact) - 1) * np.var(exact, ddof=1) + (len(longer) - 1) * np.var(longer, ddof=1)
-    error = float(np.sqrt(pooled / freedom * (1 / len(exact) + 1 / len(longer))))
-    value = float(np.mean(longer) - np.mean(exact))
-    reach = float(stdtrit(freedom, 0.975)) * error
-    pessimistic = sign * value - float(stdtrit(freedom, 0.95)) * error
+    found = welch(longer, exact)
+    value, reach = found.value, found.reach()
+    gain = sign * value - found.reach(ONE_SIDED)
     if sign * value + reach < 0:
         word = "worse"
     elif sign * value - reach > 0:
         word = "better"
     else:
-        word = "non-inferior" if pessimistic >= -MARGIN else "undecided"
-    return Gap(value, error, value - reach, value + reach, word)
+        word = "non-inferior" if gain >= -MARGIN else "undecided"
+    return Gap(value, found.error, value - reach, value + reach, gain, word)
+
+
+def gain_of_rates(exact: Sequence[float], longer: Sequence[float], sign: int, trials: int) -> float:
+    """Return the pessimistic end, as `Gap.gain`, from intervals of both on the arcsine-root scale (MOVER).
+
+    Args:
+        exact: As in `gap`.
+        longer: As in `gap`.
+        sign: As in `gap`.
+        trials: Agent-episodes behind each rate.
+    """
+    one, other = (
+        arcsine_interval(rates, np.full(len(rates), trials), ONE_SIDED) for rates in (exact, longer)
+    )
+    low, high = mover_interval(fmean(longer), other, fmean(exact), one)
+    return float(low if sign > 0 else -high)
+
+
+def gain_by_seed(exact: Sequence[float], longer: Sequence[float], sign: int) -> float:
+    """Return the pessimistic end, as `Gap.gain`, of pairs of equal seeds.
+
+    Args:
+        exact: As in `gap`.
+        longer: As in `gap`, in the same order of seeds.
+        sign: As in `gap`.
+    """
+    return float(seed_interval(sign * np.subtract(longer, exact), ONE_SIDED)[0])
 
 
 def rows_of(result: RunResult, step: float) -> list[Row]:
@@ -146,23 +177,27 @@ def page(rows: Sequence[Row]) -> tuple[str, bool]:
     """Return a Markdown table of the comparison, and whether a greedy rate is worse."""
     exact, longer = sorted({row.traffic_step for row in rows})
     head = ["task", "mode", "rate", f"{exact:g} s, by seed", f"{longer:g} s, by seed", "means"]
-    head += ["difference (s.e.) [95% interval]", "word"]
+    head += ["difference (s.e.) [95% interval]", "one-sided ends: Welch, arcsine-root, by seed", "word"]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     is_worse = False
     for task, mode in dict.fromkeys((row.task, row.mode) for row in rows):
         cell = sorted((row for row in rows if (row.task, row.mode) == (task, mode)), key=lambda row: row.seed)
         for rate, sign in RATES.items():
-            one, other = (
-                [getattr(row, rate) for row in cell if row.traffic_step == step] for step in (exact, longer)
-            )
+            runs = [[row for row in cell if row.traffic_step == step] for step in (exact, longer)]
+            one, other = ([getattr(row, rate) for row in rows] for rows in runs)
             if min(len(one), len(other)) < 2:
                 continue
             found = gap(one, other, sign)
+            trials = min(row.agent_episodes for row in cell)
+            ends = [f"{found.gain:+.3f}", f"{gain_of_rates(one, other, sign, trials):+.3f}"]
+            is_paired = [row.seed for row in runs[0]] == [row.seed for row in runs[1]]
+            ends.append(f"{gain_by_seed(one, other, sign):+.3f}" if is_paired else "n/a")
             is_worse |= mode == "greedy" and found.word == "worse"
             seeds = (", ".join(f"{value:.2f}" for value in values) for values in (one, other))
             interval = f"{found.value:+.3f} ({found.error:.3f}) [{found.low:+.3f}, {found.high:+.3f}]"
             means = f"{fmean(one):.3f}, {fmean(other):.3f}"
-            lines.append("| " + " | ".join([task, mode, rate, *seeds, means, interval, found.word]) + " |")
+            columns = [task, mode, rate, *seeds, means, interval, ", ".join(ends), found.word]
+            lines.append("| " + " | ".join(columns) + " |")
     return "\n".join(lines), is_worse
 
 

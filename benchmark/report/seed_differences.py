@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtr, stdtrit
 
 from benchmark.metrics import METRICS
@@ -22,12 +23,44 @@ LEAST_SEEDS = 3
 COLUMNS = ("seeds_low", "seeds_high", "seeds_p_value", "seeds_corrected")
 
 
+@dataclass(frozen=True)
+class SeedDifference:
+    """Mean over the first's training seeds minus that over the second's."""
+
+    value: float
+    error: float
+    """Standard error; 0 where all seeds of each agree."""
+    freedom: float
+    """Degrees of freedom of Student's t."""
+
+    def reach(self, level: float = LEVEL) -> float:
+        """Return half the width of the two-sided interval."""
+        return float(stdtrit(self.freedom, (1 + level) / 2)) * self.error
+
+
+def welch(first: ArrayLike, second: ArrayLike) -> SeedDifference:
+    """Return the difference of two samples of training seeds, whose variances may differ.
+
+    Args:
+        first: Value of each seed, shape (S,); S at least 2.
+        second: The same, of any number of seeds from 2.
+
+    Source: Welch, The generalization of Student's problem when several different population variances are
+    involved, Biometrika 34 (1947).
+    """
+    both = [np.asarray(each, float) for each in (first, second)]
+    parts = np.array([each.var(ddof=1) / len(each) for each in both])
+    least = np.array([len(each) - 1 for each in both])
+    freedom = parts.sum() ** 2 / (parts**2 / least).sum() if parts.any() else least.sum()
+    return SeedDifference(float(both[0].mean() - both[1].mean()), float(np.sqrt(parts.sum())), float(freedom))
+
+
 def with_seed_differences(found: Frame, table: Frame, mode: str) -> Frame:
     """Return differences at equal starts with `COLUMNS`: the same by training seeds, NaN where they are few.
 
     Welch's t on the values of training seeds. Seeds that agree are no evidence of low variance, so the
-    interval is at least as wide as that over starts, and the p-value at least as large. P-values are
-    corrected after Holm over all rows that have one.
+    interval is at least as wide as that over starts, and the p-value at least as large. Intervals of shares
+    of counts are cut to [-1, 1]. P-values are corrected after Holm over all rows that have one.
 
     Args:
         found: Of `benchmark.report.ranking.differences`, of learning algorithms and scripted policies.
@@ -57,14 +90,11 @@ def _by_seeds(row: dict[str, Any], values: dict[tuple[str, ...], Floats]) -> tup
     is_known = math.isfinite(row["p_value"]) and all(np.isfinite(each).all() for each in both)
     if not is_known or min(map(len, both)) < LEAST_SEEDS:
         return math.nan, math.nan, math.nan
-    parts = np.array([each.var(ddof=1) / len(each) for each in both])
-    if parts.sum() == 0.0:
+    found = welch(*both)
+    if found.error == 0.0:
         return math.nan, math.nan, math.nan
-    gap = float(both[0].mean() - both[1].mean())
-    freedom = parts.sum() ** 2 / sum(
-        part**2 / (len(each) - 1) for part, each in zip(parts, both, strict=True)
-    )
-    error = float(np.sqrt(parts.sum()))
-    reach = float(stdtrit(freedom, (1 + LEVEL) / 2)) * error
-    p_value = 2.0 * float(stdtr(freedom, -abs(gap) / error))
-    return min(gap - reach, row["low"]), max(gap + reach, row["high"]), max(p_value, row["p_value"])
+    reach, most = found.reach(), 1.0 if METRICS[row["metric"]].hits else math.inf
+    low = max(min(found.value - reach, row["low"]), -most)
+    high = min(max(found.value + reach, row["high"]), most)
+    p_value = 2.0 * float(stdtr(found.freedom, -abs(found.value) / found.error))
+    return low, high, max(p_value, row["p_value"])

@@ -11,14 +11,33 @@ from perf import traffic_step_training as comparison
 from tests.blocks import ROOT
 
 
-def test_the_difference_is_students():
+def test_the_difference_is_welchs():
     rng = np.random.Generator(np.random.Philox(5))
     exact, longer = rng.random(3), rng.random(4)
     found = comparison.gap(exact, longer, 1)
-    expected = ttest_ind(longer, exact)
+    expected = ttest_ind(longer, exact, equal_var=False)
     interval = expected.confidence_interval(0.95)
     assert found.value / found.error == pytest.approx(expected.statistic)
     assert (found.low, found.high) == pytest.approx((interval.low, interval.high))
+    assert found.gain == pytest.approx(expected.confidence_interval(0.9).low)
+    assert comparison.gap(exact, longer, -1).gain == pytest.approx(-expected.confidence_interval(0.9).high)
+
+
+def test_one_sided_ends_by_other_ways():
+    exact, longer = [0.25, 0.5], [0.5, 0.85]
+    # Gaps 0.25 and 0.35: 0.3 +- 6.314 * 0.05.
+    assert comparison.gain_by_seed(exact, longer, 1) == pytest.approx(0.3 - 6.3138 * 0.05, abs=1e-4)
+    assert comparison.gain_by_seed(exact, longer, -1) == pytest.approx(-0.3 - 6.3138 * 0.05, abs=1e-4)
+    # Seeds that agree have Wilson's interval, here of 200 trials each: 0.5 +- 0.0578.
+    found = comparison.gain_of_rates([0.5, 0.5], [0.5, 0.5], 1, 100)
+    assert found == pytest.approx(-(2**0.5) * 0.0578, abs=1e-4)
+    assert comparison.gain_of_rates([0.1, 0.1], [0.9, 0.9], -1, 100) < -0.8
+
+
+def test_the_page_has_the_comparison_of_the_kept_runs():
+    text, is_worse = comparison.page(comparison.read(comparison.CSV))
+    assert not is_worse
+    assert text in (ROOT / "docs" / "learning.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

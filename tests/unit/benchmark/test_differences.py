@@ -161,22 +161,25 @@ def test_ratios_of_counts_have_wilsons_interval(seeds):
     assert row["high"] == pytest.approx(square / (trials + square))
 
 
-def shares(good, total=8):
+def shares(good, total):
     """Return outcomes of episodes of which `good` arrive."""
     return [["goal", "goal"]] * good + [["collision", "collision"]] * (total - good)
 
 
-def of_algorithm(name, goods):
-    parts = [agent_episodes(shares(good), training_seed=seed) for seed, good in enumerate(goods, start=1)]
+def of_algorithm(name, goods, total):
+    parts = [
+        agent_episodes(shares(good, total), training_seed=seed) for seed, good in enumerate(goods, start=1)
+    ]
     return pd.concat(parts, ignore_index=True).assign(
         algorithm=name, task="t", task_traffic="no", mode="greedy"
     )
 
 
 class TestByTrainingSeeds:
-    def row(self, first, second):
-        """Return the difference in completion of A and B, each with a share of eight for each seed."""
-        table = pd.concat([of_algorithm("A", first), of_algorithm("B", second)], ignore_index=True)
+    def row(self, first, second, total=8):
+        """Return the difference in completion of A and B, each with a share of `total` for each seed."""
+        parts = [of_algorithm("A", first, total), of_algorithm("B", second, total)]
+        table = pd.concat(parts, ignore_index=True)
         found = differences(table, "greedy", ["completion_rate"])
         return with_seed_differences(found, table, "greedy").iloc[0]
 
@@ -186,9 +189,16 @@ class TestByTrainingSeeds:
         row = self.row([8, 6, 4], [0, 2, 0])
         reach = float(student.ppf(0.975, 3.2)) / 6
         assert (row["value"], row["seeds_low"]) == pytest.approx((2 / 3, 2 / 3 - reach))
-        assert row["seeds_high"] == pytest.approx(2 / 3 + reach)
+        assert row["seeds_high"] == 1.0 < 2 / 3 + reach
         assert row["seeds_p_value"] == pytest.approx(2 * float(student.sf(4.0, 3.2)))
         assert row["seeds_corrected"] == row["seeds_p_value"]
+
+    def test_of_rates_ends_at_1(self):
+        # Rates 1, 1, 0.4 and 0.1, 0.5, 0.6: 0.4 +- 0.72.
+        row = self.row([10, 10, 4], [1, 5, 6], total=10)
+        assert (row["value"], row["seeds_high"]) == (pytest.approx(0.4), 1.0)
+        assert -0.33 < row["seeds_low"] < -0.31
+        assert self.row([1, 5, 6], [10, 10, 4], total=10)["seeds_low"] == -1.0
 
     def test_is_at_least_as_wide_as_over_starts(self):
         row = self.row([7, 7, 6], [6, 6, 5])
