@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,8 @@ HEAR = "hear"
 """A layer that reads the mean of the other agents' numbers."""
 CONTENT, WEIGHTS = "policy.json", "policy.npz"
 """Files of a folder; the weights of further groups of agents are in policy_1.npz, policy_2.npz, ..."""
+NEEDED = ("agents", "groups", "observation", "index", "leaves", "period", "head", "bounds")
+"""What `policy.json` holds beside the format."""
 ARRAYS = {"linear": 2, HEAR: 3, "gru": 4, "tanh": 0, "relu": 0}
 """Kind of a layer -> how many arrays it has."""
 
@@ -50,6 +50,10 @@ def content_of(folder: Path) -> dict[str, Any]:
         raise ExportError(f"the exported policy cannot be read: {error}", str(folder / CONTENT)) from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ExportError(f"not an exported policy of format {FORMAT}", str(folder / CONTENT))
+    if absent := [name for name in NEEDED if name not in content]:
+        raise ExportError(f"there is no {absent[0]!r}", str(folder / CONTENT))
+    if not isinstance(content["agents"], dict) or not content["agents"]:
+        raise ExportError("it has no agents", str(folder / CONTENT))
     return content
 
 
@@ -91,7 +95,7 @@ def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
             with np.load(place, allow_pickle=False) as file:
                 if all(each in file for each in names):
                     return tuple(np.ascontiguousarray(file[each].astype(np.float64)) for each in names)
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        except Exception as error:  # zip, zlib and numpy raise errors of many types
             raise ExportError(f"the weights cannot be read: {error}", str(place)) from error
     raise ExportError(f"the weights of {name!r} are missing", str(folder / WEIGHTS))
 

@@ -89,7 +89,7 @@ def report_page(
             for kind in KINDS
         ],
         overview=(overview.COLUMNS.items(), overview.overview_rows(report), overview.LEFT),
-        overview_note=overview.NOTE,
+        overview_note=overview.note(report),
         summary=_summary(summaries, profile),
         episodes=links,
         robustness=robustness if robustness is not None and robustness.is_there else None,

@@ -47,7 +47,7 @@ def report_text(
     ]
     lines = overview.overview_rows(report)
     if lines:
-        parts += ["## Overview", overview.NOTE, table([*overview.COLUMNS], lines, left=3)]
+        parts += ["## Overview", overview.note(report), table([*overview.COLUMNS], lines, left=3)]
     if summaries.algorithms:
         parts += ["## Summary over cells", NOTE, table([*COLUMNS], summaries.mean_rows())]
         parts += [table([*IMPROVEMENT_COLUMNS], summaries.improvement_rows(), left=2)]

@@ -15,23 +15,28 @@ COLUMNS = {
     "task": "What is driven",
     "traffic": "Social vehicles on the road",
     "algorithm": "Or the rule-based policy",
-    "rank": "Among the learning algorithms of the cell; greedy",
+    "rank": "Among the learning algorithms of the cell",
     "seeds": "Training seeds",
     "greedy": "Collision rate / completion rate of the most probable actions",
     "sampled": "Collision rate / completion rate of drawn actions",
     "greedy - sampled": "Difference of the completion rates",
-    f"- {RULE_BASED}": "Collision rate / completion rate less those of the rule-based policy; greedy",
+    f"- {RULE_BASED}": "Collision rate / completion rate less those of the rule-based policy",
     "worst held out": "Collision rate / completion rate of the held-out variation in which the policy is "
-    "farthest behind its training; greedy",
+    "farthest behind its training",
 }
 LEFT = (0, 1, 2, 9)
 """Columns of words."""
 NOTE = (
     "Collision rate / completion rate, of algorithms and of the rule-based policy where it was played. Rank, "
-    "differences and the held-out variation are of greedy acting. Worst held out: the variation in which a "
-    "policy is farthest behind its training; n/a where it completes less than 0.5 in training. Differences "
-    "have no interval here: see the main tables, and differences.csv."
+    "distance to the rule-based policy and the held-out variation are of {} acting. Worst held out: the "
+    "variation in which a policy is farthest behind its training; n/a where it completes less than 0.5 in "
+    "training. Differences have no interval here: see the main tables, and differences.csv."
 )
+
+
+def note(report: Report) -> str:
+    """Return what stands above the table."""
+    return NOTE.format(report.modes[0])
 
 
 def overview_rows(report: Report) -> list[list[str]]:
@@ -44,15 +49,15 @@ def overview_rows(report: Report) -> list[list[str]]:
             first, rules = cells[main], others[main].get((RULE_BASED, task, traffic))
             if first.completion is None or (is_scripted and name != RULE_BASED):
                 continue
+            greedy = first if is_scripted else cells.get("greedy")  # scripted policies act in one way
             sampled = None if is_scripted else cells.get("sampled")
             reached = report.value(name, task, traffic, main, GENERALIZATION)
             rows.append(
                 [
                     *(task_label(task), traffic_label(traffic), algorithm_label(name)),
                     *(rank_text(first).removeprefix("rank "), str(first.completion.seeds or "")),
-                    figures(first),
-                    figures(sampled) if sampled else "",
-                    _less(first, sampled, lambda cell: (cell.completion,)),
+                    *(figures(acting) if acting else "" for acting in (greedy, sampled)),
+                    _less(greedy, sampled, lambda cell: (cell.completion,)),
                     "" if name == RULE_BASED else _less(first, rules, lambda x: (x.collision, x.completion)),
                     _worst(reached),
                 ]
@@ -69,10 +74,10 @@ def _by_place(report: Report, mode: str) -> dict[tuple[str, str, str], TableCell
 
 
 def _less(
-    first: TableCell, second: TableCell | None, rates: Callable[[TableCell], tuple[Value | None, ...]]
+    first: TableCell | None, second: TableCell | None, rates: Callable[[TableCell], tuple[Value | None, ...]]
 ) -> str:
     """Return differences of rates, first minus second; empty where one is missing."""
-    pairs = [*zip(rates(first), rates(second), strict=True)] if second is not None else []
+    pairs = [*zip(rates(first), rates(second), strict=True)] if first and second else []
     texts = [f"{one.value - other.value:+z.2f}" for one, other in pairs if one and other]
     return " / ".join(texts)
 

@@ -21,10 +21,8 @@ from benchmark.report.robustness import Robustness, robustness_of
 from benchmark.report.summary import PROFILE, draw_profile, summaries_of
 from benchmark.report.values import csv_number
 from benchmark.results.files import ResultsError, replace_folder
-from benchmark.results.reading import read_results
+from benchmark.results.reading import REPORT, read_results
 
-FOLDER = "report"
-"""In an experiment's results."""
 PAGE, TEXT, VALUES, DIFFERENCES = "report.html", "report.md", "values.csv", "differences.csv"
 MARL_EVAL, ROBUSTNESS = "marl_eval.json", "robustness.csv"
 
@@ -42,7 +40,7 @@ def write_report(root: Path, out: Path | None = None, *, episodes: bool = False)
         ResultsError: There are no results, or the folder cannot be written to or holds something else.
     """
     results = read_results(root)
-    folder = (out or root / FOLDER).absolute()
+    folder = (out or root / REPORT).absolute()
     _check_free(folder)
     report = make_report(results)
 

@@ -28,6 +28,8 @@ from smarts.registry import file_name, import_own, is_own_name
 
 NOT_BEGUN, UNREADABLE = "not begun", "unreadable"
 """States of runs beside those in run.json."""
+REPORT = "report"
+"""Folder of the report, in an experiment's results."""
 TESTED_AGAIN = "the same `run` command tests the run again if its checkpoint is there"
 """Remedy of a damaged table."""
 
@@ -202,6 +204,7 @@ class _Tested(Section):
     model_config = ConfigDict(extra="allow")
     episodes: int
     modes: list[str] = Field([])
+    metrics: list[str] | None = None
 
 
 class _Facts(Section):
@@ -218,9 +221,28 @@ class _Config(Section):
     """Values of config.yaml that reports rely on."""
 
     model_config = ConfigDict(extra="allow")
+    algorithm: str = ""
     environment: dict[str, Any] = Field({})
     budget: dict[str, Any] = Field({})
     settings: dict[str, Any] = Field({})
+
+
+def checked_facts(folder: RunFolder) -> dict[str, Any]:
+    """Return the content of a run's run.json.
+
+    Raises:
+        ResultsError: It is damaged, or of another format.
+    """
+    return _checked(folder.facts(), _Facts, folder.run)
+
+
+def checked_config(folder: RunFolder) -> dict[str, Any]:
+    """Return the content of a run's config.yaml.
+
+    Raises:
+        ResultsError: It is damaged, or there is none.
+    """
+    return _checked(folder.read_config(), _Config, folder.config)
 
 
 def _checked(content: dict[str, Any], model: type[Section], file: Path) -> dict[str, Any]:
@@ -243,8 +265,8 @@ def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) ->
         problems[place] = "not a run: it has no run.json"
         return None
     try:
-        facts = _checked(folder.facts(), _Facts, folder.run)
-        config = _checked(folder.read_config(), _Config, folder.config)
+        facts = checked_facts(folder)
+        config = checked_config(folder)
     except FormatError:
         raise
     except ResultsError as error:

@@ -117,7 +117,11 @@ def _environment(agent: BatchAgent, interface: AgentInterface, agents: int, plac
 
 
 def _played(task_setting: TaskSetting) -> dict[str, Any]:
-    return {"scenarios": [*task_setting.task.scenarios], "traffic": task_setting.traffic}
+    return {
+        "scenarios": [*task_setting.task.scenarios],
+        "traffic": task_setting.traffic,
+        "episodes": task_setting.evaluation.episodes,
+    }
 
 
 def _play(task_setting: TaskSetting, folder: RunFolder, agent: BatchAgent, locator: str) -> None:

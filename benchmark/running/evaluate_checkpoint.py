@@ -72,6 +72,8 @@ def evaluate_checkpoint(
         "checkpoint": checkpoint,
         "scenarios": [*task_setting.task.scenarios],
         "traffic": task_setting.traffic,
+        "episodes": episodes,
+        "modes": [*modes],
     }
     with evaluation_folder(out, evaluated) as answer, named_own_code("the run's own code"):
         policies = {

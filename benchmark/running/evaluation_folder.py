@@ -9,19 +9,27 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmark.results.files import FORMAT, ResultsError, locked, named_failures, read_mapping, write_json
+from benchmark.results.files import (
+    FORMAT,
+    PARTIAL,
+    ResultsError,
+    locked,
+    named_failures,
+    read_mapping,
+    write_json,
+)
 from benchmark.results.run_folder import RunFolder
 
 MARK = "evaluation.json"
 """File of what was evaluated."""
-_OWN = (MARK, ".lock")
 
 
 @contextmanager
 def evaluation_folder(out: Path | None, evaluated: Mapping[str, Any]) -> Iterator[RunFolder]:
-    """Yield the folder of a test's table and episodes: `out`, locked, or a temporary one.
+    """Yield the folder in which a test writes its table and episodes.
 
-    An earlier evaluation of the same is replaced.
+    They are moved into `out`, which is locked, when all is written: an earlier evaluation of the same stays
+    until then.
 
     Args:
         out: A folder that is new, empty, or of an evaluation of the same; None for none that is kept.
@@ -38,12 +46,18 @@ def evaluation_folder(out: Path | None, evaluated: Mapping[str, Any]) -> Iterato
     _check(out, content)
     with locked(out):
         _check(out, content)  # what another process has written until the lock was free
-        folder = RunFolder(out)
         write_json(out / MARK, content)
-        with named_failures(out):
-            folder.table.unlink(missing_ok=True)
-            shutil.rmtree(folder.episodes, ignore_errors=True)
-        yield folder
+        old, new = RunFolder(out), RunFolder(out / f"{PARTIAL}-evaluation")
+        shutil.rmtree(new.path, ignore_errors=True)
+        try:
+            yield new
+            with named_failures(out):
+                shutil.rmtree(old.episodes, ignore_errors=True)
+                if new.episodes.exists():
+                    new.episodes.rename(old.episodes)
+                new.table.replace(old.table)
+        finally:
+            shutil.rmtree(new.path, ignore_errors=True)
 
 
 def check_free(out: Path | None) -> None:
@@ -56,7 +70,7 @@ def check_free(out: Path | None) -> None:
         return
     if out.is_file():
         raise ResultsError("is a file, not a folder", place=str(out), remedy="choose another --out")
-    there = sorted(each.name for each in out.iterdir() if each.name not in _OWN)
+    there = sorted(each.name for each in out.iterdir() if not each.name.startswith("."))
     if there and not (out / MARK).exists():
         raise ResultsError(
             f"holds '{there[0]}', which is of no evaluation", place=str(out), remedy="choose another --out"

@@ -22,7 +22,7 @@ from algorithms.parts.distributions import DeterministicHead, GaussianHead
 from algorithms.parts.networks import Encoder
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import VERSION, Run
-from benchmark.results.files import write_whole
+from benchmark.results.files import replace_folder
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.policy_modules import checked_modules
 from benchmark.running.trained_run import read_run
@@ -75,7 +75,8 @@ def export_policy(
     Raises:
         ResultsError: There is no run or no such checkpoint, or it is damaged.
         CheckpointError: The run's algorithm, or a setting of its networks, is another than the checkpoint's.
-        SmartsError: The policy cannot act by itself, the name is none, or the folder exists.
+        SmartsError: The policy cannot act by itself, the name is none, or the folder exists or cannot be
+            written; nothing is left of it then.
     """
     if NAME.fullmatch(name) is None:
         raise SmartsError(
@@ -94,18 +95,19 @@ def export_policy(
     content, weights = described(run, checked_modules(run, run_folder.kept(checkpoint)))
     provenance = f"{run}, {checkpoint} checkpoint"
     level = ALGORITHMS[run.algorithm].level if run.algorithm in ALGORITHMS else ""
-    folder.mkdir(parents=True)
-    write_whole(
-        folder / CONTENT, lambda file: file.write_text(json.dumps(content, indent=1), encoding="utf-8")
-    )
-    for number, arrays in enumerate(weights):
-        with weights_file(folder, number).open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **arrays)
     title = f"The agent {locator}: {provenance}".replace('"', "'").replace("\\", "/")
     text = MODULE.format(
         title=title, locator=locator, level=level.split("-")[0], provenance=title.partition(": ")[2]
     )
-    write_whole(folder / "__init__.py", lambda file: file.write_text(text, encoding="utf-8"))
+
+    def fill(partial: Path) -> None:
+        partial.mkdir(parents=True)
+        (partial / CONTENT).write_text(json.dumps(content, indent=1), encoding="utf-8")
+        for number, arrays in enumerate(weights):
+            np.savez_compressed(weights_file(partial, number), allow_pickle=False, **arrays)
+        (partial / "__init__.py").write_text(text, encoding="utf-8")
+
+    replace_folder(folder, fill)
     return folder
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.joint.env import JointSpaces
+from algorithms.joint.env import AgentBlock, JointSpaces
 from smarts.env.vector import VectorStep
 from smarts.errors import ActionError
 from smarts.observations.action_mask import MASK
@@ -47,6 +47,38 @@ class GivenSteps:
         """Do nothing."""
 
 
+def check_step(now: VectorStep, blocks: Sequence[AgentBlock]) -> None:
+    """Raise unless a step has what the policy was trained on.
+
+    Raises:
+        ActionError: It has other agents, other observations, or no action masks.
+    """
+    if len(now.observations) != len(blocks):
+        raise _unfit(f"{len(now.observations)} kinds of agents", f"{len(blocks)}")
+    masks = now.masks or (None,) * len(blocks)
+    for block, leaves, mask in zip(blocks, now.observations, masks, strict=True):
+        count = len(now.alive), len(block.agents)
+        for leaf, box in block.observation.items():
+            wanted = (*count, *box.shape)
+            if leaf not in leaves:
+                raise _unfit(f"no {leaf or 'observation'!r}", "one")
+            if leaves[leaf].shape != wanted:
+                raise _unfit(f"{leaf or 'observation'!r} of shape {leaves[leaf].shape}", str(wanted))
+        if block.masked:
+            wanted = (*count, int(block.action.n))  # type: ignore[union-attr]
+            if mask is None or mask.shape != wanted:
+                found = "no action mask" if mask is None else f"action masks of shape {mask.shape}"
+                raise _unfit(found, str(wanted))
+
+
+def _unfit(found: str, trained: str) -> ActionError:
+    return ActionError(
+        f"the environment gives {found}, and the policy was trained with {trained}",
+        place="Policy.act",
+        remedy="use the number of agents, the observation and the action mask of the training",
+    )
+
+
 def among(agents: NDArray[np.bool_], now: VectorStep) -> VectorStep:
     """Return a step in which the other agents are absent, and all that they see is zero."""
     observations, first = [], 0
@@ -69,15 +101,18 @@ def _zero_where(array: NDArray, columns: NDArray[np.bool_]) -> NDArray:
     return kept
 
 
-def mask_in(name: str, *given: Any) -> NDArray[np.bool_]:
-    """Return an agent's action mask from the first mapping that has one.
+def mask_in(name: str, actions: int, *given: Any) -> NDArray[np.bool_]:
+    """Return an agent's mask of a number of actions from the first mapping that has one.
 
     Raises:
-        ActionError: There is none, although the policy was trained with one.
+        ActionError: There is none, although the policy was trained with one, or it is of other actions.
     """
     for each in given:
         if isinstance(each, Mapping) and MASK in each:
-            return np.asarray(each[MASK], bool)
+            mask = np.asarray(each[MASK], bool)
+            if mask.shape != (actions,):
+                raise _unfit(f"{name!r} an action mask of shape {mask.shape}", str((actions,)))
+            return mask
     raise ActionError(
         f"there is no {MASK!r} for {name!r}, with which the policy was trained",
         place="Policy.act",
@@ -110,5 +145,14 @@ def fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
                 f"{leaf or 'observation'!r} of {name!r} has the shape {array.shape}, not {row.shape}",
                 place="Policy.act",
                 remedy="use the number of agents and the observation of the training",
+            )
+        same = np.can_cast(array.dtype, row.dtype, "same_kind") or (
+            array.dtype.kind in "biuf" and np.array_equal(array.astype(row.dtype), array)
+        )
+        if not same:
+            raise ActionError(
+                f"{leaf or 'observation'!r} of {name!r} holds {array.dtype}, which {row.dtype} cannot hold",
+                place="Policy.act",
+                remedy="use the observation of the training",
             )
         row[...] = array

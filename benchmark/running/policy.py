@@ -18,7 +18,7 @@ from algorithms.joint.threads import torch_threads
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.given_steps import GivenSteps, among, fill, mask_in
+from benchmark.running.given_steps import GivenSteps, among, check_step, fill, mask_in
 from benchmark.running.policy_modules import checked_modules
 from benchmark.running.trained_run import read_run
 from benchmark.running.training import config_of, unpickled
@@ -120,6 +120,7 @@ class Policy:
                 missing although the policy was trained with one.
         """
         if isinstance(observations, VectorStep):
+            check_step(observations, self._blocks)
             # The environment reuses the array, and which agents acted has to be known after its next step.
             return [*self._choose(observations._replace(alive=observations.alive.copy()))]
         infos = infos or {}
@@ -146,7 +147,11 @@ class Policy:
 
         Returns:
             An array for each block, as `act` does.
+
+        Raises:
+            ActionError: As `act` does.
         """
+        check_step(now, self._blocks)
         return [*self._choose(among(agents, now), worlds)]
 
     def play(self, env: VectorJointEnv, indices: range) -> None:
@@ -256,7 +261,7 @@ class Policy:
             seen = self._arrays_of(name, by_agent[name])
             fill(name, seen, {leaf: array[0, row] for leaf, array in arrays.items()})
             if action_mask is not None:
-                action_mask[0, row] = mask_in(name, seen, infos.get(name))
+                action_mask[0, row] = mask_in(name, action_mask.shape[-1], seen, infos.get(name))
                 action_mask[0, row, 0] |= not action_mask[0, row].any()
         return arrays, action_mask
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from algorithms.joint.module import LearnerModule
 from algorithms.joint.signature import check_signature
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
@@ -34,16 +35,20 @@ def policy_modules(checkpoint: Path) -> dict[str, Any]:
     """
     root = checkpoint / "learner_group" / "learner" / "rl_module"
     folders = sorted(root.glob("*/"))
-    made = {folder.name: _module(folder) for folder in folders if "__" not in folder.name}  # no critics
+    described = {folder: unpickled(folder / "class_and_ctor_args.pkl") for folder in folders}
+    made = {
+        folder.name: _module(folder, given)
+        for folder, given in described.items()
+        if not issubclass(given["class"], LearnerModule)  # critics, mixers
+    }
     groups = [group.id for group in next(iter(made.values())).spec.groups] if made else []
     if not made or not {*groups} <= made.keys():
         raise ResultsError("holds no policy of each group", place=str(root), remedy="train it further")
     return {group: made[group] for group in groups}
 
 
-def _module(folder: Path) -> Any:
-    """Return a network with the weights of a checkpoint."""
-    described = unpickled(folder / "class_and_ctor_args.pkl")
+def _module(folder: Path, described: Mapping[str, Any]) -> Any:
+    """Return a network, as it is described, with the weights of a checkpoint."""
     named = described["ctor_args_and_kwargs"][1]
     wanted = {key: named[key] for key in ("observation_space", "action_space", "model_config")}
     with _quiet():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -11,7 +10,7 @@ from pathlib import Path
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import run_from
 from benchmark.experiment.version import changed_scenarios, changed_settings, code_digests
-from benchmark.results.files import ResultsError, replace_folder, write_json
+from benchmark.results.files import ResultsError, locked, recover_folder, replace_folder, write_json
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.release import (
     LARGEST,
@@ -56,22 +55,24 @@ def write_release(
         SmartsError: A policy cannot be exported.
     """
     results = read_results(root)
-    runs = [run for run in results.finished if not run.is_scripted]
-    _check_free(out, results.name, author, runs)
+    finished = [run for run in results.finished if not run.is_scripted]
+    runs = [run for run in finished if RunFolder(root / run.place).checkpoint.exists()]
     check_one_version(results.runs, str(root))
-    if not runs:
+    if not finished:
         raise ResultsError("no trained run is finished", place=str(root), remedy="train it further")
-    if wrong := [*_wrong(runs)]:
+    if wrong := [*_wrong(finished)]:
         raise ResultsError(
             f"not to be released: {'; '.join(wrong)}", place=str(root), remedy="train these runs again"
         )
-    missing = [*_missing(results, runs)]
-    if missing and not is_partial:
+    missing = [f"{run} has no last checkpoint here" for run in finished if run not in runs]
+    missing += _missing(results, runs)
+    if missing and not (is_partial and runs):
         raise ResultsError(
             f"incomplete: {'; '.join(missing)}",
             place=str(root),
             remedy="finish the experiment, or give --partial: the manifest then names what is missing",
         )
+    _check_names(runs, str(root))
     found: list[Manifest] = []
 
     def fill(folder: Path) -> None:
@@ -91,9 +92,10 @@ def write_release(
         _check_sizes(folder)
         found.append(manifest)
 
-    out.parent.mkdir(parents=True, exist_ok=True)
-    shutil.rmtree(out.with_name(f".partial-{out.name}"), ignore_errors=True)
-    replace_folder(out, fill)
+    with locked(out.parent):
+        recover_folder(out)
+        _check_free(out, results.name, author, runs)
+        replace_folder(out, fill)
     return found[0]
 
 
@@ -119,9 +121,14 @@ def _check_free(out: Path, name: str, author: str, runs: Sequence[RunResult]) ->
 
 
 def _wrong(runs: Sequence[RunResult]) -> Iterator[str]:
-    """Yield what forbids a release of runs of a version."""
+    """Yield what forbids a release."""
     number = runs[0].benchmark_version
     commits = {commit for run in runs for commit in _commits(run)}
+    seen: dict[tuple[str, str], str] = {}
+    for run in runs:
+        for scenario, digest in run.facts.get(SCENARIOS, {}).items():
+            if seen.setdefault((run.traffic, scenario), digest) != digest:
+                yield f"{run}: the scenario {scenario} is another than that of other runs"
     if number is None:
         return
     if len(commits) > 1 or any(commit.endswith("+") for commit in commits):
@@ -173,10 +180,7 @@ def _named(seeds: Sequence[int]) -> str:
 def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Path]) -> Entry:
     """Export a run's policy into a release, and return what is claimed of it."""
     path = root / run.place
-    name = re.sub(r"[^a-z0-9]+", "-", f"{run.algorithm}-{run.task}-{run.traffic}-{run.seed}".lower()).strip(
-        "-"
-    )
-    policy = export_policy(path, name, folder / POLICIES, checkpoint="last", imports=imports)
+    policy = export_policy(path, _policy_name(run), folder / POLICIES, checkpoint="last", imports=imports)
     return Entry(
         algorithm=run.algorithm,
         task=run.task,
@@ -190,6 +194,25 @@ def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Pat
         scores=scores_of(run.table),
         episodes=episode_digests(run.table),
     )
+
+
+def _policy_name(run: RunResult) -> str:
+    """Return the name of a run's policy in the zoo."""
+    name = re.sub(r"[^a-z0-9]+", "-", f"{run.algorithm}-{run.task}-{run.traffic}-{run.seed}".lower())
+    return name.strip("-") if name[:1].isalpha() else f"policy-{name.strip('-')}"
+
+
+def _check_names(runs: Sequence[RunResult], place: str) -> None:
+    """Raise if two runs' policies would have one name."""
+    named: dict[str, RunResult] = {}
+    for run in runs:
+        other = named.setdefault(_policy_name(run), run)
+        if other is not run:
+            raise ResultsError(
+                f"{other} and {run} would both be the policy {_policy_name(run)!r}",
+                place=place,
+                remedy="train one of them again under another name",
+            )
 
 
 def _scenarios(runs: Sequence[RunResult]) -> dict[str, dict[str, str]]:

@@ -22,7 +22,9 @@ from benchmark.experiment.version import (
     changed_settings,
     versions,
 )
+from benchmark.results.commands import COMMAND, EXPERIMENT
 from benchmark.results.files import ResultsError
+from benchmark.results.reading import REPORT
 from benchmark.results.release import (
     ADDRESS,
     LARGEST,
@@ -52,7 +54,7 @@ from smarts.zoo.exported import ExportedPolicy, exported_spec
 from smarts_agent_kit.exported import TEAM
 from smarts_agent_kit.weights import CONTENT
 
-RESERVED = (SCRIPTED, SUBMISSION, ROBUSTNESS, MANIFEST, VERDICTS)
+RESERVED = (SCRIPTED, SUBMISSION, ROBUSTNESS, MANIFEST, VERDICTS, REPORT, COMMAND, EXPERIMENT)
 """Names in a folder of results that no algorithm can have."""
 LONGEST_NAME = 100
 """Characters of an algorithm's name."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from benchmark.experiment.runs import Run, run_from
 from benchmark.results.files import FormatError, ResultsError
+from benchmark.results.reading import checked_config, checked_facts
 from benchmark.results.run_folder import RunFolder
 from smarts.registry import import_own
 
@@ -24,9 +25,10 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
         OwnCodeError: A file or folder of own code does not exist.
     """
     try:
-        tested = folder.facts().get("tested", {})  # first, since it refuses other formats
-        run = run_from(folder.read_config())
-        metrics = tuple(tested["metrics"]) if "metrics" in tested else None
+        facts = checked_facts(folder)  # first, since it refuses other formats
+        run = run_from(checked_config(folder))
+        tested = (facts.get("tested") or {}).get("metrics")
+        metrics = None if tested is None else tuple(tested)
         own = tuple(str(Path(path).absolute()) for path in imports) or run.task_setting.imports
         import_own(own)
         return replace(run, task_setting=replace(run.task_setting, imports=own, metrics=metrics))

@@ -1,6 +1,7 @@
 """Tests of finished runs that cannot be made, each refused with one message before anything starts."""
 
 import pytest
+import yaml
 
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import run_from, runs_of
@@ -62,6 +63,21 @@ def test_a_run_whose_scenario_does_not_exist_any_more(run, folder):
 def test_a_config_of_a_run_that_is_none(run, key, value, named):
     with raises(ValueError, values=[named]):
         run_from({**run.content(), key: value})
+
+
+@pytest.mark.parametrize("tested", [5, {"metrics": 3}, {"episodes": "many"}])
+def test_a_damaged_run_is_named(folder, tested):
+    folder.note(tested=tested)
+    with raises(ResultsError, "run.json", values=["tested"]):
+        read_run(folder)
+
+
+@pytest.mark.parametrize("name", ["settings", "algorithm"])
+def test_a_damaged_config_is_named(folder, name):
+    content = folder.read_config() | {name: None}
+    folder.config.write_text(yaml.safe_dump(content))
+    with raises(ResultsError, "config.yaml", values=[name]):
+        read_run(folder)
 
 
 def test_what_is_wrong_with_what_was_asked_for_last(tmp_path):

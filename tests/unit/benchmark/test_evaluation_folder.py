@@ -1,12 +1,14 @@
 """`evaluate --out`: one evaluation in a folder, and nothing else lost; options that would have no effect."""
 
 import threading
+from contextlib import suppress
 
 import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
 from benchmark.results.files import ResultsError, locked
+from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluation_folder import MARK, evaluation_folder
 from tests.raising import raises
 
@@ -20,7 +22,7 @@ def evaluated(out, what=ONE):
         folder.table.parent.mkdir(parents=True, exist_ok=True)
         folder.table.write_text("rows")
         (folder.episodes / "greedy-two_way").mkdir(parents=True)
-    return folder
+    return RunFolder(out)
 
 
 def test_the_same_evaluation_replaces_itself_and_leaves_other_files(tmp_path):
@@ -32,6 +34,24 @@ def test_the_same_evaluation_replaces_itself_and_leaves_other_files(tmp_path):
     assert (out / "notes.txt").read_text() == "mine"
     assert not (folder.episodes / "greedy-old").exists()
     assert (folder.episodes / "greedy-two_way").exists()
+
+
+def test_an_evaluation_that_fails_leaves_the_earlier_one(tmp_path):
+    folder = evaluated(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    with suppress(KeyboardInterrupt), evaluation_folder(tmp_path, ONE) as again:
+        again.episodes.mkdir(parents=True)
+        again.table.write_text("half")
+        raise KeyboardInterrupt
+    assert folder.table.read_text() == "rows"
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_what_a_kill_leaves_is_no_foreign_file(tmp_path):
+    (tmp_path / ".partial-evaluation.json").write_text("{")
+    (tmp_path / ".partial-evaluation").mkdir()
+    folder = evaluated(tmp_path)
+    assert folder.table.exists()
 
 
 def test_another_evaluation_is_refused_and_nothing_is_lost(tmp_path):

@@ -1,5 +1,7 @@
 """Exported policies act as their checkpoints do, greedily, on the observations that those see."""
 
+import errno
+import itertools
 import json
 import pickle
 import shutil
@@ -33,6 +35,7 @@ from smarts.zoo import make_agent, make_spec
 from smarts_agent_kit.exported import TEAM, ExportError
 from smarts_agent_kit.exported import ExportedPolicy as KitPolicy
 from smarts_agent_kit.weights import weights_files
+from tests.raising import raises
 
 pytestmark = pytest.mark.slow
 
@@ -215,9 +218,48 @@ def test_damaged_weights_are_named_wherever_the_damage_is(make, tmp_path):
         )
         with suppress(ExportError):  # bytes that nothing depends on do no harm
             KitPolicy(file.parent, "agent-0")
+    for place, bit in itertools.product([*range(64), *range(len(whole) - 400, len(whole))], range(8)):
+        changed = bytearray(whole)
+        changed[place] ^= 1 << bit
+        file.write_bytes(changed)
+        with suppress(ExportError):
+            KitPolicy(file.parent, "agent-0")
+    with file.open("wb") as alone:
+        np.save(alone, np.zeros(3))
+    with pytest.raises(ExportError, match="the weights cannot be read"):
+        KitPolicy(file.parent, "agent-0")
     file.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(ExportError, match="the weights cannot be read"):
         KitPolicy(file.parent, "agent-0")
+
+
+@pytest.mark.parametrize("content", [{"format": 1}, {"agents": {}}, {"agents": None}, {"head": None}])
+def test_a_damaged_description_is_named(make, tmp_path, content):
+    _, folder = make("ppo", "{sharing: all}")
+    file = export_policy(folder.path, "own-one", tmp_path, checkpoint="last") / "policy.json"
+    whole = json.loads(file.read_text())
+    if "format" not in content:
+        content = {key: each for key, each in {**whole, **content}.items() if each is not None}
+    file.write_text(json.dumps(content))
+    with pytest.raises(ExportError, match=r"policy\.json"):
+        KitPolicy(file.parent)
+
+
+def test_an_export_that_fails_leaves_nothing(make, tmp_path, monkeypatch):
+    _, folder = make("ppo", "{sharing: all}")
+    (tmp_path / "file").write_text("")
+    with raises(ResultsError, values=["cannot be written"]):
+        export_policy(folder.path, "own-one", tmp_path / "file", checkpoint="last")
+
+    def full(*arguments, **given):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(np, "savez_compressed", full)
+        with raises(ResultsError, values=["No space left"]):
+            export_policy(folder.path, "own-one", tmp_path / "out", checkpoint="last")
+    assert not [*(tmp_path / "out").iterdir()]
+    export_policy(folder.path, "own-one", tmp_path / "out", checkpoint="last")
 
 
 def make_spec_of(folder, agent=""):

@@ -200,6 +200,42 @@ def test_what_is_no_observation_is_named(make):
             load_policy(folder.path, **wrong)
 
 
+def test_a_step_of_another_environment_is_named(make):
+    _, folder = make("pg")
+    policy = load_policy(folder.path)
+    env = VectorHiWayEnv(2, ["loop"], 2, traffic=["no_social_vehicles"])
+    try:
+        now = env.reset(7)
+    finally:
+        env.close()
+    (leaves,), (mask,) = now.observations, now.masks
+    (leaf, seen), *_ = leaves.items()
+    for wrong in (
+        {"masks": (None,)},
+        {"masks": (mask[..., :3],)},
+        {"observations": ({leaf: seen[..., :-1]},)},
+        {"observations": ({leaf: seen[:, :1]},)},
+        {"observations": ({},)},
+        {"observations": (leaves, leaves)},
+    ):
+        with raises(ActionError, "Policy.act", values=["trained with"]):
+            policy.act(now._replace(**wrong))
+    assert policy.act(now)[0].shape == (2, 2)
+
+
+def test_values_that_an_observation_cannot_hold_are_named(make):
+    _, folder = make("pg")
+    policy = load_policy(folder.path)
+    masks = {"agent-0": {"action_mask": np.ones(4)}}
+    for values in (np.full(201, "fast"), np.full(201, 1j)):
+        with raises(ActionError, "Policy.act", values=[values.dtype]):
+            policy.act({"agent-0": values}, masks)
+    for size in (1, 5):
+        with raises(ActionError, "Policy.act", values=[(size,), (4,)]):
+            policy.act({"agent-0": np.zeros(201)}, {"agent-0": {"action_mask": np.ones(size)}})
+    assert policy.act({"agent-0": np.zeros(201)}, masks).keys() == {"agent-0"}
+
+
 def test_no_cluster_is_started(make):
     _, folder = make("a2c")
     program = (

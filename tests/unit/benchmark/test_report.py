@@ -22,7 +22,7 @@ from benchmark.report.curves import seeds_curve
 from benchmark.report.latex import escaped
 from benchmark.report.markdown import table
 from benchmark.report.marl_eval import marl_eval_json
-from benchmark.report.overview import COLUMNS, overview_rows
+from benchmark.report.overview import COLUMNS, note, overview_rows
 from benchmark.report.paper import paper, printed, task_differences, task_label
 from benchmark.report.provenance import gaps
 from benchmark.report.radar import axes_of_radar, draw_radar
@@ -410,6 +410,17 @@ def test_the_overview_has_a_line_for_each_algorithm_and_cell(tmp_path):
         **{name: driver[name] for name in ("task", "traffic", "algorithm")},
         "greedy": "0.04 / 0.96",
     }
+
+
+def test_the_overview_of_sampled_tests_shows_them_as_sampled(tmp_path):
+    write_experiment(tmp_path, algorithms=["ppo"], scripted=["gap_acceptance"])
+    write_run(tmp_path, "ppo", [agent_episodes(MIXED, mode="sampled")])
+    write_run(tmp_path, "gap_acceptance", [agent_episodes(PERFECT, mode="scripted")], seed=-1)
+    report = make_report(read_results(tmp_path))
+    ppo, driver = (dict(zip(COLUMNS, row, strict=True)) for row in overview_rows(report))
+    assert (ppo["greedy"], ppo["sampled"], ppo["greedy - sampled"]) == ("", "0.25 / 0.75", "")
+    assert (ppo["- gap_acceptance"], driver["greedy"]) == ("+0.25 / -0.25", "0.00 / 1.00")
+    assert "of sampled acting" in note(report)
 
 
 def test_differences_from_the_papers_tasks_are_the_table_of_the_documents(tmp_path):

@@ -37,7 +37,7 @@ from benchmark.running.blind import BlindAgent
 from benchmark.running.evaluate_agent import evaluate_exported, play_agent
 from benchmark.running.judging import memorized
 from benchmark.running.played import scenario_digests
-from benchmark.running.releasing import _check_free, write_release
+from benchmark.running.releasing import _check_free, _check_names, _policy_name, write_release
 from benchmark.running.submission_folder import write_claims
 from benchmark.running.submissions import agent_of, check_manifest, submitted
 from benchmark.running.verifying import verify
@@ -307,10 +307,15 @@ def test_missing_seeds_are_marked(submission, tmp_path):
 
 def test_the_results_of_missing_seeds_are_not_released(tmp_path):
     write_experiment(tmp_path / "one", seeds=[1, 2, 3])
-    write_run(tmp_path / "one", "ppo", [agent_episodes([["goal", "goal"]] * 3, mode="greedy")])
+    run = write_run(tmp_path / "one", "ppo", [agent_episodes([["goal", "goal"]] * 3, mode="greedy")])
+    (run / "checkpoint").mkdir()
     with pytest.raises(ResultsError) as caught:
         write_release(tmp_path / "one", tmp_path / "release")
     assert caught.value.problem == "incomplete: ppo, intersection, no_social_vehicles, seeds 2, 3: not begun"
+    (run / "checkpoint").rmdir()
+    for partial in (False, True):  # as of runs whose checkpoints git does not keep
+        with raises(ResultsError, values=["seed 1 has no last checkpoint here"]):
+            write_release(tmp_path / "one", tmp_path / "release", is_partial=partial)
     assert not (tmp_path / "release").exists()
 
 
@@ -326,7 +331,10 @@ def test_digests_of_a_manifest_are_one_line_or_a_list(submission):
 def test_fewer_seeds_than_an_entry_has_are_not_released(tmp_path):
     write_experiment(tmp_path / "one", seeds=[1, 2])
     for seed in (1, 2):
-        write_run(tmp_path / "one", "ppo", [agent_episodes([["goal", "goal"]] * 3, mode="greedy")], seed=seed)
+        run = write_run(
+            tmp_path / "one", "ppo", [agent_episodes([["goal", "goal"]] * 3, mode="greedy")], seed=seed
+        )
+        (run / "checkpoint").mkdir()
     with pytest.raises(ResultsError, match="has seeds 1, 2 alone, of at least 3"):
         write_release(tmp_path / "one", tmp_path / "release")
 
@@ -344,6 +352,17 @@ def test_a_release_replaces_only_what_it_holds_itself(submission, tmp_path):
     with raises(ResultsError, str(root), values=["notes.md"]):
         _check_free(root, "theirs", "A. Author", runs)
     assert read_manifest(root) == manifest
+
+
+def test_names_of_policies_are_told_apart(tmp_path):
+    runs = [
+        SimpleNamespace(algorithm=name, task="loop", traffic=ALONE, seed=1) for name in ("2_step", "my-own")
+    ]
+    assert _policy_name(runs[0]) == "policy-2-step-loop-no-social-vehicles-1"
+    _check_names(runs, "here")
+    alike = SimpleNamespace(**{**vars(runs[1]), "algorithm": "My_own"})
+    with raises(ResultsError, "here", values=["my-own-loop"]):
+        _check_names([*runs, alike], "here")
 
 
 def test_where_nothing_listens_there_is_no_verdict(submission, tmp_path):
