@@ -11,6 +11,7 @@ from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import run_from
 from benchmark.experiment.version import changed_scenarios, changed_settings, code_digests
 from benchmark.results.files import ResultsError, locked, recover_folder, replace_folder, write_json
+from benchmark.results.plurals import listed
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.release import (
     LARGEST,
@@ -158,7 +159,7 @@ def _missing(results: Results, runs: Sequence[RunResult]) -> Iterator[str]:
             unfinished.setdefault((_cell(run), run.status), []).append(run.seed)
             planned.setdefault(_cell(run), []).append(run.seed)
     for (cell, status), seeds in unfinished.items():
-        yield f"{cell}, {_named(seeds)}: {status}"
+        yield f"{cell}, {listed('seed', seeds)}: {status}"
     for run in runs:
         assert run.table is not None
         if "greedy" not in set(run.table["mode"]):
@@ -166,15 +167,11 @@ def _missing(results: Results, runs: Sequence[RunResult]) -> Iterator[str]:
         planned.setdefault(_cell(run), []).append(run.seed)
     for cell, seeds in planned.items():
         if len(seeds) < SEEDS:
-            yield f"{cell} has {_named(seeds)} alone, of at least {SEEDS}"
+            yield f"{cell} has {listed('seed', seeds)} alone, of at least {SEEDS}"
 
 
 def _cell(run: RunResult) -> str:
     return f"{run.algorithm}, {run.task}, {run.traffic}"
-
-
-def _named(seeds: Sequence[int]) -> str:
-    return f"seed{'s'[: len(seeds) != 1]} {', '.join(map(str, seeds))}"
 
 
 def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Path]) -> Entry:
