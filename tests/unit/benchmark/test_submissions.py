@@ -300,6 +300,11 @@ def test_a_changed_scenario_of_the_evaluator_is_refused_too(submission, tmp_path
         verified(root, tmp_path / "out")
 
 
+def test_files_that_the_manifest_does_not_describe_are_refused(submission, tmp_path):
+    problem = refusal(submission(unlisted), tmp_path / "out")
+    assert "policy.json is not the file that its manifest describes" in problem
+
+
 def test_missing_seeds_are_marked(submission, tmp_path):
     (verdict, _) = verified(submission(lambda manifest: manifest["policies"].pop()), tmp_path / "out")
     assert (verdict.status, verdict.reasons) == (MARKED, ("missing seeds: 2 of at least 3",))
@@ -524,6 +529,17 @@ def unlisted(manifest):
         entry["files"] = {}
 
 
+def listed_again(root):
+    """Return a change by which a manifest names the files as they are."""
+
+    def change(manifest):
+        for entry in manifest["policies"]:
+            files = (root / entry["agent"]).iterdir()
+            entry["files"] = {each.name: file_digest(each.read_bytes()) for each in files}
+
+    return change
+
+
 def refusal(root, out):
     with pytest.raises(ResultsError) as caught:
         verified(root, out)
@@ -594,7 +610,7 @@ def test_weights_that_do_not_fit_together_are_refused(submission, tmp_path, laye
         with np.load(policy / "policy.npz") as file:
             weights = dict(file)
         np.savez_compressed(policy / "policy.npz", allow_pickle=False, **weights)
-    assert named in refusal(changed(root, unlisted), tmp_path / "out")
+    assert named in refusal(changed(root, listed_again(root)), tmp_path / "out")
 
 
 def test_a_network_that_reads_more_than_its_vehicle_sees_is_refused(submission, tmp_path):
@@ -624,7 +640,7 @@ def test_one_policy_as_several_seeds_is_refused(submission, tmp_path):
         with np.load(root / "policies/mine_1/policy.npz") as file:
             weights = {name: array.astype(np.float64) for name, array in file.items()}
         np.savez_compressed(root / f"policies/mine_{seed}/policy.npz", **weights, more=np.full(1, seed))
-    problem = refusal(changed(root, unlisted), tmp_path / "out")
+    problem = refusal(changed(root, listed_again(root)), tmp_path / "out")
     assert "seed 2: its policy is that of seed 1" in problem
     assert "seed 3: its policy is that of seed 1" in problem
 
@@ -665,7 +681,7 @@ def test_a_policy_of_another_training_than_its_entry_is_refused(submission, tmp_
     content = json.loads(file.read_text())
     content["trained"][key] = value
     file.write_text(json.dumps(content))
-    problem = refusal(changed(root, unlisted), tmp_path / "out")
+    problem = refusal(changed(root, listed_again(root)), tmp_path / "out")
     assert f"seed 2: its policy was trained with {key} {value!r}, not" in problem
 
 
@@ -771,7 +787,7 @@ def test_files_that_are_nested_deeply_are_named(submission, tmp_path):
     root = submission()
     deep = "[" * 100_000
     (root / "policies" / "mine_1" / "policy.json").write_text(deep)
-    assert "seed 1: policies/mine_1" in refusal(changed(root, unlisted), tmp_path / "out")
+    assert "seed 1: policies/mine_1" in refusal(changed(root, listed_again(root)), tmp_path / "out")
     (root / MANIFEST).write_text(deep)
     with pytest.raises(ResultsError, match="cannot be read"):
         read_manifest(root)
