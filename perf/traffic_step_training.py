@@ -101,10 +101,11 @@ def gain_of_rates(exact: Sequence[float], longer: Sequence[float], sign: int, tr
         sign: As in `gap`.
         trials: Agent-episodes behind each rate.
     """
-    one, other = (
-        arcsine_interval(rates, np.full(len(rates), trials), ONE_SIDED) for rates in (exact, longer)
-    )
-    low, high = mover_interval(fmean(longer), other, fmean(exact), one)
+    ends = []
+    for rates in (exact, longer):
+        low, high = arcsine_interval(rates, np.full(len(rates), trials), ONE_SIDED)
+        ends.append((float(low), float(high)))
+    low, high = mover_interval(fmean(longer), ends[1], fmean(exact), ends[0])
     return float(low if sign > 0 else -high)
 
 
