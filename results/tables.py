@@ -3,7 +3,7 @@
     smarts-bench report results/benchmark_v1 && python results/tables.py [--check]
 
 A table stands between the lines "<!-- table NAME -->" and "<!-- end of table -->". With `--check` nothing is
-written; exit code 1 if a file has another table than the results.
+written; exit code 1 if a file has another table than the results, 2 if it lacks one of these lines.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from benchmark.report.paper import printed
+from benchmark.results.files import write_whole
+from smarts.errors import SmartsError
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "benchmark_v1"
@@ -43,6 +45,7 @@ ALGORITHMS = {
     "maddpg": "MADDPG",
 }
 RULES = "gap_acceptance"
+BEGIN, END = "<!-- table ", "<!-- end of table -->"
 
 Values = dict[tuple[str, str, str, str, str], dict[str, str]]
 """A row of values.csv by algorithm, task, traffic, mode and metric."""
@@ -106,8 +109,14 @@ def seeds_table(values: Values) -> Iterable[Sequence[str]]:
         yield (label, *("; ".join(_by_seed(name, cell)) for cell in CELLS))
 
 
+def tests_by_seed(folder: Path) -> list[Path]:
+    """Return the tests' tables in a cell's folder, by training seed."""
+    files = folder.glob("seed_*/episodes.parquet")
+    return sorted(files, key=lambda file: int(file.parent.name.removeprefix("seed_")))
+
+
 def _by_seed(algorithm: str, cell: tuple[str, str]) -> Iterable[str]:
-    for file in sorted(RESULTS.glob(f"{algorithm}/{'/'.join(cell)}/seed_*/episodes.parquet")):
+    for file in tests_by_seed(RESULTS.joinpath(algorithm, *cell)):
         table = pq.read_table(file, columns=["mode", "split", "is_invalid", "agents", "outcome"])
         kept = pc.field("mode").isin(["greedy"]) & pc.field("split").isin(["train"])
         outcomes = table.filter(kept & ~pc.field("is_invalid") & (pc.field("agents") > 0))[
@@ -127,13 +136,35 @@ def lines_of(name: str, values: Values) -> str:
     return "\n".join([written[0], "|---" * len(head) + "|", *written[1:]])
 
 
-def with_tables(text: str, names: Iterable[str], values: Values) -> str:
-    """Return a file's text with its tables as the results are."""
+def with_tables(text: str, names: Iterable[str], values: Values, place: str) -> str:
+    """Return a file's text with its tables as the results are.
+
+    Args:
+        text: Of the file.
+        names: Of its tables.
+        values: Rows of values.csv.
+        place: Name of the file, for errors.
+
+    Raises:
+        SmartsError: A table's first or last line is missing, or is there twice.
+    """
     for name in names:
-        start, end = f"<!-- table {name} -->\n", "\n<!-- end of table -->"
-        before, rest = text.split(start)
-        text = f"{before}{start}{lines_of(name, values)}{end}{rest.partition(end)[2]}"
+        start = f"{BEGIN}{name} -->\n"
+        before, rest = _split_once(text, start, place, "once in the file")
+        own, more, others = rest.partition(BEGIN)
+        _, after = _split_once(own, f"\n{END}", place, f"once behind {start.strip()!r}")
+        text = f"{before}{start}{lines_of(name, values)}\n{END}{after}{more}{others}"
     return text
+
+
+def _split_once(text: str, marker: str, place: str, where: str) -> tuple[str, str]:
+    """Return what stands before and behind a line."""
+    if (count := text.count(marker)) != 1:
+        raise SmartsError(
+            f"the line {marker.strip()!r} is there {count} times", place=place, remedy=f"write it {where}"
+        )
+    before, _, after = text.partition(marker)
+    return before, after
 
 
 def main() -> int:
@@ -142,13 +173,17 @@ def main() -> int:
     for name, tables in FILES.items():
         file = HERE.parent / name
         text = file.read_text(encoding="utf-8")
-        if (new := with_tables(text, tables, values)) != text:
+        if (new := with_tables(text, tables, values, name)) != text:
             differing.append(name)
             if "--check" not in sys.argv:
-                file.write_text(new, encoding="utf-8")
+                write_whole(file, lambda partial, new=new: partial.write_text(new, encoding="utf-8"))
     print(f"differing: {', '.join(differing) or 'none'}")
     return int("--check" in sys.argv and bool(differing))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except SmartsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)

@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from smarts.errors import SmartsError
+from tests.raising import raises
+
 ROOT = Path(__file__).parents[3]
 
 
@@ -22,8 +25,40 @@ def test_the_tables_are_those_of_the_results_and_a_changed_figure_is_found(table
     values = tables.read_values()
     for name, named in tables.FILES.items():
         text = (ROOT / name).read_text(encoding="utf-8")
-        assert tables.with_tables(text, named, values) == text, f"{name}: python results/tables.py"
+        assert tables.with_tables(text, named, values, name) == text, f"{name}: python results/tables.py"
         row = next(line for line in text.splitlines() if line.startswith("| MADDPG | "))
         changed = text.replace(row, row.replace("/ 1.00", "/ 0.99", 1))
         assert changed != text
-        assert tables.with_tables(changed, named, values) == text
+        assert tables.with_tables(changed, named, values, name) == text
+
+
+START, END = "<!-- table paper -->", "<!-- end of table -->"
+
+
+@pytest.mark.parametrize(
+    ("lines", "named"),
+    [
+        (["Before.", "| old |", END, "Behind."], [START, 0]),
+        ([START, "| old |", END, START, "| old |", END], [START, 2]),
+        ([START, "| old |", "<!-- end of tabel -->", "Behind."], [END, 0]),
+        ([START, "| old |", "<!-- end of tabel -->", "<!-- table modes -->", "| old |", END], [END, 0]),
+        ([START, "| old |", END, "Behind.", END], [END, 2]),
+    ],
+)
+def test_lines_around_a_table_that_are_missing_or_there_twice_are_named(tables, lines, named):
+    with raises(SmartsError, "page.md", values=named):
+        tables.with_tables("\n".join(lines), ["paper"], {}, "page.md")
+
+
+def test_the_text_around_a_table_stays(tables):
+    text = "\n".join(["Before.", START, "| old |", END, "Behind.", "<!-- table modes -->", "| x |", END, ""])
+    found = tables.with_tables(text, ["paper"], {}, "page.md")
+    assert found == text.replace("| old |", tables.lines_of("paper", {}))
+
+
+def test_seeds_are_in_the_order_of_their_numbers(tables, tmp_path):
+    for seed in (10, 2, 1):
+        (tmp_path / f"seed_{seed}").mkdir()
+        (tmp_path / f"seed_{seed}" / "episodes.parquet").touch()
+    found = [file.parent.name for file in tables.tests_by_seed(tmp_path)]
+    assert found == ["seed_1", "seed_2", "seed_10"]
