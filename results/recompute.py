@@ -5,10 +5,11 @@
 Of every finished run's `episodes.parquet` it counts how agent-episodes ended: test episodes of the training's
 variations that are valid, by algorithm, cell and mode, over all training seeds. It prints how many rates it
 compared with `report/values.csv` and the largest difference, and exits with 1 if that is more than rounding
-(six digits) explains, or if a rate is on one side only.
+(six digits) explains, if a rate is on one side only, or if there is nothing to compare.
 """
 
 import csv
+import json
 import sys
 from collections import Counter
 from pathlib import Path
@@ -21,10 +22,17 @@ ROUNDED = 1e-6
 COLUMNS = ("algorithm", "task", "task_traffic", "mode", "split", "outcome", "is_invalid", "agents")
 
 
+def is_finished(file: Path) -> bool:
+    """Return whether a run is finished; reports leave others out."""
+    return file.exists() and json.loads(file.read_text(encoding="utf-8")).get("status") == "finished"
+
+
 def counted(root: Path) -> dict[tuple[str, str, str, str], Counter]:
     """Return how often each outcome was there, by algorithm, task, traffic and mode."""
     found: dict[tuple[str, str, str, str], Counter] = {}
     for file in sorted(root.glob("**/episodes.parquet")):
+        if not is_finished(file.with_name("run.json")):
+            continue
         for row in pq.read_table(file, columns=list(COLUMNS)).to_pylist():
             if row["split"] == "train" and not row["is_invalid"] and row["agents"] > 0:
                 key = row["algorithm"], row["task"], row["task_traffic"], row["mode"]
@@ -46,6 +54,9 @@ def reported(root: Path) -> dict[tuple[str, str, str, str], dict[str, float]]:
 def main(root: Path) -> int:
     """Compare, print, and return the exit code."""
     ours, theirs = counted(root), reported(root)
+    if not ours and not theirs:
+        print(f"nothing to compare: {root} has no finished run, and its report no rate")
+        return 1
     largest, compared, faults = 0.0, 0, sorted(map(str, ours.keys() ^ theirs.keys()))
     for key in ours.keys() & theirs.keys():
         total, left = sum(ours[key].values()), dict(theirs[key])
