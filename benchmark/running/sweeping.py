@@ -105,7 +105,7 @@ def is_complete(folder: Path, section: Tune, algorithm: str) -> bool:
         table = pd.read_csv(folder / TRIALS)
     except (pd.errors.EmptyDataError, pd.errors.ParserError):  # written again when the search has ended
         return False
-    if "trial_id" not in table:  # averages over cells
+    if not {"trial_id", section.metric} <= {*table}:  # averages over cells, or not a whole table
         return False
     grids = (len(given) for given in parameters_of(section, algorithm).values() if isinstance(given, list))
     return len(table.dropna(subset=[section.metric])) == section.samples * prod(grids)

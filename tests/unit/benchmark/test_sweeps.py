@@ -121,6 +121,8 @@ def test_a_search_is_complete_when_its_table_has_all_trials(tmp_path):
         assert not is_complete(folder, section, algorithm), "averages over cells"
         (folder / "trials.csv").write_text("")
         assert not is_complete(folder, section, algorithm), "an empty table"
+        (folder / "trials.csv").write_text("lr,trial_id\n" + "0.1,abc\n" * count)
+        assert not is_complete(folder, section, algorithm), "a table without the metric"
 
 
 @pytest.mark.parametrize(
