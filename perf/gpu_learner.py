@@ -1,13 +1,14 @@
 """Time of a learner's update on the CPU and on a GPU, by width of the networks.
 
-    python -m perf.gpu_learner [--algorithms ppo dqn qmix maddpg] [--widths 64 256 1024] [--pictures]
+    python -m perf.gpu_learner [--algorithms ppo dqn ...] [--widths 64 256 ...] [--pictures] [--seconds 4]
 
 The environment of perf/joint.py: 4 agents, observations of 200 floats, 8 environments, fragments of 64 steps;
 with --pictures agents see one of 64 x 64 pixels, too.
 Two layers of each width; PPO learns from minibatches of 128 moments, the others from 8 of 512. Prints the
 update of a fragment in ms of wall clock, by a learner with one thread, with half as many as there are cores,
-and on the GPU, and how many times faster the GPU is than the better of the two. Exit code 2: torch finds no
-GPU.
+and on the GPU, and how many times faster the GPU is than the better of the two. An update is the median of
+RLlib's iterations less the median of sampling: RLlib's own bookkeeping is in it, which no GPU makes faster.
+Iterations are measured for `--seconds` each, samplings for a quarter of it. Exit code 2: torch finds no GPU.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def typical_time(run: Callable[[], Any], seconds: float) -> float:
 
 
 def update_time(env: type, name: str, width: int, seconds: float, *, gpus: int, threads: int) -> float:
-    """Return the seconds of an iteration without its sampling."""
+    """Return the seconds of an iteration without its sampling: learner's update, RLlib's bookkeeping."""
     config = algorithms.config(name).environment(env)
     config.env_runners(num_env_runners=0, num_envs_per_env_runner=ENVS, rollout_fragment_length=FRAGMENT)
     batches = REPLAY if "batch_size" in config.setting_names else {"minibatch_size": 128}
@@ -79,7 +80,7 @@ def main() -> None:
     parser.add_argument("--algorithms", nargs="+", default=["ppo", "dqn", "qmix", "maddpg"])
     parser.add_argument("--widths", nargs="+", type=int, default=[64, 256, 1024])
     parser.add_argument("--pictures", action="store_true")
-    parser.add_argument("--seconds", type=float, default=4.0)
+    parser.add_argument("--seconds", type=float, default=4.0, help="of measuring iterations (default 4)")
     arguments = parser.parse_args()
     if not torch.cuda.is_available():
         print("torch finds no GPU on this machine", file=sys.stderr)

@@ -49,6 +49,7 @@ def check_equal(name, settings):
     for each, results in zip(everyone[1:], others, strict=True):
         assert_close(arrays(each.weights()), expected)
         assert each.learner.rng.random() == copy.deepcopy(here.learner.rng).random()
+        assert torch.equal(each.learner.generator.get_state(), here.learner.generator.get_state())
         assert results.keys() == reported.keys()
         for leaf, value in reported.items():
             assert results[leaf] == pytest.approx(value, rel=1e-3, abs=1e-5), leaf
