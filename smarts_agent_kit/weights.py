@@ -49,7 +49,8 @@ def content_of(folder: Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         raise ExportError(f"the exported policy cannot be read: {error}", str(folder / CONTENT)) from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise ExportError(f"not an exported policy of format {FORMAT}", str(folder / CONTENT))
+        found = content.get("format") if isinstance(content, dict) else None
+        raise ExportError(f"its format is {found!r}, not {FORMAT}", str(folder / CONTENT))
     if absent := [name for name in NEEDED if name not in content]:
         raise ExportError(f"there is no {absent[0]!r}", str(folder / CONTENT))
     if not isinstance(content["agents"], dict) or not content["agents"]:
@@ -97,7 +98,8 @@ def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
                     return tuple(np.ascontiguousarray(file[each].astype(np.float64)) for each in names)
         except Exception as error:  # zip, zlib and numpy raise errors of many types
             raise ExportError(f"the weights cannot be read: {error}", str(place)) from error
-    raise ExportError(f"the weights of {name!r} are missing", str(folder / WEIGHTS))
+    files = ", ".join(place.name for place in weights_files(folder))
+    raise ExportError(f"the weights of {name!r} are missing: they are not in {files}", str(folder))
 
 
 def check_network(
@@ -172,5 +174,6 @@ def check_width(x: NDArray, weight: NDArray) -> None:
     """
     if x.shape[1] != len(weight):
         raise ExportError(
-            f"a layer reads {len(weight)} numbers of a vehicle, which gives {x.shape[1]}", WEIGHTS
+            f"a layer reads {len(weight)} numbers and is given {x.shape[1]}: it is not of this {CONTENT}",
+            WEIGHTS,
         )

@@ -139,6 +139,7 @@ def compare(
     )
     from benchmark.report.ranking import RANKED_BY
     from benchmark.report.values import csv_number
+    from benchmark.report.wording import pairs_notes
     from benchmark.results.files import write_whole
 
     first, second = with_distinct_names(read_side(a), read_side(b))
@@ -157,8 +158,8 @@ def compare(
         text = found.to_csv(index=False, float_format=csv_number, lineterminator="\n")
         write_whole(csv, lambda file: file.write_text(text, encoding="utf-8"))
     typer.echo(_shown(found))
-    for note in dict.fromkeys(filter(None, found["note"])):
-        typer.echo(f"note: left out: {note}", err=True)
+    for note in pairs_notes(found["note"]):
+        typer.echo(f"note: {note}", err=True)
 
 
 def _shown(found: Frame) -> str:

@@ -187,25 +187,29 @@ def _finished(name: str, runs: Sequence[RunResult]) -> str:
 
 def gaps(results: Results) -> list[tuple[str, str]]:
     """Return name and reason of all that is missing: runs, files, episodes; a line for a cell's seeds."""
-    missing: dict[tuple[str, str], list[str]] = {}
+    by_cell: dict[tuple[str, str, str, str], list[int]] = {}
     for run in results.unfinished:
         reason = "not begun" if run.status == NOT_BEGUN else f"not finished: {run.status}"
-        cell = f"{run.algorithm}, {run.task}, {run.traffic}"
-        seeds = missing.setdefault((cell, reason), [])
+        seeds = by_cell.setdefault((run.algorithm, reason, run.task, run.traffic), [])
         if not run.is_scripted:
-            seeds.append(str(run.seed))
+            seeds.append(run.seed)
+    tasks: dict[tuple[str, str, str], list[str]] = {}
+    for (algorithm, reason, task, traffic), seeds in by_cell.items():
+        who = algorithm + (f", {listed('seed', seeds)}" if seeds else "")
+        tasks.setdefault((who, traffic, reason), []).append(task)
+    runs = [(f"{who}, {', '.join(each)}, {traffic}", why) for (who, traffic, why), each in tasks.items()]
     episodes = [(f"episode {name}", reason) for name, reason in results.counts["corrupted"].items()]
-    runs = [
-        (cell + (f", {listed('seed', seeds)}" if seeds else ""), reason)
-        for (cell, reason), seeds in missing.items()
-    ]
     return [*runs, *results.problems.items(), *episodes]
 
 
 def _text(value: Any) -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{name} {_text(each) or '{}'}" for name, each in value.items())
+        return ", ".join(f"{name} {_text(each) or _none(each)}" for name, each in value.items())
     return "" if value is None else str(value)
+
+
+def _none(value: Any) -> str:
+    return "none" if value is None else str(value)
 
 
 def _values(name: str, contents: Iterable[Mapping[str, Any]]) -> list[str]:

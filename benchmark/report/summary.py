@@ -46,7 +46,8 @@ IMPROVEMENT_COLUMNS = {
 NOTE = (
     "Over all cells, of the algorithms that have finished the same number of training seeds in each of them. "
     "95% intervals: 2,000 resamples of training seeds within each cell (rliable's definitions, Agarwal et "
-    "al., 2021). With three seeds a cell has ten distinct resamples, and their intervals are too narrow."
+    "al., 2021). With three seeds a cell has ten distinct resamples, and their intervals are too narrow; "
+    "with one there is none. IQM: interquartile mean."
 )
 PROFILE_NOTE = (
     "Share of training seeds and cells with a completion rate above a threshold; band: 95%, pointwise."
@@ -80,7 +81,9 @@ class Summaries:
         return [
             [
                 *map(algorithm_label, pair),
-                _with_interval(probability_of_improvement, *(found[name] for name in pair)),
+                _with_interval(probability_of_improvement, *(found[name] for name in pair))
+                if min(len(found[name]) for name in pair) > 1
+                else "n/a: one seed",
             ]
             for pair in itertools.combinations(found, 2)
         ]

@@ -12,6 +12,7 @@ from benchmark.metrics import METRICS
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.values import MODES
+from benchmark.report.wording import pairs_notes
 
 GENERALIZATION_COLUMNS = {
     "algorithm": "Or scripted policy",
@@ -155,8 +156,7 @@ def difference_notes(report: Report) -> list[str]:
             f"{mode.capitalize()}: {decided} differences are decided, {ties} are ties,"
             f" {unknown} could not be compared."
         )
-        notes = dict.fromkeys(filter(None, found["note"]))
-        said += [f"Left out of some: {note}." for note in notes]
+        said += [f"In some, {note}." for note in pairs_notes(found["note"])]
     return said
 
 

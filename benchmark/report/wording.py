@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from benchmark.report.against_paper import DEGENERATE, NON_INFERIOR, PASSES, WORDS
 from benchmark.report.content import Report, TableCell
 from benchmark.report.paper import (
@@ -32,6 +34,8 @@ INTERVALS = (
     "and ratios of counts, the bootstrap's for others. None where a training seed has "
     "fewer distinct starts than episodes, or where all episodes are alike."
 )
+ALIKE = "with the start of another"
+"""Ends what a comparison says of episodes that begin alike."""
 COMPARED = (
     "The unit of comparison is a distinct start of these checkpoints: an algorithm's value there over all "
     "its training seeds, paired with the other's, by Student's t. It does not cover further "
@@ -186,3 +190,23 @@ def _against_paper(report: Report, mode: str) -> list[str]:
     if absent:
         lines.append(f"{title}: not played, so it is not known whether they pass cells: {absent}.")
     return lines
+
+
+def pairs_notes(notes: Iterable[str]) -> list[str]:
+    """Return what comparisons say of episodes that are no pair of their own, each once.
+
+    Args:
+        notes: Of `benchmark.metrics.compare`.
+    """
+    said: dict[str, None] = {}
+    for note in notes:
+        alike = [part for part in note.split(", ") if part.endswith(ALIKE)]
+        other = [part for part in note.split(", ") if part and part not in alike]
+        for part in alike:
+            said[
+                f"{part.removesuffix(ALIKE)}begin as another does, and count together with it; with one "
+                "start there is no interval: vary the starts, by the scenario's `start_variation`"
+            ] = None
+        if other:
+            said[f"left out: {', '.join(other)}"] = None
+    return [*said]

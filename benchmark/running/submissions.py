@@ -189,7 +189,8 @@ def _wrong(manifest: Manifest, folder: Path) -> Iterator[str]:
         return
     if number not in versions():
         known = ", ".join(map(str, versions()))
-        yield f"benchmark version {number or 'none'}: only {known} can be compared"
+        found = "no version" if number is None else f"version {number}"
+        yield f"its trainings are of {found} of the benchmark; those of version {known} can be compared"
         return
     for part in changed_code(number):
         yield f"{OWN} code of {part} ({', '.join(CODE[part])}) is not that of version {number}"

@@ -13,6 +13,8 @@ from smarts.config.problems import LONGEST_VALUE, Key, Problem, shown
 from smarts.errors import nearest_names, shortened
 
 EXTENDS = "extends"
+NOT_INHERITED = ("description",)
+"""Keys that say what one file is, and not what those that extend it are."""
 """Key of a file's top level: a file, relative to this one or else one of `PACKAGED`, whose values hold where
 this one has none."""
 PACKAGED = Path(__file__).resolve().parents[2] / "configs"
@@ -153,6 +155,9 @@ def read_files(
         complain(Problem(at, f"{EXTENDS} is {base!r}", "name a file"))
         return [source]
     below = read_files(Path(base), at, complain, (*extended_by, file))
+    for each in below or ():
+        for name in NOT_INHERITED:
+            each.values.pop(name, None)
     return None if below is None else [*below, source]
 
 

@@ -20,6 +20,7 @@ class Car(Section):
     wheels: tuple[Wheel, ...] = Field(min_length=1, strict=False)
     seats: int = 5
     extra: dict[str, int] = Field(default_factory=dict)
+    description: str = ""
 
 
 class Fleet(Section):
@@ -69,6 +70,12 @@ def test_a_file_extends_another_and_mistakes_are_placed_where_they_stand(write):
     good = write("extends: base.yaml\nseats: 2\nextra: {b: 3}\nwheels: [{radius: 3}]\n")
     car = read_config(good, Car)
     assert (car.name, car.extra, [wheel.radius for wheel in car.wheels]) == ("base", {"a": 1, "b": 3}, [3.0])
+
+
+def test_what_describes_one_file_is_not_inherited(write):
+    write("name: base\ndescription: The first one.\nwheels: [{radius: 1}]\n", "base.yaml")
+    assert read_config(write("extends: base.yaml\n"), Car).description == ""
+    assert read_config(write("extends: base.yaml\ndescription: Mine.\n"), Car).description == "Mine."
 
 
 def test_keys_after_a_section_within_a_section_hold_as_well(write):

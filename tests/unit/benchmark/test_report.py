@@ -344,8 +344,8 @@ def test_the_page_needs_nothing_else(folder):
 def test_the_page_says_what_is_missing(folder):
     text = " ".join(text for _, text in page_of(folder).texts)
     assert "a < b & 5% of {x}_y" in text
-    assert f"maac, intersection, {ALONE}, seed 1: not finished: training" in text
-    assert f"ppo, intersection, {SOCIAL}, seed 1: not begun" in text
+    assert f"maac, seed 1, intersection, {ALONE}: not finished: training" in text
+    assert f"ppo, seed 1, intersection, {SOCIAL}: not begun" in text
     assert "1 episode in which vehicles overlapped at the start: discarded." in text
     assert "centralised_v, MAAC, PPO: 2 of 6 runs finished, 13 test episodes measured." in text
     assert "Scripted policies: 1 of 2 runs finished, 4 test episodes measured." in text
@@ -364,8 +364,8 @@ def test_how_many_seeds_there_are_is_said_wherever_figures_are(tmp_path):
     results = read_results(tmp_path)
     report = make_report(results)
     assert gaps(results) == [
-        (f"dqn, intersection, {ALONE}, seed 3", "not begun"),
-        (f"ppo, intersection, {ALONE}, seeds 2, 3", "not begun"),
+        (f"dqn, seed 3, intersection, {ALONE}", "not begun"),
+        (f"ppo, seeds 2, 3, intersection, {ALONE}", "not begun"),
     ]
     assert [row.label for row in metrics_table(report)[0]] == ["DQN (2 seeds)", "PPO (1 seed)", "parked"]
     seeds = [*DIFFERENCE_COLUMNS].index("seeds")
@@ -602,6 +602,7 @@ class TestSummaries:
         improvement = {tuple(row[:2]): row[2] for row in summaries.improvement_rows()}
         # Of four pairs three are won and one is a tie.
         assert improvement["DQN", "PPO"].startswith("0.12 [")
+        assert {text for pair, text in improvement.items() if "MAAC" in pair} == {"n/a: one seed"}
         assert draw_profile(summaries).startswith(b"\x89PNG")
 
     def test_marl_eval_has_validations_and_episodes(self, report):

@@ -22,7 +22,7 @@ from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.summary import Summaries
 from benchmark.report.tables import difference_notes
 from benchmark.report.values import by_key, measure_cells
-from benchmark.report.wording import intervals, mark
+from benchmark.report.wording import intervals, mark, pairs_notes
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
 from tests.hand_made_results import ALONE, ENVIRONMENT, agent_episodes, write_experiment, write_run
@@ -185,6 +185,15 @@ def test_all_files_say_what_the_words_mean_and_count_ties_in_each_mode(report):
         decided = int((report.differences[mode]["wins"] != "").sum())
         assert note.startswith(f"{mode.capitalize()}: {decided} differences are decided")
     assert len(notes) == 2
+
+
+def test_episodes_that_begin_alike_count_together_and_the_remedy_is_named():
+    notes = ["", "2 episodes played by one only, 9 episodes with the start of another"]
+    notes += ["9 episodes with the start of another"]
+    together, left_out = pairs_notes(notes)
+    assert together.startswith("9 episodes begin as another does, and count together with it")
+    assert "start_variation" in together
+    assert left_out == "left out: 2 episodes played by one only"
 
 
 @pytest.mark.parametrize(

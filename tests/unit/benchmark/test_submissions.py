@@ -619,7 +619,7 @@ def test_a_network_that_reads_more_than_its_vehicle_sees_is_refused(submission, 
     root = changed(root, lambda manifest: manifest.update(policies=manifest["policies"][:1]))
     (verdict,) = verified(root, tmp_path / "out")
     assert verdict.status == REFUSED
-    assert "a layer reads 2 numbers of a vehicle, which gives 1" in verdict.reasons[0]
+    assert "a layer reads 2 numbers and is given 1" in verdict.reasons[0]
 
 
 def test_memory_of_another_width_than_the_unit_that_reads_it_is_refused(tmp_path):
