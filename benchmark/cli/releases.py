@@ -30,6 +30,7 @@ def release(
     from benchmark.results.release import MANIFEST
     from benchmark.running.experiment import interruptible
     from benchmark.running.releasing import write_release
+    from benchmark.running.trained import own_scenarios
 
     def work() -> int:
         manifest = write_release(results, out, author=author, is_partial=partial, imports=import_ or ())
@@ -40,6 +41,8 @@ def release(
         )
         for each in manifest.missing:
             typer.echo(f"missing: {each}")
+        for each in own_scenarios(name for entry in manifest.policies for name in entry.scenarios):
+            typer.echo(f"note: {each} is not in the release: who plays it needs it, too, by --scenario")
         return 0
 
     raise typer.Exit(interruptible(work, f"{out} is as it was before"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +11,7 @@ from pydantic import Field
 from benchmark.experiment.values import FolderName
 from smarts.config import ConfigError, Section, fitted
 from smarts.errors import SmartsError, shown
-from smarts.sstudio.locating import suite
+from smarts.sstudio.locating import VARIATION_MARK, suite
 from smarts_agent_kit.exported import TRAINED
 from smarts_agent_kit.weights import CONTENT, ExportError, content_of
 
@@ -85,10 +85,14 @@ def check_suite(trained: Trained, path: Path) -> None:
     Raises:
         SmartsError: It does.
     """
-    for name in trained.scenarios:
-        if name.partition("@")[0] not in suite():
-            raise SmartsError(
-                f"was trained on {shown(name)}, which is no scenario of the suite",
-                place=str(path / CONTENT),
-                remedy="name the scenario yourself, by --scenario: a scenario's files are programs",
-            )
+    if foreign := own_scenarios(trained.scenarios):
+        raise SmartsError(
+            f"was trained on {shown(foreign[0])}, which is no scenario of the suite",
+            place=str(path / CONTENT),
+            remedy="name the scenario yourself, by --scenario: a scenario's files are programs",
+        )
+
+
+def own_scenarios(names: Iterable[str]) -> list[str]:
+    """Return those of some scenarios that are no part of the suite, each once."""
+    return [*dict.fromkeys(name for name in names if name.partition(VARIATION_MARK)[0] not in suite())]

@@ -40,6 +40,7 @@ from benchmark.running.played import scenario_digests
 from benchmark.running.releasing import _check_free, _check_names, _policy_name, write_release
 from benchmark.running.submission_folder import write_claims
 from benchmark.running.submissions import agent_of, check_manifest, submitted
+from benchmark.running.trained import own_scenarios
 from benchmark.running.verifying import verify
 from smarts.agents.hosting.facts import check_observation
 from smarts.agents.hosting.options import HostError
@@ -357,6 +358,11 @@ def test_a_release_replaces_only_what_it_holds_itself(submission, tmp_path):
     with raises(ResultsError, str(root), values=["notes.md"]):
         _check_free(root, "theirs", "A. Author", runs)
     assert read_manifest(root) == manifest
+
+
+def test_scenarios_of_ones_own_are_told_apart():
+    names = ["loop", "two_way_v1@two_lanes", "/home/me/junction", "/home/me/junction", "mine@dense"]
+    assert own_scenarios(names) == ["/home/me/junction", "mine@dense"]
 
 
 def test_names_of_policies_are_told_apart(tmp_path):
