@@ -280,10 +280,10 @@ def test_recordings_are_those_that_were_asked_for(held_out, tmp_path):
 def test_a_test_that_is_interrupted_says_so_and_leaves_no_table(held_out, tmp_path):
     run, out = held_out[0] / "ppo/double_merge/no_social_vehicles/seed_3", tmp_path / "again"
     playing = begin("evaluate", str(run), "--episodes", "10000", "--out", str(out))
-    wait_for(lambda: any(out.glob("episodes/*/*")), playing)
+    wait_for(lambda: any(out.glob(".partial-evaluation/episodes/*/*")), playing)
     playing.send_signal(signal.SIGTERM)  # as Ctrl-C, which may be ignored where the tests run
     code, printed, err = finish(playing)
     assert (code, printed) == (130, "")
     assert err.splitlines()[-1] == f"interrupted; no table was written to {out}"
     assert "Traceback" not in err
-    assert {each.name for each in out.iterdir()} == {".lock", "evaluation.json", "episodes"}
+    assert {each.name for each in out.iterdir()} == {".lock", "evaluation.json"}

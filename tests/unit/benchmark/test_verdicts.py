@@ -88,9 +88,12 @@ def write_policy(folder, algorithm="mine", seed=1, action=0):
 
 
 def write_submission(root, seeds=(1,), algorithm="mine", name="theirs", **claims):
-    """Write a submission, by default without claims, whose manifest does not say which files it has."""
+    """Write a submission, by default without claims; with them its manifest says which files it has."""
+    files = {}
     for seed in seeds:
-        write_policy(root / f"{seed}" / "mine", algorithm, seed)
+        folder = write_policy(root / f"{seed}" / "mine", algorithm, seed)
+        there = folder.iterdir() if claims else ()
+        files[seed] = {each.name: file_digest(each.read_bytes()) for each in there}
     entry = {
         **{"algorithm": algorithm, "task": "loop", "scenarios": ["loop"], "traffic": ALONE},
         "benchmark_version": 1,
@@ -99,7 +102,9 @@ def write_submission(root, seeds=(1,), algorithm="mine", name="theirs", **claims
         **{"format": 1, "name": name, "author": "A. Author", "benchmark_version": 1},
         **{"code": code_digests(), "environment": ENVIRONMENT.content()},
         "scenarios": {ALONE: scenario_digests(task_setting())},
-        "policies": [entry | claims | {"seed": seed, "agent": f"{seed}/mine"} for seed in seeds],
+        "policies": [
+            entry | claims | {"seed": seed, "agent": f"{seed}/mine", "files": files[seed]} for seed in seeds
+        ],
     }
     write_json(root / MANIFEST, manifest)
     return root
