@@ -52,7 +52,7 @@ def _number_faults(config: Any) -> Iterator[str]:
     if config.num_learners > 1 and 0 < config.num_gpus_per_learner < 1:
         yield (
             f"num_gpus_per_learner={config.num_gpus_per_learner}: {config.num_learners} learners average "
-            "gradients by NCCL, which wants a GPU for each: set it to 1, or num_learners to 1"
+            "gradients by NCCL, which needs one GPU per learner: set it to 1, or num_learners to 1"
         )
     if config.num_gpus_per_learner and not config.num_learners and not torch.cuda.is_available():
         yield (

@@ -42,7 +42,9 @@ def release(
         for each in manifest.missing:
             typer.echo(f"missing: {each}")
         for each in own_scenarios(name for entry in manifest.policies for name in entry.scenarios):
-            typer.echo(f"note: {each} is not in the release: who plays it needs it, too, by --scenario")
+            typer.echo(
+                f"note: the release does not contain the scenario {each}: share it, too; --scenario names it"
+            )
         return 0
 
     raise typer.Exit(interruptible(work, f"{out} is as it was before"))
@@ -113,11 +115,10 @@ def verify(
         addresses=address or (),
     )
     test = {"episodes": episodes, "held_out_episodes": held_out_episodes, "fresh": fresh}
-    test["parallel"] = parallel
 
     def work() -> int:
         confirmed = True
-        for verdict in evaluate(manifest, folder, out, **test):
+        for verdict in evaluate(manifest, folder, out, **test, parallel=parallel):
             scores = ", ".join(f"{name} {value:.3f}" for name, value in verdict.scores.items())
             digests = f"{verdict.equal} of {verdict.compared} episodes as claimed"
             typer.echo(f"{verdict.entry}: {verdict.status}; {scores or 'no scores'}; {digests}")

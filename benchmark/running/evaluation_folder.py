@@ -52,7 +52,8 @@ def evaluation_folder(out: Path | None, evaluated: Mapping[str, Any]) -> Iterato
         try:
             yield new
             with named_failures(out):
-                shutil.rmtree(old.episodes, ignore_errors=True)
+                if old.episodes.exists():
+                    old.episodes.rename(new.path / "earlier")
                 if new.episodes.exists():
                     new.episodes.rename(old.episodes)
                 new.table.replace(old.table)

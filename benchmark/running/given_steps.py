@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algorithms.joint.env import AgentBlock, JointSpaces
+from algorithms.joint.spec import action_size
 from smarts.env.vector import VectorStep
 from smarts.errors import ActionError
 from smarts.observations.action_mask import MASK
@@ -65,7 +66,7 @@ def check_step(now: VectorStep, blocks: Sequence[AgentBlock]) -> None:
             if leaves[leaf].shape != wanted:
                 raise _unfit(f"{leaf or 'observation'!r} of shape {leaves[leaf].shape}", str(wanted))
         if block.masked:
-            wanted = (*count, int(block.action.n))  # type: ignore[union-attr]
+            wanted = (*count, action_size(block.action))
             if mask is None or mask.shape != wanted:
                 found = "no action mask" if mask is None else f"action masks of shape {mask.shape}"
                 raise _unfit(found, str(wanted))

@@ -10,7 +10,7 @@ from pathlib import Path
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import run_from
 from benchmark.experiment.version import changed_scenarios, changed_settings, code_digests
-from benchmark.results.files import ResultsError, locked, recover_folder, replace_folder, write_json
+from benchmark.results.files import ResultsError, recover_folder, replace_folder, write_json
 from benchmark.results.plurals import listed
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.release import (
@@ -93,10 +93,9 @@ def write_release(
         _check_sizes(folder)
         found.append(manifest)
 
-    with locked(out.parent):
-        recover_folder(out)
-        _check_free(out, results.name, author, runs)
-        replace_folder(out, fill)
+    recover_folder(out)
+    _check_free(out, results.name, author, runs)
+    replace_folder(out, fill)
     return found[0]
 
 

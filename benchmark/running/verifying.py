@@ -140,7 +140,7 @@ def verify(
     with locked(out):
         seed = open_evaluation(manifest, out)
         evaluated = _Evaluated(manifest, folder, out, test, episodes if fresh is None else fresh, seed)
-        outcomes = evaluated.all(parallel)
+        outcomes = evaluated.outcomes(parallel)
         verdicts = [*_judged(outcomes, general, {"seed": seed, "episodes": evaluated.fresh})]
         for verdict in verdicts:
             if verdict.status != REFUSED:
@@ -169,7 +169,7 @@ class _Evaluated:
         kept = ("episodes", "held_out_episodes")
         return {"modes": [*self.test.modes], **{name: getattr(self.test, name) for name in kept}}
 
-    def all(self, parallel: int | None) -> list[_Outcome]:
+    def outcomes(self, parallel: int | None) -> list[_Outcome]:
         """Return the outcomes of all entries, played now or known."""
         entries = self.manifest.policies
         outcomes = {k: outcome for k, entry in enumerate(entries) if (outcome := self.known(entry))}

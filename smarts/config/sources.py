@@ -14,7 +14,7 @@ from smarts.errors import nearest_names, shortened
 
 EXTENDS = "extends"
 NOT_INHERITED = ("description",)
-"""Keys that say what one file is, and not what those that extend it are."""
+"""Keys that describe a single file; files that extend it do not inherit them."""
 """Key of a file's top level: a file, relative to this one or else one of `PACKAGED`, whose values hold where
 this one has none."""
 PACKAGED = Path(__file__).resolve().parents[2] / "configs"
