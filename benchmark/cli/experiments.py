@@ -221,7 +221,7 @@ def _evaluate_exported(
 
 def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
     """Print all metrics of a test, headed by each mode, or by the locator of the agent that drove."""
-    from benchmark.metrics import compute
+    from benchmark.metrics import METRICS, compute
 
     found = compute(table, ["mode"])
     for name, group in found.groupby("mode"):
@@ -232,7 +232,9 @@ def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
         for row in rows:
             interval = f"[{row['low']:z.3f}, {row['high']:z.3f}]" if row["low"] == row["low"] else ""
             value = f"{row['value']:z.3f}" if row["value"] == row["value"] else "n/a"
-            typer.echo(f"  {row['metric']:<24} {value:>8}  {interval:<18} {row['note']}".rstrip())
+            unit = METRICS[row["metric"]].unit
+            label = f"{row['metric']} [{unit}]" if unit else row["metric"]
+            typer.echo(f"  {label:<27} {value:>8}  {interval:<18} {row['note']}".rstrip())
 
 
 def _played(table: pd.DataFrame) -> str:

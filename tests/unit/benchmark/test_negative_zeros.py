@@ -69,6 +69,7 @@ def test_evaluate(capsys):
     show_metrics(episodes(TINY))
     said = capsys.readouterr().out
     assert re.search(r"return +0\.000 ", said)
+    assert re.search(r"goal_distance \[m\] ", said)
     assert not NEGATIVE_ZERO.search(said)
 
 
