@@ -154,7 +154,7 @@ def _limit_fallback(
     slot = state.agents.slot[b, a]
     limit_by_leaders(state, b, slot, points)
     if state.vehicles.home[b, slot] != _NOBODY:
-        limit_by_lights(state, roads, b, slot, routes.lane[row], s, points)
+        limit_by_lights(state, roads, routes, b, slot, row, s, points)
         limit_by_right_of_way(state, roads, routes, performance, b, slot, row, s, points)
 
 

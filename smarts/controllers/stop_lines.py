@@ -7,6 +7,7 @@ from smarts.controllers.leaders import brake_to
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
+from smarts.roads.lights import light_ahead
 from smarts.roads.paces import Performance
 from smarts.roads.right_of_way import gap_to_wait
 from smarts.types.traffic import Signal
@@ -24,23 +25,24 @@ _STOP = int(Signal.STOP)
 
 @kernel
 def limit_by_lights(
-    state: State, roads: Roads, b: int, slot: int, lane: int, s: float, points: Floats
+    state: State, roads: Roads, routes: RouteTable, b: int, slot: int, row: int, s: float, points: Floats
 ) -> None:
     """Lower a reference's speeds so that the vehicle stops before a red light at the end of its lane.
 
     Args:
         state: The state of the world.
         roads: The maps' lanes.
+        routes: The agents' routes.
         b: The simulation.
         slot: The vehicle.
-        lane: Its lane, numbered across all maps.
+        row: The row in `routes` of the lane that it steers for.
         s: Position of its centre along the lane [m].
         points: The reference, shape (R, 4), see `Commands`; its speeds are lowered.
     """
-    if roads.lane_inside[lane] or state.signals[b, lane - roads.lane_base[state.map[b]]] != _STOP:
+    vehicles, m = state.vehicles, state.map[b]
+    if light_ahead(routes, row, roads.lane_base[m], routes.start[m], state.signals[b]) != _STOP:
         return
-    vehicles = state.vehicles
-    room = lane_length(roads, lane) - s - 0.5 * vehicles.length[b, slot]
+    room = lane_length(roads, routes.lane[row]) - s - 0.5 * vehicles.length[b, slot]
     speed = max(vehicles.speed[b, slot], 0.0)
     if room >= 0.0 and speed * speed <= 2.0 * HARDEST * room:
         brake_to(points, room - GAP, 0.0)

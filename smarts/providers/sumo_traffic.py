@@ -100,6 +100,14 @@ class SumoTraffic:
     ) -> None:
         if not (math.isfinite(world.dt) and 0.001 <= world.dt <= 10.0):
             raise TrafficError(f"a step of {world.dt} s", place="dt", remedy="give 0.001 to 10 s")
+        self._dt = world.dt if step is None else step
+        if abs(1000.0 * self._dt - round(1000.0 * self._dt)) > 1e-6:
+            raise TrafficError(
+                f"a step of {self._dt} s, while SUMO counts whole milliseconds",
+                place="dt",
+                remedy=f"give {max(round(1000.0 * self._dt), 1) / 1000.0:g} s, or the traffic engine "
+                "constant_speed",
+            )
         self.is_full = False
         self._world, self._row, self._owner = world, row, int(owner)
         # Create the views once: creating them takes as long as writing the vehicles.
@@ -114,7 +122,6 @@ class SumoTraffic:
         self._kept_clear: list[int] = []
         self._limit = 0
         self._has_begun = False
-        self._dt = world.dt if step is None else step
         self._steps = round(self._dt / world.dt)
         self._done = 0  # steps of the world in SUMO's present step
         self._rows = DrivenRows(self._library, states, self._owner, world.dt, self._steps)

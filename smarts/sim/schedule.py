@@ -54,6 +54,19 @@ def engine_of(built: BuiltScenario, traffic: str | None) -> str:
     return described.engine if described and described.engine in TRAFFIC_ENGINES else DEFAULT_ENGINE
 
 
+def _refuse_equal_names(scenarios: Iterable[BuiltScenario]) -> None:
+    """Raise if different scenarios have one name, by which results and recordings tell them apart."""
+    known: dict[str, BuiltScenario] = {}
+    for built in scenarios:
+        first = known.setdefault(built.name, built)
+        if first.directory != built.directory:
+            raise ScenarioError(
+                f"two scenarios are called {built.name!r}",
+                place=f"{first.source}, {built.source}",
+                remedy="rename one of the folders or map files",
+            )
+
+
 def _ground(built: BuiltScenario) -> tuple[int, tuple[RoadSurfacePatch, ...], float]:
     """Return what scenarios that share a map in the atlas have in common: map, surface, largest speed."""
     speed = (built.scenario.scenario_metadata or {}).get(LANE_SPEED)
@@ -98,7 +111,8 @@ class Schedule:
         cast: The social policies; without any, scenarios' social agents and bubbles have no effect.
 
     Raises:
-        ScenarioError: There is no scenario, or one has fewer missions than there are egos.
+        ScenarioError: There is no scenario, two different ones have one name, or one has fewer missions
+            than there are egos.
     """
 
     def __init__(
@@ -114,12 +128,16 @@ class Schedule:
         if not scenarios:
             raise ScenarioError("there is no scenario to play", remedy="name at least one")
         check_seed(seed, "seed")
+        _refuse_equal_names(scenarios)
         self.seed = seed
         self.agents = tuple(agents)
         self._shapes = tuple(shapes) if shapes else (Shape(),) * len(self.agents)
+        held = [
+            built.roads() for built in scenarios
+        ]  # so that none is freed while `grounds` tells them apart
         grounds = [_ground(built) for built in scenarios]
         unique = [*dict.fromkeys(grounds)]
-        self.maps: tuple[LaneGraph, ...] = tuple(scenarios[grounds.index(each)].roads() for each in unique)
+        self.maps: tuple[LaneGraph, ...] = tuple(held[grounds.index(each)] for each in unique)
         """Each map once, or as often as it is driven on differently, in the order of its number."""
         self.surfaces = tuple(surface for _, surface, _ in unique)
         """Where each map has another friction than a dry road."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+from weakref import WeakValueDictionary
 
 from smarts.errors import ScenarioError, SmartsError, nearest_names
 from smarts.roads.lane_graph import LaneGraph
@@ -148,6 +149,14 @@ def _load_json(file: Path) -> Any:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
+_LOADED: WeakValueDictionary[Path, LaneGraph] = WeakValueDictionary()
+"""All maps in memory, by file."""
+
+
 @lru_cache(maxsize=64)
 def _load_roads(file: Path) -> LaneGraph:
-    return LaneGraph.load(file)
+    """Return a map that something holds, or else read it; the last ones are held here."""
+    graph = _LOADED.get(file)
+    if graph is None:
+        graph = _LOADED[file] = LaneGraph.load(file)
+    return graph

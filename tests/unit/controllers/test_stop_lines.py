@@ -1,32 +1,51 @@
-"""How the fallback controller waits at junctions: the speeds of its reference, by hand."""
+"""How the fallback controller waits at junctions and stops at lights: its reference's speeds, by hand."""
 
 import math
 
 import numpy as np
 import pytest
 
-from smarts.controllers.stop_lines import limit_by_right_of_way
+from smarts.controllers.stop_lines import limit_by_lights, limit_by_right_of_way
 from smarts.dynamics.performance import performance
 from smarts.types.mission import AgentMission, GoalKind
+from smarts.types.traffic import Signal
 from tests.maps import crossing
 from tests.worlds import Car, world_of
 
 NORTH = AgentMission(route=("south_in", "north_out"), goal=GoalKind.POSITION, goal_position=(1.6, 80.0))
 
 
-def speeds(y, speed, other):
-    """Return the limited speeds of points that are 1 m apart, from the middle of a car on its way north."""
-    made = world_of([Car(1.6, y, math.pi / 2, speed, NORTH), other], maps=[crossing()])
-    vehicles = made.world.vehicles
+def driving(y, speed, *others):
+    """Return a world with a car on its way north, its row, its position on the lane, and its reference.
+
+    The points of the reference are 1 m apart, from the middle of the car.
+    """
+    made = world_of([Car(1.6, y, math.pi / 2, speed, NORTH), *others], maps=[crossing()])
     points = np.zeros((30, 4))
     points[:, 0], points[:, 1] = 1.6, y + np.arange(30)
     points[:, 2], points[:, 3] = math.pi / 2, 10.0
-    routes, lane = made.routes.current.value, int(vehicles.lane[0, 0])
+    routes, lane = made.routes.current.value, int(made.world.vehicles.lane[0, 0])
     (row,) = (r for r in range(routes.start[routes.free], len(routes.lane)) if routes.lane[r] == lane)
-    place = float(vehicles.lane_position[0, 0])
-    limit_by_right_of_way(
-        made.world.state, made.atlas.roads, routes, performance(made.atlas), 0, 0, row, place, points
-    )
+    return made, row, float(made.world.vehicles.lane_position[0, 0]), points
+
+
+def speeds(y, speed, other):
+    """Return the speeds of a reference that right of way limits."""
+    made, row, place, points = driving(y, speed, other)
+    routes, abilities = made.routes.current.value, performance(made.atlas)
+    limit_by_right_of_way(made.world.state, made.atlas.roads, routes, abilities, 0, 0, row, place, points)
+    return points[:, 3]
+
+
+def speeds_at_light(y, speed, towards, signal):
+    """Return the speeds of a reference that lights limit; only the way to `towards` shows this one."""
+    made, row, place, points = driving(y, speed)
+    graph = made.atlas.graphs[0]
+    for lane, name in enumerate(graph.lane_ids):
+        if graph.is_internal[lane]:
+            leads_to = {graph.lane_ids[each].rpartition("_")[0] for each in graph.successors(lane)}
+            made.world.signals[0, lane] = signal if towards in leads_to else Signal.GO
+    limit_by_lights(made.world.state, made.atlas.roads, made.routes.current.value, 0, 0, row, place, points)
     return points[:, 3]
 
 
@@ -41,3 +60,29 @@ def test_a_vehicle_rolls_up_to_where_it_waits():
     found = speeds(-15.0, 2.0, Car(1.6, -1.6, 0.0, 0.0))
     assert found[0] == pytest.approx(math.sqrt(2.0 * 3.0 * 1.5))
     assert found[-1] == 0.0
+
+
+def test_a_vehicle_stops_before_a_red_light():
+    """Its line is 2.5 m ahead of it, where it would brake with 3 m/s^2 over 1.5 m to stop 1 m before."""
+    found = speeds_at_light(-15.0, 2.0, "north_out", Signal.STOP)
+    assert found[0] == pytest.approx(math.sqrt(2.0 * 3.0 * 1.5))
+    assert (found[2:] == 0.0).all()
+
+
+@pytest.mark.parametrize("signal", [Signal.NONE, Signal.CAUTION, Signal.GO])
+def test_a_vehicle_stops_at_no_other_light(signal):
+    assert (speeds_at_light(-15.0, 2.0, "north_out", signal) == 10.0).all()
+
+
+def test_a_light_for_another_way_than_the_route_is_not_its():
+    assert (speeds_at_light(-15.0, 2.0, "east_out", Signal.STOP) == 10.0).all()
+
+
+def test_a_vehicle_that_would_have_to_brake_harder_than_it_may_drives_on():
+    """Over 2.5 m, 6 m/s^2 stop 5.5 m/s."""
+    assert (speeds_at_light(-15.0, 5.6, "north_out", Signal.STOP) == 10.0).all()
+    assert speeds_at_light(-15.0, 5.4, "north_out", Signal.STOP)[-1] == 0.0
+
+
+def test_a_vehicle_inside_the_junction_drives_on_at_red():
+    assert (speeds_at_light(-5.0, 2.0, "north_out", Signal.STOP) == 10.0).all()

@@ -368,7 +368,7 @@ def test_a_closed_simulation_does_not_drive_the_next_one(new_world, country):
     assert hashed.hexdigest() == expected
 
 
-@pytest.mark.parametrize("dt", [0.0, -0.1, math.nan, math.inf])
+@pytest.mark.parametrize("dt", [0.0, -0.1, math.nan, math.inf, 1 / 60, 0.0125])
 def test_invalid_step_lengths_raise(dt):
     state = State(worlds=1, capacity=1, agents=0, lanes=1, dt=dt)
     with raises(TrafficError, "dt"):

@@ -1,5 +1,8 @@
 """The schedule: everything is reached, and an episode depends on seed, world and episode alone."""
 
+import shutil
+from dataclasses import replace
+
 import pytest
 
 from smarts.errors import ScenarioError
@@ -68,6 +71,27 @@ def test_maps_are_loaded_once(scenarios):
         name = start.scenario
         built = next(each for each in scenarios if each.name == name)
         assert schedule.maps[start.map] is built.roads()
+
+
+def test_more_maps_than_are_kept_in_memory_stay_apart(scenarios, tmp_path):
+    copies = []
+    for number in range(70):
+        folder = tmp_path / str(number)
+        shutil.copytree(scenarios[0].directory, folder)
+        copies.append(replace(scenarios[0], name=f"copy-{number}", directory=folder))
+    schedule = Schedule(copies, ["ego"])
+    assert len(schedule.maps) == len(copies)
+    for each in schedule.combinations:
+        assert schedule.maps[each.map] is each.built.roads()
+
+
+def test_scenarios_of_one_name_are_refused(scenarios, tmp_path):
+    folder = tmp_path / "other"
+    shutil.copytree(scenarios[0].directory, folder)
+    other = replace(scenarios[0], source=tmp_path, directory=folder)
+    with raises(ScenarioError, tmp_path, values=[scenarios[0].name, scenarios[0].source]):
+        Schedule([scenarios[0], other], ["ego"])
+    Schedule([scenarios[0], scenarios[0]], ["ego"])
 
 
 def test_missions_come_with_their_distances(scenarios):
