@@ -216,11 +216,13 @@ class EpisodeRecorder:
             self._finish(row)
 
     def close(self) -> None:
-        """Write what is left, and end; may be called again.
+        """Write what is left, and end; may be called again. In a forked process it does nothing.
 
         Raises:
             RecordError: An episode could not be written, and no call has raised it.
         """
+        if not self._thread.is_here:
+            return
         try:
             for row in range(len(self._episodes)):
                 self._finish(row)
@@ -234,6 +236,7 @@ class EpisodeRecorder:
                 self._unfinished.clear()
 
     def _begin(self, row: int, start: EpisodeStart) -> None:
+        self._thread.check_process()
         name = f"seed{start.seed}_world{start.world}_episode{start.episode:05d}"
         graph = self._scene.atlas.graphs[start.map]
         writer = self._store.begin(name)

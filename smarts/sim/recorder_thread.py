@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import queue
 import threading
 from collections.abc import Callable
@@ -18,7 +19,7 @@ class WriterThread:
     """Does jobs one after the other, and stops at the first that fails."""
 
     def __init__(self, place: str) -> None:
-        self._place = place
+        self._place, self._owner = place, os.getpid()
         self._jobs: queue.Queue[Job | None] = queue.Queue(_MOST_WAITING)
         self._failure: Exception | None = None
         self._is_raised = False
@@ -26,13 +27,32 @@ class WriterThread:
         self._thread = threading.Thread(target=self._work, name="episode-writer", daemon=True)
         self._thread.start()
 
+    @property
+    def is_here(self) -> bool:
+        """Whether this is the thread's process, not one that was forked off."""
+        return self._owner == os.getpid()
+
+    def check_process(self) -> None:
+        """Raise in a process that was forked off.
+
+        Raises:
+            RecordError: It is one.
+        """
+        if not self.is_here:
+            raise RecordError(
+                "a forked process cannot continue the recording of its parent",
+                place=self._place,
+                remedy="make the environment in the process that steps it",
+            )
+
     def submit(self, job: Job) -> None:
         """Queue a job.
 
         Raises:
-            RecordError: An earlier one failed; then nothing more is done.
+            RecordError: An earlier one failed; then nothing more is done. Or this is a forked process.
         """
         self._raise_failure()
+        self.check_process()
         self._jobs.put(job)
 
     def close(self) -> None:

@@ -41,7 +41,7 @@ def speeds_at_light(y, speed, towards, signal):
     """Return the speeds of a reference that lights limit; only the way to `towards` shows this one."""
     made, row, place, points = driving(y, speed)
     graph = made.atlas.graphs[0]
-    for lane, name in enumerate(graph.lane_ids):
+    for lane in range(len(graph.lane_ids)):
         if graph.is_internal[lane]:
             leads_to = {graph.lane_ids[each].rpartition("_")[0] for each in graph.successors(lane)}
             made.world.signals[0, lane] = signal if towards in leads_to else Signal.GO

@@ -173,3 +173,25 @@ def test_killed_at_any_moment_of_writing(tmp_path):
         assert {file.stem for file in folder.iterdir()} == WRITTEN_WITHOUT_ROWS
     EpisodeStore(tmp_path)
     assert list(tmp_path.glob(".*")) == []
+
+
+@pytest.mark.parametrize("steps", [0, 5])
+def test_a_process_that_was_forked_off_is_refused_and_leaves_its_parents_episode_alone(tmp_path, steps):
+    recording = Recording(tmp_path)
+    if steps:
+        recording.play(steps=steps)
+    child = os.fork()
+    if not child:
+        code = 1
+        try:
+            recording.play()
+        except RecordError as error:
+            code = 0 if "forked process" in str(error) else 2
+        recording.close()
+        os._exit(code)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    recording.play()
+    recording.close()
+    kept = [RecordedEpisode(path) for path in episodes_in(tmp_path)]
+    assert [each.facts["steps"] for each in kept] == [5] * (2 if steps else 1)
+    assert not [*tmp_path.glob(f"{PARTIAL}*")]
