@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +22,7 @@ def written_whole(out: Path) -> Iterator[Path]:
     Raises:
         SmartsError: The file cannot be written.
     """
-    partial = out.with_name(f"{PARTIAL}{out.name}")
+    partial = out.with_name(f"{PARTIAL}{os.getpid()}-{out.name}")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         yield partial

@@ -13,7 +13,7 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -246,7 +246,7 @@ class Outlet:
         while not self._closing.is_set() and self.is_open:
             has_rest = bool(self._begun or self._waiting or self._answers)
             awaited = connection, self._ringing
-            readable, _, _ = select.select(awaited, [connection] if has_rest else [], [])
+            readable = _ready(awaited, [connection] if has_rest else [])
             if self._ringing in readable:
                 with contextlib.suppress(BlockingIOError):
                     self._ringing.recv(4096)
@@ -308,10 +308,28 @@ class Outlet:
     def _send_rest(self, connection: socket.socket, until: float) -> None:
         self._make()
         while (self._begun or self._waiting) and time.monotonic() < until:
-            select.select([], [connection], [], _LOOK)
+            _ready([], [connection], _LOOK)
             with self._lock:
                 self._flush()
             self._make()
+
+
+def _ready(
+    reading: Iterable[socket.socket], writing: Iterable[socket.socket], seconds: float | None = None
+) -> list[socket.socket]:
+    """Wait until a socket can be read or written, and return those that can be read, or have ended.
+
+    `select.select` would refuse those of processes with more than 1,024 files.
+    """
+    wanted = dict.fromkeys((each.fileno() for each in writing), select.POLLOUT)
+    by_number = {each.fileno(): each for each in reading}
+    for number in by_number:
+        wanted[number] = wanted.get(number, 0) | select.POLLIN
+    poll = select.poll()
+    for number, events in wanted.items():
+        poll.register(number, events)
+    found = poll.poll(None if seconds is None else 1000.0 * seconds)
+    return [by_number[number] for number, event in found if number in by_number and event != select.POLLOUT]
 
 
 def process_now() -> int:

@@ -225,9 +225,15 @@ def free_flow_time(roads: LaneGraph, route: Sequence[str], lane: int, length: fl
 def mean_limit(roads: LaneGraph, route: Sequence[str]) -> float:
     """Return the mean speed of a driver at the limits over a route [m/s]."""
     edges = [roads.edge_number(name) for name in route]
-    firsts = [int(roads.edge_first_lane[edge]) for edge in edges]
-    lengths, limits = roads.length[firsts], roads.speed_limit[firsts]
+    rightmost = [_rightmost_road_lane(roads, edge) for edge in edges]
+    lengths, limits = roads.length[rightmost], roads.speed_limit[rightmost]
     return float(lengths.sum() / (lengths / limits).sum())
+
+
+def _rightmost_road_lane(roads: LaneGraph, edge: int) -> int:
+    """Return the rightmost lane for vehicles: beside it there may be a sidewalk or a bicycle lane."""
+    lanes = roads.edge_lanes(edge)
+    return next((lane for lane in lanes if roads.kind[lane] in ROAD_LANES), lanes[0])
 
 
 def time_at(mean: float, limit: float, length: float, speed: float) -> float:

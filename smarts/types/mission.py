@@ -113,7 +113,7 @@ class Missions(NamedTuple):
     """-1 for none."""
     task_speed: Floats
     """[m/s], 0 where the task does not say."""
-    via_count: Bytes
+    via_count: Ints
     """How many of the via points there are."""
     via_position: Floats
     """[m], shape (B, A, W, 2)."""
@@ -142,7 +142,7 @@ class Missions(NamedTuple):
             task_radius=np.zeros(shape),
             task_lane=np.full(shape, -1, np.int32),
             task_speed=np.zeros(shape),
-            via_count=np.zeros(shape, np.int8),
+            via_count=np.zeros(shape, np.int32),
             via_position=np.zeros((*shape, vias, 2)),
             via_lane=np.full((*shape, vias), -1, np.int32),
             via_radius=np.zeros((*shape, vias)),

@@ -26,11 +26,12 @@ def rectangle(centre: tuple[float, float], size: tuple[float, float], rotation: 
 
 def polygon(corners: Sequence[tuple[float, float]], rotation: float) -> Polygon:
     """Return the polygon of the corners, or the rectangle that two corners span, turned about its middle."""
-    if len(corners) == 2:
-        (left, low), (right, high) = corners
+    flat = [corner[:2] for corner in corners]
+    if len(flat) == 2:
+        (left, low), (right, high) = flat
         shape = box(min(left, right), min(low, high), max(left, right), max(low, high))
     else:
-        shape = Polygon(corners)
+        shape = Polygon(flat)
     return affinity.rotate(shape, rotation, origin="center", use_radians=True) if rotation else shape
 
 

@@ -1,6 +1,7 @@
 """The connection to a viewer's server, against a real WebSocket server without our code."""
 
 import os
+import resource
 import threading
 import time
 from contextlib import contextmanager
@@ -170,6 +171,7 @@ def test_a_server_that_ends_and_comes_back_is_found_again():
 def test_the_token_is_shown():
     with running() as server:
         opened(server, "secret").close()
+        wait(lambda: server.requests)  # the server takes it in a thread
         assert server.requests[0].headers["Authorization"] == "Bearer secret"
         assert server.requests[0].path == "/publish"
 
@@ -184,6 +186,23 @@ def test_a_message_that_cannot_be_sent_is_left_out():
         wait(lambda: server.messages)
         sender.close()
         assert numbers(server) == [1]
+
+
+def test_a_process_with_more_than_1024_files_is_shown():
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(4096, hard), hard))
+    taken = [os.dup(0) for _ in range(1100)]
+    try:
+        with running() as server:
+            sender = opened(server)
+            sender.put(message(0), sender.epoch)
+            wait(lambda: server.messages)
+            sender.close()
+            assert numbers(server) == [0]
+    finally:
+        for each in taken:
+            os.close(each)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def test_a_process_that_was_forked_off_does_not_disturb():

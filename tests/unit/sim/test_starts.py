@@ -1,6 +1,7 @@
 """Missions of scenarios as agents: routes, goals, distances, and how agents are to enter."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from smarts.errors import ScenarioError
 from smarts.geometry.segments import inside_outline
+from smarts.roads.lane_graph import LaneKind
 from smarts.sim.starts import Shape, corridor_of, distance_along, draw_starts, free_flow_time
 from smarts.sstudio import types as t
 from smarts.types.mission import GoalKind
@@ -60,6 +62,14 @@ def test_free_flow_is_the_way_at_the_limit_after_speeding_up():
     # From standstill at 3 m/s^2 the driver loses half of the 14/3 s.
     assert free_flow_time(graph, ("road",), 0, 140.0, 0.0) == pytest.approx(10.0 + 14 / 6)
     assert free_flow_time(graph, (), 0, 0.0, 3.0) == 0.0
+
+
+def test_free_flow_is_not_that_of_a_sidewalk():
+    graph = straight(lanes=3, length=200.0)
+    kinds, limits = graph.kind.copy(), graph.speed_limit.copy()
+    kinds[:2], limits[:2] = (LaneKind.FOOT, LaneKind.BICYCLE), (1.4, 5.6)
+    beside = replace(graph, kind=kinds, speed_limit=limits)
+    assert free_flow_time(beside, ("road",), 2, 140.0, 14.0) == pytest.approx(10.0)
 
 
 def test_endless_missions_have_no_route():

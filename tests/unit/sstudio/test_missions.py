@@ -8,6 +8,7 @@ from smarts.sstudio import types as t
 from smarts.sstudio.episodes import episode_plans, expand, mission_sets
 from smarts.sstudio.missions import GAP, keep_apart, place_missions
 from smarts.types.streams import Purpose, stream
+from tests.maps import Road, graph_of
 from tests.raising import raises
 
 
@@ -202,6 +203,25 @@ class TestLaps:
     )
     def test_laps_go_round(self, ring, begin, end, laps, route):
         (placed,) = place(ring, t.LapMission(t.Route(begin, end), num_laps=laps))
+        assert " ".join(placed.route) == route
+
+    @pytest.mark.parametrize(
+        ("laps", "route"), [(1, "a x y a"), (2, "a x y a x y a"), (3, "a x y a x y a x y a")]
+    )
+    def test_every_lap_goes_by_the_vias(self, laps, route):
+        """Also where there is a shorter way round, by b."""
+        ways = {
+            "a": [(0, 0), (60, 0)],
+            "b": [(70, 5), (-10, 5)],
+            "x": [(70, -5), (70, -60)],
+            "y": [(60, -60), (-5, -5)],
+        }
+        pairs = [("a", "b"), ("b", "a"), ("a", "x"), ("x", "y"), ("y", "a")]
+        graph = graph_of(
+            {name: Road(points) for name, points in ways.items()}, [((a, 0), (b, 0)) for a, b in pairs]
+        )
+        lap = t.Route(("a", 0, 5), ("a", 0, 50), via=("x", "y"))
+        (placed,) = place(graph, t.LapMission(lap, num_laps=laps))
         assert " ".join(placed.route) == route
 
     def test_groups_start_on_a_grid(self):

@@ -24,6 +24,12 @@ def test_two_corners_make_a_rectangle():
     assert area.area == 12
 
 
+def test_corners_may_have_heights():
+    area = t.ConfigurableZone([(0, 0, 1), (4, 0, 2), (0, 2, 3)]).to_geometry()
+    assert (area.area, area.has_z) == (4, False)
+    assert t.ConfigurableZone([(3, 4, 1), (0, 0, 1)]).to_geometry().area == 12
+
+
 def test_a_polygon():
     triangle = t.ConfigurableZone([(0, 0), (4, 0), (0, 2)])
     assert triangle.to_geometry().area == 4

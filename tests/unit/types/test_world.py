@@ -48,6 +48,13 @@ def test_clearing_is_as_new(world):
     assert world.step[0] == 0
 
 
+def test_a_mission_may_have_many_vias():
+    world = World(worlds=1, capacity=1, agents=1, lanes=1, vias=200)
+    via = Via((5.0, 6.0), 3, 1.5, 7.0)
+    world.missions.write(0, 0, AgentMission(goal=GoalKind.LAPS, vias=(via,) * 200), 0)
+    assert world.missions.via_count[0, 0] == 200
+
+
 def test_a_mission_is_written_whole_and_over_an_older_one(world):
     via = Via((5.0, 6.0), 3, 1.5, 7.0)
     world.missions.write(0, 1, AgentMission(goal=GoalKind.LAPS, laps=3, vias=(via, via)), 4)
