@@ -13,6 +13,7 @@ from smarts.dynamics.fleet import DRY_ASPHALT as DRY
 from smarts.geometry.binding import LateBound
 from smarts.providers.vehicle_kernels import FrictionPatches, look_up_friction
 from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio.sstypes.drawing import fresh_drawing
 from smarts.sstudio.sstypes.zone import RoadSurfacePatch
 from smarts.types.world import World
 
@@ -38,11 +39,13 @@ class RoadSurfaces:
         counts, ring_counts, rings = [], [], []
         for of_map, graph in zip(patches, maps, strict=True):
             counts.append(len(of_map))
-            for patch in of_map:
-                rows.append((patch.begin_time, patch.end_time, patch.friction_coefficient))
-                outlines = _rings(patch.zone.to_geometry(graph))
-                ring_counts.append(len(outlines))
-                rings += outlines
+            # Random offsets of zones are the same in every run, whatever the other maps.
+            with fresh_drawing():
+                for patch in of_map:
+                    rows.append((patch.begin_time, patch.end_time, patch.friction_coefficient))
+                    outlines = _rings(patch.zone.to_geometry(graph))
+                    ring_counts.append(len(outlines))
+                    rings += outlines
         self._patches = FrictionPatches(
             usual=float(friction),
             start=_starts(counts),

@@ -157,7 +157,7 @@ def _draw(
         (placed,) = place_missions(
             [role.mission], roads, generator, variation, vehicle_length=shape.length, place=place
         )
-        drawn = agent_start(placed, roads, role.name, shape, place)
+        drawn = agent_start(placed, roads, role.name, shape, generator, place)
         if is_ahead(drawn):
             if not any(overlap(drawn, other) for other in others):
                 return drawn

@@ -22,6 +22,7 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.missions import PlacedMission, PlacedVia, place_missions
 from smarts.sstudio.placement import target_lane
+from smarts.sstudio.sstypes.drawing import fresh_drawing
 from smarts.types.episode import AgentStart, TakeOver
 from smarts.types.mission import AgentMission, GoalKind, Task, TaskKind, Via
 from smarts.types.vehicles import VehicleKind
@@ -92,7 +93,7 @@ def draw_starts(
             missions, roads, generator, variation, vehicle_length=longest, place=built.name
         )
         starts = tuple(
-            agent_start(mission, roads, name, shape, f"{built.name}: mission {number}")
+            agent_start(mission, roads, name, shape, generator, f"{built.name}: mission {number}")
             for number, (mission, name, shape) in enumerate(zip(placed, names, shapes, strict=True))
         )
         problem = _problem(starts)
@@ -135,8 +136,18 @@ def _box(start: AgentStart) -> tuple[NDArray, NDArray, NDArray]:
     return np.array(start.pose[:2]), np.array(start.pose[2]), np.array([start.length, start.width])
 
 
-def agent_start(placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape, place: str) -> AgentStart:
+def agent_start(
+    placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape, generator: Generator, place: str
+) -> AgentStart:
     """Return the start of one agent.
+
+    Args:
+        placed: Its mission.
+        roads: The map.
+        name: Its name.
+        shape: Of its vehicle.
+        generator: Draws where an area with a random offset begins in which it takes a vehicle over.
+        place: The mission's, for errors.
 
     Raises:
         ScenarioError: An entry condition needs a fact that is unknown at entry.
@@ -150,7 +161,7 @@ def agent_start(placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape
         length=shape.length,
         width=shape.width,
         entry_time=placed.start_time,
-        take_over=_take_over(placed, roads, place),
+        take_over=_take_over(placed, roads, generator, place),
     )
 
 
@@ -267,7 +278,7 @@ def _task(placed: PlacedMission, roads: LaneGraph) -> Task:
     return Task()
 
 
-def _take_over(placed: PlacedMission, roads: LaneGraph, place: str) -> TakeOver | None:
+def _take_over(placed: PlacedMission, roads: LaneGraph, generator: Generator, place: str) -> TakeOver | None:
     tactic = placed.mission.entry_tactic
     if not isinstance(tactic, t.IdEntryTactic | t.TrapEntryTactic):
         return None
@@ -281,20 +292,23 @@ def _take_over(placed: PlacedMission, roads: LaneGraph, place: str) -> TakeOver 
     if isinstance(tactic, t.IdEntryTactic):
         return TakeOver(vehicle=tactic.actor_id, condition=tactic.condition)
     return TakeOver(
-        areas=_trap_areas(tactic, placed, roads),
+        areas=_trap_areas(tactic, placed, roads, generator),
         spared=tuple(tactic.exclusion_prefixes),
         patience=tactic.wait_to_hijack_limit_s,
         condition=tactic.condition,
     )
 
 
-def _trap_areas(tactic: t.TrapEntryTactic, placed: PlacedMission, roads: LaneGraph) -> tuple[Floats, ...]:
+def _trap_areas(
+    tactic: t.TrapEntryTactic, placed: PlacedMission, roads: LaneGraph, generator: Generator
+) -> tuple[Floats, ...]:
     zone = tactic.zone
     if zone is None:
         lane = placed.start.lane
         edge, index = roads.edge_ids[roads.lane_edge[lane]], int(roads.lane_index[lane])
         begin = max(0.0, placed.start.s - TRAP_BEHIND)
         zone = t.MapZone((edge, index, begin), TRAP_LENGTH, 1)
-    geometry: Any = zone.to_geometry(roads)
+    with fresh_drawing(generator=generator):
+        geometry: Any = zone.to_geometry(roads)
     parts = getattr(geometry, "geoms", (geometry,))
     return tuple(np.array(part.exterior.coords)[:-1] for part in parts)

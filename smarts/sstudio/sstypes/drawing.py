@@ -22,8 +22,8 @@ DEFAULT_SEED = 42
 class Drawing:
     """The serial numbers and the random stream of one run of a scenario file."""
 
-    def __init__(self, seed: int = DEFAULT_SEED) -> None:
-        self._seed = seed
+    def __init__(self, seed: int = DEFAULT_SEED, generator: Generator | None = None) -> None:
+        self._seed, self._given = seed, generator
         self._serials: Counter[str] = Counter()
 
     def serial(self, kind: str) -> str:
@@ -33,7 +33,9 @@ class Drawing:
 
     @cached_property
     def generator(self) -> Generator:
-        """The stream that distributions sample from unless they are given another."""
+        """The stream of zones' random offsets, and of distributions that are given no other."""
+        if self._given is not None:
+            return self._given
         # Local: a scenario file that samples nothing need not wait for NumPy.
         from smarts.types.streams import Purpose, stream
 
@@ -53,9 +55,14 @@ def drawing() -> Drawing:
 
 
 @contextmanager
-def fresh_drawing(seed: int = DEFAULT_SEED) -> Iterator[Drawing]:
-    """Restart numbers and stream for one run of a scenario file."""
-    token = _current.set(Drawing(seed))
+def fresh_drawing(seed: int = DEFAULT_SEED, generator: Generator | None = None) -> Iterator[Drawing]:
+    """Restart numbers and stream for one run of a scenario file.
+
+    Args:
+        seed: Of the stream.
+        generator: The stream to draw from instead.
+    """
+    token = _current.set(Drawing(seed, generator))
     try:
         yield drawing()
     finally:

@@ -33,7 +33,11 @@ class MapZone(Zone):
     """A stretch of neighbouring lanes."""
 
     start: tuple[str, int, Any]
-    """Edge, index of the rightmost lane, and offset: metres, "base", "max" (ends with the lane), "random"."""
+    """Edge, index of the rightmost lane, and offset: metres, "base", "max" (ends with the lane), "random".
+
+    A random one is drawn once for all lanes: in each episode for areas in which an agent takes a vehicle over,
+    once for bubbles and road surfaces.
+    """
     length: float | str
     """Length along the lanes [m], or "max"; cut to the lanes' length."""
     n_lanes: int = 2

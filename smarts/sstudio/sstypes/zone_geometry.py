@@ -10,7 +10,7 @@ from shapely.geometry import LineString, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from smarts.roads.lane_graph import LaneGraph
-from smarts.sstudio.sstypes.constants import MAX_OFFSET, named_offset
+from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET
 from smarts.sstudio.sstypes.drawing import drawing
 
 SEAM = 0.3
@@ -45,7 +45,15 @@ def lane_strips(
     """
     edge, first, offset = start
     lanes = [roads.lane_number(edge, first + place) for place in range(n_lanes)]
+    if offset == RANDOM_OFFSET:
+        room = min(float(roads.sumo_length[lane]) - _length(roads, lane, length) for lane in lanes)
+        offset = drawing().generator.uniform(0.0, room)
     return ops.unary_union([_strip(roads, lane, offset, length) for lane in lanes])
+
+
+def _length(roads: LaneGraph, lane: int, wanted: float | str) -> float:
+    whole = float(roads.sumo_length[lane])
+    return whole if wanted == MAX_OFFSET else min(float(wanted), whole)
 
 
 def _strip(roads: LaneGraph, lane: int, offset: float | str, wanted: float | str) -> BaseGeometry:
@@ -53,15 +61,9 @@ def _strip(roads: LaneGraph, lane: int, offset: float | str, wanted: float | str
 
     Both are SUMO's lengths, as all offsets of scenarios are.
     """
-    whole = float(roads.sumo_length[lane])
-    length = whole if wanted == MAX_OFFSET else min(float(wanted), whole)
-    begin = _begin(offset, whole - length)
+    whole, length = float(roads.sumo_length[lane]), _length(roads, lane, wanted)
+    named = {BASE_OFFSET: 0.0, MAX_OFFSET: whole - length}
+    begin = named[offset] if isinstance(offset, str) else float(offset)
     first, last = (roads.arc_length(lane, position) for position in (begin, min(begin + length, whole)))
     centre = ops.substring(LineString(roads.centreline(lane)), first, last)
     return centre.buffer((float(roads.width[lane]) + SEAM) / 2, cap_style="flat")
-
-
-def _begin(offset: float | str, latest: float) -> float:
-    if isinstance(offset, str):
-        return named_offset(offset, 0.0, latest, lambda *span: drawing().generator.uniform(*span))
-    return float(offset)

@@ -244,6 +244,14 @@ class TestFriction:
         later = t.RoadSurfacePatch(t.PositionalZone(pos=(100.0, 0.0), size=(400.0, 20.0)), 50.0, 100.0, 0.3)
         assert self.braked(stage, far, later) == pytest.approx(self.braked(stage))
 
+    def test_random_patches_are_the_same_in_every_simulation(self):
+        random = t.RoadSurfacePatch(t.MapZone(("road", 0, "random"), 50.0, 1), 0.0, 100.0, 0.3)
+        graph = maps.straight(lanes=3, length=600.0)
+        first = RoadSurfaces([[random, random]], [graph])._patches.vertex
+        second = RoadSurfaces([[random], [random, random]], [graph, graph])._patches.vertex
+        assert first.tolist() == second[len(first) // 2 :].tolist()
+        assert first[: len(first) // 2].tolist() != first[len(first) // 2 :].tolist()
+
     def test_under_the_left_wheels_only(self, stage):
         left = t.RoadSurfacePatch(t.PositionalZone(pos=(100.0, 10.0), size=(400.0, 20.0)), 0.0, 100.0, 0.3)
         graph = maps.straight(lanes=3, length=600.0)

@@ -137,6 +137,18 @@ def test_a_trap_is_where_it_is_said_to_be():
     assert not inside_outline(-61.0, -1.6, area, 0, len(area))
 
 
+def test_a_random_trap_is_a_function_of_the_episode():
+    trap = t.TrapEntryTactic(zone=t.MapZone(("west_in", 0, "random"), 10.0, 1))
+
+    def areas(*seeds):
+        drawn = [starts_of(crossing(), through(entry_tactic=trap), seed=seed) for seed in seeds]
+        return [start.take_over.areas[0].tolist() for (start,) in drawn]
+
+    first, second = areas(1, 2)
+    assert first != second
+    assert areas(2, 1) == [second, first]
+
+
 def test_a_trap_is_around_the_start_unless_said():
     trap = t.TrapEntryTactic(default_entry_speed=4.0)
     (start,) = starts_of(crossing(), through(entry_tactic=trap))

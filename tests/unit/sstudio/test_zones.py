@@ -74,6 +74,13 @@ def test_named_offsets_of_a_stretch(roads):
     assert right - left == pytest.approx(20)
 
 
+def test_lanes_of_a_random_stretch_begin_side_by_side(roads):
+    width = float(roads.width[roads.lane_number("from_west", 0)])
+    area = t.MapZone(("from_west", 0, "random"), 20, n_lanes=2).to_geometry(roads)
+    left, low, right, high = area.bounds
+    assert (right - left, high - low) == pytest.approx((20, 2 * width + SEAM), rel=1e-3)
+
+
 def test_zones_off_the_road(roads):
     with raises(MapError, values=[2]):
         t.MapZone(("from_west", 1, 0), 10, n_lanes=2).to_geometry(roads)
