@@ -134,7 +134,7 @@ def compare(
         compare_sides,
         differing_protocols,
         read_side,
-        scenarios_apart,
+        runs_apart,
         with_distinct_names,
     )
     from benchmark.report.ranking import RANKED_BY
@@ -152,7 +152,7 @@ def compare(
     for side in (first, second):
         for line in side.left_out:
             typer.echo(f"note: left out: {side.name}: {line}", err=True)
-    for line in scenarios_apart(first, second):
+    for line in runs_apart(first, second):
         typer.echo(f"note: {line}", err=True)
     if csv is not None:
         text = found.to_csv(index=False, float_format=csv_number, lineterminator="\n")

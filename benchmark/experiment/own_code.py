@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ast
 import importlib.util
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,12 @@ from smarts.sstudio.encoding import digest
 
 PROGRAM = frozenset(("algorithms", "benchmark", "smarts"))
 """The packages of this program."""
+_AGENT = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[\w-]+-v\d+")
+"""`module:name-v0`, an agent of the zoo."""
 
 
 def own_digests(imports: Iterable[str], *parts: Any) -> dict[str, str]:
-    """Return a digest of the code behind each `module:Class` in parts of a config.
+    """Return a digest of the code behind each `module:Class` and each agent in parts of a config.
 
     A digest covers the module, and what it imports from its own package and from `imports`, directly or
     indirectly. Comments, docstrings and layout do not change it. Imports inside strings (`importlib`) are not
@@ -32,7 +35,7 @@ def own_digests(imports: Iterable[str], *parts: Any) -> dict[str, str]:
     Raises:
         OwnCodeError: A file or folder of `imports` does not exist.
     """
-    names = own_names(parts)
+    names = code_names(parts)
     import_own(imports if names else ())
     roots = {Path(path).stem for path in imports}
     own = [name for name in names if name.partition(":")[0].partition(".")[0] not in PROGRAM - roots]
@@ -42,11 +45,20 @@ def own_digests(imports: Iterable[str], *parts: Any) -> dict[str, str]:
 
 def own_names(part: Any) -> list[str]:
     """Return each `module:Class` in a part of a config once, sorted."""
+    return _names(part, is_own_name)
+
+
+def code_names(part: Any) -> list[str]:
+    """Return each `module:Class`, and each agent `module:name-v0`, in a part of a config once, sorted."""
+    return _names(part, lambda name: is_own_name(name) or _AGENT.fullmatch(name) is not None)
+
+
+def _names(part: Any, wanted: Callable[[str], bool]) -> list[str]:
     if isinstance(part, dict):
         part = [*part, *part.values()]
     if isinstance(part, list | tuple):
-        return sorted({name for each in part for name in own_names(each)})
-    return [part] if isinstance(part, str) and is_own_name(part) else []
+        return sorted({name for each in part for name in _names(each, wanted)})
+    return [part] if isinstance(part, str) and wanted(part) else []
 
 
 def _sources(module: str, roots: set[str]) -> dict[str, str]:

@@ -11,7 +11,7 @@ import pandas as pd
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED
 from benchmark.metrics import METRICS, compare
 from benchmark.metrics.results import Frame
-from benchmark.report.protocol import described, differing_scenarios, protocol_of
+from benchmark.report.protocol import described, differing_scenarios, differing_trainings, protocol_of
 from benchmark.report.ranking import CELL
 from benchmark.results.commands import EXPERIMENT
 from benchmark.results.files import ResultsError
@@ -191,10 +191,12 @@ def differing_protocols(first: Side, second: Side) -> list[str]:
     return described([*found]) if len(found) > 1 else []
 
 
-def scenarios_apart(first: Side, second: Side) -> list[str]:
-    """Return a sentence for each scenario that the two sides did not have alike."""
+def runs_apart(first: Side, second: Side) -> list[str]:
+    """Return a sentence for each scenario, and for each seed's training, that runs did not have alike."""
     sides = (first, second)
-    return differing_scenarios((run, f"{side.name}: {run}") for side in sides for run in side.runs)
+    scenarios = differing_scenarios((run, f"{side.name}: {run}") for side in sides for run in side.runs)
+    trainings = [line for side in sides for line in differing_trainings(side.runs, f"{side.name}: ")]
+    return scenarios + trainings
 
 
 def _pairs(first: Side, second: Side) -> list[tuple[str, str]]:

@@ -13,7 +13,13 @@ from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics.results import Frame, measured_in
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.report.protocol import SUBMITTED, described, differing_scenarios, protocol_of
+from benchmark.report.protocol import (
+    SUBMITTED,
+    described,
+    differing_scenarios,
+    differing_trainings,
+    protocol_of,
+)
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
 from benchmark.report.submissions import Mark, Submitted, has_no_runs, marks_of, read_submitted
 from benchmark.report.values import MODES, Value, by_key, measure_cells
@@ -142,7 +148,15 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
         protocols=dict(zip(letters.values(), described([*letters]), strict=True)),
         places=tuple(places),
         summaries=tuple(summary for letter in letters.values() for summary in _summaries(places, letter)),
-        problems=(*_problems(experiments), *differing_scenarios(_named(experiments))),
+        problems=(
+            *_problems(experiments),
+            *differing_scenarios(_named(experiments)),
+            *(
+                line
+                for name, results in experiments.items()
+                for line in differing_trainings(results.runs, f"{name}: ")
+            ),
+        ),
         own_metrics=own,
         submitted=tuple(submitted),
     )

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
-from benchmark.experiment.runs import VERSION, with_defaults
+from benchmark.experiment.own_code import code_names
+from benchmark.experiment.runs import OWN_CODE, VERSION, with_defaults
 from benchmark.experiment.version import prescribed
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.release import SUBMISSION
-from benchmark.results.run_folder import flat_values
+from benchmark.results.run_folder import IMPORTS, comparable, differing_values, flat_values
 
 COMPARED = ("environment", "budget", VERSION)
 """Keys of config.yaml. The environment holds agents, decision interval, observation, action, reward, vehicle,
@@ -43,6 +45,8 @@ def protocol_of(run: RunResult, results: Results) -> str:
     )
     settings = config.pop("settings", None) or {}
     content = dict.fromkeys(COMPARED) | config | {"sharing": settings.get("sharing", OWN_SHARING)}
+    if code := _code_of_environment(like):
+        content[OWN_CODE] = code
     for name, value in prescribed(content[VERSION], like.algorithm, run.task, run.traffic).items():
         if value is not None and (like.is_scripted or content[name] == value):
             content[name] = PRESCRIBED
@@ -68,6 +72,40 @@ def differing_scenarios(runs: Iterable[tuple[RunResult, str]]) -> list[str]:
         for (name, task, traffic), versions in sorted(found.items())
         if len(versions) > 1
     ]
+
+
+def differing_trainings(runs: Iterable[RunResult], place: str = "") -> list[str]:
+    """Return a sentence for each seed of an experiment that was not trained as the first of its cell.
+
+    Args:
+        runs: Of one experiment; those that are not finished are left out.
+        place: Before each run's name.
+    """
+    cells: dict[tuple[str, str, str], list[RunResult]] = {}
+    for run in runs:
+        if run.table is not None and run.config and not run.is_scripted and SUBMISSION not in run.facts:
+            cells.setdefault((run.algorithm, *_cell(run)), []).append(run)
+    said = []
+    for first, *others in (sorted(each, key=lambda run: run.seed) for each in cells.values()):
+        for other in others:
+            one, two = (_training(run) for run in (first, other))
+            if differing := differing_values(comparable(one, two), comparable(two, one)):
+                said.append(
+                    f"{place}{other} was trained otherwise than seed {first.seed}, and a mean of both is of "
+                    f"no one training: {differing}."
+                )
+    return said
+
+
+def _training(run: RunResult) -> dict[str, Any]:
+    """Return all that a run's training depends on but its seed and where own code is."""
+    return with_defaults({name: each for name, each in run.config.items() if name not in ("seed", IMPORTS)})
+
+
+def _code_of_environment(run: RunResult) -> dict[str, str]:
+    """Return the digests of the own code that a run's environment names, as far as they are known."""
+    known = run.config.get(OWN_CODE) or {}
+    return {name: known[name] for name in code_names(run.config.get("environment")) if name in known}
 
 
 def _cell(run: RunResult) -> tuple[str, str]:

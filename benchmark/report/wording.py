@@ -14,7 +14,7 @@ from benchmark.report.paper import (
     task_label,
     traffic_label,
 )
-from benchmark.report.protocol import differing_scenarios
+from benchmark.report.protocol import differing_scenarios, differing_trainings
 from benchmark.report.versions import version_lines
 
 MODE_TITLES = {"greedy": "Greedy", "sampled": "Sampled", "scripted": "Scripted"}
@@ -156,6 +156,7 @@ def standing(report: Report) -> list[str]:
     """
     runs = report.results.runs
     sentences = version_lines(runs) + differing_scenarios((run, str(run)) for run in runs)
+    sentences += differing_trainings(runs)
     doubts = {False: "Not", None: "Not known to be"}
     sentences += [
         f"{doubts[check.is_one]} a cell with social vehicles in effect: {check}."

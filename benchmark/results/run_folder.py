@@ -130,7 +130,7 @@ class RunFolder:
         is_extended = _is_extended(here, there)
         compared = comparable(there, here), comparable(here, there)
         self._check_code(*compared)
-        differing = _differing(*({**each, BUDGET: None} if is_extended else each for each in compared))
+        differing = differing_values(*({**each, BUDGET: None} if is_extended else each for each in compared))
         if differing:
             raise ResultsError(
                 f"here are results of a run with another config: {differing}",
@@ -140,7 +140,8 @@ class RunFolder:
             )
         if is_extended and self.status in (TESTING, FINISHED) and not self._is_there(self.checkpoint):
             raise ResultsError(
-                f"there is no checkpoint to train on from with a larger budget: {_differing(there, here)}",
+                "there is no checkpoint to train on from with a larger budget: "
+                + differing_values(there, here),
                 place=str(self.checkpoint),
                 remedy="bring it back from a copy, or give the experiment another name or --out",
             )
@@ -321,8 +322,8 @@ def comparable(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str
     return {**content, IMPORTS: common, OWN_CODE: code}
 
 
-def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """Return the values that differ, in words."""
+def differing_values(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """Return in words in which values two contents differ; empty if in none."""
     one, two = flat_values(there), flat_values(here)
     names = [name for name in {**one, **two} if one.get(name, UNSET) != two.get(name, UNSET)]
     return ", ".join(f"{name} ({one.get(name, UNSET)}, here {two.get(name, UNSET)})" for name in names)

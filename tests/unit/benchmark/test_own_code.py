@@ -321,6 +321,14 @@ def test_a_digest_covers_what_own_code_imports(package, file, counts):
     assert (own_digests(imports, part) != before) == counts
 
 
+def test_a_digest_covers_own_agents(package):
+    part = {"social_agents": [{"agent": "own_package.main:mine-v0"}], "hosts": {"other": "tcp://here:8000"}}
+    before = own_digests([str(package)], part)
+    assert [*before] == ["own_package.main:mine-v0"]
+    (package / "near.py").write_text("y = 2\n")
+    assert own_digests([str(package)], part) != before
+
+
 def test_this_program_has_no_digest():
     assert own_digests([], "algorithms.ppo:PPOConfig", "smarts.env.adapters:ObservationAndReward") == {}
 
