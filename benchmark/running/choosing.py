@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -42,10 +43,9 @@ def write_chosen(
     chosen, averages = {}, []
     for algorithm in experiment.algorithms:
         names = [name for name in section.parameters if name in setting_names(algorithm)]
-        cells = [pd.read_csv(file) for name, file in tables if name == algorithm]
+        cells = [_read(file, names, section.metric) for name, file in tables if name == algorithm]
         mean = mean_over_cells(cells, names, section.metric, f"{root}: {algorithm}")
-        best = {name: mean[name].tolist()[0] for name in names}
-        chosen[algorithm] = {name: _plain(value) for name, value in best.items()}
+        chosen[algorithm] = {name: setting_of(mean[name].tolist()[0]) for name in names}
         averages.append(mean.assign(algorithm=algorithm, cells=len(cells)))
     table = pd.concat(averages, ignore_index=True)
     write_whole(root / TRIALS, lambda file: table.to_csv(file, index=False))
@@ -59,6 +59,12 @@ def write_chosen(
     text = yaml.safe_dump(content, sort_keys=False)
     write_whole(root / CHOSEN, lambda file: file.write_text(text, encoding="utf-8"))
     print(f"chosen settings: {root / CHOSEN}")
+
+
+def _read(file: Path, names: Sequence[str], metric: str) -> pd.DataFrame:
+    """Return a table of trials with settings as texts: pandas makes NaN of null, and floats beside it."""
+    missing = {metric: ["", "nan"]}
+    return pd.read_csv(file, dtype=dict.fromkeys(names, str), keep_default_na=False, na_values=missing)
 
 
 def mean_over_cells(
@@ -85,6 +91,21 @@ def mean_over_cells(
     return table.sort_values(metric, ascending=False, kind="stable", ignore_index=True)
 
 
-def _plain(value: Any) -> Any:
-    """Return a setting as it was given; tables hold lists as texts."""
-    return yaml.safe_load(value) if isinstance(value, str) else value
+def text_of(setting: Any) -> str:
+    """Return a setting as tables hold it: JSON, and texts that are none as they are."""
+    if isinstance(setting, str) and not _is_json(setting):
+        return setting
+    return json.dumps(setting, default=lambda number: number.item())
+
+
+def setting_of(text: str) -> Any:
+    """Return the setting of a text; earlier tables have Python's True and None."""
+    return json.loads(text) if _is_json(text) else yaml.safe_load(text)
+
+
+def _is_json(text: str) -> bool:
+    try:
+        json.loads(text)
+    except ValueError:
+        return False
+    return True

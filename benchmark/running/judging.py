@@ -26,14 +26,17 @@ RESAMPLES = 100_000
 def equal_digests(entry: Entry, played: Digests) -> dict[str, tuple[int, int]]:
     """Return by scenario how many claimed digests are those of the episodes, and how many were compared.
 
+    A digest is of one episode's index, too, so the order does not matter: an episode that could not be
+    measured, on either side, is one that differs, and not all behind it.
+
     Args:
         entry: Whose claims are compared.
         played: Scenario -> digest of each episode; see `episode_digests`.
     """
     found = {}
     for scenario, derived in played.items():
-        pairs = [*zip(derived, entry.episodes.get(scenario, ()), strict=False)]
-        found[scenario] = sum(one == two for one, two in pairs), len(pairs)
+        claimed = entry.episodes.get(scenario, ())
+        found[scenario] = len({*derived} & {*claimed}), min(len(derived), len(claimed))
     return found
 
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from benchmark.experiment.conditions import AS_TRAINED, condition
 from benchmark.experiment.config import Evaluation
-from benchmark.experiment.runs import TaskSetting
+from benchmark.experiment.own_code import own_digests
+from benchmark.experiment.runs import OWN_CODE, TaskSetting
 from benchmark.metrics import join_tables, write_table
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
@@ -50,7 +51,8 @@ from smarts.errors import SmartsError
 from smarts.registry import import_own
 
 KEPT = ("task", "traffic", "condition", "even", "odd", "episodes", "training_seed", "environment", "trained")
-"""Keys of play.json that have to be as wanted, else it is played again; so has the commit."""
+"""Keys of play.json that have to be as wanted, else it is played again; so have the commit, and the digests
+of own scripted policies if there are any."""
 
 
 def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Iterator[str]:
@@ -103,6 +105,9 @@ def _wanted(cell: Cell, play: Play) -> dict[str, Any]:
         **{"even": play.even, "odd": play.odd, "episodes": cell.episodes, "training_seed": cell.seed},
         "environment": {} if play.condition == AS_TRAINED else condition(play.condition).environment,
         "trained": {name: trained_state(cell.runs[name]) for name in play.drivers if name in cell.runs},
+        OWN_CODE: own_digests(
+            cell.setting.imports, [cell.scripted[name] for name in play.drivers if name in cell.scripted]
+        ),
     }
 
 
@@ -130,7 +135,9 @@ def _is_there(folder: Path, wanted: Mapping[str, Any]) -> bool:
         read_play(folder)
     except SmartsError:
         return False
-    return all(found.get(key) == wanted[key] for key in (*KEPT, "commit"))
+    return found.get(OWN_CODE, {}) == wanted[OWN_CODE] and all(
+        found.get(key) == wanted[key] for key in (*KEPT, "commit")
+    )
 
 
 def _play(root: Path, cell: Cell, play: Play, facts: Mapping[str, Any]) -> None:

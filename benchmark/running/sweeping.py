@@ -26,13 +26,14 @@ from benchmark.experiment.algorithm_settings import setting_names
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, runs_of, with_defaults
 from benchmark.results.files import FORMAT, ResultsError, locked, read_mapping, write_json, write_whole
-from benchmark.results.run_folder import RunFolder, changed_code, comparable
-from benchmark.running.choosing import TRIALS, SweepError, write_chosen
+from benchmark.results.run_folder import SCENARIOS, RunFolder, changed_code, comparable
+from benchmark.running.choosing import TRIALS, SweepError, text_of, write_chosen
 from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
 from benchmark.running.experiment import check_task_settings, interrupted, resumable
 from benchmark.running.importing import named_own_code
 from benchmark.running.messages import Kept
+from benchmark.running.played import scenario_digests
 from benchmark.running.progress import RunProgress
 from benchmark.running.shipping import shipped_code
 from benchmark.running.training import Training, algorithm_of
@@ -141,13 +142,30 @@ def _check_same_search(file: Path, run: Run, section: Tune) -> None:
 
     Further imports make no other search.
     """
-    content = {"format": FORMAT, "run": run.content(), "tune": section.model_dump(mode="json")}
+    content = {
+        **{"format": FORMAT, "run": run.content(), "tune": section.model_dump(mode="json")},
+        SCENARIOS: scenario_digests(run.task_setting),
+    }
     if not file.exists():
         write_json(file, content)
         return
-    before = read_mapping(file)
+    before = {SCENARIOS: {}, **read_mapping(file)}  # the oldest searches have no digests
+    known = before[SCENARIOS]
+    others = [name for name, digest in content[SCENARIOS].items() if known.get(name, digest) != digest]
+    if others:
+        raise ResultsError(
+            f"here is a search in other scenarios: {', '.join(others)} has changed since",
+            place=str(file),
+            remedy="restore the scenario, give the experiment another name or --out, or remove the folder to "
+            "start again",
+        )
     there, here = with_defaults(before.get("run") or {}), with_defaults(content["run"])
-    if {**before, "run": comparable(there, here)} != {**content, "run": comparable(here, there)}:
+    alike = {SCENARIOS: None}
+    if {**before, **alike, "run": comparable(there, here)} != {
+        **content,
+        **alike,
+        "run": comparable(here, there),
+    }:
         changed = ", ".join(changed_code(there, here))
         raise ResultsError(
             f"here is a search with other code: {changed} has changed since"
@@ -178,7 +196,7 @@ def _tuner(run: Run, section: Tune, space: Mapping[str, Any], root: Path) -> tun
             search_alg=BasicVariantGenerator(
                 max_concurrent=run.resources.parallel or 0, random_state=run.seed
             ),
-            scheduler=scheduler_of(section, run.task_setting.evaluation.validations),
+            scheduler=scheduler_of(section, run.algorithm, run.task_setting.evaluation.validations),
             trial_dirname_creator=lambda trial: trial.trial_id,
         ),
         run_config=tune.RunConfig(name=trials.name, storage_path=str(root), verbose=1),
@@ -190,7 +208,7 @@ def _summarize(found: tune.ResultGrid, section: Tune, root: Path) -> int:
     # Not `get_dataframe`, which reads the trials' logs: after a kill some are empty.
     results = pd.DataFrame(
         [
-            {**each.metrics, **{f"config/{k}": v for k, v in (each.config or {}).items()}}
+            {**each.metrics, **{f"config/{k}": text_of(v) for k, v in (each.config or {}).items()}}
             for each in found
             if each.metrics and each.error is None
         ]
@@ -265,12 +283,13 @@ def _listed(given: Any) -> list[Any]:
     return given if isinstance(given, list) else given.get("choice", [])
 
 
-def scheduler_of(section: Tune, validations: int) -> Any:
-    """Return Tune's scheduler, None for none."""
+def scheduler_of(section: Tune, algorithm: str, validations: int) -> Any:
+    """Return Tune's scheduler for the settings that an algorithm has, None for none."""
     if section.scheduler == "asha":
         return ASHAScheduler(time_attr=VALIDATION, max_t=validations, grace_period=1)
     if section.scheduler == "pbt":
-        mutations = {name: _listed(given) or _values(given) for name, given in section.parameters.items()}
+        parameters = parameters_of(section, algorithm)
+        mutations = {name: _listed(given) or _values(given) for name, given in parameters.items()}
         return PopulationBasedTraining(
             time_attr=VALIDATION,
             perturbation_interval=1,
@@ -284,7 +303,7 @@ def within_bounds(section: Tune, config: dict[str, Any]) -> dict[str, Any]:
     """Return settings with draws kept in their bounds, out of which population-based training scales them."""
     kept = dict(config)
     for name, given in section.parameters.items():
-        if not _listed(given):
+        if name in kept and not _listed(given):
             (kind, (low, high)), *_ = given.items()
             # An upper bound of whole numbers is never drawn itself.
             kept[name] = min(max(kept[name], low), high - 1 if kind == "randint" else high)

@@ -182,8 +182,8 @@ def test_seeds_that_were_not_trained_alike_are_named(tmp_path):
         write_run(tmp_path, "ppo", table(), seed=seed, **changed)
     write_run(tmp_path, "dqn", table(), settings={"lr": 0.2})
     said = [
-        f"ppo, intersection, {ALONE}, seed {seed} was trained otherwise than seed 1, and a mean of both is of no "
-        f"one training: {values}."
+        f"ppo, intersection, {ALONE}, seed {seed} was trained otherwise than seed 1, "
+        f"and a mean of both is of no one training: {values}."
         for seed, values in ((3, "settings.lr (default, here 0.1)"), (4, "budget.agent_steps (1000, here 7)"))
     ]
     text = text_of(tmp_path)

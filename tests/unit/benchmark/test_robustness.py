@@ -208,6 +208,16 @@ def test_what_is_there_is_not_played_again_and_what_is_lost_is(played, tmp_path,
     assert not read_played(read_results(root)).problems
 
 
+def test_a_partner_whose_code_has_changed_plays_again(copy, tmp_path):
+    file = tmp_path / "own_partner.py"
+    file.write_text("from benchmark.scripted.simple import Parked\n\nclass Mine(Parked):\n    pass\n")
+    given = Given(algorithms=("ppo",), partners=("own_partner:Mine",), conditions=(), imports=(file,))
+    assert not [line for line in play_robustness(copy, given) if "was there" in line]
+    assert len([line for line in play_robustness(copy, given) if "was there" in line]) == 2
+    file.write_text(file.read_text().replace("pass", "patience = 3"))
+    assert not [line for line in play_robustness(copy, given) if "was there" in line]
+
+
 def test_plays_side_by_side_are_those_one_after_the_other(played, copy):
     lines = [*play_robustness(copy, Given(algorithms=("ppo",), partners=("parked",), conditions=()), 2)]
     assert [line.split(" ", 1)[0] for line in lines] == ["1/2", "2/2"]

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pandas as pd
 import pytest
+import yaml
 from ray import tune
 from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.sample import Float, Integer
@@ -12,7 +13,7 @@ from ray.tune.search.sample import Float, Integer
 from benchmark.experiment.config import Tune, read_experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.results.files import ResultsError
-from benchmark.running.choosing import SweepError, mean_over_cells, write_chosen
+from benchmark.running.choosing import SweepError, mean_over_cells, text_of, write_chosen
 from benchmark.running.sweeping import (
     _check_same_search,
     _tuner,
@@ -76,9 +77,11 @@ def test_lists_are_grids_and_draws_keep_their_bounds():
 
 def test_schedulers():
     parameters = {"lr": {"uniform": [0.1, 0.2]}}
-    assert scheduler_of(Tune(parameters=parameters), 5) is None
-    assert isinstance(scheduler_of(Tune(parameters=parameters, scheduler="asha"), 5), ASHAScheduler)
-    assert isinstance(scheduler_of(Tune(parameters=parameters, scheduler="pbt"), 5), PopulationBasedTraining)
+    assert scheduler_of(Tune(parameters=parameters), "ppo", 5) is None
+    assert isinstance(scheduler_of(Tune(parameters=parameters, scheduler="asha"), "ppo", 5), ASHAScheduler)
+    assert isinstance(
+        scheduler_of(Tune(parameters=parameters, scheduler="pbt"), "ppo", 5), PopulationBasedTraining
+    )
 
 
 def test_population_based_training_stays_within_bounds():
@@ -90,9 +93,46 @@ def test_population_based_training_stays_within_bounds():
     assert within_bounds(section, given) == {"gamma": 0.99, "epochs": 4, **kept}
     low = {"gamma": 0.9 * 0.8, "epochs": 1, "hidden": [8], "sharing": "all"}
     assert within_bounds(section, low) == {**low, "gamma": 0.9, "epochs": 2}
-    explored = scheduler_of(section, 5)._hyperparam_mutations
+    explored = scheduler_of(section, "ppo", 5)._hyperparam_mutations
     assert explored["sharing"] == ["all", "none"]
     assert explored["hidden"] == [[8], [16]]
+
+
+def test_population_based_training_explores_what_the_algorithm_has():
+    section = Tune(
+        parameters={"lr": {"uniform": [0.1, 0.2]}, "clip": {"uniform": [0.1, 0.3]}}, scheduler="pbt"
+    )
+    assert {*scheduler_of(section, "ppo", 5)._hyperparam_mutations} == {"lr", "clip"}
+    assert {*scheduler_of(section, "dqn", 5)._hyperparam_mutations} == {"lr"}
+    assert within_bounds(section, {"lr": 0.3}) == {"lr": 0.2}
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [None, 128, 0.001, 1e-05, [[0, 0.001], [100000, 1e-05]], "all", "128", "null", True, {"a": [1]}],
+)
+def test_tables_of_trials_hold_settings_as_they_are(experiment, tmp_path, setting):
+    table = pd.DataFrame({"lr": [text_of(setting), text_of(7)], "completion": [0.9, 0.1], "trial_id": "a"})
+    table.to_csv(tmp_path / "trials.csv", index=False)
+    section = Tune(parameters={"lr": [0.1]})
+    for _ in range(2):  # the second time from the averages
+        write_chosen(experiment(), section, [("ppo", tmp_path / "trials.csv")], tmp_path)
+        content = yaml.safe_load((tmp_path / "chosen.yaml").read_text())
+        assert content["settings"] == {"ppo": {"lr": setting}}
+
+
+def test_a_search_in_a_scenario_that_has_changed_is_another(experiment, tmp_path):
+    (run,) = searched_runs(experiment())
+    section, file = Tune(parameters={"lr": [0.1]}), tmp_path / "search.json"
+    _check_same_search(file, run, section)
+    content = json.loads(file.read_text())
+    (name,) = content["scenarios"]
+    file.write_text(json.dumps(content | {"scenarios": {name: "other"}}))
+    with raises(ResultsError, file, values=[name, "has changed since"]):
+        _check_same_search(file, run, section)
+    del content["scenarios"]
+    file.write_text(json.dumps(content))
+    _check_same_search(file, run, section)
 
 
 def test_a_search_is_complete_when_its_table_has_all_trials(tmp_path):

@@ -32,7 +32,7 @@ from benchmark.results.release import (
 )
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import judging, verifying
-from benchmark.running.judging import differences, memorized, p_value
+from benchmark.running.judging import differences, equal_digests, memorized, p_value
 from benchmark.running.played import scenario_digests
 from benchmark.running.submission_folder import write_claims
 from benchmark.running.submissions import submitted
@@ -275,6 +275,18 @@ def test_one_other_episode_of_two_hundred_is_no_mark_and_three_are():
     for gap, marks in ((0.0049, 0), (0.0051, 1)):
         scores = {"completion_rate": completion + gap}
         assert len(reasons(entry_of(trained, scores=scores), exported(1))) == marks
+
+
+def test_an_episode_that_could_not_be_measured_does_not_move_those_behind_it():
+    outcomes = [["goal", "goal"]] * 201
+    every = played(outcomes)
+    claimed, here = (
+        every[every["world"] != every["world"].max()],
+        every[every["world"] != every["world"].min() + 3],
+    )
+    assert claimed["world"].nunique() == here["world"].nunique() == 200
+    assert not reasons(entry_of(claimed), here)
+    assert equal_digests(entry_of(claimed), episode_digests(here)) == {"intersection": (199, 200)}
 
 
 def drawn(rng, rates):
