@@ -147,9 +147,12 @@ class ReplaySettings(JointSettings):
 
     @model_validator(mode="after")
     def _learning_starts(self) -> Self:
-        if self.learning_starts > self.capacity:
+        length = self.sequence_length if self.gru else 1
+        kept = self.capacity - self.capacity % length
+        if max(self.learning_starts, length) > kept:
+            whole = f", of which whole sequences of sequence_length={length} take {kept}" if self.gru else ""
             raise ValueError(
-                f"learning_starts={self.learning_starts} is more than capacity={self.capacity}: "
+                f"learning_starts={self.learning_starts} is more than capacity={self.capacity}{whole}: "
                 "learning would never start"
             )
         return self

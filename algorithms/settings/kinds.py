@@ -60,9 +60,11 @@ def _choose(kinds: dict[Tag, Any]) -> Discriminator:
 
 def _rising(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     steps = [step for step, _ in points]
-    if not steps or steps[0] != 0 or any(later <= earlier for earlier, later in pairwise(steps)):
+    if len(steps) < 2 or steps[0] != 0 or any(later <= earlier for earlier, later in pairwise(steps)):
         raise PydanticCustomError(
-            "schedule", "Input should be points whose steps begin at 0 and rise: [[0, 0.01], [10000, 0.001]]"
+            "schedule",
+            "Input should be a number, or two or more points whose steps begin at 0 and rise: "
+            "[[0, 0.01], [10000, 0.001]]",
         )
     return points
 

@@ -11,11 +11,13 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+from benchmark.experiment.algorithm_settings import settings_of
 from benchmark.experiment.config import Budget, Evaluation, Experiment, Resources, TrainingTask
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.own_code import own_digests
 from benchmark.experiment.values import name_of
 from smarts.config import ConfigError, fitted
+from smarts.errors import SmartsError
 from smarts.registry import file_name
 from smarts.sstudio.locating import resolved
 
@@ -197,6 +199,16 @@ def with_defaults(content: Mapping[str, Any]) -> dict[str, Any]:
         # Earlier versions wrote paths as the user gave them.
         found["scenarios"] = [resolved(name) if os.sep in str(name) else name for name in names]
     return found
+
+
+def changed_settings(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings in a `content()` of a run that are not the defaults of its algorithm."""
+    given: dict[str, Any] = content.get("settings") or {}
+    try:
+        default = settings_of(content["algorithm"])().model_dump(mode="json")
+    except (KeyError, SmartsError, ValueError):  # scripted, or own code that is not there
+        return given
+    return {name: value for name, value in given.items() if name not in default or default[name] != value}
 
 
 def is_larger(budget: Mapping[str, Any], other: Mapping[str, Any]) -> bool:

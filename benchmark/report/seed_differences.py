@@ -49,10 +49,15 @@ def welch(first: ArrayLike, second: ArrayLike) -> SeedDifference:
     involved, Biometrika 34 (1947).
     """
     both = [np.asarray(each, float) for each in (first, second)]
-    parts = np.array([each.var(ddof=1) / len(each) for each in both])
+    parts = np.array([_variance(each) / len(each) for each in both])
     least = np.array([len(each) - 1 for each in both])
     freedom = parts.sum() ** 2 / (parts**2 / least).sum() if parts.any() else least.sum()
     return SeedDifference(float(both[0].mean() - both[1].mean()), float(np.sqrt(parts.sum())), float(freedom))
+
+
+def _variance(sample: Floats) -> float:
+    """Return the variance, 0 of equal values, whose mean may be rounded to another number."""
+    return 0.0 if (sample == sample[0]).all() else float(sample.var(ddof=1))
 
 
 def with_seed_differences(found: Frame, table: Frame, mode: str) -> Frame:

@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-from benchmark.experiment.runs import OWN_CODE, is_larger, with_defaults
+from benchmark.experiment.runs import OWN_CODE, changed_settings, is_larger, with_defaults
 from benchmark.results.files import (
     ResultsError,
     first_line,
@@ -311,7 +311,7 @@ def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
 
 
 def comparable(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a content with only the imports and digests of own code that another one has too, from wherever.
+    """Return a content without settings that are defaults, and without what another one does not import.
 
     A metric or an algorithm that is added to an experiment changes nothing in what its other runs trained.
     """
@@ -319,7 +319,8 @@ def comparable(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str
     common = sorted(path for path in content.get(IMPORTS) or () if Path(path).stem in modules)
     known = other.get(OWN_CODE) or {}
     code = {name: each for name, each in (content.get(OWN_CODE) or {}).items() if name in known}
-    return {**content, IMPORTS: common, OWN_CODE: code}
+    settings = {"settings": changed_settings(content)} if "settings" in content else {}
+    return {**content, **settings, IMPORTS: common, OWN_CODE: code}
 
 
 def differing_values(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:

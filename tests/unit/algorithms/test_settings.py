@@ -63,6 +63,7 @@ def test_a_setting_out_of_range_is_named_with_its_value(name, wrong):
     ("wrong", "key"),
     [
         ({"lr": [[0, 3.0], [10, 0.1]]}, ("lr", 0, 1)),
+        ({"lr": [[0, 0.001]]}, ("lr",)),
         ({"hidden": (10**9,)}, ("hidden", 0)),
         ({"hidden": (64, 10**400)}, ("hidden", 1)),
         ({"sharing": {"team": ["a", 5]}}, ("sharing", "team", 1)),
@@ -76,6 +77,9 @@ def test_a_wrong_part_of_a_setting_is_named_by_its_place(wrong, key):
     ("name", "wrong"),
     [
         ("dqn", {"learning_starts": 5000, "capacity": 1000}),
+        # 992 rows in whole sequences of 16, and learning starts with 1,000.
+        ("dqn", {"capacity": 1000, "gru": 8, "sequence_length": 16, "rollout_fragment_length": 16}),
+        ("dqn", {"capacity": 7, "learning_starts": 0, "gru": 8}),
         ("dqn", {"prioritised": True, "gru": 8}),
         ("dqn", {"priority_alpha": 0.9}),
         ("dqn", {"priority_beta": 0.9}),
@@ -103,6 +107,8 @@ def test_settings_that_do_not_fit_each_other_are_refused(name, wrong):
         ("mf_q", {"graph": Near(5.0)}),
         ("mf_q", {"graph": [("a", "b"), ("b", "c")]}),
         ("dqn", {"hidden": [], "epsilon": [1, 0]}),
+        ("dqn", {"capacity": 1000}),
+        ("dqn", {"capacity": 8, "learning_starts": 8, "gru": 8}),
     ],
 )
 def test_values_of_every_kind_are_taken(name, settings):

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 from benchmark.metrics import compare, compute
 from benchmark.metrics.results import NO_SPREAD
 from benchmark.report.ranking import differences, ranks
-from benchmark.report.seed_differences import COLUMNS, with_seed_differences
+from benchmark.report.seed_differences import COLUMNS, welch, with_seed_differences
 from tests.hand_made_results import agent_episodes
 
 GOOD, BAD = [["goal", "goal"]] * 12, [["collision", "collision"]] * 12
@@ -199,6 +199,11 @@ class TestByTrainingSeeds:
         assert (row["value"], row["seeds_high"]) == (pytest.approx(0.4), 1.0)
         assert -0.33 < row["seeds_low"] < -0.31
         assert self.row([1, 5, 6], [10, 10, 4], total=10)["seeds_low"] == -1.0
+
+    def test_seeds_that_agree_have_no_variance_whatever_the_rounding(self):
+        assert np.var([0.95] * 3, ddof=1) > 0.0
+        assert welch([0.95] * 3, [0.7] * 3).error == 0.0
+        assert welch([0.95] * 3, [0.7, 0.8, 0.9]).error == pytest.approx(0.1 / 3**0.5)
 
     def test_is_at_least_as_wide_as_over_starts(self):
         row = self.row([7, 7, 6], [6, 6, 5])

@@ -11,6 +11,7 @@ import pytest
 
 from benchmark.experiment.config import Budget, Experiment, read_experiment
 from benchmark.experiment.environment import Environment
+from benchmark.experiment.runs import runs_of
 from benchmark.report.provenance import circumstances
 from benchmark.results.commands import keep_command
 from benchmark.results.files import (
@@ -378,3 +379,20 @@ def test_checkpoints_carry_how_far_training_was(tmp_path):
     assert folder.training_state() == {"iteration": 2}
     assert (folder.checkpoint / "weights").read_text() == "2"
     assert {path.name for path in tmp_path.iterdir()} == {"checkpoint"}
+
+
+def test_a_setting_that_is_written_down_at_its_default_makes_no_other_run(tmp_path):
+    file = tmp_path / "one.yaml"
+    file.write_text("algorithms: [ppo]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n")
+    (plain,), (written,), (other,) = (
+        runs_of(read_experiment(file, changes))
+        for changes in ((), ("settings.ppo={lr: 0.0003, epochs: 4}",), ("settings.ppo={lr: 0.1}",))
+    )
+    assert written.settings == {"lr": 0.0003, "epochs": 4}
+    for first, second in ((plain, written), (written, plain)):
+        folder = RunFolder(tmp_path / str(len(first.settings)))
+        folder.open(first.content())
+        folder.note(status="finished")
+        folder.check(second.content())
+        with raises(ResultsError, folder.config, values=["settings.lr", "0.1"]):
+            folder.check(other.content())
