@@ -129,8 +129,9 @@ def latch(
 ) -> tuple[int, float, float]:
     """Process a lane-change command (1 left, -1 right, 0 none); return row, s, t as `steered_lane` does.
 
-    Only a fresh command that the action mask allows starts a lane change. The change then continues to its
-    end, whatever later commands are, unless the opposite command aborts it in its first half.
+    Only a fresh command starts a lane change, if it was allowed when the agent decided, by `action_mask`, and
+    still is. The change then continues to its end, whatever later commands are, unless the opposite command
+    aborts it in its first half.
     """
     vehicles, agents = state.vehicles, state.agents
     if agents.change_phase[b, a] == _SETTLED:
@@ -146,7 +147,9 @@ def latch(
     phase = int(agents.change_phase[b, a])
     if fresh:
         agents.effective[b, a] = False
-        target = _command(roads, lane, t, width, phase, change, action_mask)
+        side = _LEFT if change > 0 else _RIGHT
+        is_allowed = change != 0 and action_mask[side] and agents.action_mask[b, a, side]
+        target = _command(roads, lane, t, width, phase, change) if is_allowed else -1
         if target >= 0 and is_drivable(roads, target, vehicles.kind[b, slot]):
             agents.effective[b, a] = True
             phase = _REQUESTED if phase == _NONE else _ABORTED
@@ -174,11 +177,8 @@ def _command(
     width: float,
     phase: int,
     change: int,
-    action_mask: Bools,
 ) -> int:
-    """Return the target lane of a fresh command, or -1 if the command is not allowed."""
-    if change == 0 or not action_mask[_LEFT if change > 0 else _RIGHT]:
-        return -1
+    """Return the target lane of a fresh command, -1 in a lane change that it does not abort."""
     if phase != _NONE and not _can_abort(phase, t, width, change):
         return -1
     return beside(roads, lane, change)

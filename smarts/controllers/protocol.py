@@ -27,7 +27,8 @@ class Controller(Protocol):
         """Write the commands of the chosen agents only.
 
         One-time actions (a lane change, a relative pose) are executed if `actions.fresh`. The controller
-        checks them against `actions.action_mask` and stores the result in `agents.effective`.
+        checks them against the masks of the decision and of now (`actions.action_mask`, `agents.action_mask`)
+        and stores the result in `agents.effective`.
 
         Args:
             actions: Actions of all agents, shape (B, A).

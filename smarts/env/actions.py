@@ -38,6 +38,10 @@ class Parsed(NamedTuple):
     format: ActionFormat
     numbers: Floats
     places: Places
+    action_mask: Bools | None = None
+    """Which lane actions were allowed at the decision, shape (N, 4); None: as now."""
+    age: Any = 0
+    """Steps since the decision, a number or shape (N,)."""
 
 
 class Own(NamedTuple):
@@ -50,6 +54,8 @@ class Own(NamedTuple):
     """Shape (B, G)."""
     agent_ids: Ints
     """Rows of `AgentStates`, shape (G,)."""
+    age: int = 0
+    """Steps since the decision."""
 
 
 class ActionEncoder:
@@ -103,11 +109,14 @@ class ActionEncoder:
         actions = self._actions
         if own:
             with _restored_on_error(actions):
-                for encoding, given, chosen, _ in own:
+                for encoding, given, chosen, agent_ids, age in own:
                     encoding.encode(given, chosen, actions)
+                    rows, columns = np.nonzero(chosen)
+                    actions.age[rows, agent_ids[columns]] = age
         for each in parsed:
             each.format.write(each.numbers, each.places, actions)
-            actions.action_mask[each.places] = self._action_mask[each.places]
+            mask = self._action_mask[each.places] if each.action_mask is None else each.action_mask
+            actions.action_mask[each.places], actions.age[each.places] = mask, each.age
             actions.given[each.places] = actions.fresh[each.places] = True
 
 

@@ -48,10 +48,17 @@ class DelayedEncoder(ActionEncoder):
 
     def write(self, parsed: Iterable[Parsed], own: Sequence[Own] = ()) -> None:
         """Take actions, to be written by `release`."""
-        # The arrays are the caller's, and change before the actions arrive.
-        copied = [each._replace(given=each.given.copy(), chosen=each.chosen.copy()) for each in own]
+        # The arrays are the caller's or the world's, and change before the actions arrive.
+        kept = [
+            each._replace(action_mask=self._action_mask[each.places].copy(), age=self._latency)
+            for each in parsed
+        ]
+        copied = [
+            each._replace(given=each.given.copy(), chosen=each.chosen.copy(), age=self._latency)
+            for each in own
+        ]
         due = self._world.step + self._latency
-        self._sent.append(_Sent([*parsed], copied, due, np.ones(len(due), np.bool_)))
+        self._sent.append(_Sent(kept, copied, due, np.ones(len(due), np.bool_)))
 
     def forget(self, rows: Collection[int]) -> None:
         """Drop the actions of simulations in which other episodes begin."""
@@ -84,4 +91,9 @@ def _chosen(parsed: Parsed, there: Bools) -> Parsed | None:
     if np.ndim(is_there) == 0 or not is_there.any():
         return None
     rows, agent_ids = parsed.places
-    return Parsed(parsed.format, parsed.numbers[is_there], (rows[is_there], agent_ids[is_there]))  # type: ignore[index]
+    assert parsed.action_mask is not None
+    return parsed._replace(
+        numbers=parsed.numbers[is_there],
+        places=(rows[is_there], agent_ids[is_there]),  # type: ignore[index]
+        action_mask=parsed.action_mask[is_there],
+    )

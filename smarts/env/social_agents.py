@@ -200,31 +200,43 @@ class SocialAgentRequests:
         )
         if not is_there.any():
             return
+        age = self._world.step[rows] - batch.step
         kind = int(self._actions.kind[rows[0], columns[0]])
         if isinstance(answer.actions, np.ndarray) and _is_of(answer.actions, kind):
             found, places = action_format(kind), (rows[is_there], columns[is_there])
             numbers = found.parse_batch(answer.actions[is_there])
             if not isinstance(numbers, Rejected):
-                self._encoder.write([Parsed(found, numbers, places)])
+                decided = batch.action_mask[is_there], age[is_there]
+                self._encoder.write([Parsed(found, numbers, places, *decided)])
                 return
         for place in np.flatnonzero(is_there).tolist():
             where = int(rows[place]), int(columns[place])
             if isinstance(answer.actions[place], Late):
                 self._late[answer.policy, where[0]] += 1
                 continue
-            problem = self._write_one(*where, answer.actions[place])
+            decided = batch.action_mask[place], int(age[place])
+            problem = self._write_one(*where, answer.actions[place], *decided)
             if problem:
                 self._fail(*where, problem, failures)
 
-    def _write_one(self, row: int, column: int, action: Any) -> str:
-        """Write one agent's action; return what is wrong with it, "" if nothing is."""
+    def _write_one(self, row: int, column: int, action: Any, action_mask: Bools, age: int) -> str:
+        """Write one agent's action; return what is wrong with it, "" if nothing is.
+
+        Args:
+            row: Its simulation.
+            column: The agent's.
+            action: The action.
+            action_mask: Which lane actions were allowed at the decision, shape (4,).
+            age: Steps since then.
+        """
         if isinstance(action, Failed):
             return action.problem
         numbers = np.asarray(action) if isinstance(action, np.ndarray | float) else np.empty(0)
         if numbers.dtype.kind == "f" and numbers.size and np.isnan(numbers).all():
             return "answered nan: it cannot act for its vehicle"
         try:
-            self._encoder.write([self._encoder.parse(self._pool.name(row, column), action, row, column)])
+            parsed = self._encoder.parse(self._pool.name(row, column), action, row, column)
+            self._encoder.write([parsed._replace(action_mask=action_mask, age=age)])
         except ActionError as error:
             return error.problem
         except Exception as error:

@@ -66,7 +66,8 @@ def take_row(state: State, out: Rows, events: Events, contacts: Contacts, action
             take_agent(step, row, agent_id, agents, events, contacts, out.agent_states[out.used[1]])
             out.used[1] += 1
         if actions.fresh[row, agent_id]:
-            take_decision(step - 1, row, agent_id, agents, actions, out.decisions[out.used[2]])
+            decided = step - 1 - actions.age[row, agent_id]
+            take_decision(decided, row, agent_id, agents, actions, out.decisions[out.used[2]])
             out.used[2] += 1
     for lane in range(state.signals.shape[1]):
         if state.signals[row, lane]:

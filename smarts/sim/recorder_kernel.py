@@ -135,7 +135,9 @@ def take_frame(
                 out.used[row, AGENT_ROWS] += 1
             if actions.fresh[row, agent_id]:
                 into = out.decisions[row, out.used[row, DECISION_ROWS]]
-                take_decision(step[row] - 1, row, agent_id, agents, actions, into)
+                take_decision(
+                    step[row] - 1 - actions.age[row, agent_id], row, agent_id, agents, actions, into
+                )
                 out.used[row, DECISION_ROWS] += 1
         for lane in range(signals.shape[1]):
             if signals[row, lane] != out.lights[row, lane]:

@@ -78,6 +78,8 @@ class Actions(NamedTuple):
     """Shape (B, A, 8); how many count and what they mean follows from the kind."""
     action_mask: Bools
     """`AgentStates.action_mask` at the agent's decision, shape (B, A, 4)."""
+    age: Ints
+    """Steps since the agent's decision as a fresh action is carried out, 0 without latency."""
     path: Floats
     """Rows of time, x, y, heading, speed, shape (B, A, P, 5); P is 0 if no agent acts by paths."""
     path_length: Ints
@@ -92,6 +94,7 @@ class Actions(NamedTuple):
             fresh=np.zeros(shape, np.bool_),
             values=np.zeros((*shape, MOST_VALUES)),
             action_mask=np.zeros((*shape, len(LaneAction)), np.bool_),
+            age=np.zeros(shape, np.int32),
             path=np.zeros((*shape, path, PATH_COLUMNS)),
             path_length=np.zeros(shape, np.int32),
         )

@@ -38,7 +38,7 @@ def speeds(env, actions):
 
 
 def carried_out(folder):
-    """Return (agent_id, step, action) of all actions that vehicles carried out, by world."""
+    """Return agent, step of the decision and action of all actions that vehicles carried out, by world."""
     found = {}
     for path in episodes_in(folder):
         table = RecordedEpisode(path).table("decisions")
@@ -62,9 +62,31 @@ def test_actions_are_carried_out_so_many_steps_later(tmp_path, interval, latency
     assert {*found[0.0]} == {0, 1}
     for world, rows in found[0.0].items():
         last = max(step for _, step, _ in rows) + interval
-        later = [[agent, step + steps, action] for agent, step, action in rows if step + steps < last]
-        assert sorted(found[latency][world]) == sorted(later)
-        assert later
+        arrived = [row for row in rows if row[1] + steps < last]
+        assert sorted(found[latency][world]) == sorted(arrived)
+        assert arrived
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.5, 0.7])
+def test_records_say_what_was_allowed_when_the_agents_decided(tmp_path, latency):
+    env = vector(latency, scenario="double_merge", agents=4, record=tmp_path)
+    env.reset()
+    for actions in np.random.default_rng(0).integers(0, 4, (40, 4)):
+        env.step([actions[None]])
+    env.close()
+    (path,) = episodes_in(tmp_path)[:1]
+    states, table = (RecordedEpisode(path).table(name) for name in ("agent_states", "decisions"))
+    masks = dict(zip(places(states), states["action_mask"].tolist(), strict=True))
+    assert [masks[place] for place in places(table)] == table["action_mask"].tolist()
+    assert {step % 5 for step, _ in places(table)} == {0}
+    assert len({*table["action_mask"].tolist()}) > 1
+    is_change = np.isin(table["value_0"].astype(int), [2, 3])
+    may_change = table["action_mask"] >> table["value_0"].astype(int) & 1
+    assert not table["is_effective"][is_change & (may_change == 0)].any()
+
+
+def places(table):
+    return [*zip(table["step"].tolist(), table["agent_id"].tolist(), strict=True)]
 
 
 def test_a_vehicle_brakes_as_much_later():
@@ -92,8 +114,7 @@ def test_actions_of_an_episode_that_is_over_do_not_reach_the_next(tmp_path):
         env.step([np.full((2, 1), KEEP)])
     env.close()
     found = carried_out(tmp_path)
-    assert [action for _, _, action in found[7]] == [KEEP, KEEP]
-    assert [step for _, step, _ in found[7]] == [step + 10 for step in (0, 5)]
+    assert found[7] == [[0, 0, KEEP], [0, 5, KEEP]]
 
 
 class Noted:

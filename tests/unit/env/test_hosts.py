@@ -122,6 +122,7 @@ def test_delayed_actions_are_those_of_earlier_steps(where):
             for _ in steps(env, 15):
                 taken.append(float(values[0, column, 0]))
             records[steps_late] = taken
+            assert env._runner.actions.age[0, column] == steps_late
     # The draws depend on seed and step alone.
     assert records[delay][delay:] == records[0][:-delay]
 
