@@ -7,18 +7,21 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+PACKAGES := $(VENV)/.packages
 SYSTEM := $(VENV)/.system
 
 # Shared libraries that SUMO's wheels load from the system, and the Debian packages that hold them.
 LIBRARIES := libGL.so.1 libX11.so.6 libXext.so.6 libXrender.so.1 libexpat.so.1 libatomic.so.1
 DEBIAN := libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1
 
-.PHONY: help install run traffic test test-fast check format build-scenario docs pictures page lock clean
+.PHONY: help install packages run traffic test test-fast check format build-scenario docs pictures page lock clean
 
 help:  ## list the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 install: $(INSTALLED)  ## create .venv, install everything and compile the kernels
+
+packages: $(PACKAGES)  ## create .venv and install everything, without compiling the kernels
 
 run: $(INSTALLED)  ## train PPO at the intersection for two minutes, test it and write the report
 	$(BIN)/smarts-bench run configs/quickstart.yaml
@@ -27,10 +30,10 @@ traffic: $(INSTALLED)  ## build a scenario and run a minute of its traffic
 	$(BIN)/smarts-bench scenario run intersection --seconds 60 --out results/traffic/intersection.png
 
 test: $(INSTALLED)  ## run all tests
-	$(BIN)/python -m pytest -q -n 2
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal
 
 test-fast: $(INSTALLED)  ## run the tests that take seconds
-	$(BIN)/python -m pytest -q -n 2 -m "not slow"
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not slow"
 
 check: $(INSTALLED)  ## format, lint, types and fast tests
 	$(BIN)/ruff format --check .
@@ -89,8 +92,13 @@ $(SYSTEM):
 	$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-$(INSTALLED): pyproject.toml constraints.txt | $(SYSTEM)
+# Where PYTHONDONTWRITEBYTECODE is set, every process would compile these sources anew.
+$(PACKAGES): pyproject.toml constraints.txt | $(SYSTEM)
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev,docs,learn]'
+	$(BIN)/python -m compileall -q -j 2 algorithms benchmark perf smarts smarts_agent_kit
+	@touch $@
+
+$(INSTALLED): $(PACKAGES)
 	$(BIN)/smarts-bench compile
 	@touch $@
 

@@ -10,6 +10,22 @@ from tests.leftovers import resources
 
 os.environ["RAY_ADDRESS"] = "local"
 """A test starts a Ray of its own, whatever cluster runs on this machine, or ran and was killed."""
+os.environ["RAY_prestart_worker_first_driver"] = "0"  # noqa: SIM112 - Ray's name
+"""Ray starts no process of each core in advance: many tests need none, and others start them when needed."""
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+"""Two tests run at a time: threads that wait for each other on busy cores cost more than they save."""
+LONGEST = (
+    *("test_many_machines", "test_experiment_runs", "test_sweep_runs", "test_own_code_page", "test_examples"),
+    *("test_perf", "test_documents", "test_games", "test_ablations", "test_exporting"),
+    *("test_whole_registry", "test_several_learners", "test_scenarios"),
+)
+"""Modules that take minutes, which begin first: at the end both cores share what is short."""
+
+
+def pytest_collection_modifyitems(items):
+    """Put the longest modules first; the others stay in their order."""
+    places = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path.stem, len(LONGEST)))
 
 
 @pytest.fixture(autouse=True)
