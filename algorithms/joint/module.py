@@ -26,6 +26,10 @@ def critic_of(group: Group) -> str:
     return f"{group.id}__critic"
 
 
+def _no_parts(self: ConfiguredModule) -> None:
+    """Return None: there is no encoder and body that the network is made of."""
+
+
 class ConfiguredModule(TorchRLModule):
     """A network that a `JointConfig` describes.
 
@@ -37,6 +41,17 @@ class ConfiguredModule(TorchRLModule):
     targets: tuple[str, ...] = ()
     group: Any
     """The `Group` of the agents; None for all agents."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Do without `feedforward_parts` where a class has another `policy` or `value` than those are of."""
+        super().__init_subclass__(**kwargs)
+        own = vars(cls)
+        if ("policy" in own or "value" in own) and "feedforward_parts" not in own:
+            cls.feedforward_parts = _no_parts
+
+    def feedforward_parts(self) -> tuple[Encoder, nn.Module] | None:
+        """Return (encoder, body) if the network is just `body(encoder(...))`, so that it may be stacked."""
+        return None
 
     def read_config(self) -> None:
         """Read the model config.

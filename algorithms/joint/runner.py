@@ -220,6 +220,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
                 module.exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)
         own = state.get(SAMPLERS, {}).get(self._key())
         if own is not None and self._has_env():
+            self._sampler = None  # it would continue episodes that are not the state's
             self._training_sampler().set_state(own)
             self._recent = deque(own.get(RECENT, ()), maxlen=self._recent.maxlen)
 

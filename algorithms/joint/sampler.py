@@ -197,9 +197,12 @@ class Sampler:
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Continue where `get_state` was called; with new episodes if the environments have no state."""
+        """Continue where `get_state` was called.
+
+        With new episodes if the environments have no state, or there were others in number.
+        """
         self._generator.set_state(torch.tensor(state["generator"]))
-        if state["env"] is None or state["now"] is None:
+        if state["env"] is None or state["now"] is None or len(state["now"].alive) != self.env.num_envs:
             return
         self._source = state["source"]
         self.env.set_state(state["env"])  # type: ignore[attr-defined]

@@ -46,11 +46,11 @@ def evaluation_folder(out: Path | None, evaluated: Mapping[str, Any]) -> Iterato
     _check(out, content)
     with locked(out):
         _check(out, content)  # what another process has written until the lock was free
-        write_json(out / MARK, content)
         old, new = RunFolder(out), RunFolder(out / f"{PARTIAL}-evaluation")
         shutil.rmtree(new.path, ignore_errors=True)
         try:
             yield new
+            write_json(out / MARK, content)
             with named_failures(out):
                 if old.episodes.exists():
                     old.episodes.rename(new.path / "earlier")

@@ -99,6 +99,7 @@ class Policy:
         """Whether actions depend on more than the agent's own observation: messages, common draws."""
         self._playing: tuple[GivenSteps, Sampler] | None = None
         self._last: tuple[NDArray, ...] | None = None
+        self._begun = 0  # episodes of a user's own loop
         self._attached: Any = None
 
     def reset(self) -> None:
@@ -211,7 +212,8 @@ class Policy:
             if self._last is None and worlds is not None:
                 sampler.begin(worlds, stride=given.num_envs)
             elif self._last is None:
-                sampler.begin(np.arange(given.num_envs))
+                sampler.begin(self._begun + np.arange(given.num_envs))
+                self._begun += given.num_envs
             else:
                 sampler.carry_out(self._last)
             self._last = sampler.choose(self._exploration)

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 import torch
 
+from algorithms.joint.module import JointModule
+from algorithms.ppo import LocalValue
 from algorithms.registry import ALGORITHMS
 from tests.games.games import Constant
 from tests.unit.algorithms.rigs import Rig, moved, replayed
@@ -38,3 +40,24 @@ def test_it_values_what_comes_after_a_time_limit(example):
         with torch.no_grad():
             values = net.target_body(net.target_encoder(own.observations))
         assert values.mean().item() == pytest.approx(10.0, abs=0.5)
+
+
+def test_an_own_policy_or_value_is_not_passed_over_by_stacked_evaluation():
+    class Same(JointModule):
+        def make_networks(self):
+            super().make_networks()
+
+    class Own(JointModule):
+        def policy(self, view):
+            return -super().policy(view)
+
+    class Further(Own):
+        pass
+
+    class OwnValue(LocalValue):
+        def value(self, view):
+            return -super().value(view)
+
+    assert Same.feedforward_parts is JointModule.feedforward_parts
+    for each in (Own, Further, OwnValue):
+        assert each.feedforward_parts(object()) is None

@@ -13,7 +13,7 @@ from algorithms.joint.adapter import JointVector
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from algorithms.joint.evaluation import evaluate
 from algorithms.joint.sampler import Sampler
-from tests.games.games import Cues
+from tests.games.games import Cues, TwoStep
 from tests.games.null import LENGTH, NullVector
 
 pytestmark = pytest.mark.usefixtures("cluster")
@@ -142,6 +142,29 @@ def test_each_restart_begins_other_episodes(build, tmp_path):
         folder = tmp_path / str(number)
         algo.save_to_path(str(folder))
     assert len({*seeds}) == 4
+
+
+def test_a_restore_in_place_begins_the_same_new_episodes_each_time(build, tmp_path):
+    algo = build(config_of("ppo"))
+    algo.train()
+    algo.save_to_path(str(tmp_path / "saved"))
+    for _ in range(2):
+        algo.train()
+        algo.restore_from_path(str(tmp_path / "saved"))
+        algo.train()
+    ((first, second, third),) = starts(algo)
+    assert first != second == third
+
+
+def test_a_restore_with_more_environments_begins_new_episodes(build, tmp_path):
+    config = config_of("ppo", env=TwoStep)
+    algo = build(config)
+    algo.train()
+    algo.save_to_path(str(tmp_path / "saved"))
+    more = build(config.copy(copy_frozen=False).env_runners(num_envs_per_env_runner=3), tmp_path / "saved")
+    before = more.runner_state()["num_env_steps_sampled_lifetime"]
+    more.train()
+    assert more.runner_state()["num_env_steps_sampled_lifetime"] - before == 3 * 16
 
 
 def test_a_rollout_names_its_restart_and_links_to_nothing_before(build, tmp_path, monkeypatch):
