@@ -9,9 +9,11 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
+from benchmark.experiment.runs import runs_of
 from benchmark.metrics import METRICS, join_tables, write_table
 from benchmark.results.files import write_versioned
 from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
+from benchmark.results.run_folder import FINISHED, RunFolder
 
 ALONE, SOCIAL = "no_social_vehicles", "random_social_vehicles"
 OUTCOME_COLUMN = {"collision": "collisions", "goal": "goals"}
@@ -142,4 +144,24 @@ def write_run(
         table = table.assign(**labels)
         table.attrs = counts
         write_table(table, folder / "episodes.parquet")
+    return folder
+
+
+def finish_runs(experiment, root: Path, columns=None, **facts) -> RunFolder:
+    """Leave results of all runs of an experiment as if they were finished, and return the last one's folder.
+
+    Args:
+        experiment: With greedy tests alone.
+        root: The experiment's folder.
+        columns: Further ones of the tables, with their values.
+        facts: For run.json.
+    """
+    for run in runs_of(experiment):
+        folder = RunFolder(root / run.folder)
+        folder.open(run.content())
+        folder.note(status=FINISHED, tested=run.task_setting.test_content(), **facts)
+        labels = {"algorithm": run.label, "training_seed": run.seed, "task": run.task_setting.task.name}
+        outcomes = [["goal", "goal"]] * experiment.evaluation.episodes
+        table = agent_episodes(outcomes, mode="greedy", task_traffic=run.task_setting.traffic, **labels)
+        write_table(table.assign(**columns or {}), folder.table)
     return folder

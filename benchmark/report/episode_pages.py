@@ -58,7 +58,9 @@ def _of_run(run: RunResult, root: Path, mode: str, folder: Path) -> EpisodeLinks
     names = names_of(run)
     episodes = RunFolder(root / run.place).episodes
     if not episodes.is_dir():
-        return EpisodeLinks(*names, (), "not kept: set evaluation.keep_episodes: true, and test again")
+        return EpisodeLinks(
+            *names, (), "not kept: give the command of `run` again with `--set evaluation.keep_episodes=true`"
+        )
     try:
         return EpisodeLinks(*names, *_links(episodes, SCRIPTED if run.is_scripted else mode, folder, run))
     except SmartsError as error:

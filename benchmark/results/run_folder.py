@@ -82,6 +82,11 @@ class RunFolder:
         """The run's phase; None before it has begun."""
         return self.facts().get("status")
 
+    @property
+    def has_episodes(self) -> bool:
+        """Whether the test's episodes are there, or cannot be played again for want of a checkpoint."""
+        return self.episodes.exists() or (self.progress.exists() and not self.checkpoint.exists())
+
     def is_finished(self, tested: Mapping[str, Any]) -> bool:
         """Return whether the run is trained, tested in this way, and the test's table valid.
 

@@ -94,7 +94,9 @@ class JobScheduler:
             folder = RunFolder(self._root / state.job.folder)
             content = state.job.content()
             folder.check(content)
-            if folder.is_finished(state.job.task_setting.test_content()) and not folder.is_extended(content):
+            setting = state.job.task_setting
+            is_kept = not setting.evaluation.keep_episodes or folder.has_episodes
+            if is_kept and folder.is_finished(setting.test_content()) and not folder.is_extended(content):
                 state.status = FINISHED
             else:
                 folder.check_writable()

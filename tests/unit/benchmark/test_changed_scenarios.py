@@ -7,8 +7,7 @@ import pytest
 import yaml
 
 from benchmark.experiment.config import read_experiment
-from benchmark.experiment.runs import runs_of, task_settings_of
-from benchmark.metrics import write_table
+from benchmark.experiment.runs import task_settings_of
 from benchmark.report.comparing import differing_protocols, read_side, runs_apart
 from benchmark.report.content import make_report
 from benchmark.report.leaderboard import make_leaderboard
@@ -20,7 +19,15 @@ from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running.experiment import run_experiment
 from benchmark.running.played import scenario_digests
 from smarts.sstudio.locating import SUITE
-from tests.hand_made_results import ALONE, BUDGET, SOCIAL, agent_episodes, write_experiment, write_run
+from tests.hand_made_results import (
+    ALONE,
+    BUDGET,
+    SOCIAL,
+    agent_episodes,
+    finish_runs,
+    write_experiment,
+    write_run,
+)
 from tests.raising import raises
 
 CONFIG = """
@@ -55,17 +62,6 @@ def experiment_on(scenario, tmp_path, more=""):
     return read_experiment(file)
 
 
-def finish(experiment, root, **facts):
-    """Leave results of all runs of an experiment as if they had been trained."""
-    for run in runs_of(experiment):
-        folder = RunFolder(root / run.folder)
-        folder.open(run.content())
-        folder.note(status=FINISHED, tested=run.task_setting.test_content(), **facts)
-        labels = {"algorithm": "ppo", "training_seed": run.seed, "task": "loop", "task_traffic": ALONE}
-        write_table(agent_episodes([["goal", "goal"]] * 2, mode="greedy", **labels), folder.table)
-    return folder
-
-
 def text_of(root):
     return report_text(make_report(read_results(root)), Summaries({"completion": {}}), {})
 
@@ -96,7 +92,7 @@ def test_a_digest_is_of_what_is_played(loop, tmp_path):
 def test_results_of_a_scenario_that_has_changed_are_kept_and_not_mixed(loop, tmp_path, capsys):
     experiment, root = experiment_on(loop, tmp_path), tmp_path / "mine"
     (known,) = digests(experiment)
-    folder = finish(experiment, root, scenarios=known)
+    folder = finish_runs(experiment, root, scenarios=known)
     assert run_experiment(experiment, root) == 0
     assert "has changed" not in capsys.readouterr().err
     change(loop, GOAL, "(lane + 1) % lanes, 180")

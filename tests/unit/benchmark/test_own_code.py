@@ -9,16 +9,15 @@ from benchmark.experiment.config import Experiment, check_whole, read_experiment
 from benchmark.experiment.own_code import own_digests
 from benchmark.experiment.runs import run_from, runs_of, scripted_runs_of
 from benchmark.experiment.values import VehicleName
-from benchmark.metrics import METRICS, Measure, write_table
+from benchmark.metrics import METRICS, Measure
 from benchmark.results.files import ResultsError
-from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running.experiment import run_experiment
 from benchmark.running.jobs import JobScheduler, jobs_of
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.agents.interface import VEHICLE_CLASSES
 from smarts.config import ConfigError
 from smarts.errors import OwnCodeError
-from tests.hand_made_results import agent_episodes
+from tests.hand_made_results import finish_runs
 from tests.raising import raises
 
 HEAD = "tasks: [loop]\ntraffic: [no_social_vehicles]\n"
@@ -333,18 +332,6 @@ def test_this_program_has_no_digest():
     assert own_digests([], "algorithms.ppo:PPOConfig", "smarts.env.adapters:ObservationAndReward") == {}
 
 
-def finish(experiment, root):
-    """Leave results of the only run of an experiment as if it were finished; return its folder."""
-    (run,) = runs_of(experiment)
-    folder = RunFolder(root / run.folder)
-    folder.open(run.content())
-    folder.note(status=FINISHED, tested=run.task_setting.test_content())
-    labels = {"algorithm": run.label, "task": "loop", "task_traffic": "no_social_vehicles"}
-    table = agent_episodes([["goal"]], mode="greedy", training_seed=1, **labels)
-    write_table(table.assign(long=1.0), folder.table)
-    return folder
-
-
 def test_a_run_of_other_own_code_is_refused_and_kept(write, tmp_path):
     file = write(
         "algorithms: [ppo]\nseeds: [1]\nmetrics: ['own_v:LONG']\nevaluation: {episodes: 1, modes: [greedy]}\n"
@@ -353,7 +340,7 @@ def test_a_run_of_other_own_code_is_refused_and_kept(write, tmp_path):
         own_w="def speed(step):\n    return step.speed\n",
     )
     experiment, code = read_experiment(file), file.parent / "own_w.py"
-    folder = finish(experiment, tmp_path)
+    folder = finish_runs(experiment, tmp_path, {"long": 1.0})
 
     def scheduler():
         return JobScheduler(jobs_of(experiment), tmp_path, experiment.resources)

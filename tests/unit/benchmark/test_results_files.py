@@ -31,7 +31,7 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.jobs import JobScheduler, jobs_of
 from benchmark.running.training import checkpoint_files
-from tests.hand_made_results import agent_episodes, write_experiment, write_run
+from tests.hand_made_results import agent_episodes, finish_runs, write_experiment, write_run
 from tests.raising import raises
 
 ROOT = Path(__file__).parents[3]
@@ -396,3 +396,24 @@ def test_a_setting_that_is_written_down_at_its_default_makes_no_other_run(tmp_pa
         folder.check(second.content())
         with raises(ResultsError, folder.config, values=["settings.lr", "0.1"]):
             folder.check(other.content())
+
+
+def test_episodes_that_are_wanted_and_not_there_are_played_again(tmp_path):
+    file = tmp_path / "one.yaml"
+    file.write_text(
+        "algorithms: [ppo]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n"
+        "evaluation: {episodes: 1, modes: [greedy]}\n"
+    )
+    plain, keeping = (read_experiment(file, more) for more in ((), ("evaluation.keep_episodes=true",)))
+    folder = finish_runs(plain, tmp_path)
+
+    def is_done(experiment):
+        return JobScheduler(jobs_of(experiment), tmp_path, experiment.resources).is_done
+
+    assert is_done(plain)
+    assert not is_done(keeping)
+    folder.episodes.mkdir()
+    assert is_done(keeping)
+    folder.episodes.rmdir()
+    folder.progress.write_text("")  # trained, and the checkpoint was removed
+    assert is_done(keeping)
