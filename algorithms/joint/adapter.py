@@ -127,6 +127,11 @@ class JointVector:
         return self._step_so_far(failed=dict(failures))
 
     @property
+    def worlds(self) -> Ints:
+        """Index of the episode that each environment plays, (B,)."""
+        return self._indices
+
+    @property
     def name(self) -> str:
         """The class of the environments."""
         return name_of(self._envs[0])

@@ -9,7 +9,7 @@ from rigs import Rig, replayed
 import algorithms
 from algorithms.errors import EnvironmentFailure
 from algorithms.joint.adapter import COMMON, JointVector
-from algorithms.joint.env import MEMORY, AgentBlock, FinalStep, JointSpaces, JointStep
+from algorithms.joint.env import MEMORY, AgentBlock, FinalStep, JointSpaces, JointStep, episode_seed
 from algorithms.parts.distributions import Exploration
 from algorithms.registry import ALGORITHMS
 from tests.games.games import Cues, Game, Ragged, Target
@@ -93,6 +93,30 @@ def test_worlds_that_an_environment_skips_are_missing_and_the_others_keep_their_
     episodes = Rig("ppo", Unsound()).sampler.episodes(np.arange(10, 19), Exploration())
     assert [episode.episode_index for episode in episodes] == [10, 11, 15, 16, 17, 18]
     assert [float(episode.returns[0]) for episode in episodes] == [20, 22, 30, 32, 34, 36]
+
+
+class Numbered(Game):
+    """Pays the last digits of the episode's seed at the end; NaN in that of world 11."""
+
+    length = 2
+
+    def reset(self, *, seed=None, options=None):
+        self.seed = seed
+        return super().reset(seed=seed)
+
+    def reward(self, actions):
+        last = np.nan if self.seed == episode_seed(0, 11, 0) else self.seed % 1000
+        return [float(last if self.t == 1 else 0)] * 2
+
+
+def test_nan_in_the_last_step_of_an_episode_does_not_rename_those_behind_it():
+    rig = Rig("ppo", Numbered)
+    seed = rig.sampler._seed
+    assert seed == 0
+    episodes = rig.sampler.episodes(np.arange(10, 19), Exploration())
+    assert [episode.episode_index for episode in episodes] == [10, 12, 13, 14, 15, 16, 17, 18]
+    wanted = [episode_seed(seed, episode.episode_index, 0) % 1000 for episode in episodes]
+    assert [float(episode.returns[0]) for episode in episodes] == wanted
 
 
 @pytest.mark.parametrize("bad", [1, 2, 4])
