@@ -20,7 +20,7 @@ from torch import Generator, Tensor, nn
 from algorithms.errors import SpaceError
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch
-from algorithms.joint.checks import check_vectors
+from algorithms.joint.checks import check_bounds, check_vectors
 from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule, critic_of
@@ -201,9 +201,10 @@ class MADDPGConfig(JointConfig):
         """Raise if the algorithm cannot handle the environment; see `JointConfig.check`.
 
         Raises:
-            SpaceError: There is noise on continuous actions, but no agent has any.
+            SpaceError: Actions have no bounds, or there is noise on continuous actions, but no agent has any.
         """
         super().check(spec)
+        check_bounds(spec, self.algorithm)
         default = self.entry.settings.model_fields["noise"].default
         if self.noise != default and all(isinstance(b.action, Discrete) for b in spec.spaces.blocks):
             raise SpaceError(

@@ -7,7 +7,7 @@ from gymnasium.spaces import Box, Discrete
 from rigs import Rig, replayed
 
 import algorithms
-from algorithms.errors import EnvironmentFailure
+from algorithms.errors import EnvironmentFailure, SpaceError
 from algorithms.joint.adapter import COMMON, JointVector
 from algorithms.joint.env import MEMORY, AgentBlock, FinalStep, JointSpaces, JointStep, episode_seed
 from algorithms.parts.distributions import Exploration
@@ -286,3 +286,14 @@ def test_a_seed_is_drawn_where_none_is_given():
     given = algorithms.config("ppo").debugging(seed=0)
     given.validate()
     assert given.seed == 0
+
+
+@pytest.mark.parametrize("name", ["maddpg", "bicnet"])
+def test_deterministic_policies_need_bounds(name):
+    class Half(Target):
+        def __init__(self, config=None):
+            super().__init__()
+            self.action_spaces = {a: Box(0.0, np.inf, (1,), np.float32) for a in self.agents}
+
+    with pytest.raises(SpaceError, match=r"action space: .*agent_0, agent_1 has none"):
+        Rig(name, Half)
