@@ -83,7 +83,7 @@ def _pose_at(path: Floats, count: int, now: float, pose: Floats) -> None:
     i = 0
     while i < count - 2 and path[i + 1, 0] <= now:
         i += 1
-    a, b = path[i], path[i + 1]
+    a, b = path[i], path[min(i + 1, count - 1)]
     share = min(max((now - a[0]) / max(b[0] - a[0], 1e-9), 0.0), 1.0)
     pose[0], pose[1] = a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
     pose[2] = interpolate_angle(wrapped_half_open(a[3]), wrapped_half_open(b[3]), share)

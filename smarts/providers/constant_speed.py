@@ -2,8 +2,8 @@
 
 It is an example of a traffic engine, and a baseline of non-reactive traffic. All simulations advance in the
 same array operations. The engine reads the routes, flows and vehicles of the scenario's SUMO files and drives
-at the lowest speed limit of each route, without lane changes, stops, traffic lights and right of way. All
-vehicles are cars of one size.
+at the lowest speed limit of each route, without lane changes, stops, traffic lights and right of way. On a
+repeated route they go round without end. All vehicles are cars of one size.
 """
 
 from __future__ import annotations
@@ -73,9 +73,10 @@ class ConstantSpeed(TrafficEngine):
             self._known[row].clear()
             generator = np.random.Generator(np.random.Philox(start.traffic_seed))
             for file in start.traffic.routes:
-                for edges, times in _departures(file, generator):
+                for edges, repeats, times in _departures(file, generator):
                     numbers = tuple(map(self._maps[start.map].edge_number, edges))
-                    each, path = np.zeros(len(times), DEPARTURE), self._paths.add(start.map, numbers)
+                    path = self._paths.add(start.map, numbers, repeats=repeats)
+                    each = np.zeros(len(times), DEPARTURE)
                     self._known[row][path] = None
                     each["row"], each["path"] = row, path
                     each["time"] = times - start.traffic.warm_up
@@ -96,7 +97,7 @@ class ConstantSpeed(TrafficEngine):
         vehicles.route[b, v] = -1  # the vehicle follows that path from now on, not its planned route
         self._generation[env_mask] = np.where(driven, vehicles.generation, -1)[env_mask]
         b, v = np.nonzero(driven)
-        self._s[b, v] += vehicles.speed[b, v] * world.dt
+        self._s[b, v] = self._paths.wrapped(self._path[b, v], self._s[b, v] + vehicles.speed[b, v] * world.dt)
         is_past_end = (self._path[b, v] < 0) | (self._s[b, v] > self._paths.length[self._path[b, v]])
         world.registry.dismiss(b[is_past_end], v[is_past_end])
         b, v = b[~is_past_end], v[~is_past_end]
@@ -128,6 +129,7 @@ class ConstantSpeed(TrafficEngine):
         vehicles, scheduled, paths = self._world.vehicles, self._scheduled, self._paths
         late = self._world.time[scheduled["row"]] - scheduled["time"]
         s = np.where(self._world.step[scheduled["row"]] == 0, late * paths.speed[scheduled["path"]], 0.0)
+        s = paths.wrapped(scheduled["path"], s)
         due = np.flatnonzero(
             env_mask[scheduled["row"]] & (late >= 0.0) & (s <= paths.length[scheduled["path"]])
         )
@@ -171,23 +173,27 @@ class ConstantSpeed(TrafficEngine):
             vehicles.route[row, slot] = self._world.routes.number(row, self._paths.edges[number])
 
 
-def _departures(file: Path, generator: np.random.Generator) -> Iterator[tuple[list[str], Floats]]:
-    """Yield the edges and the departure times [s] of each flow and vehicle of a SUMO route file.
+def _departures(file: Path, generator: np.random.Generator) -> Iterator[tuple[list[str], bool, Floats]]:
+    """Yield edges, whether they repeat, and departures [s] of each flow and vehicle of a SUMO route file.
 
     Raises:
         TrafficError: The file cannot be read, or its format differs from that of built scenarios.
     """
     try:
         root = ElementTree.parse(file).getroot()
-        edges = {route.get("id"): route.attrib["edges"].split() for route in root.iterfind("route")}
+        routes = {
+            route.get("id"): (route.attrib["edges"].split(), int(route.get("repeat", "1")) > 1)
+            for route in root.iterfind("route")
+        }
         for element in root.iterfind("vehicle"):
-            yield edges[element.get("route")], np.array([float(element.attrib["depart"])])
+            yield *routes[element.get("route")], np.array([float(element.attrib["depart"])])
         for flow in root.iterfind("flow"):
             begin, end = float(flow.attrib["begin"]), float(flow.attrib["end"])
             rate = flow.get("vehsPerHour")
             headway = 3600.0 / float(rate) if rate else 1.0 / float(flow.attrib["period"][4:-1])
             # Departures are evenly spaced; each flow has a random phase.
-            yield edges[flow.get("route")], np.arange(begin + generator.uniform(0, headway), end, headway)
+            departs = np.arange(begin + generator.uniform(0, headway), end, headway)
+            yield *routes[flow.get("route")], departs
     except (OSError, ElementTree.ParseError, KeyError, ValueError) as error:
         raise TrafficError(
             f"{type(error).__name__}: {error}", place=str(file), remedy="build the scenario again"

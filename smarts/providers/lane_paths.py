@@ -28,29 +28,38 @@ class LanePaths:
     Attributes:
         length: Length of each path [m], shape (P,).
         speed: The lowest speed limit on each path [m/s], shape (P,).
+        period: After how long each path begins again [m], infinite for one that ends, shape (P,).
         edges: Edge numbers of each path's route.
     """
 
     def __init__(self, maps: Sequence[LaneGraph]) -> None:
-        self.length, self.speed = np.zeros(0), np.zeros(0)
+        self.length, self.speed, self.period = np.zeros(0), np.zeros(0), np.zeros(0)
         self.edges: list[tuple[int, ...]] = []
         self._maps = tuple(maps)
-        self._numbers: dict[tuple[int, tuple[int, ...]], int] = {}
+        self._numbers: dict[tuple[int, tuple[int, ...], bool], int] = {}
         self._start = np.zeros(0)
         self._points = np.zeros((4, 0))
         """Rows: station along all paths in succession [m], x, y [m], unwrapped heading [rad]."""
         self._rows: list[NDArray[np.intp]] = []
         """Columns of `_points` of each path."""
 
-    def add(self, map_number: int, edges: tuple[int, ...]) -> int:
+    def add(self, map_number: int, edges: tuple[int, ...], *, repeats: bool = False) -> int:
         """Return the number of the path along a route; add the path if it is new.
+
+        Args:
+            map_number: The map's.
+            edges: Edge numbers of the route.
+            repeats: Whether the route begins again at its end.
 
         Raises:
             TrafficError: No lane connects an edge of the route with the next.
         """
-        if (map_number, edges) in self._numbers:
-            return self._numbers[map_number, edges]
+        key = map_number, edges, repeats
+        if key in self._numbers:
+            return self._numbers[key]
         graph = self._maps[map_number]
+        if repeats:
+            edges = (*edges, edges[0])
         lanes = _lanes_along(graph, edges)
         xy = np.concatenate([graph.centreline(lane) for lane in lanes])
         rows = [np.arange(graph.point_start[lane], graph.point_start[lane + 1]) for lane in lanes]
@@ -63,9 +72,14 @@ class LanePaths:
         self._points = np.concatenate([self._points, [start + s, *xy.T, heading]], axis=1)
         self._start, self.length = np.append(self._start, start), np.append(self.length, s[-1])
         self.speed = np.append(self.speed, graph.speed_limit[lanes].min())
-        self._numbers[map_number, edges] = len(self.edges)
+        self.period = np.append(self.period, s[-len(rows[-1])] if repeats else np.inf)
+        self._numbers[key] = len(self.edges)
         self.edges.append(edges)
-        return self._numbers[map_number, edges]
+        return self._numbers[key]
+
+    def wrapped(self, path: Ints, s: Floats) -> Floats:
+        """Return distances along paths [m], those beyond the period of a repeated one from its begin."""
+        return np.fmod(s, self.period[path])
 
     def poses(self, path: Ints, s: Floats, t: Floats) -> Floats:
         """Return x, y [m], heading [rad] at `s` along and `t` to the left of paths [m], shape (N, 3)."""

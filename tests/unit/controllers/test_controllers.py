@@ -286,6 +286,17 @@ def test_a_path_with_times_is_followed_exactly(straight):
     assert driven.position == pytest.approx([42.0 + 6.0 * math.cos(-0.2), 1.0 + 6.0 * math.sin(-0.2)])
 
 
+def test_a_path_of_one_point_begins_and_ends_there(straight):
+    driven = straight(T.TrajectoryWithTime)
+    driven.act(path=np.array([[0.5, 22.0, 1.0, 0.0, 4.0]]))
+    driven.actions.path[0, 0, 1:] = math.nan
+    driven.step(3)
+    assert driven.position == pytest.approx([22.0, 1.0])
+    assert driven.speed == pytest.approx(4.0)
+    driven.step(3)
+    assert driven.position == pytest.approx([22.4, 1.0])
+
+
 class TestDirect:
     def test_acceleration_and_yaw_rate(self, straight):
         driven = straight(T.Direct)

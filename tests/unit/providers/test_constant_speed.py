@@ -1,0 +1,72 @@
+"""The traffic engine ConstantSpeed, on a square track of 360 m or so."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smarts.providers.constant_speed import ConstantSpeed
+from smarts.types.episode import EpisodeStart
+from smarts.types.traffic import TrafficFiles
+from smarts.types.world import World
+from tests.unit.sim.test_map_matching import ring
+
+ALL = np.ones(1, np.bool_)
+ROUTES = """<routes>
+    <route id="round" edges="south east north west" {repeat}/>
+    <vehicle id="car" route="round" depart="{depart}"/>
+</routes>"""
+
+
+@pytest.fixture(scope="module")
+def track():
+    return ring()
+
+
+def driven(track, folder, *, repeat="", depart=0.0, warm_up=0.0):
+    """Return a world with one vehicle, and its traffic."""
+    file = folder / "map.rou.xml"
+    file.write_text(ROUTES.format(repeat=repeat, depart=depart))
+    world = World(worlds=1, capacity=4, agents=1, lanes=len(track.lane_ids), egos=0)
+    traffic = ConstantSpeed(world, [track])
+    files = TrafficFiles(Path("map.net.xml"), (file,), warm_up=warm_up)
+    world.clear(0)
+    traffic.reset({0: EpisodeStart(1, 0, 0, "track", 0, files, None, 0, 4, ())})
+    world.settle(0)
+    return world, traffic
+
+
+def way(world, traffic, steps):
+    """Return the places of the vehicle after each step, as long as it is there."""
+    found = []
+    for _ in range(steps):
+        world.advance(ALL)
+        traffic.step(ALL)
+        if not world.vehicles.alive.any():
+            break
+        found.append(world.vehicles.position[0, np.flatnonzero(world.vehicles.alive[0])[0]].copy())
+    return np.array(found)
+
+
+def test_a_vehicle_leaves_at_the_end_of_its_route(track, tmp_path):
+    places = way(*driven(track, tmp_path), 1000)
+    assert 300 < len(places) < 1000
+
+
+def test_a_vehicle_of_a_repeated_route_goes_round_again_without_a_jump(track, tmp_path):
+    world, traffic = driven(track, tmp_path, repeat='repeat="500"')
+    places = way(world, traffic, 1500)
+    assert len(places) == 1500
+    limit = float(track.speed_limit.min())
+    assert np.hypot(*np.diff(places, axis=0).T).max() < 0.1 * limit + 0.01
+    once = np.flatnonzero(np.hypot(*(places - places[0]).T) < 0.5 * limit * 0.1 + 0.01)
+    assert len(once) >= 4, "at least three times round"
+    route = world.routes.edges(0, int(world.vehicles.route[world.vehicles.alive][0]))
+    assert [track.edge_ids[edge] for edge in route] == ["south", "east", "north", "west", "south"]
+
+
+def test_a_vehicle_may_have_gone_round_in_the_warm_up(track, tmp_path):
+    world, _ = driven(track, tmp_path, repeat='repeat="500"', warm_up=100.0)
+    later, traffic = driven(track, tmp_path, repeat='repeat="500"')
+    (expected,) = way(later, traffic, 1000)[-1:]
+    np.testing.assert_allclose(world.vehicles.position[world.vehicles.alive][0], expected, atol=1e-6)
