@@ -13,7 +13,7 @@ from weakref import WeakValueDictionary
 
 from smarts.errors import ScenarioError, SmartsError, nearest_names
 from smarts.roads.lane_graph import LaneGraph
-from smarts.sstudio.cache import MANIFEST, damaged_file
+from smarts.sstudio.cache import MANIFEST, damaged_file, note_use
 from smarts.sstudio.decoding import decode
 from smarts.sstudio.episodes import EpisodePlan, episode_plans
 from smarts.sstudio.failures import named_failures
@@ -109,11 +109,12 @@ class BuiltScenario:
         }
 
     def traffic_files(self, name: str | None) -> TrafficFiles:
-        """Return one variation of the traffic, or the empty roads for None.
+        """Return one variation of the traffic, or the empty roads for None, and note that it is used.
 
         Raises:
             ScenarioError: There is no such variation.
         """
+        note_use(self.directory)
         if name is None:
             return TrafficFiles(net=self.net_file)
         self._require_traffic(name, self.traffic)

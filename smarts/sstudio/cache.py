@@ -4,8 +4,8 @@ build/<key>/                artefacts, never changed once there; its manifest li
 build/index/<inputs>.json   which artefacts some inputs lead to
 build/.partial-*            being written by the holder of build/.lock, or left by a killed process
 
-Damaged artefacts count as absent. Artefacts that were unused for `KEPT_DAYS` are deleted when new ones are
-built.
+Damaged artefacts count as absent. Artefacts that were unused for `KEPT_DAYS` (neither built nor played) are
+deleted when new ones are built.
 """
 
 from __future__ import annotations
@@ -104,9 +104,7 @@ class BuildCache:
     def artefacts(self, key: str) -> Path | None:
         """Return the folder of the artefacts under `key` if they are complete and undamaged."""
         folder = self.root / key
-        with contextlib.suppress(OSError):
-            if time.time() - folder.stat().st_mtime > _DAY:
-                os.utime(folder)
+        note_use(folder)
         return None if damaged_file(folder) else folder
 
     def prune(self) -> None:
@@ -150,6 +148,13 @@ class BuildCache:
             os.replace(name, self.root / "index" / f"{entry}.json")
         finally:
             Path(name).unlink(missing_ok=True)
+
+
+def note_use(folder: Path) -> None:
+    """Note that artefacts are used, at most once a day, so that they are not deleted."""
+    with contextlib.suppress(OSError):
+        if time.time() - folder.stat().st_mtime > _DAY:
+            os.utime(folder)
 
 
 def file_table(folder: Path) -> dict[str, list[Any]]:

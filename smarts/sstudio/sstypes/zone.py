@@ -35,8 +35,8 @@ class MapZone(Zone):
     start: tuple[str, int, Any]
     """Edge, index of the rightmost lane, and offset: metres, "base", "max" (ends with the lane), "random".
 
-    A random one is drawn once for all lanes: in each episode for areas in which an agent takes a vehicle over,
-    once for bubbles and road surfaces.
+    A random one is drawn once for all lanes: in each episode for areas in which an agent takes a vehicle
+    over, once for bubbles and road surfaces.
     """
     length: float | str
     """Length along the lanes [m], or "max"; cut to the lanes' length."""

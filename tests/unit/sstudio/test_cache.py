@@ -114,6 +114,17 @@ class TestPruning:
         entries = [json.loads(file.read_text())["key"] for file in (folder / "build" / "index").iterdir()]
         assert set(entries) == {used.name, newest.name, latest.name}
 
+    def test_what_a_run_plays_stays_however_long_it_runs(self, scenario_folder):
+        folder = scenario_folder()
+        played = build_scenario(folder)
+        for rate, is_played in ((700, True), (800, True), (900, False)):
+            self.age(played.directory, KEPT_DAYS + 1)
+            if is_played:
+                played.traffic_files("through")
+            (folder / "scenario.py").write_text(sources.SCRIPT.replace("600", str(rate)))
+            build_scenario(folder)
+            assert played.directory.is_dir() == is_played
+
     def test_scenarios_handed_over_by_hand_stay(self, scenario_folder):
         from smarts.sstudio import gen_scenario
         from smarts.sstudio import types as t
