@@ -184,6 +184,8 @@ class _NetReader:
                 _with_first(self.lane_number[name], inside, start, before)
                 for name in junction.get("intLanes", "").split()
             ]
+            if not links:
+                continue
             # The rightmost bit is that of link 0.
             waits = {
                 int(request.attrib["index"]): {

@@ -154,7 +154,8 @@ def _check_lanes(root: ElementTree.Element, place: str) -> None:
     jumps = connection_jumps(root)
     if jumps:
         raise MapError(
-            f"{len(jumps)} connections jump more than {WIDEST_GAP:g} m, without lanes inside the junctions",
+            f"{len(jumps)} connections jump more than {WIDEST_GAP:g} m or have a light, without lanes inside "
+            "the junctions",
             place=place,
             remedy="build them: netconvert --sumo-net-file map.net.xml --no-internal-links false "
             "--junctions.internal-link-detail 20 --output-file map.net.xml",
@@ -162,7 +163,10 @@ def _check_lanes(root: ElementTree.Element, place: str) -> None:
 
 
 def connection_jumps(root: ElementTree.Element) -> list[str]:
-    """Return the junctions of all connections that lead from road to road over more than `WIDEST_GAP`."""
+    """Return the junctions of all connections that lack a lane inside.
+
+    They lead from road to road over more than `WIDEST_GAP`, or have a light, which such a lane shows.
+    """
     roads = [edge for edge in root.iter("edge") if edge.get("function", "normal") == "normal"]
     ends = {
         (edge.get("id"), lane.get("index")): (_point(lane, 0), _point(lane, -1))
@@ -176,7 +180,7 @@ def connection_jumps(root: ElementTree.Element) -> list[str]:
         target = ends.get((connection.get("to"), connection.get("toLane")))
         if connection.get("via") is not None or source is None or target is None:
             return False
-        return bool(np.hypot(*(target[0] - source[1])) > WIDEST_GAP)
+        return connection.get("tl") is not None or bool(np.hypot(*(target[0] - source[1])) > WIDEST_GAP)
 
     return [junctions[each.get("from")] for each in root.iter("connection") if jumps(each)]
 

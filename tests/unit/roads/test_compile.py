@@ -238,6 +238,31 @@ def test_bad_links_of_a_net_are_left_out(tmp_path, nets, old, new, problem):
     subprocess.run(command, check=True)
 
 
+def test_lanes_inside_junctions_are_built_where_a_light_needs_them(tmp_path):
+    """Lights are shown by lanes inside junctions: agents would not see one that only SUMO's vehicles obey."""
+    lane = '<lane id="{0}_0" index="0" speed="10" length="50" shape="{1}"/>'
+    edges = [
+        f'<edge id="{name}" from="{begin}" to="{end}">{lane.format(name, shape)}</edge>'
+        for name, begin, end, shape in (("one", "a", "b", "0,0 50,0"), ("two", "b", "c", "50,0 100,0"))
+    ]
+    light = '<tlLogic id="b" type="static" programID="0" offset="0"><phase duration="9" state="r"/></tlLogic>'
+    kinds = {"a": ("dead_end", 0), "b": ("traffic_light", 50), "c": ("dead_end", 100)}
+    junctions = [
+        f'<junction id="{name}" type="{kind}" x="{x}" y="0" intLanes="" shape="{x},2 {x},-2"/>'
+        for name, (kind, x) in kinds.items()
+    ]
+    link = '<connection from="one" to="two" fromLane="0" toLane="0" tl="b" linkIndex="0" dir="s" state="O"/>'
+    head = '<net version="1.16">'
+    (tmp_path / "map.net.xml").write_text(f"{head}{''.join(edges)}{light}{''.join(junctions)}{link}</net>")
+    out, notes = compiled(tmp_path)
+    graph = read_net(out)
+    assert len(notes.warnings) == 1
+    assert "'b'" in notes.warnings[0]
+    (inside,) = graph.successors(graph.lane_number("one", 0))
+    assert graph.is_internal[inside]
+    assert (graph.signal_ids[graph.signal[inside]], graph.signal_link[inside]) == ("b", 0)
+
+
 def test_a_net_without_lanes_inside_junctions_that_needs_none(tmp_path):
     """Old nets have such junctions in the middle of straight roads."""
     lane = '<lane id="{0}_0" index="0" speed="10" length="50" shape="{1}"/>'
@@ -245,7 +270,8 @@ def test_a_net_without_lanes_inside_junctions_that_needs_none(tmp_path):
         f'<edge id="{name}" from="{begin}" to="{end}">{lane.format(name, shape)}</edge>'
         for name, begin, end, shape in (("one", "a", "b", "0,0 50,0"), ("two", "b", "c", "50,0 100,0"))
     ]
-    junctions = [f'<junction id="{name}" type="priority" x="0" y="0"/>' for name in "abc"]
+    request = '<request index="0" response="0" foes="0" cont="0"/>'
+    junctions = [f'<junction id="{name}" type="priority" x="0" y="0">{request}</junction>' for name in "abc"]
     link = '<connection from="one" to="two" fromLane="0" toLane="0" dir="s" state="M"/>'
     (tmp_path / "map.net.xml").write_text(f"<net>{''.join(edges + junctions)}{link}</net>")
     out, notes = compiled(tmp_path)
