@@ -14,6 +14,8 @@ from smarts.roads.lane_graph import LaneKind
 from smarts.roads.permissions import lane_kind
 from smarts.roads.sources import MapSource
 
+FUNCTIONS = ("normal", "internal", "crossing", "walkingarea")
+"""Of edges. SUMO drives otherwise on the connectors of macroscopic models, and finds no route over two."""
 WIDEST_GAP = 5.0
 """Largest gap between lanes that are connected without a lane inside the junction [m].
 
@@ -67,13 +69,26 @@ def parse_net(net: bytes, source: MapSource) -> ElementTree.Element:
 
 
 def check_sound(root: ElementTree.Element, place: str) -> None:
-    """Require sound numbers in all lanes, and that no two edges or lanes have one name.
+    """Require roads or parts of junctions, sound numbers in all lanes, and no two edges or lanes of one name.
 
     Raises:
         MapError: Something is not so.
     """
+    _check_functions(root, place)
     _check_numbers(root, place)
     _check_names(root, place)
+
+
+def _check_functions(root: ElementTree.Element, place: str) -> None:
+    """Require edges that are roads or parts of junctions."""
+    for edge in root.iterfind("edge"):
+        function = edge.get("function", "normal")
+        if function not in FUNCTIONS:
+            raise MapError(
+                f"function='{function}' is not supported",
+                place=f"{place}: edge '{edge.get('id')}'",
+                remedy="remove the edge, or the attribute if it is a road, and compile the map again",
+            )
 
 
 def _check_numbers(root: ElementTree.Element, place: str) -> None:
