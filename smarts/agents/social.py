@@ -35,6 +35,8 @@ class SocialPolicy:
     """Number of its interface in the pool."""
     period: int = 1
     """Steps from one decision to the next."""
+    step_length: float | None = None
+    """Of the steps in which it counts time [s]; None: it may be any."""
     is_boid: bool = False
     """Whether one instance acts for all vehicles of a bubble."""
     keep_alive: bool = False

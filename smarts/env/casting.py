@@ -256,6 +256,7 @@ def _made(part: Part, host: HostOptions, hosts: HostsByLocator) -> SocialPolicy:
             part,
             spec.replace(interface=interface),
             period=check_period(getattr(agent, "period", 1), place),
+            step_length=getattr(agent, "step_length", None),
             observation=agent.observation if is_batch else None,
             start=_start(part, agent, host, is_named=part.locator in hosts),
             host=replace(host, replay=""),

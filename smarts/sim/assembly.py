@@ -143,10 +143,12 @@ def assemble(
 
     Raises:
         ScenarioError: A scenario cannot be played with so many egos.
-        InterfaceError: The names do not fit the interfaces, or the pool is no sequence of `PooledAgents`.
+        InterfaceError: The names do not fit the interfaces, the pool is no sequence of `PooledAgents`, or a
+            social policy counts in steps of another length.
         UnknownNameError: There is no such traffic engine.
     """
     options = options or Options()
+    _check_step_lengths(cast, options)
     names, shapes = _names(agents, len(interfaces)), [shape_of(interface) for interface in interfaces]
     schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=options.traffic_engine, cast=cast)
     if options.latency_steps and cast.learning is not None:
@@ -171,6 +173,16 @@ def assemble(
         )
         on_failure.pop_all()
     return parts
+
+
+def _check_step_lengths(cast: Cast, options: Options) -> None:
+    for policy in cast.policies:
+        if policy.step_length not in (None, options.dt):
+            raise InterfaceError(
+                f"a step of {options.dt} s, and {policy.locator!r} counts in steps of {policy.step_length} s",
+                place="Options.dt",
+                remedy="leave out dt, or let other agents drive",
+            )
 
 
 def _check_without_handovers(

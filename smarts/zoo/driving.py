@@ -20,7 +20,7 @@ from smarts.types.traffic import Signal
 from smarts_agent_kit.memory import Memory as Memory
 
 STEP = 0.1
-"""Length of a step, by which policies count time [s]."""
+"""Length of a step, by which policies count time [s]; with others they are refused (`step_length`)."""
 HARDEST = 8.0
 """Largest deceleration of a driver [m/s^2]."""
 LATE_BRAKING = 4.0
@@ -138,6 +138,7 @@ class Driver(BatchAgent):
 
     interface: ClassVar[AgentInterface] = DRIVER
     observation: ClassVar[Any] = ["surroundings"]
+    step_length: ClassVar[float] = STEP
 
     def __init__(
         self,

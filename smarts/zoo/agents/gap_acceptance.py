@@ -17,7 +17,7 @@ from smarts.observations.lists import feature_list
 from smarts.observations.neighbors import NEIGHBOR_VALUES
 from smarts.observations.scales import GOAL_SCALE, RADIUS, SPEED_SCALE, expanded
 from smarts.types.actions import LaneAction
-from smarts.zoo.driving import DRIVER, Memory
+from smarts.zoo.driving import DRIVER, STEP, Memory
 
 Floats = NDArray[np.float64]
 
@@ -92,6 +92,7 @@ class GapAcceptance(BatchAgent):
     )
     observation: ClassVar[str] = "benchmark"
     period: ClassVar[int] = 5
+    step_length: ClassVar[float] = STEP
 
     def __init__(self) -> None:
         self._waited = Memory(1)

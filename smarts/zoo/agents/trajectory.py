@@ -34,6 +34,7 @@ class TrajectoryPlayer(BatchAgent):
 
     interface: ClassVar[AgentInterface] = DRIVER.replace(action=ActionSpaceType.TrajectoryWithTime)
     observation: ClassVar[Any] = ["surroundings"]
+    step_length: ClassVar[float] = STEP
 
     def __init__(self, poses: Any, interval: float = STEP, relative: bool = False) -> None:
         check_number("interval", interval, above=True, most=1e3, place="TrajectoryPlayer")

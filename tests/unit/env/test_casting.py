@@ -11,9 +11,11 @@ from smarts.agents.social import SocialAgents
 from smarts.env import HiWayEnv, VectorHiWayEnv
 from smarts.env.casting import cast_of
 from smarts.errors import SmartsError
+from smarts.sim.assembly import Options
 from smarts.sim.schedule import Schedule
 from smarts.sstudio.build import build_scenario
 from smarts.types.agent_states import AgentStatus, agent_names
+from tests.raising import raises
 
 KEEP_LANE, IDM = "smarts.zoo:keep-lane-v0", "smarts.zoo:idm-v0"
 SCENARIO = """
@@ -103,6 +105,16 @@ def test_egos_are_as_without_social_agents(scenario):
     for episode in range(3):
         assert with_others.start(0, episode).agents[0] == alone.start(0, episode).agents[0]
         assert len(alone.start(0, episode).agents) == 1
+
+
+def test_agents_that_count_in_steps_of_another_length_are_refused(closing):
+    other = Options(dt=0.05)
+    driver = [{"agent": "mobil-v0", "count": 1}]
+    with raises(InterfaceError, "Options.dt", values=["0.05", "0.1", "'mobil-v0'"]):
+        VectorHiWayEnv(1, ["intersection"], 1, social_agents=driver, simulation=other)
+    closing(VectorHiWayEnv(1, ["intersection"], 1, social_agents=driver))
+    drawn = [{"agent": "random-v0", "count": 1}]
+    closing(VectorHiWayEnv(1, ["intersection"], 1, social_agents=drawn, simulation=other))
 
 
 def test_social_agents_of_a_scenario_drive_in_every_environment(scenario):
