@@ -80,7 +80,7 @@ class DictEnv:
         """Begin the next episode, or with a seed the first one of that seed; return observations and infos.
 
         Raises:
-            TrafficError: The traffic engine refused; another reset tries the episode after this one.
+            TrafficError: The traffic engine failed; another reset tries the episode after this one.
         """
         if seed is not None:
             check_seed(seed, "reset")

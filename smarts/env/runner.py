@@ -174,7 +174,7 @@ class SimulationRunner:
 
         Raises:
             SmartsError: The environment was closed.
-            TrafficError: The traffic engine refused.
+            TrafficError: The traffic engine refused, or failed before an ego was there.
             ScenarioError: No ego enters.
         """
         self._check_open()
@@ -203,6 +203,8 @@ class SimulationRunner:
         if waiting.any():
             self.dispatch()
             self._decide(waiting)
+            for error in self._failures.values():
+                raise error
 
     def step(self) -> Transition:
         """Step the running simulations until the egos' next decision, with the actions in `actions`.

@@ -14,7 +14,8 @@ from smarts.env.adapter_env import AdapterDictEnv
 from smarts.env.rendering import RENDER_MODES, Renderer, RenderMode, check_render_mode
 from smarts.env.runner import NotCopied
 from smarts.env.settings import EnvOptions, make_settings, refuse_bubbles
-from smarts.errors import ActionError
+from smarts.errors import ActionError, ScenarioError
+from smarts.types.events import Outcome
 from smarts.types.streams import check_seed
 
 AGENT = "agent-0"
@@ -64,12 +65,25 @@ class SingleHiWayEnv(NotCopied, gym.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin the next episode, or with a seed the first one of that seed; return observation and info."""
+        """Begin the next episode, or with a seed the first one of that seed; return observation and info.
+
+        Raises:
+            TrafficError: The traffic engine failed; another reset tries the episode after this one.
+            ScenarioError: The agent has ended before its first decision.
+        """
         if seed is not None:
             check_seed(seed, "reset")
         super().reset(seed=seed, options=options)
         observations, infos = self._env.reset(seed)
         self._renderer.after_step()
+        if AGENT not in observations:
+            world = self._env.runner.world
+            outcome = Outcome(int(world.agents.outcome[0, 0])).name.lower()
+            raise ScenarioError(
+                f"{AGENT!r} has ended before its first decision: {outcome}",
+                place=f"episode {world.episode[0]}",
+                remedy="move the mission's start or make episodes longer; reset() tries the next episode",
+            )
         return observations[AGENT], infos[AGENT]
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
