@@ -68,6 +68,21 @@ class BulletContact(NamedTuple):
     """How fast the two approached each other [m/s]."""
 
 
+def _connected() -> int:
+    """Return a new client of Bullet's."""
+    try:
+        client = pybullet.connect(pybullet.DIRECT)
+    except pybullet.error as error:
+        raise NoRoomError from error
+    if client < 0:
+        raise NoRoomError
+    return client
+
+
+class NoRoomError(Exception):
+    """Bullet has no room for another world in this process."""
+
+
 class BulletWorld:
     """The bodies of one simulation.
 
@@ -75,13 +90,16 @@ class BulletWorld:
         bodies: Motion of all vehicles of all simulations, shape (E, 13); rows of this world's bodies are
             read when they come in and are put, and written by sub-steps.
         dt: Sub-step [s].
+
+    Raises:
+        NoRoomError: Bullet has no room for it.
     """
 
     def __init__(self, bodies: Floats, dt: float) -> None:
         self._bodies = bodies
         self._motion = bodies.reshape(-1).data.cast("B")
         self._dt = dt
-        self._client = pybullet.connect(pybullet.DIRECT)
+        self._client = _connected()
         self._close = weakref.finalize(self, pybullet.disconnect, self._client)
         self._begin()
 

@@ -8,7 +8,10 @@ import pytest
 
 from smarts.dynamics import Box, Fleet, layout
 from smarts.dynamics.bullet import BulletWorld
+from smarts.dynamics.quiet_pybullet import pybullet
+from smarts.errors import SmartsError
 from tests.fleets import put_body
+from tests.raising import raises
 
 DT = 0.01
 
@@ -52,6 +55,25 @@ def fly(start, seconds, dt):
         world.substep([[bodies[0, 7:10].tolist(), bodies[0, 10:13].tolist()]])
     world.close()
     return bodies[0]
+
+
+@pytest.mark.parametrize("answer", [-1, pybullet.error("no more")], ids=["none is free", "it raises"])
+def test_more_worlds_than_a_process_can_have_are_refused(monkeypatch, answer):
+    connect, made = pybullet.connect, []
+
+    def connect_twice(method):
+        if len(made) == 2:
+            if isinstance(answer, int):
+                return answer
+            raise answer
+        made.append(connect(method))
+        return made[-1]
+
+    monkeypatch.setattr(pybullet, "connect", connect_twice)
+    with raises(SmartsError, "Bullet", values=["simulation 2 of 3"]):
+        Fleet(3, 1)
+    for client in made:
+        assert not pybullet.isConnected(client), "those that were made are freed"
 
 
 def test_free_flight_against_an_independent_integrator():
