@@ -106,7 +106,7 @@ class SumoTraffic:
                 f"a step of {self._dt} s, while SUMO counts whole milliseconds",
                 place="dt",
                 remedy=f"give {max(round(1000.0 * self._dt), 1) / 1000.0:g} s, or the traffic engine "
-                "constant_speed",
+                "ConstantSpeed",
             )
         self.is_full = False
         self._world, self._row, self._owner = world, row, int(owner)

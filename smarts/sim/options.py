@@ -36,7 +36,7 @@ class Options:
     """
 
     dt: float = 0.1
-    """Length of a step [s], 0.001 to 0.2."""
+    """Length of a step [s], 0.001 to 0.2; with SUMO a whole number of milliseconds."""
     path: int = 64
     """The most points of a path that an agent gives as its action."""
     record: str | Path | None = None
