@@ -123,6 +123,22 @@ for kind in (Right, Shape, Nan, Bounds, Raises, Texts, Repeats, Rows, Mixes, Sti
     register(kind.__name__.lower() + "-v0", kind)
 """
 
+REASONS = {
+    "shape": r"shape \(4,\) and type float",
+    "nan": "not finite",
+    "bounds": "out of bounds",
+    "raises": "ZeroDivisionError",
+    "texts": "type <U4",
+    "repeats": "the same requests get other actions",
+    "rows": "a vehicle alone acts otherwise",
+    "mixes": "a vehicle alone acts otherwise",
+    "sticky": "the next vehicle in a column",
+    "init": "RuntimeError: no weights",
+    "period": "period is 0",
+    "observes": "no feature 'sped'",
+}
+"""What each of them is told."""
+
 
 @pytest.fixture
 def broken(tmp_path):
@@ -137,21 +153,8 @@ def test_agents_that_break_the_contract_are_named(broken, tmp_path):
     from smarts.errors import SmartsError
 
     assert len([*check_entry(f"{broken}:right-v0", steps=20)]) == 6
-    for name in (
-        "shape",
-        "nan",
-        "bounds",
-        "raises",
-        "texts",
-        "repeats",
-        "rows",
-        "mixes",
-        "sticky",
-        "init",
-        "period",
-        "observes",
-    ):
-        with pytest.raises(SmartsError):
+    for name, reason in REASONS.items():
+        with pytest.raises(SmartsError, match=reason):
             print(name, [*check_entry(f"{broken}:{name}-v0", steps=20)])
 
 
