@@ -29,7 +29,7 @@ tasks: [loop]
 traffic: [no_social_vehicles]
 seeds: [3]
 training: {sharing: all, rollout_fragment_length: 16}
-environment: {agents: 2}
+environment: {agents: 2, time_limit: 12}
 budget: {agent_steps: 12000}
 evaluation: {episodes: 3, modes: [greedy, sampled], validations: 2, validation_episodes: 2}
 scripted: [parked]

@@ -26,6 +26,7 @@ seeds: [3]
 training: {sharing: all, rollout_fragment_length: 16}
 environment:
   agents: 2
+  time_limit: 12
   reward: own:Reward
   social_agents: [{agent: "own:slow-v0"}]
   hosts: {"own:slow-v0": ray}

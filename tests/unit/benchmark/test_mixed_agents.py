@@ -24,6 +24,7 @@ seeds: [1]
 training: {sharing: all, rollout_fragment_length: 16}
 environment:
   decision_interval: 5
+  time_limit: 12
   vehicle_model: kinematic
   agents:
     car: {}

@@ -20,7 +20,7 @@ tasks: [{scenario}]
 traffic: [no_social_vehicles]
 seeds: [3]
 training: {sharing: all, rollout_fragment_length: 16}
-environment: {agents: 2}
+environment: {agents: 2, time_limit: 12}
 budget: {agent_steps: 3000}
 evaluation: {validations: 2, validation_episodes: 2}
 resources: {num_envs_per_env_runner: 2, parallel: 1}
