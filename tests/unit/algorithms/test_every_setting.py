@@ -1,5 +1,7 @@
 """Every setting of every algorithm: another value gives other weights, or is refused."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import torch
@@ -88,8 +90,13 @@ def learned(name, env_config=None, **settings):
 NOTHING = {"type": "null"}
 
 
+@cache
+def schemas(name):
+    return algorithms.entry(name).settings.model_json_schema()["properties"]
+
+
 def kind_of(name, setting):
-    schema = algorithms.entry(name).settings.model_json_schema()["properties"][setting]
+    schema = schemas(name)[setting]
     return {key: schema[key] for key in ("const", "type") if key in schema}
 
 

@@ -32,8 +32,9 @@ print(compiled.count)
 def test_later_environments_compile_nothing_and_a_second_call_does_nothing():
     """With the cache of this checkout, which other tests fill as well: the command must find it enough."""
     command = [sys.executable, "-m", "benchmark.cli", "compile"]
-    subprocess.run(command, capture_output=True, check=True)
-    again = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert again.stdout.splitlines()[-1].startswith("0 functions compiled")
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+    if not said.startswith("0 functions compiled"):  # else it was a second call itself
+        again = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert again.stdout.splitlines()[-1].startswith("0 functions compiled")
     later = subprocess.run([sys.executable, "-c", LATER], env=os.environ, capture_output=True, text=True)
     assert (later.stdout, later.stderr) == ("0\n", "")
