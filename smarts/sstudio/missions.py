@@ -287,12 +287,13 @@ def _route(draft: _Draft, roads: LaneGraph) -> tuple[str, ...]:
     lap = route_edges(roads, draft.route, draft.where)
     if not isinstance(mission, t.LapMission) or mission.num_laps == 1:
         return lap
-    if len(lap) > 1 and lap[0] == lap[-1]:
-        return lap + lap[1:] * (mission.num_laps - 1)
-    with blame(draft.where):
-        # From the goal's edge back to the first edge; both belong to the laps.
-        back = shortest_route(roads, lap[-1], lap[0], lap=True)[1:-1]
-    further = (*back, *lap)
+    first, *others = lap
+    if first in others[-1:]:
+        further = tuple(others)
+    else:
+        with blame(draft.where):
+            # From the goal's edge back to the first edge; both belong to the laps.
+            further = (*shortest_route(roads, lap[-1], first, lap=True)[1:-1], *lap)
     return lap + further * (mission.num_laps - 1)
 
 
