@@ -25,6 +25,7 @@ SUMO = Path(sumo.__file__).parent / "bin" / "sumo"
 
 EXACTLY = 1e-12
 """Rounding of SUMO's output with 17 digits [m, m/s]."""
+COLUMNS = ("x", "y", "speed", "acceleration")
 
 
 def moments(files, end, output):
@@ -70,16 +71,14 @@ def compare(vehicles, world):
     states = world.vehicles.of(0)
     expected = {vehicle.get("id"): vehicle for vehicle in vehicles}
     rows = np.flatnonzero(states.alive)
-    assert sorted(world.registry.name(0, row) for row in rows) == sorted(expected)
+    names = [world.registry.name(0, row) for row in rows]
+    assert sorted(names) == sorted(expected)
     heading = states.heading[rows]
     forward = np.stack([np.cos(heading), np.sin(heading)], -1)
     front = states.position[rows] + forward * states.length[rows, None] / 2
-    for row, (x, y) in zip(rows, front.tolist(), strict=True):
-        vehicle = expected[world.registry.name(0, row)]
-        assert x == pytest.approx(float(vehicle.get("x")), rel=0, abs=EXACTLY)
-        assert y == pytest.approx(float(vehicle.get("y")), rel=0, abs=EXACTLY)
-        assert states.speed[row] == pytest.approx(float(vehicle.get("speed")), rel=0, abs=EXACTLY)
-        assert states.acceleration[row] == pytest.approx(
-            float(vehicle.get("acceleration")), rel=0, abs=EXACTLY
-        )
+    found = np.column_stack([front[:, :2], states.speed[rows], states.acceleration[rows]])
+    sumos = [[float(expected[name].get(column)) for column in COLUMNS] for name in names]
+    np.testing.assert_allclose(
+        found, np.reshape(sumos, found.shape), rtol=0, atol=EXACTLY, equal_nan=False, err_msg=f"of {names}"
+    )
     return len(expected)

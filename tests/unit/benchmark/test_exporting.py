@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from contextlib import suppress
+from functools import cache
 
 import numpy as np
 import pytest
@@ -53,9 +54,10 @@ SETS = ", observation: neighbor_rows"
 
 @pytest.fixture(scope="module")
 def make(tmp_path_factory):
-    """Return the run, and its folder, of an untrained policy."""
+    """Return the run, and its folder, of an untrained policy; tests that change the folder copy it."""
     start_ray(Resources())
 
+    @cache
     def make(name, settings="{}", environment="{agents: 4}"):
         root = tmp_path_factory.mktemp(name)
         (root / "tiny.yaml").write_text(TINY.format(name=name, settings=settings, environment=environment))
@@ -209,7 +211,7 @@ def test_missing_weights_of_a_group_are_named(make, tmp_path):
 
 
 def test_damaged_weights_are_named_wherever_the_damage_is(make, tmp_path):
-    _, folder = make("ppo", "{sharing: all}")
+    _, folder = make("ppo", "{sharing: all, hidden: [8]}")
     file = export_policy(folder.path, "own-one", tmp_path, checkpoint="last") / "policy.npz"
     whole = file.read_bytes()
     for place in range(0, len(whole), len(whole) // 40):
