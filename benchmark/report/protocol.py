@@ -75,10 +75,10 @@ def differing_scenarios(runs: Iterable[tuple[RunResult, str]]) -> list[str]:
 
 
 def differing_trainings(runs: Iterable[RunResult], place: str = "") -> list[str]:
-    """Return a sentence for each seed of an experiment that was not trained as the first of its cell.
+    """Return a sentence for each seed of an experiment that was not trained like the first of its cell.
 
     Args:
-        runs: Of one experiment; those that are not finished are left out.
+        runs: Of one experiment; unfinished ones are ignored.
         place: Before each run's name.
     """
     cells: dict[tuple[str, str, str], list[RunResult]] = {}
@@ -91,8 +91,8 @@ def differing_trainings(runs: Iterable[RunResult], place: str = "") -> list[str]
             one, two = (_training(run) for run in (first, other))
             if differing := differing_values(comparable(one, two), comparable(two, one)):
                 said.append(
-                    f"{place}{other} was trained otherwise than seed {first.seed}, and a mean of both is of "
-                    f"no one training: {differing}."
+                    f"{place}{other} was not trained like seed {first.seed}, and must not be averaged with "
+                    f"it: {differing}."
                 )
     return said
 

@@ -92,20 +92,13 @@ def mean_over_cells(
 
 
 def text_of(setting: Any) -> str:
-    """Return a setting as tables hold it: JSON, and texts that are none as they are."""
-    if isinstance(setting, str) and not _is_json(setting):
-        return setting
+    """Return a setting as tables hold it, in JSON."""
     return json.dumps(setting, default=lambda number: number.item())
 
 
 def setting_of(text: str) -> Any:
-    """Return the setting of a text; earlier tables have Python's True and None."""
-    return json.loads(text) if _is_json(text) else yaml.safe_load(text)
-
-
-def _is_json(text: str) -> bool:
+    """Return the setting of a text; tables of earlier versions have bare words, and Python's True."""
     try:
-        json.loads(text)
+        return json.loads(text)
     except ValueError:
-        return False
-    return True
+        return yaml.safe_load(text)

@@ -142,17 +142,14 @@ def _check_same_search(file: Path, run: Run, section: Tune) -> None:
 
     Further imports make no other search.
     """
-    content = {
-        **{"format": FORMAT, "run": run.content(), "tune": section.model_dump(mode="json")},
-        SCENARIOS: scenario_digests(run.task_setting),
-    }
+    content = {"format": FORMAT, "run": run.content(), "tune": section.model_dump(mode="json")}
+    digests = scenario_digests(run.task_setting)
     if not file.exists():
-        write_json(file, content)
+        write_json(file, {**content, SCENARIOS: digests})
         return
-    before = {SCENARIOS: {}, **read_mapping(file)}  # the oldest searches have no digests
-    known = before[SCENARIOS]
-    others = [name for name, digest in content[SCENARIOS].items() if known.get(name, digest) != digest]
-    if others:
+    before = read_mapping(file)
+    known = before.pop(SCENARIOS, {})  # the oldest searches have none
+    if others := [name for name, digest in digests.items() if known.get(name, digest) != digest]:
         raise ResultsError(
             f"here is a search in other scenarios: {', '.join(others)} has changed since",
             place=str(file),
@@ -160,12 +157,7 @@ def _check_same_search(file: Path, run: Run, section: Tune) -> None:
             "start again",
         )
     there, here = with_defaults(before.get("run") or {}), with_defaults(content["run"])
-    alike = {SCENARIOS: None}
-    if {**before, **alike, "run": comparable(there, here)} != {
-        **content,
-        **alike,
-        "run": comparable(here, there),
-    }:
+    if {**before, "run": comparable(there, here)} != {**content, "run": comparable(here, there)}:
         changed = ", ".join(changed_code(there, here))
         raise ResultsError(
             f"here is a search with other code: {changed} has changed since"

@@ -11,7 +11,7 @@ import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
 
-from smarts.envision.whole_files import PARTIAL, written_whole
+from smarts.envision.whole_files import written_whole
 from smarts.errors import SmartsError
 
 QUALITY = 20
@@ -103,7 +103,7 @@ def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> int:
     except FFmpegError as error:
         raise SmartsError(
             f"the film cannot be encoded: {error.strerror}",
-            place=out.name.removeprefix(PARTIAL),
+            place=out.name,
             remedy="check that there is room on the disk, or write a .gif instead",
         ) from error
     return frames

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,23 +14,21 @@ PARTIAL = ".partial-"
 
 @contextmanager
 def written_whole(out: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `out`, which replaces `out` if the block succeeds.
+    """Yield a path in a temporary folder beside `out`; its file replaces `out` if the block succeeds.
 
     Missing folders are made. If the block fails, an existing file stays as it was.
 
     Raises:
         SmartsError: The file cannot be written.
     """
-    partial = out.with_name(f"{PARTIAL}{os.getpid()}-{out.name}")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        yield partial
-        partial.replace(out)
-    except BaseException as error:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
-        if not isinstance(error, OSError):
-            raise
+        # A folder of its own: another process may write the same file at the same time.
+        with tempfile.TemporaryDirectory(prefix=PARTIAL, dir=out.parent) as folder:
+            partial = Path(folder, out.name)
+            yield partial
+            partial.replace(out)
+    except OSError as error:
         raise SmartsError(
             f"the file cannot be written: {error.strerror or error}",
             place=str(out),

@@ -317,7 +317,7 @@ class Outlet:
 def _ready(
     reading: Iterable[socket.socket], writing: Iterable[socket.socket], seconds: float | None = None
 ) -> list[socket.socket]:
-    """Wait until a socket can be read or written, and return those that can be read, or have ended.
+    """Wait until a socket can be read or written, and return those that can be read or are closed.
 
     `select.select` would refuse those of processes with more than 1,024 files.
     """

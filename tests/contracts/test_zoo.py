@@ -137,7 +137,7 @@ REASONS = {
     "period": "period is 0",
     "observes": "no feature 'sped'",
 }
-"""What each of them is told."""
+"""Part of the message for each."""
 
 
 @pytest.fixture

@@ -178,13 +178,13 @@ def test_seeds_that_were_not_trained_alike_are_named(tmp_path):
         write_run(tmp_path, "ppo", table(), seed=seed, **changed)
     write_run(tmp_path, "dqn", table(), settings={"lr": 0.2})
     said = [
-        f"ppo, intersection, {ALONE}, seed {seed} was trained otherwise than seed 1, "
-        f"and a mean of both is of no one training: {values}."
+        f"ppo, intersection, {ALONE}, seed {seed} was not trained like seed 1, "
+        f"and must not be averaged with it: {values}."
         for seed, values in ((3, "settings.lr (default, here 0.1)"), (4, "budget.agent_steps (1000, here 7)"))
     ]
     text = text_of(tmp_path)
     assert all(each in text for each in said)
-    assert text.count("was trained otherwise") == 2
+    assert text.count("was not trained like") == 2
     assert make_leaderboard([tmp_path]).problems == tuple(f"{tmp_path.name}: {each}" for each in said)
     others = [f"{tmp_path.name}: {each}" for each in said]
     assert runs_apart(read_side(tmp_path / "ppo"), read_side(tmp_path / "dqn")) == others
@@ -199,4 +199,4 @@ def test_seeds_of_other_own_code_are_named_and_such_experiments_are_ranked_apart
     assert sum("own_code.mine:Brisk" in line for line in differing_protocols(*sides)) == 2
     assert len(make_leaderboard([tmp_path / "a", tmp_path / "b"]).protocols) == 2
     with_own_code(write_run(tmp_path / "a", "ppo", table(), seed=2), "b")
-    assert "seed 2 was trained otherwise than seed 1" in text_of(tmp_path / "a")
+    assert "seed 2 was not trained like seed 1" in text_of(tmp_path / "a")

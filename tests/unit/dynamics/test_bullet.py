@@ -73,7 +73,7 @@ def test_more_worlds_than_a_process_can_have_are_refused(monkeypatch, answer):
     with raises(SmartsError, "Bullet", values=["simulation 2 of 3"]):
         Fleet(3, 1)
     for client in made:
-        assert not pybullet.isConnected(client), "those that were made are freed"
+        assert not pybullet.isConnected(client), "the worlds before it are freed"
 
 
 def test_free_flight_against_an_independent_integrator():

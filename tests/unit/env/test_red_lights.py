@@ -1,4 +1,4 @@
-"""Vehicles of traffic that nobody drives any more stop at red lights, as long as SUMO does not take them."""
+"""Vehicles of traffic without an agent stop at red lights, before SUMO drives them again."""
 
 from contextlib import closing
 

@@ -23,3 +23,13 @@ def test_an_unwritable_path_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with raises(SmartsError, tmp_path / "file" / "a.png"), written_whole(tmp_path / "file" / "a.png"):
         pass
+
+
+def test_two_that_write_one_file_do_not_mix(tmp_path):
+    out = tmp_path / "film.gif"
+    with written_whole(out) as first, written_whole(out) as second:
+        assert first.name == second.name == out.name
+        first.write_text("first")
+        second.write_text("second")
+    assert out.read_text() == "first"
+    assert [*tmp_path.iterdir()] == [out]
