@@ -203,12 +203,16 @@ def with_defaults(content: Mapping[str, Any]) -> dict[str, Any]:
 
 def changed_settings(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings in a `content()` of a run that are not the defaults of its algorithm."""
-    given: dict[str, Any] = content.get("settings") or {}
-    try:
-        default = settings_of(content["algorithm"])().model_dump(mode="json")
-    except (KeyError, SmartsError, ValueError):  # scripted, or own code that is not there
-        return given
+    given, default = content.get("settings") or {}, default_settings(content)
     return {name: value for name, value in given.items() if name not in default or default[name] != value}
+
+
+def default_settings(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the defaults of the algorithm in a `content()` of a run; empty where nothing is known of it."""
+    try:
+        return settings_of(content["algorithm"])().model_dump(mode="json")
+    except (KeyError, SmartsError, ValueError):  # scripted, or own code that is not there
+        return {}
 
 
 def is_larger(budget: Mapping[str, Any], other: Mapping[str, Any]) -> bool:

@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-from benchmark.experiment.runs import OWN_CODE, changed_settings, is_larger, with_defaults
+from benchmark.experiment.runs import OWN_CODE, changed_settings, default_settings, is_larger, with_defaults
 from benchmark.results.files import (
     ResultsError,
     first_line,
@@ -43,6 +43,8 @@ ENDED_BY = "ended_by"
 """In run.json: the budget that was used up first, "agent_steps" or "minutes"."""
 CONTINUED = "continued"
 """In run.json: versions, machine and times of each continuation."""
+DEFAULTS = "defaults"
+"""In run.json: settings that the config does not give, as they were by default; older runs have none."""
 SCENARIOS = "scenarios"
 """In run.json: name -> digest of each scenario of the run, as built; the oldest runs have none."""
 CONFIG_REMEDY = "restore it from a copy, or remove the run's folder to start again"
@@ -188,8 +190,13 @@ class RunFolder:
         return [name for name, digest in digests.items() if known.get(name, digest) != digest]
 
     def _content(self) -> dict[str, Any] | None:
-        """Return the config, with defaults, of the run in the folder; None without one."""
-        return with_defaults(self.read_config()) if self._has_results() else None
+        """Return the config of the run in the folder, with the defaults of its time; None without one."""
+        if not self._has_results():
+            return None
+        content = with_defaults(self.read_config())
+        now = default_settings(content)
+        defaults = {name: value for name, value in self.facts().get(DEFAULTS, {}).items() if name in now}
+        return {**content, "settings": {**defaults, **content["settings"]}} if defaults else content
 
     def _has_results(self) -> bool:
         """Return whether the folder holds more than the begin of a run."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from benchmark.experiment.runs import Run, ScriptedRun
+from benchmark.experiment.runs import Run, ScriptedRun, default_settings
 from benchmark.results.files import files_in
 from benchmark.results.progress import add_progress, begin_progress
-from benchmark.results.run_folder import SCENARIOS, TRAINING, RunFolder
+from benchmark.results.run_folder import DEFAULTS, SCENARIOS, TRAINING, RunFolder
 from benchmark.running.messages import Began, Kept, Line, Message, Noted, Start
 from benchmark.running.progress import RunProgress
 
@@ -68,8 +68,11 @@ class RunWriter:
     def _begin(self, began: Began) -> None:
         """Note where a training runs, and cut its progress to what its checkpoint has."""
         if self._folder.status is None:
-            scenarios = {SCENARIOS: dict(began.scenarios)}
-            self._folder.note(status=TRAINING, run=str(self._run), **scenarios, **began.circumstances)
+            content = self._run.content()
+            given = content.get("settings", {})
+            defaults = {name: each for name, each in default_settings(content).items() if name not in given}
+            known = {SCENARIOS: dict(began.scenarios), DEFAULTS: defaults}
+            self._folder.note(status=TRAINING, run=str(self._run), **known, **began.circumstances)
         else:
             self._folder.note_continuation(began.circumstances)
         # Imported here, since TensorBoard's writer takes long, and most commands write nothing.

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.experiment.config import Budget, Experiment, read_experiment
+from benchmark.experiment.algorithm_settings import settings_of
+from benchmark.experiment.config import Budget, read_experiment
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import runs_of
 from benchmark.report.provenance import circumstances
-from benchmark.results.commands import keep_command
+from benchmark.results.commands import keep_command, read_commands
 from benchmark.results.files import (
     PARTIAL,
     ResultsError,
@@ -30,7 +31,9 @@ from benchmark.results.reading import read_results
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.jobs import JobScheduler, jobs_of
+from benchmark.running.messages import Began
 from benchmark.running.training import checkpoint_files
+from benchmark.running.writing import RunWriter
 from tests.hand_made_results import agent_episodes, finish_runs, write_experiment, write_run
 from tests.raising import raises
 
@@ -319,13 +322,12 @@ def test_a_test_is_not_written_over_the_results_of_a_run(tmp_path):
 
 
 def test_a_folder_that_is_filled_by_parts_keeps_all_commands_and_expects_all_runs(tmp_path):
-    write_experiment(tmp_path, seeds=[1, 2])  # as an earlier version leaves it
-    first = Experiment.model_validate_json((tmp_path / "experiment.json").read_bytes())
+    write_experiment(tmp_path, seeds=[1, 2])
+    _, (first,) = read_commands(tmp_path, {})
     second = first.model_copy(update={"algorithms": ("dqn",), "seeds": (1,)})
     for line, experiment in (("b", second), ("c", first), ("b", second)):
         keep_command(tmp_path, experiment, line)
     assert read_json(tmp_path / "command.json")["command"] == "b"
-    assert read_json(tmp_path / "experiment.json")["algorithms"] == ["dqn"]
     results = read_results(tmp_path)
     assert results.commands == ("smarts-bench run hand.yaml", "c", "b")
     assert [(run.algorithm, run.seed) for run in results.runs] == [("dqn", 1), ("ppo", 1), ("ppo", 2)]
@@ -396,6 +398,33 @@ def test_a_setting_that_is_written_down_at_its_default_makes_no_other_run(tmp_pa
         folder.check(second.content())
         with raises(ResultsError, folder.config, values=["settings.lr", "0.1"]):
             folder.check(other.content())
+
+
+def test_a_run_keeps_the_defaults_of_its_begin(tmp_path):
+    """With a version that has other defaults it would train on as another run."""
+    file = tmp_path / "one.yaml"
+    file.write_text(
+        "algorithms: [ppo]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n"
+        "settings: {ppo: {lr: 0.1}}\n"
+    )
+    (run,), (as_then,) = (
+        runs_of(read_experiment(file, more)) for more in ((), ("settings.ppo={lr: 0.1, gamma: 0.5}",))
+    )
+    folder = RunFolder(tmp_path / "run")
+    writer = RunWriter(run, folder)
+    writer.take(Began({"commit": "abc"}, {}))
+    writer.close()
+    defaults = folder.facts()["defaults"]
+    assert defaults["gamma"] == settings_of("ppo")().gamma
+    assert "lr" not in defaults  # given, in config.yaml
+    save(folder, "1", {"iteration": 1})
+    folder.check(run.content())
+    folder.note(
+        defaults={**defaults, "gamma": 0.5, "of_another_version": 1}
+    )  # begun when 0.5 was the default
+    with raises(ResultsError, folder.config, values=["settings.gamma", "0.5"]):
+        folder.check(run.content())
+    folder.check(as_then.content())
 
 
 def test_episodes_that_are_wanted_and_not_there_are_played_again(tmp_path):
