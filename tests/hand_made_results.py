@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -68,13 +67,12 @@ def agent_episodes(outcomes: Outcomes, *, split="train", variation="", starts_va
 
 
 def write_experiment(root: Path, **keys) -> None:
-    """Write experiment.json, by default for PPO at the intersection without social vehicles."""
+    """Write command.json, by default of PPO at the intersection without social vehicles."""
     content = {
         **{"name": root.name, "description": "Made by hand.", "algorithms": ["ppo"]},
         **{"tasks": ["intersection"], "traffic": [ALONE], "seeds": [1]},
     }
     root.mkdir(parents=True, exist_ok=True)
-    (root / "experiment.json").write_text(json.dumps(content | keys))
     line = "smarts-bench run hand.yaml"
     write_versioned(
         root / "command.json", {"command": line, "parts": [{"command": line, "experiment": content | keys}]}

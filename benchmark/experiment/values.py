@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, ValidationInfo
 
 from algorithms.registry import ALGORITHMS
 from benchmark.scripted import SCRIPTED_POLICIES
@@ -21,6 +21,9 @@ from smarts.types.traffic import TRAFFIC_ENGINES
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
 ACTION_NAMES = tuple(kind.name for kind in ActionSpaceType if kind != ActionSpaceType.Empty)
+
+KEPT = "kept"
+"""Context of values that were checked before and kept with results: their scenarios may be gone."""
 
 Positive = Annotated[int, Field(ge=1)]
 # Sequences are written as lists, and kept as tuples, since nothing of a config changes.
@@ -56,7 +59,9 @@ def _metric(name: str) -> str:
     return _named("metric", METRICS)(name)
 
 
-def _scenario(name: str) -> str:
+def _scenario(name: str, info: ValidationInfo) -> str:
+    if info.context == KEPT:
+        return name
     folder = name.partition("@")[0]
     if not folder or (folder not in suite() and not Path(folder).exists()):
         raise UnfitError(

@@ -13,9 +13,8 @@ from benchmark.metrics import METRICS, compare
 from benchmark.metrics.results import Frame
 from benchmark.report.protocol import described, differing_scenarios, differing_trainings, protocol_of
 from benchmark.report.ranking import CELL
-from benchmark.results.commands import EXPERIMENT
 from benchmark.results.files import ResultsError
-from benchmark.results.reading import Results, RunResult, read_results
+from benchmark.results.reading import Results, RunResult, holds_results, read_results
 from benchmark.results.versions import check_one_version
 
 COLUMNS = (
@@ -90,7 +89,7 @@ def _root_of(path: Path) -> tuple[Path, str]:
     remedy = "give results/NAME[/ALGORITHM]"
     if not path.is_dir():
         raise ResultsError("there is no such folder", place=str(path), remedy=remedy)
-    if (path / EXPERIMENT).exists():
+    if holds_results(path):
         return path, ""
     whole = path.resolve()
     if whole == whole.parent:

@@ -16,7 +16,7 @@ from benchmark.experiment.runs import SCRIPTED_SEED, VERSION, scripted_runs_of, 
 from benchmark.metrics import METRICS, join_tables
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
-from benchmark.results.commands import EXPERIMENT, earlier_commands, last_experiment
+from benchmark.results.commands import COMMAND, read_commands
 from benchmark.results.files import FormatError, ResultsError
 from benchmark.results.progress import read_progress
 from benchmark.results.release import MANIFEST, SUBMISSION, VERDICTS
@@ -113,7 +113,7 @@ class Results:
 
 def holds_results(root: Path) -> bool:
     """Return whether a path is a folder of an experiment's results, or of an evaluated submission."""
-    made = any((root / name).exists() for name in (EXPERIMENT, VERDICTS))
+    made = any((root / name).exists() for name in (COMMAND, VERDICTS))
     return made or next(root.glob("*/*/*/seed_*/run.json"), None) is not None
 
 
@@ -129,16 +129,15 @@ def read_results(root: Path) -> Results:
             "there is no such folder of results", place=str(root), remedy="give an experiment's, results/NAME"
         )
     problems: dict[str, str] = {}
-    experiment = last_experiment(root, problems)
+    commands, experiments = read_commands(root, problems)
     if (root / VERDICTS).exists():  # of submissions, which no experiment has made
-        problems.pop(EXPERIMENT, None)
-    commands, parts = earlier_commands(root, problems)
+        problems.pop(COMMAND, None)
     runs: dict[str, RunResult] = {}
-    for each in [*parts, experiment] if experiment else parts:
+    for each in experiments:
         _load_metrics(each, problems)
         runs |= {run.place: run for run in _expected(each)}
     found = {run.place: run for run in _found(root, problems)}
-    if experiment is None and not found:
+    if not experiments and not found:
         raise ResultsError(
             "no results of an experiment" + _reasons(problems),
             place=str(root),
@@ -149,8 +148,8 @@ def read_results(root: Path) -> Results:
     runs |= found
     return Results(
         root=root,
-        name=experiment.name if experiment else root.resolve().name,
-        description=experiment.description if experiment else "",
+        name=experiments[-1].name if experiments else root.resolve().name,
+        description=experiments[-1].description if experiments else "",
         commands=commands,
         runs=tuple(runs[place] for place in sorted(runs)),
         problems=problems,
@@ -169,7 +168,7 @@ def _load_metrics(experiment: Experiment, problems: dict[str, str]) -> None:
         for name in own:
             METRICS[name]
     except OwnCodeError as error:
-        problems[f"metrics of {EXPERIMENT}"] = f"{error.place}: {error.problem}; own metrics are left out"
+        problems[f"metrics of {COMMAND}"] = f"{error.place}: {error.problem}; own metrics are left out"
 
 
 def _expected(experiment: Experiment) -> Iterator[RunResult]:

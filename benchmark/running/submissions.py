@@ -22,7 +22,7 @@ from benchmark.experiment.version import (
     changed_settings,
     versions,
 )
-from benchmark.results.commands import COMMAND, EXPERIMENT
+from benchmark.results.commands import COMMAND
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import REPORT
 from benchmark.results.release import (
@@ -54,7 +54,7 @@ from smarts.zoo.exported import ExportedPolicy, exported_spec
 from smarts_agent_kit.exported import TEAM
 from smarts_agent_kit.weights import CONTENT
 
-RESERVED = (SCRIPTED, SUBMISSION, ROBUSTNESS, MANIFEST, VERDICTS, REPORT, COMMAND, EXPERIMENT)
+RESERVED = (SCRIPTED, SUBMISSION, ROBUSTNESS, MANIFEST, VERDICTS, REPORT, COMMAND)
 """Names in a folder of results that no algorithm can have."""
 LONGEST_NAME = 100
 """Characters of an algorithm's name."""

@@ -113,18 +113,19 @@ def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def fitted(values: Mapping[str, Any], model: type[Model], place: str = "") -> Model:
+def fitted(values: Mapping[str, Any], model: type[Model], place: str = "", context: Any = None) -> Model:
     """Return values that do not come from a config file as a model.
 
     Args:
         values: By the model's keys.
         model: Their type.
         place: Where they are from.
+        context: For validators that ask for one.
 
     Raises:
         ConfigError: With all mistakes.
     """
     try:
-        return model.model_validate(dict(values))
+        return model.model_validate(dict(values), context=context)
     except ValidationError as error:
         raise ConfigError(explained(error, model, values, lambda key: place)) from error

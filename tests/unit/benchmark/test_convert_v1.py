@@ -119,7 +119,8 @@ def folders(tmp_path):
     (runs[1] / "config.yaml").write_text("policy: yielder\n")
     (root / "scripted" / "gap_acceptance").rename(root / "scripted" / "yielder")
     (root / "scripted").rename(root / "reference")
-    experiment = json.loads((root / "experiment.json").read_text())
+    (part,) = json.loads((root / "command.json").read_text())["parts"]
+    experiment = part["experiment"]
     del experiment["scripted"]
     experiment["reference"] = ["yielder"]
     (root / "experiment.json").write_text(json.dumps(experiment))

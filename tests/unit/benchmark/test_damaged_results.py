@@ -8,7 +8,7 @@ import pytest
 
 from benchmark.metrics import compare, compute, join_tables, write_table
 from benchmark.report.provenance import run_lines
-from benchmark.results.commands import keep_command, last_experiment
+from benchmark.results.commands import keep_command, read_commands
 from benchmark.results.files import ResultsError
 from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
 from benchmark.results.progress import begin_progress
@@ -271,7 +271,7 @@ def test_a_run_file_without_keys_is_named(tmp_path, content):
 @pytest.mark.parametrize("content", ["[]", "5", '{"format": 2, "parts": 5}'])
 def test_commands_that_are_none_are_named(tmp_path, content):
     write_experiment(tmp_path)
-    experiment = last_experiment(tmp_path, {})
+    _, (experiment,) = read_commands(tmp_path, {})
     (tmp_path / "command.json").write_text(content)
     with raises(ResultsError, "command.json") as caught:
         keep_command(tmp_path, experiment, "smarts-bench run hand.yaml")

@@ -5,13 +5,14 @@ import yaml
 
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import run_from, runs_of
-from benchmark.results.commands import EXPERIMENT, last_experiment
+from benchmark.results.commands import COMMAND, read_commands
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.trained_run import read_run
 from benchmark.running.training import unpickled
 from smarts.config import ConfigError
+from tests.hand_made_results import write_experiment
 from tests.raising import raises
 
 
@@ -82,15 +83,16 @@ def test_a_damaged_config_is_named(folder, name):
 
 def test_what_is_wrong_with_what_was_asked_for_last(tmp_path):
     problems = {}
-    (tmp_path / EXPERIMENT).write_text('{"algorithms": ["ppo"], "tasks": ["loop"], "bugdet": 1}')
-    assert last_experiment(tmp_path, problems) is None
+    write_experiment(tmp_path, bugdet=1)
+    assert read_commands(tmp_path, problems) == (("smarts-bench run hand.yaml",), [])
     assert problems == {
-        EXPERIMENT: "not an experiment of this version: there is no key bugdet; did you mean 'budget'?; "
-        "`run` writes it again"
+        COMMAND: "not an experiment of this version: there is no key bugdet; did you mean 'budget'?; "
+        "remove it, and `run` writes it again"
     }
-    (tmp_path / EXPERIMENT).write_text("[")
-    assert last_experiment(tmp_path, problems) is None
-    assert problems[EXPERIMENT].endswith("; `run` writes it again")
+    for content in ("[", '{"format": 2, "parts": [5]}'):
+        (tmp_path / COMMAND).write_text(content)
+        assert read_commands(tmp_path, problems) == ((), [])
+        assert problems[COMMAND].endswith("; remove it, and `run` writes it again")
 
 
 @pytest.mark.parametrize(

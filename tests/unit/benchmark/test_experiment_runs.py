@@ -94,7 +94,7 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     assert len(scalars["validation_return"]) == 2
     facts = json.loads((run / "run.json").read_text())
     assert (facts["status"], facts["ended_by"]) == ("finished", "agent_steps")
-    assert "command" not in facts  # a worker's is Ray's; the user's is beside experiment.json
+    assert "command" not in facts  # a worker's is Ray's; the user's is in command.json
     assert json.loads((root / "command.json").read_text())["command"].endswith(
         f"--out {experiment.parent}/results"
     )

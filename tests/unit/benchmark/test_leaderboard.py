@@ -286,6 +286,15 @@ def test_a_metric_that_is_named_twice_is_compared_once(tmp_path):
     assert twice["corrected"].tolist() == once["corrected"].tolist()
 
 
+def test_evaluated_submissions_are_compared(tmp_path):
+    one, two = (experiment(tmp_path / name, {"ppo": each}) for name, each in (("one", GOOD), ("two", SLOW)))
+    (one / "command.json").unlink()
+    (one / "verdicts.json").write_text('{"verdicts": []}')
+    code, said = compared(one, two)
+    assert code == 0
+    assert "one: ppo" in said
+
+
 def test_a_comparison_of_nothing(tmp_path):
     assert compared("/", "/")[1].problem.startswith("no results of an experiment")
 

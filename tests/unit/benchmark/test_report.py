@@ -556,7 +556,7 @@ def test_a_report_takes_the_place_of_a_report_and_of_nothing_else(tmp_path):
     assert "PPO: 0 of 1 run finished, 0 test episodes measured." in page.read_text()
     assert "no finished run" in (page.parent / "report.md").read_text()
     there = sorted(path.name for path in (tmp_path / "results").iterdir())
-    assert there == ["command.json", "experiment.json", "report"]
+    assert there == ["command.json", "report"]
 
 
 @pytest.mark.slow

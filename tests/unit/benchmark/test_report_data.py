@@ -94,13 +94,24 @@ def test_episodes_without_agents_belong_to_the_test(tmp_path, measured, fits):
     assert len(read_results(tmp_path).finished) == fits
 
 
-def test_without_a_whole_experiment_file_the_runs_count(tmp_path):
+def test_without_a_whole_file_of_commands_the_runs_count(tmp_path):
     write_run(tmp_path, "ppo", greedy())
-    assert "missing" in read_results(tmp_path).problems["experiment.json"]
-    (tmp_path / "experiment.json").write_text('{"algorithms": ["pppo"], "tasks": ["intersection"]}')
+    assert "missing" in read_results(tmp_path).problems["command.json"]
+    write_experiment(tmp_path, algorithms=["pppo"])
     results = read_results(tmp_path)
-    assert "experiment.json" in results.problems
+    assert "did you mean 'ppo'" in results.problems["command.json"]
+    assert results.commands == ("smarts-bench run hand.yaml",)
     assert [str(run) for run in results.finished] == [f"ppo, intersection, {ALONE}, seed 1"]
+
+
+def test_runs_of_a_scenario_that_has_moved_are_listed(tmp_path):
+    task = {"name": "intersection", "scenarios": [str(tmp_path / "gone")]}
+    write_experiment(tmp_path, tasks=[task], seeds=[1, 2, 3])
+    write_run(tmp_path, "ppo", greedy())
+    results = read_results(tmp_path)
+    assert (len(results.finished), len(results.runs)) == (1, 3)
+    assert not results.problems
+    assert results.description == "Made by hand."
 
 
 def test_no_results(tmp_path):

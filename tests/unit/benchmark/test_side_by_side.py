@@ -51,8 +51,7 @@ def test_a_lost_process_is_named():
 def test_policies_of_a_release_are_played_side_by_side(tmp_path):
     results, cell = ROOT / "results" / "benchmark_v1", "dqn/two_way_v1/no_social_vehicles"
     shutil.copytree(results / cell, tmp_path / "results" / cell)
-    for name in ("command.json", "experiment.json"):
-        shutil.copy(results / name, tmp_path / "results" / name)
+    shutil.copy(results / "command.json", tmp_path / "results" / "command.json")
     write_release(tmp_path / "results", tmp_path / "release", author="A. Author", is_partial=True)
     manifest, folder = submitted(str(tmp_path / "release"), number=None, scenarios=(), traffic=())
     given = {"episodes": 2, "fresh": 1}
