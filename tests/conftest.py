@@ -12,6 +12,8 @@ os.environ["RAY_ADDRESS"] = "local"
 """A test starts a Ray of its own, whatever cluster runs on this machine, or ran and was killed."""
 os.environ["RAY_prestart_worker_first_driver"] = "0"  # noqa: SIM112 - Ray's name
 """Ray starts no process of each core in advance: many tests need none, and others start them when needed."""
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+"""One thread for PyTorch in each process: its threads wait busily, and other tests run on the other core."""
 LONGEST = (
     *("test_many_machines", "test_experiment_runs", "test_sweep_runs", "test_own_code_page", "test_examples"),
     *("test_perf", "test_documents", "test_games", "test_ablations", "test_exporting"),
