@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import threading
 import webbrowser
 from collections.abc import Iterator
 from itertools import count
@@ -48,7 +51,9 @@ def view(
         str, typer.Option(help="Address to listen at; others than this machine's own ask for a token.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="0: any that is free.", min=0, max=65535)] = 8081,
-    browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
+    browser: Annotated[
+        bool, typer.Option(help="Open a browser, where there is a display and no token.")
+    ] = True,
 ) -> None:
     """Show recorded episodes and running simulations in a browser."""
     if not paths and not live:
@@ -75,13 +80,21 @@ def view(
 
     library = EpisodeLibrary(paths) if paths else None
     server = ViewServer(library, live=live, host=host, port=port)
-    count = len(library.entries()) if library else 0
+    count = len(library.entries(0)) if library else 0
     episodes = f"{count} {'episode' if count == 1 else 'episodes'}" if library else ""
     shown = " and ".join(part for part in (episodes, "running simulations" if live else "") if part)
     typer.echo(f"{shown} at {server.url} (Ctrl-C ends)")
-    if browser:
-        webbrowser.open(server.url)
+    # Other users of the machine see what programs are started with, so that a token is not among it.
+    if browser and not server.token and _has_browser():
+        # In a thread, since some browsers return when they are closed. The server's port is open already.
+        threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
     server.run()
+
+
+def _has_browser() -> bool:
+    """Return whether a browser has a window to open, or the user names one."""
+    names = ("BROWSER", "DISPLAY", "WAYLAND_DISPLAY")
+    return sys.platform != "linux" or any(os.environ.get(name) for name in names)
 
 
 def _write(

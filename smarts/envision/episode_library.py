@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import math
+import os
 import threading
+import time
 from collections import Counter, OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -59,12 +60,15 @@ class Entry:
     """The same for episodes with the same scenario, traffic and starts, whatever drove."""
     error: str = ""
     """Why the episode cannot be opened."""
+    unread: bool = False
+    """Whether only its place is known yet."""
 
 
 class EpisodeLibrary:
     """Recorded and compact episodes below some folders.
 
-    Ids do not depend on what else is there, so that links stay valid; no path ever comes from a caller.
+    Ids are of places and do not depend on what else is there, so that links stay valid; no path ever comes
+    from a caller.
 
     Args:
         roots: Folders of runs or of episodes, single episodes, files of compact episodes.
@@ -85,29 +89,45 @@ class EpisodeLibrary:
                 )
         self._lock = threading.Lock()
         self._paths: dict[str, Path] = {}
-        self._entries: dict[tuple[Path, int], Entry] = {}
+        self._entries: dict[Path, tuple[int, Entry]] = {}
+        """Of episodes that were read, with the time of their last change."""
         self._compact = _Cache()
-        self.entries()
+        self._find()
 
-    def entries(self) -> list[Entry]:
-        """Return what is there now, damaged episodes included."""
-        found: list[Entry] = []
+    def entries(self, seconds: float = math.inf) -> list[Entry]:
+        """Return what is there now, damaged episodes included.
+
+        Args:
+            seconds: Time for reading; the episodes for which it does not suffice are `unread`.
+        """
+        until = time.monotonic() + seconds
         with self._lock:
-            paths: dict[str, Path] = {}
-            for root in self._roots:
-                for path in sorted(_episodes_below(root)):
-                    number = _id(path, paths)
-                    if paths.get(number) == path:
-                        continue
-                    paths[number] = path
-                    found.append(self._entry(number, path, root))
-            self._paths = paths
-        return found
+            roots = self._find()
+            found = {number: self._known(number, root) for number, root in roots.items()}
+            unread = [number for number, entry in found.items() if entry.unread]
+            # What is missing may be brought back.
+            damaged = [number for number, entry in found.items() if entry.error]
+            for number in unread + damaged:
+                if time.monotonic() >= until:
+                    break
+                found[number] = self._read(number, roots[number])
+        return list(found.values())
+
+    def _find(self) -> dict[str, Path]:
+        """Bring the paths up to date; return the folder that was given of each."""
+        paths: dict[str, Path] = {}
+        roots: dict[str, Path] = {}
+        for root in self._roots:
+            for path in sorted(_episodes_below(root)):
+                number = _id(path)
+                if number not in paths:
+                    paths[number], roots[number] = path, root
+        self._paths = paths
+        return roots
 
     def path(self, number: str) -> Path | None:
         """Return the place of an episode, None if there is no such id."""
-        with self._lock:
-            return self._paths.get(number)
+        return self._paths.get(number)
 
     def compact(self, number: str) -> bytes | None:
         """Return a compact episode, None if there is no such id; two callers that ask for one share the work.
@@ -118,19 +138,26 @@ class EpisodeLibrary:
         path = self.path(number)
         return None if path is None else self._compact.get(number, path)
 
-    def _entry(self, number: str, path: Path, root: Path) -> Entry:
+    def _known(self, number: str, root: Path) -> Entry:
+        """Return what was read of an episode that has not changed since, or else its place."""
+        path = self._paths[number]
         try:
-            files = [path, *path.iterdir()] if path.is_dir() else [path]
-            key = path, max(each.stat().st_mtime_ns for each in files)
-            if key in self._entries:
-                return self._entries[key]
+            changed, entry = self._entries[path]
+            if changed == _changed(path):
+                return entry
+        except (KeyError, OSError):
+            pass
+        return Entry(number, _label(path), _run(path, root), unread=True)
+
+    def _read(self, number: str, root: Path) -> Entry:
+        path = self._paths[number]
+        try:
+            changed = _changed(path)
             entry = _entry_of(number, path, root)
-            if not entry.error:
-                # What is missing may be brought back.
-                self._entries[key] = entry
+            self._entries[path] = changed, entry
             return entry
         except OSError as error:
-            return Entry(number, path.name, _run(path, root), error=str(error.strerror or error))
+            return Entry(number, _label(path), _run(path, root), error=str(error.strerror or error))
 
 
 def read_compact(path: Path) -> bytes:
@@ -169,27 +196,30 @@ def outcomes_of(agents: Mapping[str, Any]) -> dict[str, int]:
 
 def _episodes_below(root: Path) -> Iterator[Path]:
     """Yield episodes: folders that have the table `episode`, and files of compact episodes."""
-    if root.is_file():
-        if root.suffix == SUFFIX:
-            yield root
-        return
-    if (root / f"{EPISODE.name}.parquet").exists():
+    if root.is_file() and root.suffix == SUFFIX:
         yield root
-        return
-    for found in itertools.chain(root.rglob(f"{EPISODE.name}.parquet"), root.rglob(f"*{SUFFIX}")):
+    for folder, inside, files in os.walk(root):
+        if f"{EPISODE.name}.parquet" in files:
+            inside.clear()
+            yield Path(folder)
         # Names with a dot are of what is being written.
-        if not any(part.startswith(".") for part in found.relative_to(root).parts) and found.is_file():
-            yield found if found.suffix == SUFFIX else found.parent
+        inside[:] = (name for name in inside if not name.startswith("."))
+        for name in files:
+            if name.endswith(SUFFIX) and not name.startswith("."):
+                yield Path(folder, name)
 
 
-def _id(path: Path, known: Mapping[str, Path]) -> str:
-    """Return the id of an episode: of its last folders' names, and of all where two are alike."""
-    place = path.resolve()
-    for name in ("/".join(place.parts[-4:]), str(place)):
-        number = hashlib.sha256(name.encode(errors="surrogateescape")).hexdigest()[:_ID_DIGITS]
-        if known.get(number, path) == path:
-            break
-    return number
+def _id(path: Path) -> str:
+    return hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:_ID_DIGITS]
+
+
+def _changed(path: Path) -> int:
+    """Return when an episode was changed last [ns]."""
+    return (path if path.is_file() else path / f"{EPISODE.name}.parquet").stat().st_mtime_ns
+
+
+def _label(path: Path) -> str:
+    return _shown(path.name.removesuffix(SUFFIX))
 
 
 def _run(path: Path, root: Path) -> str:
@@ -205,7 +235,7 @@ def _shown(text: str) -> str:
 
 
 def _entry_of(number: str, path: Path, root: Path) -> Entry:
-    label, run = _shown(path.name.removesuffix(SUFFIX)), _run(path, root)
+    label, run = _label(path), _run(path, root)
     try:
         if path.is_dir():
             episode = RecordedEpisode(path)
@@ -268,7 +298,7 @@ class _Cache:
         with self._lock:
             making = self._making.setdefault(number, threading.Lock())
         with making:
-            changed = (path if path.is_file() else path / f"{EPISODE.name}.parquet").stat().st_mtime_ns
+            changed = _changed(path)
             with self._lock:
                 found = self._made.get(number)
                 if found is not None and found[0] == changed:

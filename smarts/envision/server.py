@@ -24,13 +24,15 @@ from smarts.envision.episode_library import EpisodeLibrary, as_json
 from smarts.envision.live import LiveHub
 from smarts.envision.viewer_page import policy_of, viewer_page
 from smarts.errors import SmartsError
-from smarts.stream.container import MOST_BYTES, VERSION
+from smarts.stream.container import MOST_BYTES
 
 DEFAULT_PORT = 8081
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _MOST_TOKEN_BYTES = 1024
 _STANDSTILL = 60_000
 """A connection that takes nothing for so long is ended [ms]."""
+_READING = 2.0
+"""Time for reading episodes before they are listed; the page asks again for the rest [s]."""
 _FRAMES = "frame-ancestors 'self' http://localhost:* http://127.0.0.1:*"
 """Notebooks show the page in a frame, from another port."""
 
@@ -197,8 +199,7 @@ class ViewServer:
         return HTMLResponse(self.page)
 
     async def _info(self, request: Request) -> Response:
-        episodes = 0 if self._library is None else len(await run_in_threadpool(self._library.entries))
-        return JSONResponse({"version": VERSION, "live": self._hub is not None, "episodes": episodes})
+        return JSONResponse({"live": self._hub is not None})
 
     async def _take_token(self, request: Request) -> Response:
         """Give a viewer that has the token a cookie, so that the address need not have it."""
@@ -212,7 +213,7 @@ class ViewServer:
         return answer
 
     async def _list(self, request: Request) -> Response:
-        entries = [] if self._library is None else await run_in_threadpool(self._library.entries)
+        entries = [] if self._library is None else await run_in_threadpool(self._library.entries, _READING)
         return JSONResponse(as_json(entries))
 
     async def _episode(self, request: Request) -> Response:

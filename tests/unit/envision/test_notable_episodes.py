@@ -203,6 +203,14 @@ def test_a_report_names_the_damaged_episodes(run, tmp_path):
         assert "is left out: " in text
 
 
+def test_the_same_test_episode_of_two_runs_is_shown_twice(run, tmp_path):
+    (one,) = copied(run, tmp_path / "one", 0)
+    (other,) = copied(run, tmp_path / "other", 0)
+    out = tmp_path / "two.html"
+    assert view(one, other, "--html", out).exit_code == 0
+    assert len(set(re.findall(r'data-id="(\w+)"', out.read_text()))) == 2
+
+
 def test_the_address_says_how_many_episodes_there_are(run, tmp_path, monkeypatch):
     monkeypatch.setattr(ViewServer, "run", lambda self: None)
     (only,) = copied(run, tmp_path, 0)

@@ -1,8 +1,14 @@
 import json
 import logging
+import os
 import re
 import shutil
+import signal
 import socket
+import sys
+import threading
+import urllib.request
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +16,7 @@ from smarts.envision.episode_library import EpisodeLibrary
 from smarts.envision.server import ViewServer
 from smarts.errors import SmartsError
 from smarts.stream.reading import CompactEpisode
+from tests.commands import begin, finish, wait_for
 from tests.compact_fixtures import FOLDER
 from tests.raising import raises
 from tests.viewers import PAGE, ask, serving
@@ -49,7 +56,7 @@ def test_the_page_allows_only_what_was_built(server):
     assert "default-src 'none'" in policy
     assert "unsafe" not in policy
     assert headers["x-content-type-options"] == "nosniff"
-    assert json.loads(ask(server, "/api/info")[2])["episodes"] == 4
+    assert json.loads(ask(server, "/api/info")[2]) == {"live": False}
 
 
 def test_episodes_are_listed_and_played(server):
@@ -145,6 +152,63 @@ def test_a_recording_that_comes_later_is_listed(tmp_path):
     assert after["first"] == before["first"]
 
 
+def test_the_same_test_episode_of_two_algorithms_has_two_ids(tmp_path):
+    library = None
+    for algorithm in ("ppo", "maac"):  # the second comes while the first is shown, and is listed before it
+        run = tmp_path / algorithm / "intersection" / "none" / "seed_1"
+        run.mkdir(parents=True)
+        shutil.copy(FOLDER / "bubbles.smarts", run / "episode.smarts")
+        (run / "run.json").write_text(json.dumps({"run": f"{algorithm}, intersection"}))
+        library = library or EpisodeLibrary([tmp_path])
+        shown = library.entries()
+    assert len({entry.id for entry in shown}) == 2
+    assert [library.path(entry.id).parts[-5] for entry in shown] == ["maac", "ppo"]
+    assert len({EpisodeLibrary([library.path(entry.id)]).entries()[0].id for entry in shown}) == 2
+
+
+def test_episodes_that_are_not_read_yet_are_listed_by_name_and_play(tmp_path):
+    for name in ("first", "second"):
+        shutil.copy(FOLDER / "bubbles.smarts", tmp_path / f"{name}.smarts")
+    library = EpisodeLibrary([tmp_path])
+    assert [(entry.label, entry.unread) for entry in library.entries(0)] == [
+        ("first", True),
+        ("second", True),
+    ]
+    assert CompactEpisode(library.compact(library.entries(0)[1].id)).is_whole
+    assert not any(entry.unread for entry in library.entries())
+    assert not any(entry.unread for entry in library.entries(0))
+
+
+def test_folders_that_vanish_while_they_are_searched_are_left_out(tmp_path):
+    shutil.copy(FOLDER / "bubbles.smarts", tmp_path / "episode.smarts")
+    partial = tmp_path / ".partial-host-1-episode"
+    library = EpisodeLibrary([tmp_path])
+    ended = threading.Event()
+
+    def write():
+        while not ended.is_set():
+            (partial / "inside").mkdir(parents=True)
+            shutil.rmtree(partial)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        assert all(len(library.entries(0)) == 1 for _ in range(2000))
+    finally:
+        ended.set()
+        writer.join()
+
+
+def test_folders_with_names_that_are_not_utf8_are_listed(tmp_path):
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/b\xe4d"))
+    folder.mkdir()
+    (folder / "episode.parquet").symlink_to("nowhere")
+    with serving(EpisodeLibrary([tmp_path])) as server:
+        ((label, entry),) = listed(server).items()
+    assert label == "b?d"
+    assert entry["error"]
+
+
 def test_folders_without_episodes_are_refused(tmp_path):
     for path in (tmp_path, tmp_path / "missing"):
         with pytest.raises(SmartsError, match=re.escape(str(path))):
@@ -180,3 +244,23 @@ def test_logging_of_the_process_is_left_as_it_was():
     handler = _Ended()
     ViewServer(EpisodeLibrary([]), port=0)
     assert handler.ends == 0
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_the_browser_of_a_terminal_gets_the_page_but_no_token(episodes, tmp_path, host):
+    shown, browser = tmp_path / "shown", tmp_path / "browser"
+    load = f"import sys, urllib.request as u; open('{shown}', 'wb').write(u.urlopen(sys.argv[1]).read())"
+    browser.write_text(f'#!/bin/sh\nexec {sys.executable} -c "{load}" "$1"\n')
+    browser.chmod(0o755)
+    options = "--port", "0", "--host", host
+    command = begin("view", str(episodes), *options, env=os.environ | {"BROWSER": str(browser)})
+    address = command.stdout.readline()
+    port = re.search(r":(\d+)/", address)[1]
+    if "token" in address:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/") as answer:
+            assert answer.status == 200
+    else:
+        wait_for(lambda: shown.exists() and shown.stat().st_size, command)
+    command.send_signal(signal.SIGINT)
+    finish(command)
+    assert shown.exists() == (host == "127.0.0.1")

@@ -6,7 +6,6 @@ import { Header } from "./header";
 import { helpDialog } from "./help";
 import { keyAction } from "./keys";
 import { Legend } from "./legend";
-import { listEpisodes } from "./library";
 import { formatLink, parseLink, type Place } from "./link";
 import { List } from "./list";
 import { Panel } from "./panel";
@@ -295,15 +294,7 @@ export class App {
       if (files.length) void this.openFiles(files);
     });
     this.list.element.addEventListener("toggle", () => {
-      const { library } = this.session;
-      if (this.list.element.open && library.isServed)
-        void listEpisodes().then(
-          (entries) => {
-            library.entries = entries;
-            this.refreshList();
-          },
-          () => undefined,
-        );
+      if (this.list.element.open) void this.session.listAgain();
     });
   }
 

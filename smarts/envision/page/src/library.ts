@@ -26,6 +26,8 @@ export interface Entry {
   why: string;
   /** Why it cannot be opened; empty if it can. */
   error: string;
+  /** Whether only its place is known yet. */
+  isUnread: boolean;
   isLive: boolean;
   /** Of a live one: whether its simulation still runs. */
   isRunning: boolean;
@@ -51,7 +53,7 @@ function entryOf(id: string, raw: Record<string, unknown>): Entry {
   const outcomes = typeof raw.outcomes === "object" && raw.outcomes !== null ? raw.outcomes : {};
   return {
     id,
-    label: text(raw.label ?? raw.folder) || `episode ${id}`,
+    label: text(raw.label) || `episode ${id}`,
     run: text(raw.run),
     scenario: text(raw.scenario),
     traffic: text(raw.traffic),
@@ -66,6 +68,7 @@ function entryOf(id: string, raw: Record<string, unknown>): Entry {
     policy: text(raw.policy),
     why: text(raw.why),
     error: text(raw.error),
+    isUnread: raw.unread === true,
     isLive: false,
     isRunning: false,
   };
@@ -184,9 +187,7 @@ async function fetchOk(path: string, init?: RequestInit): Promise<Response> {
   try {
     const parsed: unknown = JSON.parse(answer);
     if (typeof parsed === "object" && parsed !== null)
-      reason =
-        text((parsed as Record<string, unknown>).error ?? (parsed as Record<string, unknown>).detail) ||
-        answer;
+      reason = text((parsed as Record<string, unknown>).error) || answer;
   } catch {
     // The answer is plain text.
   }
@@ -210,7 +211,7 @@ export async function exchangeToken(): Promise<void> {
 async function served(): Promise<Library> {
   await exchangeToken();
   const info = (await (await fetchOk("/api/info")).json()) as Record<string, unknown>;
-  const library: Library = {
+  return {
     entries: await listEpisodes(),
     hasLive: info.live === true,
     isTogether: false,
@@ -218,13 +219,11 @@ async function served(): Promise<Library> {
     load: async (id) =>
       open(new Uint8Array(await (await fetchOk(`/api/episodes/${encodeURIComponent(id)}`)).arrayBuffer())),
   };
-  return library;
 }
 
 export async function listEpisodes(): Promise<Entry[]> {
-  const raw: unknown = await (await fetchOk("/api/episodes")).json();
-  const list = Array.isArray(raw) ? raw : ((raw as { episodes?: unknown[] }).episodes ?? []);
-  return list.map((each) => each as Record<string, unknown>).map((each) => entryOf(text(each.id), each));
+  const list = (await (await fetchOk("/api/episodes")).json()) as Record<string, unknown>[];
+  return list.map((each) => entryOf(text(each.id), each));
 }
 
 /** Opens files that the user chose. */

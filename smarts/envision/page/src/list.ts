@@ -12,6 +12,8 @@ const HEADS: [Key, string][] = [
   ["seconds", "time"],
 ];
 const MOST = 9;
+/** Rows that are drawn. */
+const MOST_ROWS = 1000;
 const SEVERITY: Record<string, number> = { bad: 1000, warn: 30, plain: 1, good: 0 };
 
 /** How badly an episode ended: the part of its agents that failed, collisions before others. */
@@ -145,11 +147,14 @@ export class List {
     for (const entry of this.entries)
       if (entry.pair && !entry.error) pairs.set(entry.pair, [...(pairs.get(entry.pair) ?? []), entry]);
     const focus = this.focused();
-    this.body.replaceChildren(...shown.map((entry) => this.row(entry, pairs.get(entry.pair) ?? [])));
+    this.body.replaceChildren(...shown.slice(0, MOST_ROWS).map((entry) => this.row(entry, pairs.get(entry.pair) ?? [])));
     // The list of simulations that run is drawn again and again; the keyboard stays where it is.
     this.body.querySelector<HTMLElement>(focus)?.focus();
+    const unread = this.entries.filter((entry) => entry.isUnread).length;
+    const first = shown.length > MOST_ROWS ? `the first ${MOST_ROWS} of ` : "";
+    const rest = unread ? `, ${unread} of them not read yet` : "";
     const text = this.entries.length
-      ? `${shown.length} of ${this.entries.length}; up to ${MOST} side by side with +`
+      ? `${first}${shown.length} of ${this.entries.length}${rest}; up to ${MOST} side by side with +`
       : "No episodes. Open a .smarts file, or drop one here.";
     this.note.textContent = this.hidden ? `${text}. ${this.hidden} more simulations run and are not shown.` : text;
   }

@@ -182,6 +182,7 @@ function entryOf(source: Source): Entry {
     policy: source.policy,
     why: "",
     error: "",
+    isUnread: false,
     isLive: true,
     isRunning: source.running,
   };

@@ -1,6 +1,6 @@
 /** What is open: recordings and simulations that run, as views with their clocks. */
 
-import { type Entry, fromFiles, findLibrary, type Library, NOTHING } from "./library";
+import { type Entry, findLibrary, fromFiles, type Library, listEpisodes, NOTHING } from "./library";
 import type { Place } from "./link";
 import { LiveFeed } from "./livefeed";
 import type { LiveState } from "./live";
@@ -78,6 +78,21 @@ export class Session {
     const wanted = place.episodes.filter((id) => known.includes(id));
     await this.open(wanted.length ? wanted : known.slice(0, library.isTogether ? MOST_VIEWS : 1), place);
     this.nameMissing(place.episodes, wanted);
+    if (library.entries.some((entry) => entry.isUnread)) void this.listAgain();
+  }
+
+  /** Asks for the list until the server has read all that is in it; without an answer, the list stays. */
+  async listAgain(): Promise<void> {
+    const { library } = this;
+    if (!library.isServed) return;
+    try {
+      do {
+        library.entries = await listEpisodes();
+        this.actions.listed();
+      } while (this.library === library && library.entries.some((entry) => entry.isUnread));
+    } catch {
+      // It is asked for again when the list is opened.
+    }
   }
 
   /** Says which episodes of a link are not opened; a simulation that it names may still come. */
