@@ -34,6 +34,8 @@ KEPT = 60.0
 """A simulation that is gone stays in the list for so long [s]."""
 _LISTED = 0.5
 """From one list of simulations to the next [s]."""
+_MOST_TEXT, _MOST_NUMBER = 500, (1 << 53) - 1
+"""In the list of simulations."""
 _POLICY, _TOO_BIG = 1008, 1009
 
 
@@ -127,8 +129,8 @@ class LiveHub:
         await socket.accept()
         self._start_listing()
         viewer = Viewer(socket)
-        self._viewers.add(viewer)
         viewer.put(self._list())
+        self._viewers.add(viewer)
         tasks = {asyncio.create_task(each(viewer)) for each in (self._listen, self._send)}
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -220,7 +222,7 @@ class LiveHub:
         if message["type"] == "unsent":
             publisher.unsent = min(max(0, int(message["count"])), MOST_REFUSED)
             return
-        number = str(message["source"])
+        number = _text(message["source"])
         if message["type"] == "begin":
             self._begin(number, message, publisher)
         elif number not in publisher.refused:
@@ -235,7 +237,7 @@ class LiveHub:
             return
         is_watched = any(viewer.follows(number) for viewer in self._viewers)
         if message["type"] == "frame":
-            source.step, source.is_running = int(message["step"]), True
+            source.step, source.is_running = _whole(message["step"]), True
             source.count(time.monotonic())
         elif message["type"] == "end":
             source.is_running = False
@@ -266,18 +268,19 @@ class LiveHub:
             raise RecordError("facts that are no numbers and no texts", place=number)
         if int(message["map"]) not in maps:
             raise RecordError(f"map {int(message['map'])} has not been sent", place=number)
-        encoder = LiveEncoder(maps[int(message["map"])], facts, number, int(message["serial"]))
-        about = {
-            "title": f"{facts['scenario']} {facts['traffic']} [{message['world']}]",
-            "scenario": str(facts["scenario"]),
-            "traffic": str(facts["traffic"]),
-            "policy": str(facts.get("policy", "")),
-            "host": str(message["host"]),
-            "pid": int(message["pid"]),
-            "world": int(message["world"]),
-            "episode": int(facts["episode"]),
-        }
         before = self._sources.get(number)
+        road_map, serial = maps[int(message["map"])], int(message["serial"])
+        encoder = LiveEncoder(road_map, facts, number, serial, before and before.encoder)
+        about = {
+            "title": _text(f"{facts['scenario']} {facts['traffic']} [{message['world']}]"),
+            "scenario": _text(facts["scenario"]),
+            "traffic": _text(facts["traffic"]),
+            "policy": _text(facts.get("policy", "")),
+            "host": _text(message["host"]),
+            "pid": _whole(message["pid"]),
+            "world": _whole(message["world"]),
+            "episode": _whole(facts["episode"]),
+        }
         self._sources[number] = source = Source(number, about, encoder)
         if before is not None:
             source.rate = before.rate
@@ -354,3 +357,20 @@ def checked_map(message: Any, origin: Any) -> Message:
         "origin": [x, y],
     }
     return {**checked, "digest": hashlib.sha256(pack(checked)).hexdigest()}
+
+
+def _text(value: Any) -> str:
+    """Return a text of the list, cut where it is long."""
+    return str(value)[:_MOST_TEXT]
+
+
+def _whole(value: Any) -> int:
+    """Return a number of the list.
+
+    Raises:
+        RecordError: JavaScript has no such number.
+    """
+    number = int(value)
+    if abs(number) > _MOST_NUMBER:
+        raise RecordError(f"the number {value!r:.40} is too large", place="a publisher")
+    return number

@@ -160,6 +160,8 @@ class ViewServer:
             ws="websockets-sansio",
             ws_max_size=MOST_BYTES,
             ws_per_message_deflate=True,
+            # The answer to a ping waits behind all that a slow viewer is to get first.
+            ws_ping_timeout=None,
             timeout_graceful_shutdown=1,
             lifespan="off",
             proxy_headers=False,

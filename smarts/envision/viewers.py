@@ -19,8 +19,6 @@ MOST_WAITING = 8 << 20
 """Bytes that wait for one viewer; beyond, all are dropped, and it gets a snapshot when it has caught up."""
 MOST_MAPS = 16
 """The last maps that a viewer was sent; it keeps as many, so that these need not be sent again."""
-STALLED = 30.0
-"""A viewer that takes nothing for so long is disconnected [s]."""
 MOST_REQUEST = 4096
 """Bytes of what a viewer sends."""
 _MOST_AGENT = (1 << 31) - 1
@@ -121,13 +119,13 @@ class Viewer:
         return number in self.request.watched and number not in self.owed and not self.is_stale
 
     async def send(self, packed: Packed) -> bool:
-        """Send a message; return whether the viewer has taken it.
+        """Send a message, however slowly the viewer takes it; return whether the viewer is still there.
 
-        The connection to a stalled viewer is dropped without a closing message.
+        The system ends the connection of one that takes nothing (`server._STANDSTILL`).
         """
         try:
-            await asyncio.wait_for(self.socket.send_bytes(self._bytes_of(packed)), STALLED)
-        except (TimeoutError, WebSocketDisconnect, RuntimeError):
+            await self.socket.send_bytes(self._bytes_of(packed))
+        except (WebSocketDisconnect, RuntimeError):
             return False
         return True
 

@@ -118,6 +118,10 @@ class EpisodePublisher:
         """Send what is due of a frame, before the next step overwrites it."""
         now, events, outlet = time.monotonic(), frame.events, self._outlet
         has_news = bool(np.count_nonzero(events.just_done) or np.count_nonzero(events.finished))
+        if outlet.is_open and frame.actions is not None:
+            actions = frame.actions
+            decided = frame.world.step[:, None] - 1 - actions.age
+            np.copyto(self._buffers.decided, decided, where=actions.fresh)
         is_due = outlet.is_open and (self._pace.is_due(now) or self._epoch != outlet.epoch)
         # Most steps end here.
         is_quiet = not (is_due or has_news or frame.starts or frame.failures or outlet.observed)
@@ -203,6 +207,7 @@ class EpisodePublisher:
         shown.epoch = -1
         shown.outcomes.clear()
         self._extras.forget(row)
+        self._buffers.decided[row] = UNSET
         shown.sight.begin()
 
     def _end(self, shown: _Row, is_complete: bool, remark: str) -> None:

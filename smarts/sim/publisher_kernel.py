@@ -10,7 +10,7 @@ from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.sim.recorder_kernel import take_agent, take_decision, take_vehicle
 from smarts.types.actions import Actions
-from smarts.types.agent_states import AgentStatus
+from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, VEHICLES
 from smarts.types.events import Contacts, Events
 from smarts.types.world import State
@@ -33,6 +33,8 @@ class Rows(NamedTuple):
     """How many rows of each of these are in use, shape (5,)."""
     named: Ints
     """Generation of the vehicle in each slot that was a newcomer once, 0 for none, shape (B, V)."""
+    decided: Ints
+    """Step of each agent's newest decision, UNSET where it was taken, shape (B, A)."""
 
     @classmethod
     def allocate(cls, capacity: int, worlds: int, lanes: int, agents: int) -> Rows:
@@ -45,6 +47,7 @@ class Rows(NamedTuple):
             np.zeros(capacity, np.int32),
             np.zeros(5, np.int32),
             np.zeros((worlds, capacity), np.int32),
+            np.full((worlds, agents), UNSET, np.int32),
         )
 
 
@@ -65,9 +68,11 @@ def take_row(state: State, out: Rows, events: Events, contacts: Contacts, action
         if agents.state[row, agent_id] not in (_VACANT, _WAITING) and agents.slot[row, agent_id] >= 0:
             take_agent(step, row, agent_id, agents, events, contacts, out.agent_states[out.used[1]])
             out.used[1] += 1
-        if actions.fresh[row, agent_id]:
-            decided = step - 1 - actions.age[row, agent_id]
+        if out.decided[row, agent_id] >= 0:
+            # The values stay where the action is not fresh any more.
+            decided = out.decided[row, agent_id]
             take_decision(decided, row, agent_id, agents, actions, out.decisions[out.used[2]])
+            out.decided[row, agent_id] = UNSET
             out.used[2] += 1
     for lane in range(state.signals.shape[1]):
         if state.signals[row, lane]:

@@ -131,9 +131,13 @@ class EpisodeEncoder:
         """Return an encoder for one more reader, which numbers and names vehicles as this one does."""
         origin = float(self._origin[0]), float(self._origin[1])
         other = EpisodeEncoder(self._map, origin, self._facts, self._stamp)
-        other._numbers, other._names, other._next = self._numbers, self._names, self._next
-        other._collided = set(self._collided)
+        other.number_as(self)
         return other
+
+    def number_as(self, other: EpisodeEncoder) -> None:
+        """Number and name vehicles as another encoder of the episode does."""
+        self._numbers, self._names, self._next = other._numbers, other._names, other._next
+        self._collided = set(other._collided)
 
     def end(self, is_complete: bool, remark: str) -> list[dict[str, Any]]:
         """Return the last message."""

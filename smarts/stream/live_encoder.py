@@ -44,13 +44,24 @@ class LiveEncoder:
         facts: Of the episode.
         source: Id of the simulation.
         serial: Of the episode.
+        before: The encoder that the simulation had before its process connected again.
     """
 
-    def __init__(self, road_map: Message, facts: Mapping[str, Any], source: str, serial: int) -> None:
+    def __init__(
+        self,
+        road_map: Message,
+        facts: Mapping[str, Any],
+        source: str,
+        serial: int,
+        before: LiveEncoder | None = None,
+    ) -> None:
         self.serial = serial
         x, y = road_map["origin"]
         self._stamp = {"source": source, "serial": serial}
         self._encoder = EpisodeEncoder(road_map, (x, y), facts, self._stamp)
+        if before is not None and before.serial == serial:
+            # Viewers know the vehicles of this episode by their numbers.
+            self._encoder.number_as(before._encoder)
         self._indicators = LiveIndicators(road_map, max(1e-3, float(facts.get("dt", 0.1))))
         self._static: dict[str, Columns] = {}
         self._outcomes: Columns = {}

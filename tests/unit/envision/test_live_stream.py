@@ -11,6 +11,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from smarts.envision import live, viewers
+from smarts.envision import server as server_module
 from smarts.stream.container import pack, unpack
 from smarts.stream.motion import motion_of
 from smarts.stream.road_map import map_message, origin_of
@@ -103,6 +104,20 @@ def test_a_late_viewer_gets_what_lasts_and_the_newest_frame(server):
         simulation.send(pack(frame(50)))
         (*_, moved) = until(browser, is_steps(50))
         assert motion_of(moved).number.tolist() == motion_of(found[-1]).number.tolist()
+
+
+def test_vehicles_keep_their_numbers_when_a_process_begins_an_episode_again(server):
+    with publisher(server) as simulation, viewer(server) as browser:
+        for message in (the_map(), begin(), frame(0)):
+            simulation.send(pack(message))
+        until(browser, is_listed(id="a"))
+        watch(browser, "a")
+        assert motion_of(until(browser, is_steps(0))[-1]).number.tolist() == [0, 1, 2]
+        vehicles, *others = frame(1)["rows"]
+        # What a publisher sends that has dropped messages; the first vehicle has gone meanwhile.
+        for message in (begin(), frame(1, rows=[vehicles[len(vehicles) // 3 :], *others])):
+            simulation.send(pack(message))
+        assert motion_of(until(browser, is_steps(1))[-1]).number.tolist() == [1, 2]
 
 
 def test_tables_that_last_are_sent_when_they_change(server):
@@ -219,6 +234,9 @@ def test_simulations_are_watched_one_by_one(server):
         lambda m: {"type": "map", "map": 0, "origin": [0, 0], "message": {"type": "episode"}},
         lambda m: {**begin("b"), "map": 7},
         lambda m: {**begin("b"), "facts": {"scenario": ["<script>"]}},
+        lambda m: begin("b", episode=1e300),
+        lambda m: {**begin("b"), "pid": 1e300},
+        lambda m: {**m, "step": 1e300},
     ],
 )
 def test_a_publisher_that_sends_damage_is_refused_and_the_others_stay(server, damage):
@@ -335,13 +353,18 @@ def test_the_server_survives_ten_thousand_damaged_messages(server):
         until(browser, is_steps(0))
 
 
-def test_a_stalled_viewer_does_not_stop_the_others(server, monkeypatch):
+def test_a_stalled_viewer_does_not_stop_the_others(monkeypatch):
     # However slow the machine is that tests.
-    monkeypatch.setattr(viewers, "STALLED", 600.0)
+    monkeypatch.setattr(server_module, "_STANDSTILL", 600_000)
     monkeypatch.setattr(viewers, "MOST_WAITING", 1 << 20)
     # One that does not read does not see the answers to its pings either.
     slow = {"max_queue": 1, "compression": None, "ping_interval": None}
-    with publisher(server) as simulation, viewer(server) as browser, viewer(server, **slow) as stalled:
+    with (
+        serving(live=True) as server,
+        publisher(server) as simulation,
+        viewer(server) as browser,
+        viewer(server, **slow) as stalled,
+    ):
         for message in (the_map(), begin(), frame(0)):
             simulation.send(pack(message))
         until(browser, is_listed(id="a"))
@@ -396,9 +419,10 @@ def test_a_viewer_that_asks_for_a_simulation_again_and_again_gets_each_frame_onc
         assert [step for step in steps if step] == [1, 2, 3, 4, 5]
 
 
-def test_a_viewer_that_takes_nothing_is_forgotten(server, monkeypatch):
-    monkeypatch.setattr(viewers, "STALLED", 0.2)
+def test_a_viewer_that_takes_nothing_is_forgotten(monkeypatch):
+    monkeypatch.setattr(server_module, "_STANDSTILL", 200)
     with (
+        serving(live=True) as server,
         publisher(server) as simulation,
         viewer(server, max_queue=1, compression=None, ping_interval=None) as stalled,
     ):

@@ -16,7 +16,7 @@ from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import SmartsError
-from smarts.sim import outlet, publisher
+from smarts.sim import outlet, publisher, publisher_pace
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.sim.options import ENVISION, Options
 from smarts.sim.outlet import Address
@@ -82,6 +82,22 @@ def test_an_environment_is_shown(server, env):
     states = found["agent_states"][-1]
     assert set(states["agent"]) <= {0, 1, 2, 3}
     assert "reward" in {name for extras in found["extras"] for name in extras["name"]}
+
+
+def test_decisions_between_two_frames_come_with_the_next_one(server, env, monkeypatch):
+    monkeypatch.setattr(publisher_pace, "SHORTEST", 0.2)
+    env.reset()
+    newest, checked, interval = {}, 0, 5
+    for message in messages(server):
+        env.step(KEEP)
+        key = message.get("source"), message.get("serial")
+        if message["type"] == "table" and message["name"] == "decisions":
+            newest[key] = max(columns_of(message)["step"])
+        elif message["type"] == "steps" and key in newest:
+            checked += 1
+            assert newest[key] == (int(motion_of(message).step[0]) - 1) // interval * interval
+        if checked == 20:
+            break
 
 
 def test_a_run_takes_few_bytes(server):
