@@ -10,6 +10,7 @@ import yaml
 
 from benchmark.experiment.runs import runs_of
 from benchmark.metrics import METRICS, join_tables, write_table
+from benchmark.report.against_paper import DEGENERATE
 from benchmark.results.files import write_versioned
 from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
 from benchmark.results.run_folder import FINISHED, RunFolder
@@ -143,6 +144,13 @@ def write_run(
         table.attrs = counts
         write_table(table, folder / "episodes.parquet")
     return folder
+
+
+def write_degenerate(root: Path, *names: str, traffic=ALONE) -> None:
+    """Write the tests of degenerate policies, all of whose agents collide."""
+    for name in names or DEGENERATE:
+        driven = agent_episodes([["collision"]] * 200, mode="scripted", task_traffic=traffic)
+        write_run(root, name, [driven], traffic=traffic, seed=-1)
 
 
 def finish_runs(experiment, root: Path, columns=None, **facts) -> RunFolder:

@@ -103,7 +103,7 @@ def check_traffic(
     typer.echo("\n".join(map(str, checks)) or "no scripted policy is named in a cell with social vehicles")
     not_asked = f"tasks are not checked: no cell has {' or '.join(ASKING)} among its scripted policies"
     typer.echo("\n" + ("\n".join(map(str, tasks)) or not_asked))
-    verdicts = [*(check.is_one for check in checks), *(task.passes for task in tasks)]
+    verdicts = [*(check.passes for check in checks), *(task.passes for task in tasks)]
     if not verdicts or not all_hold(verdicts):
         raise typer.Exit(1)
 
@@ -133,6 +133,7 @@ def compare(
     from benchmark.report.comparing import (
         compare_sides,
         differing_protocols,
+        only_one_has,
         read_side,
         runs_apart,
         with_distinct_names,
@@ -152,6 +153,8 @@ def compare(
     for side in (first, second):
         for line in side.left_out:
             typer.echo(f"note: left out: {side.name}: {line}", err=True)
+    for line in only_one_has(first, second):
+        typer.echo(f"note: left out: {line}", err=True)
     for line in runs_apart(first, second):
         typer.echo(f"note: {line}", err=True)
     if csv is not None:
@@ -173,6 +176,8 @@ def _shown(found: Frame) -> str:
 
 def _line(row: dict[Any, Any]) -> list[str]:
     """Return a row of `compare_sides` as text, in the order of `TITLES`; NaN differs from itself."""
+    from benchmark.report.values import p_text
+
     is_compared = row["corrected"] == row["corrected"]
     known = row["low"] == row["low"]
     return [
@@ -181,6 +186,6 @@ def _line(row: dict[Any, Any]) -> list[str]:
         f"[{row['low']:+z.3f}, {row['high']:+z.3f}]" if known else "no interval",
         str(row["pairs"]),
         f"{row['first_seeds']} / {row['second_seeds']}",
-        *(f"{row[name]:.3f}" if is_compared else "" for name in ("p_value", "corrected")),
+        *(p_text(row[name]) if is_compared else "" for name in ("p_value", "corrected")),
         row["better"] or ("tie" if is_compared else "not compared"),
     ]

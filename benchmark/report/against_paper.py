@@ -97,22 +97,18 @@ def _difference(ours: Value, theirs: float, level: float) -> tuple[float, float]
     return float(ends[0]), float(ends[1])
 
 
-def passing(
-    theirs: Sequence[Printed],
-    drivers: Sequence[str],
-    figures: Callable[[str], BothLevels | None],
-) -> tuple[str, ...]:
-    """Return the degenerate drivers that pass a cell of the paper.
+def degenerate_passes(
+    theirs: Sequence[Printed], figures: Callable[[str], BothLevels | None]
+) -> dict[str, bool | None]:
+    """Return for each degenerate driver whether it passes a cell of the paper; None if that is not known.
 
     Args:
         theirs: What the paper prints.
-        drivers: Scripted policies that were played.
-        figures: Returns a driver's two rates, None if it was not played in the cell.
+        figures: Returns a driver's two rates, None if its test in the cell is not finished.
     """
-    found = []
-    for driver in DEGENERATE:
-        rates = figures(driver) if driver in drivers else None
+    found: dict[str, bool | None] = {}
+    for driver in DEGENERATE if theirs else ():
+        rates = figures(driver)
         comparison = compare_with(theirs, *rates) if rates else None
-        if comparison is not None and comparison.word in PASSES:
-            found.append(driver)
-    return tuple(found)
+        found[driver] = comparison.word in PASSES if comparison else None
+    return found

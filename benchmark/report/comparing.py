@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import pandas as pd
 
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED
 from benchmark.metrics import METRICS, compare
+from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.metrics.results import Frame
 from benchmark.report.protocol import described, differing_scenarios, differing_trainings, protocol_of
 from benchmark.report.ranking import CELL
@@ -33,6 +34,8 @@ COLUMNS = (
     "better",
     "note",
 )
+DIFFERS = "differs"
+"""In place of the better side, for metrics that are neither better when higher nor when lower."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +130,8 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
 
     Returns:
         A row for each pair of algorithms, cell and metric, with `COLUMNS`; `better` is "" for a tie, and
-        where `p_value` is NaN, since they could not be compared. Seeds are how many of training a side has
-        in the cell; scripted policies have none.
+        where `p_value` is NaN, since they could not be compared; it is `DIFFERS` where a metric that only
+        describes differs. Seeds are how many of training a side has in the cell; scripted policies have none.
 
     Raises:
         ResultsError: There is nothing in common, or they are of several versions of the benchmark.
@@ -157,12 +160,19 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
     seeds = _training_seeds(table)
     cells = [*zip(found["pair"], *(found[name] for name in CELL), strict=True)]
     counts = {letter: [seeds.get((*cell, letter), 0) for cell in cells] for letter in sides}
+    differs = [
+        METRICS[name].better is None and corrected < SIGNIFICANCE
+        for name, corrected in zip(found["metric"], found["corrected"], strict=True)
+    ]
     return found.assign(
         first=names["A"],
         second=names["B"],
         first_seeds=counts["A"],
         second_seeds=counts["B"],
-        better=[names[wins][row] if wins else "" for row, wins in enumerate(found["wins"])],
+        better=[
+            names[wins][row] if wins else DIFFERS if differs[row] else ""
+            for row, wins in enumerate(found["wins"])
+        ],
     )[[*COLUMNS]]
 
 
@@ -196,6 +206,19 @@ def runs_apart(first: Side, second: Side) -> list[str]:
     scenarios = differing_scenarios((run, f"{side.name}: {run}") for side in sides for run in side.runs)
     trainings = [line for side in sides for line in differing_trainings(side.runs, f"{side.name}: ")]
     return scenarios + trainings
+
+
+def only_one_has(first: Side, second: Side) -> list[str]:
+    """Return a sentence for each algorithm and cell of which only one side has a finished run."""
+    pairs = _pairs(first, second)
+    return [*_only_first(first, second, dict(pairs)), *_only_first(second, first, {y: x for x, y in pairs})]
+
+
+def _only_first(side: Side, other: Side, counterparts: Mapping[str, str]) -> Iterator[str]:
+    there = {(run.algorithm, run.task, run.traffic) for run in other.runs}
+    for algorithm, *cell in dict.fromkeys((run.algorithm, run.task, run.traffic) for run in side.runs):
+        if (counterparts.get(algorithm), *cell) not in there:
+            yield f"{side.name}: {', '.join((algorithm, *cell))}: the other side has no such finished run"
 
 
 def _pairs(first: Side, second: Side) -> list[tuple[str, str]]:

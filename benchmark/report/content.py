@@ -7,11 +7,18 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from benchmark.experiment.runs import SCRIPTED
+from benchmark.experiment.runs import SCRIPTED, with_defaults
 from benchmark.metrics import METRICS
 from benchmark.metrics.results import Frame
-from benchmark.report.against_paper import ONE_SIDED, BothLevels, Comparison, compare_with, passing
+from benchmark.report.against_paper import (
+    ONE_SIDED,
+    BothLevels,
+    Comparison,
+    compare_with,
+    degenerate_passes,
+)
 from benchmark.report.paper import Printed, misprint, paper, printed
+from benchmark.report.protocol import protocol_of, unlike_runs
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
 from benchmark.report.seed_differences import with_seed_differences
 from benchmark.report.traffic_check import TrafficCheck, traffic_checks
@@ -23,7 +30,7 @@ from benchmark.report.values import (
     by_key,
     measure_cells,
 )
-from benchmark.results.reading import Results
+from benchmark.results.reading import Results, RunResult
 from benchmark.results.versions import check_one_version
 
 
@@ -45,20 +52,25 @@ class TableCell:
     misprint: str
     """Why the paper's figures look like a misprint and do not count, "" if they do not."""
     rank: int | None
-    """Among the learning algorithms of the column; None without another one to compare with."""
+    """Among the learning algorithms of the column with the same protocol; None without another one."""
     is_tied: bool
-    """Whether one that it was compared with has the same rank."""
+    """Whether one of the same rank is neither better nor worse."""
     is_without_traffic: bool = False
     """Whether it is a cell with social vehicles in name only, which therefore does not count."""
+    not_known: tuple[str, ...] = ()
+    """Degenerate drivers of which it is not known whether they pass, so that the cell does not count."""
+    unlike: str = ""
+    """Why its runs must not be averaged or compared, "" if they may be."""
 
     @property
     def counts(self) -> bool:
         """Whether the comparison with the paper says anything."""
-        return not (self.passed_by or self.misprint or self.is_without_traffic)
+        found = (self.passed_by, self.not_known, self.misprint, self.is_without_traffic, self.unlike)
+        return not any(found)
 
     @property
     def is_best(self) -> bool:
-        """Whether no other one of the column is better."""
+        """Whether it is ranked, and no other algorithm's checkpoints are better."""
         return self.rank == 1
 
 
@@ -78,18 +90,20 @@ class Report:
     results: Results
     values: Frame
     """Of `measure_cells`."""
-    one_sided: Frame
-    """The two rates with intervals whose ends are one-sided 95% ends."""
+    rates_at_90: Frame
+    """The two rates with 90% intervals, whose ends are one-sided 95% ends."""
     differences: dict[str, Frame]
     """By mode; of `benchmark.report.seed_differences.with_seed_differences`."""
+    unlike: dict[tuple[str, str, str], str]
+    """Of `benchmark.report.protocol.unlike_runs`."""
 
     @cached_property
     def _by_key(self) -> dict[Key, Value]:
         return by_key(self.values)
 
     @cached_property
-    def _one_sided_by_key(self) -> dict[Key, Value]:
-        return by_key(self.one_sided)
+    def _rates_at_90_by_key(self) -> dict[Key, Value]:
+        return by_key(self.rates_at_90)
 
     @cached_property
     def traffic_checks(self) -> list[TrafficCheck]:
@@ -98,9 +112,12 @@ class Report:
 
     @cached_property
     def modes(self) -> list[str]:
-        """Ways of acting that were tested, the main one first; one even if nothing was."""
+        """Ways of acting that were tested, the main one first; one even if nothing was.
+
+        That of scripted policies is one only where no algorithm learns.
+        """
         there = set(self.values["mode"])
-        return [mode for mode in MODES if mode in there] or [MODES[0]]
+        return [mode for mode in MODES if mode in there] or [MODES[0] if self.algorithms else SCRIPTED]
 
     @cached_property
     def algorithms(self) -> list[str]:
@@ -142,17 +159,18 @@ class Report:
         return any(self.printed(name, *column) for name in self.algorithms for column in self.columns)
 
     @cached_property
+    def protocols(self) -> dict[tuple[str, str, str], str]:
+        """Algorithm, task and traffic of finished trainings -> protocol."""
+        runs = [run for run in self.results.finished if not run.is_scripted]
+        return {(run.algorithm, run.task, run.traffic): protocol_of(run, self.results) for run in runs}
+
+    @cached_property
     def _unlike_paper(self) -> set[tuple[str, str]]:
-        """Pairs of task and traffic with agents of the zoo, or with learning agents in bubbles."""
-        return {
-            (run.task, run.traffic)
-            for run in self.results.runs
-            for name in ("social_agents", "learn_in_bubbles")
-            if (run.config.get("environment") or {}).get(name)
-        }
+        """Pairs of task and traffic with own scenarios, agents of the zoo, or learning agents in bubbles."""
+        return {(run.task, run.traffic) for run in self.results.runs if _is_unlike_paper(run)}
 
     def printed(self, algorithm: str, task: str, traffic: str) -> tuple[Printed, ...]:
-        """Return what the paper prints for a cell, nothing where other agents drive than in the paper."""
+        """Return what the paper prints for a cell, nothing where another task is driven than in the paper."""
         if (task, traffic) in self._unlike_paper:
             return ()
         return printed(algorithm, task, traffic)
@@ -178,12 +196,17 @@ class Report:
         return rows
 
     def _ranks(self, task: str, traffic: str, mode: str) -> dict[Any, Standing]:
-        entries = [
-            name
-            for name in self.algorithms
-            if self.value(name, task, traffic, mode, "completion_rate") is not None
-        ]
-        return ranks(of_cell(self.differences[mode], task, traffic), entries) if len(entries) > 1 else {}
+        """Return the ranks within each protocol."""
+        entries: dict[str, list[str]] = {}
+        for name in self.algorithms:
+            place = name, task, traffic
+            if self.value(*place, mode, "completion_rate") is not None and place not in self.unlike:
+                entries.setdefault(self.protocols[place], []).append(name)
+        differing = of_cell(self.differences[mode], task, traffic)
+        found: dict[Any, Standing] = {}
+        for names in entries.values():
+            found |= ranks(differing, names) if len(names) > 1 else {}
+        return found
 
     def _cell(
         self, name: str, task: str, traffic: str, mode: str, standings: dict[Any, Standing]
@@ -193,6 +216,7 @@ class Report:
         theirs = self.printed(name, task, traffic)
         ours = self._figures(name, task, traffic, mode)
         standing = standings.get(name)
+        degenerate = degenerate_passes(theirs, lambda driver: self._figures(driver, task, traffic, mode))
         return TableCell(
             task,
             traffic,
@@ -200,17 +224,19 @@ class Report:
             completion,
             theirs,
             compare_with(theirs, *ours) if ours else None,
-            passing(theirs, self.scripted, lambda driver: self._figures(driver, task, traffic, mode)),
+            tuple(driver for driver, passes in degenerate.items() if passes),
             misprint(name, task, traffic) if theirs else "",
             standing.rank if standing else None,
             standing is not None and standing.is_tied,
-            any((x.task, x.traffic, x.is_one) == (task, traffic, False) for x in self.traffic_checks),
+            any((x.task, x.traffic, x.passes) == (task, traffic, False) for x in self.traffic_checks),
+            tuple(driver for driver, passes in degenerate.items() if passes is None),
+            self.unlike.get((name, task, traffic), ""),
         )
 
     def _figures(self, name: str, task: str, traffic: str, mode: str) -> BothLevels | None:
         """Return collision and completion rate with intervals of both levels, None without a finished run."""
         ours = []
-        for values in (self._by_key, self._one_sided_by_key):
+        for values in (self._by_key, self._rates_at_90_by_key):
             for metric in reversed(RANKED_BY):
                 found = values.get((name, task, traffic, mode, metric))
                 ours.append(found or values.get((name, task, traffic, SCRIPTED, metric)))
@@ -227,10 +253,24 @@ class Report:
                     yield name, task, traffic, found
 
 
+def _is_unlike_paper(run: RunResult) -> bool:
+    environment = run.config.get("environment") or {}
+    has_others = any(environment.get(name) for name in ("social_agents", "learn_in_bubbles"))
+    return has_others or with_defaults({"scenarios": [run.task], **run.config})["scenarios"] != [run.task]
+
+
 def _ordered(names: Iterable[str], known: Iterable[str]) -> list[str]:
     there = set(names)
     first = [name for name in known if name in there]
     return [*first, *sorted(there - set(first))]
+
+
+def _with_reasons(values: Frame, unlike: dict[tuple[str, str, str], str]) -> Frame:
+    """Return values whose notes say why their runs must not be averaged or compared."""
+    places = zip(values["algorithm"], values["task"], values["traffic"], strict=True)
+    reasons = [unlike.get(place, "") for place in places]
+    notes = ["; ".join(filter(None, each)) for each in zip(values["note"], reasons, strict=True)]
+    return values.assign(note=notes)
 
 
 def make_report(results: Results) -> Report:
@@ -240,9 +280,9 @@ def make_report(results: Results) -> Report:
         ResultsError: Its runs are of several versions of the benchmark.
     """
     check_one_version(results.runs, str(results.root))
-    values = measure_cells(results.table)
-    table = results.table
-    report = Report(results, values, measure_cells(table, RANKED_BY, ONE_SIDED), {})
+    table, unlike = results.table, unlike_runs(results.runs)
+    values = _with_reasons(measure_cells(table), unlike)
+    report = Report(results, values, measure_cells(table, RANKED_BY, ONE_SIDED), {}, unlike)
     for mode in report.modes:
         report.differences[mode] = with_seed_differences(differences(table, mode), table, mode)
     return report

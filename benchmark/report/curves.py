@@ -66,7 +66,7 @@ def draw_curves(panels: Sequence[Any], report: Report, task: str, traffic: str) 
             and run.progress is not None
         ]
         for axes, column in zip(panels, SHOWN, strict=True):
-            _draw(axes, runs, column, algorithm)
+            _draw(axes, runs, column, algorithm, line(algorithm, report.algorithms))
     for axes, column in zip(panels, SHOWN, strict=True):
         axes.set_ylabel(TITLES[column])
         axes.grid(color="#e3e3e3", linewidth=0.6)
@@ -84,9 +84,8 @@ def _thousands(steps: float, _: Any) -> str:
     return f"{steps / 1000:g} k" if steps >= 1000 else f"{steps:g}"
 
 
-def _draw(axes: Any, runs: Sequence[Frame], column: str, algorithm: str) -> None:
+def _draw(axes: Any, runs: Sequence[Frame], column: str, algorithm: str, how: dict[str, Any]) -> None:
     steps, rows = seeds_curve(runs, column)
-    how = line(algorithm)
     if len(steps):
         # Where a seed is not there the mean is of something else, so there is none.
         axes.plot(steps, rows.mean(axis=0), label=label(algorithm), **how)

@@ -21,6 +21,7 @@ from benchmark.report.style import (
     new_figure,
     png,
 )
+from benchmark.report.wording import MODE_NOTES
 
 LEGEND_WIDTH = 1.45
 """Of an entry with the longest name [inches]."""
@@ -35,7 +36,7 @@ class Kind:
     """Of its file."""
     title: str
     note: str
-    """What one has to know to read it."""
+    """What one has to know to read it; {}: which episodes are shown."""
     size: tuple[float, float]
     """Of a cell's plot [inches]."""
     panels: int
@@ -49,7 +50,7 @@ KINDS = (
     Kind(
         "radar",
         "Behaviour",
-        "Greedy test episodes of the last checkpoint. All scales go from 0 to 1 in every plot; a gap is a"
+        "{} All scales go from 0 to 1 in every plot; a gap is a"
         " metric with nothing to measure. Diversity describes, more of it is not better.",
         (3.1, 2.75),
         1,
@@ -80,7 +81,7 @@ KINDS = (
     Kind(
         "outcomes",
         "Outcomes",
-        "Each agent-episode has one outcome; shares add up to 1.",
+        "{} Each agent-episode has one outcome; shares add up to 1.",
         (3.6, 2.4),
         1,
         None,
@@ -96,6 +97,11 @@ class Plot:
     title: str
     source: str
     """Data URI."""
+
+
+def note_of(kind: Kind, report: Report) -> str:
+    """Return what one has to know to read a kind of plot."""
+    return kind.note.format(MODE_NOTES[report.modes[0]])
 
 
 def cell_title(task: str, traffic: str) -> str:
@@ -152,7 +158,10 @@ def legend(kind: Kind, report: Report) -> list[tuple[str, str, str]]:
     if kind.name == "outcomes":
         shown = outcomes.shown_outcomes(report)
         return [(OUTCOME_COLOURS[name], "", outcomes.outcome_label(name)) for name in shown]
-    return [(colour(name), dash(name), label(name)) for name in report.algorithms]
+    return [
+        (colour(name, report.algorithms), dash(name, report.algorithms), label(name))
+        for name in report.algorithms
+    ]
 
 
 def _handles(kind: Kind, report: Report) -> list[Any]:
@@ -161,7 +170,8 @@ def _handles(kind: Kind, report: Report) -> list[Any]:
 
     if kind.name == "outcomes":
         return [Patch(color=shade, label=name) for shade, _, name in legend(kind, report)]
-    return [Line2D([], [], label=label(name), **line(name)) for name in report.algorithms]
+    names = report.algorithms
+    return [Line2D([], [], label=label(name), **line(name, names)) for name in names]
 
 
 def _panels(figure: Any, kind: Kind, columns: Sequence[tuple[str, str]], across: int = 1) -> list[list[Any]]:

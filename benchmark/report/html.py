@@ -11,7 +11,7 @@ from benchmark.metrics import METRICS
 from benchmark.report import overview, provenance, tables, wording
 from benchmark.report.content import Report, Row, TableCell
 from benchmark.report.episode_pages import EpisodeLinks
-from benchmark.report.figures import KINDS, draw_cells, legend
+from benchmark.report.figures import KINDS, draw_cells, legend, note_of
 from benchmark.report.paper import algorithm_label, task_differences, task_label, traffic_label
 from benchmark.report.robustness import Robustness
 from benchmark.report.style import data_uri
@@ -82,7 +82,7 @@ def report_page(
             {
                 "name": kind.name,
                 "title": kind.title,
-                "note": kind.note,
+                "note": note_of(kind, report),
                 "legend": legend(kind, report),
                 "cells": draw_cells(kind, report),
             }
@@ -97,6 +97,7 @@ def report_page(
         generalization_columns=tables.GENERALIZATION_COLUMNS.items(),
         differences=tables.difference_rows(report),
         difference_notes=tables.difference_notes(report),
+        best=wording.BEST,
         intervals=wording.INTERVALS,
         compared=wording.COMPARED,
         against_paper=wording.AGAINST_PAPER if report.has_paper else "",

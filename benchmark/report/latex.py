@@ -37,6 +37,7 @@ def main_table(report: Report, mode: str) -> str:
         f"% {wording.AGAINST_PAPER}",
         f"% {wording.INTERVALS}",
         f"% {wording.COMPARED}",
+        *(f"% {' '.join(line.split())}" for line in wording.standing(report)),
         r"\begin{tabular}{l" + "c" * len(columns) + "}",
         r"\toprule",
         " & ".join(["", *titles]).strip() + r" \\",

@@ -111,7 +111,7 @@ class Leaderboard:
     """By protocol and completion."""
     problems: tuple[str, ...]
     own_metrics: tuple[str, ...] = ()
-    """Users' own metrics that an experiment has measured; shown, and without a say in ranks."""
+    """Users' own metrics that an experiment has measured; they are shown, ranks do not depend on them."""
     submitted: tuple[Submitted, ...] = ()
     """Policies of releases and submissions that `smarts-bench verify` has evaluated."""
 
@@ -135,7 +135,7 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
             experiments[name] = read_results(root)
         finished = experiments[name].finished if name in experiments else ()
         submitted += read_submitted(root, name, finished)
-    parts = [_labelled(results, name) for name, results in experiments.items()]
+    parts = [_labelled(results, name) for name, results in experiments.items() if results.finished]
     table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"protocol": []})
     letters = {text: _letters(number) for number, text in enumerate(dict.fromkeys(table["protocol"]))}
     own = tuple(measure.name for measure in measured_in(table) if is_own_name(measure.name))
@@ -197,8 +197,7 @@ def _labelled(results: Results, name: str) -> Frame:
                 "is_scripted": run.is_scripted,
             }
             parts.append(table.assign(**labels, entry=f"{name}\n{run.algorithm}"))
-    empty = results.table.assign(experiment="", protocol="", is_scripted=False, entry="")
-    return pd.concat(parts, ignore_index=True) if parts else empty
+    return pd.concat(parts, ignore_index=True)
 
 
 def _letters(number: int) -> str:

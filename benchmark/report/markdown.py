@@ -8,7 +8,7 @@ from benchmark.metrics import METRICS
 from benchmark.report import overview, provenance, tables, wording
 from benchmark.report.content import Report, TableCell
 from benchmark.report.episode_pages import EpisodeLinks
-from benchmark.report.figures import KINDS
+from benchmark.report.figures import KINDS, note_of
 from benchmark.report.paper import algorithm_label, task_differences, task_label, traffic_label
 from benchmark.report.robustness import TITLE, Entry, Robustness
 from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, NOTE, PROFILE, PROFILE_NOTE, Summaries
@@ -35,7 +35,7 @@ def report_text(
     parts += wording.standing(report)
     gaps = provenance.gaps(results)
     if gaps:
-        parts += ["Missing from the tables:", "\n".join(f"- {place}: {reason}" for place, reason in gaps)]
+        parts += ["Notes:", "\n".join(f"- {place}: {reason}" for place, reason in gaps)]
     for mode in report.modes:
         parts += [f"## {wording.MODE_TITLES[mode]} episodes: collision rate / completion rate"]
         parts += [f"{wording.MODE_NOTES[mode]} {wording.BOLD}", _main_table(report, mode)]
@@ -55,7 +55,7 @@ def report_text(
     there = set(pictures)
     for kind in KINDS:
         if kind.name in there:
-            parts += [f"## {kind.title}", f"![{kind.title}]({kind.name}.png)", kind.note]
+            parts += [f"## {kind.title}", f"![{kind.title}]({kind.name}.png)", note_of(kind, report)]
     parts += ["## All metrics", *_metrics(report), "## Generalization", _generalization(report)]
     if robustness is not None and robustness.is_there:
         parts += [f"## {TITLE}", *_robustness(robustness)]

@@ -15,6 +15,8 @@ SHORT = {"completion_rate": "Goal", "collision_rate": "Collision"}
 """Names of the outcomes that the two rates are of."""
 LEAST_NAMED = 0.08
 """Shares below are drawn without their number."""
+WHOLE = 0.99
+"""Shares below add up to less than all outcomes."""
 
 
 def outcome_label(name: str) -> str:
@@ -47,8 +49,11 @@ def draw_outcomes(axes: Any, report: Report, task: str, traffic: str) -> None:
         texts = [f"{share:.2f}" if share >= LEAST_NAMED else "" for share in shares]
         axes.bar_label(bars, texts, label_type="center", fontsize=7, color="white")
         left += shares
-    for row in np.flatnonzero(left == 0.0).tolist():
-        axes.text(0.01, row, "no finished run", va="center", fontsize=7, color="#777777")
+    for row, name in enumerate(names):
+        is_finished = report.value(name, task, traffic, report.modes[0], "completion_rate") is not None
+        if left[row] < WHOLE:
+            text = "not measured" if is_finished else "no finished run"
+            axes.text(left[row] + 0.01, row, text, va="center", fontsize=7, color="#777777")
     axes.set_yticks(range(len(names)), [label(name) for name in names])
     axes.set_xlim(0.0, 1.0)
     axes.invert_yaxis()

@@ -78,7 +78,11 @@ def _less(
 ) -> str:
     """Return differences of rates, first minus second; empty where one is missing."""
     pairs = [*zip(rates(first), rates(second), strict=True)] if first and second else []
-    texts = [f"{one.value - other.value:+z.2f}" for one, other in pairs if one and other]
+    texts = [
+        f"{one.value - other.value:+z.2f}"
+        for one, other in pairs
+        if one and other and one.is_known and other.is_known
+    ]
     return " / ".join(texts)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from benchmark.experiment.own_code import code_names
@@ -23,6 +24,8 @@ PRESCRIBED = "of the version"
 """Budget and sharing as the benchmark's version prescribes them, which may differ by cell and algorithm."""
 OWN_SHARING = "each algorithm's own"
 """Which parameters agents share where the settings do not say."""
+SEEDS_DIFFER, SCENARIOS_DIFFER = "seeds were not trained alike", "scenarios differ between runs"
+"""Why a cell of the main table does not count."""
 
 
 def protocol_of(run: RunResult, results: Results) -> str:
@@ -61,17 +64,30 @@ def differing_scenarios(runs: Iterable[tuple[RunResult, str]]) -> list[str]:
     Args:
         runs: Each with its name.
     """
-    found: dict[tuple[str, str, str], dict[str, list[str]]] = {}
-    for run, called in runs:
-        for name, digest in run.scenarios.items() if run.table is not None else ():
-            found.setdefault((name, *_cell(run)), {}).setdefault(digest, []).append(called)
     return [
         f"The scenario {name} was not the same in all runs of {task}, {traffic}, which must not be compared: "
         + "; ".join(f"{digest} in {', '.join(names)}" for digest, names in versions.items())
         + "."
-        for (name, task, traffic), versions in sorted(found.items())
-        if len(versions) > 1
+        for (name, task, traffic), versions in sorted(_scenario_versions(runs).items())
     ]
+
+
+def _scenario_versions(
+    runs: Iterable[tuple[RunResult, str]],
+) -> dict[tuple[str, str, str], dict[str, list[str]]]:
+    """Return the runs by digest of each scenario, task and traffic that have several digests."""
+    found: dict[tuple[str, str, str], dict[str, list[str]]] = {}
+    for run, called in runs:
+        digests = run.scenarios if run.table is not None else {}
+        for name, digest in zip(_without_places([*digests]), digests.values(), strict=True):
+            found.setdefault((name, *_cell(run)), {}).setdefault(digest, []).append(called)
+    return {place: versions for place, versions in found.items() if len(versions) > 1}
+
+
+def _without_places(scenarios: Sequence[str]) -> list[str]:
+    """Return the names of scenarios without the paths of their folders, if these tell no two apart."""
+    names = [Path(each).name for each in scenarios]
+    return names if len({*names}) == len(names) else [*scenarios]
 
 
 def differing_trainings(runs: Iterable[RunResult], place: str = "") -> list[str]:
@@ -81,25 +97,40 @@ def differing_trainings(runs: Iterable[RunResult], place: str = "") -> list[str]
         runs: Of one experiment; unfinished ones are ignored.
         place: Before each run's name.
     """
+    return [
+        f"{place}{other} was not trained like seed {first.seed}, and must not be averaged with "
+        f"it: {differing}."
+        for first, other, differing in _differing_seeds(runs)
+    ]
+
+
+def _differing_seeds(runs: Iterable[RunResult]) -> Iterator[tuple[RunResult, RunResult, str]]:
+    """Yield the first run of a cell, one that was not trained like it, and what differs."""
     cells: dict[tuple[str, str, str], list[RunResult]] = {}
     for run in runs:
         if run.table is not None and run.config and not run.is_scripted and SUBMISSION not in run.facts:
             cells.setdefault((run.algorithm, *_cell(run)), []).append(run)
-    said = []
     for first, *others in (sorted(each, key=lambda run: run.seed) for each in cells.values()):
         for other in others:
             one, two = (_training(run) for run in (first, other))
             if differing := differing_values(comparable(one, two), comparable(two, one)):
-                said.append(
-                    f"{place}{other} was not trained like seed {first.seed}, and must not be averaged with "
-                    f"it: {differing}."
-                )
-    return said
+                yield first, other, differing
 
 
 def _training(run: RunResult) -> dict[str, Any]:
-    """Return all that a run's training depends on but its seed and where own code is."""
-    return with_defaults({name: each for name, each in run.config.items() if name not in ("seed", IMPORTS)})
+    """Return all that a run's training depends on but its seed and where own code and scenarios are.
+
+    What scenarios hold is for `differing_scenarios`.
+    """
+    content = with_defaults({name: x for name, x in run.config.items() if name not in ("seed", IMPORTS)})
+    return content | {"scenarios": _without_places(content.get("scenarios", []))}
+
+
+def unlike_runs(runs: Sequence[RunResult]) -> dict[tuple[str, str, str], str]:
+    """Return why runs must not be averaged or compared, by algorithm, task and traffic; see the above."""
+    found = {(run.algorithm, *_cell(run)): SEEDS_DIFFER for _, run, _ in _differing_seeds(runs)}
+    cells = {(task, traffic) for _, task, traffic in _scenario_versions((run, "") for run in runs)}
+    return found | {(run.algorithm, *_cell(run)): SCENARIOS_DIFFER for run in runs if _cell(run) in cells}
 
 
 def _code_of_environment(run: RunResult) -> dict[str, str]:

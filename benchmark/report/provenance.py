@@ -47,8 +47,8 @@ RUN_COLUMNS = {
     "training": "Wall-clock time of training",
     "steps/s": "Agent-steps per second of training, learning included",
     "test": "Wall-clock time of the test",
-    "begun": "As the machine's clock had it",
-    "ended": "As the machine's clock had it",
+    "begun": "By the machine's clock",
+    "ended": "By the machine's clock",
 }
 """Title and meaning of the columns of the table of runs."""
 
@@ -195,9 +195,9 @@ def gaps(results: Results) -> list[tuple[str, str]]:
             seeds.append(run.seed)
     tasks: dict[tuple[str, str, str], list[str]] = {}
     for (algorithm, reason, task, traffic), seeds in by_cell.items():
-        who = algorithm + (f", {listed('seed', seeds)}" if seeds else "")
-        tasks.setdefault((who, traffic, reason), []).append(task)
-    runs = [(f"{who}, {', '.join(each)}, {traffic}", why) for (who, traffic, why), each in tasks.items()]
+        label = algorithm + (f", {listed('seed', seeds)}" if seeds else "")
+        tasks.setdefault((label, traffic, reason), []).append(task)
+    runs = [(f"{label}, {', '.join(each)}, {traffic}", why) for (label, traffic, why), each in tasks.items()]
     episodes = [(f"episode {name}", reason) for name, reason in results.counts["corrupted"].items()]
     return [*runs, *results.problems.items(), *episodes]
 

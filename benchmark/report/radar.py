@@ -65,7 +65,7 @@ def _draw(axes: Any, report: Report, task: str, traffic: str, names: Sequence[st
     for algorithm in report.algorithms:
         found = [report.value(algorithm, task, traffic, report.modes[0], name) for name in names]
         radii = [_radius(value) for value in found]
-        _draw_line(axes, angles, radii, line(algorithm), label(algorithm))
+        _draw_line(axes, angles, radii, line(algorithm, report.algorithms), label(algorithm))
 
 
 def _axis_label(name: str) -> str:

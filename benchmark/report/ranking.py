@@ -29,7 +29,7 @@ class Standing:
 
     rank: int
     is_tied: bool
-    """Whether one that it was compared with has the same rank."""
+    """Whether one of the same rank is neither better nor worse."""
 
 
 def differences(
@@ -68,18 +68,20 @@ def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Stand
         entries: To be ranked.
     """
     decided = _decided(differing, entries)
-    met: dict[Hashable, set[Hashable]] = {entry: set() for entry in entries}
+    undecided: dict[Hashable, set[Hashable]] = {entry: set() for entry in entries}
     better = dict.fromkeys(entries, 0)
     for (first, second), wins in decided.items():
-        met[first].add(second)
-        met[second].add(first)
         winner = next(filter(None, map(wins.get, RANKED_BY)), None)
-        if winner is not None:
+        if winner is None:
+            undecided[first].add(second)
+            undecided[second].add(first)
+        else:
             better[second if winner == first else first] += 1
-    ranked = [entry for entry in entries if met[entry] or len(entries) == 1]
+    met = {entry for pair in decided for entry in pair}
     return {
-        entry: Standing(1 + better[entry], any(better[other] == better[entry] for other in met[entry]))
-        for entry in ranked
+        entry: Standing(1 + better[entry], any(better[other] == better[entry] for other in undecided[entry]))
+        for entry in entries
+        if entry in met or len(entries) == 1
     }
 
 

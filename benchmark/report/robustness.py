@@ -30,7 +30,8 @@ NOTE = (
     "Nothing was trained further: the last checkpoints act greedily in the first test episodes, at equal "
     "starts in equal traffic. A cell is the collision / completion rate of the row's policy alone, with 95% "
     "intervals of these checkpoints. Below it: what is better or worse than in the policy's own test, paired "
-    "at equal starts; p-values are corrected after Holm over cells, policies and both rates."
+    "at equal starts; p-values are corrected after Holm over cells, policies and both rates, those of means "
+    "over partners (XP) in a family of their own."
 )
 CROSS_PLAY = (
     "Cross-play: the policy drives every second agent and the column's partner the others, in both "
@@ -50,7 +51,6 @@ COLUMNS = (
     *("difference", "difference_low", "difference_high", "p_value", "corrected", "change", "note"),
 )
 _PLAYED, _TEST = "a played", "b test"
-_CHANGES = ("difference", "difference_low", "difference_high", "p_value")
 
 
 @dataclass(frozen=True)

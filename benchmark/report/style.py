@@ -1,10 +1,11 @@
-"""The look of the plots: the same colour for an algorithm in every report."""
+"""The look of the plots: the same colour for an algorithm of the registry in every report."""
 
 from __future__ import annotations
 
 import base64
 import io
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from algorithms.registry import ALGORITHMS
@@ -46,30 +47,37 @@ _LONG_NUMBER = re.compile(r"(\d\.\d\d)\d+")
 """Coordinates to a hundredth of a point are finer than any screen."""
 
 
-def _number(name: str) -> int:
-    known = [*paper()["algorithms"], *(each for each in ALGORITHMS if each not in paper()["algorithms"])]
-    return known.index(name) if name in known else len(known)
+def _number(name: str, among: Sequence[str] = ()) -> int:
+    """Return an algorithm's number; those that the registry does not know follow by their place."""
+    known = dict.fromkeys([*paper()["algorithms"], *ALGORITHMS, *among])
+    return [*known].index(name)
 
 
-def colour(name: str) -> str:
-    """Return the colour of an algorithm."""
-    return PALETTE[_number(name) % len(PALETTE)]
+def colour(name: str, among: Sequence[str] = ()) -> str:
+    """Return the colour of an algorithm.
+
+    Args:
+        name: Of the algorithm.
+        among: All algorithms of the report.
+    """
+    return PALETTE[_number(name, among) % len(PALETTE)]
 
 
-def line(name: str) -> dict[str, Any]:
-    """Return how matplotlib draws an algorithm's line."""
-    return {"color": colour(name), "linestyle": DASHES[_dash(name)], "linewidth": 1.6}
+def line(name: str, among: Sequence[str] = ()) -> dict[str, Any]:
+    """Return how matplotlib draws an algorithm's line; see `colour`."""
+    shade = colour(name, among)
+    return {"color": shade, "linestyle": DASHES[_dash(name, among)], "linewidth": 1.6}
 
 
-def dash(name: str) -> str:
-    """Return an algorithm's dashes as SVG has them."""
-    given = DASHES[_dash(name)]
+def dash(name: str, among: Sequence[str] = ()) -> str:
+    """Return an algorithm's dashes as SVG has them; see `colour`."""
+    given = DASHES[_dash(name, among)]
     return "none" if isinstance(given, str) else " ".join(f"{2 * each:g}" for each in given[1])
 
 
-def _dash(name: str) -> int:
+def _dash(name: str, among: Sequence[str] = ()) -> int:
     # The next dashes each time the colours repeat.
-    turn, place = divmod(_number(name), len(PALETTE))
+    turn, place = divmod(_number(name, among), len(PALETTE))
     return (place + turn) % len(DASHES)
 
 

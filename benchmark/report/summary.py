@@ -6,6 +6,7 @@ The unit is a training seed in a cell; its scores are its completion and its non
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -46,11 +47,12 @@ IMPROVEMENT_COLUMNS = {
 NOTE = (
     "Over all cells, of the algorithms that have finished the same number of training seeds in each of them. "
     "95% intervals: 2,000 resamples of training seeds within each cell (rliable's definitions, Agarwal et "
-    "al., 2021). With three seeds a cell has ten distinct resamples, and their intervals are too narrow; "
-    "with one there is none. IQM: interquartile mean."
+    "al., 2021). With two seeds a cell has three distinct resamples, with three it has ten: such intervals "
+    "are too narrow, and of no width where seeds agree; with one seed there is none. IQM: interquartile mean."
 )
 PROFILE_NOTE = (
-    "Share of training seeds and cells with a completion rate above a threshold; band: 95%, pointwise."
+    "Share of training seeds and cells with a completion rate above a threshold; band: 95%, "
+    "pointwise, of 500 resamples."
 )
 
 
@@ -60,6 +62,8 @@ class Summaries:
 
     scores: dict[str, dict[str, Floats]]
     """Score -> algorithm -> values, shape (seeds, cells)."""
+    among: Sequence[str] = ()
+    """All algorithms of the report, by which colours are chosen."""
 
     @property
     def algorithms(self) -> list[str]:
@@ -101,7 +105,7 @@ def summaries_of(report: Report) -> Summaries:
             values = _by_seed_and_cell(kept[kept["algorithm"] == name], column, report.columns)
             if values is not None:
                 found[score][name] = 1.0 - values if is_loss else values
-    return Summaries(found)
+    return Summaries(found, report.algorithms)
 
 
 def _by_seed_and_cell(rows: Frame, column: str, cells: list[tuple[str, str]]) -> Floats | None:
@@ -133,10 +137,11 @@ def draw_profile(summaries: Summaries) -> bytes:
         axes = figure.add_subplot()
         profile = partial(performance_profile, thresholds=THRESHOLDS)
         for name, values in summaries.scores["completion"].items():
-            axes.plot(THRESHOLDS, profile(values), label=label(name), **line(name))
+            how = line(name, summaries.among)
+            axes.plot(THRESHOLDS, profile(values), label=label(name), **how)
             if len(values) > 1:
                 low, high = stratified_interval(profile, stream(0, Purpose.RESAMPLING), values, repeats=500)
-                axes.fill_between(THRESHOLDS, low, high, color=line(name)["color"], alpha=0.12, linewidth=0)
+                axes.fill_between(THRESHOLDS, low, high, color=how["color"], alpha=0.12, linewidth=0)
         axes.set_xlabel("Completion rate")
         axes.set_ylabel("Share of runs above it")
         axes.set_xlim(0.0, 1.0)

@@ -9,9 +9,10 @@ from typing import Any
 
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics import METRICS
+from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.report.values import MODES
+from benchmark.report.values import MODES, p_text
 from benchmark.report.wording import pairs_notes
 
 GENERALIZATION_COLUMNS = {
@@ -42,8 +43,6 @@ DIFFERENCE_COLUMNS = {
     "starts": "Distinct ones that both have played: the unit of comparison",
     "better": "Whose figure is better",
 }
-LEAST_P = 0.001
-"""Smaller p-values are not told apart."""
 
 
 @dataclass(frozen=True)
@@ -152,9 +151,11 @@ def difference_notes(report: Report) -> list[str]:
         found = report.differences[mode]
         decided, unknown = int((found["wins"] != "").sum()), int(found["corrected"].isna().sum())
         ties = len(found) - decided - unknown
+        by_seeds = found.loc[found["wins"] != "", "seeds_corrected"].dropna()
         said.append(
-            f"{mode.capitalize()}: {decided} differences are decided, {ties} are ties,"
-            f" {unknown} could not be compared."
+            f"{mode.capitalize()}: {decided} differences are decided, of them with training seeds as the unit "
+            f"{int((by_seeds < SIGNIFICANCE).sum())} of the {len(by_seeds)} that have one; {ties} are ties, "
+            f"{unknown} could not be compared."
         )
         said += [f"In some, {note}." for note in pairs_notes(found["note"])]
     return said
@@ -170,10 +171,10 @@ def _differences(report: Report) -> Iterator[list[str]]:
             algorithm_label(row["second"]),
             f"{row['value']:+z.2f}" if math.isfinite(row["value"]) else "n/a",
             _ends(row["low"], row["high"]),
-            *(_p_text(row[name]) for name in ("p_value", "corrected")),
+            *(p_text(row[name]) for name in ("p_value", "corrected")),
             _seeds(report, row),
             _ends(row["seeds_low"], row["seeds_high"]),
-            _p_text(row["seeds_corrected"]),
+            p_text(row["seeds_corrected"]),
             str(row["pairs"]),
             algorithm_label(row["wins"]) if row["wins"] else "",
         ]
@@ -182,13 +183,6 @@ def _differences(report: Report) -> Iterator[list[str]]:
 def _ends(low: float, high: float) -> str:
     """Return an interval of a difference as it is shown, empty without one."""
     return f"[{low:+z.2f}, {high:+z.2f}]" if math.isfinite(low) else ""
-
-
-def _p_text(value: float) -> str:
-    """Return a p-value as it is shown, empty without one."""
-    if not math.isfinite(value):
-        return ""
-    return f"{value:.3f}" if value >= LEAST_P else f"< {LEAST_P:g}"
 
 
 def _seeds(report: Report, row: dict[str, Any]) -> str:

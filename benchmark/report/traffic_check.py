@@ -46,8 +46,8 @@ class TrafficCheck:
         return self.share >= LEAST_SHARE if math.isfinite(self.share) else None
 
     @property
-    def is_one(self) -> bool | None:
-        """Whether it is a cell with social vehicles in effect: both hold. None if that is not known."""
+    def passes(self) -> bool | None:
+        """Whether both hold; None if that is not known."""
         return all_hold((self.collides, self.meets))
 
     def __str__(self) -> str:
@@ -56,7 +56,7 @@ class TrafficCheck:
         )
         share = f"{self.share:.2f}" if math.isfinite(self.share) else "not measured"
         return (
-            f"{self.task}, {self.traffic}: {VERDICTS[self.is_one]}; collisions against empty roads: "
+            f"{self.task}, {self.traffic}: {VERDICTS[self.passes]}; collisions against empty roads: "
             f"{differences or 'not played'}; {RULE_BASED} meets social vehicles in: {share}"
         )
 

@@ -25,6 +25,8 @@ OUTCOMES = (
     *(name for name in METRICS if name.startswith("ended_")),
 )
 """Metrics that are shares of outcomes and add up to 1."""
+LEAST_P = 0.001
+"""Smaller p-values are not told apart."""
 TEST_EPISODES = "the test episodes"
 """What the interval of a scripted policy covers."""
 THESE_CHECKPOINTS = "these checkpoints"
@@ -140,6 +142,13 @@ def measure_cells(table: Frame, metrics: Sequence[str] = (), level: float = LEVE
 def csv_number(number: float) -> str:
     """Return a number as CSV files have it: six figures, and no negative zero."""
     return f"{number:z.6g}"
+
+
+def p_text(value: float) -> str:
+    """Return a p-value as it is shown everywhere, empty without one."""
+    if not math.isfinite(value):
+        return ""
+    return f"{value:.3f}" if value >= LEAST_P else f"< {LEAST_P:g}"
 
 
 def by_key(rows: Frame) -> dict[Key, Value]:

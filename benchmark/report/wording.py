@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 
-from benchmark.report.against_paper import DEGENERATE, NON_INFERIOR, PASSES, WORDS
+from benchmark.experiment.runs import SCRIPTED, with_defaults
+from benchmark.experiment.version import ENVIRONMENT, versions
+from benchmark.report.against_paper import NON_INFERIOR, PASSES, WORDS
 from benchmark.report.content import Report, TableCell
 from benchmark.report.paper import (
     Printed,
@@ -14,13 +17,15 @@ from benchmark.report.paper import (
     task_label,
     traffic_label,
 )
-from benchmark.report.protocol import differing_scenarios, differing_trainings
+from benchmark.report.protocol import described, differing_scenarios, differing_trainings
 from benchmark.report.versions import version_lines
+from benchmark.results.plurals import counted
 
-MODE_TITLES = {"greedy": "Greedy", "sampled": "Sampled", "scripted": "Scripted"}
+MODE_TITLES = {"greedy": "Greedy", "sampled": "Sampled", SCRIPTED: "Scripted"}
 MODE_NOTES = {
     "greedy": "Test episodes of the last checkpoint, with the most probable action.",
     "sampled": "Test episodes of the last checkpoint, which draws its actions, as the paper's rollouts did.",
+    SCRIPTED: "Test episodes of scripted policies, which act in one way.",
 }
 BELOW_CELLS = "Below each cell: 95% intervals, training seeds and test episodes."
 BELOW_CELLS_WITH_PAPER = (
@@ -51,7 +56,8 @@ AGAINST_PAPER = (
     "interval of d excludes 0. Non-inferior: the one-sided 95% pessimistic end is within 0.075. Worse: the "
     "two-sided interval is on the wrong side of 0. Else undecided. A cell has the weaker word of its two "
     "figures. Not counted: cells that random, keep-lane or parked driving passes (better or non-inferior), "
-    "cells with social vehicles that hardly differ from those without, and figures that look like misprints."
+    "or of which that is not known; cells with social vehicles that hardly differ from those without; "
+    "figures that look like misprints; runs that must not be averaged or compared."
 )
 COUNTERPARTS = (
     "The tasks of version 1 are not the paper's, whose figures stand beside them: agents meet slow vehicles "
@@ -64,7 +70,8 @@ TASK_DIFFERENCES = {
     "version 1": "In the tasks of version 1",
 }
 TASK_DIFFERENCES_TITLE = "Differences from the paper's tasks"
-BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
+BEST = "no other learning algorithm's checkpoints are better"
+BOLD = f"Bold: in the column, {BEST} (rank 1)."
 SAME_TASK = "hardly differs from the cell without social vehicles"
 NO_RUN = "no finished run"
 
@@ -111,9 +118,15 @@ def not_counted(cell: TableCell) -> str:
 
 
 def _reasons(cell: TableCell) -> list[str]:
-    names = ", ".join(map(algorithm_label, cell.passed_by))
-    traffic = SAME_TASK if cell.is_without_traffic else ""
-    return [*filter(None, (f"{names} passes" if names else "", traffic, cell.misprint))]
+    passed, not_known = (", ".join(map(algorithm_label, x)) for x in (cell.passed_by, cell.not_known))
+    reasons = (
+        f"{passed} passes" if passed else "",
+        f"not known whether {not_known} passes" if not_known else "",
+        SAME_TASK if cell.is_without_traffic else "",
+        cell.misprint,
+        cell.unlike,
+    )
+    return [*filter(None, reasons)]
 
 
 def mark_meaning(cell: TableCell) -> str:
@@ -122,19 +135,19 @@ def mark_meaning(cell: TableCell) -> str:
         return ""
     gaps = [
         f"{gap.name} {gap.value:+z.2f} [{gap.low:+z.2f}, {gap.high:+z.2f}], "
-        f"gain from {gap.gain:+z.3f}: {gap.word}"
+        f"better by at least {gap.gain:+z.3f}: {gap.word}"
         for gap in cell.comparison.gaps
     ]
     return f"Ours minus the paper's: {'; '.join(gaps)}"
 
 
 def count(cell: TableCell) -> str:
-    """Return seeds, episodes and whether intervals are of one checkpoint; empty without a finished run."""
+    """Return seeds, episodes, and what is to be known of them; empty without a finished run."""
     found = cell.completion
     if found is None:
         return ""
-    label = f"; {found.label}" if found.is_of_checkpoints else ""
-    return f"{', '.join(filter(None, (found.seeds_text, f'{found.episodes} episodes')))}{label}"
+    counts = ", ".join(filter(None, (found.seeds_text, counted(found.episodes, "episode"))))
+    return "; ".join(filter(None, (counts, found.label if found.is_of_checkpoints else "", cell.unlike)))
 
 
 def rank_text(cell: TableCell) -> str:
@@ -156,16 +169,57 @@ def standing(report: Report) -> list[str]:
     """
     runs = report.results.runs
     sentences = version_lines(runs) + differing_scenarios((run, str(run)) for run in runs)
-    sentences += differing_trainings(runs)
-    doubts = {False: "Not", None: "Not known to be"}
+    sentences += differing_trainings(runs) + _protocols(report)
+    doubts = {False: "Social vehicles hardly matter in", None: "Not known whether social vehicles matter in"}
     sentences += [
-        f"{doubts[check.is_one]} a cell with social vehicles in effect: {check}."
+        f"{doubts[check.passes]} {check}."
         for check in report.traffic_checks
-        if check.is_one is False or (check.is_one is None and report.has_paper)
+        if check.passes is False or (check.passes is None and report.has_paper)
     ]
+    sentences += _environments(report)
     if has_counterparts(report):
         sentences.append(COUNTERPARTS)
     return sentences + [line for mode in report.modes for line in _against_paper(report, mode)]
+
+
+def _protocols(report: Report) -> list[str]:
+    """Return in which cells the protocols of algorithms differ, and in what."""
+    said: dict[str, list[str]] = {}
+    for column in report.columns:
+        entries: dict[str, list[str]] = {}
+        for (name, *cell), protocol in report.protocols.items():
+            if (*cell,) == column:
+                entries.setdefault(protocol, []).append(algorithm_label(name))
+        if len(entries) > 1:
+            parts = zip(entries.values(), described([*entries]), strict=True)
+            text = "; ".join(f"{', '.join(sorted(names))}: {what}" for names, what in parts)
+            said.setdefault(text, []).append(_place(*column))
+    return [
+        f"Ranks hold within one protocol only, and there are several in {'; '.join(cells)}: {text}."
+        for text, cells in said.items()
+    ]
+
+
+def _environments(report: Report) -> list[str]:
+    """Return in what the environment of runs beside the paper's figures is not that of the paper's tasks."""
+    said: dict[str, list[str]] = {}
+    for run in report.results.finished:
+        if run.is_scripted or not report.printed(run.algorithm, run.task, run.traffic):
+            continue
+        is_version_1 = counterpart(run.task) != run.task
+        usual = versions()[1][ENVIRONMENT] if is_version_1 else {}
+        both = (
+            with_defaults({ENVIRONMENT: x})[ENVIRONMENT] for x in (run.config.get(ENVIRONMENT, {}), usual)
+        )
+        found, rebuilt = described([json.dumps(each, sort_keys=True) for each in both])
+        if found != rebuilt:
+            text = f"driven with {found}, where the tasks after the paper have {rebuilt}"
+            said.setdefault(text, []).append(_place(run.task, run.traffic))
+    return [f"{'; '.join(dict.fromkeys(cells))}: {text}." for text, cells in said.items()]
+
+
+def _place(task: str, traffic: str) -> str:
+    return f"{task_label(task)}, {traffic_label(traffic)}"
 
 
 def _against_paper(report: Report, mode: str) -> list[str]:
@@ -173,23 +227,20 @@ def _against_paper(report: Report, mode: str) -> list[str]:
     every = [(row, cell) for row in report.main_table(mode) for cell in row.cells if mark(cell)]
     if not every:
         return []
-    counted = [mark(cell) for _, cell in every if cell.counts]
-    passed = sum(word in PASSES for word in counted)
-    words = ", ".join(f"{word} in {counted.count(word)}" for word in reversed(WORDS))
-    title, share = MODE_TITLES[mode], f"{passed} of {len(counted)} cells that count"
+    found = [mark(cell) for _, cell in every if cell.counts]
+    passed = sum(word in PASSES for word in found)
+    words = ", ".join(f"{word} in {found.count(word)}" for word in reversed(WORDS))
+    title, share = MODE_TITLES[mode], f"{passed} of {len(found)} cells that count"
     lines = [f"{title}: better than or {NON_INFERIOR} to the paper in {share} ({words})."]
     left_out: dict[tuple[str, str], list[str]] = {}
     for row, cell in every:
         if not cell.counts:
-            place = f"{task_label(cell.task)}, {traffic_label(cell.traffic)}"
+            place = _place(cell.task, cell.traffic)
             named = left_out.setdefault((place, ", ".join(_reasons(cell))), [])
             named.append(algorithm_label(row.algorithm))
     if left_out:
-        told = [f"{place}: {', '.join(named)} ({reason})" for (place, reason), named in left_out.items()]
-        lines.append(f"{title}: not counted: {'; '.join(told)}.")
-    absent = ", ".join(name for name in DEGENERATE if name not in report.scripted)
-    if absent:
-        lines.append(f"{title}: not played, so it is not known whether they pass cells: {absent}.")
+        named = [f"{place}: {', '.join(names)} ({reason})" for (place, reason), names in left_out.items()]
+        lines.append(f"{title}: not counted: {'; '.join(named)}.")
     return lines
 
 

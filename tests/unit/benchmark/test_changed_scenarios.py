@@ -190,6 +190,18 @@ def test_seeds_that_were_not_trained_alike_are_named(tmp_path):
     assert runs_apart(read_side(tmp_path / "ppo"), read_side(tmp_path / "dqn")) == others
 
 
+@pytest.mark.parametrize("is_same", [True, False])
+def test_a_scenario_that_has_moved_is_the_same_if_its_digest_is(tmp_path, is_same):
+    write_experiment(tmp_path, seeds=[1, 2])
+    for seed, place, digest in ((1, "/here/mine", "one"), (2, "/there/mine", "one" if is_same else "two")):
+        run = write_run(tmp_path, "ppo", table(), seed=seed, scenarios={place: digest})
+        config = yaml.safe_load((run / "config.yaml").read_text())
+        (run / "config.yaml").write_text(yaml.safe_dump(config | {"scenarios": [place]}))
+    text = text_of(tmp_path)
+    assert "was not trained like" not in text
+    assert ("The scenario mine was not the same in all runs" in text) is not is_same
+
+
 def test_seeds_of_other_own_code_are_named_and_such_experiments_are_ranked_apart(tmp_path):
     for name in "ab":
         write_experiment(tmp_path / name)

@@ -70,6 +70,17 @@ def test_families_of_corrections():
     assert rest["corrected"].min() == pytest.approx(6 * rest["p_value"].min())
 
 
+def test_a_tie_is_of_entries_between_which_nothing_is_decided():
+    """A is better than B and C than A; nothing is decided between B and C."""
+    rows = [("A", "B", 0.01, "A"), ("A", "C", 0.01, "C"), ("B", "C", 0.5, "")]
+    names = ("first", "second", "corrected", "wins")
+    table = pd.DataFrame([dict(zip(names, row, strict=True)) for row in rows])
+    found = ranks(table.assign(metric="completion_rate"), ["A", "B", "C"])
+    assert {name: (each.rank, each.is_tied) for name, each in found.items()} == {
+        **{"A": (2, False), "B": (2, False), "C": (1, False)},
+    }
+
+
 def test_who_cannot_be_compared_has_no_rank():
     far = agent_episodes(GOOD, algorithm="c", training_seed=1)
     far["start_x"] += 1000.0

@@ -2,6 +2,7 @@
 
 import csv
 
+import numpy as np
 import pytest
 import yaml
 from typer.testing import CliRunner
@@ -186,6 +187,39 @@ def test_the_page_of_nothing(tmp_path):
     page = tmp_path / "page.html"
     write_leaderboard([tmp_path / "one"], page, "greedy")
     assert "1 of 1 runs are not finished" in page.read_text()
+
+
+def test_an_experiment_of_which_nothing_is_finished_is_noted_beside_others(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": BAD})
+    write_experiment(tmp_path / "two")
+    board = make_leaderboard([one, tmp_path / "two"])
+    assert {(place.algorithm, place.rank) for place in board.places} == {("ppo", 1), ("dqn", 2)}
+    assert board.problems == ("two: 1 of 1 runs are not finished",)
+
+
+def test_metrics_that_only_describe_differ_or_do_not(tmp_path):
+    write_experiment(tmp_path)
+    for name, least, slope in (("ppo", 1, 1), ("dqn", 5, 1), ("maac", 9, -1)):
+        drove = agent_episodes(GOOD, mode="greedy", stochastic_states=10.0)
+        drove["stochasticity"] = least + slope * (np.arange(len(drove)) % 5)
+        write_run(tmp_path, name, [drove])
+    for other, said in (("ppo", "differs"), ("maac", "tie")):
+        code, text = compared(tmp_path / "dqn", tmp_path / other, "--metric", "stochasticity")
+        assert code == 0
+        assert text.splitlines()[1].endswith(f"  {said}")
+
+
+def test_a_comparison_names_what_only_one_side_has(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD})
+    two = experiment(tmp_path / "two", {"ppo": BAD})
+    write_run(two, "ppo", [agent_episodes(BAD, mode="greedy", task_traffic=SOCIAL)], traffic=SOCIAL)
+    code, said = compared(one, two)
+    assert code == 0
+    end = "the other side has no such finished run"
+    assert f"left out: one: dqn, intersection, {ALONE}: {end}" in said
+    assert f"left out: two: ppo, intersection, {SOCIAL}: {end}" in said
+    assert "< 0.001" in said
+    assert end not in compared(one / "ppo", one / "dqn")[1]
 
 
 def test_two_experiments(tmp_path):
