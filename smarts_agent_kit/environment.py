@@ -6,9 +6,11 @@ import os
 
 from smarts_agent_kit.handshake import SECRET
 
+VIEWER = "SMARTS_ENVISION"
+"""May hold the token of a viewer's server."""
 KEPT = ("PATH", "HOME", "USER", "LANG", "TZ", "TMPDIR", "LD_LIBRARY_PATH", "PYTHONHASHSEED", "SUMO_HOME")
 KEPT_PREFIXES = ("LC_", "XDG_", "SMARTS_", "NUMBA_", "CUDA_", "OMP_", "OPENBLAS_", "MKL_")
-"""The environment variables that a child process inherits, but for the secret."""
+"""The environment variables that a child process inherits, but for the secret and the viewer's token."""
 
 
 def clean_environment() -> dict[str, str]:
@@ -16,5 +18,5 @@ def clean_environment() -> dict[str, str]:
     return {
         name: value
         for name, value in os.environ.items()
-        if (name in KEPT or name.startswith(KEPT_PREFIXES)) and name != SECRET
+        if (name in KEPT or name.startswith(KEPT_PREFIXES)) and name not in (SECRET, VIEWER)
     }

@@ -12,6 +12,7 @@ import socket
 import struct
 import threading
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -109,6 +110,7 @@ class Outlet:
         """Wakes the thread: it waits for the second one to be readable."""
         for each in (self._bell, self._ringing):
             each.setblocking(False)
+        _outlets.add(self)
         # A daemon, since a program that ends without closing is not to hang.
         self._thread = threading.Thread(target=self._work, name="envision-outlet", daemon=True)
         self._thread.start()
@@ -338,7 +340,18 @@ def process_now() -> int:
 
 
 _process = [os.getpid()]
-os.register_at_fork(after_in_child=lambda: _process.__setitem__(0, os.getpid()))
+_outlets: weakref.WeakSet[Outlet] = weakref.WeakSet()
+
+
+def _leave_parent() -> None:
+    """Close what a process that was forked off has of its parent's connections, which end with the parent."""
+    _process[0] = os.getpid()
+    for outlet in [*_outlets]:
+        if outlet._connection is not None:
+            outlet._connection.close()
+
+
+os.register_at_fork(after_in_child=_leave_parent)
 
 
 def _shaken(connection: socket.socket, address: Address) -> ClientProtocol:

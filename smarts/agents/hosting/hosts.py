@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
@@ -13,7 +14,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from smarts.agents.acting import Answer, Failed, InProcess, Late, Request
-from smarts.agents.hosting.links import SocketLink
+from smarts.agents.hosting.links import AtAddress, SocketLink
 from smarts.agents.hosting.log import DecisionLog, Replayed
 from smarts.agents.hosting.options import HostError, Link, Starter, about, patience
 from smarts.agents.hosting.remote import Started, step_of, words
@@ -140,12 +141,33 @@ class _Asked:
     is_late: bool = False
 
 
+class _Opening(threading.Thread):
+    """Opens a link again; in a thread where that may take longer than a step, as at an address.
+
+    A connection that comes when its run is over is closed with this object.
+    """
+
+    def __init__(self, starter: Starter) -> None:
+        super().__init__(name="agent-opening", daemon=True)
+        self._starter = starter
+        self.link: Link | None = None
+        self.error = Exception("it was not started")
+
+    def run(self) -> None:
+        """Open the link."""
+        try:
+            self.link = self._starter.open()
+        except Exception as error:  # of a socket, of a process or of Ray
+            self.error = error
+
+
 class _Away:
     """A policy that acts elsewhere: asks it, takes its answers, and starts it again after a failure."""
 
     def __init__(self, policy: SocialPolicy, starter: Starter) -> None:
         self._starter, self._options = starter, policy.host
         self.link: Link | None = None
+        self._opening: _Opening | None = None
         self._about: Mapping[str, Any] | None = None
         self._has_answered = False  # since it was started
         self._failures = self._skipped = 0  # failures in a row, requests since the last one
@@ -170,10 +192,13 @@ class _Away:
         Raises:
             HostError: It does not start.
         """
+        self._use(self._starter.open())
+
+    def _use(self, link: Link) -> None:
         self._known.clear()
         self._last_holds = ()
         self._has_answered = False
-        self.link = self._starter.open()
+        self.link = link
 
     def join(self) -> None:
         """Wait until the agent is made.
@@ -208,7 +233,10 @@ class _Away:
             self._note_late(request)
             return
         if self.link is None and not self._restart():
-            self._answer(request, _failed(request, self._problem))
+            if self._opening is not None:
+                self._note_late(request)
+            else:
+                self._answer(request, _failed(request, self._problem))
             return
         self._number += 1
         asked = _Asked(self._number, request, time.monotonic())
@@ -233,6 +261,7 @@ class _Away:
         """
         if self._log is not None:
             self._log = self._log.another()
+        self._opening = None
         if self.link is None:
             return
         if not isinstance(self.link, SocketLink):
@@ -356,14 +385,25 @@ class _Away:
 
     def _restart(self) -> bool:
         """Start the agent again, unless it has failed too often of late; return whether it is there."""
-        pause = min(2 ** (self._failures - 1) - 1, MOST_SKIPPED)
-        if self._skipped < pause:
-            self._skipped += 1
+        opening, deadline = self._opening, self._options.deadline_ms
+        if opening is None:
+            pause = min(2 ** (self._failures - 1) - 1, MOST_SKIPPED)
+            if self._skipped < pause:
+                self._skipped += 1
+                return False
+            opening = self._opening = _Opening(self._starter)
+            if deadline is None or not isinstance(self._starter, AtAddress):
+                opening.run()
+            else:
+                opening.start()
+                opening.join(deadline / 1000.0)
+        if opening.is_alive():
             return False
-        try:
-            self.open()
-        except Exception as error:
-            self._fail(error)
+        self._opening = None
+        if opening.link is None:
+            self._fail(opening.error)
+        else:
+            self._use(opening.link)
         return self.link is not None
 
     def _with_first(self, batch: ActionBatch) -> ActionBatch:

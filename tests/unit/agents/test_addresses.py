@@ -11,12 +11,16 @@ from contextlib import ExitStack, closing
 import numpy as np
 import pytest
 
+from smarts.agents.acting import Late, Request
 from smarts.agents.hosting.facts import check_observation, facts_of, interface_from
+from smarts.agents.hosting.hosts import Hosts
 from smarts.agents.hosting.links import AtAddress
 from smarts.agents.hosting.options import HostError, HostOptions
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface, DoneCriteria
 from smarts.agents.options import Waypoints
+from smarts.agents.social import SocialPolicy
+from smarts.agents.spec import AgentSpec
 from smarts.env.casting import check_agent
 from smarts.errors import SmartsError
 from smarts.types.actions import ActionSpaceType
@@ -84,20 +88,22 @@ class Seeing(BatchAgent):
     observation = ["speed"]
 
     def act(self, batch):
-        kept = [name in os.environ for name in ("PATH", "OMP_FOR_A_TEST", "MY_TOKEN", "SMARTS_AGENT_SECRET")]
+        kept = [name in os.environ for name in ("PATH", "OMP_FOR_A_TEST", "MY_TOKEN")]
+        kept += [name in os.environ for name in ("SMARTS_AGENT_SECRET", "SMARTS_ENVISION")]
         return np.tile(kept, (len(batch.env_id), 1))
 """
 
 
 def test_a_served_agent_sees_the_same_few_environment_variables(tmp_path, monkeypatch):
     given = {SECRET: "0123456789abcdef", "OMP_FOR_A_TEST": "1", "MY_TOKEN": "mine"}
+    given["SMARTS_ENVISION"] = "token@localhost:1"
     for name, value in given.items():
         monkeypatch.setenv(name, value)
     (tmp_path / "seeing.py").write_text(SEEING)
     command = ("-m", "smarts_agent_kit", "seeing:Seeing", "--address", "127.0.0.1:0")
     with served(*command, PYTHONPATH=str(tmp_path)) as address:
         agent = make_agent(address)[0]
-        assert agent.act(batch(1)).tolist() == [[True, True, False, False]]
+        assert agent.act(batch(1)).tolist() == [[True, True, False, False, False]]
         agent.close()
 
 
@@ -265,6 +271,29 @@ def test_an_address_where_nobody_answers_is_an_error():
         port = listening.getsockname()[1]
     with pytest.raises(HostError):
         make_spec(f"tcp://127.0.0.1:{port}")
+
+
+def test_decisions_are_late_while_an_agent_is_connected_to_again():
+    with socket.create_server(("127.0.0.1", 0)) as stopped:  # takes connections and says nothing
+        start = AtAddress(f"tcp://127.0.0.1:{stopped.getsockname()[1]}")
+        hosts = Hosts(
+            [
+                SocialPolicy(
+                    "away",
+                    start.locator,
+                    AgentSpec(AgentInterface()),
+                    0,
+                    start=start,
+                    host=HostOptions(deadline_ms=1.0),
+                )
+            ]
+        )
+        hosts._has_begun = True  # the connection that it began with has ended
+        for _ in range(3):
+            hosts.dispatch({0: Request(batch())})
+            (answer,) = hosts.gather()
+            assert [*answer.actions] == [Late()] * 3
+        hosts.close()
 
 
 @pytest.mark.parametrize("greeting", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0" * 64])

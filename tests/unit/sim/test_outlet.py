@@ -21,6 +21,7 @@ class Server:
 
     def __init__(self):
         self.messages, self.requests, self.reads = [], [], threading.Event()
+        self.ended = 0
         self.reads.set()
 
     def take(self, connection):
@@ -30,6 +31,7 @@ class Server:
             try:
                 self.messages.append(unpack(connection.recv()))
             except Exception:
+                self.ended += 1
                 return
 
 
@@ -203,6 +205,22 @@ def test_a_process_with_more_than_1024_files_is_shown():
         for each in taken:
             os.close(each)
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_a_connection_ends_with_its_process_though_a_fork_lives_on():
+    with running() as server:
+        ended, end = os.pipe()
+        parent = os.fork()
+        if not parent:
+            opened(server).put(message(0), 1)
+            if not os.fork():
+                os.close(end)
+                os.read(ended, 1)
+            os._exit(0)
+        os.waitpid(parent, 0)
+        wait(lambda: server.ended)
+        os.close(end)
+        os.close(ended)
 
 
 def test_a_process_that_was_forked_off_does_not_disturb():
