@@ -141,7 +141,8 @@ def _ablated(**changed: Any) -> Recipe:
 RECIPES: dict[str, dict[str, Recipe]] = {
     "foraging": {
         "vdn": Recipe(8, _FORAGING),
-        "qmix": Recipe(8, _FORAGING),
+        "qmix": Recipe(8, {**_FORAGING, "reward_scale": 40.0}),
+        "qmix-scale_10": Recipe(8, _FORAGING),
         f"qmix-{AS_PUBLISHED}": _FORAGING_AS_PUBLISHED,
         "ppo": Recipe(50, {**_POLICIES, "normalize_values": True}),
         "centralised_v": Recipe(50, _POLICIES),
