@@ -103,6 +103,15 @@ YARDSTICKS = {
 
 AS_PUBLISHED = "as_published"
 """Ends the names of recipes with the publication's choices."""
+# Algorithms by how they are trained.
+_EPSILON_GREEDY = (
+    *("dqn", "vdn", "qmix", "qtran", "networked_q"),
+    *("opponent_q", "pr2", "rommeo", "maven"),
+)
+_ON_POLICY = ("ppo", "centralised_v", "happo", "mat", "recurrent_ippo", "recurrent_mappo")
+_ONE_PASS = ("pg", "a2c", "commnet")
+_REPLAY = ("maddpg", "maac", "mf_q", "mf_ac", "bicnet", "qdpp")
+
 _VALUES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "batch_size": 256, "updates_per_step": 1 / 32}
 _FORAGING = {**_VALUES, "reward_scale": 10.0, "epsilon_steps": 200_000}
 _POLICIES = {"sharing": "all", "hidden": (64, 64), "lr": 1e-3, "minibatch_size": 800}
@@ -115,15 +124,6 @@ _FORAGING_AS_PUBLISHED = Recipe(
 )
 _MATRIX = {"hidden": (64, 64), "lr": 1e-3, "epsilon": (1.0, 0.2), "epsilon_steps": 40_000}
 _MATRIX_POLICIES = {"hidden": (64, 64), "lr": 3e-3, "minibatch_size": None, "epochs": 4}
-
-# Algorithms that play matrices, by their settings.
-_EPSILON_GREEDY = (
-    *("dqn", "vdn", "qmix", "qtran", "networked_q"),
-    *("opponent_q", "pr2", "rommeo", "maven"),
-)
-_ON_POLICY = ("ppo", "centralised_v", "happo", "mat", "recurrent_ippo", "recurrent_mappo")
-_ONE_PASS = ("pg", "a2c", "commnet")
-_OTHERS = ("maddpg", "maac", "mf_q", "mf_ac", "bicnet", "qdpp", "coma")
 
 _ABLATIONS: dict[str, dict[str, Any]] = {
     "unscaled": {"reward_scale": 1.0},
@@ -138,20 +138,32 @@ def _ablated(**changed: Any) -> Recipe:
     return Recipe(8, {**_FORAGING, **changed}, steps=1_000_000)
 
 
+def _of_all(values: dict[str, Any], policies: dict[str, Any]) -> dict[str, Recipe]:
+    """Return recipes of all algorithms, with settings of values and of policies; none of them is tuned."""
+    replay = {name: value for name, value in values.items() if name != "epsilon_steps"}
+    one_pass = {name: value for name, value in policies.items() if name != "minibatch_size"}
+    return {
+        **{name: Recipe(8, values) for name in _EPSILON_GREEDY},
+        **{name: Recipe(8, replay) for name in _REPLAY},
+        **{name: Recipe(50, policies) for name in _ON_POLICY},
+        **{name: Recipe(5, one_pass) for name in (*_ONE_PASS, "coma")},
+        "happo": Recipe(50, {**policies, "sharing": "none"}),
+    }
+
+
 RECIPES: dict[str, dict[str, Recipe]] = {
     "foraging": {
+        **_of_all({**_FORAGING, "reward_scale": 40.0}, _POLICIES),
         "vdn": Recipe(8, _FORAGING),
-        "qmix": Recipe(8, {**_FORAGING, "reward_scale": 40.0}),
         "qmix-scale_10": Recipe(8, _FORAGING),
         f"qmix-{AS_PUBLISHED}": _FORAGING_AS_PUBLISHED,
         "ppo": Recipe(50, {**_POLICIES, "normalize_values": True}),
-        "centralised_v": Recipe(50, _POLICIES),
         **{f"vdn-{name}": _ablated(**changed) for name, changed in _ABLATIONS.items()},
         "ppo-gru": Recipe(50, {**_POLICIES, "normalize_values": True, "gru": 64, "sequence_length": 10}),
     },
     "spread": {
+        **_of_all(_SPREAD, {**_POLICIES, "gamma": 0.95}),
         "ppo": Recipe(50, {**_POLICIES, "gamma": 0.95, "normalize_values": True}),
-        "centralised_v": Recipe(50, {**_POLICIES, "gamma": 0.95}),
         "maddpg": Recipe(
             8,
             {
@@ -162,8 +174,6 @@ RECIPES: dict[str, dict[str, Recipe]] = {
                 "hidden": (64, 64),
             },
         ),
-        "vdn": Recipe(8, _SPREAD),
-        "qmix": Recipe(8, _SPREAD),
         **{f"{name}-{AS_PUBLISHED}": _AS_PUBLISHED for name in ("qmix", "vdn")},
         "qmix-limit_ends": Recipe(8, _SPREAD, steps=1_000_000, limit_ends=True),
         "qmix-standardized": Recipe(8, _STANDARDIZED, steps=1_000_000),
@@ -172,7 +182,7 @@ RECIPES: dict[str, dict[str, Recipe]] = {
         **{name: Recipe(8, _MATRIX) for name in _EPSILON_GREEDY},
         **{name: Recipe(16, _MATRIX_POLICIES) for name in _ON_POLICY},
         **{name: Recipe(16, {**_MATRIX_POLICIES, "epochs": 1}) for name in _ONE_PASS},
-        **{name: Recipe(8, {"hidden": (64, 64)}) for name in _OTHERS},
+        **{name: Recipe(8, {"hidden": (64, 64)}) for name in (*_REPLAY, "coma")},
     },
 }
 """Settings by game and algorithm; "ppo-gru" is a variant of "ppo"."""
