@@ -108,7 +108,8 @@ _EPSILON_GREEDY = (
     *("dqn", "vdn", "qmix", "qtran", "networked_q"),
     *("opponent_q", "pr2", "rommeo", "maven"),
 )
-_ON_POLICY = ("ppo", "centralised_v", "happo", "mat", "recurrent_ippo", "recurrent_mappo")
+_RECURRENT = ("recurrent_ippo", "recurrent_mappo")
+_ON_POLICY = ("ppo", "centralised_v", "happo", "mat", *_RECURRENT)
 _ONE_PASS = ("pg", "a2c", "commnet")
 _REPLAY = ("maddpg", "maac", "mf_q", "mf_ac", "bicnet", "qdpp")
 
@@ -146,6 +147,7 @@ def _of_all(values: dict[str, Any], policies: dict[str, Any]) -> dict[str, Recip
         **{name: Recipe(8, values) for name in _EPSILON_GREEDY},
         **{name: Recipe(8, replay) for name in _REPLAY},
         **{name: Recipe(50, policies) for name in _ON_POLICY},
+        **{name: Recipe(50, {**policies, "sequence_length": 10}) for name in _RECURRENT},
         **{name: Recipe(5, one_pass) for name in (*_ONE_PASS, "coma")},
         "happo": Recipe(50, {**policies, "sharing": "none"}),
     }
