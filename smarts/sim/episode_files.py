@@ -1,16 +1,19 @@
 """Recorded episodes on disk: a folder of Parquet files each, whole or not there at all.
 
-An episode is written into a hidden folder beside its place, which gets its name when all is in it. What a
-killed process leaves is such a folder; whoever opens the store for writing next takes it away.
+An episode is written into a hidden folder of its store's process, out of which it is moved when all is in it.
+The process holds a lock on that folder; what a killed one leaves is removed by the next one that opens the
+store.
 """
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import os
 import shutil
-import socket
+import uuid
+import weakref
 import zipfile
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -37,7 +40,7 @@ from smarts.types.episode_schema import (
 )
 
 MAPS = "maps"
-PARTIAL = ".partial"
+PARTIAL = ".partial-recording"
 _PARQUET = b"PAR1"
 """Begins and ends a Parquet file."""
 
@@ -60,24 +63,46 @@ class EpisodeStore:
     def __init__(self, root: Path) -> None:
         self.root = root
         self._maps: dict[int, tuple[LaneGraph, str]] = {}
+        self._end: weakref.finalize | None = None
+        self._partial = root
         try:
             (root / MAPS).mkdir(parents=True, exist_ok=True)
             for partial in root.glob(f"{PARTIAL}-*"):
-                if _is_abandoned(partial.name):
-                    _remove(partial)
+                _remove_abandoned(partial)
         except OSError as error:
             raise _unwritable(root, error) from error
 
     def begin(self, name: str) -> EpisodeWriter:
         """Return a writer of a new episode; whole, it gets the name, with a number if that is taken."""
-        return EpisodeWriter(self.root, name)
+        return EpisodeWriter(self, name)
+
+    def partial(self) -> Path:
+        """Return the folder for what is being written; made and locked by the first call."""
+        while self._end is None or not self._end.alive:
+            self._partial = self.root / f"{PARTIAL}-{uuid.uuid4().hex}"
+            self._partial.mkdir()
+            lock = os.open(self._partial, os.O_RDONLY)
+            # Where the file system has no locks, nobody removes it either.
+            with contextlib.suppress(OSError):
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            if self._partial.exists():
+                self._end = weakref.finalize(self, _remove_own, self._partial, lock, os.getpid())
+            else:
+                # Another process took it for abandoned before it was locked.
+                os.close(lock)
+        return self._partial
+
+    def close(self) -> None:
+        """Remove what was not finished."""
+        if self._end is not None:
+            self._end()
 
     def map(self, graph: LaneGraph) -> str:
         """Return the digest of a map, which is in the store from now on."""
         known = self._maps.get(id(graph))
         if known is not None:
             return known[1]
-        partial = self.root / _partial_name(graph, "map")
+        partial = self.partial() / f"map-{id(graph):x}"
         try:
             graph.save(partial)
             digest = hashlib.blake2b(partial.read_bytes(), digest_size=10).hexdigest()
@@ -92,10 +117,10 @@ class EpisodeStore:
 class EpisodeWriter:
     """One episode in the making. Methods may be called from one other thread than the one that made it."""
 
-    def __init__(self, root: Path, name: str) -> None:
-        self._root = root
+    def __init__(self, store: EpisodeStore, name: str) -> None:
+        self._store, self._root = store, store.root
         self._name = name
-        self._folder = root / _partial_name(self, name)
+        self._folder = store.root
         self._open: dict[str, pq.ParquetWriter] = {}
 
     def append(self, table: str, rows: Rows) -> None:
@@ -103,7 +128,9 @@ class EpisodeWriter:
         if TABLE[table].is_optional and not len(rows[TABLE[table].names[0]]):
             return
         if table not in self._open:
-            self._folder.mkdir(exist_ok=True)
+            if not self._open:
+                self._folder = self._store.partial() / f"{id(self):x}"
+                self._folder.mkdir()
             schema = arrow_schema(TABLE[table])
             others = [column.name for column in TABLE[table].columns if not column.kind.startswith("float")]
             floats = [column.name for column in TABLE[table].columns if column.kind.startswith("float")]
@@ -154,7 +181,8 @@ class EpisodeWriter:
             # What cannot be written is not needed any more.
             with contextlib.suppress(OSError, pa.ArrowException):
                 writer.close()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        if self._open:
+            shutil.rmtree(self._folder, ignore_errors=True)
 
 
 class RecordedEpisode:
@@ -323,31 +351,22 @@ def _plain(column: pa.ChunkedArray) -> NDArray:
     return column.to_numpy()
 
 
-def _partial_name(owner: object, name: str) -> str:
-    """Return a name that no other object of any process has at the moment."""
-    return f"{PARTIAL}-{socket.gethostname()}-{os.getpid()}-{id(owner):x}-{name}"
+def _remove_abandoned(partial: Path) -> None:
+    """Remove what a process was writing, if it is gone."""
+    with contextlib.suppress(OSError):
+        lock = os.open(partial, os.O_RDONLY)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(partial, ignore_errors=True)
+        finally:
+            os.close(lock)
 
 
-def _remove(partial: Path) -> None:
-    if partial.is_dir():
+def _remove_own(partial: Path, lock: int, owner: int) -> None:
+    # In a process that was forked off, the folder is still its parent's.
+    if owner == os.getpid():
         shutil.rmtree(partial, ignore_errors=True)
-    else:
-        partial.unlink(missing_ok=True)
-
-
-def _is_abandoned(partial: str) -> bool:
-    """Return whether the process that began to write it on this machine is gone."""
-    here = f"{PARTIAL}-{socket.gethostname()}-"
-    process = partial.removeprefix(here).partition("-")[0]
-    if not partial.startswith(here) or not process.isdigit():
-        return False
-    try:
-        os.kill(int(process), 0)
-    except ProcessLookupError:
-        return True
-    except PermissionError:
-        return False
-    return False
+    os.close(lock)
 
 
 def _unwritable(root: Path, error: OSError) -> RecordError:

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
+
+# pyarrow imports it for its first file otherwise, which is too late at the end of a program.
+import concurrent.futures.thread  # noqa: F401
+import weakref
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import version
@@ -153,6 +159,9 @@ class EpisodeRecorder:
         self._buffers = Buffers.allocate(worlds, agents, capacity, lanes, everything=everything)
         self._take = LateBound(take_frame, world.state, round(FOR_A_WHILE / world.dt), self._buffers)
         self._program = version("smarts-bench")
+        # What is queued when nobody closes the recorder; at the end of the process, `_close_all` does.
+        weakref.finalize(self, self._thread.close).atexit = False
+        _open.add(self)
 
     def record(self, frame: Frame) -> None:
         """Take what is wanted out of a frame, before the next step overwrites it.
@@ -234,6 +243,8 @@ class EpisodeRecorder:
                 for writer in self._unfinished:
                     writer.abandon()
                 self._unfinished.clear()
+                self._store.close()
+                _open.discard(self)
 
     def _begin(self, row: int, start: EpisodeStart) -> None:
         self._thread.check_process()
@@ -391,3 +402,15 @@ class EpisodeRecorder:
             "most_vehicles": most,
         }
         return {name: [value] for name, value in facts.items()}
+
+
+_open: weakref.WeakSet[EpisodeRecorder] = weakref.WeakSet()
+"""Those that were not closed."""
+
+
+@atexit.register
+def _close_all() -> None:
+    """Write what programs have recorded that end without closing their environments."""
+    with ExitStack() as ends:
+        for recorder in [*_open]:
+            ends.callback(recorder.close)

@@ -23,7 +23,7 @@ class WriterThread:
         self._jobs: queue.Queue[Job | None] = queue.Queue(_MOST_WAITING)
         self._failure: Exception | None = None
         self._is_raised = False
-        # A daemon, since a program that ends without closing is not to hang.
+        # A daemon, since Python waits for others before anything can close them.
         self._thread = threading.Thread(target=self._work, name="episode-writer", daemon=True)
         self._thread.start()
 
@@ -61,7 +61,8 @@ class WriterThread:
         Raises:
             RecordError: A job failed and the error was not raised yet.
         """
-        if self._thread.is_alive():
+        # The thread itself may drop the last reference to a recorder.
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._jobs.put(None)
             self._thread.join()
         if not self._is_raised:

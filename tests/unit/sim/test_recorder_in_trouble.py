@@ -175,6 +175,36 @@ def test_killed_at_any_moment_of_writing(tmp_path):
     assert list(tmp_path.glob(".*")) == []
 
 
+NEVER_CLOSED = """
+    import sys
+    from tests.unit.sim.test_recorder_in_trouble import Recording
+
+    recording = Recording(sys.argv[1])
+    recording.play(2, steps=3)
+"""
+
+
+def test_episodes_of_a_program_that_closes_nothing_are_written(tmp_path):
+    subprocess.run([sys.executable, "-c", textwrap.dedent(NEVER_CLOSED), tmp_path], cwd=ROOT, check=True)
+    kept = [RecordedEpisode(path).facts for path in episodes_in(tmp_path)]
+    assert [(facts["steps"], facts["is_complete"]) for facts in kept] == [(3, False)] * 2
+    assert not [*tmp_path.glob(f"{PARTIAL}*")]
+
+
+def test_a_process_that_sees_no_other_leaves_the_episodes_of_others_alone(tmp_path):
+    """Another container may have the same host name and none of the process numbers of this one."""
+    namespace = ["unshare", "--user", "--pid", "--fork", "--map-root-user", "--mount-proc"]
+    if subprocess.run([*namespace, "true"], check=False).returncode:
+        pytest.skip("this machine gives no namespaces")
+    writer = EpisodeStore(tmp_path).begin("one")
+    for name in TABLE:
+        writer.append(name, {column: [] for column in TABLE[name].names})
+    opening = "import sys; from pathlib import Path; from smarts.sim.episode_files import EpisodeStore; "
+    opening += "EpisodeStore(Path(sys.argv[1]))"
+    subprocess.run([*namespace, sys.executable, "-c", opening, tmp_path], cwd=ROOT, check=True)
+    assert {file.stem for file in writer.finish().iterdir()} == WRITTEN_WITHOUT_ROWS
+
+
 @pytest.mark.parametrize("steps", [0, 5])
 def test_a_process_that_was_forked_off_is_refused_and_leaves_its_parents_episode_alone(tmp_path, steps):
     recording = Recording(tmp_path)
