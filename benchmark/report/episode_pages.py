@@ -13,6 +13,7 @@ from benchmark.results.run_folder import RunFolder
 from smarts.envision.episode_library import EpisodeLibrary
 from smarts.envision.notable_episodes import write_notable
 from smarts.errors import SmartsError
+from smarts.sstudio.locating import VARIATION_MARK
 
 EPISODES = "episodes"
 """Folder of the pages in a report's folder."""
@@ -71,11 +72,16 @@ def _links(
     episodes: Path, mode: str, folder: Path, run: RunResult
 ) -> tuple[tuple[tuple[str, str], ...], str]:
     """Return the links, and which episodes are left out."""
-    parts = [part for part in sorted(episodes.glob(f"{mode}-*")) if part.is_dir()]
+    trained_on = f"{mode}-{'-'.join(Path(each).name for each in run.config.get('scenarios', ()))}"
+    parts = [
+        part
+        for part in sorted(episodes.glob(f"{mode}-*"))
+        if part.is_dir() and (VARIATION_MARK not in part.name or f"{part.name}-".startswith(f"{trained_on}-"))
+    ]  # the others are of variations that are held out
     if not parts:
         raise ResultsError("no episodes of these tests were kept", place=str(episodes))
-    name = f"{run.place.replace('/', '-')}.html"
-    written = write_notable(EpisodeLibrary(parts), folder / EPISODES / name)
+    page_name = f"{run.place.replace('/', '-')}.html"
+    written = write_notable(EpisodeLibrary(parts), folder / EPISODES / page_name)
     links = tuple(
         (notable.label, f"{page.relative_to(folder).as_posix()}#e={notable.entry.id}")
         for notable, page in written.pages

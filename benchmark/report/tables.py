@@ -152,9 +152,10 @@ def difference_notes(report: Report) -> list[str]:
         decided, unknown = int((found["wins"] != "").sum()), int(found["corrected"].isna().sum())
         ties = len(found) - decided - unknown
         by_seeds = found.loc[found["wins"] != "", "seeds_corrected"].dropna()
+        count = int((by_seeds < SIGNIFICANCE).sum())
         said.append(
-            f"{mode.capitalize()}: {decided} differences are decided, of them with training seeds as the unit "
-            f"{int((by_seeds < SIGNIFICANCE).sum())} of the {len(by_seeds)} that have one; {ties} are ties, "
+            f"{mode.capitalize()}: {decided} differences are decided, of them with training seeds as the "
+            f"unit {count} of the {len(by_seeds)} that have one; {ties} are ties, "
             f"{unknown} could not be compared."
         )
         said += [f"In some, {note}." for note in pairs_notes(found["note"])]

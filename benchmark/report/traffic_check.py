@@ -6,18 +6,23 @@ import math
 from dataclasses import dataclass
 
 from benchmark.experiment.config import EMPTY_ROADS
-from benchmark.metrics.results import Frame
-from benchmark.metrics.table import EPISODE_KEYS
-from benchmark.report.verdicts import VERDICTS, all_hold, is_at_least, shown_p
+from benchmark.report.verdicts import (
+    LEAST_DIFFERENCE,
+    RULE_BASED,
+    VERDICTS,
+    all_hold,
+    difference_of,
+    is_at_least,
+    shown_p,
+    tested_rows,
+)
 from benchmark.results.reading import Results, RunResult
-from benchmark.statistics import Difference, paired_difference
+from benchmark.statistics import Difference
 
 NAIVE = ("keep_lane", "random")
 """Drivers of which one has to collide more often than without social vehicles."""
-RULE_BASED = "gap_acceptance"
-"""Driver that has to meet social vehicles."""
-LEAST_DIFFERENCE = 0.10
 LEAST_SHARE = 0.8
+"""Of the rule-based driver's agent-episodes that meet social vehicles."""
 MET = "met_social"
 
 
@@ -72,24 +77,13 @@ def traffic_checks(results: Results) -> list[TrafficCheck]:
         differences = {}
         for name in NAIVE:
             empty, social = tables.get((name, task, EMPTY_ROADS)), tables.get((name, task, traffic))
-            if empty is not None and social is not None:
-                differences[name] = _difference(social, empty)
+            if empty and social and (difference := difference_of(social, empty, "collisions")):
+                differences[name] = difference
         rule_based = tables.get((RULE_BASED, task, traffic))
         found.append(TrafficCheck(task, traffic, differences, _share(rule_based)))
     return found
 
 
-def _rows(run: RunResult) -> Frame:
-    table: Frame = run.table
-    return table[(table["split"] == "train") & ~table["is_invalid"] & (table["agents"] > 0)]
-
-
-def _difference(social: RunResult, empty: RunResult) -> Difference:
-    keys = [name for name in EPISODE_KEYS if name != "traffic"]
-    one, other = (_rows(run).groupby(keys)["collisions"].mean() for run in (social, empty))
-    return paired_difference((one - other).dropna().to_numpy(float), is_share_of_counts=True)
-
-
 def _share(run: RunResult | None) -> float:
-    rows = _rows(run) if run is not None else None
+    rows = tested_rows(run) if run is not None else None
     return float(rows[MET].mean()) if rows is not None and MET in rows else math.nan

@@ -1,13 +1,39 @@
-"""Verdicts of checks: a condition holds, does not hold, or is not known."""
+"""Verdicts of checks of scripted policies: a condition holds, does not hold, or is not known."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from benchmark.statistics import Difference
+from benchmark.metrics.results import Frame
+from benchmark.metrics.table import EPISODE_KEYS
+from benchmark.results.reading import RunResult
+from benchmark.statistics import Difference, paired_difference
 
+RULE_BASED = "gap_acceptance"
+LEAST_DIFFERENCE = 0.10
 MOST_P = 0.01
 VERDICTS = {True: "passes", False: "FAILS", None: "not known"}
+
+
+def tested_rows(run: RunResult) -> Frame:
+    """Return the agent-episodes of a finished test that are neither invalid nor held out."""
+    table: Frame = run.table
+    return table[(table["split"] == "train") & ~table["is_invalid"] & (table["agents"] > 0)]
+
+
+def difference_of(one: RunResult, other: RunResult, column: str) -> Difference | None:
+    """Return the mean difference of a column over the episodes that both played, whatever their traffic.
+
+    Returns:
+        None if it was not measured.
+    """
+    tables = [tested_rows(run) for run in (one, other)]
+    if not all(column in table for table in tables):
+        return None
+    keys = [name for name in EPISODE_KEYS if name != "traffic"]
+    first, second = (table.groupby(keys)[column].mean() for table in tables)
+    is_share = column in ("goals", "collisions")
+    return paired_difference((first - second).dropna().to_numpy(float), is_share_of_counts=is_share)
 
 
 def all_hold(conditions: Iterable[bool | None]) -> bool | None:

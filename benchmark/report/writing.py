@@ -114,17 +114,25 @@ def differences_csv(report: Report) -> str:
 
 
 def _check_free(folder: Path) -> None:
-    """Raise if the folder holds other files.
+    """Raise if the folder cannot be replaced by a report.
 
     Raises:
-        ResultsError: The folder is a file, or has files but no report.
+        ResultsError: It is a file, the current folder, or holds other files than a report's.
     """
     if folder.is_file():
         raise ResultsError("is a file, not a folder", place=str(folder), remedy="choose another --out")
+    if Path.cwd().is_relative_to(folder.resolve()):
+        raise ResultsError(
+            "is the current folder or holds it, and would be replaced",
+            place=str(folder),
+            remedy="give the command from another folder, or another --out",
+        )
     if folder.is_dir() and any(folder.iterdir()):
         pictures = (f"{name}.png" for name in (*(kind.name for kind in KINDS), PROFILE))
         known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, ROBUSTNESS, "main_table_*.tex", *pictures]
-        if (folder / PAGE).is_file() and are_pages(folder):
+        if not (folder / PAGE).is_file():  # what has these names is not of a report
+            known = []
+        elif are_pages(folder):
             known.append(EPISODES)
         others = {*folder.iterdir()}.difference(*map(folder.glob, known))
         if others:

@@ -279,10 +279,13 @@ def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) ->
     if run.status != FINISHED:
         return run
     try:
-        table = read_run_table(folder.table, names, facts.get("tested"))
+        table = read_run_table(folder.table, names, facts.get("tested"), config)
     except SmartsError as error:
         problems[f"{place}/{folder.table.name}"] = f"{error.problem}; {TESTED_AGAIN}"
         return replace(run, status=UNREADABLE)
+    # Episodes of several runs may have one name.
+    corrupted = {f"{place}: {name}": why for name, why in table.attrs[COUNTS]["corrupted"].items()}
+    table.attrs[COUNTS] = {**table.attrs[COUNTS], "corrupted": corrupted}
     return replace(run, table=table)
 
 

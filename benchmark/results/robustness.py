@@ -99,6 +99,7 @@ def read_played(results: Results) -> Played:
             content = read_versioned(folder / PLAY)
             if problem := _outdated(content, results) or _elsewhere(content, place):
                 raise ResultsError(problem, place=place)
+            _extent(content)  # raises if damaged
             tables.append(read_play(folder))
             facts.append(content)
         except SmartsError as error:
@@ -184,6 +185,8 @@ def _outdated(content: Mapping[str, Any], results: Results) -> str:
         run = run_of(results, content["task"], content["traffic"], name, content["training_seed"])
         if run is None or run.table is None:
             return f"{name} has no finished run any more"
+        if not run.is_scripted and run.progress is None:
+            return f"{name} has no progress.csv that says how far it is trained"
         if trained_state(run) != trained:
             return f"{name} has been trained again since"
     return ""

@@ -116,7 +116,7 @@ class RunFolder:
         if not self.table.exists():
             return "the test's table is missing"
         try:
-            read_run_table(self.table, names_of(self.path.absolute()), tested)
+            read_run_table(self.table, names_of(self.path.absolute()), tested, self.read_config())
         except SmartsError as error:
             return error.problem
         return ""

@@ -39,13 +39,16 @@ def names_of(folder: Path) -> Names | None:
     return None
 
 
-def read_run_table(file: Path, names: Names | None, tested: Mapping[str, Any] | None) -> Frame:
+def read_run_table(
+    file: Path, names: Names | None, tested: Mapping[str, Any] | None, config: Mapping[str, Any]
+) -> Frame:
     """Return the table of a run's test.
 
     Args:
         file: Its path.
         names: Of the run; None: any.
         tested: As in run.json; None if unknown.
+        config: As in config.yaml.
 
     Raises:
         RecordError: It cannot be read.
@@ -57,7 +60,7 @@ def read_run_table(file: Path, names: Names | None, tested: Mapping[str, Any] | 
     if names is not None:
         _check_names(table, names)
     if tested is not None:
-        _check_extent(table, tested)
+        _check_extent(table, tested, config)
     return table
 
 
@@ -109,21 +112,30 @@ def _check_names(table: Frame, names: Names) -> None:
             raise ResultsError(f"of another run: its {column} is {others[0]!r}, not {value!r}")
 
 
-def _check_extent(table: Frame, tested: Mapping[str, Any]) -> None:
+def _check_extent(table: Frame, tested: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     """Raise unless a table has the modes and the number of episodes of a test."""
-    wanted: int = tested["episodes"]
     modes: Sequence[str] = tested.get("modes", [])
     counts = table.attrs[COUNTS]
     with_agents = table.loc[~table["is_invalid"], ["mode", "split", *EPISODE_KEYS]].drop_duplicates()
     without_agents = counts["measured"] - len(with_agents)
+    # Only in bubbles an episode may have no agents, and so no rows.
+    if without_agents and not (config.get("environment") or {}).get("learn_in_bubbles"):
+        raise ResultsError(
+            f"damaged: it has rows of {len(with_agents)} of its {counts['measured']} measured episodes"
+        )
     lost = counts["incomplete"] + len(counts["corrupted"]) + without_agents
-    plain = table[table["split"] == "train"]
+    plain, held_out = (table[table["split"] == split] for split in ("train", "held_out"))
     learned = (table["training_seed"] != SCRIPTED_SEED).any()
     for mode in sorted({*plain["mode"], *(modes if learned else [])}):
-        rows = plain[plain["mode"] == mode]
-        found = rows["world"].nunique()
-        invalid = rows.loc[rows["is_invalid"], "world"].nunique()
-        if not found - invalid <= wanted <= found + lost:
-            raise ResultsError(
-                f"of another test: it holds {found} {mode} episodes, the run was tested on {wanted}"
-            )
+        _check_count(plain[plain["mode"] == mode], str(mode), tested["episodes"], lost)
+    for (mode, scenario, variation), rows in held_out.groupby(["mode", "scenario", "variation"]):
+        _check_count(rows, f"{mode} {scenario}@{variation}", tested.get("held_out_episodes", 0), lost)
+
+
+def _check_count(rows: Frame, name: str, wanted: int, lost: int) -> None:
+    found = rows["world"].nunique()
+    invalid = rows.loc[rows["is_invalid"], "world"].nunique()
+    if not found - invalid <= wanted <= found + lost:
+        raise ResultsError(
+            f"of another test: it holds {found} {name} episodes, the run was tested on {wanted}"
+        )

@@ -186,6 +186,8 @@ def measure_part(
             record, labels=labels, split=part.split, metrics=task_setting.metrics or (), indices=indices
         )
         counts = table.attrs[COUNTS]
+        # Episodes of several parts may have one name.
+        counts["corrupted"] = {f"{record.name}/{name}": why for name, why in counts["corrupted"].items()}
         found = counts["measured"] + counts["invalid"] + len(counts["corrupted"])
         counts["incomplete"] = max(0, len(indices) - found)  # episodes without a recording included
         measured += counts["measured"]

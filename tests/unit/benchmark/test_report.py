@@ -669,6 +669,10 @@ def test_a_report_takes_the_place_of_a_report_and_of_nothing_else(tmp_path):
     with pytest.raises(ResultsError, match=r"chapter\.tex"):
         write_report(tmp_path / "results", out)
     assert (out / "chapter.tex").read_text() == "years of work"
+    (out / "chapter.tex").rename(out / "values.csv")
+    with pytest.raises(ResultsError, match=r"values\.csv"):
+        write_report(tmp_path / "results", out)
+    assert (out / "values.csv").read_text() == "years of work"
     old = tmp_path / "results" / "report" / "report.html"
     old.parent.mkdir()
     old.write_text("of last year")
@@ -678,6 +682,17 @@ def test_a_report_takes_the_place_of_a_report_and_of_nothing_else(tmp_path):
     assert "no finished run" in (page.parent / "report.md").read_text()
     there = sorted(path.name for path in (tmp_path / "results").iterdir())
     assert there == ["command.json", "report"]
+
+
+def test_the_current_folder_is_not_replaced(tmp_path, monkeypatch):
+    write_experiment(tmp_path / "results")
+    here = tmp_path / "here"
+    (here / "deeper").mkdir(parents=True)
+    for current in (here, here / "deeper"):
+        monkeypatch.chdir(current)
+        with pytest.raises(ResultsError, match="current folder"):
+            write_report(tmp_path / "results", here)
+        assert current.is_dir()
 
 
 @pytest.mark.slow

@@ -2,8 +2,11 @@
 
 import json
 
+import pandas as pd
 import pytest
 
+from benchmark.metrics import read_table, write_table
+from benchmark.report.provenance import gaps, totals
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import NOT_BEGUN, UNREADABLE, read_results
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
@@ -87,11 +90,56 @@ def test_episodes_without_agents_belong_to_the_test(tmp_path, measured, fits):
     (table,) = greedy(TWO)
     table.attrs["episodes"]["measured"] = measured
     write_experiment(tmp_path)
-    run = write_run(tmp_path, "ppo", [table])
+    run = write_run(tmp_path, "ppo", [table], environment={"learn_in_bubbles": True})
     facts = json.loads((run / "run.json").read_text())
     tested = {"episodes": 3, "modes": ["greedy"], "held_out_episodes": 0}
     (run / "run.json").write_text(json.dumps({**facts, "tested": tested}))
     assert len(read_results(tmp_path).finished) == fits
+
+
+@pytest.mark.parametrize(
+    ("lost", "said"),
+    [
+        ({}, ""),
+        ({"world": 2_000_001, "split": "train"}, "rows of 3 of its 4 measured episodes"),
+        ({"split": "held_out"}, "rows of 2 of its 4 measured episodes"),
+    ],
+)
+def test_a_table_that_has_lost_rows_is_named(tmp_path, lost, said):
+    held_out = agent_episodes(TWO, mode="greedy", split="held_out", variation="dense")
+    write_experiment(tmp_path)
+    run = write_run(tmp_path, "ppo", [*greedy(), held_out])
+    facts = json.loads((run / "run.json").read_text())
+    tested = {"episodes": 2, "modes": ["greedy"], "held_out_episodes": 2}
+    (run / "run.json").write_text(json.dumps({**facts, "tested": tested}))
+    table = read_table(run / "episodes.parquet")
+    is_lost = (table[[*lost]] == pd.Series(lost)).all(axis=1) if lost else table["agents"] < 0
+    write_table(table[~is_lost], run / "episodes.parquet")
+    problems = "".join(read_results(tmp_path).problems.values())
+    assert said in problems
+    assert bool(problems) is bool(said)
+
+
+def test_the_number_of_held_out_episodes_is_checked(tmp_path):
+    write_experiment(tmp_path)
+    held_out = agent_episodes(TWO, mode="greedy", split="held_out", variation="dense")
+    run = write_run(tmp_path, "ppo", [*greedy(), held_out])
+    facts = json.loads((run / "run.json").read_text())
+    tested = {"episodes": 2, "modes": ["greedy"], "held_out_episodes": 3}
+    (run / "run.json").write_text(json.dumps({**facts, "tested": tested}))
+    (said,) = read_results(tmp_path).problems.values()
+    assert "it holds 2 greedy intersection@dense episodes, the run was tested on 3" in said
+
+
+def test_unreadable_episodes_of_one_name_are_counted_by_run(tmp_path):
+    write_experiment(tmp_path, seeds=[1, 2])
+    for seed in (1, 2):
+        (table,) = greedy()
+        table.attrs["episodes"]["corrupted"] = {"seed42-world0100003-episode0": "half a file"}
+        write_run(tmp_path, "ppo", [table], seed=seed)
+    results = read_results(tmp_path)
+    assert "2 episodes that cannot be read: discarded." in totals(results)
+    assert f"episode ppo/intersection/{ALONE}/seed_1: seed42-world0100003-episode0" in dict(gaps(results))
 
 
 def test_without_a_whole_file_of_commands_the_runs_count(tmp_path):

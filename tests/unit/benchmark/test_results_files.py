@@ -1,11 +1,14 @@
 """Results on disk are whole or not there, whatever fails or is killed when."""
 
+import errno
+import fcntl
 import os
 import shutil
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -124,6 +127,32 @@ def test_two_may_put_a_folder_into_its_place_at_a_time(tmp_path):
     replace_folder(folder, slow, by="-1")
     assert (folder / "weights").read_text() == "slow"
     assert [*tmp_path.iterdir()] == [folder]
+
+
+def test_the_second_of_two_waits_while_the_first_one_renames(tmp_path):
+    folder = tmp_path / "report"
+    first = os.open(tmp_path, os.O_RDONLY)
+    fcntl.flock(first, fcntl.LOCK_EX)
+    second = Thread(target=replace_folder, args=(folder, lambda path: FakeAlgo("new").save_to_path(path)))
+    second.start()
+    second.join(0.5)
+    assert second.is_alive()
+    assert not folder.exists()
+    os.close(first)
+    second.join()
+    assert (folder / "weights").read_text() == "new"
+
+
+def test_a_lock_that_the_file_system_does_not_give_is_no_second_writer(tmp_path, monkeypatch):
+    (tmp_path / ".lock").write_text("4242\n")
+
+    def fails(descriptor, operation):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", fails)
+    with pytest.raises(ResultsError, match="No locks available") as caught, locked(tmp_path):
+        pass
+    assert "4242" not in str(caught.value)
 
 
 def test_a_second_writer_is_refused_and_a_dead_one_is_not_in_the_way(tmp_path):

@@ -127,14 +127,25 @@ def test_plays_of_other_checkpoints_and_damaged_ones_are_named_and_left_out(root
     bare = write_play(root, "latency_300", "ppo", "ppo", GOALS)
     write_versioned(bare / PLAY, {"condition": "latency_300"})
     (cut / TABLE).write_bytes((cut / TABLE).read_bytes()[:-30])
+    unsized = write_play(root, "latency_300", "parked", "parked", GOALS)
+    facts = read_versioned(unsized / PLAY)
+    facts.pop("episodes")
+    write_versioned(unsized / PLAY, facts)
     found, _ = values(root)
     left_out = dict(line.split(": ", 1) for line in found.left_out)
-    places = {each.relative_to(root).as_posix() for each in (stale, gone, cut, moved, bare)}
+    places = {each.relative_to(root).as_posix() for each in (stale, gone, cut, moved, bare, unsized)}
     assert {*left_out} == {*places, "robustness"}
     assert "ppo has been trained again since" in left_out[stale.relative_to(root).as_posix()]
     assert "[1, 2]" in left_out["robustness"]
     assert [matrix.columns for matrix in found.matrices][1] == ("Test", "Wet road")
     assert other.exists()
+
+
+def test_a_play_of_a_run_without_progress_is_not_of_a_later_training(root):
+    (root / "ppo" / TASK / SOCIAL / "seed_1" / "progress.csv").unlink()
+    found, _ = values(root)
+    assert any("ppo has no progress.csv" in line for line in found.left_out)
+    assert not any("trained again" in line for line in found.left_out)
 
 
 def test_plays_of_another_extent_or_condition_are_left_out_by_name(root):

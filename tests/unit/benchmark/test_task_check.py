@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
+from benchmark.metrics import read_table, write_table
 from benchmark.report.task_check import score_table, task_checks
 from benchmark.results.reading import read_results
 from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experiment, write_run
@@ -124,6 +125,18 @@ def test_what_is_not_known_of_a_cell_is_said(tmp_path, changes, unknown):
     assert said.startswith(unknown)
     assert f"not known: {said}" in str(found)
     assert found.passes is None
+
+
+def test_what_was_not_measured_is_not_known(tmp_path):
+    """As with `metrics: [completion_rate, collision_rate]`."""
+    check(tmp_path)
+    for file in tmp_path.rglob("episodes.parquet"):
+        rows = read_table(file)
+        write_table(rows.drop(columns=["return", "seconds", "met_social", "ended_time_out"]), file)
+    done = CliRunner().invoke(app, ["check-traffic", str(tmp_path)])
+    assert done.exit_code == 1
+    assert "creep was not played beside gap_acceptance, or its return is not measured" in done.stdout
+    assert "| gap_acceptance | 0.05 | 0.95 |  | n/a | n/a |" in done.stdout
 
 
 def test_equal_differences_in_return_do_not_fail_creeping(tmp_path):

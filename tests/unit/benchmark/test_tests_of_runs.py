@@ -1,16 +1,21 @@
 """Which episodes a test consists of: those that do not count are made up for by the worlds that follow."""
 
+import re
+
 import pandas as pd
+import yaml
 
 from benchmark.experiment.config import Evaluation, Experiment, TrainingTask
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import TaskSetting, scripted_runs_of
 from benchmark.metrics import join_tables
 from benchmark.metrics.table import read_table
+from benchmark.report.writing import write_report
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running.testing import Part, measure_part, play_scripted
 from smarts.types.events import Outcome
+from tests.hand_made_results import agent_episodes, write_run
 from tests.raising import raises
 from tests.recordings import Drive, at_speed, record, straight
 
@@ -59,6 +64,22 @@ def test_for_each_that_does_not_count_the_next_world_is_played(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {
         *("greedy-hand_made", "greedy-hand_made-2", "greedy-hand_made-3")
     }
+
+
+def test_a_report_shows_episodes_of_the_trainings_variations(tmp_path):
+    run = write_run(tmp_path, "ppo", [agent_episodes([["goal"]], mode="greedy")], task="loop")
+    config = yaml.safe_load((run / "config.yaml").read_text())
+    for part, end in (
+        ("greedy-loop", "GOAL"),
+        ("greedy-loop-2", "COLLISION"),
+        ("greedy-loop@dense", "OFF_ROAD"),
+    ):
+        drive = Drive(["road_0"], at_speed(5.0, 20, 10.0), agent="a", outcome=Outcome[end])
+        record(run / "episodes" / part, ROAD, [drive], name="w0", world=FIRST)
+    for scenario, shown in (("loop", ["best", "worst"]), ("loop@dense", ["best", "worst", "off road"])):
+        (run / "config.yaml").write_text(yaml.safe_dump(config | {"scenarios": [scenario]}))
+        text = write_report(tmp_path, episodes=True).with_suffix(".md").read_text()
+        assert re.findall(r"\[([a-z ]+):[^]]*\]\(episodes/", text) == shown
 
 
 def test_a_test_in_which_nothing_counts_is_refused(tmp_path):
