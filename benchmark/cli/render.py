@@ -50,12 +50,12 @@ def render(
     ] = None,
     speed: Annotated[
         float | None,
-        typer.Option(help="Playback speed.", show_default="1.0", min=0.01),
+        typer.Option(help="Playback speed, 0.01 to 1000.", show_default="1.0"),
     ] = None,
     width: Annotated[int, typer.Option(help="Image width (pixels).", min=100, max=4000)] = 900,
 ) -> None:
     """Draw a recorded episode from above, as image or animation."""
-    from smarts.envision.animation import STILL, check_format, write_moving, write_still
+    from smarts.envision.animation import SHORTEST_SHOWN, STILL, check_format, write_moving, write_still
     from smarts.envision.episode_picture import EpisodePicture
 
     check_format(out)
@@ -63,8 +63,10 @@ def render(
     film = {"--begin": begin, "--end": end, "--every": every, "--speed": speed}
     _check_options(out, {"--at": at} if not is_still else film)
     speed = 1.0 if speed is None else speed
-    if not math.isfinite(speed):
-        raise SmartsError(f"the speed is {speed:g}", place="--speed", remedy="give a number from 0.01")
+    if not 0.01 <= speed <= 1000.0:
+        raise SmartsError(
+            f"the speed is {speed:g}", place="--speed", remedy="give a number from 0.01 to 1000"
+        )
     picture = EpisodePicture(_open(episode), pixels=width)
     every = max(1, round(speed / (PICTURES_PER_SECOND * picture.dt))) if every is None else every
     if is_still:
@@ -79,6 +81,11 @@ def render(
         raise SmartsError(
             f"nothing lies between {begin:g} s and {last * picture.dt:g} s", place="--begin, --end"
         )
+    shortest = SHORTEST_SHOWN[out.suffix.lower()]
+    fewest = math.ceil(speed * shortest / picture.dt - 1e-9)
+    if every < fewest:
+        typer.echo(f"--every is {fewest}, so that a frame lasts {1000 * shortest:.3g} ms", err=True)
+        every = fewest
     steps = [*range(first, last, every), last]
     seconds = every * picture.dt / speed
     # The last frame stays, since it shows the outcomes.

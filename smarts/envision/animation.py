@@ -20,6 +20,8 @@ Image = NDArray[np.uint8]
 
 MOVING = (".gif", ".mp4")
 STILL = (".png",)
+SHORTEST_SHOWN = {".gif": 0.02, ".mp4": 1 / 60}
+"""Minimum duration of a frame [s]: players slow down shorter ones of a .gif."""
 LONGEST_SHOWN = 600.0
 """Maximum duration of a frame [s]; the .gif format allows 655 s."""
 
@@ -63,16 +65,22 @@ def write_moving(images: Iterable[Image], out: Path, seconds: float) -> int:
 
 
 def _write_gif(images: Iterator[Image], out: Path, seconds: float) -> int:
-    first = PIL.Image.fromarray(next(images)).quantize(255, dither=PIL.Image.Dither.NONE)
+    seconds = max(seconds, SHORTEST_SHOWN[".gif"])
+
+    def timed(image: PIL.Image.Image, number: int) -> PIL.Image.Image:
+        # The format's unit is 10 ms: what one frame loses, the next one gets.
+        image.info["duration"] = 10 * (round(100 * seconds * (number + 1)) - round(100 * seconds * number))
+        return image
+
+    first = timed(PIL.Image.fromarray(next(images)).quantize(255, dither=PIL.Image.Dither.NONE), 0)
 
     def others() -> Iterator[PIL.Image.Image]:
-        for image in images:
+        for number, image in enumerate(images, 1):
             # One palette for all frames, since colours would flicker between different palettes.
-            yield PIL.Image.fromarray(image).quantize(palette=first, dither=PIL.Image.Dither.NONE)
+            frame = PIL.Image.fromarray(image).quantize(palette=first, dither=PIL.Image.Dither.NONE)
+            yield timed(frame, number)
 
-    # The format's unit is 10 ms, and players slow down frames shorter than 20 ms.
-    duration = max(20, 10 * round(100 * seconds))
-    first.save(out, save_all=True, append_images=others(), duration=duration, loop=0, optimize=False)
+    first.save(out, save_all=True, append_images=others(), loop=0, optimize=False)
     with PIL.Image.open(out) as film:
         return getattr(film, "n_frames", 1)
 

@@ -44,7 +44,7 @@ def bubble_shapes(
     text = name if is_active else f"{name} (not active)"
     style = {"ha": "left", "va": "bottom", "fontsize": 8, "color": BUBBLE, "weight": "bold"}
     frame = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.75}
-    yield Text(low[0], high[1], text, zorder=9, clip_on=True, bbox=frame, **style)
+    yield Text(low[0], high[1], text, zorder=9, clip_on=True, bbox=frame, parse_math=False, **style)
     if heading is not None:
         centre, ahead = (low + high) / 2, np.array([np.cos(heading), np.sin(heading)])
         begin = centre + ahead * ((corners - centre) @ ahead).max()

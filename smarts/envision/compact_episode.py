@@ -18,7 +18,15 @@ from smarts.stream.encoder import EpisodeEncoder
 from smarts.stream.motion import PER_METRE, PER_RADIAN
 from smarts.stream.road_map import map_message, origin_of
 from smarts.stream.tables import OUTCOMES, STATIC, STEPPED
-from smarts.types.episode_schema import BUBBLE_POSES, SIGNALS
+from smarts.types.episode_schema import (
+    AGENT_STATES,
+    BUBBLE_POSES,
+    DECISIONS,
+    EXTRAS,
+    OBSERVATIONS,
+    SIGNALS,
+    VEHICLES,
+)
 from smarts.types.events import Outcome
 
 STEPS = 100
@@ -30,6 +38,10 @@ MOST_STEPS = 10_000_000
 
 _LASTING = SIGNALS.name, BUBBLE_POSES.name
 """Tables whose rows hold until the next one."""
+
+_NEWEST = DECISIONS.name, EXTRAS.name, OBSERVATIONS.name
+"""Tables of agents whose rows hold until the next one of the same name."""
+_COLLIDING = VEHICLES.name, AGENT_STATES.name
 
 Columns = Mapping[str, NDArray]
 
@@ -73,6 +85,12 @@ def messages_of(episode: RecordedEpisode, steps: Ints, policy: str = "") -> Iter
     in_order = {
         name: _by_step(columns) for name, columns in tables.items() if _rows(columns) or name == "vehicles"
     }
+    for begin in range(0, int(steps[0]), STEPS):
+        # Which vehicles have collided is known from the messages that are left out.
+        left_out = np.arange(begin, min(begin + STEPS, steps[0]), dtype=np.int32)
+        rows = {name: _of(in_order[name], left_out) for name in _COLLIDING if name in in_order}
+        encoder.chunk(left_out, rows, is_live=True)
+    encoder = encoder.untold()
     for begin in range(0, len(steps), STEPS):
         of_chunk = steps[begin : begin + STEPS]
         rows = {name: _of(columns, of_chunk) for name, columns in in_order.items()}
@@ -80,6 +98,7 @@ def messages_of(episode: RecordedEpisode, steps: Ints, policy: str = "") -> Iter
             # What lasts until it changes is needed from before the first step, too.
             until = np.arange(of_chunk[-1] + 1, dtype=np.int32)
             rows |= {name: _of(in_order[name], until) for name in _LASTING if name in in_order}
+            rows |= {name: _with_newest(in_order[name], of_chunk) for name in _NEWEST if name in in_order}
         yield from encoder.chunk(of_chunk, rows)
     yield from encoder.end(bool(facts["is_complete"]), str(facts["remark"]))
 
@@ -146,4 +165,13 @@ def _by_step(columns: Columns) -> Columns:
 def _of(columns: Columns, steps: Ints) -> Columns:
     """Return the rows of consecutive steps."""
     rows = slice(*np.searchsorted(columns["step"], [steps[0], steps[-1] + 1]).tolist())
+    return {name: column[rows] for name, column in columns.items()}
+
+
+def _with_newest(columns: Columns, steps: Ints) -> Columns:
+    """Return the rows of consecutive steps, and before them the newest one of each agent and name."""
+    first, behind = np.searchsorted(columns["step"], [steps[0], steps[-1] + 1]).tolist()
+    keys = [columns[name][:first].tolist() for name in ("agent_id", "name") if name in columns]
+    newest = {key: row for row, key in enumerate(zip(*keys, strict=True))}
+    rows = np.array(sorted([*newest.values(), *range(first, behind)]), np.int64)
     return {name: column[rows] for name, column in columns.items()}

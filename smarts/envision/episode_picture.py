@@ -298,6 +298,7 @@ class EpisodePicture:
                 ha="center",
                 va="center",
                 fontsize=8,
+                parse_math=False,
                 color=_colour(agent),
                 bbox=style,
                 arrowprops={"arrowstyle": "-", "color": _colour(agent), "lw": 0.8},
@@ -309,7 +310,8 @@ class EpisodePicture:
         facts = self.episode.facts
         title = f"{facts['scenario']}, {facts['traffic'] or 'no traffic'}   {step * self.dt:.1f} s"
         height = self._figure.bbox.height
-        self._artists.append(self._figure.text(0.01, 1 - 13 / height, title, fontsize=10, va="center"))
+        style = {"fontsize": 10, "va": "center", "parse_math": False}
+        self._artists.append(self._figure.text(0.01, 1 - 13 / height, title, **style))
         for place, agent in enumerate(self._egos):
             row, column = divmod(place, self._columns)
             line = f"{agent['number']} {agent['name']}: {self._status(agent, step)}"
@@ -323,7 +325,7 @@ class EpisodePicture:
     def _write_line(self, row: int, x: float, line: str, colour: str) -> None:
         """Write a line below the title; x is a fraction of the width."""
         y = 1 - (TITLE + LINE * row + 9) / self._figure.bbox.height
-        style = {"fontsize": 8, "va": "center", "color": colour, "weight": "bold"}
+        style = {"fontsize": 8, "va": "center", "color": colour, "weight": "bold", "parse_math": False}
         self._artists.append(self._figure.text(0.01 + x, y, line, **style))
 
     def _status(self, agent: dict[str, Any], step: int) -> str:

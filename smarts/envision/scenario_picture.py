@@ -64,7 +64,7 @@ def scenario_picture(picture: Picture, out: Path, *, edges: bool = False, dpi: i
     figure = Figure(figsize=(12, 12 * _aspect(built.roads()) + 1.0), layout="constrained")
     axes = figure.add_subplot()
     _draw_scenario(axes, picture, edges=edges)
-    axes.set_title(f"{built.name}, {traffic or 'no traffic'}", loc="left")
+    axes.set_title(f"{built.name}, {traffic or 'no traffic'}", loc="left", parse_math=False)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     figure.legend(handles=_legend([picture]), loc="outside lower center", ncols=6, frameon=False)
@@ -85,7 +85,7 @@ def scenario_sheet(
         _draw_scenario(axes, picture, edges=edges)
         axes.set_xlim(x - window_width / 2, x + window_width / 2)
         axes.set_ylim(y - window_height / 2, y + window_height / 2)
-        axes.set_title(picture[0].name, fontsize=11)
+        axes.set_title(picture[0].name, fontsize=11, parse_math=False)
     for axes in figure.axes:
         axes.set_axis_off()
     figure.legend(handles=_legend(pictures), loc="outside lower center", ncols=6, frameon=False)
@@ -119,7 +119,7 @@ def draw_edge_ids(axes: Axes, roads: LaneGraph) -> None:
         x, y, heading = roads.pose_at(lane, float(roads.length[lane]) / 2, -float(roads.width[lane]))
         upright = (np.degrees(heading) + 90.0) % 180.0 - 90.0
         style = {"fontsize": 6, "ha": "center", "va": "center", "rotation": upright, "clip_on": True}
-        axes.text(x, y, roads.edge_ids[edge], zorder=10, **style)
+        axes.text(x, y, roads.edge_ids[edge], zorder=10, parse_math=False, **style)
 
 
 def draw_flows(axes: Axes, roads: LaneGraph, traffic: t.Traffic) -> None:

@@ -184,9 +184,8 @@ class WorldPicture:
         text = f"{start.scenario}, {start.traffic_name or 'no traffic'}   {seconds:.1f} s"
         frame = {"boxstyle": "square,pad=0.3", "fc": "white", "ec": "none", "alpha": 0.75}
         place = (0.01, 1 - _TITLE / HEIGHT)
-        return self._axes.text(
-            *place, text, fontsize=10, zorder=11, bbox=frame, transform=self._axes.transAxes
-        )
+        style = {"fontsize": 10, "zorder": 11, "bbox": frame, "parse_math": False}
+        return self._axes.text(*place, text, transform=self._axes.transAxes, **style)
 
 
 def _way(roads: LaneGraph, agent: AgentStart) -> Floats:

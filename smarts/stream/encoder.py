@@ -137,7 +137,7 @@ class EpisodeEncoder:
     def number_as(self, other: EpisodeEncoder) -> None:
         """Number and name vehicles as another encoder of the episode does."""
         self._numbers, self._names, self._next = other._numbers, other._names, other._next
-        self._collided = set(other._collided)
+        self._collided, self._holds = set(other._collided), other._holds
 
     def end(self, is_complete: bool, remark: str) -> list[dict[str, Any]]:
         """Return the last message."""

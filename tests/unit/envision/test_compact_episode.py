@@ -37,6 +37,8 @@ def recorded(tmp_path_factory, graph):
         Drive([lane], at_speed(2.0, LONG, 10.0), agent="ego", outcome=Outcome.COLLISION, partner=1),
         Drive([lane], at_speeds([10.0] * 60 + [9.5, 8.0, 6.0, 6.0], 40.0), begin=20),
     ]
+    drives[0].decisions = [{"step": step, "is_effective": True} for step in (20, 40)]
+    drives[0].agents = {"events": np.where(np.arange(LONG + 1) == 60, int(Event.COLLISION), 0)}
     tables = {"signals": [dict(step=5, lane=0, signal=int(Signal.GO)), dict(step=120, lane=0, signal=1)]}
     folder = record(tmp_path_factory.mktemp("recorded"), graph, drives, tables=tables)
     return RecordedEpisode(folder)
@@ -94,6 +96,8 @@ def test_a_part_of_an_episode_has_what_lasts_from_before(recorded):
     assert (episode.motion.step.min(), episode.motion.step.max()) == (100, 150)
     assert episode.tables["signals"]["step"].tolist() == [5, 120]
     assert episode.tables["agent_states"]["step"].min() == 100
+    assert episode.tables["decisions"]["step"].tolist() == [40]
+    assert (episode.motion.flags & COLLIDED).all()
 
 
 def test_a_part_that_is_empty_is_refused(recorded):

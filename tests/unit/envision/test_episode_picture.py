@@ -10,6 +10,8 @@ import matplotlib.colors
 import matplotlib.text
 import numpy as np
 import PIL.Image
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
@@ -18,6 +20,7 @@ from smarts.envision.animation import write_moving
 from smarts.envision.episode_picture import COLLISION, EpisodePicture
 from smarts.envision.scenario_picture import ASPHALT, CAR, EGOS
 from smarts.errors import SmartsError
+from smarts.sim.episode_files import RecordedEpisode
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Outcome
 from smarts.types.mission import AgentMission, GoalKind
@@ -195,6 +198,18 @@ def test_a_gif_has_ten_pictures_a_second(episode, tmp_path, speed):
     assert shown == [100] * (STEPS // speed) + [2100]
 
 
+def test_a_gif_of_every_step_at_high_speed_takes_the_time_that_it_says(episode, tmp_path):
+    out = tmp_path / "film.gif"
+    done = run(episode.folder, "--out", out, "--every", 1, "--speed", 8)
+    assert "--every is 2" in done.stderr
+    with PIL.Image.open(out) as film:
+        shown = []
+        for frame in range(film.n_frames):
+            film.seek(frame)
+            shown.append(film.info["duration"])
+    assert sum(shown[:-1]) == 250  # 2 s
+
+
 @pytest.mark.parametrize("options", [("--every", 100_000), ("--speed", 0.01, "--every", 10**9)])
 def test_a_gif_of_few_pictures_in_capitals(episode, tmp_path, options):
     out = tmp_path / "FILM.GIF"
@@ -292,7 +307,7 @@ def test_a_film_that_cannot_be_written_leaves_nothing(episode, tmp_path, monkeyp
         (("--out", "a.gif", "--begin", "1", "--end", "0.5"), "0.5"),
         *((("--out", "a.png", "--at", time), time) for time in ("nan", "inf", "1e+300")),
         *((("--out", "a.gif", option, "nan"), "nan") for option in ("--begin", "--end")),
-        (("--out", "a.gif", "--speed", "inf"), "inf"),
+        *((("--out", "a.gif", "--speed", speed), speed) for speed in ("inf", "nan", "1e+07", "0")),
         (("--out", "a.gif", "--at", "1"), "--at"),
         (("--out", "a.png", "--begin", "0", "--every", "3"), "--every"),
     ],
@@ -311,6 +326,18 @@ def test_folders_without_an_episode_raise(episode, tmp_path):
         assert "no table 'episode'" in str(run(folder, "--out", tmp_path / "a.gif").exception)
     several = str(run(episode.folder.parent, "--out", tmp_path / "a.gif").exception)
     assert episode.folder.name in several
+
+
+@pytest.mark.parametrize("name", ["car_$1$", "bid_$x_$", "a$_$b"])
+def test_names_with_dollars_are_no_formulas(episode, tmp_path, name):
+    shutil.copytree(episode.folder.parent, tmp_path / "store")
+    folder = tmp_path / "store" / episode.folder.name
+    for table, column in (("agents", "name"), ("episode", "scenario")):
+        file = folder / f"{table}.parquet"
+        rows = pq.read_table(file)
+        names = pa.array([name] * rows.num_rows)
+        pq.write_table(rows.set_column(rows.column_names.index(column), column, names), file)
+    assert EpisodePicture(RecordedEpisode(folder)).image(3).shape[2] == 3
 
 
 @pytest.mark.slow
