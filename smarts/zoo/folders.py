@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from smarts.errors import SmartsError, UnknownNameError, nearest_names, shown
 from smarts.registry import import_own, load_module
 from smarts.shipped import local
 from smarts.zoo.entry import ZooEntry
-from smarts.zoo.separate import SeparateEntry
+from smarts.zoo.separate import SeparateEntry, locked
 
 PLACE = "SMARTS_ZOO"
 """Environment variable that names another file than `~/.config/smarts-bench/zoo.yaml`."""
@@ -43,14 +44,13 @@ def write_added(entries: Sequence[ZooEntry]) -> None:
     Raises:
         SmartsError: The file is not readable or cannot be written.
     """
-    content = dict(_content())
-    for entry in entries:
-        about = {name: getattr(entry, name) for name in _METADATA}
-        own = {AGENT: str(entry.entry_point)} if isinstance(entry, SeparateEntry) else {}
-        content[entry.name] = (
-            {"folder": entry.folder} | own | {key: text for key, text in about.items() if text}
-        )
-    _write(content)
+    with _changed() as content:
+        for entry in entries:
+            about = {name: getattr(entry, name) for name in _METADATA}
+            own = {AGENT: str(entry.entry_point)} if isinstance(entry, SeparateEntry) else {}
+            content[entry.name] = (
+                {"folder": entry.folder} | own | {key: text for key, text in about.items() if text}
+            )
 
 
 def remove_added(name: str) -> None:
@@ -59,13 +59,14 @@ def remove_added(name: str) -> None:
     Raises:
         SmartsError: No such agent was added, or the file is not readable or cannot be written.
     """
-    content = dict(_content())
-    if name not in content:
-        raise UnknownNameError(
-            f"no added agent is called {name!r}", place=str(zoo_file()), remedy=nearest_names(name, content)
-        )
-    del content[name]
-    _write(content)
+    with _changed() as content:
+        if name not in content:
+            raise UnknownNameError(
+                f"no added agent is called {name!r}",
+                place=str(zoo_file()),
+                remedy=nearest_names(name, content),
+            )
+        del content[name]
 
 
 def import_folder(folder: str | Path) -> str:
@@ -80,13 +81,17 @@ def import_folder(folder: str | Path) -> str:
     return path.stem
 
 
-def _write(content: Mapping[str, Any]) -> None:
+@contextmanager
+def _changed() -> Iterator[dict[str, Any]]:
+    """Yield the content of the file, and write it with what the caller has changed."""
     file = zoo_file()
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        written = file.with_name(f".{file.name}.{os.getpid()}")
-        written.write_text(yaml.safe_dump(dict(content)), encoding="utf-8")
-        written.replace(file)
+        with locked(file.with_name(f".{file.name}.lock")):
+            content = dict(_content())
+            yield content
+            written = file.with_name(f".{file.name}.new")
+            written.write_text(yaml.safe_dump(content), encoding="utf-8")
+            written.replace(file)
     except OSError as error:
         raise SmartsError(f"cannot be written: {error.strerror}", place=str(file)) from error
 

@@ -131,19 +131,19 @@ def read_project(folder: str | Path) -> Mapping[str, Any]:
 
 
 def python_of(entry: ZooEntry) -> Path:
-    """Return the interpreter of an agent's environment.
+    """Return the interpreter of an agent's environment, of several the one that was asked for last.
 
     Raises:
         HostError: The environment was not built, or of another state of the project.
     """
-    built = sorted(_root().glob(f"{_key(entry)}-py*/{COMPLETE}"))
+    built = [*_root().glob(f"{_key(entry)}-py*/{COMPLETE}")]
     if not built:
         raise HostError(
             "the agent's environment was not built, or its project or the kit has changed since",
             place=f"agent {entry.name!r}",
             remedy=f"smarts-bench zoo install {entry.name}",
         )
-    return built[-1].parent / "bin" / "python"
+    return max(built, key=lambda file: file.stat().st_mtime_ns).parent / "bin" / "python"
 
 
 def install(entry: ZooEntry, python: str = sys.executable) -> Path:
@@ -166,7 +166,7 @@ def install(entry: ZooEntry, python: str = sys.executable) -> Path:
     project, version = read_project(entry.folder), _version_of(python, place)
     _check_python(project, version, place)
     folder = _root() / f"{_key(entry)}-py{version}"
-    with _locked(folder.with_name(f"{folder.name}.lock")):
+    with locked(folder.with_name(f"{folder.name}.lock")):
         if not (folder / COMPLETE).exists():
             shutil.rmtree(folder, ignore_errors=True)
             try:
@@ -174,6 +174,7 @@ def install(entry: ZooEntry, python: str = sys.executable) -> Path:
             except BaseException:
                 shutil.rmtree(folder, ignore_errors=True)
                 raise
+        (folder / COMPLETE).touch()
     return folder
 
 
@@ -204,10 +205,9 @@ def _agent_of(folder: Path) -> str:
 def _remove(folders: Iterable[Path]) -> list[Path]:
     removed = []
     for folder in folders:
-        lock = folder.with_name(f"{folder.name}.lock")
-        with _locked(lock):
+        # The file of the lock stays, since another process may wait for it.
+        with locked(folder.with_name(f"{folder.name}.lock")):
             shutil.rmtree(folder, ignore_errors=True)
-        lock.unlink(missing_ok=True)
         removed.append(folder)
     return removed
 
@@ -224,7 +224,6 @@ def _build(folder: Path, python: str, source: str, project: Mapping[str, Any], p
     (packages,) = folder.glob("lib/python*/site-packages")
     root = Path(source) / "src"
     (packages / "smarts_agent.pth").write_text(f"{root if root.is_dir() else source}\n", encoding="utf-8")
-    (folder / COMPLETE).touch()
 
 
 def _run(command: list[str], place: str) -> None:
@@ -274,8 +273,8 @@ def _root() -> Path:
 
 
 @contextmanager
-def _locked(file: Path) -> Iterator[None]:
-    """Hold a lock, so that two processes do not build one environment."""
+def locked(file: Path) -> Iterator[None]:
+    """Hold a lock, so that two processes do not write to one place."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("w") as held:
         fcntl.flock(held, fcntl.LOCK_EX)

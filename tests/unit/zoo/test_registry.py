@@ -1,6 +1,7 @@
 """Agents are found by locators, and what is wrong with one is named."""
 
 import textwrap
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -11,6 +12,8 @@ from smarts.errors import OwnCodeError, SmartsError, UnknownNameError
 from smarts.registry import import_own
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo import entries, find_entry, make, make_agent, make_spec, register, search
+from smarts.zoo.entry import ZooEntry
+from smarts.zoo.folders import added_agents, write_added
 from smarts.zoo.registry import add_folder, build_agent
 
 MODULE = """
@@ -207,3 +210,11 @@ def test_modules_beside_a_scenario_are_found_by_their_path(tmp_path):
     (copied / "agent_prefabs.py").write_text(MODULE)
     search(copied)
     assert make_agent("scenarios.sumo.3lane.agent_prefabs:stopped-v0")[0].brake == 0.5
+
+
+def test_agents_that_are_added_at_once_are_all_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("SMARTS_ZOO", str(tmp_path / "zoo.yaml"))
+    names = [f"added-v{number}" for number in range(40)]
+    with ThreadPoolExecutor(8) as threads:
+        list(threads.map(lambda name: write_added([ZooEntry(name, "", folder=str(tmp_path))]), names))
+    assert sorted(added_agents()) == sorted(names)

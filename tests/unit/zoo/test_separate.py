@@ -1,5 +1,6 @@
 """Agents with environments of their own, whose dependencies exclude each other."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from smarts.errors import SmartsError
 from smarts.zoo import find_entry, make_agent, make_spec
 from smarts.zoo.kit_wheel import build_wheel
 from smarts.zoo.registry import add_folder
-from smarts.zoo.separate import _key, clean, install, uninstall
+from smarts.zoo.separate import COMPLETE, _key, clean, install, python_of, uninstall
 from tests import easing
 from tests.hosting import environment, host_of, played, state, steps
 
@@ -111,9 +112,9 @@ def test_three_agents_with_conflicting_dependencies_drive_in_one_scene(zoo):
             make_spec(name)
         folder = install(find_entry(name))
         assert ("uv = " in (folder / "pyvenv.cfg").read_text()) == (shutil.which("uv") is not None)
-        before = (folder / ".complete").stat().st_mtime_ns
+        before = (folder / "pyvenv.cfg").stat().st_mtime_ns
         assert install(find_entry(name)) == folder
-        assert (folder / ".complete").stat().st_mtime_ns == before
+        assert (folder / "pyvenv.cfg").stat().st_mtime_ns == before
     assert "conflicted" not in sys.modules
     social = [{"agent": name} for name in names]
     with closing(environment(social, {})) as env:
@@ -181,6 +182,18 @@ def test_environments_go_with_their_agents_or_when_they_are_not_used(zoo):
     assert len(uninstall(names[0])) == 2
     assert built(zoo) == {f"{used[1]}-py3.11.7", "notes"}
     assert uninstall(names[0]) == []
+    assert (root / f"{used[0]}-py3.11.7.lock").exists()  # another process may wait for it
+
+
+def test_of_several_environments_the_last_one_is_used(zoo):
+    entry = find_entry(project(zoo, "1"))
+    root = zoo / "cache" / "smarts-bench" / "agents"
+    for time, version in enumerate(("3.9.18", "3.12.1", "3.10.2")):
+        folder = root / f"{_key(entry)}-py{version}"
+        folder.mkdir(parents=True)
+        (folder / COMPLETE).touch()
+        os.utime(folder / COMPLETE, (time, time))
+        assert python_of(entry) == folder / "bin" / "python"
 
 
 def test_an_agent_without_a_project_has_no_environment(zoo):
