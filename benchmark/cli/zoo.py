@@ -200,7 +200,9 @@ def options_of(given: list[str]) -> dict[str, Any]:
             # An asterisk means all agents, and is no YAML.
             options[name] = value if value == "*" else yaml.safe_load(value)
         except yaml.YAMLError as error:
-            raise SmartsError(f"the value of {text!r} is no YAML", place="--set") from error
+            raise SmartsError(
+                f"the value of {text!r} is no YAML", place="--set", remedy="put texts with signs into quotes"
+            ) from error
     return options
 
 

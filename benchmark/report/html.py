@@ -106,7 +106,7 @@ def report_page(
         difference_columns=tables.DIFFERENCE_COLUMNS.items(),
         commands=provenance.commands(results),
         circumstances=provenance.circumstances(results),
-        runs=[line.cells for line in provenance.run_lines(results)],
+        runs=provenance.run_rows(results),
         run_columns=provenance.RUN_COLUMNS.items(),
     )
 

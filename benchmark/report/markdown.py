@@ -70,8 +70,7 @@ def report_text(
     parts += ["## Definitions", _definitions(report)]
     parts += ["## Runs and machine", "\n".join(f"    {command}" for command in provenance.commands(results))]
     parts += ["\n".join(f"- {name}: {'; '.join(each)}" for name, each in provenance.circumstances(results))]
-    runs = [line.cells for line in provenance.run_lines(results)]
-    parts += [table([*provenance.RUN_COLUMNS], runs, left=5)]
+    parts += [table([*provenance.RUN_COLUMNS], provenance.run_rows(results), left=5)]
     return "\n\n".join(filter(None, parts)) + "\n"
 
 

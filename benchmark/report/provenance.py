@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from benchmark.experiment.version import has_settings_of, tuning
@@ -14,28 +13,6 @@ from benchmark.results.plurals import counted, listed
 from benchmark.results.reading import NOT_BEGUN, Results, RunResult
 from benchmark.results.release import SUBMISSION
 from benchmark.results.run_folder import CONTINUED
-
-
-@dataclass(frozen=True)
-class RunLine:
-    """What a report says of one run; empty where it is not known."""
-
-    run: RunResult
-    agent_steps: str
-    training: str
-    speed: str
-    test: str
-    begun: str
-    ended: str
-
-    @property
-    def cells(self) -> list[str]:
-        """As text, in the order of `RUN_COLUMNS`."""
-        run = self.run
-        seed = "" if run.is_scripted else str(run.seed)
-        times = [self.agent_steps, self.training, self.speed, self.test, self.begun, self.ended]
-        return [run.algorithm, run.task, run.traffic, seed, run.status, *times]
-
 
 RUN_COLUMNS = {
     "algorithm": "Or scripted policy",
@@ -57,12 +34,13 @@ CHANGED = " (+: with changes that were not committed)"
 """What the sign behind a commit means."""
 
 
-def run_lines(results: Results) -> list[RunLine]:
-    """Return a line for each run that has begun; `gaps` has the others."""
-    return [_line(run) for run in results.runs if run.status != NOT_BEGUN]
+def run_rows(results: Results) -> list[list[str]]:
+    """Return a row for each run that has begun, with `RUN_COLUMNS`; `gaps` has the others."""
+    return [_row(run) for run in results.runs if run.status != NOT_BEGUN]
 
 
-def _line(run: RunResult) -> RunLine:
+def _row(run: RunResult) -> list[str]:
+    """Return what is known of a run; empty texts for what is not."""
     steps, training, speed = "", "", ""
     if run.progress is not None and run.is_progress_whole:
         last = run.progress.iloc[-1]
@@ -70,15 +48,11 @@ def _line(run: RunResult) -> RunLine:
         steps, training = f"{count:,.0f}", duration(seconds)
         speed = f"{count / seconds:,.0f}" if seconds > 0 else ""
     test = run.facts.get("test_seconds")
-    return RunLine(
-        run,
-        steps,
-        training,
-        speed,
-        "" if test is None else duration(float(test)),
-        str(run.facts.get("begun", "")),
-        str(run.facts.get("ended", "")),
-    )
+    return [
+        *(run.algorithm, run.task, run.traffic, "" if run.is_scripted else str(run.seed), run.status),
+        *(steps, training, speed, "" if test is None else duration(float(test))),
+        *(str(run.facts.get(name, "")) for name in ("begun", "ended")),
+    ]
 
 
 def duration(seconds: float) -> str:

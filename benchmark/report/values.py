@@ -14,6 +14,7 @@ from benchmark.metrics import METRICS, compute
 from benchmark.metrics.results import THIS_CHECKPOINT, Frame, measured_in
 from benchmark.results.plurals import counted
 from benchmark.statistics import LEVEL
+from smarts.registry import is_own_name
 
 MODES = ("greedy", "sampled")
 """In the order in which they are shown."""
@@ -29,6 +30,7 @@ LEAST_P = 0.001
 """Smaller p-values are not told apart."""
 TEST_EPISODES = "the test episodes"
 """What the interval of a scripted policy covers."""
+NO_SHARE = "no interval: the value is no share; give its Measure is_share=False"
 THESE_CHECKPOINTS = "these checkpoints"
 """What the interval of two training seeds covers."""
 COLUMNS = (
@@ -130,6 +132,7 @@ def measure_cells(table: Frame, metrics: Sequence[str] = (), level: float = LEVE
     answer.loc[(answer["label"] == THIS_CHECKPOINT) & (answer["seeds"] > 1), "label"] = THESE_CHECKPOINTS
     # Nothing was trained: no seeds, no checkpoint.
     answer.loc[answer["kind"] == "scripted", ["seeds", "label"]] = [0, TEST_EPISODES]
+    answer = _without_wrong_intervals(answer)
     order = {name: number for number, name in enumerate(METRICS)}
     answer = answer.sort_values(
         ["algorithm", "task", "traffic", "mode", "metric"],
@@ -137,6 +140,16 @@ def measure_cells(table: Frame, metrics: Sequence[str] = (), level: float = LEVE
         kind="stable",
     )
     return answer[[*COLUMNS]].reset_index(drop=True)
+
+
+def _without_wrong_intervals(values: Frame) -> Frame:
+    """Return values without the intervals of own metrics that are no shares, though they say so."""
+    own = {name for name in values["metric"] if is_own_name(name) and METRICS[name].is_share}
+    is_wrong = values["metric"].isin(own) & ~values["value"].between(0.0, 1.0) & values["value"].notna()
+    answer = values.copy()
+    answer.loc[is_wrong, ["low", "high"]] = math.nan
+    answer.loc[is_wrong, "note"] = NO_SHARE
+    return answer
 
 
 def csv_number(number: float) -> str:

@@ -17,7 +17,7 @@ from benchmark.metrics import METRICS, join_tables
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
 from benchmark.results.commands import COMMAND, read_commands
-from benchmark.results.files import FormatError, ResultsError
+from benchmark.results.files import LOST, FormatError, ResultsError
 from benchmark.results.progress import read_progress
 from benchmark.results.release import MANIFEST, SUBMISSION, VERDICTS
 from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, RunFolder
@@ -254,7 +254,7 @@ def _checked(content: dict[str, Any], model: type[Section], file: Path) -> dict[
         fitted(content, model)
     except ConfigError as error:
         reasons = "; ".join(str(problem) for problem in error.problems)
-        raise ResultsError(f"damaged: {reasons}", place=str(file)) from error
+        raise ResultsError(f"damaged: {reasons}", place=str(file), remedy=LOST) from error
     return content
 
 

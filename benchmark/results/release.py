@@ -113,7 +113,11 @@ def read_manifest(folder: Path) -> Manifest:
     """
     file = folder / MANIFEST
     if file.exists() and file.stat().st_size > LARGEST_FILE:
-        raise ResultsError(f"has more than {LARGEST_FILE:,} bytes", place=str(file))
+        raise ResultsError(
+            f"has {file.stat().st_size:,} bytes, and may have {LARGEST_FILE:,}",
+            place=str(file),
+            remedy="give a folder that `smarts-bench release` has written",
+        )
     try:
         return fitted(read_mapping(file, "get it again from where it came"), Manifest, str(file))
     except ConfigError as error:

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from benchmark.metrics import compare, compute, join_tables, write_table
-from benchmark.report.provenance import run_lines
+from benchmark.report.provenance import RUN_COLUMNS, run_rows
 from benchmark.results.commands import keep_command, read_commands
 from benchmark.results.files import ResultsError
 from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
@@ -185,7 +185,8 @@ def test_a_line_of_progress_that_cannot_be_is_named(tmp_path, value):
     assert len(results.finished) == 1
     assert results.finished[0].progress["agent_steps"].tolist() == [500]
     # Not those of half the training.
-    assert (run_lines(results)[0].agent_steps, run_lines(results)[0].training) == ("", "")
+    row = dict(zip(RUN_COLUMNS, run_rows(results)[0], strict=True))
+    assert (row["agent-steps"], row["training"]) == ("", "")
     with raises(ResultsError, folder.progress):
         begin_progress(folder.progress, 2)
 
@@ -236,7 +237,8 @@ def test_progress_that_ends_before_the_training_is_named(tmp_path, lines, budget
     assert len(results.finished) == 1
     problem = results.problems.get(f"{PLACE}/progress.csv", "")
     assert (said in problem) if said else problem == ""
-    assert (run_lines(results)[0].agent_steps == "") is bool(said)
+    row = dict(zip(RUN_COLUMNS, run_rows(results)[0], strict=True))
+    assert (row["agent-steps"] == "") is bool(said)
 
 
 @pytest.mark.parametrize("content", [b"1,2,3\n", b"\xff\xfe\n", ",".join(PROGRESS_COLUMNS).encode()[:20]])

@@ -10,6 +10,7 @@ from benchmark.experiment.own_code import own_digests
 from benchmark.experiment.runs import run_from, runs_of, scripted_runs_of
 from benchmark.experiment.values import VehicleName
 from benchmark.metrics import METRICS, Measure
+from benchmark.report.values import NO_SHARE, measure_cells
 from benchmark.results.files import ResultsError
 from benchmark.running.experiment import run_experiment
 from benchmark.running.jobs import JobScheduler, jobs_of
@@ -17,7 +18,7 @@ from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.agents.interface import VEHICLE_CLASSES
 from smarts.config import ConfigError
 from smarts.errors import OwnCodeError
-from tests.hand_made_results import finish_runs
+from tests.hand_made_results import agent_episodes, finish_runs
 from tests.raising import raises
 
 HEAD = "tasks: [loop]\ntraffic: [no_social_vehicles]\n"
@@ -118,6 +119,7 @@ LONG = Measure(
 )
 NONE = 5
 """
+SPEED = METRIC.replace('totals["long"], ', '20 * totals["long"], ')
 POLICY = """
 class Waits:
     def begin(self, episode, agent): ...
@@ -131,6 +133,18 @@ class Broken:
     def begin(self, episode, agent): ...
     def act(self, observation, mask): return 1
 """
+
+
+def test_a_metric_that_is_no_share_though_it_says_so_has_no_interval(write):
+    read_experiment(write("algorithms: [ppo]\nmetrics: ['own_s:LONG']\n", own_s=SPEED))
+    labels = {"algorithm": "ppo", "training_seed": 1, "task": "loop", "task_traffic": "none"}
+    table = agent_episodes([["goal"]] * 4, mode="greedy", **labels)
+    table["long"] = [0.5, 1.0, 1.0, 1.5]
+    found = measure_cells(table, ["own_s:LONG", "completion_rate"]).set_index("metric")
+    assert found.loc["own_s:LONG", "value"] == 20.0
+    assert np.isnan(found.loc["own_s:LONG", "low"])
+    assert found.loc["own_s:LONG", "note"] == NO_SHARE
+    assert NO_SHARE not in set(found.drop("own_s:LONG")["note"])
 
 
 def test_own_metrics_and_scripted_policies(write):

@@ -543,6 +543,14 @@ def test_the_overview_of_sampled_tests_shows_them_as_sampled(tmp_path):
     assert "of sampled acting" in note(report)
 
 
+def test_the_overview_has_no_difference_of_what_is_not_known(tmp_path):
+    write_experiment(tmp_path, algorithms=["ppo"], scripted=["gap_acceptance"])
+    write_run(tmp_path, "ppo", [agent_episodes(PERFECT, mode="greedy").assign(agents=0.0)])
+    write_run(tmp_path, "gap_acceptance", [agent_episodes(PERFECT, mode="scripted")], seed=-1)
+    ppo, _ = overview_rows(make_report(read_results(tmp_path)))
+    assert dict(zip(COLUMNS, ppo, strict=True))["- gap_acceptance"] == ""
+
+
 def test_differences_from_the_papers_tasks_are_the_table_of_the_documents(tmp_path):
     text = table([*TASK_DIFFERENCES], task_differences(), left=3)
     assert text in (Path(__file__).parents[3] / "docs/benchmark_v1.md").read_text()

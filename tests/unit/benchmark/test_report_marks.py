@@ -17,7 +17,7 @@ from benchmark.report.leaderboard import make_leaderboard
 from benchmark.report.markdown import report_text
 from benchmark.report.outcomes import draw_outcomes
 from benchmark.report.protocol import protocol_of
-from benchmark.report.provenance import circumstances, run_lines
+from benchmark.report.provenance import RUN_COLUMNS, circumstances, run_rows
 from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.summary import Summaries
 from benchmark.report.tables import difference_notes
@@ -98,8 +98,9 @@ def test_half_an_interval_is_none(report):
 
 
 def test_speed_is_steps_per_second(report):
-    line = next(line for line in run_lines(report.results) if line.run.algorithm == "ppo")
-    assert (line.agent_steps, line.training, line.speed) == ("1,000", "0:00:05", "200")
+    rows = [dict(zip(RUN_COLUMNS, row, strict=True)) for row in run_rows(report.results)]
+    row = next(row for row in rows if row["algorithm"] == "ppo")
+    assert (row["agent-steps"], row["training"], row["steps/s"]) == ("1,000", "0:00:05", "200")
 
 
 def test_outcomes_are_those_of_the_main_mode(report):
