@@ -102,9 +102,6 @@ export class Recording {
         this.remark = message.remark;
         this.version++;
         break;
-      case "error":
-        this.remark = message.text;
-        break;
     }
   }
 

@@ -153,7 +153,7 @@ async function decodeBody(raw: RawMap): Promise<Body | null> {
       return { type: "table", name: textOf(raw.name), columns: found, append: raw.append === true };
     }
     case "vehicles":
-      return { type: "vehicles", columns: await columns(isMap(raw.columns) ? raw.columns : raw, new Budget()) };
+      return { type: "vehicles", columns: await columns(raw, new Budget()) };
     case "steps":
       return steps(raw);
     case "end":
@@ -164,8 +164,6 @@ async function decodeBody(raw: RawMap): Promise<Body | null> {
         sources: (Array.isArray(raw.sources) ? raw.sources : []).map(source),
         hidden: Math.max(0, numberOf(raw.hidden) || 0),
       };
-    case "error":
-      return { type: "error", text: textOf(raw.text) };
     default:
       return null;
   }

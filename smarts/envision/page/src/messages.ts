@@ -84,6 +84,7 @@ export interface SourcesMessage {
   /** Simulations that run and are not shown. */
   hidden: number;
 }
+/** Stands for a message that is damaged. */
 export interface ErrorMessage {
   type: "error";
   text: string;

@@ -92,10 +92,6 @@ export class Stage {
     this.listen();
   }
 
-  get views(): View[] {
-    return this.cells.map((cell) => cell.view);
-  }
-
   /** Shows these views. */
   show(views: readonly View[]): void {
     this.cells = views.map((view, index) => this.cell(view, index, views.length > 1));

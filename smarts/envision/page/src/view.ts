@@ -1,6 +1,6 @@
 /** One recording on the stage: its scene, its camera, its place, what is chosen in it. */
 
-import { Color, Group, type Mesh, Scene } from "three";
+import { Color, Group, Scene } from "three";
 import { type Agent, agentsOf, type Marker, markersOf } from "./agents";
 import type { Box, Recording } from "./episode";
 import { Snapshot } from "./snapshot";
@@ -187,10 +187,6 @@ export class View {
       if (far < least) [best, least] = [i, far];
     }
     return best;
-  }
-
-  get meshes(): Mesh[] {
-    return [...this.bodies.meshes];
   }
 
   dispose(): void {
