@@ -22,7 +22,7 @@ from smarts.errors import SmartsError
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "benchmark_v1"
-FILES = {"README.md": ("paper",), "docs/benchmark_v1.md": ("modes", "seeds")}
+FILES = {"README.md": ("paper",), "docs/benchmark_v1.md": ("modes", "seeds", "partners")}
 """File -> its tables."""
 TASKS, ALONE, SOCIAL = (
     ("two_way", "double_merge", "intersection"),
@@ -45,6 +45,15 @@ ALGORITHMS = {
     "maddpg": "MADDPG",
 }
 RULES = "gap_acceptance"
+PLAYS = {
+    "self-play": "alone",
+    "XP": "with partners",
+    "wet_road": "wet road",
+    "latency_100": "100 ms",
+    "latency_300": "300 ms",
+    "latency_500": "500 ms",
+}
+"""Column of robustness.csv -> heading."""
 BEGIN, END = "<!-- table ", "<!-- end of table -->"
 
 Values = dict[tuple[str, str, str, str, str], dict[str, str]]
@@ -126,7 +135,30 @@ def _by_seed(algorithm: str, cell: tuple[str, str]) -> Iterable[str]:
         yield " / ".join(f"{share:.2f}" for share in shares)
 
 
-TABLES = {"paper": paper_table, "modes": modes_table, "seeds": seeds_table}
+def partners_table(_: Values) -> Iterable[Sequence[str]]:
+    """Yield rows of greedy rates of each policy alone, with others' partners, and under other conditions."""
+    yield ("cell", "policy", *PLAYS.values(), "worst partner")
+    with (RESULTS / "report" / "robustness.csv").open(newline="") as file:
+        plays: dict[tuple[str, ...], dict[str, float]] = {}
+        for row in csv.DictReader(file):
+            place = row["task"], row["policy"], row["kind"], row["with"]
+            plays.setdefault(place, {})[row["metric"]] = float(row["value"])
+    for task in TASKS:
+        for name, label in [*ALGORITHMS.items(), (RULES, f"`{RULES}`")]:
+            own = {
+                key[2:]: f"{rates['collision_rate']:.2f} / {rates['completion_rate']:.2f}"
+                for key, rates in plays.items()
+                if key[:2] == (f"{task}_v1", name)
+            }
+            alone = {("partner", "self-play"), ("partner", "XP")}
+            partners = [key for key in own if key[0] == "partner" and key not in alone]
+            last = min(partners, key=lambda key: plays[f"{task}_v1", name, *key]["completion_rate"])
+            figures = [next(own[key] for key in own if key[1] == play) for play in PLAYS]
+            with_last = f"{own[last]} ({ALGORITHMS.get(last[1], last[1])})"
+            yield (task.replace("_", " "), label, *figures, with_last)
+
+
+TABLES = {"paper": paper_table, "modes": modes_table, "seeds": seeds_table, "partners": partners_table}
 
 
 def lines_of(name: str, values: Values) -> str:
