@@ -269,7 +269,7 @@ class LiveHub:
         if int(message["map"]) not in maps:
             raise RecordError(f"map {int(message['map'])} has not been sent", place=number)
         before = self._sources.get(number)
-        road_map, serial = maps[int(message["map"])], int(message["serial"])
+        road_map, serial = maps[int(message["map"])], _whole(message["serial"])
         encoder = LiveEncoder(road_map, facts, number, serial, before and before.encoder)
         about = {
             "title": _text(f"{facts['scenario']} {facts['traffic']} [{message['world']}]"),

@@ -7,10 +7,10 @@ when it may not have arrived.
 
 from __future__ import annotations
 
-import itertools
 import os
 import socket
 import time
+import uuid
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -41,7 +41,6 @@ from smarts.types.frame import Frame
 
 MOST_SHOWN = 9
 """Simulations of a process that are sent: the first ones."""
-_numbers = itertools.count()
 
 
 @dataclass
@@ -188,13 +187,14 @@ class EpisodePublisher:
         self._outlet.close()
 
     def _connect(self) -> None:
-        """Open a connection, under names that no other process has."""
+        """Open a connection, under names that no other publisher of any process has."""
         self._outlet = Outlet(self._address)
         # Also for a publisher that nobody closes.
         weakref.finalize(self, self._outlet.close)
-        machine, process, number = socket.gethostname(), os.getpid(), next(_numbers)
+        # Containers may share a host name and process numbers.
+        name = uuid.uuid4().hex
         for row, shown in enumerate(self._rows):
-            shown.source, shown.epoch = f"{machine}-{process}-{number}-{row}", -1
+            shown.source, shown.epoch = f"{name}-{row}", -1
         self._maps_sent: tuple[int, set[int]] = -1, set()
         self._epoch = -1
         """Of the outlet, when a frame was last looked at."""

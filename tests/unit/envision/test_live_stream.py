@@ -3,6 +3,7 @@
 import json
 import random
 import re
+import socket
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from websockets.sync.client import connect
 
 from smarts.envision import live, viewers
 from smarts.envision import server as server_module
+from smarts.sim import outlet
 from smarts.stream.container import pack, unpack
 from smarts.stream.motion import motion_of
 from smarts.stream.road_map import map_message, origin_of
@@ -68,11 +70,11 @@ def frame(step, source="a", serial=1, vehicles=3, **more):
     return {**message, "serial": serial, "signals": [], "bubbles": [], "extras": [], **more}
 
 
-def until(socket, wanted):
+def until(browser, wanted):
     """Return the messages that a viewer gets, up to one for which `wanted` holds."""
     found = []
     while True:
-        found.append(unpack(socket.recv(timeout=LIMIT)))
+        found.append(unpack(browser.recv(timeout=LIMIT)))
         if wanted(found[-1]):
             return found
 
@@ -85,8 +87,8 @@ def is_listed(**columns):
     return lambda m: m["type"] == "sources" and any(columns.items() <= row.items() for row in m["sources"])
 
 
-def watch(socket, *ids):
-    socket.send(json.dumps({"watch": ids}))
+def watch(browser, *ids):
+    browser.send(json.dumps({"watch": ids}))
 
 
 def test_a_late_viewer_gets_what_lasts_and_the_newest_frame(server):
@@ -205,6 +207,22 @@ def test_a_simulation_that_cannot_be_ended_leaves_the_others_ended(server, monke
         until(browser, all_ended)
 
 
+def test_a_publisher_that_is_stopped_is_dropped_and_one_that_only_sends_nothing_stays(monkeypatch):
+    monkeypatch.setattr(server_module, "_SILENCE", 0.5)
+    with serving(live=True) as server, publisher(server) as quiet, viewer(server) as browser:
+        for message in (the_map(), begin("quiet"), frame(0, "quiet")):
+            quiet.send(pack(message))
+        with socket.create_connection(("127.0.0.1", server.port)) as stopped:
+            outlet._shaken(stopped, outlet.Address("127.0.0.1", server.port))
+            for message in (the_map(), begin("stopped")):
+                packed = pack(message)
+                stopped.sendall(outlet._header(len(packed)) + packed)
+            until(browser, is_listed(id="stopped", running=True))
+            # From here on it answers nothing, though its connection stays.
+            found = until(browser, is_listed(id="stopped", running=False))
+        assert is_listed(id="quiet", running=True)(found[-1])
+
+
 def test_simulations_are_watched_one_by_one(server):
     with publisher(server) as simulation, viewer(server) as browser:
         simulation.send(pack(the_map()))
@@ -236,6 +254,9 @@ def test_simulations_are_watched_one_by_one(server):
         lambda m: {**begin("b"), "facts": {"scenario": ["<script>"]}},
         lambda m: begin("b", episode=1e300),
         lambda m: {**begin("b"), "pid": 1e300},
+        lambda m: {**begin("b"), "world": 1e300},
+        lambda m: {**begin("b"), "map": 1e300},
+        lambda m: begin("b", serial=1e300),
         lambda m: {**m, "step": 1e300},
     ],
 )

@@ -5,8 +5,11 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import time
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,6 +32,7 @@ from tests.viewers import received_bytes, serving
 
 KEEP = [np.zeros((2, 4), np.int64)]
 LIMIT = 60
+ROOT = Path(__file__).parents[3]
 MOST_BYTES = 22
 """A vehicle and step."""
 
@@ -98,6 +102,7 @@ def test_decisions_between_two_frames_come_with_the_next_one(server, env, monkey
             assert newest[key] == (int(motion_of(message).step[0]) - 1) // interval * interval
         if checked == 20:
             break
+    assert checked == 20
 
 
 def test_a_run_takes_few_bytes(server):
@@ -342,6 +347,34 @@ def test_publishers_that_nobody_closes_leave_room_for_others(server, monkeypatch
     running = lambda rows: sum(row["running"] for row in rows) == 2  # noqa: E731
     assert len(listed(server, running, lambda: env.step(KEEP))) >= 2
     env.close()
+
+
+IN_A_CONTAINER = """
+import numpy as np
+from smarts.env.vector import VectorHiWayEnv
+
+env = VectorHiWayEnv(1, ["loop"], 1, seed=1)
+env.reset()
+while True:
+    env.step([np.zeros((1, 1), np.int64)])
+"""
+
+
+def test_containers_of_one_host_name_and_process_number_are_shown_side_by_side(server, monkeypatch):
+    namespace = ["unshare", "--user", "--pid", "--fork", "--kill-child", "--map-root-user", "--mount-proc"]
+    if subprocess.run([*namespace, "true"], check=False).returncode:
+        pytest.skip("this machine gives no namespaces")
+    monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
+    command = [*namespace, sys.executable, "-c", IN_A_CONTAINER]
+    processes = [subprocess.Popen(command, cwd=ROOT) for _ in range(2)]
+    try:
+        both = lambda rows: sum(row["running"] for row in rows) == 2  # noqa: E731
+        found = listed(server, both, lambda: None)
+        assert len({(row["host"], row["pid"]) for row in found}) == 1
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
 
 
 def test_a_process_that_was_forked_off_has_room_for_as_many(server, env):
