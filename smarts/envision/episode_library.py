@@ -98,19 +98,21 @@ class EpisodeLibrary:
         """Return what is there now, damaged episodes included.
 
         Args:
-            seconds: Time for reading; the episodes for which it does not suffice are `unread`.
+            seconds: Time for reading; the episodes for which it does not suffice are `unread`. One is read
+                in any case.
         """
-        until = time.monotonic() + seconds
         with self._lock:
             roots = self._find()
             found = {number: self._known(number, root) for number, root in roots.items()}
             unread = [number for number, entry in found.items() if entry.unread]
             # What is missing may be brought back.
             damaged = [number for number, entry in found.items() if entry.error]
+            # The search for them, and waiting for another call, take as long as they take.
+            until = time.monotonic() + seconds
             for number in unread + damaged:
+                found[number] = self._read(number, roots[number])
                 if time.monotonic() >= until:
                     break
-                found[number] = self._read(number, roots[number])
         return list(found.values())
 
     def _find(self) -> dict[str, Path]:

@@ -9,6 +9,8 @@ import { reason, titleOf, titlesOf } from "./titles";
 import { View } from "./view";
 
 export const MOST_VIEWS = 9;
+/** From one list of episodes that the server is still reading to the next [ms]. */
+const LIST_PAUSE = 2000;
 
 interface Actions {
   say(text: string): void;
@@ -32,6 +34,8 @@ export class Session {
   private readonly waiting = new Set<string>();
   /** Counts calls of `open`: one that takes long does not undo a later one. */
   private turn = 0;
+  /** Counts calls of `listAgain`: the last one asks. */
+  private listing = 0;
   /** Whether the user was told that there are more simulations than are listed. */
   private hasTold = false;
   /** The agents whose observations were asked for last. */
@@ -85,11 +89,14 @@ export class Session {
   async listAgain(): Promise<void> {
     const { library } = this;
     if (!library.isServed) return;
+    const listing = ++this.listing;
     try {
-      do {
+      while (this.library === library && listing === this.listing) {
         library.entries = await listEpisodes();
         this.actions.listed();
-      } while (this.library === library && library.entries.some((entry) => entry.isUnread));
+        if (!library.entries.some((entry) => entry.isUnread)) return;
+        await new Promise((resolve) => setTimeout(resolve, LIST_PAUSE));
+      }
     } catch {
       // It is asked for again when the list is opened.
     }
