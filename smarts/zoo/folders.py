@@ -59,13 +59,9 @@ def remove_added(name: str) -> None:
     Raises:
         SmartsError: No such agent was added, or the file is not readable or cannot be written.
     """
+    _check_added(name, _content())  # before a folder and a lock are made
     with _changed() as content:
-        if name not in content:
-            raise UnknownNameError(
-                f"no added agent is called {name!r}",
-                place=str(zoo_file()),
-                remedy=nearest_names(name, content),
-            )
+        _check_added(name, content)
         del content[name]
 
 
@@ -79,6 +75,13 @@ def import_folder(folder: str | Path) -> str:
     import_own([path])
     load_module(path.stem, "folder")
     return path.stem
+
+
+def _check_added(name: str, content: Mapping[str, Any]) -> None:
+    if name not in content:
+        raise UnknownNameError(
+            f"no added agent is called {name!r}", place=str(zoo_file()), remedy=nearest_names(name, content)
+        )
 
 
 @contextmanager

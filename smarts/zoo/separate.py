@@ -15,7 +15,7 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -136,14 +136,17 @@ def python_of(entry: ZooEntry) -> Path:
     Raises:
         HostError: The environment was not built, or of another state of the project.
     """
-    built = [*_root().glob(f"{_key(entry)}-py*/{COMPLETE}")]
+    built = {}
+    for file in _root().glob(f"{_key(entry)}-py*/{COMPLETE}"):
+        with suppress(FileNotFoundError):  # another process may remove the environment now
+            built[file] = file.stat().st_mtime_ns
     if not built:
         raise HostError(
             "the agent's environment was not built, or its project or the kit has changed since",
             place=f"agent {entry.name!r}",
             remedy=f"smarts-bench zoo install {entry.name}",
         )
-    return max(built, key=lambda file: file.stat().st_mtime_ns).parent / "bin" / "python"
+    return max(built, key=lambda file: built[file]).parent / "bin" / "python"
 
 
 def install(entry: ZooEntry, python: str = sys.executable) -> Path:

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 import zipfile
 from contextlib import closing
 from pathlib import Path
@@ -194,6 +195,30 @@ def test_of_several_environments_the_last_one_is_used(zoo):
         (folder / COMPLETE).touch()
         os.utime(folder / COMPLETE, (time, time))
         assert python_of(entry) == folder / "bin" / "python"
+
+
+def test_an_environment_that_is_removed_meanwhile_is_not_used(zoo):
+    entry = find_entry(project(zoo, "1"))
+    root = zoo / "cache" / "smarts-bench" / "agents"
+    kept, passing = (root / f"{_key(entry)}-py{version}" / COMPLETE for version in ("3.11.7", "3.12.1"))
+    for file in (kept, passing):
+        file.parent.mkdir(parents=True)
+    kept.touch()
+    ended = threading.Event()
+
+    def come_and_go():
+        while not ended.is_set():
+            passing.touch()
+            passing.unlink()
+
+    thread = threading.Thread(target=come_and_go)
+    thread.start()
+    try:
+        found = {python_of(entry).parents[1] for _ in range(1000)}
+    finally:
+        ended.set()
+        thread.join()
+    assert kept.parent in found
 
 
 def test_an_agent_without_a_project_has_no_environment(zoo):
