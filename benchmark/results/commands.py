@@ -33,10 +33,11 @@ def keep_command(root: Path, experiment: Experiment, line: str) -> None:
     write_versioned(kept, {"command": line, PARTS: [*(each for each in before if each != part), part]})
 
 
-def read_commands(root: Path, problems: dict[str, str]) -> tuple[tuple[str, ...], list[Experiment]]:
+def read_commands(root: Path, problems: dict[str, str]) -> tuple[tuple[str, ...], list[Experiment | None]]:
     """Return the distinct commands that filled a folder, and their experiments; the last one is at the end.
 
-    What is missing, damaged or of another version is left out, and goes into `problems`.
+    What is missing, damaged or of another version is left out, and goes into `problems`; an experiment that
+    cannot be read is None.
 
     Raises:
         FormatError: The results are of another format.
@@ -55,11 +56,13 @@ def read_commands(root: Path, problems: dict[str, str]) -> tuple[tuple[str, ...]
     except (KeyError, TypeError, ValueError):
         problems[file.name] = f"damaged: its {PARTS} are not commands with their experiments; {REMEDY}"
         return (), []
-    experiments = []
-    for _, content in parts:
+    experiments: list[Experiment | None] = []
+    for number, (_, content) in enumerate(parts, start=1):
         try:
             experiments.append(fitted(content, Experiment, context=KEPT))
         except ConfigError as error:
             reasons = "; ".join(str(problem) for problem in error.problems)
-            problems[file.name] = f"not an experiment of this version: {shortened(reasons)}; {REMEDY}"
+            problem = f"not an experiment of this version: {shortened(reasons)}"
+            problems[f"{file.name}, part {number}"] = f"{problem}; correct or remove that part"
+            experiments.append(None)
     return tuple(dict.fromkeys(line for line, _ in parts)), experiments

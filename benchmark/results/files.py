@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +131,8 @@ def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -
     Args:
         folder: The folder to replace.
         fill: Writes the new content.
-        by: Suffix of the temporary names, if several processes may write; those are not recovered.
+        by: Suffix of the temporary names, if several processes may write; those are not recovered, and the
+            processes replace in turn, by a lock on the file .NAME.lock beside the folder.
 
     Raises:
         ResultsError: The disk is full, or the folder cannot be written to. The old content stays.
@@ -149,7 +150,7 @@ def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -
         except BaseException:
             shutil.rmtree(partial, ignore_errors=True)
             raise
-        with _turn(folder.parent):
+        with _replacement_lock(folder) if by else nullcontext():
             shutil.rmtree(previous, ignore_errors=True)
             if folder.exists():
                 folder.rename(previous)
@@ -159,12 +160,12 @@ def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -
 
 
 @contextmanager
-def _turn(folder: Path) -> Iterator[None]:
-    """Wait until no other process renames in a folder, where its file system has locks."""
-    descriptor = os.open(folder, os.O_RDONLY)
+def _replacement_lock(folder: Path) -> Iterator[None]:
+    """Wait until no other process puts a folder into this place."""
+    # A file that is open for writing, since NFS locks neither folders nor what is open for reading.
+    descriptor = os.open(folder.with_name(f".{folder.name}.lock"), os.O_RDWR | os.O_CREAT, 0o644)
     try:
-        with suppress(OSError):
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
         os.close(descriptor)

@@ -133,6 +133,8 @@ def read_results(root: Path) -> Results:
     if (root / VERDICTS).exists():  # of submissions, which no experiment has made
         problems.pop(COMMAND, None)
     runs: dict[str, RunResult] = {}
+    last = experiments[-1] if experiments else None
+    experiments = [each for each in experiments if each is not None]
     for each in experiments:
         _load_metrics(each, problems)
         runs |= {run.place: run for run in _expected(each)}
@@ -148,8 +150,8 @@ def read_results(root: Path) -> Results:
     runs |= found
     return Results(
         root=root,
-        name=experiments[-1].name if experiments else root.resolve().name,
-        description=experiments[-1].description if experiments else "",
+        name=last.name if last else root.resolve().name,
+        description=last.description if last else "",
         commands=commands,
         runs=tuple(runs[place] for place in sorted(runs)),
         problems=problems,
@@ -214,6 +216,7 @@ class _Facts(Section):
     tested: _Tested | None = None
     continued: list[dict[str, Any]] = Field([])
     scenarios: dict[str, str] = Field({})
+    defaults: dict[str, Any] = Field({})
 
 
 class _Config(Section):

@@ -139,10 +139,13 @@ class RunFolder:
         self._check_code(*compared)
         differing = differing_values(*({**each, BUDGET: None} if is_extended else each for each in compared))
         if differing:
+            settings = [each.get("settings") for each in compared]
             raise ResultsError(
                 f"here are results of a run with another config: {differing}",
                 place=str(self.config),
-                remedy="give the experiment another name or --out, or remove the folder to start again "
+                remedy="give the experiment another name or --out, "
+                + ("or set the old values in `settings`, " if settings[0] != settings[1] else "")
+                + "or remove the folder to start again "
                 "(with a larger budget and all else as it is, the run trains on)",
             )
         if is_extended and self.status in (TESTING, FINISHED) and not self._is_there(self.checkpoint):
@@ -193,10 +196,7 @@ class RunFolder:
         """Return the config of the run in the folder, with the defaults of its time; None without one."""
         if not self._has_results():
             return None
-        content = with_defaults(self.read_config())
-        now = default_settings(content)
-        defaults = {name: value for name, value in self.facts().get(DEFAULTS, {}).items() if name in now}
-        return {**content, "settings": {**defaults, **content["settings"]}} if defaults else content
+        return with_own_defaults(self.read_config(), self.facts())
 
     def _has_results(self) -> bool:
         """Return whether the folder holds more than the begin of a run."""
@@ -297,6 +297,19 @@ class RunFolder:
             self.checkpoint / "training.json",
             remedy=f"remove the folder {self.checkpoint} to train from the start",
         )
+
+
+def with_own_defaults(config: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a run's config, with the defaults of its time where these were others than today's.
+
+    Args:
+        config: Content of config.yaml.
+        facts: Of run.json.
+    """
+    content = with_defaults(config)
+    now = default_settings(content)
+    defaults = {name: value for name, value in facts.get(DEFAULTS, {}).items() if name in now}
+    return {**content, "settings": defaults | (content.get("settings") or {})} if defaults else content
 
 
 def _is_same_test(before: Any, tested: Mapping[str, Any]) -> bool:

@@ -84,10 +84,10 @@ def test_a_damaged_config_is_named(folder, name):
 def test_what_is_wrong_with_what_was_asked_for_last(tmp_path):
     problems = {}
     write_experiment(tmp_path, bugdet=1)
-    assert read_commands(tmp_path, problems) == (("smarts-bench run hand.yaml",), [])
+    assert read_commands(tmp_path, problems) == (("smarts-bench run hand.yaml",), [None])
     assert problems == {
-        COMMAND: "not an experiment of this version: there is no key bugdet; did you mean 'budget'?; "
-        "remove it, and `run` writes it again"
+        f"{COMMAND}, part 1": "not an experiment of this version: there is no key bugdet; did you mean "
+        "'budget'?; correct or remove that part"
     }
     for content in ("[", '{"format": 2, "parts": [5]}'):
         (tmp_path / COMMAND).write_text(content)

@@ -97,10 +97,27 @@ def test_episodes_without_agents_belong_to_the_test(tmp_path, measured, fits):
     assert len(read_results(tmp_path).finished) == fits
 
 
+@pytest.mark.parametrize(("lost", "fits"), [(0, True), (3, False)])
+def test_agents_in_one_mode_tell_rows_that_another_has_lost(tmp_path, lost, fits):
+    """Four of five episodes have agents; three of the greedy ones are lost."""
+    four = [["goal", "goal"]] * 4
+    tables = [agent_episodes(four[lost:], mode="greedy"), agent_episodes(four, mode="sampled")]
+    tables[0].attrs["episodes"]["measured"] = tables[1].attrs["episodes"]["measured"] = 5
+    write_experiment(tmp_path)
+    run = write_run(tmp_path, "ppo", tables, environment={"learn_in_bubbles": True})
+    facts = json.loads((run / "run.json").read_text())
+    tested = {"episodes": 5, "modes": ["greedy", "sampled"], "held_out_episodes": 0}
+    (run / "run.json").write_text(json.dumps({**facts, "tested": tested}))
+    results = read_results(tmp_path)
+    assert len(results.finished) == fits
+    assert ("it holds 1 greedy episodes" in "".join(results.problems.values())) is not fits
+
+
 @pytest.mark.parametrize(
     ("lost", "said"),
     [
         ({}, ""),
+        ({"is_invalid": True}, "rows of 0 of its 1 invalid episodes"),
         ({"world": 2_000_001, "split": "train"}, "rows of 3 of its 4 measured episodes"),
         ({"split": "held_out"}, "rows of 2 of its 4 measured episodes"),
     ],
@@ -108,7 +125,7 @@ def test_episodes_without_agents_belong_to_the_test(tmp_path, measured, fits):
 def test_a_table_that_has_lost_rows_is_named(tmp_path, lost, said):
     held_out = agent_episodes(TWO, mode="greedy", split="held_out", variation="dense")
     write_experiment(tmp_path)
-    run = write_run(tmp_path, "ppo", [*greedy(), held_out])
+    run = write_run(tmp_path, "ppo", [*greedy([*TWO, ["invalid", "invalid"]]), held_out])
     facts = json.loads((run / "run.json").read_text())
     tested = {"episodes": 2, "modes": ["greedy"], "held_out_episodes": 2}
     (run / "run.json").write_text(json.dumps({**facts, "tested": tested}))
@@ -147,9 +164,23 @@ def test_without_a_whole_file_of_commands_the_runs_count(tmp_path):
     assert "missing" in read_results(tmp_path).problems["command.json"]
     write_experiment(tmp_path, algorithms=["pppo"])
     results = read_results(tmp_path)
-    assert "did you mean 'ppo'" in results.problems["command.json"]
+    assert "did you mean 'ppo'" in results.problems["command.json, part 1"]
     assert results.commands == ("smarts-bench run hand.yaml",)
     assert [str(run) for run in results.finished] == [f"ppo, intersection, {ALONE}, seed 1"]
+
+
+def test_each_part_that_cannot_be_read_is_named_and_the_name_is_of_none_before(tmp_path):
+    root = tmp_path / "here"
+    write_experiment(root, name="before")
+    content = json.loads((root / "command.json").read_text())
+    (part,) = content["parts"]
+    wrong = [{"command": f"run {name}", "experiment": {"algorithms": [name]}} for name in ("pppo", "dqnn")]
+    (root / "command.json").write_text(json.dumps({**content, "parts": [part, *wrong]}))
+    results = read_results(root)
+    assert (results.name, results.description) == ("here", "")
+    assert [*results.problems] == ["command.json, part 2", "command.json, part 3"]
+    assert all(said.endswith("correct or remove that part") for said in results.problems.values())
+    assert [run.algorithm for run in results.runs] == ["ppo"]
 
 
 def test_runs_of_a_scenario_that_has_moved_are_listed(tmp_path):

@@ -5,6 +5,7 @@ import fcntl
 import os
 import shutil
 import signal
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -126,14 +127,15 @@ def test_two_may_put_a_folder_into_its_place_at_a_time(tmp_path):
 
     replace_folder(folder, slow, by="-1")
     assert (folder / "weights").read_text() == "slow"
-    assert [*tmp_path.iterdir()] == [folder]
+    assert {*tmp_path.iterdir()} == {folder, tmp_path / ".report.lock"}
 
 
 def test_the_second_of_two_waits_while_the_first_one_renames(tmp_path):
     folder = tmp_path / "report"
-    first = os.open(tmp_path, os.O_RDONLY)
+    first = os.open(tmp_path / ".report.lock", os.O_RDWR | os.O_CREAT)
     fcntl.flock(first, fcntl.LOCK_EX)
-    second = Thread(target=replace_folder, args=(folder, lambda path: FakeAlgo("new").save_to_path(path)))
+    given = (folder, lambda path: FakeAlgo("new").save_to_path(path))
+    second = Thread(target=replace_folder, args=given, kwargs={"by": "-2"})
     second.start()
     second.join(0.5)
     assert second.is_alive()
@@ -141,6 +143,20 @@ def test_the_second_of_two_waits_while_the_first_one_renames(tmp_path):
     os.close(first)
     second.join()
     assert (folder / "weights").read_text() == "new"
+
+
+def test_a_folder_is_not_replaced_where_the_file_system_gives_no_lock(tmp_path, monkeypatch):
+    """As on NFS, which locks no folders; only a file that is open for writing is locked there."""
+
+    def fails(descriptor, operation):
+        assert fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDWR
+        assert stat.S_ISREG(os.fstat(descriptor).st_mode)
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", fails)
+    with pytest.raises(ResultsError, match="No locks available"):
+        replace_folder(tmp_path / "report", lambda path: FakeAlgo("new").save_to_path(path), by="-1")
+    assert not (tmp_path / "report").exists()
 
 
 def test_a_lock_that_the_file_system_does_not_give_is_no_second_writer(tmp_path, monkeypatch):
@@ -451,8 +467,9 @@ def test_a_run_keeps_the_defaults_of_its_begin(tmp_path):
     folder.note(
         defaults={**defaults, "gamma": 0.5, "of_another_version": 1}
     )  # begun when 0.5 was the default
-    with raises(ResultsError, folder.config, values=["settings.gamma", "0.5"]):
+    with raises(ResultsError, folder.config, values=["settings.gamma", "0.5"]) as caught:
         folder.check(run.content())
+    assert "set the old values in `settings`" in caught.value.remedy
     folder.check(as_then.content())
 
 
