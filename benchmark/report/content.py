@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from benchmark.experiment.runs import SCRIPTED, with_defaults
+import pandas as pd
+
+from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, with_defaults
 from benchmark.metrics import METRICS
 from benchmark.metrics.results import Frame
 from benchmark.report.against_paper import (
     ONE_SIDED,
+    PASSES,
     BothLevels,
     Comparison,
     compare_with,
@@ -19,7 +22,7 @@ from benchmark.report.against_paper import (
 )
 from benchmark.report.paper import Printed, misprint, paper, printed
 from benchmark.report.protocol import protocol_of, unlike_runs
-from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
+from benchmark.report.ranking import CELL, RANKED_BY, Standing, differences, of_cell, ranks
 from benchmark.report.seed_differences import with_seed_differences
 from benchmark.report.traffic_check import TrafficCheck, traffic_checks
 from benchmark.report.values import (
@@ -32,6 +35,9 @@ from benchmark.report.values import (
 )
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.versions import check_one_version
+
+PROTOCOL = "protocol"
+"""Column of agent-episodes that are compared."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class TableCell:
     is_without_traffic: bool = False
     """Whether it is a cell with social vehicles in name only, which therefore does not count."""
     not_known: tuple[str, ...] = ()
-    """Degenerate drivers of which it is not known whether they pass, so that the cell does not count."""
+    """Degenerate drivers of which it is not known whether they pass, if ours does: it does not count."""
     unlike: str = ""
     """Why its runs must not be averaged or compared, "" if they may be."""
 
@@ -93,7 +99,7 @@ class Report:
     rates_at_90: Frame
     """The two rates with 90% intervals, whose ends are one-sided 95% ends."""
     differences: dict[str, Frame]
-    """By mode; of `benchmark.report.seed_differences.with_seed_differences`."""
+    """By mode; of `benchmark.report.seed_differences.with_seed_differences`, within each protocol."""
     unlike: dict[tuple[str, str, str], str]
     """Of `benchmark.report.protocol.unlike_runs`."""
 
@@ -165,6 +171,11 @@ class Report:
         return {(run.algorithm, run.task, run.traffic): protocol_of(run, self.results) for run in runs}
 
     @cached_property
+    def compared(self) -> dict[tuple[str, str, str], str]:
+        """Those of `protocols` whose runs may be averaged and compared."""
+        return {place: protocol for place, protocol in self.protocols.items() if place not in self.unlike}
+
+    @cached_property
     def _unlike_paper(self) -> set[tuple[str, str]]:
         """Pairs of task and traffic with own scenarios, agents of the zoo, or learning agents in bubbles."""
         return {(run.task, run.traffic) for run in self.results.runs if _is_unlike_paper(run)}
@@ -200,8 +211,8 @@ class Report:
         entries: dict[str, list[str]] = {}
         for name in self.algorithms:
             place = name, task, traffic
-            if self.value(*place, mode, "completion_rate") is not None and place not in self.unlike:
-                entries.setdefault(self.protocols[place], []).append(name)
+            if self.value(*place, mode, "completion_rate") is not None and place in self.compared:
+                entries.setdefault(self.compared[place], []).append(name)
         differing = of_cell(self.differences[mode], task, traffic)
         found: dict[Any, Standing] = {}
         for names in entries.values():
@@ -216,20 +227,27 @@ class Report:
         theirs = self.printed(name, task, traffic)
         ours = self._figures(name, task, traffic, mode)
         standing = standings.get(name)
-        degenerate = degenerate_passes(theirs, lambda driver: self._figures(driver, task, traffic, mode))
+        comparison = compare_with(theirs, *ours) if ours else None
+        degenerate = degenerate_passes(
+            theirs,
+            lambda driver: (
+                None if (driver, task, traffic) in self.unlike else self._figures(driver, task, traffic, mode)
+            ),
+        )
+        not_known = tuple(driver for driver, passes in degenerate.items() if passes is None)
         return TableCell(
             task,
             traffic,
             collision,
             completion,
             theirs,
-            compare_with(theirs, *ours) if ours else None,
+            comparison,
             tuple(driver for driver, passes in degenerate.items() if passes),
             misprint(name, task, traffic) if theirs else "",
             standing.rank if standing else None,
             standing is not None and standing.is_tied,
             any((x.task, x.traffic, x.passes) == (task, traffic, False) for x in self.traffic_checks),
-            tuple(driver for driver, passes in degenerate.items() if passes is None),
+            not_known if comparison and comparison.word in PASSES else (),
             self.unlike.get((name, task, traffic), ""),
         )
 
@@ -273,6 +291,22 @@ def _with_reasons(values: Frame, unlike: dict[tuple[str, str, str], str]) -> Fra
     return values.assign(note=notes)
 
 
+def _to_compare(report: Report) -> Frame:
+    """Return the agent-episodes that may be compared, with a column of their protocol.
+
+    Those of scripted policies are there once for each protocol of their cell.
+    """
+    table = report.results.table
+    places = zip(table["algorithm"], *(table[name] for name in CELL), strict=True)
+    kept: Frame = table[[place not in report.unlike for place in places]]
+    rows = [(*place, protocol) for place, protocol in report.compared.items()]
+    protocols = pd.DataFrame(rows, columns=["algorithm", *CELL, PROTOCOL], dtype=object)
+    is_scripted = kept["training_seed"] == SCRIPTED_SEED
+    learnt = kept[~is_scripted].merge(protocols, on=["algorithm", *CELL])
+    beside = protocols[[*CELL, PROTOCOL]].drop_duplicates()
+    return pd.concat([learnt, kept[is_scripted].merge(beside, on=[*CELL])], ignore_index=True)
+
+
 def make_report(results: Results) -> Report:
     """Return all that a report says of an experiment.
 
@@ -283,6 +317,8 @@ def make_report(results: Results) -> Report:
     table, unlike = results.table, unlike_runs(results.runs)
     values = _with_reasons(measure_cells(table), unlike)
     report = Report(results, values, measure_cells(table, RANKED_BY, ONE_SIDED), {}, unlike)
+    compared = _to_compare(report) if len(table) else table
     for mode in report.modes:
-        report.differences[mode] = with_seed_differences(differences(table, mode), table, mode)
+        found = differences(compared, mode, within=(*CELL, PROTOCOL))
+        report.differences[mode] = with_seed_differences(found, compared, mode)
     return report

@@ -15,7 +15,7 @@ from benchmark.report.figures import KINDS, draw_cells, legend, note_of
 from benchmark.report.paper import algorithm_label, task_differences, task_label, traffic_label
 from benchmark.report.robustness import Robustness
 from benchmark.report.style import data_uri
-from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, NOTE, PROFILE_NOTE, Summaries
+from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, PROFILE_NOTE, Summaries
 
 
 @cache
@@ -115,7 +115,7 @@ def _summary(summaries: Summaries, profile: bytes | None) -> dict[str, Any] | No
     if profile is None:
         return None
     return {
-        "note": NOTE,
+        "note": summaries.note,
         "tables": [
             (COLUMNS.items(), summaries.mean_rows(), (0,)),
             (IMPROVEMENT_COLUMNS.items(), summaries.improvement_rows(), (0, 1)),

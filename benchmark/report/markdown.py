@@ -11,7 +11,7 @@ from benchmark.report.episode_pages import EpisodeLinks
 from benchmark.report.figures import KINDS, note_of
 from benchmark.report.paper import algorithm_label, task_differences, task_label, traffic_label
 from benchmark.report.robustness import TITLE, Entry, Robustness
-from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, NOTE, PROFILE, PROFILE_NOTE, Summaries
+from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, PROFILE, PROFILE_NOTE, Summaries
 
 
 def report_text(
@@ -49,7 +49,7 @@ def report_text(
     if lines:
         parts += ["## Overview", overview.note(report), table([*overview.COLUMNS], lines, left=3)]
     if summaries.algorithms:
-        parts += ["## Summary over cells", NOTE, table([*COLUMNS], summaries.mean_rows())]
+        parts += ["## Summary over cells", summaries.note, table([*COLUMNS], summaries.mean_rows())]
         parts += [table([*IMPROVEMENT_COLUMNS], summaries.improvement_rows(), left=2)]
         parts += [f"![Performance profile]({PROFILE}.png)", PROFILE_NOTE]
     there = set(pictures)

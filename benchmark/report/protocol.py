@@ -12,7 +12,7 @@ from benchmark.experiment.runs import OWN_CODE, VERSION, with_defaults
 from benchmark.experiment.version import prescribed
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.release import SUBMISSION
-from benchmark.results.run_folder import IMPORTS, comparable, differing_values, flat_values
+from benchmark.results.run_folder import IMPORTS, comparable, differing_values, flat_values, with_own_defaults
 
 COMPARED = ("environment", "budget", VERSION)
 """Keys of config.yaml. The environment holds agents, decision interval, observation, action, reward, vehicle,
@@ -122,15 +122,29 @@ def _training(run: RunResult) -> dict[str, Any]:
 
     What scenarios hold is for `differing_scenarios`.
     """
-    content = with_defaults({name: x for name, x in run.config.items() if name not in ("seed", IMPORTS)})
+    config = {name: x for name, x in run.config.items() if name not in ("seed", IMPORTS)}
+    content = with_own_defaults(config, run.facts)
     return content | {"scenarios": _without_places(content.get("scenarios", []))}
 
 
 def unlike_runs(runs: Sequence[RunResult]) -> dict[tuple[str, str, str], str]:
-    """Return why runs must not be averaged or compared, by algorithm, task and traffic; see the above."""
+    """Return why runs must not be averaged or compared, by algorithm, task and traffic; see the above.
+
+    Of runs in different scenarios, those in the one of most runs may be.
+    """
     found = {(run.algorithm, *_cell(run)): SEEDS_DIFFER for _, run, _ in _differing_seeds(runs)}
-    cells = {(task, traffic) for _, task, traffic in _scenario_versions((run, "") for run in runs)}
-    return found | {(run.algorithm, *_cell(run)): SCENARIOS_DIFFER for run in runs if _cell(run) in cells}
+    finished = [run for run in runs if run.table is not None]
+    for (_, *cell), versions in _scenario_versions((run, run.place) for run in finished).items():
+        usual = _largest(versions.values())
+        outside = [run for run in finished if _cell(run) == (*cell,) and run.place not in usual]
+        found |= {(run.algorithm, *_cell(run)): SCENARIOS_DIFFER for run in outside}
+    return found
+
+
+def _largest(groups: Iterable[list[str]]) -> list[str]:
+    """Return the group that is larger than all others, empty if none is."""
+    first, *others = sorted(groups, key=len, reverse=True)
+    return first if all(len(each) < len(first) for each in others) else []
 
 
 def _code_of_environment(run: RunResult) -> dict[str, str]:

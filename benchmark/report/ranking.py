@@ -33,7 +33,11 @@ class Standing:
 
 
 def differences(
-    table: Frame, mode: str, metrics: Sequence[str] = RANKED_BY, column: str = "algorithm"
+    table: Frame,
+    mode: str,
+    metrics: Sequence[str] = RANKED_BY,
+    column: str = "algorithm",
+    within: Sequence[str] = CELL,
 ) -> Frame:
     """Return differences at equal starts in every cell.
 
@@ -45,6 +49,7 @@ def differences(
         mode: Way of acting.
         metrics: Names.
         column: Name of the algorithm column.
+        within: Columns whose values pairs have in common; those of the cell are among them.
 
     Returns:
         Of `benchmark.metrics.compare`, with `COLUMNS`.
@@ -53,7 +58,7 @@ def differences(
         return pd.DataFrame(columns=[*COLUMNS])
     kept: Frame = table[(table["split"] == "train") & table["mode"].isin([mode, SCRIPTED])]
     scripted: Any = set(kept.loc[kept["training_seed"] == SCRIPTED_SEED, column])
-    return compare(kept, [*metrics], [*CELL], column, family=(), apart=scripted)[[*COLUMNS]]
+    return compare(kept, [*metrics], [*within], column, family=(), apart=scripted)[[*COLUMNS]]
 
 
 def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Standing]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
-from benchmark.report.paper import algorithm_label
+from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.style import TEXT, label, line, new_figure, png
 from benchmark.statistics import (
     interquartile_mean,
@@ -64,11 +64,22 @@ class Summaries:
     """Score -> algorithm -> values, shape (seeds, cells)."""
     among: Sequence[str] = ()
     """All algorithms of the report, by which colours are chosen."""
+    apart: Sequence[tuple[str, str]] = ()
+    """Pairs of algorithms that have different protocols in a cell."""
+    left_out: Sequence[str] = ()
+    """Algorithms with runs that must not be averaged or compared, each with cell and reason."""
 
     @property
     def algorithms(self) -> list[str]:
         """Names."""
         return [*self.scores["completion"]]
+
+    @property
+    def note(self) -> str:
+        """What the tables say, and what was left out of them."""
+        out = f" Left out: {'; '.join(self.left_out)}." if self.left_out else ""
+        apart = "; ".join(" and ".join(map(algorithm_label, pair)) for pair in self.apart)
+        return NOTE + out + (f" Of different protocols, and not to be compared: {apart}." if apart else "")
 
     def mean_rows(self) -> list[list[str]]:
         """Return a row for each algorithm, with `COLUMNS`."""
@@ -85,7 +96,9 @@ class Summaries:
         return [
             [
                 *map(algorithm_label, pair),
-                _with_interval(probability_of_improvement, *(found[name] for name in pair))
+                "n/a: different protocols"
+                if pair in self.apart
+                else _with_interval(probability_of_improvement, *(found[name] for name in pair))
                 if min(len(found[name]) for name in pair) > 1
                 else "n/a: one seed",
             ]
@@ -100,12 +113,25 @@ def summaries_of(report: Report) -> Summaries:
         table[(table["split"] == "train") & (table["mode"] == report.modes[0])] if len(table) else table
     )
     found: dict[str, dict[str, Floats]] = {score: {} for score in SCORES}
+    left_out = [
+        f"{algorithm_label(name)} ({task_label(task)}, {traffic_label(traffic)}: {reason})"
+        for (name, task, traffic), reason in report.unlike.items()
+        if name in report.algorithms
+    ]
+    unlike = {name for name, *_ in report.unlike}
     for name in report.algorithms if len(kept) else ():
+        if name in unlike:
+            continue
         for score, (column, is_loss) in SCORES.items():
             values = _by_seed_and_cell(kept[kept["algorithm"] == name], column, report.columns)
             if values is not None:
                 found[score][name] = 1.0 - values if is_loss else values
-    return Summaries(found, report.algorithms)
+    apart = [
+        (first, second)
+        for first, second in itertools.combinations(found["completion"], 2)
+        if any(report.protocols[first, *cell] != report.protocols[second, *cell] for cell in report.columns)
+    ]
+    return Summaries(found, report.algorithms, apart, left_out)
 
 
 def _by_seed_and_cell(rows: Frame, column: str, cells: list[tuple[str, str]]) -> Floats | None:

@@ -13,7 +13,7 @@ from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.values import MODES, p_text
-from benchmark.report.wording import pairs_notes
+from benchmark.report.wording import left_out, pairs_notes
 
 GENERALIZATION_COLUMNS = {
     "algorithm": "Or scripted policy",
@@ -159,7 +159,7 @@ def difference_notes(report: Report) -> list[str]:
             f"{unknown} could not be compared."
         )
         said += [f"In some, {note}." for note in pairs_notes(found["note"])]
-    return said
+    return said + left_out(report)
 
 
 def _differences(report: Report) -> Iterator[list[str]]:

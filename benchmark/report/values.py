@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from benchmark.experiment.runs import SCRIPTED_SEED
@@ -132,7 +133,7 @@ def measure_cells(table: Frame, metrics: Sequence[str] = (), level: float = LEVE
     answer.loc[(answer["label"] == THIS_CHECKPOINT) & (answer["seeds"] > 1), "label"] = THESE_CHECKPOINTS
     # Nothing was trained: no seeds, no checkpoint.
     answer.loc[answer["kind"] == "scripted", ["seeds", "label"]] = [0, TEST_EPISODES]
-    answer = _without_wrong_intervals(answer)
+    answer = _without_wrong_intervals(answer, table)
     order = {name: number for number, name in enumerate(METRICS)}
     answer = answer.sort_values(
         ["algorithm", "task", "traffic", "mode", "metric"],
@@ -142,13 +143,25 @@ def measure_cells(table: Frame, metrics: Sequence[str] = (), level: float = LEVE
     return answer[[*COLUMNS]].reset_index(drop=True)
 
 
-def _without_wrong_intervals(values: Frame) -> Frame:
-    """Return values without the intervals of own metrics that are no shares, though they say so."""
-    own = {name for name in values["metric"] if is_own_name(name) and METRICS[name].is_share}
-    is_wrong = values["metric"].isin(own) & ~values["value"].between(0.0, 1.0) & values["value"].notna()
+def _without_wrong_intervals(values: Frame, table: Frame) -> Frame:
+    """Return values without the intervals of own metrics that are no shares, though they say so.
+
+    A metric is none if the value of an agent-episode, or of a group of them, is not in [0, 1].
+    """
     answer = values.copy()
-    answer.loc[is_wrong, ["low", "high"]] = math.nan
-    answer.loc[is_wrong, "note"] = NO_SHARE
+    for name in values["metric"].unique():
+        measure = METRICS[name]
+        if not (is_own_name(name) and measure.is_share):
+            continue
+        own = values["metric"] == name
+        rows = table.loc[table["agents"] > 0].reindex(columns=[*measure.needs])
+        with np.errstate(all="ignore"):
+            each = measure.of_whole({column: rows[column].to_numpy(float) for column in rows})
+        found = np.concatenate([each, values.loc[own, "value"].to_numpy(float)])
+        if ((found < 0.0) | (found > 1.0)).any():
+            answer.loc[own, ["low", "high"]] = math.nan
+            notes = answer.loc[own, "note"]
+            answer.loc[own, "note"] = ["; ".join(filter(None, (note, NO_SHARE))) for note in notes]
     return answer
 
 

@@ -56,8 +56,8 @@ AGAINST_PAPER = (
     "interval of d excludes 0. Non-inferior: the one-sided 95% pessimistic end is within 0.075. Worse: the "
     "two-sided interval is on the wrong side of 0. Else undecided. A cell has the weaker word of its two "
     "figures. Not counted: cells that random, keep-lane or parked driving passes (better or non-inferior), "
-    "or of which that is not known; cells with social vehicles that hardly differ from those without; "
-    "figures that look like misprints; runs that must not be averaged or compared."
+    "or in which ours passes and that is not known; cells with social vehicles that hardly differ from those "
+    "without; figures that look like misprints; runs that must not be averaged or compared."
 )
 COUNTERPARTS = (
     "The tasks of version 1 are not the paper's, whose figures stand beside them: agents meet slow vehicles "
@@ -230,8 +230,13 @@ def _against_paper(report: Report, mode: str) -> list[str]:
     found = [mark(cell) for _, cell in every if cell.counts]
     passed = sum(word in PASSES for word in found)
     words = ", ".join(f"{word} in {found.count(word)}" for word in reversed(WORDS))
-    title, share = MODE_TITLES[mode], f"{passed} of {len(found)} cells that count"
-    lines = [f"{title}: better than or {NON_INFERIOR} to the paper in {share} ({words})."]
+    title = MODE_TITLES[mode]
+    share = f"{passed} of {len(found)} cells that count ({words})"
+    lines = [
+        f"{title}: better than or {NON_INFERIOR} to the paper in {share}."
+        if found
+        else f"{title}: no cell counts against the paper."
+    ]
     left_out: dict[tuple[str, str], list[str]] = {}
     for row, cell in every:
         if not cell.counts:
@@ -242,6 +247,19 @@ def _against_paper(report: Report, mode: str) -> list[str]:
         named = [f"{place}: {', '.join(names)} ({reason})" for (place, reason), names in left_out.items()]
         lines.append(f"{title}: not counted: {'; '.join(named)}.")
     return lines
+
+
+def left_out(report: Report) -> list[str]:
+    """Return what is not compared: runs that must not be, and pairs of different protocols."""
+    entries: dict[str, list[str]] = {}
+    for (name, *cell), reason in report.unlike.items():
+        entries.setdefault(reason, []).append(f"{algorithm_label(name)} in {_place(*cell)}")
+    said = [f"Left out, since {reason}: {'; '.join(names)}." for reason, names in entries.items()]
+    cells = []
+    for column in report.columns:
+        protocols = {protocol for (_, *cell), protocol in report.compared.items() if (*cell,) == column}
+        cells += [_place(*column)] if len(protocols) > 1 else []
+    return said + ([f"Pairs of different protocols are left out in {'; '.join(cells)}."] if cells else [])
 
 
 def pairs_notes(notes: Iterable[str]) -> list[str]:

@@ -19,6 +19,7 @@ from tests.hand_made_results import (
     ENVIRONMENT,
     SOCIAL,
     agent_episodes,
+    write_degenerate,
     write_experiment,
     write_run,
 )
@@ -213,8 +214,10 @@ def test_a_comparison_names_what_only_one_side_has(tmp_path):
     one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD})
     two = experiment(tmp_path / "two", {"ppo": BAD})
     write_run(two, "ppo", [agent_episodes(BAD, mode="greedy", task_traffic=SOCIAL)], traffic=SOCIAL)
+    write_degenerate(one, "keep_lane")
     code, said = compared(one, two)
     assert code == 0
+    assert "keep_lane" not in said
     end = "the other side has no such finished run"
     assert f"left out: one: dqn, intersection, {ALONE}: {end}" in said
     assert f"left out: two: ppo, intersection, {SOCIAL}: {end}" in said

@@ -1,6 +1,7 @@
 """Own code in experiment files: what a name stands for, and what is said where it stands for nothing."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
@@ -143,8 +144,23 @@ def test_a_metric_that_is_no_share_though_it_says_so_has_no_interval(write):
     found = measure_cells(table, ["own_s:LONG", "completion_rate"]).set_index("metric")
     assert found.loc["own_s:LONG", "value"] == 20.0
     assert np.isnan(found.loc["own_s:LONG", "low"])
-    assert found.loc["own_s:LONG", "note"] == NO_SHARE
-    assert NO_SHARE not in set(found.drop("own_s:LONG")["note"])
+    assert found.loc["own_s:LONG", "note"] == f"no interval: all episodes are alike; {NO_SHARE}"
+    assert NO_SHARE not in "".join(found.drop("own_s:LONG")["note"])
+
+
+def test_a_metric_that_is_no_share_in_one_row_has_no_interval_in_any(write):
+    """DQN's mean is in [0, 1], and so are all of PPO's values; one of DQN's agent-episodes has 1.5."""
+    file = write("algorithms: [ppo]\nmetrics: ['own_t:LONG']\n", own_t=METRIC)
+    read_experiment(file)
+    labels = {"training_seed": 1, "task": "loop", "task_traffic": "none"}
+    parts = []
+    for name, values in (("ppo", [0.5, 1.0, 1.0, 0.5]), ("dqn", [1.5, 0.5, 0.25, 0.75])):
+        table = agent_episodes([["goal"]] * 4, mode="greedy", algorithm=name, **labels)
+        parts.append(table.assign(long=values))
+    found = measure_cells(pd.concat(parts), ["own_t:LONG"]).set_index("algorithm")
+    assert found["value"].to_dict() == {"dqn": 0.75, "ppo": 0.75}
+    assert found["low"].isna().all()
+    assert [*found["note"]] == [NO_SHARE] * 2
 
 
 def test_own_metrics_and_scripted_policies(write):

@@ -32,6 +32,7 @@ from benchmark.report.summary import draw_profile, summaries_of
 from benchmark.report.tables import (
     DIFFERENCE_COLUMNS,
     GENERALIZATION_COLUMNS,
+    difference_notes,
     difference_rows,
     generalization_rows,
     metrics_table,
@@ -50,7 +51,7 @@ from benchmark.report.wording import (
     printed_text,
     standing,
 )
-from benchmark.report.writing import write_report
+from benchmark.report.writing import differences_csv, write_report
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
 from tests.hand_made_results import ALONE, ENVIRONMENT, SOCIAL, agent_episodes, write_experiment, write_run
@@ -270,6 +271,31 @@ class TestAgainstThePaper:
         assert not_counted(social).startswith("not counted: not known whether keep_lane, parked passes")
         assert any("1 of 1 cells that count" in line for line in standing(report))
 
+    @pytest.mark.parametrize(
+        ("outcomes", "word", "said"),
+        [
+            (PERFECT[:1] * 200, "non-inferior", "Greedy: no cell counts against the paper."),
+            (HOPELESS[:1] * 200, "worse", "in 0 of 1 cells that count (better in 0, non-inferior in 0, "),
+        ],
+    )
+    def test_only_a_cell_that_passes_asks_for_degenerate_driving(self, tmp_path, outcomes, word, said):
+        write_experiment(tmp_path, algorithms=["maddpg"])
+        write_run(tmp_path, "maddpg", [agent_episodes(outcomes, mode="greedy")])
+        report = make_report(read_results(tmp_path))
+        (cell,) = cells_of(report, "maddpg").values()
+        assert (mark(cell), cell.counts) == (word, word == "worse")
+        assert any(said in line for line in standing(report))
+
+    def test_degenerate_driving_in_another_scenario_is_not_known_to_pass(self, tmp_path):
+        write_experiment(tmp_path, algorithms=["maddpg", "maac"], scripted=["random", "keep_lane", "parked"])
+        for name in ("maddpg", "maac", "random", "keep_lane", "parked"):
+            seed, mode = (1, "greedy") if name in ("maddpg", "maac") else (-1, "scripted")
+            driven = agent_episodes((PERFECT if seed > 0 else HOPELESS)[:1] * 200, mode=mode)
+            digests = {"intersection": "old" if name == "random" else "new"}
+            write_run(tmp_path, name, [driven], seed=seed, scenarios=digests)
+        (cell,) = cells_of(make_report(read_results(tmp_path)), "maddpg").values()
+        assert (mark(cell), cell.not_known) == ("non-inferior", ("random",))
+
     def test_another_environment_beside_the_papers_figures_is_named(self, tmp_path):
         write_experiment(tmp_path)
         usual = {"agents": 4, "reward": "v1"}
@@ -371,6 +397,65 @@ def test_runs_that_must_not_be_averaged_or_compared_do_not_count_and_are_marked(
     assert "% dqn, intersection, no_social_vehicles, seed 2 was not trained like seed 1" in latex
     rows = csv.DictReader(io.StringIO((folder / "values.csv").read_text()))
     assert {row["algorithm"] for row in rows if row["note"].endswith(reason)} == {"dqn"}
+
+
+def test_seeds_under_other_defaults_are_not_averaged_without_a_word(tmp_path):
+    """Seed 1 was begun when gamma was 0.5 by default; DQN's seed 2 gives it so."""
+    write_experiment(tmp_path, algorithms=["ppo", "dqn"], seeds=[1, 2])
+    given = {("ppo", 1): {}, ("ppo", 2): {}, ("dqn", 1): {}, ("dqn", 2): {"gamma": 0.5}}
+    for (name, seed), settings in given.items():
+        table = agent_episodes(PERFECT, mode="greedy")
+        run = write_run(tmp_path, name, [table], seed=seed, settings=settings)
+        facts = json.loads((run / "run.json").read_text())
+        if seed == 1:
+            facts["defaults"] = {"gamma": 0.5}
+        (run / "run.json").write_text(json.dumps(facts))
+    report = make_report(read_results(tmp_path))
+    assert report.unlike == {("ppo", "intersection", ALONE): "seeds were not trained alike"}
+    assert any("ppo, intersection" in said and "settings.gamma (0.5" in said for said in standing(report))
+
+
+def test_only_runs_of_one_protocol_that_may_be_compared_are(tmp_path):
+    """DQN's seeds were trained apart, Net-Q with another budget: neither has a pair, Holm's family is 2."""
+    write_experiment(tmp_path, algorithms=["dqn", "ppo", "maac", "networked_q"], scripted=["parked"])
+    small = {"agent_steps": 100, "minutes": None}
+    half = [["goal", "goal"], ["collision", "collision"]] * 3
+    for name, outcomes in (("dqn", HOPELESS[:6]), ("ppo", PERFECT[:6]), ("maac", half)):
+        write_run(tmp_path, name, [agent_episodes(outcomes, mode="greedy")])
+    write_run(tmp_path, "dqn", [agent_episodes(HOPELESS[:6], mode="greedy")], seed=2, budget=small)
+    write_run(tmp_path, "networked_q", [agent_episodes(HOPELESS[:6], mode="greedy")], budget=small)
+    write_run(tmp_path, "parked", [agent_episodes(HOPELESS[:6], mode="scripted")], seed=-1)
+    report = make_report(read_results(tmp_path))
+    rows = [*csv.DictReader(io.StringIO(differences_csv(report)))]
+    pairs = [(row["first"], row["second"]) for row in rows]
+    assert {*pairs} == {
+        ("maac", "ppo"),
+        *(("maac", "parked"), ("networked_q", "parked"), ("parked", "ppo")),
+    }
+    assert len(pairs) == 8
+    for row in rows[pairs.index(("maac", "ppo")) :][:1]:
+        assert float(row["corrected"]) == pytest.approx(2 * float(row["p_value"]), rel=1e-4)
+    place = "Intersection, No Social Vehicle"
+    assert difference_notes(report)[-2:] == [
+        f"Left out, since seeds were not trained alike: DQN in {place}.",
+        f"Pairs of different protocols are left out in {place}.",
+    ]
+
+
+def test_the_scenario_of_most_runs_is_compared(tmp_path):
+    write_experiment(tmp_path, algorithms=["dqn", "ppo", "maac"], scripted=["parked"])
+    for name in ("dqn", "ppo", "maac"):
+        digest = "old" if name == "maac" else "new"
+        driven = agent_episodes(PERFECT, mode="greedy")
+        write_run(tmp_path, name, [driven], scenarios={"intersection": digest})
+    stands = agent_episodes(HOPELESS, mode="scripted")
+    write_run(tmp_path, "parked", [stands], seed=-1, scenarios={"intersection": "older"})
+    cells = [row.cells[0] for row in make_report(read_results(tmp_path)).main_table("greedy")]
+    reason = "scenarios differ between runs"
+    assert [(cell.unlike, cell.rank) for cell in cells] == [
+        *[("", 1), ("", 1)],
+        *[(reason, None), (reason, None)],
+    ]
 
 
 def test_algorithms_in_different_scenarios_are_not_ranked(tmp_path):
@@ -689,7 +774,7 @@ def test_a_report_takes_the_place_of_a_report_and_of_nothing_else(tmp_path):
     assert "PPO: 0 of 1 run finished, 0 test episodes measured." in page.read_text()
     assert "no finished run" in (page.parent / "report.md").read_text()
     there = sorted(path.name for path in (tmp_path / "results").iterdir())
-    assert there == ["command.json", "report"]
+    assert there == [".report.lock", "command.json", "report"]
 
 
 def test_the_current_folder_is_not_replaced(tmp_path, monkeypatch):
@@ -748,6 +833,23 @@ class TestSummaries:
         assert improvement["DQN", "PPO"].startswith("0.12 [")
         assert {text for pair, text in improvement.items() if "MAAC" in pair} == {"n/a: one seed"}
         assert draw_profile(summaries).startswith(b"\x89PNG")
+
+    def test_have_neither_runs_that_must_not_be_averaged_nor_pairs_of_different_protocols(self, tmp_path):
+        write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac"], seeds=[1, 2])
+        small = {"agent_steps": 100, "minutes": None}
+        large = {"agent_steps": 1000, "minutes": None}
+        budgets = {"ppo": (large, large), "dqn": (large, small), "maac": (small, small)}
+        for name, both in budgets.items():
+            for seed, budget in enumerate(both, start=1):
+                table = agent_episodes(PERFECT[:4], mode="greedy")
+                write_run(tmp_path, name, [table], seed=seed, budget=budget)
+        summaries = summaries_of(make_report(read_results(tmp_path)))
+        assert summaries.algorithms == ["ppo", "maac"]
+        assert summaries.improvement_rows() == [["PPO", "MAAC", "n/a: different protocols"]]
+        assert summaries.note.endswith(
+            " Left out: DQN (Intersection, No Social Vehicle: seeds were not trained alike). "
+            "Of different protocols, and not to be compared: PPO and MAAC."
+        )
 
     def test_marl_eval_has_validations_and_episodes(self, report):
         found = json.loads(marl_eval_json(report.results, "greedy"))

@@ -195,6 +195,20 @@ def test_all_files_say_what_the_words_mean_and_count_ties_in_each_mode(report):
     assert len(notes) == 2
 
 
+def test_the_differences_that_training_seeds_decide_are_counted(tmp_path):
+    """PPO completes 1, 1 and 0.95, DQN 0, 0 and 0.05: t = 0.967 / sqrt(2 x 0.05^2 / 9) is 41 at 4 degrees."""
+    write_experiment(tmp_path, algorithms=["ppo", "dqn"], seeds=[1, 2, 3])
+    goals = {"ppo": (20, 20, 19), "dqn": (0, 0, 1)}
+    for name, counts in goals.items():
+        for seed, count in enumerate(counts, start=1):
+            outcomes = [["goal"]] * count + [["collision"]] * (20 - count)
+            write_run(tmp_path, name, [agent_episodes(outcomes, mode="greedy")], seed=seed)
+    (said,) = difference_notes(make_report(read_results(tmp_path)))
+    assert said.startswith(
+        "Greedy: 2 differences are decided, of them with training seeds as the unit 2 of the 2 that have one;"
+    )
+
+
 def test_episodes_that_begin_alike_count_together_and_the_remedy_is_named():
     notes = ["", "2 episodes played by one only, 9 episodes with the start of another"]
     notes += ["9 episodes with the start of another"]
