@@ -14,7 +14,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from smarts.agents.acting import Answer, Failed, InProcess, Late, Request
-from smarts.agents.hosting.links import AtAddress, SocketLink
+from smarts.agents.hosting.links import SocketLink
 from smarts.agents.hosting.log import DecisionLog, Replayed
 from smarts.agents.hosting.options import HostError, Link, Starter, about, patience
 from smarts.agents.hosting.remote import Started, step_of, words
@@ -144,7 +144,7 @@ class _Asked:
 class _Opening(threading.Thread):
     """Opens a link again; in a thread where that may take longer than a step, as at an address.
 
-    A connection that comes when its run is over is closed with this object.
+    A connection that comes when its run is over is closed at once.
     """
 
     def __init__(self, starter: Starter) -> None:
@@ -152,6 +152,7 @@ class _Opening(threading.Thread):
         self._starter = starter
         self.link: Link | None = None
         self.error = Exception("it was not started")
+        self._is_dropped = False
 
     def run(self) -> None:
         """Open the link."""
@@ -159,6 +160,15 @@ class _Opening(threading.Thread):
             self.link = self._starter.open()
         except Exception as error:  # of a socket, of a process or of Ray
             self.error = error
+        if self._is_dropped:
+            self.drop()
+
+    def drop(self) -> None:
+        """Close the link, also one that is still to come."""
+        self._is_dropped = True
+        if self.link is not None:
+            with suppress(Exception):
+                self.link.close()
 
 
 class _Away:
@@ -305,6 +315,9 @@ class _Away:
 
     def end(self) -> None:
         """End the agent; may be called again."""
+        opening, self._opening = self._opening, None
+        if opening is not None:
+            opening.drop()
         self._close_link()
         if isinstance(self._starter, Started):
             with suppress(Exception):
@@ -392,11 +405,11 @@ class _Away:
                 self._skipped += 1
                 return False
             opening = self._opening = _Opening(self._starter)
-            if deadline is None or not isinstance(self._starter, AtAddress):
+            if deadline is None or not self._starter.opens_slowly:
                 opening.run()
             else:
+                # Without waiting: several addresses may be silent, and other agents are still to be asked.
                 opening.start()
-                opening.join(deadline / 1000.0)
         if opening.is_alive():
             return False
         self._opening = None

@@ -151,6 +151,11 @@ class AtAddress:
         """For errors."""
         return f"agent {self.locator!r}"
 
+    @property
+    def opens_slowly(self) -> bool:
+        """Return True; see `Starter`."""
+        return True
+
     def open(self) -> SocketLink:
         """Return a new connection; see `Starter`."""
         host, port = parse_address(self.locator)
@@ -202,6 +207,11 @@ class InChildProcess:
     """[GB]"""
     python: str = ""
     """Another interpreter, of an environment of its own; "": this one, with the modules of this process."""
+
+    @property
+    def opens_slowly(self) -> bool:
+        """Return False; see `Starter`."""
+        return False
 
     def open(self) -> SocketLink:
         """Start a process; see `Starter`."""

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from smarts.agents.acting import Late, Request
+from smarts.agents.hosting import links
 from smarts.agents.hosting.facts import check_observation, facts_of, interface_from
 from smarts.agents.hosting.hosts import Hosts
 from smarts.agents.hosting.links import AtAddress
@@ -294,6 +295,55 @@ def test_decisions_are_late_while_an_agent_is_connected_to_again():
             (answer,) = hosts.gather()
             assert [*answer.actions] == [Late()] * 3
         hosts.close()
+
+
+def hosts_at(*addresses):
+    """Return hosts with deadlines whose connections have ended."""
+    starts = [AtAddress(address) for address in addresses]
+    hosts = Hosts(
+        [
+            SocialPolicy(
+                f"away-{number}",
+                start.locator,
+                AgentSpec(AgentInterface()),
+                0,
+                start=start,
+                host=HostOptions(deadline_ms=9_000.0),
+            )
+            for number, start in enumerate(starts)
+        ]
+    )
+    hosts._has_begun = True
+    return hosts
+
+
+def test_silent_addresses_keep_no_step_waiting(monkeypatch):
+    monkeypatch.setattr(links, "CONNECT_TIME", 1000.0)
+    with ExitStack() as stack:
+        silent = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(3)]
+        hosts = hosts_at(*(f"tcp://127.0.0.1:{each.getsockname()[1]}" for each in silent))
+        stack.callback(hosts.close)
+        with monkeypatch.context() as waiting:
+            waiting.setattr(threading.Thread, "join", lambda *_: pytest.fail("the step waits"))
+            hosts.dispatch({number: Request(batch()) for number in range(3)})
+            answers = hosts.gather()
+        assert [[*answer.actions] for answer in answers] == [[Late()] * 3] * 3
+
+
+@pytest.mark.parametrize("is_early", [True, False])
+def test_a_connection_that_comes_when_its_run_is_over_is_closed(tmp_path, is_early):
+    """Before or after the end; nobody keeps the hosts' thread otherwise."""
+    with kit_agent(tmp_path) as address:
+        hosts = hosts_at(address)
+        hosts.dispatch({0: Request(batch())})
+        opening = hosts._away[0]._opening
+        if is_early:
+            opening.join()
+        hosts.close()
+        opening.join()
+        assert hosts._away[0]._opening is None
+        with pytest.raises((ClosedError, OSError, ValueError)):
+            opening.link.send(Message("make"))
 
 
 @pytest.mark.parametrize("greeting", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0" * 64])
