@@ -92,11 +92,11 @@ def _root_of(path: Path) -> tuple[Path, str]:
     remedy = "give results/NAME[/ALGORITHM]"
     if not path.is_dir():
         raise ResultsError("there is no such folder", place=str(path), remedy=remedy)
-    if holds_results(path):
-        return path, ""
     whole = path.resolve()
     if whole == whole.parent:
         raise ResultsError("no results of an experiment", place=str(path), remedy=remedy)
+    if holds_results(path):
+        return path, ""
     root = whole.parent
     return (root.parent if root.name == SCRIPTED else root), whole.name
 

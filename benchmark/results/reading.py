@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -113,8 +114,11 @@ class Results:
 
 def holds_results(root: Path) -> bool:
     """Return whether a path is a folder of an experiment's results, or of an evaluated submission."""
-    made = any((root / name).exists() for name in (COMMAND, VERDICTS))
-    return made or next(root.glob("*/*/*/seed_*/run.json"), None) is not None
+    if any((root / name).exists() for name in (COMMAND, VERDICTS)):
+        return True
+    with suppress(OSError):  # of folders that vanish meanwhile
+        return next(root.glob("*/*/*/seed_*/run.json"), None) is not None
+    return False
 
 
 def read_results(root: Path) -> Results:
