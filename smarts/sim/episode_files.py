@@ -1,8 +1,8 @@
 """Recorded episodes on disk: a folder of Parquet files each, whole or not there at all.
 
 An episode is written into a hidden folder of its store's process, out of which it is moved when all is in it.
-The process holds a lock on that folder; what a killed one leaves is removed by the next one that opens the
-store.
+The process holds a lock on a file in that folder; what a killed one leaves is removed by the next one that
+opens the store.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import fcntl
 import hashlib
 import os
 import shutil
+import socket
 import uuid
 import weakref
 import zipfile
@@ -41,6 +42,9 @@ from smarts.types.episode_schema import (
 
 MAPS = "maps"
 PARTIAL = ".partial-recording"
+_PARTIAL_BEFORE = ".partial-"
+"""Of earlier versions, which named host and process behind it."""
+_LOCK = "lock"
 _PARQUET = b"PAR1"
 """Begins and ends a Parquet file."""
 
@@ -69,6 +73,9 @@ class EpisodeStore:
             (root / MAPS).mkdir(parents=True, exist_ok=True)
             for partial in root.glob(f"{PARTIAL}-*"):
                 _remove_abandoned(partial)
+            for partial in root.glob(f"{_PARTIAL_BEFORE}*"):
+                if _is_abandoned(partial.name):
+                    _remove(partial)
         except OSError as error:
             raise _unwritable(root, error) from error
 
@@ -81,15 +88,20 @@ class EpisodeStore:
         while self._end is None or not self._end.alive:
             self._partial = self.root / f"{PARTIAL}-{uuid.uuid4().hex}"
             self._partial.mkdir()
-            lock = os.open(self._partial, os.O_RDONLY)
+            try:
+                # Open for writing: NFS gives no lock otherwise, and none on a folder.
+                lock = os.open(self._partial / _LOCK, os.O_RDWR | os.O_CREAT)
+            except FileNotFoundError:
+                continue  # another process took the folder for abandoned
             # Where the file system has no locks, nobody removes it either.
             with contextlib.suppress(OSError):
                 fcntl.flock(lock, fcntl.LOCK_EX)
-            if self._partial.exists():
+            if (self._partial / _LOCK).exists():
                 self._end = weakref.finalize(self, _remove_own, self._partial, lock, os.getpid())
+                # At the end of the process recorders write what is left first, and close their stores.
+                self._end.atexit = False
             else:
-                # Another process took it for abandoned before it was locked.
-                os.close(lock)
+                os.close(lock)  # the same, after it was made
         return self._partial
 
     def close(self) -> None:
@@ -354,12 +366,38 @@ def _plain(column: pa.ChunkedArray) -> NDArray:
 def _remove_abandoned(partial: Path) -> None:
     """Remove what a process was writing, if it is gone."""
     with contextlib.suppress(OSError):
-        lock = os.open(partial, os.O_RDONLY)
+        try:
+            lock = os.open(partial / _LOCK, os.O_RDWR)
+        except FileNotFoundError:
+            partial.rmdir()  # its process was killed before it made the file, or is about to make it
+            return
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             shutil.rmtree(partial, ignore_errors=True)
         finally:
             os.close(lock)
+
+
+def _is_abandoned(partial: str) -> bool:
+    """Return whether the process of an earlier version that began to write it on this machine is gone."""
+    here = f"{_PARTIAL_BEFORE}{socket.gethostname()}-"
+    process = partial.removeprefix(here).partition("-")[0]
+    if not partial.startswith(here) or partial.startswith(f"{PARTIAL}-") or not process.isdecimal():
+        return False
+    try:
+        os.kill(int(process), 0)
+    except ProcessLookupError:
+        return True
+    except (PermissionError, OverflowError):
+        return False
+    return False
+
+
+def _remove(partial: Path) -> None:
+    if partial.is_dir():
+        shutil.rmtree(partial, ignore_errors=True)
+    else:
+        partial.unlink(missing_ok=True)
 
 
 def _remove_own(partial: Path, lock: int, owner: int) -> None:

@@ -1,9 +1,12 @@
 """Disks that are full, folders that cannot be written to, files that are damaged, two who record at once."""
 
 import errno
+import fcntl
 import os
 import resource
 import signal
+import socket
+import stat
 import subprocess
 import sys
 import textwrap
@@ -141,6 +144,7 @@ WRITE_FOR_EVER = """
         for name in TABLE:
             writer.append(name, {column: [] for column in TABLE[name].names})
         writer.finish()
+    store.close()
 """
 
 
@@ -176,19 +180,119 @@ def test_killed_at_any_moment_of_writing(tmp_path):
 
 
 NEVER_CLOSED = """
+    import atexit
     import sys
+    import weakref
     from tests.unit.sim.test_recorder_in_trouble import Recording
 
+    # At the end finalizers come first, as where another module has made one before.
+    atexit.unregister(weakref.finalize._exitfunc)
+    weakref.finalize._registered_with_atexit = True
+    atexit.register(weakref.finalize._exitfunc)
     recording = Recording(sys.argv[1])
-    recording.play(2, steps=3)
+    recording.play(2, steps=60)
 """
 
 
 def test_episodes_of_a_program_that_closes_nothing_are_written(tmp_path):
     subprocess.run([sys.executable, "-c", textwrap.dedent(NEVER_CLOSED), tmp_path], cwd=ROOT, check=True)
-    kept = [RecordedEpisode(path).facts for path in episodes_in(tmp_path)]
-    assert [(facts["steps"], facts["is_complete"]) for facts in kept] == [(3, False)] * 2
+    kept = episodes_in(tmp_path)
+    assert [RecordedEpisode(path).facts["steps"] for path in kept] == [60] * 2
+    for path in kept:
+        assert set(np.diff(RecordedEpisode(path).table("vehicles")["step"])) == {1}
     assert not [*tmp_path.glob(f"{PARTIAL}*")]
+
+
+WRITE_SLOWLY = """
+    import sys
+    from pathlib import Path
+    from smarts.sim.episode_files import EpisodeStore
+    from smarts.types.episode_schema import TABLE
+
+    store = EpisodeStore(Path(sys.argv[1]))
+    writer = store.begin("one")
+    for name in TABLE:
+        writer.append(name, {column: [] for column in TABLE[name].names})
+    print("begun", flush=True)
+    sys.stdin.read()
+    writer.finish()
+    store.close()
+"""
+OPEN = """
+    import sys
+    from pathlib import Path
+    from smarts.sim.episode_files import EpisodeStore
+
+    EpisodeStore(Path(sys.argv[1]))
+"""
+
+
+def test_a_process_that_opens_a_store_leaves_what_another_writes_and_removes_what_it_left(tmp_path):
+    def begun():
+        command = [sys.executable, "-c", textwrap.dedent(WRITE_SLOWLY), tmp_path]
+        process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert process.stdout.readline() == b"begun\n"
+        return process
+
+    killed, writing = begun(), begun()
+    killed.kill()
+    killed.communicate()
+    assert len([*tmp_path.glob(f"{PARTIAL}-*")]) == 2
+    subprocess.run([sys.executable, "-c", textwrap.dedent(OPEN), tmp_path], cwd=ROOT, check=True)
+    assert len([*tmp_path.glob(f"{PARTIAL}-*")]) == 1
+    writing.communicate()
+    assert writing.returncode == 0
+    (folder,) = episodes_in(tmp_path)
+    assert {file.stem for file in folder.iterdir()} == WRITTEN_WITHOUT_ROWS
+    assert not [*tmp_path.glob(f"{PARTIAL}*")]
+
+
+def test_locks_are_asked_for_as_nfs_gives_them(tmp_path, monkeypatch):
+    """NFS turns them into locks on bytes, which need a regular file that is open for writing."""
+    flock = fcntl.flock
+
+    def flock_of_nfs(file, operation):
+        is_writable = fcntl.fcntl(file, fcntl.F_GETFL) & os.O_ACCMODE != os.O_RDONLY
+        if not is_writable or not stat.S_ISREG(os.fstat(file).st_mode):
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+        flock(file, operation)
+
+    monkeypatch.setattr(fcntl, "flock", flock_of_nfs)
+    kept, ended = EpisodeStore(tmp_path), EpisodeStore(tmp_path)
+    folder, left = kept.partial(), ended.partial()
+    lock = ended._end.detach()[2][1]
+    os.close(lock)  # as the system does for a process that is killed
+    EpisodeStore(tmp_path)
+    assert folder.exists()
+    assert not left.exists()
+    kept.close()
+
+
+def test_a_folder_that_is_removed_before_it_is_locked_is_made_again(tmp_path, monkeypatch):
+    store, mkdir = EpisodeStore(tmp_path), Path.mkdir
+
+    def mkdir_and_be_late(path, *arguments, **more):
+        mkdir(path, *arguments, **more)
+        monkeypatch.undo()
+        EpisodeStore(tmp_path)
+
+    monkeypatch.setattr(Path, "mkdir", mkdir_and_be_late)
+    partial = store.partial()
+    assert [*tmp_path.glob(f"{PARTIAL}-*")] == [partial]
+    store.close()
+
+
+def test_what_earlier_versions_left_is_removed_where_their_process_is_gone(tmp_path):
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    here, others = socket.gethostname(), {}
+    for name in (f"{here}-{gone.pid}", f"{here}-{os.getpid()}", f"elsewhere-{gone.pid}"):
+        for kind in ("ab12-episode", "cd34-map"):
+            others[name] = tmp_path / f".partial-{name}-{kind}"
+            others[name].mkdir() if kind.endswith("episode") else others[name].touch()
+    EpisodeStore(tmp_path)
+    assert len([*tmp_path.glob(".partial-*")]) == 4
+    assert not [*tmp_path.glob(f".partial-{here}-{gone.pid}-*")]
 
 
 def test_a_process_that_sees_no_other_leaves_the_episodes_of_others_alone(tmp_path):
