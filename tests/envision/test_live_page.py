@@ -98,5 +98,5 @@ def test_one_goes_back_in_what_runs_and_returns(open_page):
             page.keyboard.press("Space")
             expect(page.get_by_role("button", name="back to live")).to_be_visible()
             page.get_by_role("button", name="back to live").click()
-            page.wait_for_function(f"() => {NOW} > {late}", timeout=STARTED)
             expect(page.get_by_role("button", name="live", exact=True)).to_be_visible()
+            wait_for_time(page, 1.0)  # perhaps of the next episode, which begins at 0

@@ -432,7 +432,7 @@ def test_a_viewer_that_asks_for_a_simulation_again_and_again_gets_each_frame_onc
         for _ in range(4):
             watch(browser)
             watch(browser, "a")
-        until(browser, is_steps(0))
+            until(browser, is_steps(0))
         for step in range(1, 6):
             simulation.send(pack(frame(step)))
         found = until(browser, is_steps(5))
