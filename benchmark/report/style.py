@@ -48,7 +48,7 @@ _LONG_NUMBER = re.compile(r"(\d\.\d\d)\d+")
 
 
 def _number(name: str, among: Sequence[str] = ()) -> int:
-    """Return an algorithm's number; those that the registry does not know follow by their place."""
+    """Return an algorithm's index for colours: of the registry, then of other algorithms in the report."""
     known = dict.fromkeys([*paper()["algorithms"], *ALGORITHMS, *among])
     return [*known].index(name)
 

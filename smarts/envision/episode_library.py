@@ -61,14 +61,14 @@ class Entry:
     error: str = ""
     """Why the episode cannot be opened."""
     unread: bool = False
-    """Whether only its place is known yet."""
+    """Whether its files have not been read yet."""
 
 
 class EpisodeLibrary:
     """Recorded and compact episodes below some folders.
 
-    Ids are of places and do not depend on what else is there, so that links stay valid; no path ever comes
-    from a caller.
+    Ids depend on an episode's path alone, so that links stay valid until it is moved; no path ever comes from
+    a caller.
 
     Args:
         roots: Folders of runs or of episodes, single episodes, files of compact episodes.

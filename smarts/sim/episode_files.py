@@ -93,7 +93,7 @@ class EpisodeStore:
                 lock = os.open(self._partial / _LOCK, os.O_RDWR | os.O_CREAT)
             except FileNotFoundError:
                 continue  # another process took the folder for abandoned
-            # Where the file system has no locks, nobody removes it either.
+            # Where the file system has no locks, no other process removes it either.
             with contextlib.suppress(OSError):
                 fcntl.flock(lock, fcntl.LOCK_EX)
             if (self._partial / _LOCK).exists():

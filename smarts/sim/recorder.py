@@ -159,7 +159,7 @@ class EpisodeRecorder:
         self._buffers = Buffers.allocate(worlds, agents, capacity, lanes, everything=everything)
         self._take = LateBound(take_frame, world.state, round(FOR_A_WHILE / world.dt), self._buffers)
         self._program = version("smarts-bench")
-        # What is queued when nobody closes the recorder; at the end of the process, `_close_all` does.
+        # Writes what is queued if the recorder is never closed; at the end of the process, `_close_all` does.
         weakref.finalize(self, self._thread.close).atexit = False
         _open.add(self)
 

@@ -23,7 +23,7 @@ class WriterThread:
         self._jobs: queue.Queue[Job | None] = queue.Queue(_MOST_WAITING)
         self._failure: Exception | None = None
         self._is_raised = False
-        # A daemon, since Python waits for others before anything can close them.
+        # A daemon, since Python joins other threads before its exit handlers run.
         self._thread = threading.Thread(target=self._work, name="episode-writer", daemon=True)
         self._thread.start()
 

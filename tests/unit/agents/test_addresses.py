@@ -332,7 +332,7 @@ def test_silent_addresses_keep_no_step_waiting(monkeypatch):
 
 @pytest.mark.parametrize("is_early", [True, False])
 def test_a_connection_that_comes_when_its_run_is_over_is_closed(tmp_path, is_early):
-    """Before or after the end; nobody keeps the hosts' thread otherwise."""
+    """The connection comes before or after the end of the run."""
     with kit_agent(tmp_path) as address:
         hosts = hosts_at(address)
         hosts.dispatch({0: Request(batch())})
