@@ -74,6 +74,11 @@ def trained(game: str, algorithm: str, seed: int, steps: int, episodes: int) -> 
 
 def built(game: str, algorithm: str, seed: int, recipe: Recipe) -> Any:
     """Return the algorithm."""
+    return configured(game, algorithm, seed, recipe).build_algo()
+
+
+def configured(game: str, algorithm: str, seed: int, recipe: Recipe) -> Any:
+    """Return the algorithm's configuration."""
     from ray.tune import register_env
 
     import algorithms
@@ -83,7 +88,7 @@ def built(game: str, algorithm: str, seed: int, recipe: Recipe) -> Any:
     config.env_runners(
         num_env_runners=0, num_envs_per_env_runner=recipe.num_envs, rollout_fragment_length=recipe.fragment
     )
-    return config.training(**recipe.settings).build_algo()
+    return config.training(**recipe.settings)
 
 
 def evaluated(game: str, algo: Any, episodes: int, steps: int, seconds: float) -> Evaluation:

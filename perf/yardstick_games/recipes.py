@@ -150,6 +150,7 @@ def _of_all(values: dict[str, Any], policies: dict[str, Any]) -> dict[str, Recip
         **{name: Recipe(50, {**policies, "sequence_length": 10}) for name in _RECURRENT},
         **{name: Recipe(5, one_pass) for name in (*_ONE_PASS, "coma")},
         "happo": Recipe(50, {**policies, "sharing": "none"}),
+        "networked_q": Recipe(8, {**values, "sharing": "none"}),
     }
 
 

@@ -11,16 +11,16 @@ from mpe2 import simple_spread_v3
 
 from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.env import episode_seed
+from algorithms.joint.making import check_environment
 from algorithms.joint.rollout import View
 from algorithms.joint.sampler import EvaluatedStep
-from algorithms.registry import ALGORITHMS
 from perf.yardstick_games import results
 from perf.yardstick_games.foraging import LOAD, Foraging, near_food
 from perf.yardstick_games.matrices import Matrices, scaled
 from perf.yardstick_games.recipes import RECIPES, YARDSTICKS, Published, Yardstick
 from perf.yardstick_games.results import Evaluation, RunFile
 from perf.yardstick_games.spread import Spread
-from perf.yardsticks import Loops, random_play
+from perf.yardsticks import Loops, configured, random_play
 from tests.blocks import ROOT
 
 SEED = 7
@@ -147,12 +147,11 @@ def test_a_saved_game_continues(name):
         assert np.array_equal(one.observations[0][""], two.observations[0][""])
 
 
-def test_recipes_set_what_algorithms_have():
-    for game, recipes in RECIPES.items():
-        assert game in YARDSTICKS
-        for name, recipe in recipes.items():
-            kind = ALGORITHMS[name.partition("-")[0]].settings
-            assert kind(**recipe.settings, rollout_fragment_length=recipe.fragment)
+@pytest.mark.parametrize("game", YARDSTICKS)
+def test_recipes_set_what_algorithms_have_and_suit_the_game(game):
+    for name, recipe in RECIPES[game].items():
+        config = configured(game, name, 1, recipe)
+        check_environment(config, config.algo_class.runner_class)
 
 
 def test_the_page_shows_means_over_seeds_and_the_best_of_the_mean(tmp_path):
