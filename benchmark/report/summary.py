@@ -45,7 +45,7 @@ IMPROVEMENT_COLUMNS = {
     "P(X > Y)": "That a training seed of X completes more in a cell than one of Y, mean over cells",
 }
 NOTE = (
-    "Over all cells, of the algorithms that have finished the same number of training seeds in each of them. "
+    "Over all cells, of the training seeds that an algorithm has finished in each of them. "
     "95% intervals: 2,000 resamples of training seeds within each cell (rliable's definitions, Agarwal et "
     "al., 2021). With two seeds a cell has three distinct resamples, with three it has ten: such intervals "
     "are too narrow, and of no width where seeds agree; with one seed there is none. IQM: interquartile mean."
@@ -58,7 +58,7 @@ PROFILE_NOTE = (
 
 @dataclass(frozen=True)
 class Summaries:
-    """Of the algorithms that have finished all cells with equally many seeds."""
+    """Of the algorithms that have finished all cells with the same seed, and of such seeds."""
 
     scores: dict[str, dict[str, Floats]]
     """Score -> algorithm -> values, shape (seeds, cells)."""
@@ -135,15 +135,13 @@ def summaries_of(report: Report) -> Summaries:
 
 
 def _by_seed_and_cell(rows: Frame, column: str, cells: list[tuple[str, str]]) -> Floats | None:
-    """Return a rate of each seed in each cell, shape (S, M); None unless all have equally many seeds."""
-    found = []
-    for task, traffic in cells:
-        own = rows[(rows["task"] == task) & (rows["task_traffic"] == traffic) & ~rows["is_invalid"]]
-        sums = own.groupby("training_seed")[[column, "agents"]].sum()
-        found.append((sums[column] / sums["agents"]).to_numpy(float))
-    if not found or not len(found[0]) or len({len(each) for each in found}) > 1:
-        return None
-    return np.stack(found, axis=-1)
+    """Return a rate of each seed that has finished all cells in each of them, shape (S, M); None without one."""
+    sums = (
+        rows[~rows["is_invalid"]].groupby(["training_seed", "task", "task_traffic"])[[column, "agents"]].sum()
+    )
+    rates = (sums[column] / sums["agents"]).unstack(["task", "task_traffic"])
+    found: Floats = rates.reindex(columns=cells).dropna().to_numpy(float)
+    return found if found.size else None
 
 
 def _with_interval(statistic: Any, *scores: Floats) -> str:

@@ -834,6 +834,21 @@ class TestSummaries:
         assert {text for pair, text in improvement.items() if "MAAC" in pair} == {"n/a: one seed"}
         assert draw_profile(summaries).startswith(b"\x89PNG")
 
+    def test_are_of_the_seeds_that_have_finished_all_cells(self, tmp_path):
+        """PPO has a third seed in one cell; DQN has no seed that finished both."""
+        write_experiment(tmp_path, algorithms=["ppo", "dqn"], traffic=[ALONE, SOCIAL], seeds=[1, 2, 3])
+        for name, traffic, seed, goals in (
+            *(("ppo", ALONE, seed, goals) for seed, goals in ((1, 4), (2, 3), (3, 0))),
+            *(("ppo", SOCIAL, seed, goals) for seed, goals in ((1, 2), (2, 1))),
+            *(("dqn", ALONE, 1, 4), ("dqn", SOCIAL, 2, 4)),
+        ):
+            outcomes = [["goal"]] * goals + [["collision"]] * (4 - goals)
+            write_run(tmp_path, name, [agent_episodes(outcomes, mode="greedy")], traffic=traffic, seed=seed)
+        summaries = summaries_of(make_report(read_results(tmp_path)))
+        found = {name: values.tolist() for name, values in summaries.scores["completion"].items()}
+        assert found == {"ppo": [[1.0, 0.5], [0.75, 0.25]]}
+        assert summaries.mean_rows()[0][3] == "2 x 2"
+
     def test_have_neither_runs_that_must_not_be_averaged_nor_pairs_of_different_protocols(self, tmp_path):
         write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac"], seeds=[1, 2])
         small = {"agent_steps": 100, "minutes": None}
