@@ -135,7 +135,7 @@ def summaries_of(report: Report) -> Summaries:
 
 
 def _by_seed_and_cell(rows: Frame, column: str, cells: list[tuple[str, str]]) -> Floats | None:
-    """Return a rate of each seed that has finished all cells in each of them, shape (S, M); None without one."""
+    """Return a rate of each seed that has finished all cells, in each of them, shape (S, M), or None."""
     sums = (
         rows[~rows["is_invalid"]].groupby(["training_seed", "task", "task_traffic"])[[column, "agents"]].sum()
     )
