@@ -2,8 +2,10 @@
 
 It is an example of a traffic engine, and a baseline of non-reactive traffic. All simulations advance in the
 same array operations. The engine reads the routes, flows and vehicles of the scenario's SUMO files and drives
-at the lowest speed limit of each route, without lane changes, stops, traffic lights and right of way. On a
-repeated route they go round without end. All vehicles are cars of one size.
+at the lowest speed limit of each route, without lane changes, stops, traffic lights and right of way. They
+enter where the route's first edge begins, in a lane that leads along it, and leave where its last one ends;
+flows that are randomly spaced are evenly spaced from a random time on. On a repeated route vehicles go round
+without end. All are cars of one size.
 """
 
 from __future__ import annotations

@@ -119,7 +119,10 @@ def _lanes_along(graph: LaneGraph, edges: tuple[int, ...]) -> list[int]:
     lanes = [lane for lane in graph.edge_lanes(edges[-1]) if graph.kind[lane] in ROAD_LANES][:1]
     for edge, following in zip(edges[-2::-1], edges[:0:-1], strict=True):
         options = [
-            option for lane in graph.edge_lanes(edge) for option in _connections(graph, lane, following)
+            option
+            for lane in graph.edge_lanes(edge)
+            for option in _connections(graph, lane, following)
+            if all(graph.kind[each] in ROAD_LANES for each in option)
         ]
         if not options or not lanes:
             names = f"{graph.edge_ids[edge]!r} to {graph.edge_ids[following]!r}"

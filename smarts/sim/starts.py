@@ -306,8 +306,9 @@ def _trap_areas(
     if zone is None:
         lane = placed.start.lane
         edge, index = roads.edge_ids[roads.lane_edge[lane]], int(roads.lane_index[lane])
+        scale = roads.sumo_length[lane] / roads.length[lane]  # zones are in SUMO's positions
         begin = max(0.0, placed.start.s - TRAP_BEHIND)
-        zone = t.MapZone((edge, index, begin), TRAP_LENGTH, 1)
+        zone = t.MapZone((edge, index, begin * scale), TRAP_LENGTH * scale, 1)
     with fresh_drawing(generator=generator):
         geometry: Any = zone.to_geometry(roads)
     parts = getattr(geometry, "geoms", (geometry,))

@@ -8,6 +8,7 @@ folder. So a changed comment runs the scenario file again but writes nothing.
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
 import os
 from collections.abc import Iterable
@@ -73,7 +74,7 @@ def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) 
             description = _describe(location, seed)
             with contextlib.suppress(TypeError):  # of missions that are none: the build says so
                 check_egos(description.scenario.ego_missions or (), egos, location.label)
-            built = _build(location, inputs, description)
+            built = _build(location, description, inputs)
         check_egos(built.scenario.ego_missions or (), egos, location.label)
         _warn(_place(location), built.warnings)
         return built
@@ -100,8 +101,7 @@ def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEE
         location = Location(directory.name, directory, described_only=True)
         _check_seed(seed, str(directory))
         described = _portable(scenario, location)
-        BuildCache.writable(location.builds).write(DESCRIBED, {"scenario": encode(described), "seed": seed})
-        built = _build(location, _fingerprint_inputs(location, None), Description(described, seed))
+        built = _build(location, Description(described, seed))
         _warn(_place(location), built.warnings)
         return built
 
@@ -143,12 +143,13 @@ def _up_to_date(cache: BuildCache, location: Location, inputs: str) -> BuiltScen
     return BuiltScenario(location.label, location.directory, artefacts)
 
 
-def _build(location: Location, inputs: str, description: Description) -> BuiltScenario:
+def _build(location: Location, description: Description, inputs: str | None = None) -> BuiltScenario:
+    """Build a scenario found by its inputs; without any it was handed over by hand, and is remembered."""
     with named_failures("building the scenario", _place(location)):
-        return _built(location, inputs, description)
+        return _built(location, description, inputs)
 
 
-def _built(location: Location, inputs: str, description: Description) -> BuiltScenario:
+def _built(location: Location, description: Description, inputs: str | None) -> BuiltScenario:
     directory, spec = location.directory, description.scenario.map_spec
     map_name = None if spec is None else spec.source
     try:
@@ -157,7 +158,9 @@ def _built(location: Location, inputs: str, description: Description) -> BuiltSc
         raise _without_data_set(description.scenario, _place(location)) or error from error
     _check_seed(description.seed, f"{_place(location)}: seed")
     map_key = _fingerprint_map(source)
-    key = digest([encode(description.scenario), map_key, description.seed, _toolchain()], size=8)
+    content = encode(description.scenario)
+    # As text, in which mappings keep their order: episodes take variations in it.
+    key = digest([json.dumps(content), map_key, description.seed, _toolchain()], size=8)
     entry = {"key": key, "map": map_name}
     entry["files"] = _hashes(directory, _relative(directory, (*source.files, *description.files)))
     cache = BuildCache.writable(location.builds)
@@ -169,6 +172,9 @@ def _built(location: Location, inputs: str, description: Description) -> BuiltSc
                 write_artefacts(folder, description, source, like, _place(location))
             cache.write(f"map-{map_key}", {"key": key})
             cache.prune()
+        if inputs is None:
+            cache.write(DESCRIBED, {"scenario": content, "seed": description.seed})
+            inputs = _fingerprint_inputs(location, None)
         cache.write(inputs, entry)
     return BuiltScenario(location.label, directory, cache.root / key)
 
@@ -198,7 +204,8 @@ def _describe(location: Location, seed: int | None) -> Description:
             place=_place(location),
             remedy=nearest_names(location.variation, held_out) if held_out else "it has none: leave out @...",
         )
-    return _varied(description, held_out[location.variation])
+    varied = _varied(description, held_out[location.variation])
+    return varied if seed is None else replace(varied, seed=seed)
 
 
 def _described_base(location: Location, seed: int) -> Description:

@@ -15,6 +15,7 @@ import fcntl
 import hashlib
 import json
 import os
+import re
 import shutil
 import tempfile
 import time
@@ -32,6 +33,7 @@ MANIFEST = "manifest.json"
 KEPT_DAYS = 14
 """Days that unused artefacts are kept."""
 _DAY = 86400.0
+_KEY = re.compile("[0-9a-f]{16}")
 
 
 @dataclass(frozen=True)
@@ -110,11 +112,12 @@ class BuildCache:
     def prune(self) -> None:
         """Delete artefacts unused for `KEPT_DAYS`, and index entries without artefacts.
 
-        The caller holds the lock.
+        The caller holds the lock. Other folders stay, since a scenario's `build` may also hold files of its
+        author.
         """
         keys = set()
         for folder in self.root.iterdir():
-            if folder.name == "index" or folder.name.startswith(".") or not folder.is_dir():
+            if not _KEY.fullmatch(folder.name) or not (folder / MANIFEST).is_file():
                 continue
             if time.time() - folder.stat().st_mtime > KEPT_DAYS * _DAY:
                 self._discard(folder)

@@ -14,13 +14,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
 from smarts.errors import ScenarioError
 from smarts.sstudio import sstypes as t
-from smarts.sstudio.collecting import current_collection, join
+from smarts.sstudio.collecting import Collection, current_collection
 from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
 
 Actors = t.SocialAgentActor | Sequence[t.SocialAgentActor]
@@ -229,8 +228,8 @@ def gen_metadata(scenario: str | Path, scenario_metadata: t.ScenarioMetadata) ->
     _contribute(scenario, "metadata", t.Scenario(scenario_metadata=scenario_metadata))
 
 
-_given: dict[Path, dict[str, t.Scenario]] = {}
-"""Parts handed over outside of builds in this process, by folder and kind."""
+_given: dict[Path, dict[str, tuple[t.Scenario, int | None]]] = {}
+"""Parts handed over outside of builds in this process, each with its seed, by folder and kind."""
 
 
 def _contribute(
@@ -241,9 +240,9 @@ def _contribute(
     whole_from: str | None = None,
 ) -> None:
     collection = current_collection()
+    # A file's own seed counts only where it differs from what it would get anyway.
+    own_seed = None if seed == DEFAULT_SEED else seed
     if collection is not None:
-        # A file's own seed counts only where it differs from what it would get anyway.
-        own_seed = None if seed == DEFAULT_SEED else seed
         if whole_from is None:
             collection.add(part, own_seed)
         else:
@@ -257,7 +256,11 @@ def _contribute(
     if script is not None and Path(script).resolve() == directory / "scenario.py":
         build_scenario(directory)
         return
-    parts = _given.setdefault(directory, {})
-    parts.pop(kind, None)
-    parts[kind] = part
-    build_described(directory, reduce(join, parts.values()), seed)
+    others = {name: given for name, given in _given.get(directory, {}).items() if name != kind}
+    parts, together = {**others, kind: (part, own_seed)}, Collection()
+    for each in parts.values():
+        together.add(*each)
+    build_described(
+        directory, together.scenario or part, DEFAULT_SEED if together.seed is None else together.seed
+    )
+    _given[directory] = parts

@@ -105,8 +105,8 @@ class _Writer:
     """Vehicle types and their distributions by id."""
     members: dict[t.TrafficActor, list[str]] = field(default_factory=dict)
     """The ids of each driver's vehicle types."""
-    routes: dict[tuple[str, ...], dict[str, Any]] = field(default_factory=dict)
-    """The attributes of each route by its edges."""
+    routes: dict[tuple[object, ...], _Element] = field(default_factory=dict)
+    """Routes by their edges and rounds."""
     stops: dict[str, _Element] = field(default_factory=dict)
     """Bus stops by id."""
     drawn: dict[t.RandomRoute, t.Route] = field(default_factory=dict)
@@ -126,8 +126,7 @@ class _Writer:
             for number, trip in enumerate(traffic.trips or ())
         ]
         departures.sort(key=lambda departure: departure[0])
-        routes = [_Element("route", attributes) for attributes in self.routes.values()]
-        elements = [*self.types.values(), *routes, *(element for _, element in departures)]
+        elements = [*self.types.values(), *self.routes.values(), *(element for _, element in departures)]
         return SumoDocuments(
             routes=_document("routes", elements),
             additional=_document("additional", self.stops.values()) if self.stops else "",
@@ -139,7 +138,8 @@ class _Writer:
         where, total = f"{self.where}.flows[{number}]", sum(flow.actors.values())
         name = f"{_common_name(flow)}-flow-{number}"
         route = self._resolved(flow.route)
-        edges = self._edges(route, where, flow.actors)
+        edges, stops = self._edges(route, where, flow.actors), [self._stop(stop) for stop in flow.stops]
+        circuit = self._circuit(edges, where) if flow.repeat_route else None
         departing = sorted({actor.depart_speed for actor in flow.actors}, key=str)
         for speed in departing:
             actors = {actor: weight for actor, weight in flow.actors.items() if actor.depart_speed == speed}
@@ -149,13 +149,13 @@ class _Writer:
             attributes = {
                 "id": name if len(departing) == 1 else f"{name}-{_text(speed)}",
                 "type": self._mixture(actors),
-                "route": self._round_trip(edges, where) if flow.repeat_route else self._route(edges),
+                "route": self._route(edges) if circuit is None else self._round_trip(circuit, stops),
                 "begin": flow.begin,
                 "end": flow.end,
                 **({"period": f"exp({rate / 3600:.10g})"} if flow.randomly_spaced else {"vehsPerHour": rate}),
                 **self._ends(route, speed),
             }
-            yield _Element("flow", attributes, [self._stop(stop) for stop in flow.stops])
+            yield _Element("flow", attributes, stops if circuit is None else ())
 
     def _vehicle(self, trip: t.Trip, where: str) -> _Element:
         actor, route = trip.driver, self._resolved(trip.route)
@@ -206,26 +206,29 @@ class _Writer:
         open_to_all = frozenset.intersection(*(usable_lanes(actor.vehicle_type) for actor in actors))
         return route_edges(self.roads, route, f"{where}.route", open_to_all)
 
-    def _route(self, edges: tuple[str, ...], rounds: int = 1) -> str:
-        key = (*edges, str(rounds))
+    def _route(self, edges: tuple[str, ...], stops: Sequence[_Element] = (), **repeat: int) -> str:
+        key = (edges, *(line for stop in stops for line in stop.lines()), *repeat.values())
         if key not in self.routes:
-            name = f"route-{len(self.routes)}"
-            repeat = {"repeat": rounds} if rounds > 1 else {}
-            self.routes[key] = {"id": name, "edges": " ".join(edges), **repeat}
-        return self.routes[key]["id"]
+            attributes = {"id": f"route-{len(self.routes)}", "edges": " ".join(edges), **repeat}
+            self.routes[key] = _Element("route", attributes, stops)
+        return self.routes[key].attributes["id"]
 
-    def _round_trip(self, edges: tuple[str, ...], where: str) -> str:
-        """Declare a route that leads back to its begin over the map's own roads, many times."""
+    def _circuit(self, edges: tuple[str, ...], where: str) -> tuple[str, ...] | None:
+        """Return the edges that lead back to the first one over the map's own roads, None without a way."""
         try:
             back = shortest_route(self.roads, edges[-1], edges[0], lap=True)[1:-1]
         except MapError:
             self._note(
                 f"{where}: no way leads back to '{edges[0]}', so vehicles leave at the end of the route"
             )
-            return self._route(edges)
+            return None
         # A route that ends on its first edge has come round already; the next round begins with that edge.
-        circuit = edges[:-1] if len(edges) > 1 and edges[0] == edges[-1] else (*edges, *back)
-        return self._route(circuit, rounds=-(-ROUND_TRIP_EDGES // len(circuit)))
+        return edges[:-1] if len(edges) > 1 and edges[0] == edges[-1] else (*edges, *back)
+
+    def _round_trip(self, circuit: tuple[str, ...], stops: Sequence[_Element]) -> str:
+        """Declare a route that is driven many times; SUMO repeats the stops that are part of it."""
+        rounds = -(-ROUND_TRIP_EDGES // len(circuit))
+        return self._route(circuit, stops, **({"repeat": rounds} if rounds > 1 else {}))
 
     def _ends(self, route: t.Route, speed: float | str) -> dict[str, Any]:
         """Return SUMO's attributes for where and how vehicles depart and arrive."""

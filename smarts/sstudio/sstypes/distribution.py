@@ -75,7 +75,7 @@ class TruncatedDistribution(Described):
         low, high = normal.cdf(self.a), normal.cdf(self.b)
         share = (generator or drawing().generator).uniform(low, high)
         # Far out in a tail the share rounds to 0 or 1, where the inverse is infinite.
-        deviation = normal.inv_cdf(share) if 0.0 < share < 1.0 else (self.a if share == 0.0 else self.b)
+        deviation = normal.inv_cdf(share) if 0.0 < share < 1.0 else self._likeliest
         return self.loc + self.scale * min(max(deviation, self.a), self.b)
 
     @property
@@ -86,5 +86,10 @@ class TruncatedDistribution(Described):
         normal = NormalDist()
         share = normal.cdf(self.b) - normal.cdf(self.a)
         # Far out in a tail both ends have the same share of the distribution.
-        deviation = (normal.pdf(self.a) - normal.pdf(self.b)) / share if share > 0.0 else self.a
+        deviation = (normal.pdf(self.a) - normal.pdf(self.b)) / share if share > 0.0 else self._likeliest
         return self.loc + self.scale * min(max(deviation, self.a), self.b)
+
+    @property
+    def _likeliest(self) -> float:
+        """Near which all values of a far tail lie."""
+        return min(max(self.a, 0.0), self.b)

@@ -1,5 +1,6 @@
 """Paths along the lanes of routes, compared with cases worked out by hand."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from smarts.errors import TrafficError
 from smarts.providers.lane_paths import LanePaths
+from smarts.roads.lane_graph import LaneKind
 from tests import maps
 
 ONWARD, LEFT = ("west_in", "east_out"), ("west_in", "north_out")
@@ -51,6 +53,19 @@ def test_poses_are_bit_equal_whichever_paths_were_added_before(roads):
         for paths in (alone, after)
     )
     assert one.tobytes() == other.tobytes()
+
+
+def test_paths_leave_bicycle_lanes_to_others():
+    """The right lane of "near" is for bicycles; its left one leads to the left lane of "far"."""
+    near = maps.Road([(0.0, 0.0), (50.0, 0.0)], lanes=2)
+    far = maps.Road([(60.0, 0.0), (110.0, 0.0)], lanes=2)
+    roads = maps.graph_of({"near": near, "far": far}, [(("near", 0), ("far", 0)), (("near", 1), ("far", 1))])
+    kind = roads.kind.copy()
+    kind[roads.lane_number("near", 0)] = LaneKind.BICYCLE
+    paths = LanePaths([dataclasses.replace(roads, kind=kind)])
+    path = paths.add(0, numbers(roads, ("near", "far")))
+    ((_, y, _),) = paths.poses(np.array([path]), np.array([20.0]), np.array([0.0]))
+    assert y == pytest.approx(3.2)
 
 
 def test_an_invalid_route_raises_each_time(roads):

@@ -160,6 +160,16 @@ def test_a_trap_is_around_the_start_unless_said():
     assert (inside[0], inside[-1]) == (-65, -46)
 
 
+def test_a_trap_is_around_the_start_where_sumos_positions_are_others():
+    graph = crossing()
+    halved = replace(graph, sumo_length=0.5 * graph.length)
+    (start,) = starts_of(halved, through(("west_in", 0, 15), entry_tactic=t.TrapEntryTactic()))
+    (area,) = start.take_over.areas
+    inside = [x for x in range(-90, -9) if inside_outline(float(x), -1.6, area, 0, len(area))]
+    assert start.pose[0] == pytest.approx(-62.5)
+    assert (inside[0], inside[-1]) == (-65, -46)
+
+
 def test_a_vehicle_by_name():
     (start,) = starts_of(crossing(), through(entry_tactic=t.IdEntryTactic(actor_id="car-7")))
     assert start.take_over.vehicle == "car-7"

@@ -194,6 +194,7 @@ class TestVariations:
         seed, dense, free = (build_scenario(f"{folder}@{name}") for name in base.held_out)
         assert (dense.name, dense.held_out) == ("cross@dense", ())
         assert (base.seed, seed.seed, dense.seed) == (42, 5, 42)
+        assert build_scenario(f"{folder}@seed", seed=7).seed == 7
         assert "1200" in dense.traffic["x"].routes[0].read_text()
         assert dense.scenario.ego_missions == base.scenario.ego_missions
         assert free.scenario.traffic == base.scenario.traffic
@@ -349,6 +350,14 @@ class TestProcesses:
         return sources.SCRIPT.replace("rate=600", f"rate={700 + attempt}")
 
 
+def test_variations_of_another_order_are_another_scenario(scenario_folder):
+    body = "traffic={name: t.Traffic([flow()]) for name in 'ORDER'}"
+    folder = scenario_folder(sources.scenario(body.replace("ORDER", "ab")))
+    assert list(build_scenario(folder).traffic) == ["a", "b"]
+    (folder / "scenario.py").write_text(sources.scenario(body.replace("ORDER", "ba")))
+    assert list(build_scenario(folder).traffic) == ["b", "a"]
+
+
 class TestByHand:
     def test_running_the_file_builds_it(self, scenario_folder):
         folder = scenario_folder("print('drawn up')\n" + sources.SCRIPT)
@@ -372,6 +381,28 @@ class TestByHand:
         assert list(built.traffic) == ["a", "b"]
         assert built.scenario.ego_missions == (mission,)
         assert built.scenario.bubbles is not None
+
+    def test_all_calls_have_one_seed(self, scenario_folder):
+        folder = scenario_folder(script=None)
+        gen_traffic(folder, t.Traffic([t.Flow(WEST_EAST, 60, actors={CAR: 1})]), name="a", seed=7)
+        gen_missions(folder, [t.Mission(WEST_EAST)])
+        assert build_scenario(folder).seed == 7
+        with raises(ScenarioError, "seed", values=[7, 8]):
+            gen_traffic(folder, t.Traffic([]), name="b", seed=8)
+        gen_traffic(folder, t.Traffic([]), name="a", seed=8)
+        assert build_scenario(folder).seed == 8
+
+    def test_what_is_refused_is_forgotten(self, scenario_folder):
+        folder = scenario_folder(script=None)
+        gen_missions(folder, [t.Mission(WEST_EAST)])
+        built = build_scenario(folder)
+        with raises(ScenarioError, values=["nope"]):
+            gen_traffic(
+                folder, t.Traffic([t.Flow(t.Route(("nope", 0, 0), ("nope", 0, 9)), 60, actors={CAR: 1})])
+            )
+        assert build_scenario(folder).directory == built.directory
+        gen_missions(folder, [t.Mission(WEST_EAST)] * 2)
+        assert len(build_scenario(folder).scenario.ego_missions) == 2
 
     def test_a_whole_scenario_from_elsewhere(self, scenario_folder):
         folder = scenario_folder(script=None)

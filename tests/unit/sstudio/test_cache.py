@@ -114,6 +114,15 @@ class TestPruning:
         entries = [json.loads(file.read_text())["key"] for file in (folder / "build" / "index").iterdir()]
         assert set(entries) == {used.name, newest.name, latest.name}
 
+    def test_folders_of_the_author_stay(self, scenario_folder):
+        folder = scenario_folder()
+        own = [folder / "build" / name for name in ("map", "my_results", "0123456789abcdef")]
+        for directory in own:
+            directory.mkdir(parents=True)
+            self.age(directory, KEPT_DAYS + 1)
+        build_scenario(folder)
+        assert all(directory.is_dir() for directory in own)
+
     def test_what_a_run_plays_stays_however_long_it_runs(self, scenario_folder):
         folder = scenario_folder()
         played = build_scenario(folder)

@@ -5,6 +5,7 @@ from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 import sumo
 
@@ -283,6 +284,17 @@ class TestWithSumo:
             route.attrib["edges"].split() for route in ElementTree.fromstring(traffic.routes).iter("route")
         )
         assert edges == ["south", "east", "north", "west"]
+
+    def test_vehicles_on_repeated_routes_halt_in_each_round(self, ring, ring_net, tmp_path):
+        stops = [t.Stop("east", 0, 30, duration=3)]
+        route = t.Route(("south", 0, 10), ("east", 0, 40))
+        traffic = written(ring, flow(route, rate=1, end=10, repeat_route=True, stops=stops))
+        out = tmp_path / "stops.xml"
+        run_sumo(ring_net, tmp_path, traffic, 300, "--stop-output", out)
+        halts = [float(halt.attrib["started"]) for halt in ElementTree.parse(out).iter("stopinfo")]
+        assert len(halts) > 3
+        rounds = np.diff(halts)
+        assert rounds == pytest.approx(rounds[0], rel=0.2)
 
     def test_buses_halt(self, roads, cross_net, tmp_path):
         bus = t.TrafficActor("bus", vehicle_type="bus")

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from smarts.errors import ContradictionError
@@ -255,6 +256,14 @@ def test_distributions_draw_from_the_generator_they_are_given():
     assert sum(drawn) / len(drawn) == pytest.approx(10 + 2 * 0.2297, abs=0.1)
     with raises(ValueError, values=[1]):
         t.TruncatedDistribution(1, 1)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_far_tails_lie_near_their_likelier_end(sign):
+    tail = t.TruncatedDistribution(9 * sign, 12 * sign)
+    assert tail.mean == pytest.approx(9 * sign, rel=0.02)
+    drawn = [tail.sample(np.random.Generator(np.random.Philox(seed))) for seed in range(20)]
+    assert drawn == pytest.approx([9 * sign] * 20, rel=0.1)
 
 
 def test_models_show_the_engines_names():
