@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from algorithms.registry import ALGORITHMS, Paradigm
 from benchmark.results.plurals import counted
 from perf.yardstick_games.recipes import YARDSTICKS, Published, Yardstick
 
@@ -125,6 +126,8 @@ stand in the column of that mode, and ours is to be read in the same one. "Loope
 of greedy episodes in which all agents see again what they saw before: without memory such a team repeats
 itself for ever.
 
+Greedy play, thin by seed; curves far below random play are cut.
+
 ![curves](curves.png)
 """
 
@@ -205,26 +208,45 @@ def best(runs: Sequence[RunFile], mode: Literal["greedy", "sampled"] = "greedy")
 
 
 def draw(folder: Path = FOLDER) -> None:
-    """Draw greedy and sampled curves of all runs, a panel for each game."""
+    """Draw the greedy curves, a row for each game and a column for each paradigm."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    runs = [run for run in runs_in(folder) if run.algorithm != RANDOM]
-    games = list(dict.fromkeys(run.game for run in runs))
-    figure = Figure(figsize=(5 * max(len(games), 1), 4), layout="constrained")
+    runs = runs_in(folder)
+    games = [game for game in YARDSTICKS if any(run.game == game and run.algorithm != RANDOM for run in runs)]
+    paradigms = tuple(Paradigm)
+    figure = Figure(figsize=(6 * len(paradigms), 4 * max(len(games), 1)), layout="constrained")
     FigureCanvasAgg(figure)
-    for game, axes in zip(games, figure.subplots(1, max(len(games), 1), squeeze=False)[0], strict=False):
-        names = list(dict.fromkeys(run.algorithm for run in runs if run.game == game))
-        for run in runs:
-            if run.game != game:
-                continue
-            colour = f"C{names.index(run.algorithm)}"
-            steps = [e.steps for e in run.curve]
-            label = run.algorithm if run.seed == min(r.seed for r in runs if r[:2] == run[:2]) else None
-            axes.plot(steps, [e.greedy for e in run.curve], colour, label=label)
-            axes.plot(steps, [e.sampled for e in run.curve], colour, linestyle=":", linewidth=0.8)
-        most = max(sum(run[:2] == (game, name) for run in runs) for name in names)
-        title = f"{game}, {counted(most, 'seed')} each at most" if most > 1 else f"{game}, one seed each"
-        axes.set(title=title, xlabel="environment steps", ylabel="score, greedy (dotted: sampled)")
-        axes.legend(fontsize="small")
+    panels = figure.subplots(max(len(games), 1), len(paradigms), squeeze=False, sharey="row")
+    for game, row in zip(games, panels, strict=False):
+        for paradigm, axes in zip(paradigms, row, strict=True):
+            axes.set(title=f"{game}, {paradigm.value}", xlabel="environment steps")
+            _draw_curves(axes, [run for run in runs if run.game == game and _paradigm_of(run) == paradigm])
+        row[0].set_ylabel("score, greedy")
+        by_chance = [run.curve[-1].sampled for run in runs if run.game == game and run.algorithm == RANDOM]
+        if by_chance:  # what is far below random play would flatten all else
+            top = max(
+                e.greedy for run in runs if run.game == game and run.algorithm != RANDOM for e in run.curve
+            )
+            row[0].set_ylim(by_chance[0] - 0.15 * (top - by_chance[0]), top + 0.05 * (top - by_chance[0]))
     figure.savefig(folder / "curves.png", dpi=80, metadata={"Software": None})
+
+
+def _paradigm_of(run: RunFile) -> Paradigm | None:
+    found = ALGORITHMS.get(run.algorithm.partition("-")[0])
+    return None if found is None else found.paradigm
+
+
+def _draw_curves(axes: Any, runs: Sequence[RunFile]) -> None:
+    """Draw each run of some algorithms thinly, and each algorithm's mean over its seeds."""
+    for number, name in enumerate(dict.fromkeys(run.algorithm for run in runs)):
+        style = {"color": f"C{number % 10}", "linestyle": ("-", "--")[number // 10 % 2]}
+        own = [run.curve for run in runs if run.algorithm == name]
+        shared = min(map(len, own))
+        steps = [e.steps for e in own[0][:shared]]
+        scores = np.array([[e.greedy for e in curve[:shared]] for curve in own])
+        if len(own) > 1:
+            axes.plot(steps, scores.T, linewidth=0.5, **style)
+        axes.plot(steps, scores.mean(0), label=f"{name} ({counted(len(own), 'seed')})", **style)
+    if runs:
+        axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0))
