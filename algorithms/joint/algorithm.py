@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -201,9 +202,11 @@ class JointAlgorithm(Algorithm):
         return super().get_module(module_id)
 
     def restore_env_runners(self, env_runner_group: Any) -> list[int]:
-        """Take runners that came back into the group again (RLlib); their next request brings all."""
-        if env_runner_group is not self.env_runner_group:
-            return super().restore_env_runners(env_runner_group)
+        """Take runners that came back into the group again (RLlib).
+
+        Requests for data and evaluations bring weights and counters. RLlib's own method copies the networks
+        of the local runner, which builds them at first use.
+        """
         return env_runner_group.probe_unhealthy_env_runners()
 
     def _replies(self) -> list[SampleResult]:
@@ -225,10 +228,15 @@ class JointAlgorithm(Algorithm):
 
     def _await_runner(self) -> None:
         """Wait until a runner is there, for `sample_timeout_s` at most: a restart takes seconds."""
-        group, deadline = self.env_runner_group, time.monotonic() + (self.config.sample_timeout_s or 0.0)
+        group = self.env_runner_group
+        limit = self.config.sample_timeout_s if self.config.restart_failed_env_runners else 0.0
+        deadline = time.monotonic() + (math.inf if limit is None else limit)
         while not group.num_healthy_remote_workers() and time.monotonic() < deadline:
             time.sleep(RESTART_POLL)
-            group.probe_unhealthy_env_runners()
+            if restored := self.restore_env_runners(group):
+                self._make_on_env_runners_recreated_callbacks(
+                    config=self.config, env_runner_group=group, restored_env_runner_indices=restored
+                )
 
     def _ask(self) -> list[SampleResult]:
         """Return the replies of runners that answer in time; others are killed and come back."""

@@ -279,6 +279,42 @@ def test_training_survives_sigkill_of_a_runner(build):
     assert steps == sorted(steps)
 
 
+def pids_of(group):
+    return group.foreach_env_runner(lambda runner: os.getpid(), local_env_runner=False)
+
+
+@pytest.mark.slow
+def test_the_only_runner_is_awaited_without_a_limit_and_its_return_is_told(build):
+    told = []
+    config = small(runners=1).env_runners(sample_timeout_s=None)
+    algo = build(
+        config.callbacks(on_env_runners_recreated=lambda **kw: told.append(kw["env_runner_indices"]))
+    )
+    train(algo, 1)
+    os.kill(pids_of(algo.env_runner_group)[0], signal.SIGKILL)
+    assert train(algo, 1)["env_runners"]["num_env_steps_sampled_lifetime"] == 64
+    assert told == [[1]]
+
+
+@pytest.mark.slow
+def test_an_evaluation_runner_that_was_lost_comes_back(build):
+    algo = build(
+        small().evaluation(evaluation_interval=1, evaluation_num_env_runners=1, evaluation_duration=3)
+    )
+    train(algo, 1)
+    group = algo.eval_env_runner_group
+    os.kill(pids_of(group)[0], signal.SIGKILL)
+    train(algo, 1)  # finds it lost
+    deadline = time.monotonic() + 60
+    while not group.num_healthy_remote_workers() and time.monotonic() < deadline:
+        result = train(algo, 1)
+    assert group.num_healthy_remote_workers() == 1
+    expected = build(small().evaluation(evaluation_duration=3))
+    expected.set_state(algo.get_state())
+    mean = expected.evaluate()["env_runners"]["episode_return_mean"]
+    assert result["evaluation"]["env_runners"]["episode_return_mean"] == mean
+
+
 @pytest.mark.slow
 def test_a_hung_runner_is_killed_and_comes_back(build, tmp_path):
     file = tmp_path / "hang"
