@@ -24,7 +24,8 @@ LONGEST = 1e9
 _KINDS = [kind.name.lower() for kind in VehicleKind]
 SOCIAL_AGENT = "social-agent-"
 """How the names of a scenario's social agents begin; see `Bubble.to_actor_id`."""
-_GENERAL = t.ConditionRequires.time | t.ConditionRequires.actor_ids
+GENERAL = t.ConditionRequires.time | t.ConditionRequires.actor_ids
+"""The facts that every condition may use."""
 _OF_VEHICLES = t.ConditionRequires.current_actor_state | t.ConditionRequires.current_actor_road_status
 
 
@@ -47,7 +48,7 @@ class BubbleChecks(Checks):
             self._bubble_limits(bubble.limit, f"{where}.limit")
         self._bubble_conditions(bubble, where)
         if bubble.follow_offset is None:
-            self._zone_on_map(area, roads, f"{where}.zone")
+            self.zone_on_map(area, roads, f"{where}.zone")
         else:
             self._follow_offset(bubble.follow_offset, f"{where}.follow_offset")
 
@@ -82,16 +83,19 @@ class BubbleChecks(Checks):
         self.count(limits.shadow_limit, f"{where}.shadow_limit")
 
     def _bubble_conditions(self, bubble: t.Bubble, where: str) -> None:
-        for name, known in (("active_condition", _GENERAL), ("airlock_condition", _GENERAL | _OF_VEHICLES)):
+        for name, known in (("active_condition", GENERAL), ("airlock_condition", GENERAL | _OF_VEHICLES)):
             condition = getattr(bubble, name)
-            self.type(condition, t.Condition, f"{where}.{name}")
-            unknown = condition.requires & ~known
-            problem = f"the condition needs {unknown.name}, which bubbles do not know"
-            remedy = f"use conditions on {known.name}"
-            self.require(not unknown, f"{where}.{name}", problem, remedy)
+            self.condition(condition, known, f"{where}.{name}", "bubbles")
             for part in parts(condition):
                 if isinstance(part, t.VehicleTypeCondition):
                     self.choice(part.vehicle_type, _KINDS, f"{where}.{name}.vehicle_type")
+
+    def condition(self, condition: t.Condition, known: t.ConditionRequires, where: str, users: str) -> None:
+        """Require a condition on facts that its users, as errors name them, know."""
+        self.type(condition, t.Condition, where)
+        unknown = condition.requires & ~known
+        problem = f"the condition needs {unknown.name}, which {users} do not know"
+        self.require(not unknown, where, problem, f"use conditions on {known.name}")
 
     def _follow_offset(self, offset: object, where: str) -> None:
         is_pair = isinstance(offset, list | tuple) and len(offset) >= 2
@@ -99,7 +103,8 @@ class BubbleChecks(Checks):
         for number in offset[:2]:  # type: ignore[index]
             self.number(number, where, least=-LONGEST, most=LONGEST)
 
-    def _zone_on_map(self, area: BaseGeometry, roads: LaneGraph, where: str) -> None:
+    def zone_on_map(self, area: BaseGeometry, roads: LaneGraph, where: str) -> None:
+        """Require an area that a lane leads through."""
         left, low, right, high = area.bounds
         x, y = roads.point_xy.T
         # Points of a lane are at most a metre apart.

@@ -18,10 +18,9 @@ from numpy.random import Generator
 
 from smarts.errors import ScenarioError
 from smarts.roads.lane_graph import LaneGraph
-from smarts.roads.routes import shortest_route
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.episodes import expand
-from smarts.sstudio.placement import blame, lane_of, route_edges, via_place
+from smarts.sstudio.placement import lane_of, next_lap, route_edges, via_place
 from smarts.sstudio.random_routes import draw_route
 from smarts.sstudio.sstypes.constants import MISSING, RANDOM_OFFSET, named_offset
 
@@ -265,7 +264,7 @@ def _placed(
         pose=start.pose(roads, behind=length / 2),
         speed=speed,
         goal=None if draft.route is None else _goal(draft.route, roads, generator, draft.where),
-        route=_route(draft, roads),
+        route=_route(draft, roads, length),
         via=tuple(_via(via, roads, draft.where) for via in draft.mission.via),
         start_time=_start_time(draft.mission),
     )
@@ -278,23 +277,19 @@ def _goal(route: t.Route, roads: LaneGraph, generator: Generator, where: str) ->
     return LanePoint(lane, roads.arc_length(lane, offset))
 
 
-def _route(draft: _Draft, roads: LaneGraph) -> tuple[str, ...]:
+def _route(draft: _Draft, roads: LaneGraph, vehicle_length: float) -> tuple[str, ...]:
     if draft.route is None:
         return (roads.edge_ids[roads.lane_edge[draft.lane]],)
     mission = draft.mission
     if isinstance(mission, t.Mission) and isinstance(mission.task, t.UTurn):
         return (draft.route.begin[0], draft.route.end[0])  # the turn joins the two
-    lap = route_edges(roads, draft.route, draft.where)
+    # A random route is drawn again where its goal is not ahead of its start.
+    is_random = isinstance(mission, t.Mission) and isinstance(mission.route, t.RandomRoute)
+    length = 0.0 if is_random else vehicle_length
+    lap = route_edges(roads, draft.route, draft.where, vehicle_length=length)
     if not isinstance(mission, t.LapMission) or mission.num_laps == 1:
         return lap
-    first, *others = lap
-    if first in others[-1:]:
-        further = tuple(others)
-    else:
-        with blame(draft.where):
-            # From the goal's edge back to the first edge; both belong to the laps.
-            further = (*shortest_route(roads, lap[-1], first, lap=True)[1:-1], *lap)
-    return lap + further * (mission.num_laps - 1)
+    return lap + next_lap(roads, lap, draft.where) * (mission.num_laps - 1)
 
 
 def _via(via: t.Via, roads: LaneGraph, where: str) -> PlacedVia:

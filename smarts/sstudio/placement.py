@@ -7,7 +7,7 @@ them, see `LaneGraph.arc_length`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
@@ -16,7 +16,7 @@ from smarts.errors import MapError, ScenarioError
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.routes import CARS, shortest_route
 from smarts.sstudio import sstypes as t
-from smarts.sstudio.sstypes.constants import NAMED_OFFSETS
+from smarts.sstudio.sstypes.constants import NAMED_OFFSETS, named_offset
 
 BUSES = CARS | {LaneKind.BUS}
 """The lanes that buses and coaches may use."""
@@ -55,6 +55,30 @@ def lane_of(roads: LaneGraph, place: Sequence[Any], where: str) -> int:
     with blame(where):
         lane = roads.lane_number(edge, index)
     check_offset(roads, lane, offset, where)
+    return lane
+
+
+def open_lane_of(
+    roads: LaneGraph, place: Sequence[Any], where: str, kinds: frozenset[LaneKind] = CARS
+) -> int:
+    """Return `lane_of` a place, which has to be on a road and open to the users of `kinds` of lanes.
+
+    Raises:
+        ScenarioError: The place is off the map, inside a junction, or closed to them.
+    """
+    lane = lane_of(roads, place, where)
+    if roads.is_internal[lane]:
+        raise ScenarioError(
+            f"lane '{roads.lane_ids[lane]}' lies inside a junction",
+            place=where,
+            remedy="choose a lane of a road",
+        )
+    if roads.kind[lane] not in kinds:
+        raise ScenarioError(
+            f"lane '{roads.lane_ids[lane]}' is closed to this vehicle",
+            place=where,
+            remedy="choose another lane, or another vehicle_type",
+        )
     return lane
 
 
@@ -108,41 +132,74 @@ def target_lane(roads: LaneGraph, edge_id: str, task: t.UTurn) -> int:
 
 
 def route_edges(
-    roads: LaneGraph, route: t.Route, where: str, kinds: frozenset[LaneKind] = CARS
+    roads: LaneGraph,
+    route: t.Route,
+    where: str,
+    kinds: frozenset[LaneKind] = CARS,
+    vehicle_length: float = 0.0,
 ) -> tuple[str, ...]:
     """Return the ids of all edges of a route, having checked its places.
 
+    A route that ends behind its begin on the same edge leads round to it.
+
+    Args:
+        roads: The map.
+        route: The route.
+        where: Its place, for errors.
+        kinds: The lanes that the vehicle may use.
+        vehicle_length: Its front bumper starts this far from the lane's begin at least, as far as the lane
+            is long enough [m].
+
     Raises:
-        ScenarioError: A place is off the map, or the route cannot be driven.
+        ScenarioError: A place is off the map or closed to the vehicle, or the route cannot be driven.
     """
-    begin = lane_of(roads, route.begin, f"{where}.begin")
-    lane_of(roads, route.end, f"{where}.end")
-    if roads.kind[begin] not in kinds:
-        raise ScenarioError(
-            f"lane '{roads.lane_ids[begin]}' is closed to this vehicle",
-            place=f"{where}.begin",
-            remedy="choose another lane, or another vehicle_type",
-        )
-    back = _comes_round(route)
+    for end in ("begin", "end"):
+        open_lane_of(roads, getattr(route, end), f"{where}.{end}", kinds)
+    back = _distance_back(roads, route, vehicle_length)
     try:
         with blame(where):
             return _shortest_route(
-                roads, route.begin[0], route.end[0], tuple(route.via), lap=back, kinds=kinds
+                roads, route.begin[0], route.end[0], tuple(route.via), lap=back > 0, kinds=kinds
             )
     except ScenarioError as error:
         if not back:
             raise
         raise ScenarioError(
-            f"the end lies {route.begin[2] - route.end[2]:g} m before the begin on edge '{route.begin[0]}', "
+            f"the end lies {back:g} m before the begin on edge '{route.begin[0]}', "
             "and no way leads round to it",
             place=where,
             remedy="exchange begin and end",
         ) from error
 
 
-def _comes_round(route: t.Route) -> bool:
-    """Return whether a route ends behind its begin on the same edge, so that it must go round once."""
-    begin, end = route.begin[2], route.end[2]
+def next_lap(roads: LaneGraph, lap: tuple[str, ...], where: str) -> tuple[str, ...]:
+    """Return the edges of a further lap: those after `lap` up to its end.
+
+    Raises:
+        ScenarioError: No way leads back to the first edge.
+    """
+    first, *others = lap
+    if first in others[-1:]:
+        return tuple(others)
+    with blame(where):
+        # From the goal's edge back to the first edge; both belong to the laps.
+        return (*_shortest_route(roads, lap[-1], first, lap=True)[1:-1], *lap)
+
+
+def _distance_back(roads: LaneGraph, route: t.Route, vehicle_length: float) -> float:
+    """Return how far a route ends behind its begin on the same edge, 0 elsewhere [m]; see `route_edges`.
+
+    Random offsets count as what leaves the most way between begin and end.
+    """
     if route.begin[0] != route.end[0] or route.via:
-        return False
-    return not isinstance(begin, str) and not isinstance(end, str) and end < begin
+        return 0.0
+    first, last = (roads.lane_number(*place[:2]) for place in (route.begin, route.end))
+    whole = float(roads.sumo_length[first])
+    least = min(vehicle_length / roads.arc_length(first, 1.0), whole)
+    begin = max(offset_along(route.begin[2], whole, min), least)
+    return max(begin - offset_along(route.end[2], float(roads.sumo_length[last]), max), 0.0)
+
+
+def offset_along(offset: Any, length: float, draw: Callable[[float, float], float]) -> float:
+    """Return an offset on a lane of a length, both [m]; `draw` chooses a random one."""
+    return named_offset(offset, 0.0, length, draw) if isinstance(offset, str) else offset

@@ -15,11 +15,22 @@ from shapely.validation import explain_validity
 
 from smarts.errors import SmartsError
 from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.routes import CARS
 from smarts.sstudio import sstypes as t
-from smarts.sstudio.bubble_checks import BubbleChecks
+from smarts.sstudio.bubble_checks import GENERAL, BubbleChecks
 from smarts.sstudio.checks import shown
 from smarts.sstudio.episodes import grid
-from smarts.sstudio.placement import blame, lane_of, route_edges, target_lane, via_place
+from smarts.sstudio.missions import CAR_LENGTH
+from smarts.sstudio.placement import (
+    blame,
+    lane_of,
+    next_lap,
+    offset_along,
+    open_lane_of,
+    route_edges,
+    target_lane,
+    via_place,
+)
 from smarts.sstudio.sstypes.constants import MISSING
 from smarts.sstudio.traffic_checks import LARGEST, LATEST, TrafficChecks
 from smarts.sstudio.ways import is_on_way, leads_back_beside
@@ -31,6 +42,8 @@ FASTEST_START = 100.0
 LONGEST_SHIFT = 1000.0
 """Largest variation of a start [m]."""
 HISTORY_SOURCES = ("NGSIM", "INTERACTION", "Waymo", "Argoverse")
+
+_Place = tuple[str, int, Any]
 
 
 def validate(scenario: t.Scenario, roads: LaneGraph, place: str) -> None:
@@ -97,13 +110,13 @@ class _Validation(TrafficChecks, BubbleChecks):
             return
         edges = None
         if isinstance(mission, t.EndlessMission):
-            lane_of(self.roads, mission.begin, self.at(f"{where}.begin"))
-            begin = mission.begin[0]
+            open_lane_of(self.roads, mission.begin, self.at(f"{where}.begin"))
+            begin = mission.begin
         else:
             begin, edges = self._mission_route(mission, where)
         self._time(mission, where)
         for at, via in self.each(mission.via, t.Via, f"{where}.via"):
-            self._via(via, edges, at)
+            self._via(via, begin, edges, at)
         if isinstance(mission, t.Mission) and mission.task is not None:
             self._task(mission.task, mission.route, f"{where}.task")
         if mission.entry_tactic is not None:
@@ -115,8 +128,8 @@ class _Validation(TrafficChecks, BubbleChecks):
 
     def _mission_route(
         self, mission: t.Mission | t.LapMission, where: str
-    ) -> tuple[str | None, tuple[str, ...] | None]:
-        """Check a mission's route; return the edge it begins on, and all edges, if they are known yet."""
+    ) -> tuple[_Place | None, tuple[str, ...] | None]:
+        """Check a mission's route; return the place where it begins, and its edges, if they are known yet."""
         route = mission.route
         self.own_map(route, f"{where}.route")
         if isinstance(mission, t.LapMission):
@@ -127,32 +140,48 @@ class _Validation(TrafficChecks, BubbleChecks):
         if isinstance(mission, t.Mission) and isinstance(mission.task, t.UTurn):
             # A U-turn needs no road from begin to end.
             for end in ("begin", "end"):
-                lane_of(self.roads, getattr(route, end), self.at(f"{where}.route.{end}"))
+                open_lane_of(self.roads, getattr(route, end), self.at(f"{where}.route.{end}"))
             edges = (route.begin[0], route.end[0])
         else:
-            edges = route_edges(self.roads, route, self.at(f"{where}.route"))
+            edges = route_edges(self.roads, route, self.at(f"{where}.route"), vehicle_length=CAR_LENGTH)
         if isinstance(mission, t.LapMission) and mission.num_laps > 1:
-            back = t.Route(begin=(route.end[0], route.end[1], 0), end=(route.begin[0], route.begin[1], 0))
-            edges += route_edges(self.roads, back, self.at(f"{where}.route, which must be closed"))
-        return route.begin[0], edges
+            edges += next_lap(self.roads, edges, self.at(f"{where}.route, which must be closed"))
+        return route.begin, edges
 
     def _group(self, group: t.GroupedLapMission, where: str) -> None:
         self.count(group.actor_count, f"{where}.actor_count")
         self.count(group.lanes, f"{where}.lanes")
         self.type(group.route, t.Route, f"{where}.route")
+        for end in ("begin", "end"):
+            place, at = getattr(group.route, end), f"{where}.route.{end}"
+            lane_of(self.roads, place, self.at(at))
+            problem = f"lane {place[1]} is not one of the grid's {group.lanes} lanes, counted from the right"
+            self.require(place[1] < group.lanes, at, problem, f"use lanes={place[1] + 1} or more")
         begin, at = group.route.begin[2], f"{where}.route.begin"
         self.require(not isinstance(begin, str), at, f"{begin!r} is not a number", "use an offset [m]")
         for number, mission in enumerate(grid(group)):
             self._mission(mission, f"{where}, start {number}")
 
-    def _via(self, via: t.Via, edges: tuple[str, ...] | None, where: str) -> None:
-        lane, _ = via_place(self.roads, via, self.at(where))
-        self.numbers(via, where, required_speed=FASTEST_START)
+    def _via(self, via: t.Via, begin: _Place | None, edges: tuple[str, ...] | None, where: str) -> None:
+        self.numbers(via, where, lane_offset=LARGEST, required_speed=FASTEST_START)
         self.numbers(via, where, least=-LARGEST, hit_distance=LARGEST)
-        if edges is not None and not is_on_way(self.roads, lane, edges):
+        lane, offset = via_place(self.roads, via, self.at(where))
+        if self.roads.kind[lane] not in CARS:
+            problem = f"lane '{self.roads.lane_ids[lane]}' is closed to cars"
+            raise self.error(f"{where}.lane_index", problem, "choose another lane")
+        if begin is None or edges is None:
+            return
+        if not is_on_way(self.roads, lane, edges):
             problem = f"the route does not pass lane '{self.roads.lane_ids[lane]}'"
             remedy = "put it on the route, or lead the route there by Route(via=[...])"
             raise self.error(f"{where}.road_id", problem, remedy)
+        start = offset_along(begin[2], float(self.roads.sumo_length[lane]), min)
+        reach = CAR_LENGTH + max(via.hit_distance, float(self.roads.width[lane]) / 2)
+        first_edge, *later = edges
+        is_behind = self.roads.edge_ids[self.roads.lane_edge[lane]] == first_edge and offset < start - reach
+        problem = f"offset {offset:g} lies {start - offset:g} m before the mission's start"
+        passes = not is_behind or first_edge in later
+        self.require(passes, f"{where}.lane_offset", problem, f"use {start:g} or more, or leave it out")
 
     def _start_speed(self, speed: Any, where: str) -> None:
         if speed is not None:
@@ -194,9 +223,11 @@ class _Validation(TrafficChecks, BubbleChecks):
                 else:
                     self.roads.edge_number(task.complete_on_edge_id)
 
-    def _entry(self, tactic: t.EntryTactic, begin: str | None, where: str) -> None:
+    def _entry(self, tactic: t.EntryTactic, begin: _Place | None, where: str) -> None:
         self.type(tactic, t.EntryTactic, where)
         self._time(tactic, where)
+        if isinstance(tactic, t.IdEntryTactic | t.TrapEntryTactic):
+            self.condition(tactic.condition, GENERAL, f"{where}.condition", "entries")
         if not isinstance(tactic, t.TrapEntryTactic):
             return
         self.numbers(tactic, where, wait_to_hijack_limit_s=LATEST)
@@ -206,8 +237,8 @@ class _Validation(TrafficChecks, BubbleChecks):
             self._zone(tactic.zone, f"{where}.zone")
             if isinstance(tactic.zone, t.MapZone) and begin is not None:
                 edge, at = tactic.zone.start[0], f"{where}.zone.start"
-                problem = f"the zone is on edge '{edge}', but the mission begins on '{begin}'"
-                self.require(edge == begin, at, problem, f"put the zone on edge '{begin}'")
+                problem = f"the zone is on edge '{edge}', but the mission begins on '{begin[0]}'"
+                self.require(edge == begin[0], at, problem, f"put the zone on edge '{begin[0]}'")
 
     def _social_agents(self, group: Any, where: str) -> None:
         if not isinstance(group, list | tuple) or len(group) != 2:
@@ -247,7 +278,7 @@ class _Validation(TrafficChecks, BubbleChecks):
                 raise type(error)(error.problem, place=place, remedy=error.remedy) from error
 
     def _patch(self, patch: t.RoadSurfacePatch, where: str) -> None:
-        self._zone(patch.zone, f"{where}.zone")
+        self.zone_on_map(self._zone(patch.zone, f"{where}.zone"), self.roads, f"{where}.zone")
         self.numbers(patch, where, above=0, friction_coefficient=math.inf)
         self.numbers(patch, where, begin_time=math.inf, end_time=math.inf)
         self.order(patch.begin_time, patch.end_time, f"{where}.end_time", "begin_time")

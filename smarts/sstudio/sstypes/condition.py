@@ -368,6 +368,8 @@ class ExpireTrigger(Condition):
 
     def __post_init__(self) -> None:
         _check_evaluable(self.inner_condition)
+        if not self.time >= 0:
+            raise ValueError(f"time must be 0 or more, got {self.time}")
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Compare `time`."""
@@ -404,8 +406,8 @@ class ConditionTrigger(Condition):
 
     def __post_init__(self) -> None:
         _check_evaluable(self.inner_condition)
-        if self.delay_seconds < 0:
-            raise ValueError(f"delay_seconds must not be negative, got {self.delay_seconds}")
+        if not self.delay_seconds >= 0:
+            raise ValueError(f"delay_seconds must be 0 or more, got {self.delay_seconds}")
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Start the clock when the inner condition is met, then wait for the delay.

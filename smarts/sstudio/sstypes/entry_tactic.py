@@ -35,7 +35,8 @@ class TrapEntryTactic(EntryTactic):
     """A further condition."""
 
     def __post_init__(self) -> None:
-        if self.condition.requires & ConditionRequires.any_current_actor_state:
+        is_condition = isinstance(self.condition, Condition)  # `validate` refuses others by place
+        if is_condition and self.condition.requires & ConditionRequires.any_current_actor_state:
             raise ValueError(
                 "the condition of a TrapEntryTactic must not be about a vehicle: none is chosen yet"
             )

@@ -39,6 +39,14 @@ def ring(ring_net):
     return read_net(ring_net)
 
 
+@pytest.fixture(scope="session")
+def fork(tmp_path_factory):
+    """The road that forks, of `sources.write_fork`."""
+    folder = sources.write_fork(tmp_path_factory.mktemp("fork"))
+    compile_map(find_map_source(folder), folder / "compiled.net.xml")
+    return read_net(folder / "compiled.net.xml")
+
+
 @pytest.fixture
 def scenario_folder(tmp_path):
     """Return a function that makes a scenario folder on the crossing from the text of its scenario file."""

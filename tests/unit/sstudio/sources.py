@@ -68,6 +68,24 @@ def write_cross(folder: Path) -> Path:
     return folder
 
 
+def write_fork(folder: Path) -> Path:
+    """Write the sources of a road "ab" from (0, 0) to (100, 0) that forks into "bc" and "bd".
+
+    Lane 0 of "ab" is a sidewalk; "bd" is closed to trucks and buses; both branches are dead ends.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    places = {"a": (0, 0), "b": (100, 0), "c": (200, 0), "d": (100, 100)}
+    nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in places.items())
+    sidewalk = '<lane index="0" allow="pedestrian"/>'
+    edges = (
+        f'<edge id="ab" from="a" to="b" numLanes="3">{sidewalk}</edge><edge id="bc" from="b" to="c"/>'
+        '<edge id="bd" from="b" to="d" disallow="truck bus"/>'
+    )
+    (folder / "map.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
+    (folder / "map.edg.xml").write_text(f"<edges>{edges}</edges>")
+    return folder
+
+
 CORNERS = {"south_west": (0, 0), "south_east": (80, 0), "north_east": (80, 80), "north_west": (0, 80)}
 
 

@@ -159,6 +159,71 @@ BAD = {
         "inf",
     ),
     "rotation": (bubble(t.PositionalZone((0, 0), (1, 1), "x")), "bubbles[0].zone.rotation", "x"),
+    "via by the name of its offset": (
+        mission(via=[t.Via("from_west", 0, "max", 5)]),
+        f"{VIA}.lane_offset",
+        "'max'",
+    ),
+    "via in a junction by the name of its offset": (
+        mission(via=[t.Via(t.JunctionEdgeIDResolver("from_west", 0, "to_east", 0), 0, "max", 5)]),
+        f"{VIA}.lane_offset",
+        "'max'",
+    ),
+    "via behind the start": (
+        mission(("from_west", 0, 60), via=[t.Via("from_west", 0, 20, 5)]),
+        f"{VIA}.lane_offset",
+        "40",
+    ),
+    "end behind a named begin": (
+        mission(("to_east", 0, "max"), ("to_east", 0, 10)),
+        "ego_missions[0].route",
+        "m before",
+    ),
+    "end within the vehicle at its start": (
+        mission(("to_east", 0, 0), ("to_east", 0, 3)),
+        "ego_missions[0].route",
+        "2 m before",
+    ),
+    "begin inside a junction": (
+        t.Scenario(ego_missions=[t.EndlessMission((":centre_0", 0, 0.1))]),
+        "ego_missions[0].begin",
+        "junction",
+    ),
+    "laps on a dead end": (
+        t.Scenario(ego_missions=[t.LapMission(t.Route(("to_east", 0, 10), ("to_east", 0, 50)), 2)]),
+        "ego_missions[0].route, which must be closed",
+        "'to_east'",
+    ),
+    "begin beside a grid": (
+        t.Scenario(
+            ego_missions=[t.GroupedLapMission(t.Route(("from_west", 1, 50), ("to_east", 0, 50)), 9, 1, 2, 1)]
+        ),
+        "ego_missions[0].route.begin",
+        "lane 1",
+    ),
+    "end beside a grid": (
+        t.Scenario(
+            ego_missions=[t.GroupedLapMission(t.Route(("from_west", 0, 50), ("to_east", 1, 50)), 9, 1, 2, 1)]
+        ),
+        "ego_missions[0].route.end",
+        "lane 1",
+    ),
+    "entry under no condition": (
+        mission(entry_tactic=t.IdEntryTactic(actor_id="car", condition="x")),
+        f"{TACTIC}.condition",
+        "'x'",
+    ),
+    "trap under no condition": (trap(condition="x"), f"{TACTIC}.condition", "'x'"),
+    "entry under a condition on a vehicle": (
+        mission(entry_tactic=t.IdEntryTactic(actor_id="car", condition=t.VehicleSpeedCondition(0, 9))),
+        f"{TACTIC}.condition",
+        "current_actor_state",
+    ),
+    "friction off the map": (
+        t.Scenario(friction_maps=[t.RoadSurfacePatch(t.PositionalZone((900, 0), (20, 20)), 0, 10, 0.5)]),
+        "friction_maps[0].zone",
+        "890",
+    ),
     "group of one": (
         t.Scenario(social_agent_missions={"g": ([AGENT],)}),
         "social_agent_missions['g']",
@@ -184,7 +249,7 @@ def test_a_single_actor_is_a_group(roads):
 
 def test_what_is_on_the_way_or_beside_it_is_taken(roads):
     inside = t.JunctionEdgeIDResolver("from_west", 0, "to_east", 0)
-    vias = [t.Via(edge, 0, 2, 5) for edge in ("from_west", inside, "to_east")]
+    vias = [t.Via("from_west", 0, 20, 5), t.Via(inside, 0, 2, 5), t.Via("to_east", 0, 2, 5)]
     validate(mission(via=vias), roads, "")
     validate(turn(target_lane_index=9, initial_speed=0), roads, "")
     validate(trap(default_entry_speed=0, exclusion_prefixes=["car"]), roads, "")
@@ -195,6 +260,27 @@ def test_vias_of_laps_may_be_on_the_way_back(ring):
     via = [t.Via("north", 0, 10, 5)]
     validate(t.Scenario(ego_missions=[t.LapMission(route, 2, via=via)]), ring, "")
     with raises(ScenarioError, values=["north_0"]):
+        validate(t.Scenario(ego_missions=[t.LapMission(route, 1, via=via)]), ring, "")
+
+
+@pytest.mark.parametrize(
+    ("missions", "place"),
+    [
+        ([t.EndlessMission(("ab", 0, 20))], ".begin"),
+        ([t.Mission(t.Route(("ab", 0, 20), ("bc", 0, 20)))], ".route.begin"),
+        ([t.Mission(t.Route(("ab", 1, 20), ("ab", 0, 60)))], ".route.end"),
+        ([t.EndlessMission(("ab", 1, 20), via=[t.Via("ab", 0, 60, 5)])], ".via[0].lane_index"),
+    ],
+)
+def test_missions_keep_off_sidewalks(fork, missions, place):
+    with raises(ScenarioError, f"ego_missions[0]{place}", values=["'ab_0'"]):
+        validate(t.Scenario(ego_missions=missions), fork, "")
+
+
+def test_vias_behind_the_start_are_passed_where_laps_come_round(ring):
+    route, via = t.Route(("south", 0, 60), ("east", 0, 30)), [t.Via("south", 0, 20, 5)]
+    validate(t.Scenario(ego_missions=[t.LapMission(route, 2, via=via)]), ring, "")
+    with raises(ScenarioError, "via[0].lane_offset", values=[20]):
         validate(t.Scenario(ego_missions=[t.LapMission(route, 1, via=via)]), ring, "")
 
 

@@ -1,4 +1,5 @@
 import itertools
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -152,9 +153,12 @@ class TestTriggers:
     def test_what_expired_unmet_never_triggers(self):
         assert t.TimeWindowCondition(2, 5).trigger(0).evaluate(time=7) == EXPIRED
 
-    def test_negative_delays_are_refused(self):
+    @pytest.mark.parametrize("time", [-1, math.nan])
+    def test_times_below_0_and_none_at_all_are_refused(self, time):
         with pytest.raises(ValueError, match="delay_seconds"):
-            ALWAYS.trigger(-1)
+            ALWAYS.trigger(time)
+        with pytest.raises(ValueError, match="time"):
+            ALWAYS.expire(time)
 
     def test_expiry(self):
         expiring = ALWAYS.expire(20)

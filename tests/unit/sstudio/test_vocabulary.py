@@ -298,6 +298,7 @@ class TestBubbles:
                 "'b'",
                 "one of the two",
             ),
+            ({"follow_offset": (0, 5)}, "follow_offset", "(0, 5)", "follow_actor_id"),
             ({"keep_alive": True}, "keep_alive", "'agent'", "BoidAgentActor"),
             (
                 {"active_condition": t.VehicleSpeedCondition(0, 1)},
