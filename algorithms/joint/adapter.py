@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import pickle
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from gymnasium.spaces import Discrete
 from ray.cloudpickle import cloudpickle
 
-from algorithms.errors import EnvironmentFailure, SpaceError
+from algorithms.errors import EnvironmentFailure, SpaceError, nearest_names
 from algorithms.joint.env import (
     AgentBlock,
     Bools,
@@ -38,7 +37,9 @@ class JointVector:
     An agent is active while it is among the observations and has neither terminated nor truncated. An agent
     that ended may come back in a new trajectory; an agent that is left out without a flag must not, which
     would be turn-based play. It counts as truncated and is valued from its last observation; a truncation
-    that the environment itself reports needs an observation, as RLlib's own episodes demand.
+    that the environment itself reports needs an observation, as RLlib's own episodes demand. While no agent
+    is active, the environment is stepped without actions, until `"__all__"` ends the episode, its `agents`
+    are empty or all of its possible agents have ended.
 
     Args:
         make: Creates environment b.
@@ -74,8 +75,10 @@ class JointVector:
             )
         }
         self._agents = tuple(self._place)
+        self._order = np.array([names.index(agent) for agent in self._agents])
         self._view = View.empty(self.spaces, num_envs)
         self._away = np.zeros((num_envs, len(self._agents)), bool)  # left without a flag in this episode
+        self._ended = np.zeros_like(self._away)  # terminated or truncated in this episode
         self._warned = False
 
     def reset(self, seed: int, indices: Ints, *, stride: int = 0) -> JointStep:
@@ -110,9 +113,9 @@ class JointVector:
                 self._replace(b, error)
                 continue
             self._account(b, alive, reward, ends, cuts, observations, (rewards, terminated, truncated))
+            self._ended[b] |= terminated[b] | truncated[b]
             self._write(b, observations, infos, acted=alive)
-            over = ends.get("__all__") or cuts.get("__all__") or not self._view.alive[b].any()
-            if over:
+            if ends.get("__all__") or cuts.get("__all__") or self._is_deserted(b):
                 finals.append((b, self._view[np.array([b])]))
                 metrics[b] = infos.get(COMMON, {}).get("metrics", {}) if infos else {}
                 reset[b] = True
@@ -145,7 +148,7 @@ class JointVector:
         """Return all that a continued run needs, or None where the environments cannot be pickled."""
         try:
             envs = [cloudpickle.dumps(env) for env in self._envs]
-        except (TypeError, AttributeError, ValueError, pickle.PicklingError) as error:
+        except Exception as error:  # whatever a part of a user's environment raises when it is pickled
             logger.warning("environments cannot be pickled, a restored run begins new episodes: %s", error)
             return None
         return {
@@ -154,6 +157,7 @@ class JointVector:
             "episodes": self._episodes.copy(),
             "seed": (self._seed, self._stride),
             "view": cloudpickle.dumps((self._view, self._away)),
+            "ended": self._ended.copy(),
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
@@ -163,11 +167,21 @@ class JointVector:
         self._indices, self._episodes = state["worlds"].copy(), state["episodes"].copy()
         self._seed, self._stride = state["seed"]
         self._view, self._away = cloudpickle.loads(state["view"])
+        self._ended = state.get("ended", np.zeros_like(self._away)).copy()
+
+    def _is_deserted(self, b: int) -> bool:
+        """Return whether no agent is active in environment b, and none can enter in this episode."""
+        if self._view.alive[b].any():
+            return False
+        # RLlib's wrapper of PettingZoo's environments has the agents of the first reset.
+        live = getattr(self._envs[b], "par_env", self._envs[b])
+        return not getattr(live, "agents", ()) or bool(self._ended[b].all())
 
     def _account(self, b: int, alive, reward, ends, cuts, observations, out) -> None:
         """Write the outcomes of environment b, and which agents are active now."""
         rewards, terminated, truncated = out
         all_end, all_cut = ends.get("__all__", False), cuts.get("__all__", False)
+        _check_names(observations, self._place)
         for agent, (column, _, _) in self._place.items():
             here = agent in observations
             own = bool(ends.get(agent, False)), bool(cuts.get(agent, False))
@@ -208,19 +222,23 @@ class JointVector:
         if view.state is not None:
             view.state[b] = common["state"]
         if view.graph is not None:
-            view.graph[b] = common["graph"]
+            view.graph[b] = np.asarray(common["graph"])[np.ix_(self._order, self._order)]
 
     def _write_agent(self, b: int, agent: str, seen: Any, info: Mapping[str, Any]) -> None:
         """Write an agent's observation and mask; zeros and every action where it is not there."""
         column, number, row = self._place[agent]
         leaves, mask = self._view.observations[number], self._view.masks[number]
+        parts, action_mask = {}, None
         if seen is None:
-            parts, action_mask = dict.fromkeys(leaves, 0), True
+            action_mask = True
+            for leaf in leaves.values():
+                leaf[b, row] = 0
         elif self._flattening[agent].plain:
-            parts, action_mask = {"": seen}, None
+            parts = {"": seen}
         else:
             parts, action_mask = self._flattening[agent].split(seen)
         for name, part in parts.items():
+            _check_leaf(agent, name, np.asarray(part), leaves[name])
             leaves[name][b, row] = part
         if mask is not None:
             if action_mask is None:
@@ -231,7 +249,8 @@ class JointVector:
     def _start(self, b: int) -> None:
         seed = episode_seed(self._seed, int(self._indices[b]), int(self._episodes[b]))
         observations, infos = self._envs[b].reset(seed=seed)
-        self._away[b] = False
+        _check_names(observations, self._place)
+        self._away[b] = self._ended[b] = False
         for agent, (column, _, _) in self._place.items():
             self._view.alive[b, column] = agent in observations
         self._write(b, observations, infos)
@@ -246,6 +265,8 @@ class JointVector:
     def _start_or_replace(self, b: int) -> None:
         try:
             self._start(b)
+        except SpaceError:
+            raise
         except Exception as error:
             self._replace(b, error, fresh_episode=False)
 
@@ -295,6 +316,8 @@ class JointVector:
             try:
                 self._envs[b] = self._make(b)
                 self._start(b)
+            except SpaceError:
+                raise
             except Exception as error:
                 cause = error
             else:
@@ -326,6 +349,27 @@ def _outcome(own_end: bool, own_cut: bool, all_end: bool, all_cut: bool) -> tupl
     """Return whether an agent terminated, or else was truncated; its own flag goes before all agents'."""
     end = own_end or (all_end and not own_cut)
     return end, (own_cut or all_cut) and not end
+
+
+def _check_names(seen: Mapping[str, Any], known: Mapping[str, Any]) -> None:
+    """Raise if an agent observes that is not among the possible ones."""
+    for agent in seen.keys() - known.keys():
+        raise SpaceError(
+            f"there is an observation of {agent!r}, which is not among the `possible_agents`",
+            place="environment",
+            remedy=nearest_names(str(agent), known),
+        )
+
+
+def _check_leaf(agent: str, name: str, part: np.ndarray, leaf: np.ndarray) -> None:
+    """Raise if an observation has another shape than its space, or numbers that its arrays cannot hold."""
+    if part.shape != leaf.shape[2:] or not np.can_cast(part.dtype, leaf.dtype, "same_kind"):
+        raise SpaceError(
+            f"agent {agent!r} observes{f' in {name!r}' if name else ''} {part.dtype} of shape {part.shape}, "
+            f"its space has {leaf.dtype} of shape {leaf.shape[2:]}",
+            place="environment",
+            remedy="give observations of the shape and type of the observation space",
+        )
 
 
 def _check_return(agent: str, *, back: bool) -> None:

@@ -87,7 +87,7 @@ def _check_ends(acted: Bools, step: JointStep, t: int) -> None:
     _require(not back.any(), t, "an agent that ended is alive, yet its last observation is not in `final`")
     left = acted & ~step.alive & ~ended & valid[:, None] & ~step.reset[:, None]
     _require(not left.any(), t, "an agent that acted is gone without having terminated or been truncated")
-    may_be_empty = step.reset | ended.any(1) | ~valid
+    may_be_empty = step.reset | ended.any(1) | ~valid | ~acted.any(1)
     _require(
         bool((step.alive.any(1) | may_be_empty).all()),
         t,

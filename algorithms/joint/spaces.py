@@ -127,10 +127,22 @@ def is_bounded(space: Box) -> bool:
 
 
 def to_env(space: Action, actions: np.ndarray) -> np.ndarray:
-    """Return module actions in the environment's units: shifted, or scaled and clipped."""
+    """Return module actions in the environment's units: shifted, or scaled and clipped.
+
+    Every integer of a bounded Box of integers stands for an equal share of [-1, 1].
+    """
     if isinstance(space, Discrete):
         return actions + space.start if space.start else actions
     actions = actions.reshape(*actions.shape[:-1], *space.shape)
+    if np.issubdtype(space.dtype, np.integer):
+        return _integers(space, actions.astype(np.float64))
     if is_bounded(space):
         actions = space.low + (np.clip(actions, -1, 1) + 1) * (space.high - space.low) / 2
     return np.clip(actions, space.low, space.high).astype(space.dtype)
+
+
+def _integers(space: Box, actions: np.ndarray) -> np.ndarray:
+    low, high = space.low.astype(np.float64), space.high.astype(np.float64)
+    share = np.floor((actions + 1) / 2 * (high - low + 1))
+    whole = low + share if is_bounded(space) else np.rint(actions)
+    return np.clip(whole, low, high).astype(space.dtype)

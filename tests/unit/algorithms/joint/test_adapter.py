@@ -3,12 +3,14 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+import torch
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Tuple
 from pettingzoo import ParallelEnv
 from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
+from rigs import Rig, known
 
 from algorithms.errors import EnvironmentFailure, SpaceError
-from algorithms.joint.adapter import JointVector
+from algorithms.joint.adapter import COMMON, JointVector
 from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.env import episode_seed
 from algorithms.joint.spaces import Flattening, to_env
@@ -287,3 +289,150 @@ def test_agents_that_come_late_in_pettingzoo_are_there():
         alive.append(step.alive[0].tolist())
         assert not step.failed
     assert alive == [[True, 2 <= t < 4] for t in range(6)]
+
+
+class Gaps(Game):
+    """Agent 0 is there from step 2 to 4, agent 1 from step 6 on; an episode has 8 steps."""
+
+    length = 8
+    stranger = False
+
+    def observe(self):
+        there = {"agent_0": 2 <= self.t <= 4, "agent_1": self.t >= 6, "stranger": self.stranger}
+        return {agent: np.full(1, self.t / 10, np.float32) for agent in there if there[agent]}
+
+    def step(self, action_dict):
+        self.t += 1
+        ends = {"agent_0": self.t == 4, "__all__": self.t == self.length}
+        return self.observe(), dict.fromkeys(action_dict, 1.0), ends, {"__all__": False}, {}
+
+
+def test_an_episode_goes_on_while_no_agent_is_there():
+    env = JointVector(lambda b: Gaps(), 1)
+    alive = [env.reset(0, np.zeros(1, int)).alive[0].tolist()]
+    steps = [copy.deepcopy(env.step((np.zeros((1, 2), int),))) for _ in range(8)]
+    alive += [step.alive[0].tolist() for step in steps]
+    assert alive == [[2 <= t < 4, 6 <= t < 8] for t in range(9)]
+    assert [step.reset[0] for step in steps] == [False] * 7 + [True]
+    check_vector_env(JointVector(lambda b: Gaps(), 2))
+
+
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+def test_steps_without_agents_are_learned_around(name):
+    rig = Rig(name, Gaps, **known(name, {"learning_starts": 8, "capacity": 64}))
+    for _ in range(3):
+        rig.learner.update_joint(rig.rollout(16))
+    assert all(torch.isfinite(weight).all() for net in rig.weights().values() for weight in net.values())
+
+
+@pytest.mark.parametrize("last", ["ended", "left"])
+def test_an_episode_ends_where_nobody_can_come_any_more(last):
+    class Silent(Gaps):
+        """Ends each agent, and never the episode."""
+
+        def step(self, action_dict):
+            seen, rewards, ends, cuts, infos = super().step(action_dict)
+            if last == "left":
+                self.agents = [] if self.t == 4 else self.possible_agents
+            return seen, rewards, {a: ends.get(a, self.t == 7) for a in self.possible_agents}, cuts, infos
+
+    env = JointVector(lambda b: Silent(), 1)
+    env.reset(0, np.zeros(1, int))
+    resets = [env.step((np.zeros((1, 2), int),)).reset[0] for _ in range(8)]
+    assert resets.index(True) + 1 == {"ended": 7, "left": 4}[last]
+
+
+def test_agents_that_are_not_possible_are_refused():
+    env = JointVector(lambda b: type("Strange", (Gaps,), {"stranger": True})(), 1)
+    with pytest.raises(SpaceError, match="'stranger'"):
+        env.reset(0, np.zeros(1, int))
+
+
+class Mixed(Game):
+    """Agents 0 and 2 observe one number, agent 1 two; agent 0 hears agent 1, and agent 1 hears agent 2."""
+
+    def __init__(self, config=None):
+        super().__init__(agents=3)
+        self.observation_spaces["agent_1"] = Box(-1, 1, (2,), np.float32)
+
+    def reset(self, *, seed=None, options=None):
+        return super().reset(seed=seed)[0], self.infos()
+
+    def step(self, action_dict):
+        *result, _ = super().step(action_dict)
+        return *result, self.infos()
+
+    def observe(self):
+        return {a: np.zeros(space.shape, np.float32) for a, space in self.observation_spaces.items()}
+
+    def reward(self, actions):
+        return [0.0] * 3
+
+    def infos(self):
+        return {COMMON: {"graph": np.array([[0, 1, 0], [0, 0, 1], [0, 0, 0]], bool)}}
+
+
+def test_a_graph_in_the_order_of_possible_agents_links_them_in_their_columns():
+    env = JointVector(lambda b: Mixed(), 2)
+    agents = JointSpec.build(env.spaces).agents
+    assert agents == ("agent_0", "agent_2", "agent_1")
+    for graph in (env.reset(0, np.arange(2)).graph, env.step((np.zeros((2, 2)), np.zeros((2, 1)))).graph):
+        for one in graph:
+            heard = {(agents[i], agents[j]) for i, j in np.argwhere(one)}
+            assert heard == {("agent_0", "agent_1"), ("agent_1", "agent_2")}
+
+
+@pytest.mark.parametrize(
+    ("space", "seen"),
+    [
+        (Box(0, 1, (4,), np.float32), np.array([0.5], np.float32)),
+        (Box(0, 1, (), np.float32), np.zeros(1, np.float32)),
+        (Box(0, 9, (2,), np.int32), np.array([0.9, 1.9])),
+        (Box(0, 255, (2,), np.uint8), np.array([300, 0])),
+    ],
+)
+@pytest.mark.parametrize("first", [0, 3])
+def test_observations_that_do_not_fit_their_space_are_refused(space, seen, first):
+    class Wrong(Game):
+        def __init__(self):
+            super().__init__()
+            self.observation_spaces["agent_1"] = space
+
+        def observe(self):
+            right = np.zeros(space.shape, space.dtype)
+            return super().observe() | {"agent_1": seen if self.t == first else right}
+
+        def reward(self, actions):
+            return [0.0, 0.0]
+
+    def play():
+        env = JointVector(lambda b: Wrong(), 1)
+        env.reset(0, np.zeros(1, int))
+        for _ in range(3):
+            env.step((np.zeros((1, 1), int),) * len(env.spaces.blocks))
+
+    with pytest.raises(SpaceError, match=rf"'agent_1'.*\({seen.size},\)"):
+        play()
+
+
+@pytest.mark.parametrize("error", [RuntimeError, TypeError])
+def test_environments_that_cannot_be_pickled_begin_new_episodes(error):
+    class Unpicklable(Cues):
+        def __reduce__(self):
+            raise error("not to be shared")
+
+    env = JointVector(lambda b: Unpicklable(), 1)
+    env.reset(0, np.zeros(1, int))
+    assert env.get_state() is None
+
+
+def test_integers_of_a_box_have_equal_shares_of_the_actions():
+    actions = np.linspace(-1, 1, 3001, dtype=np.float32)[:, None]
+    for space in (Box(0, 2, (1,), np.int32), Box(-1, 1, (1,), np.int64), Box(253, 255, (1,), np.uint8)):
+        sent = to_env(space, actions)
+        assert sent.dtype == space.dtype
+        values, counts = np.unique(sent, return_counts=True)
+        assert values.tolist() == list(range(int(space.low[0]), int(space.high[0]) + 1))
+        np.testing.assert_allclose(counts, 1000, atol=1)
+    unbounded = Box(-np.inf, np.inf, (1,), np.int64)
+    assert to_env(unbounded, np.array([[1.6], [-0.4]])).tolist() == [[2], [0]]
