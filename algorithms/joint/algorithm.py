@@ -36,8 +36,8 @@ from algorithms.joint.learner import JointTorchLearner
 from algorithms.joint.making import check_environment
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.runner import SAMPLERS, JointEnvRunner, SampleResult
-from algorithms.joint.signature import check_signature
-from algorithms.joint.spec import SPEC, JointSpec
+from algorithms.joint.signature import SEQUENCES, check_signature
+from algorithms.joint.spec import SPEC, JointSpec, check_spaces
 from algorithms.joint.training_data import JointTrainingData
 
 logger = logging.getLogger(__name__)
@@ -87,7 +87,8 @@ class JointAlgorithm(Algorithm):
         RLlib starts Ray before it makes an environment; so one is made and checked before, unless Ray runs.
 
         Raises:
-            SpaceError: There is no environment, or the algorithm cannot handle it.
+            SpaceError: There is no environment, or the algorithm cannot handle it; evaluations have another
+                one with other agents or spaces.
             ValueError: A setting for evaluation is out of its range.
         """
         if self.config.env is None:
@@ -102,6 +103,9 @@ class JointAlgorithm(Algorithm):
         if not ray.is_initialized():
             check_environment(self.config, self.runner_class)
         super().setup(config)
+        if self.eval_env_runner_group is not None:
+            spaces: Any = self.eval_env_runner_group.get_spaces()
+            check_spaces(spaces[SPEC][0], self.spec, place="evaluation(evaluation_config=...)")
 
     @property
     def spec(self) -> JointSpec:
@@ -360,15 +364,18 @@ class JointAlgorithm(Algorithm):
         return int(self.metrics.peek((ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME), default=0))
 
     def _signature(self) -> dict[str, Any]:
-        return {**self.config.checkpoint_signature(), **self.spec.describe()}
+        signature = {**self.config.checkpoint_signature(), **self.spec.describe()}
+        if self.config.gru and getattr(self.config, "checkpoint_replay", False):
+            signature[SEQUENCES] = self.config.sequence_length
+        return signature
 
     def _check_signature(self, stored: dict[str, Any] | None) -> None:
         if stored is not None:
             check_signature(stored, self._signature())
 
 
-def _sampler_state(runner: Any) -> dict[Any, Any]:
-    return runner.get_state().get(SAMPLERS, {})
+def _sampler_state(runner: JointEnvRunner) -> dict[Any, Any]:
+    return runner.sampler_state()
 
 
 def _restore_sampler(runner: Any, samplers: dict[Any, Any], steps: int) -> None:

@@ -39,7 +39,7 @@ from algorithms.joint.rllib_names import (
 )
 from algorithms.joint.rllib_settings import ignored_settings
 from algorithms.joint.sampling_settings import evaluation_faults, sampling_faults
-from algorithms.joint.spec import SPEC, Group, JointSpec, agent_spaces
+from algorithms.joint.spec import SPEC, Group, JointSpec, agent_spaces, check_spaces
 from algorithms.parts.distributions import Exploration
 from algorithms.registry import ALGORITHMS, ActionKind, Entry
 from algorithms.settings import faults
@@ -209,12 +209,8 @@ class JointConfig(AlgorithmConfig):
             SpaceError: It has other agents or spaces.
         """
         adapted = self.adapt(env)
-        if JointSpec.build(adapted.spaces, self.sharing, self.carried, self.set_width).spaces != spec.spaces:
-            raise SpaceError(
-                f"the environment has {env.spaces}, the policies were made for {spec.spaces}",
-                place=name_of(env),
-                remedy="evaluate with the agents and the observation of the training",
-            )
+        own = JointSpec.build(adapted.spaces, self.sharing, self.carried, self.set_width)
+        check_spaces(own, spec, place=name_of(env))
         return adapted
 
     def exploration(self, steps: int) -> Exploration:  # type: ignore[override] - RLlib's is of its old stack
@@ -316,6 +312,8 @@ class JointConfig(AlgorithmConfig):
         log_once(
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
         )  # there is no other stack to warn about
+        for name in self.setting_names:
+            setattr(self, name, _plain(getattr(self, name)))
         fresh = type(self)(self.algo_class)
         check_known(self, unknown_attributes(self, fresh), vars(fresh).keys(), "an attribute of the config")
         for fault in ignored_settings(self, fresh):
@@ -369,7 +367,6 @@ class JointConfig(AlgorithmConfig):
         if self.seed is not None and not is_seed(self.seed):
             self._value_error(f"seed={self.seed!r} in debugging(): give a whole number from 0 to 2**32 - 1")
         values = {name: getattr(self, name) for name in self.setting_names}
-        values = {name: v.item() if isinstance(v, np.generic) else v for name, v in values.items()}
         if self.in_evaluation:  # RLlib's copy for evaluation has fragments of one step
             values["rollout_fragment_length"] = values["sequence_length"]
         for fault in faults(self.entry.settings, values):
@@ -383,6 +380,15 @@ class JointConfig(AlgorithmConfig):
         """Check names of policies as far as they are known without the environment (RLlib)."""
         for fault in policy_faults(self):
             self._value_error(fault)
+
+
+def _plain(value: Any) -> Any:
+    """Return a setting with Python's numbers in place of NumPy's, which RLlib and schedules do not take."""
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, list | tuple):
+        return type(value)(_plain(each) for each in value)
+    return value
 
 
 def _unused_mapping(agent_id: str, episode: Any = None, **kwargs: Any) -> str:

@@ -6,7 +6,7 @@ import logging
 from collections import deque
 from collections.abc import Callable, Sequence
 from math import ceil
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import ray
@@ -132,13 +132,26 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         random_actions: bool = False,
         force_reset: bool = False,
     ) -> Sequence[JointRollout | Episode]:
-        """Return a fragment, or exactly `num_episodes` episodes of the evaluation list (RLlib)."""
-        if num_episodes is None:
-            steps = int(self.config.rollout_fragment_length)
-            if num_timesteps is not None:
-                steps = -(-num_timesteps // int(self.config.num_envs_per_env_runner or 1))
-            return [self._sample_fragment(steps)]
-        return self._evaluate(num_episodes, explore, restart=force_reset or self.worker_index == 0)
+        """Return a fragment, or exactly `num_episodes` episodes of the evaluation list (RLlib).
+
+        Without numbers, an evaluation runner plays the next episodes of its list, one for each environment.
+
+        Raises:
+            AlgorithmError: Random actions, or the reset of a fragment, are asked for.
+        """
+        if random_actions:
+            _refuse("random_actions=True", "explore by settings of the algorithm, such as `epsilon`")
+        num_envs = int(self.config.num_envs_per_env_runner or 1)
+        if num_episodes is not None:
+            return self._evaluate(num_episodes, explore, restart=force_reset or self.worker_index == 0)
+        if num_timesteps is None and self.config.in_evaluation:
+            return self._evaluate(num_envs, explore, restart=force_reset)
+        if force_reset:
+            _refuse("force_reset=True", "leave it out: episodes continue from fragment to fragment")
+        steps = int(self.config.rollout_fragment_length)
+        if num_timesteps is not None:
+            steps = -(-num_timesteps // num_envs)
+        return [self._sample_fragment(steps, explore)]
 
     def play(
         self,
@@ -185,7 +198,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
                 env.close()
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
-        """Return weights and, unless only components are asked for, the sampler's state."""
+        """Return weights and counters (RLlib); where the episodes are is `sampler_state`."""
         state: dict[str, Any] = {NUM_ENV_STEPS_SAMPLED_LIFETIME: self.num_env_steps_sampled_lifetime}
         if self._check_component(COMPONENT_RL_MODULE, components, not_components):
             self.make_module()
@@ -195,10 +208,13 @@ class JointEnvRunner(EnvRunner, Checkpointable):
                 **kwargs,
             )
             state[WEIGHTS_SEQ_NO] = self._weights
-        if components is None and self._sampler is not None:
-            recent = {RECENT: list(self._recent)}
-            state[SAMPLERS] = {self._key(): self._sampler.get_state() | recent}
         return state
+
+    def sampler_state(self) -> dict[tuple[bool, int], Any]:
+        """Return the sampler's state under this process's key, nothing before the first fragment."""
+        if self._sampler is None:
+            return {}
+        return {self._key(): self._sampler.get_state() | {RECENT: list(self._recent)}}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Restore weights, counters and the state of this process's own sampler.
@@ -305,12 +321,13 @@ class JointEnvRunner(EnvRunner, Checkpointable):
     def _spec_of(self, env: VectorJointEnv) -> JointSpec:
         return JointSpec.build(env.spaces, self.config.sharing, self.config.carried, self.config.set_width)
 
-    def _sample_fragment(self, steps: int) -> JointRollout:
+    def _sample_fragment(self, steps: int, explore: bool | None = None) -> JointRollout:
         sampler = self._training_sampler()
         failures = sampler.progress.failed_total
         exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)
+        explore = self.config.explore if explore is None else explore
         with torch_threads(self.config.torch_threads):
-            rollout = sampler.fragment(steps, exploration._replace(explore=bool(self.config.explore)))
+            rollout = sampler.fragment(steps, exploration._replace(explore=bool(explore)))
         self.num_env_steps_sampled_lifetime += rollout.env_steps()
         self._log(rollout, sampler.progress.failed_total - failures)
         ended = sampler.take_episodes()
@@ -378,3 +395,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
 
     def _log_mean(self, key: str | tuple[str, ...], values: Floats | Sequence[float]) -> None:
         self.metrics.log_value(key, (float(np.mean(values)), len(values)), reduce=EPISODE_MEAN)
+
+
+def _refuse(given: str, remedy: str) -> NoReturn:
+    raise AlgorithmError(f"{given} is not honoured", place="sample() of an environment runner", remedy=remedy)

@@ -7,6 +7,10 @@ from typing import Any
 
 from algorithms.errors import CheckpointError
 
+SEQUENCES = "sequence_length of the replay buffer"
+COMPARED_IF_STORED = frozenset({"baseline", SEQUENCES})
+"""What not every checkpoint says: those of earlier versions do not, nor those without a replay buffer."""
+
 
 def check_signature(stored: Mapping[str, Any], own: Mapping[str, Any]) -> None:
     """Raise if a checkpoint was made with other settings, agents or spaces.
@@ -18,7 +22,8 @@ def check_signature(stored: Mapping[str, Any], own: Mapping[str, Any]) -> None:
     Raises:
         CheckpointError: They differ; it names where.
     """
-    differing = sorted(name for name in {*stored, *own} if stored.get(name) != own.get(name))
+    left_out = COMPARED_IF_STORED - (stored.keys() & own.keys())
+    differing = sorted(name for name in {*stored, *own} - left_out if stored.get(name) != own.get(name))
     if differing:
         lines = "; ".join(f"{n}: {stored.get(n)} there, {own.get(n)} here" for n in differing)
         raise CheckpointError(

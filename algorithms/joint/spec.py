@@ -141,6 +141,25 @@ class JointSpec:
         return described
 
 
+def check_spaces(found: JointSpec, wanted: JointSpec, *, place: str) -> None:
+    """Raise if an environment to evaluate in has other agents or spaces than the training.
+
+    Args:
+        found: Of the environment.
+        wanted: Of the training.
+        place: The environment.
+
+    Raises:
+        SpaceError: It has.
+    """
+    if found.spaces != wanted.spaces:
+        raise SpaceError(
+            f"the environment has {found.spaces}, the policies were made for {wanted.spaces}",
+            place=place,
+            remedy="evaluate with the agents and the observation of the training",
+        )
+
+
 def observation_size(leaves: Mapping[str, Box]) -> int:
     """Return the number of floats of one agent's flattened observation."""
     return sum(int(np.prod(space.shape)) for space in leaves.values())
