@@ -121,6 +121,10 @@ class PGConfig(A2CConfig):
 
     algorithm = "pg"
 
+    def checkpoint_signature(self):
+        """Return what a checkpoint's weights depend on."""
+        return {**super().checkpoint_signature(), "baseline": self.baseline}
+
     def modules(self, spec: JointSpec):
         """Return a policy for each group, and a value network as its baseline."""
         return {

@@ -241,10 +241,10 @@ class JointTorchLearner(TorchLearner):
         self.rng.bit_generator.state = state["rng"]
         self.updates = state["updates"]
         self.env_steps = state["env_steps"]
-        if state["lr"] != self.config.lr:
-            # Optimisers came with the rate they were stored with, which RLlib changes after an update only.
-            for optimizer, rate in self._optimizer_lr_schedules.items():
-                self._set_optimizer_lr(optimizer, rate.update(self.env_steps))
+        # Optimisers came with the rate they were stored with, which RLlib changes after an update only.
+        for optimizer, rate in self._optimizer_lr_schedules.items():
+            now = rate.update(self.env_steps) if self.env_steps else rate.get_current_value()
+            self._set_optimizer_lr(optimizer, now)
 
 
 class OnPolicyLearner(JointTorchLearner):

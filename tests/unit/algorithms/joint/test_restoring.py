@@ -8,6 +8,7 @@ from rigs import Rig
 import algorithms
 from algorithms.errors import CheckpointError
 from algorithms.joint.replay import JointReplay
+from algorithms.joint.signature import check_signature
 from tests.games.games import Cues, Ragged
 
 
@@ -71,3 +72,23 @@ def test_what_shapes_no_network_tells_no_checkpoints_apart():
     assert hot.checkpoint_signature() == cold.checkpoint_signature()
     few, many = (algorithms.config("maac").training(attention_heads=n) for n in (2, 4))
     assert few.checkpoint_signature() != many.checkpoint_signature()
+
+
+def test_a_replay_buffer_stored_without_priorities_is_drawn_from_evenly():
+    plain, ranked = Rig("dqn", Ragged, capacity=50), Rig("dqn", Ragged, capacity=50, prioritised=True)
+    plain.learner.replay.add(plain.rollout(32))
+    ranked.learner.replay.add(ranked.rollout(32))
+    ranked.learner.replay.reprioritise(torch.arange(4), torch.full((4,), 9.0))
+    ranked.learner.set_state(plain.learner.get_state())
+    np.testing.assert_array_equal(stored(ranked.learner.replay), stored(plain.learner.replay))
+    np.testing.assert_array_equal(ranked.learner.replay.weights(), 1)
+    rows = ranked.learner.replay.add(ranked.rollout(2))
+    np.testing.assert_array_equal(ranked.learner.replay.weights()[rows], 1)
+
+
+def test_a_baseline_tells_checkpoints_apart_where_both_say_whether_there_is_one():
+    there, here = (algorithms.config("pg").training(baseline=b).checkpoint_signature() for b in (True, False))
+    with pytest.raises(CheckpointError, match="baseline: True there, False here"):
+        check_signature(there, here)
+    earlier = {name: value for name, value in there.items() if name != "baseline"}
+    check_signature(earlier, here)

@@ -1,6 +1,7 @@
 """The algorithms as RLlib algorithms: checkpoints, evaluation, faults, refusals."""
 
 import os
+import pickle
 import signal
 import time
 
@@ -9,12 +10,15 @@ import pytest
 
 import algorithms
 from algorithms.errors import (
+    AlgorithmError,
     CheckpointError,
     DamagedCheckpointError,
     EnvironmentFailure,
     SpaceError,
     UnknownSettingError,
 )
+from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
+from algorithms.joint.runner import SAMPLERS, JointEnvRunner
 from tests.games.games import Broken, Constant, Cues, Hanging, Ragged, Target
 
 pytestmark = pytest.mark.usefixtures("cluster")
@@ -158,6 +162,22 @@ def test_the_first_update_after_a_restore_goes_by_the_new_learning_rate(build, t
     assert differ(weights(source), weights(whole))
 
 
+def test_a_networks_own_learning_rate_counts_in_the_first_update_after_a_restore(build, tmp_path):
+    def with_own(lr):
+        return small(lr=0.25).rl_module(algorithm_config_overrides_per_module={"agent_0": {"lr": lr}})
+
+    source, other = build(with_own(0.5)), build(with_own(0.125))
+    train(source, 1)
+    source.save_to_path(str(tmp_path / "checkpoint"))
+    other.restore_from_path(str(tmp_path / "checkpoint"))
+    learner = other.learner_group._learner
+    rates = {
+        module: {g["lr"] for _, o in learner.get_optimizers_for_module(module) for g in o.param_groups}
+        for module in ("agent_0", "agent_1")
+    }
+    assert rates == {"agent_0": {0.125}, "agent_1": {0.25}}
+
+
 def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alone(build):
     config = small().evaluation(evaluation_duration=5).training(evaluate_sampled=True)
     algo, control = build(config), build(small())
@@ -170,6 +190,47 @@ def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alo
     train(algo, 1)
     train(control, 2)
     assert_same(weights(algo), weights(control))
+
+
+class Crowd(Constant):
+    def __init__(self, config):
+        super().__init__(agents=config["agents"])
+
+
+def test_an_evaluation_with_other_agents_is_refused():
+    config = small(env=Crowd, env_config={"agents": 2})
+    config.evaluation(evaluation_interval=1, evaluation_config={"env_config": {"agents": 3}})
+    with pytest.raises(SpaceError, match=r"evaluation_config.*agent_2"):
+        config.build_algo()
+
+
+def evaluation_runner(**settings):
+    config = small("dqn", **settings)
+    config.validate()
+    evaluation = config.get_evaluation_config_object()
+    evaluation.validate()
+    return JointEnvRunner(config=evaluation, worker_index=0, num_workers=0)
+
+
+def test_an_evaluation_runner_that_is_given_no_number_plays_an_episode_of_each_environment():
+    runner = evaluation_runner()
+    lists = [[episode.episode_index - FIRST_VALIDATION_EPISODE for episode in runner.sample()] for _ in "ab"]
+    assert lists == [[0, 1], [2, 3]]
+    assert runner.get_metrics()["num_episodes"].peek() == 4
+
+
+def test_fragments_are_sampled_as_asked_or_refused():
+    config = small("dqn", epsilon=(1.0, 1.0))
+    config.validate()
+    runner = JointEnvRunner(config=config, worker_index=0, num_workers=0)
+    for explore, most in ((False, 4), (True, 16)):
+        (rollout,) = runner.sample(num_timesteps=800, explore=explore)
+        seen = rollout.views.observations[0][""][:-1, :, 0].argmax(-1)
+        pairs = {*zip(seen.ravel().tolist(), rollout.actions[0][..., 0].ravel().tolist(), strict=True)}
+        assert len(pairs) == most
+    for unknown in ({"random_actions": True}, {"force_reset": True}):
+        with pytest.raises(AlgorithmError, match=next(iter(unknown))):
+            runner.sample(**unknown)
 
 
 @pytest.mark.slow
@@ -229,6 +290,29 @@ def test_a_checkpoint_of_other_networks_is_refused_with_the_settings_that_differ
         other.set_state(algo.get_state())
     assert_same(before, weights(other))
     build(small(lr=1.0, hidden=[16])).set_state(algo.get_state())
+
+
+def test_sequences_of_another_length_are_refused_before_a_weight_is_touched(build, tmp_path):
+    algo = build(small("dqn", gru=4, sequence_length=8))
+    train(algo, 1)
+    algo.save_to_path(str(tmp_path / "checkpoint"))
+    other = build(small("dqn", gru=4, sequence_length=4))
+    before = weights(other)
+    with pytest.raises(CheckpointError, match=r"sequence_length of the replay buffer: 8 there, 4 here"):
+        other.restore_from_path(str(tmp_path / "checkpoint"))
+    assert_same(before, weights(other))
+
+
+def test_a_checkpoint_holds_the_environments_once(build, tmp_path):
+    algo = build(small())
+    train(algo, 1)
+    algo.save_to_path(str(tmp_path / "checkpoint"))
+    holding = [
+        file.relative_to(tmp_path / "checkpoint").as_posix()
+        for file in (tmp_path / "checkpoint").rglob("*.pkl")
+        if SAMPLERS in pickle.loads(file.read_bytes())
+    ]
+    assert holding == ["algorithm_state.pkl"]
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from rigs import takes
 
 import algorithms
 from algorithms.errors import SpaceError, UnknownSettingError
+from algorithms.joint.rllib_names import same_value
 from algorithms.joint.rllib_settings import REFUSED, attribute_of
 from algorithms.parts.optimisation import clip_gradients
 from algorithms.ppo import PPO, PPOConfig, PPOLearner
@@ -489,6 +490,24 @@ def test_numbers_that_make_no_sense_are_refused(method, given):
     ((name, value),) = given.items()
     with pytest.raises(ValueError, match=f"{name}={value}"):
         getattr(small(), method)(**given).validate()
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("ppo", {"lr": np.float32(0.25)}),
+        ("ppo", {"entropy_coeff": np.float32(0.5), "minibatch_size": np.int64(16), "hidden": [np.int64(8)]}),
+        ("dqn", {"epsilon": (np.float32(1), np.float32(0.5)), "double": np.bool_(False)}),
+    ],
+)
+def test_numbers_of_numpy_are_those_of_python(name, given):
+    config = algorithms.config(name).training(**given)
+    config.validate()
+    for setting, value in given.items():
+        found = getattr(config, setting)
+        assert same_value(found, value)
+        for part in found if isinstance(found, list | tuple) else [found]:
+            assert type(part) in (bool, int, float)
 
 
 def test_an_evaluation_that_is_sampled_already_has_no_second_mode():
