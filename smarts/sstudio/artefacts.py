@@ -21,6 +21,8 @@ from smarts.sstudio.built import LANES, NET, SCENARIO, WITHOUT_EFFECT
 from smarts.sstudio.cache import MANIFEST, damaged_file, file_table
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.executing import Description
+from smarts.sstudio.permission_checks import check_permissions
+from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.sstudio.sumo_writer import sumo_traffic
 from smarts.sstudio.validation import validate
@@ -52,7 +54,7 @@ def write_artefacts(
     (folder / "traffic").mkdir()
     traffic, notes = {}, _notes(description)
     for name, described in (scenario.traffic or {}).items():
-        traffic[name], more = _write_traffic(folder, name, described, roads, seed)
+        traffic[name], more = _write_traffic(folder, name, described, roads, seed, place)
         notes += more
     _write_json(folder / SCENARIO, encode(replace(scenario, held_out=None)))
     manifest = {
@@ -84,11 +86,12 @@ def _share(like: Path, folder: Path) -> dict[str, list[str]]:
 
 
 def _write_traffic(
-    folder: Path, name: str, traffic: Traffic, roads: LaneGraph, seed: int
+    folder: Path, name: str, traffic: Traffic, roads: LaneGraph, seed: int, place: str
 ) -> tuple[dict[str, Any], list[str]]:
     # A stream for each variation, so that a change to one leaves the others as they are.
     generator = stream(int(digest([seed, name], size=6), 16), Purpose.BUILD)
     contents = sumo_traffic(traffic, roads, generator, f"traffic[{name!r}]")
+    check_permissions(contents.routes, roads, folder / NET, f"{place}: traffic[{name!r}]")
     stem = f"traffic/{quote(name, safe='')}"
     files = {"routes": [f"{stem}.rou.xml"], "additional": [], "warm_up": traffic.warm_up}
     (folder / files["routes"][0]).write_text(contents.routes, encoding="utf-8")
@@ -103,6 +106,7 @@ def _notes(description: Description) -> list[str]:
     if spec is None:
         return []
     unused = {
+        "lanepoint_spacing": spec.lanepoint_spacing != MapSpec.lanepoint_spacing,
         "default_lane_width": spec.default_lane_width is not None,
         "shift_to_origin": spec.shift_to_origin,
     }

@@ -23,7 +23,7 @@ BUSES = CARS | {LaneKind.BUS}
 
 
 def usable_lanes(vehicle_type: str) -> frozenset[LaneKind]:
-    """Return the kinds of lanes that a vehicle type may use."""
+    """Return the kinds of lanes that a vehicle type may use, unless `permission_checks` finds one closed."""
     return BUSES if vehicle_type in ("bus", "coach") else CARS
 
 

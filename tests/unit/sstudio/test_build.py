@@ -15,7 +15,7 @@ import pytest
 from smarts.errors import ScenarioError
 from smarts.sstudio import gen_bubbles, gen_missions, gen_scenario, gen_traffic
 from smarts.sstudio import types as t
-from smarts.sstudio.build import build_scenario, read_scenario, suite
+from smarts.sstudio.build import build_described, build_scenario, read_scenario, suite
 from smarts.sstudio.locating import SUITE
 from tests.raising import raises
 
@@ -170,11 +170,25 @@ class TestArtefacts:
         assert from_file.directory.is_relative_to(tmp_path / "cache")
 
     def test_notes(self, scenario_folder):
-        spec, traffic = "t.MapSpec('.', shift_to_origin=True)", "t.Traffic([flow(repeat_route=True)])"
+        spec = "t.MapSpec('.', shift_to_origin=True, lanepoint_spacing=0.5)"
+        traffic = "t.Traffic([flow(repeat_route=True)])"
         body = f"map_spec={spec}, traffic={{'x': {traffic}}}"
         notes = build_scenario(scenario_folder(sources.scenario(body))).notes
-        assert "map_spec.shift_to_origin has no effect: the map is taken as it is" in notes
+        for name in ("shift_to_origin", "lanepoint_spacing"):
+            assert f"map_spec.{name} has no effect: the map is taken as it is" in notes
         assert any("traffic['x'].flows[0]: no way leads back" in note for note in notes)
+
+    @pytest.mark.parametrize("kind", ["truck", "bus"])
+    def test_vehicles_on_streets_that_are_closed_to_them(self, tmp_path, kind):
+        folder = sources.write_fork(tmp_path / "fork")
+        given = t.Route(("ab", 1, 5), ("bd", 0, "max"))
+        drawn = [t.RandomRoute(str(number)) for number in range(9)]  # one of them leads by "bd"
+        for routes in ([given], [t.Route(("bd", 0, 5), ("bd", 0, 50))], drawn):
+            trips = [t.Trip(f"v{number}", route, kind) for number, route in enumerate(routes)]
+            with raises(ScenarioError, values=["traffic['x']: vehicle 'v", "'bd", f"'{kind}'"]):
+                build_described(folder, t.Scenario(traffic={"x": t.Traffic([], trips=trips)}))
+        cars = [t.Trip("car", given), t.Trip("v", t.Route(("ab", 1, 5), ("bc", 0, "max")), kind)]
+        build_described(folder, t.Scenario(traffic={"x": t.Traffic([], trips=cars)}))
 
 
 class TestVariations:
