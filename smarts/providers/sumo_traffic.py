@@ -6,6 +6,7 @@ Without agents, it equals the result of `sumo` with the same files, options, see
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -33,8 +34,8 @@ _KINDS = {kind.name.lower(): kind for kind in VehicleKind}
 _KINDS |= {"delivery": VehicleKind.TRUCK, "moped": VehicleKind.MOTORCYCLE}
 """`VehicleKind` of SUMO's vehicle classes; others are passenger cars."""
 
-_AGAIN = "-again-"
-"""In a replaced vehicle's SUMO id, between its first id and the step."""
+_AGAIN = re.compile(r"-again-\d+$")
+"""In a replaced vehicle's SUMO id, after its first id: the step."""
 
 
 class _Snapshot(NamedTuple):
@@ -316,8 +317,8 @@ class SumoTraffic:
     def _replace(self, slot: int) -> None:
         """Make a slot's vehicle a shadow under a new name in SUMO."""
         name = self._ids[slot]
-        first = name.partition(_AGAIN)[0]
-        self._ids[slot] = f"{first}{_AGAIN}{self._world.step[self._row]}"
+        first = _AGAIN.sub("", name)
+        self._ids[slot] = f"{first}-again-{self._world.step[self._row]}"
         self._shadows.replace(slot, name, self._ids[slot], self._arrivals.of(first))
 
     def _planned(self, slot: int) -> tuple[str, ...]:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from smarts.errors import nearest_names
-from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import Checks, shown
-from smarts.sstudio.placement import lane_of, route_edges, usable_lanes
+from smarts.sstudio.placement import offset_along, open_lane_of, route_edges, usable_lanes
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
 from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.vehicles import VehicleKind
@@ -28,6 +29,11 @@ LONGEST_WARM_UP = 3600.0
 """The longest warm-up, which every reset simulates [s]."""
 HIGHEST_RATE = 36_000.0
 """The highest rate of a flow [vehicles/h]: one in each step of 0.1 s, far more than a road takes."""
+
+SHORTEST_STOP = 0.2
+"""The least length of a stop's area, below which SUMO 1.28 takes it for invalid [m]."""
+RESERVED_NAMES = re.compile(r"slot-\d+-\d+|.*-again-\d+|.*-flow-\d+(-.*)?\.\d+")
+"""Names that agents' vehicles, vehicles that are added again, and those of flows have in SUMO."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +58,9 @@ class TrafficChecks(Checks):
         self.numbers(flow, where, rate=HIGHEST_RATE, begin=LATEST, end=LATEST)
         self.order(flow.begin, flow.end, f"{where}.end", "begin")
         self._weights(flow.actors, f"{where}.actors")
-        for actor in flow.actors:
-            self._actor(actor, f"{where}.actors[{actor.name!r}]")
         self._vehicle_route(flow.route, flow.actors, flow.stops, where)
+        for actor in flow.actors:
+            self._actor(actor, flow.route, f"{where}.actors[{actor.name!r}]")
 
     def _weights(self, actors: Mapping[t.TrafficActor, float], where: str) -> None:
         self.type(actors, dict, where)
@@ -73,9 +79,12 @@ class TrafficChecks(Checks):
             f"{trip.vehicle_name!r} is not a vehicle's name",
             "use letters, digits and the signs - _ . only",
         )
+        problem = f"{trip.vehicle_name!r} is a name that the simulation gives"
+        is_free = RESERVED_NAMES.fullmatch(trip.vehicle_name) is None
+        self.require(is_free, f"{where}.vehicle_name", problem, "use another name")
         self.number(trip.depart, f"{where}.depart", most=LATEST)
-        self._actor(trip.driver, f"{where}.actor")
         self._vehicle_route(trip.route, [trip.driver], trip.stops, where)
+        self._actor(trip.driver, trip.route, f"{where}.actor")
 
     def _vehicle_route(
         self,
@@ -86,11 +95,12 @@ class TrafficChecks(Checks):
     ) -> None:
         self.own_map(route, f"{where}.route")
         kinds = frozenset.intersection(*(usable_lanes(actor.vehicle_type) for actor in actors))
-        edges = None
         if isinstance(route, t.Route):
             edges = route_edges(self.roads, route, self.at(f"{where}.route"), kinds)
-        for at, stop in self.each(stops, t.Stop, f"{where}.stops"):
-            self._stop(stop, edges, at)
+            self._stops(stops, route, edges, kinds, f"{where}.stops")
+        else:
+            for at, _ in self.each(stops, t.Stop, f"{where}.stops"):
+                raise self.error(at, "a random route cannot have stops", "use a Route")
 
     def own_map(self, route: t.Route | t.RandomRoute, where: str) -> None:
         """Require a route, on the scenario's map."""
@@ -105,27 +115,47 @@ class TrafficChecks(Checks):
         for _ in self.each(values, str, where):
             pass
 
-    def _stop(self, stop: t.Stop, edges: tuple[str, ...] | None, where: str) -> None:
-        lane_of(self.roads, (stop.road_id, stop.lane_index, stop.offset), self.at(where))
+    def _stops(
+        self,
+        stops: Sequence[t.Stop],
+        route: t.Route,
+        edges: tuple[str, ...],
+        kinds: frozenset[LaneKind],
+        where: str,
+    ) -> None:
+        """Require stops that come one after another on the way; places are numbers of edges and offsets."""
+        begin, end = (
+            offset_along(place[2], float(self.roads.sumo_length[self.roads.lane_number(*place[:2])]), draw)
+            for place, draw in ((route.begin, min), (route.end, max))
+        )
+        reached, last = (0, begin), (len(edges) - 1, end)
+        for at, stop in self.each(stops, t.Stop, where):
+            self._stop(stop, edges, kinds, at)
+            places = [(number, stop.offset) for number, edge in enumerate(edges) if edge == stop.road_id]
+            ahead = [place for place in places if reached <= place <= last]
+            problem = f"offset {stop.offset:g} on edge '{stop.road_id}' is not ahead"
+            remedy = "put stops between the route's begin and end, in the order in which they come"
+            self.require(bool(ahead), at, problem, remedy)
+            reached = ahead[0]
+
+    def _stop(self, stop: t.Stop, edges: tuple[str, ...], kinds: frozenset[LaneKind], where: str) -> None:
+        self.numbers(stop, where, least=SHORTEST_STOP, offset=LARGEST, length=LARGEST)
         self.numbers(stop, where, duration=LATEST)
-        self.numbers(stop, where, above=0, length=LARGEST)
-        if edges is None:
-            raise self.error(where, "a random route cannot have stops", "use a Route")
+        open_lane_of(self.roads, (stop.road_id, stop.lane_index, stop.offset), self.at(where), kinds)
         if stop.road_id not in edges:
             problem = f"the route does not pass edge '{stop.road_id}'"
             raise self.error(f"{where}.road_id", problem, nearest_names(stop.road_id, edges))
 
-    def _actor(self, actor: t.TrafficActor, where: str) -> None:
+    def _actor(self, actor: t.TrafficActor, route: t.Route | t.RandomRoute, where: str) -> None:
         self.choice(actor.vehicle_type, VEHICLE_TYPES, f"{where}.vehicle_type")
         positive = ("accel", "decel", "emergency_decel", "max_speed", "tau")
         self.numbers(actor, where, above=0, **dict.fromkeys(positive, LARGEST))
         self.numbers(actor, where, sigma=1, reaction_time=LONGEST_REACTION)
         for name in ("speed", "imperfection", "min_gap"):
             self._distribution(getattr(actor, name), f"{where}.{name}")
-        if isinstance(actor.depart_speed, str):
-            self.choice(actor.depart_speed, DEPART_SPEEDS, f"{where}.depart_speed")
-        else:
-            self.numbers(actor, where, depart_speed=LARGEST)
+        problem = f"the mean is {actor.speed.mean:g} times the speed limit, with which vehicles never arrive"
+        self.require(actor.speed.mean > 0, f"{where}.speed", problem, "use a mean above 0")
+        self._depart_speed(actor, route, f"{where}.depart_speed")
         ignored = ignored_models(actor)
         models = (("lane_changing_model", LANE_CHANGING), ("junction_model", JUNCTIONS))
         for name, known in models:
@@ -136,6 +166,19 @@ class TrafficChecks(Checks):
                 if not known[attribute].holds(value):
                     problem = f"{attribute}={shown(value)} is not {known[attribute]}"
                     raise self.error(f"{where}.{name}", problem, f"use {known[attribute]}")
+
+    def _depart_speed(self, actor: t.TrafficActor, route: t.Route | t.RandomRoute, where: str) -> None:
+        if isinstance(actor.depart_speed, str):
+            self.choice(actor.depart_speed, DEPART_SPEEDS, where)
+            return
+        self.number(actor.depart_speed, where, most=actor.max_speed)
+        if isinstance(route, t.Route):
+            # Drivers whom SUMO puts on the road faster than they want to drive keep that speed for the trip.
+            lane = self.roads.lane_number(*route.begin[:2])
+            wanted = float(self.roads.speed_limit[lane]) * actor.speed.mean
+            problem = f"{actor.depart_speed:g} m/s is above {wanted:.2f} m/s, the speed wanted at the begin"
+            remedy = "use less, or raise the mean of `speed`"
+            self.require(actor.depart_speed <= wanted, where, problem, remedy)
 
     def _distribution(self, value: Any, where: str) -> None:
         self.type(value, (t.Distribution, t.UniformDistribution, t.TruncatedDistribution), where)

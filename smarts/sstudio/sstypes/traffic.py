@@ -37,9 +37,10 @@ class Flow(Described):
     rate: float
     """Vehicles per hour, at most 36,000."""
     begin: float = 0
-    """Departure of the first vehicle [s]."""
+    """Departure of the first vehicle, from the begin of `Traffic.warm_up` on [s]."""
     end: float = 1 * 60 * 60
-    """Latest departure of the last vehicle [s]."""
+    """Latest departure of the last vehicle, on the same clock [s]: from a flow that ends within the warm-up,
+    no vehicle departs in the episode."""
     actors: Mapping[TrafficActor, float] = field(default_factory=dict)
     """Required: the drivers with their weights; an actor's share is its weight over the sum of all."""
     randomly_spaced: bool = False
@@ -60,13 +61,14 @@ class Trip(Described):
     """One vehicle on a route."""
 
     vehicle_name: str
-    """The vehicle's name, unique in the traffic."""
+    """The vehicle's name, unique in the traffic, and none that the simulation gives, such as "slot-0-1"."""
     route: Route | RandomRoute
     """The way."""
     vehicle_type: str = "passenger"
     """The vehicle's type; the actor's own one counts unless another is given here."""
     depart: float = 0
-    """Time of departure [s]."""
+    """Time of departure, from the begin of `Traffic.warm_up` on [s]: with `warm_up=20`, a vehicle that
+    departs at 5 s is there when the episode begins."""
     actor: TrafficActor | None = None
     """The driver: the given actor under the vehicle's name, or a default car."""
     stops: Sequence[Stop] = ()
@@ -99,4 +101,5 @@ class Traffic(Described):
     engine: str = "SUMO"
     """The traffic engine: "SUMO", "ConstantSpeed", or "SMARTS", for which SUMO stands in so far."""
     warm_up: float = 0.0
-    """Simulated before an episode begins [s], at most 3600 (an extension)."""
+    """Simulated before an episode begins [s], at most 3600 (an extension); times of flows and trips count
+    from its begin."""

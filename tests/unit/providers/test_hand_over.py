@@ -167,12 +167,13 @@ def test_return_across_the_line_leaves_no_ghost(world, country):
     assert speed(world, "s1") == pytest.approx(20.0)
 
 
-def begin_lane_change(world, country):
+def begin_lane_change(world, country, name="s1"):
     """Return the slot of a vehicle in the middle of a change to the left lane, behind a slow vehicle."""
     routes = drivers((0, 150, 3), (0, 60, 15)).replace('lcSpeedGain="0"', 'lcSpeedGain="5"')
+    routes = routes.replace('id="s1"', f'id="{name}"')
     slow = '<vType id="slow" maxSpeed="3"/><vehicle id="s0" type="slow"'
     begin(world, country.road(routes.replace('<vehicle id="s0" type="calm"', slow)))
-    slot = world.slot("s1")
+    slot = world.slot(name)
     while not RIGHT + 0.5 < world.states.position[slot, 1] < LEFT - 1.0:
         world.step()
     return slot
@@ -207,6 +208,13 @@ def test_take_over_during_a_lane_change(world, country, to):
     assert motion.worst_turn < 0.12
     assert motion.worst_aside < 0.4
     assert world.states.position[slot, 1] == pytest.approx(to or RIGHT, abs=0.01)
+
+
+def test_a_vehicle_that_is_replaced_keeps_its_whole_name(world, country):
+    slot = begin_lane_change(world, country, name="try-again-soon")
+    world.states.owner[slot] = Owner.AGENT
+    world.step()
+    assert world.traffic._ids[slot].startswith("try-again-soon-again-")
 
 
 def test_return_off_its_route_takes_another_way(world, country):

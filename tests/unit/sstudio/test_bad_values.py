@@ -40,6 +40,10 @@ def junctions(**attributes):
     return actor(junction_model=t.JunctionModel(**attributes))
 
 
+def halting(*offsets):
+    return flow(stops=[t.Stop("to_east", 0, offset, 5) for offset in offsets])
+
+
 def traffic(**changes):
     return t.Scenario(traffic={"x": t.Traffic(**({"flows": []} | changes))})
 
@@ -62,6 +66,7 @@ def trap(**changes):
 
 FLOW = "traffic['x'].flows[0]"
 ACTOR = f"{FLOW}.actors['car']"
+TRIP_NAME = "traffic['x'].trips[0].vehicle_name"
 LANES, JUNCTION = f"{ACTOR}.lane_changing_model", f"{ACTOR}.junction_model"
 BACK = t.Route(("from_west", 0, 50), ("from_west", 0, 10))
 
@@ -224,6 +229,40 @@ BAD = {
         "friction_maps[0].zone",
         "890",
     ),
+    "stop at the begin of a lane": (halting(0.1), f"{FLOW}.stops[0].offset", "0.2"),
+    "stop at a named offset": (halting("max"), f"{FLOW}.stops[0].offset", "'max'"),
+    "short stop": (
+        flow(stops=[t.Stop("to_east", 0, 50, 5, length=0.05)]),
+        f"{FLOW}.stops[0].length",
+        "0.05",
+    ),
+    "stop before the begin": (
+        flow(stops=[t.Stop("from_west", 0, 5, 5)]),
+        f"{FLOW}.stops[0]",
+        "'from_west'",
+    ),
+    "stops in wrong order": (halting(60, 30), f"{FLOW}.stops[1]", "30"),
+    "stop behind the end": (
+        flow(route=t.Route(("from_west", 0, 10), ("to_east", 0, 40)), stops=[t.Stop("to_east", 0, 50, 5)]),
+        f"{FLOW}.stops[0]",
+        "50",
+    ),
+    "stop on a random route": (
+        flow(route=t.RandomRoute(), stops=[t.Stop("to_east", 0, 50, 5)]),
+        f"{FLOW}.stops[0]",
+        "random",
+    ),
+    "departs faster than it drives": (
+        actor(depart_speed=9, max_speed=8),
+        f"{ACTOR}.depart_speed",
+        "8",
+    ),
+    "departs faster than the limit": (actor(depart_speed=30), f"{ACTOR}.depart_speed", "13.89"),
+    "stands": (actor(speed=t.Distribution(0, 0)), f"{ACTOR}.speed", "0 times"),
+    **{
+        f"trip {name}": (traffic(trips=[t.Trip(name, WEST_EAST)]), TRIP_NAME, name)
+        for name in ("slot-0-1", "try-again-1", "car-flow-0.0", "car-flow-0-3.5.12")
+    },
     "group of one": (
         t.Scenario(social_agent_missions={"g": ([AGENT],)}),
         "social_agent_missions['g']",
@@ -275,6 +314,23 @@ def test_vias_of_laps_may_be_on_the_way_back(ring):
 def test_missions_keep_off_sidewalks(fork, missions, place):
     with raises(ScenarioError, f"ego_missions[0]{place}", values=["'ab_0'"]):
         validate(t.Scenario(ego_missions=missions), fork, "")
+
+
+def test_stops_keep_off_sidewalks(fork):
+    stop = t.Stop("ab", 0, 50, 5)
+    with raises(ScenarioError, ".stops[0]", values=["'ab_0'"]):
+        validate(flow(route=t.Route(("ab", 1, 5), ("bc", 0, 50)), stops=[stop]), fork, "")
+
+
+def test_stops_may_follow_one_another_on_a_round(ring):
+    route = t.Route(("south", 0, 30), ("south", 0, 20))
+    stops = [t.Stop(edge, 0, offset, 5) for edge, offset in (("south", 50), ("east", 9), ("south", 9))]
+    validate(flow(route=route, stops=stops), ring, "")
+
+
+def test_names_beside_the_reserved_ones(roads):
+    names = ("slot-1", "try-again", "try-again-soon", "car-flow-0", "flow.0")
+    validate(traffic(trips=[t.Trip(name, WEST_EAST) for name in names]), roads, "")
 
 
 def test_vias_behind_the_start_are_passed_where_laps_come_round(ring):
