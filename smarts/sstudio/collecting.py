@@ -10,6 +10,7 @@ from typing import Any
 
 from smarts.errors import ScenarioError
 from smarts.sstudio.sstypes.scenario import Scenario
+from smarts.sstudio.sstypes.standard_metadata import StandardMetadata
 
 
 @dataclass
@@ -89,8 +90,9 @@ def join(first: Scenario, second: Scenario) -> Scenario:
 
 
 def _joined(first: Any, second: Any) -> Any:
-    # Metadata and the like are mappings, too, but say one thing as a whole.
-    if type(first) is dict and isinstance(second, Mapping):
+    if isinstance(second, StandardMetadata):
+        return second  # metadata are a mapping, too, but say one thing as a whole
+    if isinstance(first, Mapping) and isinstance(second, Mapping):
         return {**first, **second}
     if isinstance(first, list | tuple) and isinstance(second, Sequence):
         return (*first, *second)

@@ -1,6 +1,7 @@
 """Whole scenario files as people write them: the paper's listing, and the original's two styles."""
 
-from collections import Counter
+from collections import Counter, OrderedDict, defaultdict
+from functools import partial
 from xml.etree import ElementTree
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from smarts.core.colors import Colors
 from smarts.sstudio import types as t
 from smarts.sstudio.build import build_scenario
+from smarts.sstudio.collecting import join
 
 MERGE_NODES = """<nodes>
     <node id="north" x="0" y="60"/> <node id="south" x="0" y="-60"/> <node id="join" x="120" y="0"/>
@@ -338,6 +340,18 @@ gen_scenario(
     seed=40,
 )
 """
+
+
+@pytest.mark.parametrize("kind", [OrderedDict, partial(defaultdict, t.Traffic)])
+def test_dicts_of_all_kinds_are_joined_by_name(kind):
+    first, second = (t.Scenario(traffic=kind({name: t.Traffic([])})) for name in "ab")
+    assert list(join(first, second).traffic) == ["a", "b"]
+
+
+def test_later_metadata_replace_earlier_ones():
+    first = t.Scenario(scenario_metadata=t.ScenarioMetadata(scenario_difficulty=0.5))
+    second = t.Scenario(scenario_metadata=t.ScenarioMetadata(scenario_duration=9))
+    assert dict(join(first, second).scenario_metadata) == {"scenario_duration": 9}
 
 
 def test_the_second_generation(scenario_folder):
