@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import lru_cache
 from typing import Any
 
 from smarts.errors import MapError, ScenarioError
 from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.memory import remembered
 from smarts.roads.routes import CARS, shortest_route
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.sstypes.constants import NAMED_OFFSETS, named_offset
@@ -28,7 +28,7 @@ def usable_lanes(vehicle_type: str) -> frozenset[LaneKind]:
 
 
 # Missions are placed at every reset, mostly on the same routes.
-_shortest_route = lru_cache(maxsize=1024)(shortest_route)
+_shortest_route = remembered(most=1024)(shortest_route)
 
 
 @contextmanager

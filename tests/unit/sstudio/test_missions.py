@@ -1,9 +1,13 @@
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from smarts.errors import ScenarioError
+from smarts.roads.sumo_net import read_net
 from smarts.sstudio import types as t
 from smarts.sstudio.episodes import episode_plans, expand, mission_sets
 from smarts.sstudio.missions import GAP, keep_apart, place_missions
@@ -286,3 +290,12 @@ def test_starts_and_goals_count_as_sumo_does(long_roads):
     (placed,) = place_missions([mission], long_roads, generator(0))
     assert placed.start.s == pytest.approx(160 * long_roads.length[placed.start.lane] / 200)
     assert placed.goal.s == pytest.approx(50)
+
+
+def test_placed_missions_let_their_map_go(cross_net):
+    roads = read_net(cross_net)
+    place_missions([t.Mission(t.Route(("from_south", 0, 20), ("to_north", 0, 50)))], roads, generator(0))
+    ghost = weakref.ref(roads)
+    del roads
+    gc.collect()
+    assert ghost() is None
