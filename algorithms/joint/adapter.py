@@ -28,7 +28,7 @@ from algorithms.joint.spaces import MASK, Flattening, check_action_space
 logger = logging.getLogger(__name__)
 
 COMMON = "__common__"
-"""Key of `infos` for what belongs to no agent: `state`, `graph`, `metrics`."""
+"""Key of `infos` for what belongs to no agent: `state`, `graph` (in the order of agents), `metrics`."""
 
 
 class JointVector:

@@ -18,6 +18,7 @@ from ray.rllib.algorithms.algorithm import Algorithm
 from ray.rllib.core import COMPONENT_LEARNER, COMPONENT_RL_MODULE, DEFAULT_MODULE_ID
 from ray.rllib.utils.metrics import (
     ENV_RUNNER_RESULTS,
+    EVALUATION_RESULTS,
     LEARNER_RESULTS,
     NUM_ENV_STEPS_SAMPLED_LIFETIME,
     WEIGHTS_SEQ_NO,
@@ -35,7 +36,7 @@ from algorithms.joint.data_parallel import FAILURE
 from algorithms.joint.learner import JointTorchLearner
 from algorithms.joint.making import check_environment
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.runner import SAMPLERS, JointEnvRunner, SampleResult
+from algorithms.joint.runner import SAMPLERS, EvaluationResult, JointEnvRunner, SampleResult
 from algorithms.joint.signature import SEQUENCES, check_signature
 from algorithms.joint.spec import SPEC, JointSpec, check_spaces
 from algorithms.joint.training_data import JointTrainingData
@@ -68,6 +69,8 @@ class JointAlgorithm(Algorithm):
     learner_group: Any
     _failure: LearnerFailure | None = None
     """Why the learners were ended."""
+    _evaluated = 0
+    """Place in the evaluation list of the next episode, where evaluations do not begin again."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """Name the algorithm in its config."""
@@ -212,6 +215,45 @@ class JointAlgorithm(Algorithm):
         of the local runner, which builds them at first use.
         """
         return env_runner_group.probe_unhealthy_env_runners()
+
+    def _evaluate_with_fixed_duration(self) -> tuple[None, int, int, list[Any]]:
+        """Play the evaluation list on the runners for evaluation (RLlib).
+
+        A share that is not answered is dealt again. RLlib asks the other runners for as many episodes, which
+        would be other ones, and may ask for none forever.
+
+        Returns:
+            Nothing, steps of environments and of agents, nothing.
+        """
+        group, config = self.eval_env_runner_group, self.config
+        duration: Any = config.evaluation_duration
+        first = 0 if config.evaluation_force_reset_envs_before_iteration else self._evaluated
+        self._evaluated = end = first + int(duration)
+        count = max(group.num_healthy_remote_workers(), 1)
+        waiting = [range(start, end, count) for start in range(first, min(first + count, end))]
+        results: list[EvaluationResult] = []
+        while waiting and (healthy := group.healthy_worker_ids()):
+            shares = dict(zip(healthy, waiting, strict=False))
+            replies = group.foreach_env_runner(
+                "evaluate_share",
+                kwargs={"shares": shares},
+                local_env_runner=False,
+                remote_worker_ids=[*shares],
+                timeout_seconds=config.evaluation_sample_timeout_s,
+            )
+            results += replies
+            for reply in replies:
+                waiting.remove(shares[reply.worker])
+            if not replies and healthy == group.healthy_worker_ids():
+                break
+        if waiting:
+            missing = sum(len(share) for share in waiting)
+            logger.warning("%d episodes of an evaluation were not played: no runner answered", missing)
+        self.metrics.aggregate(
+            [result.metrics for result in results], key=(EVALUATION_RESULTS, ENV_RUNNER_RESULTS)
+        )
+        episodes = [episode for result in results for episode in result.episodes]
+        return None, sum(e.env_steps() for e in episodes), sum(e.agent_steps() for e in episodes), []
 
     def _replies(self) -> list[SampleResult]:
         """Return at least one runner's reply; while all are lost, wait for those that Ray restarts.

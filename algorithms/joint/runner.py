@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import ceil
 from typing import Any, NamedTuple, NoReturn
 
@@ -67,6 +67,20 @@ class SampleResult(NamedTuple):
 
     worker: int
     rollout: JointRollout | AlgorithmError
+    metrics: Any
+
+
+class EvaluationResult(NamedTuple):
+    """A runner's answer to a request to evaluate.
+
+    Attributes:
+        worker: Index of the runner.
+        episodes: What it played.
+        metrics: RLlib metrics of these episodes.
+    """
+
+    worker: int
+    episodes: list[Episode]
     metrics: Any
 
 
@@ -152,6 +166,15 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         if num_timesteps is not None:
             steps = -(-num_timesteps // num_envs)
         return [self._sample_fragment(steps, explore)]
+
+    def evaluate_share(self, shares: Mapping[int, range]) -> EvaluationResult:
+        """Play this runner's share of an evaluation.
+
+        Args:
+            shares: Places in the evaluation list, by the index of the runner.
+        """
+        episodes = self._play_listed(shares[self.worker_index])
+        return EvaluationResult(self.worker_index, episodes, self.get_metrics())
 
     def play(
         self,
@@ -342,8 +365,13 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             return []
         self._evaluated = 0 if restart else self._evaluated
         runners, place = max(self.num_workers or 0, 1), max(self.worker_index - 1, 0)
-        indices = FIRST_VALIDATION_EPISODE + place + runners * (self._evaluated + np.arange(count))
+        first = place + runners * self._evaluated
         self._evaluated += count
+        return self._play_listed(range(first, first + runners * count, runners), explore)
+
+    def _play_listed(self, places: range, explore: bool | None = None) -> list[Episode]:
+        """Play the episodes at these places of the evaluation list, and log their results."""
+        indices = FIRST_VALIDATION_EPISODE + np.array(places)
         explore = self._explores_in_evaluation() if explore is None else explore
         episodes = self.play(indices, explore=explore)
         self._log_episodes(episodes, episodes)

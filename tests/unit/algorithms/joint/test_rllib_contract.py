@@ -247,6 +247,20 @@ def test_an_evaluation_group_plays_the_same_episodes_as_the_local_runner(build):
     assert expected["episode_return_min"] < expected["episode_return_mean"]
 
 
+@pytest.mark.slow
+def test_the_episodes_of_a_lost_evaluation_runner_are_played_by_another(build):
+    expected = build(small().evaluation(evaluation_duration=5)).evaluate()["env_runners"]
+    algo = build(
+        small().evaluation(evaluation_interval=1, evaluation_num_env_runners=2, evaluation_duration=5)
+    )
+    os.kill(pids_of(algo.eval_env_runner_group)[0], signal.SIGKILL)
+    for _ in range(2):  # the loss is found in the first, and known in the second
+        found = algo.evaluate()["env_runners"]
+        assert found["num_episodes"] == 5
+        for name in ("episode_return_mean", "episode_return_min", "episode_return_max"):
+            assert found[name] == pytest.approx(expected[name], rel=1e-12)
+
+
 def test_unsuitable_actions_are_refused_with_the_algorithms_that_fit():
     with pytest.raises(SpaceError, match=r"^action space: 'dqn'.*[\s\S]*ppo"):
         small("dqn", Target).build_algo()
