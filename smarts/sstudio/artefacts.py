@@ -89,7 +89,8 @@ def _write_traffic(
     folder: Path, name: str, traffic: Traffic, roads: LaneGraph, seed: int, place: str
 ) -> tuple[dict[str, Any], list[str]]:
     # A stream for each variation, so that a change to one leaves the others as they are.
-    generator = stream(int(digest([seed, name], size=6), 16), Purpose.BUILD)
+    own_seed = seed if traffic.seed is None else traffic.seed
+    generator = stream(int(digest([own_seed, name], size=6), 16), Purpose.BUILD)
     contents = sumo_traffic(traffic, roads, generator, f"traffic[{name!r}]")
     check_permissions(contents.routes, roads, folder / NET, f"{place}: traffic[{name!r}]")
     stem = f"traffic/{quote(name, safe='')}"

@@ -47,8 +47,8 @@ class BubbleChecks(Checks):
         if bubble.limit is not None:
             self._bubble_limits(bubble.limit, f"{where}.limit")
         self._bubble_conditions(bubble, where)
-        if bubble.follow_offset is None:
-            self.zone_on_map(area, roads, f"{where}.zone")
+        if bubble.follow_actor_id is None and bubble.follow_vehicle_id is None:
+            self.zone_on_map(area, roads, f"{where}.zone")  # an offset alone has no effect
         else:
             self._follow_offset(bubble.follow_offset, f"{where}.follow_offset")
 

@@ -34,6 +34,7 @@ from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
 from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
 from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.scenario import Scenario, Variation
+from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.types.streams import is_seed
 
 __all__ = ["build_described", "build_scenario", "suite"]
@@ -194,9 +195,9 @@ def _without_data_set(scenario: Scenario, place: str) -> ScenarioError | None:
 def _describe(location: Location, seed: int | None) -> Description:
     description = _described_base(location, DEFAULT_SEED if seed is None else seed)
     scenario = _portable(description.scenario, location)
-    description = replace(description, scenario=scenario, seed=description.seed if seed is None else seed)
+    description = replace(description, scenario=scenario)
     if location.variation is None:
-        return description
+        return description if seed is None else _seeded(description, seed, location)
     held_out = scenario.held_out or {}
     if location.variation not in held_out:
         raise ScenarioError(
@@ -205,7 +206,18 @@ def _describe(location: Location, seed: int | None) -> Description:
             remedy=nearest_names(location.variation, held_out) if held_out else "it has none: leave out @...",
         )
     varied = _varied(description, held_out[location.variation])
-    return varied if seed is None else replace(varied, seed=seed)
+    return varied if seed is None else _seeded(varied, seed, location)
+
+
+def _seeded(description: Description, seed: int, location: Location) -> Description:
+    """Return a description of which all is drawn with one seed."""
+    scenario, checks = description.scenario, Checks(_place(location))
+    traffic = [
+        replace(each, seed=None) if isinstance(each, Traffic) else each
+        for _, each in checks.named(scenario.traffic, "traffic")
+    ]
+    named = dict(zip(scenario.traffic or (), traffic, strict=True))
+    return replace(description, scenario=replace(scenario, traffic=named or None), seed=seed)
 
 
 def _described_base(location: Location, seed: int) -> Description:

@@ -44,17 +44,7 @@ class Collection:
         self.add(scenario, seed)
 
     def add(self, part: Scenario, seed: int | None) -> None:
-        """Join the part given to one `gen_*` function to the earlier ones.
-
-        Raises:
-            ScenarioError: It asks for another seed than an earlier one.
-        """
-        if seed is not None and self.seed not in (None, seed):
-            raise ScenarioError(
-                f"the scenario is given two seeds, {self.seed} and {seed}",
-                place="seed",
-                remedy="give all gen_* functions the same one; traffic of other names is drawn apart",
-            )
+        """Join the part given to one `gen_*` function to the earlier ones."""
         self.scenario = part if self.scenario is None else join(self.scenario, part)
         self.seed = self.seed if seed is None else seed
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,7 @@ def gen_traffic(
         traffic: The traffic.
         name: The variation's name.
         output_dir: Ignored.
-        seed: For what is drawn when the traffic is built.
+        seed: For what is drawn of this traffic when it is built.
         overwrite: Ignored.
         map_spec: The map, if it is not the one in the folder.
     """
@@ -79,8 +80,9 @@ def gen_traffic(
             place="gen_traffic",
             remedy="missions are gen_missions' own name",
         )
-    part = t.Scenario(traffic={name: traffic}, map_spec=map_spec)
-    _contribute(scenario, f"traffic {name}", part, seed)
+    if seed != DEFAULT_SEED and isinstance(traffic, t.Traffic):  # the build refuses others by place
+        traffic = replace(traffic, seed=int(seed))
+    _contribute(scenario, f"traffic {name}", t.Scenario(traffic={name: traffic}, map_spec=map_spec))
 
 
 def gen_missions(
@@ -146,7 +148,7 @@ def gen_group_laps(
 
     Args:
         scenario: The scenario's folder.
-        begin: Edge, lane and offset of the first start.
+        begin: Edge, lane and offset of the first start; the lane counts modulo `used_lanes`.
         end: Edge, lane and offset of the first finish.
         grid_offset: Distance from each start to the one ahead [m].
         used_lanes: Number of lanes of the grid.
@@ -241,7 +243,7 @@ def _contribute(
 ) -> None:
     collection = current_collection()
     # A file's own seed counts only where it differs from what it would get anyway.
-    own_seed = None if seed == DEFAULT_SEED else seed
+    own_seed = None if seed == DEFAULT_SEED else int(seed)
     if collection is not None:
         if whole_from is None:
             collection.add(part, own_seed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -25,7 +25,8 @@ def check_permissions(routes: str, roads: LaneGraph, net: Path, where: str) -> N
         where: The traffic, for errors.
 
     Raises:
-        ScenarioError: A lane at an end of the route, an edge or a connection is closed to a vehicle.
+        ScenarioError: The lane where a route begins, an edge or a connection is closed to a vehicle. SUMO
+            ends routes in another lane where theirs is closed.
     """
     root = ElementTree.fromstring(routes)
     by_id = {route.attrib["id"]: route for route in root.iterfind("route")}
@@ -36,10 +37,10 @@ def check_permissions(routes: str, roads: LaneGraph, net: Path, where: str) -> N
     for vehicle in (*root.iterfind("flow"), *root.iterfind("vehicle")):
         route = by_id[vehicle.attrib["route"]]
         edges = route.attrib["edges"].split()
-        lanes = (edges[0], vehicle.attrib["departLane"]), (edges[-1], vehicle.attrib["arrivalLane"])
+        lane = f"{edges[0]}_{vehicle.attrib['departLane']}"
         way = [*edges, edges[0]] if "repeat" in route.attrib else edges
         for vehicle_class in sorted(classes[vehicle.attrib["type"]] - {"passenger"}):
-            closed = _closed_part(roads_for(roads, net, vehicle_class), way, lanes)
+            closed = _closed_part(roads_for(roads, net, vehicle_class), way, lane)
             if closed:
                 raise ScenarioError(
                     f"{closed} is closed to vehicles of type {vehicle_class!r}",
@@ -48,11 +49,10 @@ def check_permissions(routes: str, roads: LaneGraph, net: Path, where: str) -> N
                 )
 
 
-def _closed_part(roads: LaneGraph, way: Sequence[str], lanes: Iterable[tuple[str, str]]) -> str:
-    """Return what is closed on a way, or among lanes given by edge and index; "" if nothing is."""
-    for edge, index in lanes:
-        if roads.kind[roads.lane_number(edge, int(index))] not in CARS:
-            return f"lane '{edge}_{index}'"
+def _closed_part(roads: LaneGraph, way: Sequence[str], lane: str) -> str:
+    """Return what is closed on a way that begins in a lane, "" if nothing is."""
+    if roads.kind[roads.lane_ids.index(lane)] not in CARS:
+        return f"lane '{lane}'"
     onward = edge_graph(roads).onward
     for edge, following in pairwise(way):
         if roads.edge_number(following) not in onward[roads.edge_number(edge)]:

@@ -151,10 +151,11 @@ def route_edges(
             is long enough [m].
 
     Raises:
-        ScenarioError: A place is off the map or closed to the vehicle, or the route cannot be driven.
+        ScenarioError: A place is off the map, the begin is closed to the vehicle, or the route cannot be
+            driven.
     """
-    for end in ("begin", "end"):
-        open_lane_of(roads, getattr(route, end), f"{where}.{end}", kinds)
+    open_lane_of(roads, route.begin, f"{where}.begin", kinds)
+    lane_of(roads, route.end, f"{where}.end")
     back = _distance_back(roads, route, vehicle_length)
     try:
         with blame(where):

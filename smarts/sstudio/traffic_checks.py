@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from smarts.errors import nearest_names
@@ -12,6 +12,7 @@ from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import Checks, shown
 from smarts.sstudio.placement import offset_along, open_lane_of, route_edges, usable_lanes
+from smarts.sstudio.sstypes.constants import MAX_OFFSET
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
 from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.vehicles import VehicleKind
@@ -30,7 +31,7 @@ LONGEST_WARM_UP = 3600.0
 HIGHEST_RATE = 36_000.0
 """The highest rate of a flow [vehicles/h]: one in each step of 0.1 s, far more than a road takes."""
 
-SHORTEST_STOP = 0.2
+SHORTEST_STOP = 0.1
 """The least length of a stop's area, below which SUMO 1.28 takes it for invalid [m]."""
 RESERVED_NAMES = re.compile(r"slot-\d+-\d+|.*-again-\d+|.*-flow-\d+(-.*)?\.\d+")
 """Names that agents' vehicles, vehicles that are added again, and those of flows have in SUMO."""
@@ -58,9 +59,9 @@ class TrafficChecks(Checks):
         self.numbers(flow, where, rate=HIGHEST_RATE, begin=LATEST, end=LATEST)
         self.order(flow.begin, flow.end, f"{where}.end", "begin")
         self._weights(flow.actors, f"{where}.actors")
-        self._vehicle_route(flow.route, flow.actors, flow.stops, where)
+        self._vehicle_route(flow.route, flow.actors, flow.stops, where, repeats=flow.repeat_route)
         for actor in flow.actors:
-            self._actor(actor, flow.route, f"{where}.actors[{actor.name!r}]")
+            self._actor(actor, f"{where}.actors[{actor.name!r}]")
 
     def _weights(self, actors: Mapping[t.TrafficActor, float], where: str) -> None:
         self.type(actors, dict, where)
@@ -84,7 +85,7 @@ class TrafficChecks(Checks):
         self.require(is_free, f"{where}.vehicle_name", problem, "use another name")
         self.number(trip.depart, f"{where}.depart", most=LATEST)
         self._vehicle_route(trip.route, [trip.driver], trip.stops, where)
-        self._actor(trip.driver, trip.route, f"{where}.actor")
+        self._actor(trip.driver, f"{where}.actor")
 
     def _vehicle_route(
         self,
@@ -92,12 +93,15 @@ class TrafficChecks(Checks):
         actors: Iterable[t.TrafficActor],
         stops: Sequence[t.Stop],
         where: str,
+        *,
+        repeats: bool = False,
     ) -> None:
         self.own_map(route, f"{where}.route")
         kinds = frozenset.intersection(*(usable_lanes(actor.vehicle_type) for actor in actors))
         if isinstance(route, t.Route):
             edges = route_edges(self.roads, route, self.at(f"{where}.route"), kinds)
-            self._stops(stops, route, edges, kinds, f"{where}.stops")
+            end = (*route.end[:2], MAX_OFFSET) if repeats else route.end
+            self._stops(stops, replace(route, end=end), edges, kinds, f"{where}.stops")
         else:
             for at, _ in self.each(stops, t.Stop, f"{where}.stops"):
                 raise self.error(at, "a random route cannot have stops", "use a Route")
@@ -146,7 +150,7 @@ class TrafficChecks(Checks):
             problem = f"the route does not pass edge '{stop.road_id}'"
             raise self.error(f"{where}.road_id", problem, nearest_names(stop.road_id, edges))
 
-    def _actor(self, actor: t.TrafficActor, route: t.Route | t.RandomRoute, where: str) -> None:
+    def _actor(self, actor: t.TrafficActor, where: str) -> None:
         self.choice(actor.vehicle_type, VEHICLE_TYPES, f"{where}.vehicle_type")
         positive = ("accel", "decel", "emergency_decel", "max_speed", "tau")
         self.numbers(actor, where, above=0, **dict.fromkeys(positive, LARGEST))
@@ -155,7 +159,7 @@ class TrafficChecks(Checks):
             self._distribution(getattr(actor, name), f"{where}.{name}")
         problem = f"the mean is {actor.speed.mean:g} times the speed limit, with which vehicles never arrive"
         self.require(actor.speed.mean > 0, f"{where}.speed", problem, "use a mean above 0")
-        self._depart_speed(actor, route, f"{where}.depart_speed")
+        self._depart_speed(actor, f"{where}.depart_speed")
         ignored = ignored_models(actor)
         models = (("lane_changing_model", LANE_CHANGING), ("junction_model", JUNCTIONS))
         for name, known in models:
@@ -167,18 +171,11 @@ class TrafficChecks(Checks):
                     problem = f"{attribute}={shown(value)} is not {known[attribute]}"
                     raise self.error(f"{where}.{name}", problem, f"use {known[attribute]}")
 
-    def _depart_speed(self, actor: t.TrafficActor, route: t.Route | t.RandomRoute, where: str) -> None:
+    def _depart_speed(self, actor: t.TrafficActor, where: str) -> None:
         if isinstance(actor.depart_speed, str):
             self.choice(actor.depart_speed, DEPART_SPEEDS, where)
-            return
-        self.number(actor.depart_speed, where, most=actor.max_speed)
-        if isinstance(route, t.Route):
-            # Drivers whom SUMO puts on the road faster than they want to drive keep that speed for the trip.
-            lane = self.roads.lane_number(*route.begin[:2])
-            wanted = float(self.roads.speed_limit[lane]) * actor.speed.mean
-            problem = f"{actor.depart_speed:g} m/s is above {wanted:.2f} m/s, the speed wanted at the begin"
-            remedy = "use less, or raise the mean of `speed`"
-            self.require(actor.depart_speed <= wanted, where, problem, remedy)
+        else:
+            self.number(actor.depart_speed, where, most=actor.max_speed)
 
     def _distribution(self, value: Any, where: str) -> None:
         self.type(value, (t.Distribution, t.UniformDistribution, t.TruncatedDistribution), where)

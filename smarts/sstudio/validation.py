@@ -15,17 +15,16 @@ from shapely.validation import explain_validity
 
 from smarts.errors import SmartsError
 from smarts.roads.lane_graph import LaneGraph
-from smarts.roads.routes import CARS
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.bubble_checks import GENERAL, BubbleChecks
 from smarts.sstudio.checks import shown
 from smarts.sstudio.episodes import grid
 from smarts.sstudio.missions import CAR_LENGTH
 from smarts.sstudio.placement import (
+    BUSES,
     blame,
     lane_of,
     next_lap,
-    offset_along,
     open_lane_of,
     route_edges,
     target_lane,
@@ -110,13 +109,13 @@ class _Validation(TrafficChecks, BubbleChecks):
             return
         edges = None
         if isinstance(mission, t.EndlessMission):
-            open_lane_of(self.roads, mission.begin, self.at(f"{where}.begin"))
+            open_lane_of(self.roads, mission.begin, self.at(f"{where}.begin"), BUSES)
             begin = mission.begin
         else:
             begin, edges = self._mission_route(mission, where)
         self._time(mission, where)
         for at, via in self.each(mission.via, t.Via, f"{where}.via"):
-            self._via(via, begin, edges, at)
+            self._via(via, edges, at)
         if isinstance(mission, t.Mission) and mission.task is not None:
             self._task(mission.task, mission.route, f"{where}.task")
         if mission.entry_tactic is not None:
@@ -140,10 +139,11 @@ class _Validation(TrafficChecks, BubbleChecks):
         if isinstance(mission, t.Mission) and isinstance(mission.task, t.UTurn):
             # A U-turn needs no road from begin to end.
             for end in ("begin", "end"):
-                open_lane_of(self.roads, getattr(route, end), self.at(f"{where}.route.{end}"))
+                open_lane_of(self.roads, getattr(route, end), self.at(f"{where}.route.{end}"), BUSES)
             edges = (route.begin[0], route.end[0])
         else:
             edges = route_edges(self.roads, route, self.at(f"{where}.route"), vehicle_length=CAR_LENGTH)
+            open_lane_of(self.roads, route.end, self.at(f"{where}.route.end"), BUSES)
         if isinstance(mission, t.LapMission) and mission.num_laps > 1:
             edges += next_lap(self.roads, edges, self.at(f"{where}.route, which must be closed"))
         return route.begin, edges
@@ -153,35 +153,23 @@ class _Validation(TrafficChecks, BubbleChecks):
         self.count(group.lanes, f"{where}.lanes")
         self.type(group.route, t.Route, f"{where}.route")
         for end in ("begin", "end"):
-            place, at = getattr(group.route, end), f"{where}.route.{end}"
-            lane_of(self.roads, place, self.at(at))
-            problem = f"lane {place[1]} is not one of the grid's {group.lanes} lanes, counted from the right"
-            self.require(place[1] < group.lanes, at, problem, f"use lanes={place[1] + 1} or more")
+            lane_of(self.roads, getattr(group.route, end), self.at(f"{where}.route.{end}"))
         begin, at = group.route.begin[2], f"{where}.route.begin"
         self.require(not isinstance(begin, str), at, f"{begin!r} is not a number", "use an offset [m]")
         for number, mission in enumerate(grid(group)):
             self._mission(mission, f"{where}, start {number}")
 
-    def _via(self, via: t.Via, begin: _Place | None, edges: tuple[str, ...] | None, where: str) -> None:
+    def _via(self, via: t.Via, edges: tuple[str, ...] | None, where: str) -> None:
         self.numbers(via, where, lane_offset=LARGEST, required_speed=FASTEST_START)
         self.numbers(via, where, least=-LARGEST, hit_distance=LARGEST)
-        lane, offset = via_place(self.roads, via, self.at(where))
-        if self.roads.kind[lane] not in CARS:
-            problem = f"lane '{self.roads.lane_ids[lane]}' is closed to cars"
+        lane, _ = via_place(self.roads, via, self.at(where))
+        if self.roads.kind[lane] not in BUSES:
+            problem = f"lane '{self.roads.lane_ids[lane]}' is no lane of a road"
             raise self.error(f"{where}.lane_index", problem, "choose another lane")
-        if begin is None or edges is None:
-            return
-        if not is_on_way(self.roads, lane, edges):
+        if edges is not None and not is_on_way(self.roads, lane, edges):
             problem = f"the route does not pass lane '{self.roads.lane_ids[lane]}'"
             remedy = "put it on the route, or lead the route there by Route(via=[...])"
             raise self.error(f"{where}.road_id", problem, remedy)
-        start = offset_along(begin[2], float(self.roads.sumo_length[lane]), min)
-        reach = CAR_LENGTH + max(via.hit_distance, float(self.roads.width[lane]) / 2)
-        first_edge, *later = edges
-        is_behind = self.roads.edge_ids[self.roads.lane_edge[lane]] == first_edge and offset < start - reach
-        problem = f"offset {offset:g} lies {start - offset:g} m before the mission's start"
-        passes = not is_behind or first_edge in later
-        self.require(passes, f"{where}.lane_offset", problem, f"use {start:g} or more, or leave it out")
 
     def _start_speed(self, speed: Any, where: str) -> None:
         if speed is not None:

@@ -75,9 +75,6 @@ class Bubble(Described):
                 f"there is none, and the bubble travels with {(agent if vehicle is None else vehicle)!r}"
             )
             raise self._error("follow_offset", problem, "give (x, y) in metres, such as (0, 0)")
-        if agent is None and vehicle is None and self.follow_offset is not None:
-            problem = f"it is {self.follow_offset}, and the bubble travels with nothing"
-            raise self._error("follow_offset", problem, "leave it out, or give follow_actor_id")
 
     def _error(self, field: str, problem: str, remedy: str) -> ContradictionError:
         return ContradictionError(problem, place=f"{field} of bubble {self.id!r}", remedy=remedy)

@@ -103,3 +103,5 @@ class Traffic(Described):
     warm_up: float = 0.0
     """Simulated before an episode begins [s], at most 3600 (an extension); times of flows and trips count
     from its begin."""
+    seed: int | None = None
+    """For its random routes and sampled drivers; without one, the scenario's (an extension)."""

@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from smarts.errors import ScenarioError
@@ -396,15 +397,26 @@ class TestByHand:
         assert built.scenario.ego_missions == (mission,)
         assert built.scenario.bubbles is not None
 
-    def test_all_calls_have_one_seed(self, scenario_folder):
+    def test_each_traffic_is_drawn_by_its_own_seed(self, scenario_folder):
         folder = scenario_folder(script=None)
-        gen_traffic(folder, t.Traffic([t.Flow(WEST_EAST, 60, actors={CAR: 1})]), name="a", seed=7)
-        gen_missions(folder, [t.Mission(WEST_EAST)])
-        assert build_scenario(folder).seed == 7
-        with raises(ScenarioError, "seed", values=[7, 8]):
-            gen_traffic(folder, t.Traffic([]), name="b", seed=8)
-        gen_traffic(folder, t.Traffic([]), name="a", seed=8)
-        assert build_scenario(folder).seed == 8
+        drawn = t.Traffic([], trips=[t.Trip(f"v{n}", t.RandomRoute(str(n))) for n in range(9)])
+
+        def files(**seeds):
+            for name, seed in seeds.items():
+                gen_traffic(folder, drawn, name=name, seed=np.int64(seed))
+            built = build_scenario(folder)
+            return {name: built.traffic[name].routes[0].read_text() for name in seeds}
+
+        first, second = files(a=1, b=2), files(b=3)
+        assert files(a=1)["a"] == first["a"]
+        assert second["b"] != first["b"]
+        gen_missions(folder, [t.Mission(WEST_EAST)], seed=8)
+        gen_missions(folder, [t.Mission(WEST_EAST)] * 2)
+        built = build_scenario(folder)
+        assert built.traffic["a"].routes[0].read_text() == first["a"]
+        again = build_scenario(folder, seed=1)
+        assert again.traffic["a"].routes[0].read_text() == first["a"]
+        assert again.traffic["b"].routes[0].read_text() == files(b=1)["b"]
 
     def test_what_is_refused_is_forgotten(self, scenario_folder):
         folder = scenario_folder(script=None)

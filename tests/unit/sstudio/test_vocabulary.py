@@ -28,7 +28,7 @@ FIELDS = {
         "route=... rate=... begin=0 end=3600 actors={} randomly_spaced=False repeat_route=False stops=()"
     ),
     "Trip": "vehicle_name=... route=... vehicle_type='passenger' depart=0 actor=None stops=()",
-    "Traffic": "flows=... trips=None engine='SUMO' warm_up=0.0",
+    "Traffic": "flows=... trips=None engine='SUMO' warm_up=0.0 seed=None",
     "Mission": "route=... via=() start_time=MISSING entry_tactic=None task=None",
     "EndlessMission": "begin=... via=() start_time=MISSING entry_tactic=None",
     "LapMission": "route=... num_laps=... via=() start_time=MISSING entry_tactic=None",
@@ -298,7 +298,6 @@ class TestBubbles:
                 "'b'",
                 "one of the two",
             ),
-            ({"follow_offset": (0, 5)}, "follow_offset", "(0, 5)", "follow_actor_id"),
             ({"keep_alive": True}, "keep_alive", "'agent'", "BoidAgentActor"),
             (
                 {"active_condition": t.VehicleSpeedCondition(0, 1)},

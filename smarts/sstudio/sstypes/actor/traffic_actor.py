@@ -28,8 +28,8 @@ class TrafficActor(Actor):
     sigma: float = 0.5
     """The driver's imperfection in [0, 1]; counts where `imperfection` is left at its default."""
     depart_speed: float | str = "max"
-    """The speed at the start, at most the wanted one [m/s], or "max", "desired", "random", "speedLimit",
-    "avg", "last"."""
+    """The speed at the start [m/s], or "max", "desired", "random", "speedLimit", "avg", "last". Drivers whom
+    it makes faster than they want to drive keep to it for the whole trip."""
     emergency_decel: float = 4.5
     """The largest deceleration in an emergency [m/s^2]."""
     speed: AnyDistribution = NEAR_THE_LIMIT
