@@ -29,6 +29,8 @@ logger = logging.getLogger(__name__)
 
 COMMON = "__common__"
 """Key of `infos` for what belongs to no agent: `state`, `graph` (in the order of agents), `metrics`."""
+MAX_EMPTY_STEPS = 1000
+"""Steps in a row of one episode without an active agent, after which the episode counts as endless."""
 
 
 class JointVector:
@@ -38,8 +40,8 @@ class JointVector:
     that ended may come back in a new trajectory; an agent that is left out without a flag must not, which
     would be turn-based play. It counts as truncated and is valued from its last observation; a truncation
     that the environment itself reports needs an observation, as RLlib's own episodes demand. While no agent
-    is active, the environment is stepped without actions, until `"__all__"` ends the episode, its `agents`
-    are empty or all of its possible agents have ended.
+    is active, the environment is stepped without actions as long as its `agents` names some and none that has
+    ended in this episode; otherwise no agent is expected any more, and the episode ends as by `"__all__"`.
 
     Args:
         make: Creates environment b.
@@ -79,6 +81,7 @@ class JointVector:
         self._view = View.empty(self.spaces, num_envs)
         self._away = np.zeros((num_envs, len(self._agents)), bool)  # left without a flag in this episode
         self._ended = np.zeros_like(self._away)  # terminated or truncated in this episode
+        self._empty = np.zeros(num_envs, int)  # steps in a row without an active agent
         self._warned = False
 
     def reset(self, seed: int, indices: Ints, *, stride: int = 0) -> JointStep:
@@ -170,12 +173,30 @@ class JointVector:
         self._ended = state.get("ended", np.zeros_like(self._away)).copy()
 
     def _is_deserted(self, b: int) -> bool:
-        """Return whether no agent is active in environment b, and none can enter in this episode."""
+        """Return whether no agent is active in environment b, and none is expected in this episode.
+
+        Raises:
+            EnvironmentFailure: Agents are expected, and none has entered for `MAX_EMPTY_STEPS`.
+        """
         if self._view.alive[b].any():
+            self._empty[b] = 0
             return False
         # RLlib's wrapper of PettingZoo's environments has the agents of the first reset.
         live = getattr(self._envs[b], "par_env", self._envs[b])
-        return not getattr(live, "agents", ()) or bool(self._ended[b].all())
+        named = set(getattr(live, "agents", None) or ())
+        # A list that names agents that have ended is fixed: it says nothing about which enter.
+        if not named or any(
+            self._ended[b, place[0]] for agent, place in self._place.items() if agent in named
+        ):
+            return True
+        self._empty[b] += 1
+        if self._empty[b] == MAX_EMPTY_STEPS:
+            raise EnvironmentFailure(
+                f"no agent has been active in environment {b} for {MAX_EMPTY_STEPS} steps",
+                place=f"environment {self.name}",
+                remedy='end the episode by "__all__", or by an empty `agents`',
+            )
+        return False
 
     def _account(self, b: int, alive, reward, ends, cuts, observations, out) -> None:
         """Write the outcomes of environment b, and which agents are active now."""
@@ -228,18 +249,20 @@ class JointVector:
         """Write an agent's observation and mask; zeros and every action where it is not there."""
         column, number, row = self._place[agent]
         leaves, mask = self._view.observations[number], self._view.masks[number]
+        flattening = self._flattening[agent]
         parts, action_mask = {}, None
         if seen is None:
             action_mask = True
             for leaf in leaves.values():
                 leaf[b, row] = 0
-        elif self._flattening[agent].plain:
+        elif flattening.plain:
             parts = {"": seen}
         else:
-            parts, action_mask = self._flattening[agent].split(seen)
+            parts, action_mask = flattening.split(seen)
         for name, part in parts.items():
-            _check_leaf(agent, name, np.asarray(part), leaves[name])
-            leaves[name][b, row] = part
+            shape, dtype = flattening.arrays[name]
+            exact = type(part) is np.ndarray and part.dtype == dtype and part.shape == shape
+            leaves[name][b, row] = part if exact else _converted(agent, name, part, shape, dtype)
         if mask is not None:
             if action_mask is None:
                 _check_mask(agent, missing=MASK not in info and bool(self._view.alive[b, column]))
@@ -251,6 +274,7 @@ class JointVector:
         observations, infos = self._envs[b].reset(seed=seed)
         _check_names(observations, self._place)
         self._away[b] = self._ended[b] = False
+        self._empty[b] = 0
         for agent, (column, _, _) in self._place.items():
             self._view.alive[b, column] = agent in observations
         self._write(b, observations, infos)
@@ -361,15 +385,24 @@ def _check_names(seen: Mapping[str, Any], known: Mapping[str, Any]) -> None:
         )
 
 
-def _check_leaf(agent: str, name: str, part: np.ndarray, leaf: np.ndarray) -> None:
-    """Raise if an observation has another shape than its space, or numbers that its arrays cannot hold."""
-    if part.shape != leaf.shape[2:] or not np.can_cast(part.dtype, leaf.dtype, "same_kind"):
+def _converted(agent: str, name: str, part: Any, shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
+    """Return an observation in the shape and type of its space; axes of length one may differ.
+
+    Raises:
+        SpaceError: It has another shape, or the type of its space does not hold its values. Floating-point
+            numbers may be rounded to others.
+    """
+    given, where = np.asarray(part), f" in {name!r}" if name else ""
+    fits = given.dtype.kind in "biufO" and [n for n in given.shape if n > 1] == [n for n in shape if n > 1]
+    array = given.astype(dtype) if fits else given
+    if not fits or (dtype.kind != "f" and (array != given).any()):
         raise SpaceError(
-            f"agent {agent!r} observes{f' in {name!r}' if name else ''} {part.dtype} of shape {part.shape}, "
-            f"its space has {leaf.dtype} of shape {leaf.shape[2:]}",
+            f"agent {agent!r} observes{where} {given.dtype} of shape {given.shape}, "
+            f"its space has {dtype} of shape {shape}",
             place="environment",
-            remedy="give observations of the shape and type of the observation space",
+            remedy="give observations of the shape of the observation space, with values that its type holds",
         )
+    return array.reshape(shape)
 
 
 def _check_return(agent: str, *, back: bool) -> None:

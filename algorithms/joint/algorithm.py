@@ -13,7 +13,7 @@ from typing import Any, ClassVar, NoReturn
 
 import ray
 from ray import cloudpickle
-from ray.exceptions import GetTimeoutError, RayActorError, RayTaskError
+from ray.exceptions import ActorDiedError, GetTimeoutError, RayActorError, RayError, RayTaskError
 from ray.rllib.algorithms.algorithm import Algorithm
 from ray.rllib.core import COMPONENT_LEARNER, COMPONENT_RL_MODULE, DEFAULT_MODULE_ID
 from ray.rllib.utils.metrics import (
@@ -273,7 +273,10 @@ class JointAlgorithm(Algorithm):
         )
 
     def _await_runner(self) -> None:
-        """Wait until a runner is there, for `sample_timeout_s` at most: a restart takes seconds."""
+        """Wait until a runner is there, for `sample_timeout_s` at most: a restart takes seconds.
+
+        Runners that Ray restarts no more are not awaited.
+        """
         group = self.env_runner_group
         limit = self.config.sample_timeout_s if self.config.restart_failed_env_runners else 0.0
         deadline = time.monotonic() + (math.inf if limit is None else limit)
@@ -283,6 +286,8 @@ class JointAlgorithm(Algorithm):
                 self._make_on_env_runners_recreated_callbacks(
                     config=self.config, env_runner_group=group, restored_env_runner_indices=restored
                 )
+            elif _are_dead(group):
+                break
 
     def _ask(self) -> list[SampleResult]:
         """Return the replies of runners that answer in time; others are killed and come back."""
@@ -414,6 +419,21 @@ class JointAlgorithm(Algorithm):
     def _check_signature(self, stored: dict[str, Any] | None) -> None:
         if stored is not None:
             check_signature(stored, self._signature())
+
+
+def _are_dead(group: Any) -> bool:
+    """Return whether Ray restarts none of a group's runners any more."""
+    pings = [actor.ping.remote() for actor in group._worker_manager.actors().values()]
+    ray.wait(pings, num_returns=len(pings), timeout=RESTART_POLL)
+    for ping in pings:
+        try:
+            ray.get(ping, timeout=0)
+        except ActorDiedError:
+            continue
+        except RayError:  # being restarted
+            pass
+        return False
+    return True
 
 
 def _sampler_state(runner: JointEnvRunner) -> dict[Any, Any]:

@@ -313,7 +313,9 @@ class JointConfig(AlgorithmConfig):
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
         )  # there is no other stack to warn about
         for name in self.setting_names:
-            setattr(self, name, _plain(getattr(self, name)))
+            value = getattr(self, name)
+            if (plain := _plain(value)) is not value:  # a frozen config, already plain, can be checked again
+                setattr(self, name, plain)
         fresh = type(self)(self.algo_class)
         check_known(self, unknown_attributes(self, fresh), vars(fresh).keys(), "an attribute of the config")
         for fault in ignored_settings(self, fresh):
@@ -353,7 +355,8 @@ class JointConfig(AlgorithmConfig):
                 else f"train_batch_size_per_learner={size} over {count} environments is not "
                 f"rollout_fragment_length={given}: leave one out"
             )
-        self.rollout_fragment_length = size // count
+        if given != size // count:
+            self.rollout_fragment_length = size // count
 
     def _check_groups(self) -> None:
         """Check that no agent is in two groups."""
@@ -383,11 +386,16 @@ class JointConfig(AlgorithmConfig):
 
 
 def _plain(value: Any) -> Any:
-    """Return a setting with Python's numbers in place of NumPy's, which RLlib and schedules do not take."""
+    """Return a setting with Python's numbers in place of NumPy's, which RLlib and schedules do not take.
+
+    A value without NumPy's numbers is returned as it is, not as a copy.
+    """
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, list | tuple):
-        return type(value)(_plain(each) for each in value)
+        parts = [_plain(each) for each in value]
+        if any(part is not each for part, each in zip(parts, value, strict=True)):
+            return getattr(value, "_make", type(value))(parts)  # the former of a NamedTuple
     return value
 
 

@@ -21,6 +21,7 @@ class Flattening:
 
     Attributes:
         leaves: Space of each leaf; Discrete and its kin become one-hot vectors.
+        arrays: Shape and type of each leaf.
         masked: Whether the observation carries an action mask.
 
     Raises:
@@ -39,6 +40,7 @@ class Flattening:
             else:
                 space = Dict(rest)
         self._collect(space, (), agent)
+        self.arrays = {name: (leaf.shape, np.dtype(leaf.dtype)) for name, leaf in self.leaves.items()}
         self.plain = not self.masked and list(self.leaves) == [""] and isinstance(space, Box)
 
     def _collect(self, space: gym.Space, path: tuple[str, ...], agent: str) -> None:
@@ -69,7 +71,8 @@ class Flattening:
             part = observation
             for key in path:
                 part = part[key]
-            leaves[name] = part if isinstance(space, Box) else gym.spaces.flatten(space, part)
+            own = isinstance(space, Box)
+            leaves[name] = part if own else np.asarray(gym.spaces.flatten(space, part), np.float32)
         return leaves, mask
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
@@ -37,6 +37,17 @@ def entry_of(algorithm: str) -> Entry:
         OwnCodeError: A `module:Class` cannot be imported, or is no algorithm.
     """
     return ALGORITHMS[algorithm] if algorithm in ALGORITHMS else CONFIGS[algorithm]().entry
+
+
+OWN_DEFAULTS = {"checkpoint_replay": False}
+"""Defaults in experiments that are not those of the library: buffers are hundreds of megabytes a minute, and
+a run that continues fills its own again."""
+
+
+def own_defaults(names: Iterable[str]) -> dict[str, Any]:
+    """Return those of `OWN_DEFAULTS` that are among the names of an algorithm's settings."""
+    known = {*names}
+    return {name: value for name, value in OWN_DEFAULTS.items() if name in known}
 
 
 def settings_of(algorithm: str) -> type[JointSettings]:
@@ -77,15 +88,16 @@ def remedy_for_one(algorithm: str, fault: SettingFault) -> str:
 
 
 def settings_table(algorithm: str) -> list[tuple[str, str, str, str]]:
-    """Return a header, and name, default, allowed values and meaning of each setting.
+    """Return a header, and name, default in experiments, allowed values and meaning of each setting.
 
     Raises:
         UnknownNameError: There is no such algorithm.
         OwnCodeError: A `module:Class` cannot be imported, or is no algorithm.
     """
     described = settings_of(algorithm).model_json_schema()["properties"]
+    defaults = {name: part.get("default") for name, part in described.items()} | own_defaults(described)
     rows = [
-        (name, json.dumps(part.get("default")), allowed(part), " ".join(part["description"].split()))
+        (name, json.dumps(defaults[name]), allowed(part), " ".join(part["description"].split()))
         for name, part in described.items()
     ]
     return [("setting", "default", "allowed", "meaning"), *rows]

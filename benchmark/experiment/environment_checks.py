@@ -188,7 +188,7 @@ def _scenarios(values: Values) -> Iterator[Fault]:
         except UnknownNameError:
             continue  # the model says so
         except SmartsError as error:
-            yield Fault(key, error.problem, error.remedy)
+            yield Fault(key, *message_and_remedy(error))
             continue
         try:
             check_egos(scenario.ego_missions or (), len(agents), name)

@@ -11,7 +11,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from benchmark.experiment.algorithm_settings import settings_of
+from benchmark.experiment.algorithm_settings import own_defaults, settings_of
 from benchmark.experiment.config import Budget, Evaluation, Experiment, Resources, TrainingTask
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.own_code import own_digests
@@ -208,9 +208,10 @@ def changed_settings(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def default_settings(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the defaults of the algorithm in a `content()` of a run; empty where nothing is known of it."""
+    """Return an algorithm's defaults in experiments, by the `content()` of a run; empty if it is unknown."""
     try:
-        return settings_of(content["algorithm"])().model_dump(mode="json")
+        found = settings_of(content["algorithm"])().model_dump(mode="json")
+        return {**found, **own_defaults(found)}
     except (KeyError, SmartsError, ValueError):  # scripted, or own code that is not there
         return {}
 

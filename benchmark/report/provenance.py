@@ -78,9 +78,18 @@ def circumstances(results: Results) -> list[tuple[str, list[str]]]:
         "Environment": _values("environment", configs),
         "Budget": _values("budget", configs),
         "Tuning": _tuning(results),
+        "Continued after an interruption, or tested again": _continued(results),
         "Settings": _distinct(f"{run.algorithm}: {_text(run.config.get('settings'))}" for run in learnt),
     }
     return [(name, values) for name, values in found.items() if values]
+
+
+def _continued(results: Results) -> list[str]:
+    """Return which algorithms have runs that were not trained and tested in one go."""
+    known = [run for run in results.runs if run.facts]
+    runs = Counter(run.algorithm for run in known)
+    found = Counter(run.algorithm for run in known if run.facts.get(CONTINUED))
+    return [_some_runs(name, count, runs[name]) for name, count in found.items()]
 
 
 def _tuning(results: Results) -> list[str]:

@@ -19,7 +19,7 @@ from ray.tune.registry import register_env
 from algorithms.errors import AlgorithmError, DamagedCheckpointError
 from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.evaluation import evaluate
-from benchmark.experiment.algorithm_settings import CONFIGS
+from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
 from benchmark.experiment.own_code import PROGRAM
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError, files_in, write_json
@@ -129,11 +129,7 @@ def config_of(run: Run) -> Any:
     )
     config.learners(num_learners=run.resources.learners, num_gpus_per_learner=run.resources.learner_gpus)
     config.debugging(seed=run.seed, log_level="ERROR")
-    settings = dict(run.settings)
-    if "checkpoint_replay" in config.setting_names:
-        # Hundreds of megabytes a minute; a resumed run fills its replay buffer again.
-        settings.setdefault("checkpoint_replay", False)
-    return config.training(**settings)
+    return config.training(**{**own_defaults(config.setting_names), **run.settings})
 
 
 def checkpoint_files(algo: Any, state: Mapping[str, Any]) -> dict[str, bytes]:

@@ -311,6 +311,13 @@ def test_mistakes_are_named(write, change, message):
         read_experiment(file, [change])
 
 
+def test_the_line_of_a_scenario_file_that_raises_is_named(write, tmp_path):
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "scenario.py").write_text("\nraise RuntimeError('boom')\n")
+    message = said(write(f"algorithms: [ppo]\ntasks: [{tmp_path / 'broken'}]\n"), "seeds=[1]")
+    assert f"tasks[0]: {tmp_path / 'broken' / 'scenario.py'}, line 2: the scenario file raises" in message
+
+
 def test_a_value_that_one_algorithm_cannot_have_leads_to_one_of_its_own(write):
     file = write(f"extends: {CONFIGS / 'quickstart.yaml'}\nalgorithms: [ppo, happo, mat]\n")
     own = "settings: {happo: {sharing: none}}"

@@ -251,3 +251,12 @@ def test_a_commit_with_changes_is_explained(tmp_path):
     folder.note(commit="0123456789ab+")
     name = "Commit (+: with changes that were not committed)"
     assert dict(circumstances(read_results(tmp_path)))[name] == ["0123456789ab+"]
+
+
+def test_runs_that_were_continued_are_counted(tmp_path):
+    for seed in (1, 2):
+        folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")], seed=seed))
+    name = "Continued after an interruption, or tested again"
+    assert name not in dict(circumstances(read_results(tmp_path)))
+    folder.note_continuation({"commit": "0123"})
+    assert dict(circumstances(read_results(tmp_path)))[name] == ["PPO in 1 of 2 runs"]

@@ -2,6 +2,7 @@
 
 import errno
 import fcntl
+import json
 import os
 import shutil
 import signal
@@ -13,7 +14,7 @@ from threading import Thread
 
 import pytest
 
-from benchmark.experiment.algorithm_settings import settings_of
+from benchmark.experiment.algorithm_settings import settings_of, settings_table
 from benchmark.experiment.config import Budget, read_experiment
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import runs_of
@@ -36,7 +37,7 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.jobs import JobScheduler, jobs_of
 from benchmark.running.messages import Began
-from benchmark.running.training import checkpoint_files
+from benchmark.running.training import checkpoint_files, config_of
 from benchmark.running.writing import RunWriter
 from tests.hand_made_results import agent_episodes, finish_runs, write_experiment, write_run
 from tests.raising import raises
@@ -471,6 +472,23 @@ def test_a_run_keeps_the_defaults_of_its_begin(tmp_path):
         folder.check(run.content())
     assert "set the old values in `settings`" in caught.value.remedy
     folder.check(as_then.content())
+
+
+def test_the_defaults_of_a_run_are_those_that_it_is_trained_with(tmp_path):
+    """In experiments a replay buffer is not kept, though the library's default is to keep it."""
+    file = tmp_path / "one.yaml"
+    file.write_text("algorithms: [dqn]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n")
+    (run,) = runs_of(read_experiment(file))
+    folder = RunFolder(tmp_path / "run")
+    writer = RunWriter(run, folder)
+    writer.take(Began({"commit": "abc"}, {}))
+    writer.close()
+    config = config_of(run)
+    assert folder.facts()["defaults"] == {
+        name: json.loads(json.dumps(getattr(config, name))) for name in settings_of("dqn").model_fields
+    }
+    shown = {name: default for name, default, *_ in settings_table("dqn")}
+    assert shown["checkpoint_replay"] == "false"
 
 
 def test_episodes_that_are_wanted_and_not_there_are_played_again(tmp_path):

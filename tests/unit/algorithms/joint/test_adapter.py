@@ -10,6 +10,7 @@ from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 from rigs import Rig, known
 
 from algorithms.errors import EnvironmentFailure, SpaceError
+from algorithms.joint import adapter
 from algorithms.joint.adapter import COMMON, JointVector
 from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.env import episode_seed
@@ -297,12 +298,17 @@ class Gaps(Game):
     length = 8
     stranger = False
 
+    def reset(self, *, seed=None, options=None):
+        self.agents = self.possible_agents
+        return super().reset(seed=seed)
+
     def observe(self):
         there = {"agent_0": 2 <= self.t <= 4, "agent_1": self.t >= 6, "stranger": self.stranger}
         return {agent: np.full(1, self.t / 10, np.float32) for agent in there if there[agent]}
 
     def step(self, action_dict):
         self.t += 1
+        self.agents = self.possible_agents[self.t >= 4 :]
         ends = {"agent_0": self.t == 4, "__all__": self.t == self.length}
         return self.observe(), dict.fromkeys(action_dict, 1.0), ends, {"__all__": False}, {}
 
@@ -332,14 +338,54 @@ def test_an_episode_ends_where_nobody_can_come_any_more(last):
 
         def step(self, action_dict):
             seen, rewards, ends, cuts, infos = super().step(action_dict)
-            if last == "left":
-                self.agents = [] if self.t == 4 else self.possible_agents
+            if last == "left" and self.t == 4:
+                self.agents = []
             return seen, rewards, {a: ends.get(a, self.t == 7) for a in self.possible_agents}, cuts, infos
 
     env = JointVector(lambda b: Silent(), 1)
     env.reset(0, np.zeros(1, int))
     resets = [env.step((np.zeros((1, 2), int),)).reset[0] for _ in range(8)]
     assert resets.index(True) + 1 == {"ended": 7, "left": 4}[last]
+
+
+@pytest.mark.parametrize("leaves", ["ended", "left"])
+def test_an_episode_ends_with_those_that_entered_where_agents_is_a_fixed_list(leaves):
+    class Fixed(Game):
+        """Agents 0 and 1 of 4 enter with step 2 and are gone after step 5; no flag ends the episode."""
+
+        def __init__(self):
+            super().__init__(agents=4)
+
+        def observe(self):
+            last = 5 if leaves == "ended" else 4
+            return {a: np.zeros(1, np.float32) for a in self.agents[:2] if 2 <= self.t <= last}
+
+        def step(self, action_dict):
+            self.t += 1
+            ends = {a: leaves == "ended" and self.t == 5 for a in self.agents[:2]}
+            return self.observe(), dict.fromkeys(action_dict, 1.0), ends, {}, {}
+
+    env = JointVector(lambda b: Fixed(), 1)
+    env.reset(0, np.zeros(1, int))
+    resets = [env.step((np.zeros((1, 4), int),)).reset[0] for _ in range(20)]
+    assert np.flatnonzero(resets).tolist() == [4, 9, 14, 19]
+
+
+def test_an_episode_that_no_agent_enters_is_an_error(monkeypatch):
+    monkeypatch.setattr(adapter, "MAX_EMPTY_STEPS", 7)
+    env = JointVector(lambda b: type("Long", (Gaps,), {"length": 100, "observe": lambda self: {}})(), 2)
+    env.reset(0, np.arange(2))
+    for _ in range(6):
+        env.step((np.zeros((2, 2), int),))
+    with pytest.raises(EnvironmentFailure, match=r"Long: no agent .* environment 0 for 7 steps"):
+        env.step((np.zeros((2, 2), int),))
+
+
+def test_empty_steps_are_counted_in_a_row(monkeypatch):
+    monkeypatch.setattr(adapter, "MAX_EMPTY_STEPS", 4)
+    env = JointVector(lambda b: Gaps(), 1)
+    env.reset(0, np.zeros(1, int))
+    assert sum(env.step((np.zeros((1, 2), int),)).reset[0] for _ in range(80)) == 10
 
 
 def test_agents_that_are_not_possible_are_refused():
@@ -382,37 +428,75 @@ def test_a_graph_in_the_order_of_possible_agents_links_them_in_their_columns():
             assert heard == {("agent_0", "agent_1"), ("agent_1", "agent_2")}
 
 
+class Odd(Game):
+    """Agent 1 observes `seen` at step `first`, and zeros of its space otherwise."""
+
+    def __init__(self, space, seen, first):
+        super().__init__()
+        self.observation_spaces["agent_1"] = space
+        self.seen, self.first = seen, first
+
+    def observe(self):
+        space = self.observation_spaces["agent_1"]
+        zeros = {name: np.zeros(part.shape, part.dtype) for name, part in getattr(space, "items", dict)()}
+        return super().observe() | {
+            "agent_1": self.seen if self.t == self.first else zeros or np.zeros(space.shape, space.dtype)
+        }
+
+    def reward(self, actions):
+        return [0.0, 0.0]
+
+
+def steps_of(*odd):
+    """Return the observations of agent 1 at steps 0 to 3."""
+    env = JointVector(lambda b: Odd(*odd), 1)
+    steps = [env.reset(0, np.zeros(1, int)).observations]
+    (number,) = (i for i, block in enumerate(env.spaces.blocks) if "agent_1" in block.agents)
+    row = env.spaces.blocks[number].agents.index("agent_1")
+    actions = tuple(np.zeros((1, len(block.agents)), int) for block in env.spaces.blocks)
+    steps = [copy.deepcopy(steps[0]), *(copy.deepcopy(env.step(actions).observations) for _ in range(3))]
+    return [{name: leaf[0, row] for name, leaf in step[number].items()} for step in steps]
+
+
 @pytest.mark.parametrize(
     ("space", "seen"),
     [
         (Box(0, 1, (4,), np.float32), np.array([0.5], np.float32)),
-        (Box(0, 1, (), np.float32), np.zeros(1, np.float32)),
+        (Box(0, 1, (2, 3), np.float32), np.zeros((3, 2), np.float32)),
         (Box(0, 9, (2,), np.int32), np.array([0.9, 1.9])),
         (Box(0, 255, (2,), np.uint8), np.array([300, 0])),
+        (Box(0, 255, (2,), np.uint8), np.array([-1, 0])),
+        (Box(0, 1, (2,), bool), np.array([2, 0])),
+        (Box(0, 9, (2,), np.float32), np.array(["1", "2"])),
     ],
 )
 @pytest.mark.parametrize("first", [0, 3])
 def test_observations_that_do_not_fit_their_space_are_refused(space, seen, first):
-    class Wrong(Game):
-        def __init__(self):
-            super().__init__()
-            self.observation_spaces["agent_1"] = space
+    with pytest.raises(SpaceError, match=rf"'agent_1'.*\({seen.shape[0]},"):
+        steps_of(space, seen, first)
 
-        def observe(self):
-            right = np.zeros(space.shape, space.dtype)
-            return super().observe() | {"agent_1": seen if self.t == first else right}
 
-        def reward(self, actions):
-            return [0.0, 0.0]
-
-    def play():
-        env = JointVector(lambda b: Wrong(), 1)
-        env.reset(0, np.zeros(1, int))
-        for _ in range(3):
-            env.step((np.zeros((1, 1), int),) * len(env.spaces.blocks))
-
-    with pytest.raises(SpaceError, match=rf"'agent_1'.*\({seen.size},\)"):
-        play()
+@pytest.mark.parametrize(
+    ("space", "seen", "value"),
+    [
+        (Box(0, 255, (3,), np.uint8), np.array([1, 2, 3]), [1, 2, 3]),
+        (Box(0, 255, (3,), np.uint8), [1, 2, 3], [1, 2, 3]),
+        (Box(0, 1, (3,), bool), [1, 0, 1], [True, False, True]),
+        (Box(0, 2**63, (2,), np.uint64), [1, 2**63], [1, 2**63]),
+        (Box(0, 9, (2,), np.int32), np.array([1.0, 2.0]), [1, 2]),
+        (Box(0, 9, (2,), np.float32), np.array([0.1, 2.0]), np.float32([0.1, 2.0]).tolist()),
+        (Box(0, 9, (2,), np.float32), np.array([1, 0.5], object), [1.0, 0.5]),
+        (Box(0, 9, (1,), np.float32), 0.5, [0.5]),
+        (Box(0, 9, (), np.float32), np.float32([0.5]), 0.5),
+        (Box(0, 9, (3,), np.float32), np.float32([[1, 2, 3]]), [1, 2, 3]),
+        (Box(0, 9, (1, 3), np.float32), np.float32([1, 2, 3]), [[1, 2, 3]]),
+        (Dict(a=Box(0, 255, (2,), np.uint8)), {"a": np.array([1, 2])}, [1, 2]),
+    ],
+)
+@pytest.mark.parametrize("first", [0, 3])
+def test_observations_of_another_type_that_are_values_of_their_space_are_taken(space, seen, value, first):
+    (leaf,) = steps_of(space, seen, first)[first].values()
+    assert leaf.tolist() == value
 
 
 @pytest.mark.parametrize("error", [RuntimeError, TypeError])

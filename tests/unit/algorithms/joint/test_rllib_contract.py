@@ -14,6 +14,7 @@ from algorithms.errors import (
     CheckpointError,
     DamagedCheckpointError,
     EnvironmentFailure,
+    RunnerFailure,
     SpaceError,
     UnknownSettingError,
 )
@@ -392,6 +393,25 @@ def test_the_only_runner_is_awaited_without_a_limit_and_its_return_is_told(build
     os.kill(pids_of(algo.env_runner_group)[0], signal.SIGKILL)
     assert train(algo, 1)["env_runners"]["num_env_steps_sampled_lifetime"] == 64
     assert told == [[1]]
+
+
+@pytest.mark.slow
+def test_a_runner_that_ray_restarts_no_more_is_not_awaited(build, tmp_path):
+    file = tmp_path / "crash"
+
+    class Crashing(Cues):
+        def __init__(self, config=None):
+            if file.exists():
+                os._exit(1)
+            super().__init__()
+
+    config = small(env=Crashing, runners=1).env_runners(sample_timeout_s=None)
+    algo = build(config.fault_tolerance(max_num_env_runner_restarts=1))
+    train(algo, 1)
+    file.touch()
+    os.kill(pids_of(algo.env_runner_group)[0], signal.SIGKILL)
+    with pytest.raises(RunnerFailure, match="no environment runner"):
+        train(algo, 1)
 
 
 @pytest.mark.slow

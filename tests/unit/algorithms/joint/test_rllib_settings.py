@@ -3,7 +3,7 @@
 import inspect
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from rigs import takes
 
 import algorithms
 from algorithms.errors import SpaceError, UnknownSettingError
+from algorithms.joint.config import _plain
 from algorithms.joint.rllib_names import same_value
 from algorithms.joint.rllib_settings import REFUSED, attribute_of
 from algorithms.parts.optimisation import clip_gradients
@@ -522,3 +523,21 @@ def test_returns_are_smoothed_over_as_many_episodes_whatever_the_number_of_runne
     runner = config.env_runner_cls(config=config, num_workers=runners, worker_index=min(runners, 1))
     assert runner._recent.maxlen == window
     runner.stop()
+
+
+@pytest.mark.parametrize("given", [{}, {"hidden": (np.int64(8),)}, {"train_batch_size_per_learner": 64}])
+def test_a_frozen_config_that_was_checked_can_be_checked_again(given):
+    config = algorithms.config("ppo").training(**given)
+    config.validate()
+    config.freeze()
+    config.validate()
+
+
+def test_plain_values_are_the_same_objects():
+    class Pair(NamedTuple):
+        first: Any
+        second: Any = 1
+
+    for value in ([1, (2, 3)], (1, "x"), Pair(1), {"a": 1}, None):
+        assert _plain(value) is value
+    assert repr(_plain([np.int64(1), Pair(np.float32(0.5))])) == "[1, Pair(first=0.5, second=1)]"
