@@ -171,6 +171,7 @@ class JointVector:
         self._seed, self._stride = state["seed"]
         self._view, self._away = cloudpickle.loads(state["view"])
         self._ended = state.get("ended", np.zeros_like(self._away)).copy()
+        self._empty[:] = 0
 
     def _is_deserted(self, b: int) -> bool:
         """Return whether no agent is active in environment b, and none is expected in this episode.
@@ -184,10 +185,8 @@ class JointVector:
         # RLlib's wrapper of PettingZoo's environments has the agents of the first reset.
         live = getattr(self._envs[b], "par_env", self._envs[b])
         named = set(getattr(live, "agents", None) or ())
-        # A list that names agents that have ended is fixed: it says nothing about which enter.
-        if not named or any(
-            self._ended[b, place[0]] for agent, place in self._place.items() if agent in named
-        ):
+        ended = {agent for agent, (column, _, _) in self._place.items() if self._ended[b, column]}
+        if not named or named & ended:  # a list that still names what has ended is fixed: it tells nothing
             return True
         self._empty[b] += 1
         if self._empty[b] == MAX_EMPTY_STEPS:

@@ -275,7 +275,7 @@ class JointAlgorithm(Algorithm):
     def _await_runner(self) -> None:
         """Wait until a runner is there, for `sample_timeout_s` at most: a restart takes seconds.
 
-        Runners that Ray restarts no more are not awaited.
+        Runners that Ray does not restart again are not awaited.
         """
         group = self.env_runner_group
         limit = self.config.sample_timeout_s if self.config.restart_failed_env_runners else 0.0
@@ -422,7 +422,7 @@ class JointAlgorithm(Algorithm):
 
 
 def _are_dead(group: Any) -> bool:
-    """Return whether Ray restarts none of a group's runners any more."""
+    """Return whether Ray has given up all remote runners of a group."""
     pings = [actor.ping.remote() for actor in group._worker_manager.actors().values()]
     ray.wait(pings, num_returns=len(pings), timeout=RESTART_POLL)
     for ping in pings:
