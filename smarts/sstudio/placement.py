@@ -74,10 +74,12 @@ def open_lane_of(
             remedy="choose a lane of a road",
         )
     if roads.kind[lane] not in kinds:
+        beside = enumerate(roads.edge_lanes(int(roads.lane_edge[lane])))
+        open_lanes = ", ".join(str(index) for index, other in beside if roads.kind[other] in kinds)
         raise ScenarioError(
             f"lane '{roads.lane_ids[lane]}' is closed to this vehicle",
             place=where,
-            remedy="choose another lane, or another vehicle_type",
+            remedy=f"lanes of this road that are open: {open_lanes or 'none, use another road'}",
         )
     return lane
 
