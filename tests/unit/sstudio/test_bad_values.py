@@ -300,7 +300,7 @@ def test_missions_keep_off_sidewalks(fork, missions, place):
 
 def test_stops_keep_off_sidewalks(fork):
     stop = t.Stop("ab", 0, 50, 5)
-    with raises(ScenarioError, ".stops[0]", values=["'ab_0'"]):
+    with raises(ScenarioError, ".stops[0]", values=["'ab_0'", "open: 1, 2"]):
         validate(flow(route=t.Route(("ab", 1, 5), ("bc", 0, 50)), stops=[stop]), fork, "")
 
 
