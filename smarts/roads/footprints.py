@@ -14,6 +14,9 @@ JOINT = 0.3
 SEAM = 0.05
 """A point this far beyond the sides of two lanes of a road is between them [m]: in bends, lanes side by side
 do not touch everywhere, since their centrelines are polylines."""
+LANE_GAP = 0.15
+"""A point this far beyond the sides of two lanes, but not beyond their ends, is between them, too, outside of
+junctions [m]: until 2016, netconvert left 0.1 m between lanes (`SUMO_const_laneOffset`)."""
 
 
 @kernel
@@ -21,7 +24,7 @@ def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junction
     """Return whether a point lies on a lane of the masked kinds or, with `junctions`, in a junction.
 
     Where two consecutive lanes meet at an angle, the wedge between their ends is road, too, and so is the
-    crack between two lanes side by side in a bend.
+    crack between two lanes side by side in a bend, or between any two lanes of an old map.
     """
     cell = cell_at(roads, world, x, y) if is_somewhere(x, y) else -1
     if cell < 0:
@@ -41,7 +44,7 @@ def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junction
                 if beside >= 0 and (roads.lane_left[lane] == beside or roads.lane_right[lane] == beside):
                     return True
                 beside = lane
-    return junctions and _is_in_junction(roads, cell, x, y)
+    return (junctions and _is_in_junction(roads, cell, x, y)) or _is_in_gap(roads, cell, x, y, mask)
 
 
 @kernel
@@ -52,6 +55,31 @@ def _is_in_junction(roads: Roads, cell: int, x: float, y: float) -> bool:
         if inside_outline(x, y, roads.vertex, first, last):
             return True
     return False
+
+
+@kernel
+def _is_in_gap(roads: Roads, cell: int, x: float, y: float, mask: int) -> bool:
+    """Return whether a point off all lanes is between two of one road, or of its two directions."""
+    beside = -1
+    for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
+        lane = roads.run[run, 0]
+        if roads.lane_inside[lane] or not mask >> roads.lane_kind[lane] & 1:
+            continue
+        point, square = nearest_in_run(roads, run, x, y)
+        is_near = square <= (0.5 * roads.lane_width[lane] + LANE_GAP) ** 2
+        if is_near and place_on(roads, lane, point, x, y)[2] <= END_TOLERANCE:
+            if beside >= 0 and _are_neighbors(roads, lane, beside):
+                return True
+            beside = lane
+    return False
+
+
+@kernel
+def _are_neighbors(roads: Roads, lane: int, other: int) -> bool:
+    """Return whether two lanes are side by side, in the same direction or in opposite ones."""
+    if roads.lane_left[lane] == other or roads.lane_right[lane] == other:
+        return True
+    return roads.lane_twin[lane] == other or roads.lane_twin[other] == lane
 
 
 @kernel

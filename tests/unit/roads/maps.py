@@ -93,6 +93,19 @@ def curve() -> dict[str, str]:
     }
 
 
+def gaps() -> dict[str, str]:
+    """Two lanes east and one back, 3.2 m wide with 0.1 m between them, as netconvert built until 2016."""
+    ways = {"there_0": "0,-4.9 100,-4.9", "there_1": "0,-1.6 100,-1.6", "back_0": "100,1.7 0,1.7"}
+    lanes = [f'<lane index="{name[-1]}" shape="{shape}"/>' for name, shape in ways.items()]
+    return {
+        "nod": '<nodes><node id="a" x="0" y="0"/><node id="b" x="100" y="0"/></nodes>',
+        "edg": f"""<edges>
+            <edge id="there" from="a" to="b" numLanes="2" speed="14">{"".join(lanes[:2])}</edge>
+            <edge id="back" from="b" to="a" numLanes="1" speed="14">{lanes[2]}</edge>
+        </edges>""",
+    }
+
+
 def city(iterations: int = 40) -> dict[str, str]:
     """A random town."""
     return {

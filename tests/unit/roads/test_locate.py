@@ -153,6 +153,17 @@ def test_no_crack_between_lanes_side_by_side(graphs, name):
     assert atlas.on_road(world(len(places)), places).all()
 
 
+def test_gaps_between_lanes_of_an_old_map(compile_to):
+    """The gaps are from y = -3.3 to -3.2 and from 0.0 to 0.1, the edges of the road at -6.5 and 3.3."""
+    old = RoadQueries([read_net(compile_to("gaps", maps.gaps()))])
+    across = np.arange(-6.49, 3.29, 0.01)
+    places = np.column_stack([np.full(len(across), 50.0), across])
+    assert old.on_road(world(len(places)), places).all()
+    beyond = [(50, -6.52), (50, 3.32), (-0.45, -3.25), (100.45, -3.25), (-0.1, 0.05), (100.1, 0.05)]
+    assert not old.on_road(world(len(beyond)), beyond).any()
+    assert old.corners_on_road(world(), [(50, -2.45)], [0.0], [4.0], [1.6]) == [4]
+
+
 def test_junction_outline_is_road_if_wanted(graphs):
     graph = graphs["roundabout"]
     ring = RoadQueries([graph])
