@@ -102,7 +102,7 @@ class JointStep(NamedTuple):
         alive: Agents that act in the *next* step, shape (B, N). An agent that acted and no longer does has
             terminated or was truncated, unless its environment was reset or failed. Where agents come and
             go, an environment may be without any from a step in which one ended or which reset it, until
-            one enters; `step` goes on without their actions.
+            one enters; `step` is then called without actions that count.
         reset: Environments that were reset in this step, shape (B,).
         final: Last observations of environments that were reset, or in which another agent took over a column
             in this step.

@@ -332,7 +332,7 @@ def test_steps_without_agents_are_learned_around(name):
 
 
 @pytest.mark.parametrize("last", ["ended", "left"])
-def test_an_episode_ends_where_nobody_can_come_any_more(last):
+def test_an_episode_ends_where_no_agent_can_enter_any_more(last):
     class Silent(Gaps):
         """Ends each agent, and never the episode."""
 
