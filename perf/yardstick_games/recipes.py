@@ -108,6 +108,7 @@ _EPSILON_GREEDY = (
     *("dqn", "vdn", "qmix", "qtran", "networked_q"),
     *("opponent_q", "pr2", "rommeo", "maven"),
 )
+_TEAM_VALUES = ("vdn", "qmix", "qtran", "maven")
 _RECURRENT = ("recurrent_ippo", "recurrent_mappo")
 _ON_POLICY = ("ppo", "centralised_v", "happo", "mat", *_RECURRENT)
 _ONE_PASS = ("pg", "a2c", "commnet")
@@ -159,6 +160,7 @@ RECIPES: dict[str, dict[str, Recipe]] = {
         **_of_all({**_FORAGING, "reward_scale": 40.0}, _POLICIES),
         "vdn": Recipe(8, _FORAGING),
         "qmix-scale_10": Recipe(8, _FORAGING),
+        "qmix-gru": Recipe(8, {**_FORAGING, "gru": 64, "sequence_length": 8}),
         f"qmix-{AS_PUBLISHED}": _FORAGING_AS_PUBLISHED,
         "ppo": Recipe(50, {**_POLICIES, "normalize_values": True}),
         **{f"vdn-{name}": _ablated(**changed) for name, changed in _ABLATIONS.items()},
@@ -177,7 +179,7 @@ RECIPES: dict[str, dict[str, Recipe]] = {
                 "hidden": (64, 64),
             },
         ),
-        **{f"{name}-{AS_PUBLISHED}": _AS_PUBLISHED for name in ("qmix", "vdn")},
+        **{f"{name}-{AS_PUBLISHED}": _AS_PUBLISHED for name in _TEAM_VALUES},
         "qmix-limit_ends": Recipe(8, _SPREAD, steps=1_000_000, limit_ends=True),
         "qmix-standardized": Recipe(8, _STANDARDIZED, steps=1_000_000),
     },
@@ -188,4 +190,4 @@ RECIPES: dict[str, dict[str, Recipe]] = {
         **{name: Recipe(8, {"hidden": (64, 64)}) for name in (*_REPLAY, "coma")},
     },
 }
-"""Settings by game and algorithm; "ppo-gru" is a variant of "ppo"."""
+"""Settings by game and algorithm; "ppo-gru" is a variant of "ppo", and so on."""
