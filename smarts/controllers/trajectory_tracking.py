@@ -63,8 +63,10 @@ def write_paths(state: State, actions: Actions, commands: Commands, chosen: Bool
             first = max(first - 1, 0)
             kept = min(count - first, len(points))
             for i in range(kept):
-                for column in range(4):
+                for column in range(3):
                     points[i, column] = given[first + i, column + 1]
+                # No vehicle is driven backwards.
+                points[i, 3] = max(given[first + i, 4], 0.0)
             extend_path(points, kept)
             commands.reference_length[b, a] = len(points)
 

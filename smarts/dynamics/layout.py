@@ -290,18 +290,19 @@ def settled_body(
     ground = np.array([x, y, (offset - ux * x - uy * y) / uz])
     body = np.zeros(BODY_SIZE)
     body[0:3] = ground + car["centre_to_cog"] * forward + car["cog_height"] * up
-    # Quaternion of the rotation with these columns; its angle stays below pi for every road that can be
-    # driven.
-    w = 0.5 * math.sqrt(max(1.0 + forward[0] + left[1] + up[2], 0.0))
-    if w > 1e-3:
-        body[3:7] = (
-            (left[2] - up[1]) / (4 * w),
-            (up[0] - forward[2]) / (4 * w),
-            (forward[1] - left[0]) / (4 * w),
-            w,
-        )
-    else:
-        body[3:7] = 0.0, 0.0, 1.0, 0.0
+    body[3:7] = _quaternion(forward, left, up)
     body[7:10] = speed * forward + yaw_rate * car["cog_to_rear_axle"] * left
     body[10:13] = yaw_rate * up
     return body
+
+
+def _quaternion(forward: Floats, left: Floats, up: Floats) -> Floats:
+    """Return the quaternion x y z w of the rotation with these axes, upright enough to be driven."""
+    (fx, fy, fz), (lx, ly, lz), (ux, uy, uz) = forward.tolist(), left.tolist(), up.tolist()
+    w = 0.5 * math.sqrt(max(1.0 + fx + ly + uz, 0.0))
+    if w > 1e-3:
+        return np.array([(lz - uy) / (4 * w), (ux - fz) / (4 * w), (fy - lx) / (4 * w), w])
+    # Nearly half a turn: w is lost in rounding, z is not. Due west is exact.
+    z = 0.5 * math.sqrt(1.0 - fx - ly + uz)
+    found = np.array([(fz + ux) / (4 * z), (lz + uy) / (4 * z), z, (fy - lx) / (4 * z)])
+    return np.where(np.abs(found) < 1e-12, 0.0, found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,17 +30,27 @@ def lane_kind(allow: str, disallow: str, road_type: str = "") -> LaneKind:
     return next((kind for kind, users in _USERS if _is_open(allow, disallow, users)), LaneKind.CLOSED)
 
 
-@remembered(most=8)
-def roads_for(roads: LaneGraph, net: Path, vehicle_class: str) -> LaneGraph:
-    """Return a map on which a vehicle class of SUMO may use the lanes of kind CAR, and the others are CLOSED.
+def roads_for(roads: LaneGraph, net: Path, vehicle_classes: Iterable[str]) -> LaneGraph:
+    """Return a map on which lanes are of kind CAR where several vehicle classes of SUMO may all use them.
 
     Args:
-        roads: The map.
+        roads: The map. For passenger cars alone it is returned as it is.
         net: The network that it was read from.
-        vehicle_class: Such as "truck".
+        vehicle_classes: Such as "truck".
     """
-    lanes = ElementTree.parse(net).getroot().iterfind("edge/lane")
-    is_open = [_is_open(lane.get("allow", ""), lane.get("disallow", ""), {vehicle_class}) for lane in lanes]
+    classes = frozenset(vehicle_classes)
+    return roads if classes <= {"passenger"} else _open_to_all(roads, net, classes)
+
+
+@remembered(most=8)
+def _open_to_all(roads: LaneGraph, net: Path, vehicle_classes: frozenset[str]) -> LaneGraph:
+    is_open = roads.kind != LaneKind.SHOULDER
+    lanes = [
+        (lane.get("allow", ""), lane.get("disallow", ""))
+        for lane in ElementTree.parse(net).getroot().iterfind("edge/lane")
+    ]
+    for each in vehicle_classes:
+        is_open &= [_is_open(*permissions, {each}) for permissions in lanes]
     return replace(roads, kind=np.where(is_open, LaneKind.CAR, LaneKind.CLOSED).astype(np.int8))
 
 

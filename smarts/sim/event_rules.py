@@ -12,6 +12,7 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_ways import place_on_lane
 from smarts.roads.lights import light_ahead
+from smarts.roads.waypoints import foot
 from smarts.sim.places import STANDING, corridor_row, lane_of
 from smarts.sim.yielding import yields_to_stream
 from smarts.types.events import Event
@@ -299,8 +300,8 @@ def _at_line(
     if state.missions.goal_lane[row, agent_id] < 0:
         return -np.inf, 0, False
     base = roads.lane_base[state.map[row]]
-    goal_s = state.missions.goal_s[row, agent_id]
-    edge = roads.lane_edge[base + state.missions.goal_lane[row, agent_id]]
+    goal_lane, goal_s = base + state.missions.goal_lane[row, agent_id], state.missions.goal_s[row, agent_id]
+    edge = roads.lane_edge[goal_lane]
     lane = lane_of(state, roads, state.vehicles, row, slot)
     old = lane_of(state, roads, state.before, row, slot) if _was_there(state, row, slot) else -1
     is_there, was_there = (
@@ -308,17 +309,17 @@ def _at_line(
         old >= 0 and roads.lane_edge[old] == edge,
     )
     begin_x, begin_y, end_x, end_y = _way(state, row, slot)
-    moved = math.hypot(end_x - begin_x, end_y - begin_y)
-    behind = state.vehicles.lane_position[row, slot] - goal_s
-    before = state.before.lane_position[row, slot] - goal_s
+    line = _line_on(roads, goal_lane, goal_s, old) if was_there else 0.0
+    before = state.before.lane_position[row, slot] - line
     if is_there:
+        behind = state.vehicles.lane_position[row, slot] - _line_on(roads, goal_lane, goal_s, lane)
         if not was_there:
-            before = behind - moved
+            before = behind - math.hypot(end_x - begin_x, end_y - begin_y)
         crossed = int(lane - base + 1 if old >= 0 and before < 0.0 <= behind else 0)
         return behind, crossed, _is_last_time(state, roads, routes, row, agent_id, lane)
     if was_there:
-        end = lane_length(roads, old) - goal_s
-        behind = place_on_lane(roads, old, end_x, end_y)[0] - goal_s
+        end = lane_length(roads, old) - line
+        behind = place_on_lane(roads, old, end_x, end_y)[0] - line
         if behind >= end - AT_JOINT:
             behind = max(behind, end)
         crossed = int(old - base + 1 if before < 0.0 <= behind else 0)
@@ -328,3 +329,13 @@ def _at_line(
             _is_last_time(state, roads, routes, row, agent_id, old),
         )
     return -np.inf, 0, False
+
+
+@kernel
+def _line_on(roads: Roads, goal_lane: int, goal_s: float, lane: int) -> float:
+    """Return where the goal's line crosses a lane of its road [m]: in bends, lanes differ in length."""
+    if lane == goal_lane:
+        return goal_s
+    first, last = roads.point_start[goal_lane], roads.point_start[goal_lane + 1]
+    x, y, _ = centre_at(roads, segment_at(roads.point_s, first, last, goal_s), goal_s)
+    return foot(roads, lane, x, y)

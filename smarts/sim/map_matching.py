@@ -128,13 +128,22 @@ def _measure(
                 routes.changes[row, from_end] if from_end < routes.changes.shape[1] else 0
             )
         if missions.goal[b, a] == _LAPS and last >= 0 and not is_new:
-            line = distance_on_row(
-                roads, routes, find_row(routes, corridor, lane, done), missions.goal_s[b, a]
-            )
-            if before < line <= done:
+            passed = find_row(routes, corridor, lane, done)
+            line = distance_on_row(roads, routes, passed, missions.goal_s[b, a])
+            # Each line counts once, also for a vehicle that goes back and forth.
+            if before < line <= done and agents.lap[b, a] < _laps_until(state, routes, passed, last, b, a):
                 agents.lap[b, a] += 1
     if goal - before <= FARTHEST_STEP and before - done > FARTHEST_STEP:
         # Over the route's end, and round to its begin.
         done = goal
     agents.route_progress[b, a] = done
     agents.remaining[b, a] = max(0.0, goal - done)
+
+
+@kernel
+def _laps_until(state: State, routes: RouteTable, row: int, last: int, b: int, a: int) -> int:
+    """Return how many laps are complete at the goal line of a row; `last` is the row of the last one."""
+    left = 0
+    for later in range(row + 1, last + 1):
+        left += routes.lane[later] == routes.lane[last]
+    return int(state.missions.laps[b, a] - left)

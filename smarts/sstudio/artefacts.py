@@ -21,7 +21,6 @@ from smarts.sstudio.built import LANES, NET, SCENARIO, WITHOUT_EFFECT
 from smarts.sstudio.cache import MANIFEST, damaged_file, file_table
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.executing import Description
-from smarts.sstudio.permission_checks import check_permissions
 from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.sstudio.sumo_writer import sumo_traffic
@@ -50,7 +49,7 @@ def write_artefacts(
     shared = like is not None and not damaged_file(like)
     of_map = _share(like, folder) if like is not None and shared else _compile(source, folder)
     roads = LaneGraph.load(folder / LANES)
-    validate(scenario, roads, place)
+    validate(scenario, roads, folder / NET, place)
     (folder / "traffic").mkdir()
     traffic, notes = {}, _notes(description)
     for name, described in (scenario.traffic or {}).items():
@@ -91,8 +90,7 @@ def _write_traffic(
     # A stream for each variation, so that a change to one leaves the others as they are.
     own_seed = seed if traffic.seed is None else traffic.seed
     generator = stream(int(digest([own_seed, name], size=6), 16), Purpose.BUILD)
-    contents = sumo_traffic(traffic, roads, generator, f"traffic[{name!r}]")
-    check_permissions(contents.routes, roads, folder / NET, f"{place}: traffic[{name!r}]")
+    contents = sumo_traffic(traffic, roads, folder / NET, generator, f"traffic[{name!r}]", place)
     stem = f"traffic/{quote(name, safe='')}"
     files = {"routes": [f"{stem}.rou.xml"], "additional": [], "warm_up": traffic.warm_up}
     (folder / files["routes"][0]).write_text(contents.routes, encoding="utf-8")

@@ -22,11 +22,6 @@ BUSES = CARS | {LaneKind.BUS}
 """The lanes that buses and coaches may use."""
 
 
-def usable_lanes(vehicle_type: str) -> frozenset[LaneKind]:
-    """Return the kinds of lanes that a vehicle type may use, unless `permission_checks` finds one closed."""
-    return BUSES if vehicle_type in ("bus", "coach") else CARS
-
-
 # Missions are placed at every reset, mostly on the same routes.
 _shortest_route = remembered(most=1024)(shortest_route)
 
@@ -137,7 +132,6 @@ def route_edges(
     roads: LaneGraph,
     route: t.Route,
     where: str,
-    kinds: frozenset[LaneKind] = CARS,
     vehicle_length: float = 0.0,
 ) -> tuple[str, ...]:
     """Return the ids of all edges of a route, having checked its places.
@@ -145,10 +139,9 @@ def route_edges(
     A route that ends behind its begin on the same edge leads round to it.
 
     Args:
-        roads: The map.
+        roads: The map, as open to the vehicle.
         route: The route.
         where: Its place, for errors.
-        kinds: The lanes that the vehicle may use.
         vehicle_length: Its front bumper starts this far from the lane's begin at least, as far as the lane
             is long enough [m].
 
@@ -156,14 +149,12 @@ def route_edges(
         ScenarioError: A place is off the map, the begin is closed to the vehicle, or the route cannot be
             driven.
     """
-    open_lane_of(roads, route.begin, f"{where}.begin", kinds)
+    open_lane_of(roads, route.begin, f"{where}.begin")
     lane_of(roads, route.end, f"{where}.end")
     back = _distance_back(roads, route, vehicle_length)
     try:
         with blame(where):
-            return _shortest_route(
-                roads, route.begin[0], route.end[0], tuple(route.via), lap=back > 0, kinds=kinds
-            )
+            return _shortest_route(roads, route.begin[0], route.end[0], tuple(route.via), lap=back > 0)
     except ScenarioError as error:
         if not back:
             raise

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.permissions import roads_for
 from smarts.roads.routes import shortest_route
 from smarts.sstudio import sstypes as t
-from smarts.sstudio.placement import route_edges, usable_lanes
+from smarts.sstudio.placement import blame, route_edges
 from smarts.sstudio.random_routes import draw_route
 from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET
 from smarts.sstudio.vehicle_types import ignored_models, mix_id, sumo_id, vehicle_types
@@ -40,19 +42,23 @@ class SumoDocuments:
     """Parts of the scenario that SUMO does not support."""
 
 
-def sumo_traffic(traffic: t.Traffic, roads: LaneGraph, generator: Generator, where: str) -> SumoDocuments:
+def sumo_traffic(
+    traffic: t.Traffic, roads: LaneGraph, net: Path, generator: Generator, where: str, place: str
+) -> SumoDocuments:
     """Return a variation of the traffic as SUMO's input.
 
     Args:
         traffic: The traffic, which has passed validation.
         roads: The map.
+        net: The network that it was read from.
         generator: Draws random routes and what SUMO cannot draw itself.
         where: What `traffic` is, for notes and errors.
+        place: The file that describes it, for errors.
 
     Raises:
         ScenarioError: A route cannot be driven.
     """
-    return _Writer(roads, generator, where).write(traffic)
+    return _Writer(roads, net, generator, where, place).write(traffic)
 
 
 @dataclass
@@ -99,8 +105,10 @@ class _Writer:
     """The elements of one variation, each declared once however often it is used."""
 
     roads: LaneGraph
+    net: Path
     generator: Generator
     where: str
+    place: str
     types: dict[str, _Element] = field(default_factory=dict)
     """Vehicle types and their distributions by id."""
     members: dict[t.TrafficActor, list[str]] = field(default_factory=dict)
@@ -109,6 +117,8 @@ class _Writer:
     """Routes by their edges and rounds."""
     stops: dict[str, _Element] = field(default_factory=dict)
     """Bus stops by id."""
+    drivers: dict[t.RandomRoute, set[t.TrafficActor]] = field(default_factory=dict)
+    """All who drive each random route."""
     drawn: dict[t.RandomRoute, t.Route] = field(default_factory=dict)
     """The route drawn for each random route."""
     notes: dict[str, None] = field(default_factory=dict)
@@ -116,6 +126,10 @@ class _Writer:
 
     def write(self, traffic: t.Traffic) -> SumoDocuments:
         """Return the files' contents."""
+        for user in (*traffic.flows, *(traffic.trips or ())):
+            if isinstance(user.route, t.RandomRoute):
+                actors = user.actors if isinstance(user, t.Flow) else [user.driver]
+                self.drivers.setdefault(user.route, set()).update(actors)
         departures = [
             (flow.begin, element)
             for number, flow in enumerate(traffic.flows)
@@ -137,9 +151,10 @@ class _Writer:
         """Return the flow once for each speed that its drivers depart with, which SUMO wants at the flow."""
         where, total = f"{self.where}.flows[{number}]", sum(flow.actors.values())
         name = f"{_common_name(flow)}-flow-{number}"
-        route = self._resolved(flow.route)
-        edges, stops = self._edges(route, where, flow.actors), [self._stop(stop) for stop in flow.stops]
-        circuit = self._circuit(edges, where) if flow.repeat_route else None
+        route, roads = self._resolved(flow.route, where), self._roads_for(flow.actors)
+        edges = route_edges(roads, route, self._at(where))
+        stops = [self._stop(stop) for stop in flow.stops]
+        circuit = self._circuit(roads, edges, where) if flow.repeat_route else None
         departing = sorted({actor.depart_speed for actor in flow.actors}, key=str)
         for speed in departing:
             actors = {actor: weight for actor, weight in flow.actors.items() if actor.depart_speed == speed}
@@ -158,21 +173,29 @@ class _Writer:
             yield _Element("flow", attributes, stops if circuit is None else ())
 
     def _vehicle(self, trip: t.Trip, where: str) -> _Element:
-        actor, route = trip.driver, self._resolved(trip.route)
+        actor, route = trip.driver, self._resolved(trip.route, where)
+        edges = route_edges(self._roads_for([actor]), route, self._at(where))
         attributes = {
             "id": trip.vehicle_name,
             "type": self._mixture({actor: 1.0}),
-            "route": self._route(self._edges(route, where, [actor])),
+            "route": self._route(edges),
             "depart": trip.depart,
             **self._ends(route, actor.depart_speed),
         }
         return _Element("vehicle", attributes, [self._stop(stop) for stop in trip.stops])
 
-    def _resolved(self, route: t.Route | t.RandomRoute) -> t.Route:
+    def _at(self, where: str) -> str:
+        return f"{self.place}: {where}.route"
+
+    def _roads_for(self, actors: Iterable[t.TrafficActor]) -> LaneGraph:
+        return roads_for(self.roads, self.net, {actor.vehicle_type for actor in actors})
+
+    def _resolved(self, route: t.Route | t.RandomRoute, where: str) -> t.Route:
         if isinstance(route, t.Route):
             return route
         if route not in self.drawn:
-            self.drawn[route] = draw_route(self.roads, self.generator)
+            with blame(self._at(where)):
+                self.drawn[route] = draw_route(self._roads_for(self.drivers[route]), self.generator)
         return self.drawn[route]
 
     def _mixture(self, actors: Mapping[t.TrafficActor, float]) -> str:
@@ -202,10 +225,6 @@ class _Writer:
                 self._note(f"SUMO drives actor '{actor.name}', so its {type(model).__name__} has no effect")
         return self.members[actor]
 
-    def _edges(self, route: t.Route, where: str, actors: Iterable[t.TrafficActor]) -> tuple[str, ...]:
-        open_to_all = frozenset.intersection(*(usable_lanes(actor.vehicle_type) for actor in actors))
-        return route_edges(self.roads, route, f"{where}.route", open_to_all)
-
     def _route(self, edges: tuple[str, ...], stops: Sequence[_Element] = (), **repeat: int) -> str:
         key = (edges, *(line for stop in stops for line in stop.lines()), *repeat.values())
         if key not in self.routes:
@@ -213,10 +232,10 @@ class _Writer:
             self.routes[key] = _Element("route", attributes, stops)
         return self.routes[key].attributes["id"]
 
-    def _circuit(self, edges: tuple[str, ...], where: str) -> tuple[str, ...] | None:
+    def _circuit(self, roads: LaneGraph, edges: tuple[str, ...], where: str) -> tuple[str, ...] | None:
         """Return the edges that lead back to the first one over the map's own roads, None without a way."""
         try:
-            back = shortest_route(self.roads, edges[-1], edges[0], lap=True)[1:-1]
+            back = shortest_route(roads, edges[-1], edges[0], lap=True)[1:-1]
         except MapError:
             self._note(
                 f"{where}: no way leads back to '{edges[0]}', so vehicles leave at the end of the route"

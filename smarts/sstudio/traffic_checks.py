@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from smarts.errors import nearest_names
-from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.permissions import roads_for
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import Checks, shown
-from smarts.sstudio.placement import offset_along, open_lane_of, route_edges, usable_lanes
+from smarts.sstudio.placement import offset_along, open_lane_of, route_edges
 from smarts.sstudio.sstypes.constants import MAX_OFFSET
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
 from smarts.types.traffic import TRAFFIC_ENGINES
@@ -42,6 +44,8 @@ class TrafficChecks(Checks):
     """Checks of flows and trips; see `Checks`."""
 
     roads: LaneGraph
+    net: Path
+    """The network that the map was read from."""
 
     def traffic(self, traffic: t.Traffic, where: str) -> None:
         """Require traffic that SUMO can drive."""
@@ -59,9 +63,9 @@ class TrafficChecks(Checks):
         self.numbers(flow, where, rate=HIGHEST_RATE, begin=LATEST, end=LATEST)
         self.order(flow.begin, flow.end, f"{where}.end", "begin")
         self._weights(flow.actors, f"{where}.actors")
-        self._vehicle_route(flow.route, flow.actors, flow.stops, where, repeats=flow.repeat_route)
         for actor in flow.actors:
             self._actor(actor, f"{where}.actors[{actor.name!r}]")
+        self._vehicle_route(flow.route, flow.actors, flow.stops, where, repeats=flow.repeat_route)
 
     def _weights(self, actors: Mapping[t.TrafficActor, float], where: str) -> None:
         self.type(actors, dict, where)
@@ -84,8 +88,8 @@ class TrafficChecks(Checks):
         is_free = RESERVED_NAMES.fullmatch(trip.vehicle_name) is None
         self.require(is_free, f"{where}.vehicle_name", problem, "use another name")
         self.number(trip.depart, f"{where}.depart", most=LATEST)
-        self._vehicle_route(trip.route, [trip.driver], trip.stops, where)
         self._actor(trip.driver, f"{where}.actor")
+        self._vehicle_route(trip.route, [trip.driver], trip.stops, where)
 
     def _vehicle_route(
         self,
@@ -97,11 +101,11 @@ class TrafficChecks(Checks):
         repeats: bool = False,
     ) -> None:
         self.own_map(route, f"{where}.route")
-        kinds = frozenset.intersection(*(usable_lanes(actor.vehicle_type) for actor in actors))
         if isinstance(route, t.Route):
-            edges = route_edges(self.roads, route, self.at(f"{where}.route"), kinds)
+            roads = roads_for(self.roads, self.net, {actor.vehicle_type for actor in actors})
+            edges = route_edges(roads, route, self.at(f"{where}.route"))
             end = (*route.end[:2], MAX_OFFSET) if repeats else route.end
-            self._stops(stops, replace(route, end=end), edges, kinds, f"{where}.stops")
+            self._stops(stops, replace(route, end=end), edges, roads, f"{where}.stops")
         else:
             for at, _ in self.each(stops, t.Stop, f"{where}.stops"):
                 raise self.error(at, "a random route cannot have stops", "use a Route")
@@ -124,7 +128,7 @@ class TrafficChecks(Checks):
         stops: Sequence[t.Stop],
         route: t.Route,
         edges: tuple[str, ...],
-        kinds: frozenset[LaneKind],
+        roads: LaneGraph,
         where: str,
     ) -> None:
         """Require stops that come one after another on the way; places are numbers of edges and offsets."""
@@ -134,7 +138,7 @@ class TrafficChecks(Checks):
         )
         reached, last = (0, begin), (len(edges) - 1, end)
         for at, stop in self.each(stops, t.Stop, where):
-            self._stop(stop, edges, kinds, at)
+            self._stop(stop, edges, roads, at)
             places = [(number, stop.offset) for number, edge in enumerate(edges) if edge == stop.road_id]
             ahead = [place for place in places if reached <= place <= last]
             problem = f"offset {stop.offset:g} on edge '{stop.road_id}' is not ahead"
@@ -142,10 +146,10 @@ class TrafficChecks(Checks):
             self.require(bool(ahead), at, problem, remedy)
             reached = ahead[0]
 
-    def _stop(self, stop: t.Stop, edges: tuple[str, ...], kinds: frozenset[LaneKind], where: str) -> None:
+    def _stop(self, stop: t.Stop, edges: tuple[str, ...], roads: LaneGraph, where: str) -> None:
         self.numbers(stop, where, least=SHORTEST_STOP, offset=LARGEST, length=LARGEST)
         self.numbers(stop, where, duration=LATEST)
-        open_lane_of(self.roads, (stop.road_id, stop.lane_index, stop.offset), self.at(where), kinds)
+        open_lane_of(roads, (stop.road_id, stop.lane_index, stop.offset), self.at(where))
         if stop.road_id not in edges:
             problem = f"the route does not pass edge '{stop.road_id}'"
             raise self.error(f"{where}.road_id", problem, nearest_names(stop.road_id, edges))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from shapely.errors import ShapelyError
@@ -45,18 +46,19 @@ HISTORY_SOURCES = ("NGSIM", "INTERACTION", "Waymo", "Argoverse")
 _Place = tuple[str, int, Any]
 
 
-def validate(scenario: t.Scenario, roads: LaneGraph, place: str) -> None:
+def validate(scenario: t.Scenario, roads: LaneGraph, net: Path, place: str) -> None:
     """Check all fields of a scenario.
 
     Args:
         scenario: The scenario.
         roads: Its map.
+        net: The network that the map was read from.
         place: The file that describes it, for errors.
 
     Raises:
         ScenarioError: Names the first invalid value.
     """
-    _Validation(place, roads).scenario(scenario)
+    _Validation(place, roads, net).scenario(scenario)
 
 
 @dataclass(frozen=True)

@@ -155,6 +155,17 @@ def test_stops_beyond_the_end_of_a_path(rig, kind):
 
 
 @pytest.mark.parametrize("kind", [T.Trajectory, T.MPC])
+def test_speeds_below_zero_stop_the_vehicle(rig, kind):
+    """It was driven forwards at the speed's magnitude; no vehicle that tracks a path drives backwards."""
+    driven = rig([agent(20.0, 0.0, speed=3.0)], graph=maps.straight(length=600.0), kind=kind)
+    path = sinus(length=200.0, amplitude=0.0)
+    path[:, 4] = -5.0
+    driven.act(path=path)
+    driven.step(30)
+    assert driven.speed == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("kind", [T.Trajectory, T.MPC])
 def test_returns_to_a_path_from_an_offset(rig, kind):
     driven = rig([agent(20.0, 2.0, speed=10.0)], graph=maps.straight(length=600.0), kind=kind)
     driven.act(path=sinus(length=200.0, amplitude=0.0))

@@ -1,4 +1,5 @@
 import hashlib
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -34,6 +35,20 @@ def fill(fleet, simulation, row0):
         fleet.spawn(row0 + i, name, (0.0, 6.0 * i), 0.1 * i, 5.0 + i, model=model)
     fleet.set_fault(row0, 1, FLAT_TYRE)
     fleet.place_boxes(simulation, {5: Box((14.0, 1.0, 0.8), 0.3, 2.0, 4.5, 1.8, 1.6)})
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.1])
+@pytest.mark.parametrize("turn", [0.0, 1e-4, 1.5e-3, -1.5e-3, 3e-3])
+def test_a_vehicle_that_heads_west_lies_on_its_road(slope, turn):
+    heading = math.pi - turn
+    with Fleet(1, 1) as fleet:
+        fleet.road.normal[:] = -math.sin(slope), 0.0, math.cos(slope)
+        fleet.spawn(0, "passenger", (0.0, 0.0), heading)
+        x, y, z, w = fleet.body(0)[3:7]
+    forward = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * w)
+    up = 2.0 * (x * z + y * w), 2.0 * (y * z - x * w), 1.0 - 2.0 * (x * x + y * y)
+    assert math.cos(math.atan2(forward[1], forward[0]) - heading) == pytest.approx(1.0, abs=1e-15)
+    assert up == pytest.approx((-math.sin(slope), 0.0, math.cos(slope)), abs=1e-9)
 
 
 def test_row_of_a_batch_is_the_vehicle_alone_to_the_bit():

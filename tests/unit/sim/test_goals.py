@@ -57,6 +57,24 @@ def test_across_the_line_in_another_lane_is_a_miss():
     assert stage.events.terminated[0, 0]
 
 
+@pytest.mark.parametrize(("goal_lane", "own_lane"), [(3, 0), (0, 3)])
+def test_a_line_across_a_bend_is_square_to_it(goal_lane, own_lane):
+    # Around (0, 0), lane i has the radius 30 m - 3.2 i: the innermost one is 15 m shorter than the outermost.
+    radii = [30.0 - 3.2 * lane for lane in range(4)]
+    mission = AgentMission(
+        route=("bend",), goal=GoalKind.LANE_LINE, goal_lane=goal_lane, goal_s=1.0 * radii[goal_lane]
+    )
+
+    def place(angle):
+        radius = radii[own_lane]
+        return radius * math.cos(angle), radius * math.sin(angle), angle + math.pi / 2
+
+    stage = Stage([Car(*place(0.1), mission=mission)], graph=maps.bend(4))
+    missed = 1.0 + 5.0 / radii[own_lane]
+    assert [stage.step(place(angle)) for angle in (0.6, 0.99, 1.01, missed - 0.01)] == [Event.NONE] * 4
+    assert stage.step(place(missed + 0.01)) == Event.MISSED_GOAL
+
+
 def crossed(goal_s):
     """Return a stage in which a car stands at the end of "west_in", whose 80 m end at x = -10."""
     graph = maps.crossing()
@@ -151,6 +169,23 @@ def test_laps():
     assert stage.step((13.0, 0.0)) == Event.NONE
     stage.agents.lap[0, 0] = 2
     assert stage.step((14.0, 0.0)) == Event.LAP_COMPLETED | Event.REACHED_GOAL
+
+
+def test_a_vehicle_that_goes_back_and_forth_has_driven_one_lap():
+    mission = AgentMission(
+        route=("side", "round") * 2 + ("side",), goal=GoalKind.LAPS, laps=2, goal_lane=0, goal_s=50.0
+    )
+    stage = Stage([Car(60.0, 0.0, mission=mission)], graph=ring())
+    around = (50.0, 60.0, math.pi), (-10.0, 20.0, -math.pi / 2), (40.0, 0.0)
+    for lap in (1, 2):
+        assert [stage.step(place) for place in around] == [Event.NONE] * 3
+        for x in (49.0, 51.0, 49.0, 51.0):
+            events = stage.step((x, 0.0))
+            if lap == 2 and x == 51.0:
+                assert events == Event.LAP_COMPLETED | Event.REACHED_GOAL
+                return
+            assert stage.agents.lap[0, 0] <= lap
+        assert stage.agents.lap[0, 0] == lap
 
 
 @pytest.mark.parametrize("laps", [1, 2, 3])

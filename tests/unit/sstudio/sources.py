@@ -3,6 +3,10 @@
 from itertools import pairwise
 from pathlib import Path
 
+from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio import types as t
+from smarts.sstudio import validation
+
 NODES = """<nodes>
     <node id="centre" x="0" y="0" type="priority"/>
     <node id="west" x="-110" y="0"/>
@@ -60,6 +64,11 @@ gen_scenario(t.Scenario({body}), output_dir=Path(__file__).parent)
 """
 
 
+def validate(scenario: t.Scenario, roads: LaneGraph, place: str) -> None:
+    """Check a scenario in which all traffic is cars, for which the network is not read."""
+    validation.validate(scenario, roads, Path("not read"), place)
+
+
 def write_cross(folder: Path) -> Path:
     """Write the crossing's sources into a new folder."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -80,6 +89,22 @@ def write_fork(folder: Path) -> Path:
     edges = (
         f'<edge id="ab" from="a" to="b" numLanes="3">{sidewalk}</edge><edge id="bc" from="b" to="c"/>'
         '<edge id="bd" from="b" to="d" disallow="truck bus"/>'
+    )
+    (folder / "map.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
+    (folder / "map.edg.xml").write_text(f"<edges>{edges}</edges>")
+    return folder
+
+
+def write_detour(folder: Path) -> Path:
+    """Write the sources of roads "east", "middle", "west", and a way round "middle", closed to trucks."""
+    folder.mkdir(parents=True, exist_ok=True)
+    places = {"a": (300, 0), "b": (200, 0), "c": (100, 0), "d": (0, 0), "e": (150, 80)}
+    nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in places.items())
+    ways = {"east": "ab", "middle": "bc", "west": "cd", "up": "be", "down": "ec"}
+    closed = {"middle": 'disallow="truck"'}
+    edges = "".join(
+        f'<edge id="{name}" from="{ends[0]}" to="{ends[1]}" {closed.get(name, "")}/>'
+        for name, ends in ways.items()
     )
     (folder / "map.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
     (folder / "map.edg.xml").write_text(f"<edges>{edges}</edges>")

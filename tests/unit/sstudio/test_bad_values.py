@@ -13,9 +13,10 @@ from smarts.roads.lane_graph import LaneKind
 from smarts.sstudio import types as t
 from smarts.sstudio.decoding import decode
 from smarts.sstudio.encoding import encode
-from smarts.sstudio.validation import validate
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING
 from tests.raising import raises
+
+from .sources import validate
 
 CAR = t.TrafficActor("car")
 WEST_EAST = t.Route(("from_west", 0, 10), ("to_east", 0, "max"))

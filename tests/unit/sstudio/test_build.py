@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -182,14 +183,41 @@ class TestArtefacts:
     @pytest.mark.parametrize("kind", ["truck", "bus"])
     def test_vehicles_on_streets_that_are_closed_to_them(self, tmp_path, kind):
         folder = sources.write_fork(tmp_path / "fork")
-        given = t.Route(("ab", 1, 5), ("bd", 0, "max"))
-        drawn = [t.RandomRoute(str(number)) for number in range(9)]  # one of them leads by "bd"
-        for routes in ([given], [t.Route(("bd", 0, 5), ("bd", 0, 50))], drawn):
-            trips = [t.Trip(f"v{number}", route, kind) for number, route in enumerate(routes)]
-            with raises(ScenarioError, values=["traffic['x']: vehicle 'v", "'bd", f"'{kind}'"]):
+        closed = t.Route(("ab", 1, 5), ("bd", 0, "max"))
+        for route in (closed, t.Route(("bd", 0, 5), ("bd", 0, 50))):
+            trips = [t.Trip("v", route, kind)]
+            with raises(ScenarioError, values=["traffic['x'].trips[0].route", "'bd"]):
                 build_described(folder, t.Scenario(traffic={"x": t.Traffic([], trips=trips)}))
-        cars = [t.Trip("car", given), t.Trip("v", t.Route(("ab", 1, 5), ("bc", 0, "max")), kind)]
-        build_described(folder, t.Scenario(traffic={"x": t.Traffic([], trips=cars)}))
+        drawn = [t.RandomRoute(str(number)) for number in range(9)]
+        cars = [t.Trip("car", closed), t.Trip("v", t.Route(("ab", 1, 5), ("bc", 0, "max")), kind)]
+        trips = [t.Trip(f"v{number}", route, kind) for number, route in enumerate(drawn)]
+        mixed = t.Flow(drawn[0], 60, actors={t.TrafficActor("car"): 1})
+        traffic = t.Traffic([mixed], trips=[*cars, *trips])
+        routes = _routes(build_described(folder, t.Scenario(traffic={"x": traffic})))
+        assert routes["car"][-1] == "bd"
+        assert all(edges[-1] != "bd" for vehicle, edges in routes.items() if vehicle != "car")
+        alone = t.Traffic([], trips=[t.Trip(f"c{number}", route) for number, route in enumerate(drawn)])
+        of_cars = _routes(build_described(folder, t.Scenario(traffic={"x": alone})))
+        assert any(edges[-1] == "bd" for edges in of_cars.values())
+
+    def test_vehicles_take_ways_that_are_open_to_them(self, tmp_path):
+        """The way of cars from "east" to "west" is the shorter one, over "middle"."""
+        folder = sources.write_detour(tmp_path / "detour")
+        route = t.Route(("east", 0, 5), ("west", 0, "max"))
+        car, truck = (t.TrafficActor(kind, vehicle_type=kind) for kind in ("passenger", "truck"))
+        flows = [
+            t.Flow(route, 60, actors=dict.fromkeys(actors, 1)) for actors in ([car], [truck], [car, truck])
+        ]
+        routes = _routes(build_described(folder, t.Scenario(traffic={"x": t.Traffic(flows)})))
+        around = ["east", "up", "down", "west"]
+        assert list(routes.values()) == [["east", "middle", "west"], around, around]
+
+
+def _routes(built):
+    """Return the edges of each vehicle and flow."""
+    root = ElementTree.fromstring(built.traffic["x"].routes[0].read_text())
+    edges = {route.attrib["id"]: route.attrib["edges"].split() for route in root.iter("route")}
+    return {each.attrib["id"]: edges[each.attrib["route"]] for each in root if "route" in each.attrib}
 
 
 class TestVariations:

@@ -21,8 +21,9 @@ WEST_EAST = t.Route(("from_west", 0, 10), ("to_east", 0, "max"))
 CAR = t.TrafficActor("car")
 
 
-def written(roads, *flows, seed=0, **more):
-    return sumo_traffic(t.Traffic(flows=flows, **more), roads, stream(seed, Purpose.BUILD), "traffic")
+def written(roads, *flows, seed=0, net=Path("not read"), **more):
+    traffic, generator = t.Traffic(flows=flows, **more), stream(seed, Purpose.BUILD)
+    return sumo_traffic(traffic, roads, net, generator, "traffic", "scenario.py")
 
 
 def elements(roads, *flows, **more):
@@ -267,7 +268,7 @@ class TestWithSumo:
 
     def test_shares_and_rates_hold(self, roads, cross_net, tmp_path):
         bus = t.TrafficActor("bus", vehicle_type="bus")
-        traffic = written(roads, flow(rate=900, end=600, actors={CAR: 0.7, bus: 0.3}))
+        traffic = written(roads, flow(rate=900, end=600, actors={CAR: 0.7, bus: 0.3}), net=cross_net)
         out = tmp_path / "routes.xml"
         run_sumo(cross_net, tmp_path, traffic, 600, "--vehroute-output", out, "--seed", 3)
         kinds = Counter(v.attrib["type"].split("-")[0] for v in ElementTree.parse(out).iter("vehicle"))
@@ -300,7 +301,7 @@ class TestWithSumo:
         bus = t.TrafficActor("bus", vehicle_type="bus")
         trip = t.Trip("bus", WEST_EAST, "bus", actor=bus, stops=[t.Stop("to_east", 0, 60, duration=12)])
         out = tmp_path / "stops.xml"
-        run_sumo(cross_net, tmp_path, written(roads, trips=[trip]), 120, "--stop-output", out)
+        run_sumo(cross_net, tmp_path, written(roads, trips=[trip], net=cross_net), 120, "--stop-output", out)
         (halt,) = ElementTree.parse(out).iter("stopinfo")
         assert float(halt.attrib["pos"]) == pytest.approx(60, abs=1)
         assert float(halt.attrib["ended"]) - float(halt.attrib["started"]) == pytest.approx(12, abs=1.5)

@@ -8,9 +8,9 @@ from smarts.sstudio.build import build_scenario
 from smarts.sstudio.collecting import collecting
 from smarts.sstudio.decoding import decode
 from smarts.sstudio.encoding import encode
-from smarts.sstudio.validation import validate
 
 from . import sources
+from .sources import validate
 
 # What gen_scenario is given, the object that the error names, what it says of it.
 WRONG = {
