@@ -87,7 +87,9 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
             with live:
                 states = _run(scheduler)
         finally:
-            if not is_callers:
+            if is_callers:
+                scheduler.release()
+            else:
                 ray.shutdown()
         return _summarize(states, root)
 

@@ -128,6 +128,13 @@ class JobScheduler:
         for state in self._under_way.values():
             self._close_writer(state)
 
+    def release(self) -> None:
+        """End what is left of all jobs, and free their resources: where Ray is not shut down after them."""
+        for room in (*self._free_rooms, *(state.room for state in self._under_way.values())):
+            remove_placement_group(room)
+        self._free_rooms.clear()
+        self._under_way.clear()
+
     def _training(self) -> list[Any]:
         """Return the streams of runs that train, or may train without having reported it yet."""
         states = self._under_way.items()

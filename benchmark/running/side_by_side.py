@@ -43,9 +43,9 @@ def side_by_side(
 
     is_callers = ray.is_initialized()
     start_ray(Resources())
+    waiting, under_way = deque(enumerate(calls)), {}
     try:
         task = ray.remote(num_cpus=1, max_retries=0)(_call)
-        waiting, under_way = deque(enumerate(calls)), {}
         while waiting or under_way:
             while waiting and len(under_way) < most:
                 number, call = waiting.popleft()
@@ -60,7 +60,10 @@ def side_by_side(
             remedy="give the same command again, with --parallel 1 if memory is short",
         ) from error
     finally:
-        if not is_callers:
+        if is_callers:
+            for each in under_way:
+                ray.cancel(each, force=True)
+        else:
             ray.shutdown()
 
 
