@@ -128,9 +128,9 @@ def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], lis
     if len(spec.spaces.blocks) > 1:
         raise _refusal(run, "its agents have different observations or actions")
     (block,) = spec.spaces.blocks
-    if len(block.agents) != environment.agents:
+    if len(block.agents) != (count := environment.agent_count):
         raise SmartsError(
-            f"the checkpoint is of {len(block.agents)} agents, environment.agents is {environment.agents}",
+            f"the checkpoint is of {len(block.agents)} agents, environment.agents of {count}",
             place=str(run),
             remedy="set config.yaml back to what was trained",
         )

@@ -89,9 +89,9 @@ def recorded(run, folder, decisions):
         env.close()
 
 
-def own_leaves(observation, leaves, rows):
+def own_leaves(observation, leaves, rows, agents=4):
     """Return the leaves of some rows without the agents' numbers, which the exported policy fills in."""
-    index = feature_list(observation).layout(4)["agent_index"]
+    index = feature_list(observation).layout(agents)["agent_index"]
     own = {name: leaf[rows] for name, leaf in leaves.items()}
     return own | {VECTOR: np.delete(own[VECTOR], np.arange(index.start, index.stop), axis=1)}
 
@@ -194,6 +194,19 @@ def test_a_team_acts_as_the_checkpoint_also_where_agents_talk(make, tmp_path, na
         chosen |= {*given.tolist()}
     assert compared >= 2000
     assert len(chosen) > 1
+
+
+def test_agents_with_names_and_vehicles_of_their_own_are_exported(make, tmp_path):
+    run, folder = make("ppo", "{sharing: all}", "{agents: {car: {}, truck: {vehicle: truck}}}")
+    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    specs = [make_spec_of(exported, name) for name in ("car", "truck")]
+    assert [spec.interface.vehicle_class for spec in specs] == ["generic_sedan", "truck"]
+    for step, (leaves, masks, _, _, actions) in enumerate(recorded(run, folder, 2)):
+        for k, spec in enumerate(specs):
+            rows = np.arange(ENVS)
+            own = own_leaves("benchmark", leaves, (rows, k), agents=2)
+            batch = batch_of(own, masks[rows, k], rows, step, np.full(ENVS, step == 0))
+            np.testing.assert_array_equal(spec.build_agent().act(batch), actions[rows, k])
 
 
 def run_groups(exported):
