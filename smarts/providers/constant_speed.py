@@ -36,8 +36,9 @@ ROOM = 15.0
 """Minimum distance of an arrival from other vehicles [m]."""
 MOST_TURN = 0.05
 """Between a path and the heading of a vehicle that joins it [rad]."""
-DEPARTURE = np.dtype([("row", np.int32), ("time", np.float64), ("path", np.int32)])
-"""A scheduled vehicle: simulation, time of departure [s], path."""
+_FLOATS = [(name, np.float64) for name in ("time", "headway", "end")]
+FLOW = np.dtype([("row", np.int32), ("path", np.int32), *_FLOATS])
+"""Vehicles to come: simulation, path, next departure, time between two, time before which all are [s]."""
 
 
 class ConstantSpeed(TrafficEngine):
@@ -54,7 +55,7 @@ class ConstantSpeed(TrafficEngine):
         self.is_full = np.zeros(world.worlds, np.bool_)
         self._world, self._owner = world, owner
         self._maps, self._paths = tuple(maps), LanePaths(maps)
-        self._scheduled = np.zeros(0, DEPARTURE)
+        self._flows = np.zeros(0, FLOW)
         self._known: list[dict[int, None]] = [{} for _ in range(world.worlds)]
         """The paths of each simulation's traffic, in the order of the files."""
         self._limit = np.zeros(world.worlds, np.int32)
@@ -69,26 +70,21 @@ class ConstantSpeed(TrafficEngine):
     def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
         """See `TrafficEngine`; vehicles that depart in the warm-up are placed where they have driven to."""
         begun = np.isin(np.arange(self._world.worlds), list(starts))
-        scheduled = [self._scheduled[~begun[self._scheduled["row"]]]]
+        flows = [self._flows[~begun[self._flows["row"]]]]
         for row, start in starts.items():
             self._limit[row] = start.limit
             self._known[row].clear()
             generator = np.random.Generator(np.random.Philox(start.traffic_seed))
             for file in start.traffic.routes:
-                for edges, repeats, times in _departures(file, generator):
+                begin = start.traffic.warm_up
+                for edges, repeats, first, headway, end in _flows(file, generator):
                     numbers = tuple(map(self._maps[start.map].edge_number, edges))
                     path = self._paths.add(start.map, numbers, repeats=repeats)
-                    each = np.zeros(len(times), DEPARTURE)
                     self._known[row][path] = None
-                    each["row"], each["path"] = row, path
-                    each["time"] = times - start.traffic.warm_up
-                    scheduled.append(each)
+                    flows.append(np.array([(row, path, first - begin, headway, end - begin)], FLOW))
         self.is_full[begun], self._generation[begun] = False, -1
-        self._scheduled = np.concatenate(scheduled)
-        self._admit_due(begun)
-        # Drop vehicles of the warm-up that had no room or have left already.
-        is_past = begun[self._scheduled["row"]] & (self._scheduled["time"] <= 0.0)
-        self._scheduled = self._scheduled[~is_past]
+        self._flows = np.concatenate(flows)
+        self._drive_warm_up(begun)
 
     def step(self, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
@@ -108,7 +104,12 @@ class ConstantSpeed(TrafficEngine):
         vehicles.yaw_rate[b, v] = wrap_angle(vehicles.heading[b, v] - heading) / world.dt
         vehicles.lateral_acceleration[b, v] = vehicles.speed[b, v] * vehicles.yaw_rate[b, v]
         vehicles.acceleration[b, v] = vehicles.lateral_speed[b, v] = vehicles.yaw_acceleration[b, v] = 0.0
-        self._admit_due(env_mask)
+        flows = self._flows
+        due = np.flatnonzero(env_mask[flows["row"]] & (flows["time"] <= world.time[flows["row"]]))
+        due = due[np.argsort(flows["time"][due], kind="stable")]
+        # All vehicles of a flow depart at one place, so the next one is the only one that can have room.
+        due = due[self._admit(flows["row"][due], flows["path"][due], np.zeros(len(due)))]
+        self._pass(due, 1)
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`: it accepts vehicles that are near a path, aligned, and overlap none."""
@@ -126,18 +127,30 @@ class ConstantSpeed(TrafficEngine):
     def close(self) -> None:
         """See `TrafficEngine`; there is nothing to free."""
 
-    def _admit_due(self, env_mask: Bools) -> None:
-        """Admit due vehicles that have room."""
-        vehicles, scheduled, paths = self._world.vehicles, self._scheduled, self._paths
-        late = self._world.time[scheduled["row"]] - scheduled["time"]
-        s = np.where(self._world.step[scheduled["row"]] == 0, late * paths.speed[scheduled["path"]], 0.0)
-        s = paths.wrapped(scheduled["path"], s)
-        due = np.flatnonzero(
-            env_mask[scheduled["row"]] & (late >= 0.0) & (s <= paths.length[scheduled["path"]])
-        )
-        due = due[np.argsort(scheduled["time"][due], kind="stable")]
-        b, path, s = scheduled["row"][due], scheduled["path"][due], s[due]
-        x, y, _ = paths.poses(path, s, np.zeros(len(due))).T
+    def _drive_warm_up(self, begun: Bools) -> None:
+        """Admit vehicles where they are at time 0; those without room, or that have left, never come."""
+        flows, paths = self._flows, self._paths
+        due = np.flatnonzero(begun[flows["row"]] & (flows["time"] <= 0.0) & (flows["time"] < flows["end"]))
+        time, headway, end = (flows[name][due] for name in ("time", "headway", "end"))
+        counts = np.minimum(-time // headway + 1, np.ceil((end - time) / headway)).astype(np.int64)
+        each, numbers = np.repeat(due, counts), np.concatenate([np.arange(0), *map(np.arange, counts)])
+        late = -(flows["time"][each] + numbers * flows["headway"][each])
+        order = np.argsort(-late, kind="stable")
+        row, path, late = flows["row"][each[order]], flows["path"][each[order]], late[order]
+        s = paths.wrapped(path, late * paths.speed[path])
+        here = s <= paths.length[path]
+        self._admit(row[here], path[here], s[here])
+        self._pass(due, counts)
+
+    def _pass(self, flows: NDArray, counts: NDArray | int) -> None:
+        """Take vehicles off flows, and flows without further ones off the list."""
+        self._flows["time"][flows] += counts * self._flows["headway"][flows]
+        self._flows = self._flows[self._flows["time"] < self._flows["end"]]
+
+    def _admit(self, b: Ints, path: Ints, s: Floats) -> Bools:
+        """Admit vehicles that have room at distances along their paths [m]; return which, shape (N,)."""
+        vehicles, paths = self._world.vehicles, self._paths
+        x, y, _ = paths.poses(path, s, np.zeros(len(path))).T
         is_near = np.hypot(x[:, None] - x, y[:, None] - y) < ROOM
         has_room = ~np.tril(is_near & (b[:, None] == b), -1).any(axis=1)
         gap = np.hypot(vehicles.position[b, :, 0] - x[:, None], vehicles.position[b, :, 1] - y[:, None])
@@ -153,7 +166,7 @@ class ConstantSpeed(TrafficEngine):
         self._generation[b, v] = vehicles.generation[b, v]
         vehicles.speed[b, v] = paths.speed[path]
         self._write_poses(b, v)
-        self._scheduled = np.delete(scheduled, due[comes])
+        return comes
 
     def _nearest(self, b: NDArray, v: NDArray) -> tuple[Ints, Floats, Floats]:
         """Return path, s and t [m] of vehicles, shape (N,) each; path is -1 if no path is near."""
@@ -175,8 +188,14 @@ class ConstantSpeed(TrafficEngine):
             vehicles.route[row, slot] = self._world.routes.number(row, self._paths.edges[number])
 
 
-def _departures(file: Path, generator: np.random.Generator) -> Iterator[tuple[list[str], bool, Floats]]:
-    """Yield edges, whether they repeat, and departures [s] of each flow and vehicle of a SUMO route file.
+def _flows(
+    file: Path, generator: np.random.Generator
+) -> Iterator[tuple[list[str], bool, float, float, float]]:
+    """Yield edges, whether they repeat, and first departure, headway and end [s] of flows and vehicles.
+
+    Args:
+        file: A SUMO route file.
+        generator: Draws the first departures of flows, whose vehicles are evenly spaced.
 
     Raises:
         TrafficError: The file cannot be read, or its format differs from that of built scenarios.
@@ -188,14 +207,13 @@ def _departures(file: Path, generator: np.random.Generator) -> Iterator[tuple[li
             for route in root.iterfind("route")
         }
         for element in root.iterfind("vehicle"):
-            yield *routes[element.get("route")], np.array([float(element.attrib["depart"])])
+            depart = float(element.attrib["depart"])
+            yield *routes[element.get("route")], depart, 1.0, depart + 1.0
         for flow in root.iterfind("flow"):
             begin, end = float(flow.attrib["begin"]), float(flow.attrib["end"])
             rate = flow.get("vehsPerHour")
             headway = 3600.0 / float(rate) if rate else 1.0 / float(flow.attrib["period"][4:-1])
-            # Departures are evenly spaced; each flow has a random phase.
-            departs = np.arange(begin + generator.uniform(0, headway), end, headway)
-            yield *routes[flow.get("route")], departs
+            yield *routes[flow.get("route")], begin + generator.uniform(0, headway), headway, end
     except (OSError, ElementTree.ParseError, KeyError, ValueError) as error:
         raise TrafficError(
             f"{type(error).__name__}: {error}", place=str(file), remedy="build the scenario again"

@@ -23,15 +23,26 @@ def track():
     return ring()
 
 
+FLOW = """<routes>
+    <route id="round" edges="south east north west"/>
+    <flow id="cars" route="round" begin="-50" end="{end}" vehsPerHour="600"/>
+</routes>"""
+
+
 def driven(track, folder, *, repeat="", depart=0.0, warm_up=0.0):
     """Return a world with one vehicle, and its traffic."""
+    return played(track, folder, ROUTES.format(repeat=repeat, depart=depart), warm_up)
+
+
+def played(track, folder, routes, warm_up=0.0):
+    """Return a world and its traffic."""
     file = folder / "map.rou.xml"
-    file.write_text(ROUTES.format(repeat=repeat, depart=depart))
-    world = World(worlds=1, capacity=4, agents=1, lanes=len(track.lane_ids), egos=0)
+    file.write_text(routes)
+    world = World(worlds=1, capacity=16, agents=1, lanes=len(track.lane_ids), egos=0)
     traffic = ConstantSpeed(world, [track])
     files = TrafficFiles(Path("map.net.xml"), (file,), warm_up=warm_up)
     world.clear(0)
-    traffic.reset({0: EpisodeStart(1, 0, 0, "track", 0, files, None, 0, 4, ())})
+    traffic.reset({0: EpisodeStart(1, 0, 0, "track", 0, files, None, 0, 16, ())})
     world.settle(0)
     return world, traffic
 
@@ -70,3 +81,30 @@ def test_a_vehicle_may_have_gone_round_in_the_warm_up(track, tmp_path):
     later, traffic = driven(track, tmp_path, repeat='repeat="500"')
     (expected,) = way(later, traffic, 1000)[-1:]
     np.testing.assert_allclose(world.vehicles.position[world.vehicles.alive][0], expected, atol=1e-6)
+
+
+def test_a_flow_without_an_end_comes_at_its_rate_from_the_warm_up_on(track, tmp_path):
+    world, traffic = played(track, tmp_path, FLOW.format(end=1e9))
+    speed = world.vehicles.speed[world.vehicles.alive][0]
+    along = np.sort(traffic._s[world.vehicles.alive])
+    assert along[0] < 6 * speed
+    assert along[-1] > traffic._paths.length[0] - 6 * speed
+    np.testing.assert_allclose(np.diff(along), 6 * speed)
+    came = []
+    for step in range(1, 400):
+        before = world.vehicles.generation.sum()
+        world.advance(ALL)
+        traffic.step(ALL)
+        came += [step] * int(world.vehicles.generation.sum() - before)
+    assert set(np.diff(came)) == {60}
+
+
+def test_a_flow_ends_and_takes_nothing_from_others(track, tmp_path):
+    world, traffic = played(track, tmp_path, FLOW.format(end=0.0))
+    there = int(world.vehicles.alive.sum())
+    assert there > 1
+    assert len(traffic._flows) == 0
+    for _ in range(200):
+        world.advance(ALL)
+        traffic.step(ALL)
+    assert world.vehicles.alive.sum() < there
