@@ -117,8 +117,16 @@ def play(
                 raise SmartsError("only agents are recorded", place="record", remedy="leave out sumo_driver")
             played = sumo_episodes(scenario, traffic, agents, seed, first_episode)
         else:
-            options = Options(record=record, policy=policy)
-            env = VectorHiWayEnv(1, [scenario], agents, seed=seed, simulation=options, traffic=[traffic])
+            env = VectorHiWayEnv(
+                1,
+                [scenario],
+                agents,
+                seed=seed,
+                observation=getattr(SCRIPTED_POLICIES[policy], "observation", None) or "benchmark",
+                reward="benchmark",
+                simulation=Options(record=record, policy=policy),
+                traffic=[traffic],
+            )
             played = _episodes(env, policy, seed, first_episode)
         for outcomes, steps in played:
             if not outcomes["invalid"]:

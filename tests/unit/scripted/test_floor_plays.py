@@ -4,6 +4,7 @@ import csv
 import resource
 from contextlib import contextmanager
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
@@ -13,6 +14,7 @@ from benchmark.scripted import SUMO_DRIVER
 from benchmark.scripted.play import play
 from smarts.errors import SmartsError, UnknownNameError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
+from smarts.types.actions import LaneAction
 from tests.raising import raises
 
 
@@ -67,6 +69,26 @@ def test_the_number_of_agents_is_given_and_the_header_follows_the_first_result(p
     with table.open() as file:
         assert {row["agent_episodes"] for row in csv.DictReader(file)} == {"1"}
     assert capsys.readouterr().out.splitlines()[0].split()[:2] == ["policy", "scenario"]
+
+
+class Slowing:
+    """Brakes, and keeps what it has seen."""
+
+    observation: ClassVar[list] = ["speed"]
+    seen: ClassVar[list] = []
+
+    def begin(self, episode, agent):
+        self.seen.clear()
+
+    def act(self, observation, mask):
+        self.seen.append(observation.shape)
+        return LaneAction.slow_down
+
+
+def test_a_policy_of_ones_own_sees_what_it_asks_for():
+    for tally in play(f"{__name__}:Slowing", "loop", episodes=1, agents=1):
+        assert tally.share("not_moving") == 1.0
+    assert {*Slowing.seen} == {(1,)}
 
 
 @contextmanager
