@@ -158,7 +158,7 @@ def evaluate(
             return 0
         assert run is not None
         if is_exported:
-            table = _evaluate_exported(run, scenario, traffic, episodes, modes if mode else (), out)
+            table = _evaluate_exported(run, scenario, traffic, episodes, modes if mode else (), out, import_)
             return 0
         table = evaluate_checkpoint(
             run,
@@ -210,13 +210,15 @@ def _evaluate_exported(
     episodes: int,
     modes: tuple[str, ...],
     out: Path | None,
+    import_: list[Path] | None,
 ) -> pd.DataFrame:
     """Return the table of a test of an exported policy."""
     from benchmark.running.evaluate_agent import evaluate_exported
 
     if "sampled" in modes:
         raise typer.BadParameter("an exported policy acts greedily", param_hint="--mode")
-    return evaluate_exported(run, scenarios=scenario or (), traffic=traffic, episodes=episodes, out=out)
+    given = {"scenarios": scenario or (), "traffic": traffic, "episodes": episodes}
+    return evaluate_exported(run, **given, out=out, imports=import_ or ())
 
 
 def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:

@@ -139,10 +139,13 @@ def kit(
     out: Annotated[Path, typer.Option(help="Folder of the wheel.")] = Path(),
 ) -> None:
     """Write the wheel of the agents' kit, which an agent needs on another machine."""
+    from benchmark.results.files import named_failures
     from smarts.zoo.kit_wheel import build_wheel
 
-    out.mkdir(parents=True, exist_ok=True)
-    typer.echo(f"wrote {build_wheel(out)}")
+    with named_failures(out):
+        out.mkdir(parents=True, exist_ok=True)
+        wheel = build_wheel(out)
+    typer.echo(f"wrote {wheel}")
 
 
 def export(

@@ -87,7 +87,7 @@ def evaluate_agent(
             _environment(agent, interface, agents, f"agent {locator!r}"),
             Evaluation(episodes=episodes, keep_episodes=out is not None),
             num_envs=1,
-            imports=tuple(str(Path(each).absolute()) for each in imports),
+            imports=_absolute(imports),
         )
         evaluated = {"agent": locator, "options": repr(dict(options or {})), "agents": agents}
         with (
@@ -114,6 +114,10 @@ def _environment(agent: BatchAgent, interface: AgentInterface, agents: int, plac
         "observation": _listed(agent.observation),
     }
     return fitted(given, Environment, place)
+
+
+def _absolute(imports: Sequence[str | Path]) -> tuple[str, ...]:
+    return tuple(str(Path(each).absolute()) for each in imports)
 
 
 def _played(task_setting: TaskSetting) -> dict[str, Any]:
@@ -177,6 +181,7 @@ def evaluate_exported(
     traffic: str | None = None,
     episodes: int = 50,
     out: Path | None = None,
+    imports: Sequence[str | Path] = (),
 ) -> pd.DataFrame:
     """Return the table of a test of an exported policy, each ego driven by its own agent of the training.
 
@@ -188,12 +193,14 @@ def evaluate_exported(
         traffic: By default that of the training.
         episodes: How many.
         out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
+        imports: Files and folders of own code that the scenarios name.
 
     Raises:
         SmartsError: The folder does not hold an exported policy, or does not say what it was trained on, or
             names code or files of its author.
     """
     check_free(out)
+    import_own(imports)
     trained = trained_on(path)
     if not scenarios:
         check_suite(trained, path)
@@ -206,6 +213,7 @@ def evaluate_exported(
         fitted(trained.environment, Environment, str(path)),
         Evaluation(episodes=episodes, keep_episodes=out is not None),
         num_envs=1,
+        imports=_absolute(imports),
     )
     labels = {"algorithm": trained.algorithm, "training_seed": trained.seed}
     evaluated = {"policy": str(path.resolve()), **_played(task_setting)}

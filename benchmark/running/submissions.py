@@ -83,9 +83,10 @@ def submitted(
         addresses: That a manifest may name: nothing is sent to others.
 
     Raises:
-        ResultsError: It is none of these, or names another address.
+        ResultsError: It is none of these, or names another address; or an argument has no effect on it.
     """
     folder = Path(given)
+    _check_effect(given, number is not None or bool(scenarios or traffic), bool(addresses))
     if given.startswith(ADDRESS):
         return _at_address(given, number or max(versions()), scenarios, traffic), folder
     if (folder / MANIFEST).exists():
@@ -111,6 +112,18 @@ def submitted(
         place=given,
         remedy="give a folder that `smarts-bench release` or `export` has written, or tcp://HOST:PORT",
     )
+
+
+def _check_effect(given: str, has_choice: bool, has_addresses: bool) -> None:
+    """Raise if what is given beside a submission is of the other kind of them, folders or addresses."""
+    is_address = given.startswith(ADDRESS)
+    if has_addresses and is_address:
+        problem = "--address is for the manifest of a folder, and an address is given itself"
+    elif has_choice and not is_address:
+        problem = "--benchmark-version, --scenario and --traffic are for an address: a folder names its own"
+    else:
+        return
+    raise ResultsError(problem, place=given, remedy="leave it out")
 
 
 def _at_address(address: str, version: int, scenarios: Sequence[str], traffic: Sequence[str]) -> Manifest:

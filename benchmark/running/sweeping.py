@@ -229,10 +229,16 @@ def searched_runs(experiment: Experiment) -> list[Run]:
     """Return the runs whose settings are searched: one for each algorithm and cell.
 
     Raises:
-        SweepError: There are several seeds, no validations, or several cells and a scheduler, which would
-            stop the same settings early in one cell and not in another.
+        SweepError: There are no algorithms, several seeds, no validations, or several cells and a scheduler,
+            which would stop the same settings early in one cell and not in another.
     """
     runs = [*runs_of(experiment)]
+    if not runs:
+        raise SweepError(
+            "there is no algorithm whose settings are searched",
+            place=experiment.name,
+            remedy="name one: algorithms: [ppo]",
+        )
     if len(experiment.seeds) > 1:
         raise SweepError(
             f"the experiment stands for {len(experiment.seeds)} runs in each cell, a search has one",

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmark.cli.experiments import evaluate as evaluate_command
 from benchmark.experiment import version
 from benchmark.experiment.config import Evaluation, TrainingTask
 from benchmark.experiment.environment import Environment
@@ -46,7 +47,7 @@ from smarts.agents.hosting.facts import check_observation
 from smarts.agents.hosting.options import HostError
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.config import fitted
-from smarts.errors import SmartsError
+from smarts.errors import OwnCodeError, SmartsError
 from smarts.types.streams import hold_seed
 from smarts.zoo.exported import ExportedPolicy
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
@@ -579,6 +580,11 @@ def test_no_module_that_an_evaluated_policy_names_is_imported(tmp_path, module, 
         evaluate_exported(policy, episodes=1)
 
 
+def test_own_code_of_a_scenario_is_imported_for_an_exported_policy(tmp_path):
+    with raises(OwnCodeError, values=["absent.py"]):
+        evaluate_command(run=write_policy(tmp_path / "mine"), episodes=1, import_=[tmp_path / "absent.py"])
+
+
 def test_no_scenario_folder_that_an_evaluated_policy_names_is_built(tmp_path):
     (tmp_path / "theirs").mkdir()
     (tmp_path / "theirs" / "scenario.py").write_text("raise SystemExit")
@@ -649,6 +655,21 @@ def test_one_policy_as_several_seeds_is_refused(submission, tmp_path):
     problem = refusal(changed(root, listed_again(root)), tmp_path / "out")
     assert "seed 2: its policy is that of seed 1" in problem
     assert "seed 3: its policy is that of seed 1" in problem
+
+
+@pytest.mark.parametrize(
+    ("given", "beside"),
+    [
+        ("", {"number": 1}),
+        ("", {"scenarios": ["loop"]}),
+        ("", {"traffic": [ALONE]}),
+        ("tcp://127.0.0.1:9", {"addresses": ["tcp://127.0.0.1:9"]}),
+    ],
+)
+def test_what_has_no_effect_on_a_submission_is_refused(submission, given, beside):
+    place = given or str(submission())
+    with raises(ResultsError, place, values=["leave it out"]):
+        submitted(place, **{"number": None, "scenarios": (), "traffic": ()} | beside)
 
 
 def test_addresses_are_asked_only_if_the_evaluator_names_them(submission):

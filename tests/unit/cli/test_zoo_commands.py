@@ -65,6 +65,7 @@ def test_bad_input_is_named(folder):
         (("test", "trajectory-v0"), SmartsError),
         (("add", folder / "nowhere"), SmartsError),
         (("remove", "idm-v0"), UnknownNameError),
+        (("kit", "--out", folder / "__init__.py"), SmartsError),
     ):
         with pytest.raises(error):
             run("zoo", *words)
