@@ -108,7 +108,7 @@ class Resources(Section):
     """What the runs may use."""
 
     parallel: Positive | None = None
-    """Runs side by side; by default one for each CPU that Ray has, divided by what a run needs."""
+    """Runs side by side; by default as many as Ray has CPUs and GPUs for."""
     env_runners: Annotated[int, Field(ge=0)] = 0
     """Processes that simulate for one run; 0: the run's own."""
     num_envs_per_env_runner: Positive = 8

@@ -156,8 +156,11 @@ class JobScheduler:
 
     def _most_at_once(self) -> int:
         """Return how many runs Ray has room for now, or the limit that was given."""
-        cpus = int(ray.cluster_resources().get("CPU", 1))
-        return self._resources.parallel or max(1, cpus // self._resources.processes)
+        has, needs = ray.cluster_resources(), self._resources
+        most = int(has.get("CPU", 1)) // needs.processes
+        if needs.gpus:
+            most = min(most, int(has.get("GPU", 0) / needs.gpus))
+        return needs.parallel or max(1, most)
 
     def _begin(self, state: JobState) -> None:
         """Start a job from its last checkpoint."""

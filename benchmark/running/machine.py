@@ -42,15 +42,17 @@ def commit() -> str | None:
     if (shipped := tree / COMMIT).is_file():
         return shipped.read_text(encoding="utf-8") or None
     try:
-        found = subprocess.run(
-            ["git", "-C", str(tree), "describe", "--always", "--abbrev=12", "--dirty=+"],
-            capture_output=True,
-            text=True,
-            timeout=10,
-            check=True,
-        )
+        # An installation may lie in the repository of another project, which knows nothing of its files.
+        _git(tree, "ls-files", "--error-unmatch", str(Path(__file__).relative_to(tree)))
+        return _git(tree, "describe", "--always", "--abbrev=12", "--dirty=+")
     except (OSError, subprocess.SubprocessError):
         return None
+
+
+def _git(tree: Path, *words: str) -> str:
+    found = subprocess.run(
+        ["git", "-C", str(tree), *words], capture_output=True, text=True, timeout=10, check=True
+    )
     return found.stdout.strip()
 
 

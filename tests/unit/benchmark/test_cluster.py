@@ -14,6 +14,7 @@ from benchmark.experiment.config import Resources
 from benchmark.results.files import ResultsError
 from benchmark.running import cluster
 from benchmark.running.cluster import check_room, start_ray
+from benchmark.running.jobs import JobScheduler
 from benchmark.running.side_by_side import side_by_side
 from tests.raising import raises
 
@@ -158,3 +159,20 @@ def test_a_run_that_could_never_be_placed_is_refused(needed, named):
         check_room(resources, nodes)
     with pytest.raises(ResultsError):
         check_room(resources, [])
+
+
+@pytest.mark.parametrize(
+    ("needed", "most"),
+    [
+        ({}, 16),
+        ({"env_runners": 3}, 4),
+        ({"learner_gpus": 1}, 2),
+        ({"learner_gpus": 0.5}, 4),
+        ({"learners": 2, "learner_gpus": 1}, 1),
+        ({"env_runners": 20}, 1),
+        ({"learner_gpus": 1, "parallel": 5}, 5),
+    ],
+)
+def test_as_many_runs_begin_as_there_is_room_for(tmp_path, monkeypatch, needed, most):
+    monkeypatch.setattr(ray, "cluster_resources", lambda: {"CPU": 16.0, "GPU": 2.0})
+    assert JobScheduler([], tmp_path, Resources(**needed))._most_at_once() == most

@@ -1,6 +1,8 @@
 """What a process may use of a machine."""
 
+import importlib.util
 import os
+import shutil
 import subprocess
 import sys
 
@@ -26,3 +28,23 @@ def test_memory_is_the_machines_or_the_containers(monkeypatch):
     monkeypatch.setattr(machine, "get_system_memory", lambda: 2**28)
     assert memory_text().startswith("0.2 GiB (")
     assert whole in memory_text()
+
+
+def test_the_repository_around_an_installation_is_not_its_commit(tmp_path):
+    def git(*words):
+        named = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
+        subprocess.run(["git", "-C", str(tmp_path), *named, *words], check=True, capture_output=True)
+
+    file = tmp_path / "lib" / "benchmark" / "running" / "machine.py"
+    file.parent.mkdir(parents=True)
+    shutil.copy(machine.__file__, file)
+    spec = importlib.util.spec_from_file_location("installed", file)
+    installed = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(installed)
+    git("init")
+    git("commit", "--allow-empty", "-m", "of another project")
+    assert installed.commit() is None
+    git("add", ".")
+    assert installed.commit().endswith("+")
+    git("commit", "-m", "with the file")
+    assert len(installed.commit()) == 12
