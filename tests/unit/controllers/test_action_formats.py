@@ -54,6 +54,23 @@ def test_spaces_are_new_each_time():
     assert action_space(ActionSpaceType.Lane) == Discrete(len(LaneAction))
 
 
+@pytest.mark.parametrize(
+    ("kind", "rows"),
+    [
+        (ActionSpaceType.TargetPose, slice(2)),
+        (ActionSpaceType.Trajectory, slice(2)),
+        (ActionSpaceType.TrajectoryWithTime, slice(1, 3)),
+    ],
+)
+def test_places_on_maps_in_surveyors_coordinates_are_taken(kind, rows):
+    """UTM in Munich; OpenDRIVE maps keep such coordinates."""
+    found, place = action_format(kind), [690_000.25, 5_336_000.25]
+    given = np.ones(len(found.space().sample()))
+    given[rows] = place
+    given = given[:, None] if found.has_path else given
+    assert found.parse(given, PLACE, POINTS).ravel()[rows].tolist() == place
+
+
 def test_numbers_are_clipped_and_whole_columns_rounded():
     found = NumbersFormat([0, -1], [60, 1], whole=[1])
     assert found.parse([70, 0.6], PLACE, 0).tolist() == [60, 1]
