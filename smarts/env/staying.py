@@ -20,7 +20,8 @@ class StayingAgents(NotCopied, ParallelEnv):
 
     The results of the decision with which an agent ends are its last of its own. After it, as before it has
     entered, it observes zeros, gets the reward 0, and has one allowed action, 0, which does nothing; once
-    ended it stays terminated or truncated. Infos hold the mask of allowed actions, and the outcome of agents
+    ended it stays terminated or truncated. An agent that ends before its first decision is truncated with
+    the last one. Infos hold the mask of allowed actions, and the outcome of agents
     that have just ended. Other libraries call this black death. Against PettingZoo's rule, `agents` holds
     those that have ended, too, until all have.
 
@@ -91,6 +92,8 @@ class StayingAgents(NotCopied, ParallelEnv):
         self._truncated |= truncated
         if not self.present:
             self.agents = []
+            for name in self.possible_agents:  # those that ended before they decided are in no result
+                self._truncated[name] |= not self._terminated[name]
         return (
             self._padded(observations),
             dict.fromkeys(self.possible_agents, 0.0) | rewards,

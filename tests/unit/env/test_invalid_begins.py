@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface, AgentSpec, AgentType
-from smarts.env import HiWayEnv, SingleHiWayEnv, VectorHiWayEnv
+from smarts.env import HiWayEnv, SingleHiWayEnv, StayingAgents, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ScenarioError, TrafficError
 from smarts.providers.sumo_traffic import SumoTraffic
 from tests.raising import raises
@@ -68,3 +68,18 @@ def test_an_agent_that_ends_before_its_first_decision_is_named(folder, closing):
     env = closing(SingleHiWayEnv([folder], laner(max_episode_steps=2), decision_interval=15))
     with raises(ScenarioError, "episode 0", values=["'agent-0'", "time_out"]):
         env.reset(seed=1)
+
+
+def test_a_fixed_list_of_agents_ends_with_all_of_them(tmp_path, closing):
+    """Also with one that has come and gone between two decisions."""
+    folder = write_cross(tmp_path / "both")
+    missions = "[t.Mission(south_north), t.Mission(west_east, start_time=0.7)]"
+    traffic = "{'none': t.Traffic(flows=[])}"
+    (folder / "scenario.py").write_text(scenario(f"ego_missions={missions}, traffic={traffic}"))
+    agents = {"a": laner(max_episode_steps=50), "b": laner(max_episode_steps=2)}
+    env = closing(StayingAgents(hiway_parallel_env([folder], agents, observation=["speed"])))
+    env.reset(seed=1)
+    while env.agents:
+        _, _, terminated, truncated, _ = env.step({})
+    assert terminated == {"a": False, "b": False}
+    assert truncated == {"a": True, "b": True}
