@@ -32,12 +32,13 @@ class AdapterDictEnv(DictEnv):
 
     Args:
         settings: With one simulation.
+        world: See `DictEnv`.
 
     Raises:
         InterfaceError: A spec has an observation adapter without the space that it leads to.
     """
 
-    def __init__(self, settings: EnvSettings) -> None:
+    def __init__(self, settings: EnvSettings, world: int = 0) -> None:
         assembly, self._groups = make_groups(settings)
         adapters = [group.adapter for group in self._groups]
         runner = SimulationRunner(assembly, adapters, period=settings.decision_interval)
@@ -47,7 +48,8 @@ class AdapterDictEnv(DictEnv):
             for number, group in enumerate(self._groups)
             for place, name in enumerate(group.agents)
         }
-        super().__init__(runner, [*self._places], settings.interfaces(), settings.specs(), settings.seed)
+        names, specs = [*self._places], settings.specs()
+        super().__init__(runner, names, settings.interfaces(), specs, settings.seed, world)
         self._encoded = {name for name in self._places if self._is_encoded(name)}
         self._rewards, self._masks = [0.0] * len(self._places), [None] * len(self._groups)
         self._checked: set[str] = set()

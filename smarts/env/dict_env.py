@@ -51,6 +51,7 @@ class DictEnv:
         order: The names in the order in which results list them.
         specs: The agents' specs.
         seed: Of the run.
+        world: Whose episodes are played until a reset with a seed, from which on they are those of world 0.
     """
 
     def __init__(
@@ -60,13 +61,14 @@ class DictEnv:
         order: Collection[str],
         specs: Mapping[str, AgentSpec],
         seed: int,
+        world: int = 0,
     ) -> None:
         self.runner = runner
         columns = {name: column for column, name in enumerate(names)}
         self.columns = {name: columns[name] for name in order}
         """The egos' columns by name, in the order in which results list them."""
         self.specs = specs
-        self._seed, self._episode = seed, -1
+        self._seed, self._world, self._episode = seed, world, -1
         # By name, those that no info has named yet: infos belong to agents, and there may be none.
         self._social_failures: dict[str, str] = {}
 
@@ -84,7 +86,7 @@ class DictEnv:
         """
         if seed is not None:
             check_seed(seed, "reset")
-            self._seed, self._episode = seed, -1
+            self._seed, self._world, self._episode = seed, 0, -1
         self._begin()
         self.runner.dispatch()
         agents = self.agents
@@ -100,7 +102,7 @@ class DictEnv:
         """Begin the next episode; where agents learn in bubbles, the next one in which there is an agent."""
         for _ in range(MOST_EMPTY):
             self._episode += 1
-            self.runner.reset({0: EpisodeKey(0, self._episode, self._seed)})
+            self.runner.reset({0: EpisodeKey(self._world, self._episode, self._seed)})
             if self.runner.running[0] or not self.runner.learns_in_bubbles:
                 return
         raise ScenarioError(

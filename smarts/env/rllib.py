@@ -53,6 +53,10 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
     Observations of the benchmark's agents are vectors, which RLlib's own networks take. The mask of their
     lane actions is in the infos; with `action_mask=True` it is in the observations too, which are then dicts.
 
+    Each environment runner plays other episodes, those of the world of its `worker_index`. Several
+    environments of a runner do so if the algorithm has a seed (`config.debugging(seed=...)`), which RLlib
+    hands to `reset`.
+
     Args:
         config: `scenarios`, `agent_specs` (specs or interfaces by name, or how many agents of the benchmark),
             `seed`, `action_mask`, and the other fields of `EnvSettings`. `headless` False is
@@ -66,7 +70,7 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
         super().__init__()
         settings = settings_of(config)
         refuse_bubbles("RLlibHiWayEnv", settings)
-        self._env = AdapterDictEnv(settings)
+        self._env = AdapterDictEnv(settings, world=getattr(config, "worker_index", 0))
         self.possible_agents: list[AgentID] = [*self._env.columns]
         self.agents: list[AgentID] = []
         self.observation_spaces = {**self._env.observation_spaces}

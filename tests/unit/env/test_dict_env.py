@@ -5,10 +5,11 @@ import itertools
 import gymnasium
 import numpy as np
 import pytest
+from ray.rllib.env.env_context import EnvContext
 
 from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec, AgentType, DoneCriteria
 from smarts.agents.options import InterfaceError
-from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, hiway_parallel_env
+from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ActionError, SmartsError
 from smarts.sim.assembly import Options
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
@@ -273,3 +274,16 @@ def test_the_benchmarks_observation_serves_other_actions_without_a_mask(closing)
     assert env.action_space("a").shape == (3,)
     assert env.observation_space("a").contains(observations["a"])
     assert "action_mask" not in infos["a"]
+
+
+def test_each_environment_runner_of_rllib_plays_episodes_of_its_own(closing):
+    """Those of its world; a seed begins with the same ones in all of them."""
+    together = closing(VectorHiWayEnv(3, ["intersection"], 2)).reset().observations[0][""]
+    seeded = []
+    for index in range(3):
+        config = EnvContext({"scenarios": ["intersection"], "agents": 2}, worker_index=index)
+        env = closing(RLlibHiWayEnv(config))
+        np.testing.assert_array_equal([*env.reset()[0].values()], together[index])
+        seeded.append([*env.reset(seed=7)[0].values()])
+    assert not np.array_equal(together[0], together[1])
+    np.testing.assert_array_equal(seeded[0], seeded[1])
