@@ -31,9 +31,10 @@ def limit_by_leaders(state: State, b: int, slot: int, points: Floats) -> None:
         points: The reference, shape (R, 4), see `Commands`; its speeds are lowered.
     """
     vehicles = state.vehicles
-    last = len(points) - 1
-    span = math.hypot(points[last, 0] - points[0, 0], points[last, 1] - points[0, 1])
-    reach = span + 10.0
+    reach = 0.0
+    for i in range(len(points)):
+        reach = max(reach, math.hypot(points[i, 0] - points[0, 0], points[i, 1] - points[0, 1]))
+    reach += 10.0
     for other in range(vehicles.alive.shape[1]):
         if other == slot or not vehicles.alive[b, other]:
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -98,14 +99,16 @@ def _along(
 def _lanes_along(
     roads: LaneGraph, home: int, begin: float, reach: float, *, ahead: bool
 ) -> Iterator[tuple[int, float]]:
-    """Yield the lanes ahead of a lane (or behind it) within reach, with the distances to their begins [m]."""
+    """Yield the lanes ahead of a lane (or behind it) within reach, with the least distances to them [m]."""
     onward = roads.successors if ahead else roads.predecessors
-    open_lanes, seen = [(home, begin)], {home}
+    open_lanes, seen = [(begin, home)], set[int]()
     while open_lanes:
-        lane, begin = open_lanes.pop()
+        begin, lane = heapq.heappop(open_lanes)
+        if lane in seen:
+            continue
+        seen.add(lane)
         yield lane, begin
         end = begin + float(roads.length[lane])
         if end <= reach:
-            following = [each for each in onward(lane).tolist() if each not in seen]
-            seen.update(following)
-            open_lanes += [(each, end) for each in following]
+            for following in onward(lane).tolist():
+                heapq.heappush(open_lanes, (end, following))

@@ -190,8 +190,10 @@ class Entries:
             return
         s = float(world.vehicles.lane_position[row, slot])
         if math.isnan(distance_along(corridor_of(roads, route), roads, lane, s)):
+            # To the goal; of laps, all are still to be driven.
+            rest = route[1:] if world.missions.goal[row, agent_id] == GoalKind.LAPS else ()
             try:
-                route = shortest_route(roads, _edge_ahead(roads, lane), route[-1])
+                route = shortest_route(roads, _edge_ahead(roads, lane), route[0 if rest else -1]) + rest
             except MapError:
                 return  # No way leads from here to the goal, so the agent begins off its route.
             self._reroute(row, agent_id, replace(start.mission, route=route))

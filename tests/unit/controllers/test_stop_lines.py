@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from smarts.controllers.leaders import limit_by_leaders
 from smarts.controllers.stop_lines import limit_by_lights, limit_by_right_of_way
 from smarts.dynamics.performance import performance
 from smarts.types.mission import AgentMission, GoalKind
@@ -86,3 +87,19 @@ def test_a_vehicle_that_would_have_to_brake_harder_than_it_may_drives_on():
 
 def test_a_vehicle_inside_the_junction_drives_on_at_red():
     assert (speeds_at_light(-5.0, 2.0, "north_out", Signal.STOP) == 10.0).all()
+
+
+def test_a_leader_on_a_path_that_leads_round_counts():
+    """On a circle with a radius of 20 m, 25 m ahead: the gap is 20 m, of which 2.5 m are left behind it."""
+    angles = np.arange(60) / 30.0 * math.pi
+    points = np.column_stack(
+        [20.0 * np.sin(angles), 20.0 - 20.0 * np.cos(angles), angles, 0.0 * angles + 10.0]
+    )
+    leader = Car(20.0 * math.sin(1.25), 20.0 - 20.0 * math.cos(1.25), 1.25)
+    made = world_of([Car(0.0, 0.0, 0.0, 10.0, NORTH), leader], maps=[crossing()])
+    limit_by_leaders(made.world.state, 0, 0, points)
+    assert points[0, 3] == 10.0
+    assert points[5, 3] == pytest.approx(
+        math.sqrt(2.0 * 3.0 * (20.0 - 2.5 - 5.0 * 2.0 * math.pi / 3.0)), rel=0.01
+    )
+    assert (points[9:, 3] == 0.0).all()

@@ -24,7 +24,7 @@ from smarts.types.traffic import TrafficFiles
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
-from tests.maps import crossing, straight
+from tests.maps import Road, crossing, graph_of, straight
 from tests.worlds import Willing
 
 MISSION = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=190.0)
@@ -163,6 +163,23 @@ def test_room_is_made_across_a_junction_for_those_who_come_here():
     assert stage.names() == {"ego", "turning"}
 
 
+@pytest.mark.parametrize("bypass_is_first", [False, True])
+def test_room_is_made_by_the_shortest_way(bypass_is_first):
+    """A vehicle stands 50 m ahead, and 120 m by the other way."""
+    roads = {
+        "in": Road([(0, 0), (100, 0)]),
+        "out": Road([(110, 0), (300, 0)]),
+        "bypass": Road([(104, -6), (104, -30), (107, -30), (107, -6)]),
+    }
+    straight_on = (("in", 0), ("out", 0))
+    around = [(("in", 0), ("bypass", 0)), (("bypass", 0), ("out", 0))]
+    graph = graph_of(roads, [*around, straight_on] if bypass_is_first else [straight_on, *around])
+    stage = Stage(graph, AgentStart("ego", (95.0, 0.0, 0.0), 20.0, AgentMission(route=("in", "out"))))
+    assert needed_gap(20.0, 0.0) == pytest.approx(86.7, abs=0.1)
+    stage.reset(("standing", 150.0))
+    assert stage.names() == {"ego"}
+
+
 def test_nobody_is_in_the_way_of_a_vehicle_off_the_map():
     stage = Stage(straight(), ego(x=100.0))
     stage.add("near", 80.0, 0.0, 20.0)
@@ -269,6 +286,28 @@ def test_who_takes_over_elsewhere_gets_a_way_to_the_goal():
     assert stage.world.agents.on_route[0, 0]
     assert stage.world.agents.remaining[0, 0] == pytest.approx(stage.world.missions.route_length[0, 0])
     assert 80 < stage.world.agents.remaining[0, 0] < 100
+
+
+def test_who_takes_over_elsewhere_drives_all_laps():
+    graph = graph_of(
+        {
+            "side": Road([(0, 0), (100, 0)]),
+            "round": Road([(110, 10), (110, 60), (-10, 60), (-10, 10)]),
+            "lead": Road([(-60, 0), (-10, 0)]),
+        },
+        [(("side", 0), ("round", 0)), (("round", 0), ("side", 0)), (("lead", 0), ("side", 0))],
+    )
+    mission = AgentMission(
+        route=("side", "round") * 2 + ("side",), goal=GoalKind.LAPS, goal_lane=0, goal_s=50.0, laps=2
+    )
+    stage = Stage(graph, AgentStart("ego", (60.0, 0.0, 0.0), 0.0, mission, take_over=TakeOver(vehicle="car")))
+    stage.add("car", -40.0)
+    stage.step(2)
+    assert stage.driven() == "car"
+    assert stage.scene.routes.route(0, 0) == ("lead", "side", "round", "side", "round", "side")
+    agents = stage.world.agents
+    assert agents.remaining[0, 0] == pytest.approx(stage.world.missions.route_length[0, 0])
+    assert agents.remaining[0, 0] > 600.0
 
 
 def test_who_is_done_leaves_with_the_vehicle():
