@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from benchmark.experiment.runs import Run, ScriptedRun, default_settings
@@ -62,8 +61,7 @@ class RunWriter:
         """Write what is left; may be called again."""
         scalars, self._scalars = self._scalars, None
         if scalars is not None:
-            with suppress(OSError):  # of a full disk; progress.csv has the same
-                scalars.close()
+            scalars.close()
 
     def _begin(self, began: Began) -> None:
         """Note where a training runs, and cut its progress to what its checkpoint has."""
