@@ -103,8 +103,9 @@ def _check_size(archive: Path) -> None:
     if archive.stat().st_size <= MOST_BYTES:
         return
     with zipfile.ZipFile(archive) as written:
-        own = [each for each in written.infolist() if each.filename.startswith(f"{SHIPPED.name}/")]
-    largest = max(own, key=lambda each: each.compress_size)
+        every = written.infolist()
+    own = [each for each in every if each.filename.startswith(f"{SHIPPED.name}/")]
+    largest = max(own or every, key=lambda each: each.compress_size)
     raise ResultsError(
         f"the code for the cluster has {archive.stat().st_size / 2**20:.0f} MB, more than Ray takes",
         place=largest.filename.removeprefix(SHIPPED.name),

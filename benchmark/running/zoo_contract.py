@@ -73,6 +73,12 @@ def check_entry(
     with ZooDrive(locator, spec, agent, scenario, seed=seed) as drive:
         drive.reset()
         requests = [request for _ in range(steps) if (request := drive.step()) is not None]
+    if not requests:
+        raise SmartsError(
+            f"no vehicle has driven in {steps} steps",
+            place=f"scenario {scenario!r}",
+            remedy="take another one, whose missions begin at once: --scenario",
+        )
     yield f"acts in {scenario!r}: {len(requests)} decisions within the bounds of its actions"
     _check_repeats(locator, spec, requests)
     yield "repeats bit for bit"

@@ -10,6 +10,8 @@ from smarts.zoo import find_entry, make_agent, make_spec
 from smarts.zoo.agents import AGENTS
 from smarts.zoo.driving import DRIVER
 from smarts.zoo.entry import M_LEVELS
+from tests.raising import raises
+from tests.unit.sstudio.sources import scenario, write_cross
 
 OPTIONS = {"trajectory-v0": {"poses": [[0.5 * n, 0.0] for n in range(200)], "relative": True}}
 """Of agents that need some."""
@@ -156,6 +158,16 @@ def test_agents_that_break_the_contract_are_named(broken, tmp_path):
     for name, reason in REASONS.items():
         with pytest.raises(SmartsError, match=reason):
             print(name, [*check_entry(f"{broken}:{name}-v0", steps=20)])
+
+
+def test_a_scenario_in_which_no_vehicle_drives_is_named(tmp_path):
+    from smarts.errors import SmartsError
+
+    folder = write_cross(tmp_path / "late")
+    late = "ego_missions=[t.Mission(south_north, start_time=60)], traffic={'cars': t.Traffic(flows=[flow()])}"
+    (folder / "scenario.py").write_text(scenario(late))
+    with raises(SmartsError, f"scenario {str(folder)!r}", values=[20]):
+        [*check_entry("idm-v0", scenario=str(folder), steps=20)]
 
 
 def test_rows_of_simulations_side_by_side_equal_one_alone():
