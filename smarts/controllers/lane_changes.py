@@ -19,8 +19,10 @@ from smarts.types.world import State
 
 LOST = 0.75
 """Offset from its target lane, in lane widths, at which a vehicle takes its current lane as target."""
-LOST_CHANGING = 2.0
-"""The same offset during a lane change."""
+LOST_WIDE = 2.0
+"""The same offset during a lane change, and of vehicles longer than `LONG`, which swing wide in turns."""
+LONG = 6.0
+"""[m]"""
 SETTLED_OFFSET = 0.25
 """A lane change is complete within this distance of the new centreline [m]..."""
 SETTLED_TURN = math.radians(2.0)
@@ -68,9 +70,8 @@ def steered_lane(state: State, roads: Roads, routes: RouteTable, b: int, a: int)
         return row, vehicles.lane_position[b, slot], vehicles.lane_offset[b, slot]
     s, t = place_on_lane(roads, routes.lane[row], x, y)
     row, s, t = _onward(roads, routes, map_id, row, s, t, x, y)
-    farthest = (LOST_CHANGING if is_changing(agents.change_phase[b, a]) else LOST) * roads.lane_width[
-        routes.lane[row]
-    ]
+    is_wide = is_changing(agents.change_phase[b, a]) or vehicles.length[b, slot] > LONG
+    farthest = (LOST_WIDE if is_wide else LOST) * roads.lane_width[routes.lane[row]]
     if abs(t) > farthest and here >= 0 and _is_along(state, roads, b, slot, first_lane + here):
         row = row_of(routes, map_id, route, first_lane + here, first_lane, hint)
         s, t = place_on_lane(roads, routes.lane[row], x, y)

@@ -167,3 +167,16 @@ def test_a_vehicle_on_the_opposite_lane_keeps_its_target_lane(rig):
     assert driven.agents.target_lane[0, 0] == own
     assert driven.world.vehicles.lane[0, 0] == own
     assert abs(driven.position[1]) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("kind", "offset", "is_kept"), [(CAR, 2.3, True), (CAR, 2.6, False), (TRUCK, 4.0, True)]
+)
+def test_a_long_vehicle_that_swings_into_the_lane_beside_keeps_its_own(rig, kind, offset, is_kept):
+    """It took the lane beside for its own, so that trucks left their routes behind turns of wide roads."""
+    driven = rig([agent(60.0, offset, speed=3.0, kind=kind)], graph=maps.straight(lanes=2), model="kinematic")
+    driven.act(3.0, 0.0)
+    driven.step()
+    driven.agents.target_lane[0, 0] = 0
+    driven.step()
+    assert (driven.agents.target_lane[0, 0] == 0) == is_kept
