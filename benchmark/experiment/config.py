@@ -131,6 +131,13 @@ class Resources(Section):
         """GPUs of one run."""
         return self.learner_gpus * max(self.learners, 1)
 
+    @property
+    def bundles(self) -> list[dict[str, float]]:
+        """What Ray sets aside for each process of one run: its own, env runners, learners, in this order."""
+        learner = {"CPU": 1.0} | ({"GPU": self.learner_gpus} if self.learner_gpus else {})
+        own = {"CPU": 1.0} if self.learners else learner
+        return [own, *[{"CPU": 1.0}] * self.env_runners, *[learner] * self.learners]
+
 
 class Tune(Section):
     """A search for settings: `smarts-bench sweep`."""

@@ -188,13 +188,7 @@ class JobScheduler:
 
     def _room(self) -> Any:
         """Return the resources of one run: all of them at once, lest two runs wait for each other's rest."""
-        if self._free_rooms:
-            return self._free_rooms.pop()
-        resources = self._resources
-        learner = {"CPU": 1.0} | ({"GPU": resources.learner_gpus} if resources.learner_gpus else {})
-        own = {"CPU": 1.0} if resources.learners else learner
-        runners = [{"CPU": 1.0}] * resources.env_runners
-        return placement_group([own, *runners, *[learner] * resources.learners])
+        return self._free_rooms.pop() if self._free_rooms else placement_group(self._resources.bundles)
 
     def _receive(self, state: JobState) -> bool:
         """Receive a message of a job and write what it says; return whether more will follow."""

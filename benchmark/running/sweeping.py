@@ -172,7 +172,8 @@ def _tuner(run: Run, section: Tune, space: Mapping[str, Any], root: Path) -> tun
     """Return Tune's tuner: of the search that was interrupted in the folder, or of a new one."""
     trainable = tune.with_resources(
         tune.with_parameters(trial, run=run),
-        {"cpu": run.resources.processes, "gpu": run.resources.gpus},
+        # A bundle for each process: RLlib puts its env runners into those after the first.
+        tune.PlacementGroupFactory(run.resources.bundles),
     )
     trials = root / "trials"
     # Tune has its own file long before its first state: restored in between, it would try no settings at all.

@@ -176,3 +176,13 @@ def test_a_run_that_could_never_be_placed_is_refused(needed, named):
 def test_as_many_runs_begin_as_there_is_room_for(tmp_path, monkeypatch, needed, most):
     monkeypatch.setattr(ray, "cluster_resources", lambda: {"CPU": 16.0, "GPU": 2.0})
     assert JobScheduler([], tmp_path, Resources(**needed))._most_at_once() == most
+
+
+def test_each_process_of_a_run_has_a_bundle():
+    one, gpu = {"CPU": 1.0}, {"CPU": 1.0, "GPU": 0.5}
+    assert Resources().bundles == [one]
+    assert Resources(env_runners=2, learner_gpus=0.5).bundles == [gpu, one, one]
+    resources = Resources(env_runners=1, learners=2, learner_gpus=0.5)
+    assert resources.bundles == [one, one, gpu, gpu]
+    assert len(resources.bundles) == resources.processes
+    assert sum(each.get("GPU", 0.0) for each in resources.bundles) == resources.gpus

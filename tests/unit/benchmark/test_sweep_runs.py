@@ -94,6 +94,15 @@ def test_a_search_that_is_interrupted_goes_on_and_ranks_its_trials(tmp_path):
     assert not (root / "trials").exists()
 
 
+def test_trials_have_environment_runners(tmp_path):
+    file = tmp_path / "runners.yaml"
+    text = SEARCH.replace("{scenario}", "loop").replace("[0.001, 0.0001]", "[0.001]")
+    file.write_text(text.replace("parallel: 1", "env_runners: 1").replace("validations: 2", "validations: 1"))
+    code, out, err = finish(begin("sweep", str(file), "--out", str(tmp_path)))
+    assert code == 0, err
+    assert "runners/trials.csv" in out
+
+
 FALTERING = '''
 from pathlib import Path
 
