@@ -229,8 +229,8 @@ class FlockPlayer:
 
     def __init__(self, policy: SocialPolicy) -> None:
         self._policy = policy
-        # By simulation: the holds of the last request, the agent.
-        self._flocks: dict[int, tuple[set[int], Agent]] = {}
+        # By simulation: the step of the last request of each hold, the agent.
+        self._flocks: dict[int, tuple[dict[int, int], Agent]] = {}
 
     def __call__(self, request: Request) -> Sequence[Any]:
         """Return the actions of all agents of a request."""
@@ -251,7 +251,7 @@ class FlockPlayer:
         batch, spec = request.batch, self._policy.spec
         names = [request.vehicles[place] for place in places]
         try:
-            agent = self._agent(env_id, set(batch.hold[places].tolist()))
+            agent = self._agent(env_id, batch.hold[places].tolist(), int(batch.step[places[0]]))
             seen = {
                 name: spec.observation_adapter(request.seen[place])
                 for name, place in zip(names, places, strict=True)
@@ -261,12 +261,17 @@ class FlockPlayer:
         except FAILURES as error:
             return [failed_by(error)] * len(places)
 
-    def _agent(self, env_id: int, holds: set[int]) -> Agent:
-        """Return the agent of a simulation's episode: a new one if the last has lost all vehicles."""
-        last = self._flocks.get(env_id)
-        continues = last and (self._policy.keep_alive or last[0] & holds)
-        agent = last[1] if last and continues else built_agent(self._policy.spec, self._policy.name)
-        self._flocks[env_id] = holds, agent
+    def _agent(self, env_id: int, holds: Sequence[int], step: int) -> Agent:
+        """Return the agent of a simulation's episode: a new one if the last has lost all vehicles.
+
+        A vehicle whose next decision is still to come is not lost: those of a flock may decide in turns.
+        """
+        last, agent = self._flocks.get(env_id, ({}, None))
+        known = {hold: asked for hold, asked in last.items() if asked + self._policy.period > step}
+        continues = self._policy.keep_alive or known or last.keys() & holds
+        if agent is None or not continues:
+            agent = built_agent(self._policy.spec, self._policy.name)
+        self._flocks[env_id] = known | dict.fromkeys(holds, step), agent
         return agent
 
 

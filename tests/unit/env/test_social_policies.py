@@ -264,6 +264,38 @@ def test_a_failed_policy_leaves_others_alone():
         runner.close()
 
 
+def test_a_boid_whose_vehicles_decide_in_turns_stays_the_same():
+    asked = []
+
+    class Flock(Agent):
+        made = 0
+
+        def __init__(self):
+            type(self).made += 1
+
+        def act(self, obs):
+            asked.append([*obs])
+            return dict.fromkeys(obs, "keep_lane")
+
+    def change(agents):
+        ego, first, second = beside_both(agents)
+        return ego, *(dataclasses.replace(each, period=2) for each in (first, second))
+
+    cast = Cast((policy_of(Flock, is_boid=True, period=2),))
+    parts = assemble([build_scenario("intersection")], [LANER], cast=cast, pool=[PooledAgents(LANER, 1)])
+    runner = SimulationRunner(dataclasses.replace(parts, schedule=Traffic(parts.schedule, change)), [])
+    try:
+        runner.reset({0: EpisodeKey(0, 0, 42)})
+        runner.dispatch()
+        for _ in range(20):
+            runner.step()
+            runner.dispatch()
+    finally:
+        runner.close()
+    assert asked[-5:-1] == [["second"], ["social"], ["second"], ["social"]]
+    assert Flock.made == 1
+
+
 @pytest.mark.parametrize(("second", "keep_alive"), [(1, False), (1, True), (0, True)])
 def test_a_boid_gets_and_returns_dicts_by_the_vehicles_names(second, keep_alive):
     seen = []
