@@ -38,7 +38,7 @@ def _play(env: VectorJointEnv, indices: Ints, steps: int, seed: int) -> list[Joi
     _check_shapes(env, now, 0)
     history = [now]
     for t in range(1, steps + 1):
-        step = copy.deepcopy(env.step(_actions(env, now, rng)))
+        step = copy.deepcopy(env.step(random_actions(env, now, rng)))
         _check_shapes(env, step, t)
         _check_ends(now.alive, step, t)
         _check_final(step, t)
@@ -103,7 +103,8 @@ def _check_final(step: JointStep, t: int) -> None:
     )
 
 
-def _actions(env: VectorJointEnv, now: JointStep, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def random_actions(env: VectorJointEnv, now: JointStep, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """Return allowed actions of all agents in all environments, in the environments' units."""
     chosen = []
     masks = now.masks or (None,) * len(env.spaces.blocks)
     for block, mask in zip(env.spaces.blocks, masks, strict=True):

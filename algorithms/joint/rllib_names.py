@@ -225,6 +225,12 @@ def check_names(config: Any, groups: set[str], modules: set[str]) -> None:
                 place=place,
                 remedy="name the policies that `training(sharing=...)` or the mapping makes",
             )
+    if not any(map(config.trains, groups)):
+        raise SpaceError(
+            f"{config.policies_to_train!r} has none of the policies {sorted(groups)} learn",
+            place="multi_agent(policies_to_train=...)",
+            remedy="choose by the names of policies: one that agents share learns or is frozen as a whole",
+        )
 
 
 def _chosen(config: Any) -> tuple[str, ...]:

@@ -361,6 +361,30 @@ def test_an_environment_that_cannot_start_is_an_error_before_ray_starts_unless_o
     check_environment(config.env_runners(num_env_runners=1), config.algo_class.runner_class)
 
 
+@pytest.mark.parametrize("part", ["reward", "observation"])
+def test_nan_in_every_first_step_is_an_error_before_ray_starts(part):
+    class Broken(Cues):
+        starts, broken = 0, 3
+
+        def reset(self, **kwargs):
+            Broken.starts += 1
+            return super().reset(**kwargs)
+
+        def step(self, action_dict):
+            seen, rewards, *rest = super().step(action_dict)
+            if Broken.starts <= 1 + Broken.broken:  # the first reset shows the spaces
+                of = {"reward": rewards, "observation": seen}[part]
+                of["agent_1"] = of["agent_1"] * np.float32(np.nan)
+            return seen, rewards, *rest
+
+    config = algorithms.config("ppo").environment(Broken).env_runners(num_env_runners=0)
+    with pytest.raises(EnvironmentFailure, match=rf"Broken.*NaN or infinity: {part} of agent 'agent_1'"):
+        config.build_algo()
+    assert not ray.is_initialized()
+    Broken.starts, Broken.broken = 0, 2
+    check_environment(config, config.algo_class.runner_class)
+
+
 def test_the_environment_that_is_made_to_be_checked_is_closed():
     class Counted(Cues):
         open = made = 0

@@ -323,6 +323,8 @@ def test_a_policy_mapping_makes_the_groups(build):
         ({"policies": {"one"}}, r"policies="),
         ({"policies": {"agent_0", "agent_1", "more"}}, r"policies="),
         ({"policies_to_train": ["agent_7"]}, r"policies_to_train="),
+        ({"policies_to_train": []}, r"policies_to_train="),
+        ({"policies_to_train": lambda policy, batch: policy == "one"}, r"policies_to_train="),
         ({"policy_mapping_fn": lambda agent, episode: episode.id_}, r"policy_mapping_fn="),
     ],
 )
