@@ -18,6 +18,9 @@ SIDE_GAP = 0.3
 """Vehicles with more lateral clearance than this are not leaders [m]."""
 BRAKING = 3.0
 """Deceleration behind a leader [m/s^2]."""
+BESIDE, BEHIND = 5.0, 10.0
+"""A vehicle is beside the first part of a reference that comes nearer to it than the one, up to where that is
+farther from it than the other [m]: on a small roundabout a reference leads round, past the vehicle again."""
 
 
 @kernel
@@ -65,6 +68,8 @@ def _along(points: Floats, x: float, y: float, heading: float) -> tuple[float, f
         square = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
         if square < best_square:
             best, best_square, best_station = i, square, station
+        elif best_square < BESIDE**2 and square > BEHIND**2:
+            break
     # Project onto the heading at the nearest point, since far points are widely spaced.
     cos, sin = math.cos(points[best, 2]), math.sin(points[best, 2])
     dx, dy = x - points[best, 0], y - points[best, 1]

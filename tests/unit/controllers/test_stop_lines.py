@@ -103,3 +103,18 @@ def test_a_leader_on_a_path_that_leads_round_counts():
         math.sqrt(2.0 * 3.0 * (20.0 - 2.5 - 5.0 * 2.0 * math.pi / 3.0)), rel=0.01
     )
     assert (points[9:, 3] == 0.0).all()
+
+
+@pytest.mark.parametrize("ahead", np.arange(10.0, 14.0, 0.4))
+def test_a_leader_on_a_small_roundabout_is_not_a_round_farther_on(ahead):
+    """The reference leads round twice; its points of the second round may be nearer to the leader."""
+    stations = np.concatenate([np.arange(33.0), 32.0 + np.cumsum(1.06 ** np.arange(1, 32))])
+    angles = stations / 10.0
+    points = np.column_stack(
+        [10.0 * np.sin(angles), 10.0 - 10.0 * np.cos(angles), angles, np.full(len(angles), 5.0)]
+    )
+    there = ahead / 10.0
+    leader = Car(10.0 * math.sin(there), 10.0 - 10.0 * math.cos(there), there)
+    made = world_of([Car(0.0, 0.0, 0.0, 5.0, NORTH), leader], maps=[crossing()])
+    limit_by_leaders(made.world.state, 0, 0, points)
+    assert (points[stations > ahead, 3] == 0.0).all()
