@@ -8,10 +8,12 @@ from functools import lru_cache
 
 import numpy as np
 
+from smarts.arrays import Ints
 from smarts.errors import MapError
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.corridors import Corridor
+from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.starts import corridor_of, distance_along, mean_limit, time_at
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.world import World
@@ -49,17 +51,20 @@ class HoldMissions:
     def mission(self, row: int, slot: int) -> AgentMission:
         """Return the mission to drive a vehicle's planned route; endless where none is known.
 
-        The goal is the end of the route: off the map, or across the last edge in any lane.
+        A vehicle that has passed its edge before drives the rest of the route. The goal is the end of the
+        route: off the map, or across the last edge in any lane.
         """
         world, vehicles = self._world, self._world.vehicles
         number, lane = int(vehicles.route[row, slot]), int(vehicles.lane[row, slot])
         if number < 0 or lane < 0:
             return AgentMission()
         map_number = int(world.map[row])
-        way = self._way(map_number, tuple(world.routes.edges(row, number).tolist()))
+        graph = self._atlas.graphs[map_number]
+        edges = world.routes.edges(row, number)
+        edges = edges[_rest_of(graph, edges, lane, int(vehicles.next_edge[row, slot])) :]
+        way = self._way(map_number, tuple(edges.tolist()))
         if way is None:
             return AgentMission()
-        graph = self._atlas.graphs[map_number]
         begin = distance_along(way.corridor, graph, lane, float(vehicles.lane_position[row, slot]))
         length = max(0.0, way.end - (0.0 if math.isnan(begin) else begin))
         limit, speed = float(graph.speed_limit[lane]), float(vehicles.speed[row, slot])
@@ -91,3 +96,20 @@ class HoldMissions:
         )
         end = distance_along(corridor, graph, lane, goal_s, last=True)
         return _Way(corridor, mission, end, mean_limit(graph, route))
+
+
+def _rest_of(graph: LaneGraph, edges: Ints, lane: int, following: int) -> int:
+    """Return where the rest of a route begins for a vehicle: 0 unless it has passed its edge before.
+
+    Args:
+        graph: The map.
+        edges: The route.
+        lane: The vehicle's.
+        following: The edge that it takes next, -1 at the route's end.
+    """
+    while graph.is_internal[lane] and len(graph.predecessors(lane)):
+        lane = int(graph.predecessors(lane)[0])
+    passages = np.flatnonzero(edges == graph.lane_edge[lane]).tolist()
+    after = [*edges.tolist(), -1]
+    fitting = [each for each in passages if after[each + 1] == following]
+    return fitting[0] if fitting and fitting[0] != passages[0] else 0

@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
+from smarts.sim.hold_missions import HoldMissions
+from smarts.sim.starts import corridor_of
 from smarts.types.agent_states import AgentStatus
 from smarts.types.bubbles import UNLIMITED
 from smarts.types.mission import GoalKind
 from smarts.types.transfers import Reason
 from smarts.types.vehicles import Owner, VehicleKind
+from tests import maps
 from tests.unit.sim.bubble_stage import AIRLOCK, DRIVEN, NONE, RELEASING, Road, gate, phases
+from tests.worlds import Car, world_of
 
 
 def test_a_vehicle_goes_through_all_phases_and_back_to_traffic():
@@ -325,6 +329,26 @@ def test_the_mission_is_the_vehicles_own_route_to_its_end():
     assert mission.route_length == pytest.approx(400 - 103)
     assert road.pool.starts[0][0].collision_time == 5.0
     assert road.column(slot) >= 0
+
+
+@pytest.mark.parametrize("passage", [0, 1])
+def test_the_mission_of_a_vehicle_whose_route_comes_by_twice_is_the_rest(passage):
+    graph = maps.graph_of(
+        {
+            "side": maps.Road([(0, 0), (100, 0)]),
+            "round": maps.Road([(110, 10), (110, 60), (-10, 60), (-10, 10)]),
+            "out": maps.Road([(110, -10), (110, -60)]),
+        },
+        [(("side", 0), ("round", 0)), (("round", 0), ("side", 0)), (("side", 0), ("out", 0))],
+    )
+    made = world_of([Car(40.0, 0.0)], maps=[graph])
+    route = ("side", "round", "side", "out")
+    edges = [graph.edge_number(name) for name in route]
+    made.world.vehicles.route[0, 0] = made.world.routes.number(0, edges)
+    made.world.vehicles.next_edge[0, 0] = edges[1 + 2 * passage]
+    mission = HoldMissions(made.world, made.routes).mission(0, 0)
+    assert mission.route == route[2 * passage :]
+    assert mission.route_length == pytest.approx(corridor_of(graph, mission.route).length - 40.0)
 
 
 def test_a_collision_is_counted_once():
