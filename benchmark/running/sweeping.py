@@ -289,13 +289,33 @@ def scheduler_of(section: Tune, algorithm: str, validations: int) -> Any:
     if section.scheduler == "pbt":
         parameters = parameters_of(section, algorithm)
         mutations = {name: _listed(given) or _values(given) for name, given in parameters.items()}
-        return PopulationBasedTraining(
+        return Population(
+            validations,
             time_attr=VALIDATION,
             perturbation_interval=1,
             hyperparam_mutations=mutations,
             custom_explore_fn=partial(within_bounds, section),
         )
     return None
+
+
+class Population(PopulationBasedTraining):
+    """Lets trials end as they are after their last validation: a copy of a better one would not train.
+
+    Args:
+        validations: Of each trial.
+        options: As of `PopulationBasedTraining`.
+    """
+
+    def __init__(self, validations: int, **options: Any) -> None:
+        super().__init__(**options)
+        self._validations = validations
+
+    def on_trial_result(self, tune_controller: Any, trial: Any, result: dict) -> str:
+        """Return what becomes of a trial after a validation."""
+        if result[VALIDATION] >= self._validations:
+            return self.CONTINUE
+        return super().on_trial_result(tune_controller, trial, result)
 
 
 def within_bounds(section: Tune, config: dict[str, Any]) -> dict[str, Any]:

@@ -56,6 +56,14 @@ def test_a_search_of_an_earlier_version_is_gone_on_with(experiment, tmp_path):
         assert caught.value.place == str(file)
 
 
+def test_no_trial_becomes_a_copy_of_another_when_its_training_is_over():
+    section = Tune(parameters={"lr": {"uniform": [0.1, 0.2]}}, scheduler="pbt")
+    scheduler = scheduler_of(section, "ppo", 4)
+    assert scheduler.on_trial_result(None, "unknown", {"validation": 4}) == scheduler.CONTINUE
+    with pytest.raises(RuntimeError, match="metric"):
+        scheduler.on_trial_result(None, "unknown", {"validation": 3})
+
+
 def test_lists_are_grids_and_draws_keep_their_bounds():
     section = Tune(
         parameters={
