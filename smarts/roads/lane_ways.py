@@ -10,8 +10,10 @@ from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, wrapped
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import find_row
+from smarts.roads.lane_graph import LaneKind
 
 _REACH_ROWS = 48
+_CAR = int(LaneKind.CAR)
 
 
 @kernel
@@ -55,7 +57,8 @@ def next_row(roads: Roads, table: RouteTable, map_id: int, row: int, first_lane:
     """Return the row after `row` for a vehicle that keeps its lane, or -1 where the road ends.
 
     On a route, it is the branch that stays longest on the route without a lane change, the first of equals.
-    Off the route, or without one, it is the branch that turns least.
+    Off the route, or without one, it is the branch that turns least. A lane for cars leads into a bus lane
+    only where it leads nowhere else.
     """
     first, last = table.onward_start[row], table.onward_start[row + 1]
     is_on_route = row >= table.start[table.free]
@@ -66,8 +69,15 @@ def next_row(roads: Roads, table: RouteTable, map_id: int, row: int, first_lane:
     if last - first < 2:
         return int(table.onward[first]) if last > first else -1
     best, best_value = -1, -np.inf
+    is_for_cars = roads.lane_kind[table.lane[row]] == _CAR
     for entry in range(first, last):
         following = int(table.onward[entry])
+        if is_for_cars and best >= 0:
+            is_open = roads.lane_kind[table.lane[following]] == _CAR
+            was_open = roads.lane_kind[table.lane[best]] == _CAR
+            if was_open and not is_open:
+                continue
+            best_value = best_value if was_open == is_open else -np.inf
         value = _reach(table, following) if is_on_route else -_turn(roads, table.lane[following])
         if value > best_value + 1e-6:
             best, best_value = following, value

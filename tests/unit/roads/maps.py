@@ -127,4 +127,14 @@ def lane_kinds() -> dict[str, str]:
     }
 
 
+def bus_lane() -> dict[str, str]:
+    """A road of one lane that becomes one of two, of which the right one is for buses, and a side road."""
+    return {
+        "nod": """<nodes><node id="a" x="0" y="0"/><node id="b" x="100" y="0" type="priority"/>
+            <node id="c" x="200" y="0"/><node id="d" x="100" y="-100"/></nodes>""",
+        "edg": """<edges><edge id="in" from="a" to="b"/><edge id="side" from="b" to="d"/>
+            <edge id="out" from="b" to="c" numLanes="2"><lane index="0" allow="bus"/></edge></edges>""",
+    }
+
+
 MAPS = {"cross": cross(), "roundabout": roundabout(), "curve": curve(), "city": city()}

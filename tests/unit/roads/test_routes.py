@@ -4,12 +4,17 @@ import numpy as np
 import pytest
 
 from smarts.errors import MapError
+from smarts.geometry.binding import bind
+from smarts.roads.atlas import RoadAtlas
 from smarts.roads.corridors import free_corridor, route_corridor
 from smarts.roads.lane_graph import LaneKind
+from smarts.roads.lane_ways import next_row, row_of
 from smarts.roads.routes import CARS, edge_graph, random_route, shortest_route
 from smarts.roads.sumo_net import read_net
 from tests.maps import Road, graph_of
 from tests.raising import raises
+
+from . import maps
 
 # Two ways from a to d: 100 m at 10 m/s by b, or 200 m at 30 m/s by c.
 DIAMOND = {
@@ -195,3 +200,20 @@ def test_lane_changes_to_where_no_way_leads():
 
 def test_a_corridor_without_a_route_demands_no_lane_changes(cross):
     assert not free_corridor(cross, CARS).changes.any()
+
+
+@pytest.mark.parametrize("route", [("in", "out"), ()])
+def test_a_lane_for_cars_leads_into_a_bus_lane_only_if_it_leads_nowhere_else(compile_to, route):
+    graph = read_net(compile_to("bus_lane", maps.bus_lane()))
+    atlas = RoadAtlas([graph])
+    table = atlas.route_table([(0, route)] if route else [])
+    begin, ends = graph.lane_number("in", 0), set()
+    ahead = bind(next_row, atlas.roads, table)
+    row = bind(row_of, table)(0, 0 if route else -1, begin, 0, 0.0)
+    onward = table.lane[table.onward[table.onward_start[row] : table.onward_start[row + 1]]]
+    assert {LaneKind.CAR, LaneKind.BUS} == set(graph.kind[onward].tolist())
+    while row >= 0:
+        ends.add(graph.lane_ids[table.lane[row]])
+        row = ahead(0, row, 0)
+    assert ends & {"out_1", "side_0"}
+    assert "out_0" not in ends
