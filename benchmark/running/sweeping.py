@@ -36,7 +36,7 @@ from benchmark.running.messages import Kept
 from benchmark.running.played import scenario_digests
 from benchmark.running.progress import RunProgress
 from benchmark.running.shipping import shipped_code
-from benchmark.running.training import Training, algorithm_of
+from benchmark.running.training import Training, algorithm_of, config_of
 from smarts.errors import shortened
 
 VALIDATION = "validation"
@@ -45,6 +45,8 @@ SEARCH = "search.json"
 """Of a search's folder: what is searched."""
 MEASURES = ("completion", "safety", "return", VALIDATION, "agent_steps", "trial_id")
 """What the table of trials shows beside the settings."""
+OF_NETWORKS = ("sharing", "set_width")
+"""Settings that networks are built from, beside those of `checkpoint_signature`."""
 
 
 def sweep(experiment: Experiment, root: Path) -> int:
@@ -231,7 +233,8 @@ def searched_runs(experiment: Experiment) -> list[Run]:
 
     Raises:
         SweepError: There are no algorithms, several seeds, no validations, or several cells and a scheduler,
-            which would stop the same settings early in one cell and not in another.
+            which would stop the same settings early in one cell and not in another; or population-based
+            training would change the networks of a checkpoint.
     """
     runs = [*runs_of(experiment)]
     if not runs:
@@ -256,7 +259,22 @@ def searched_runs(experiment: Experiment) -> list[Run]:
             place="tune.scheduler",
             remedy="remove it, or leave one task and traffic",
         )
+    if experiment.tune and experiment.tune.scheduler == "pbt":
+        for run in runs:
+            _check_population(run, experiment.tune)
     return runs
+
+
+def _check_population(run: Run, section: Tune) -> None:
+    """Raise if a copy of another trial could get settings that its networks are not built from."""
+    built = {*config_of(run).checkpoint_signature(), *OF_NETWORKS}
+    for name in parameters_of(section, run.algorithm):
+        if name in built:
+            raise SweepError(
+                f"pbt changes settings of trained networks; {run.algorithm!r} builds them from {name}",
+                place=f"tune.parameters.{name}",
+                remedy="leave it out, or search it without a scheduler",
+            )
 
 
 def space_of(section: Tune, algorithm: str) -> dict[str, Any]:

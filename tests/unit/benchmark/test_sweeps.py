@@ -186,6 +186,8 @@ def test_a_search_is_complete_when_its_table_has_all_trials(tmp_path):
         (["algorithms=[ppo, dqn]", "tune.parameters.lrr=[0.1]"], "tune.parameters.lrr"),
         (["algorithms=[ppo, dqn]", "tune.parameters.epochs=[2]"], "'dqn' has none of the settings"),
         (["algorithms=[ppo, dqn]", "tune.parameters={lr: [0.1], epochs: [0]}"], "epochs[0]"),
+        (["tune={parameters: {hidden: [[8], [16]]}, scheduler: pbt}"], "tune.parameters.hidden"),
+        (["tune={parameters: {sharing: [all, none]}, scheduler: pbt}"], "tune.parameters.sharing"),
         (["algorithms=[]", "scripted=[parked]", "tune.parameters={lr: [0.1]}"], "algorithms: [ppo]"),
     ],
 )
