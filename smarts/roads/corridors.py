@@ -44,6 +44,8 @@ class Corridor:
     onward_start: Ints
     """CSR of the rows that a row leads into without leaving the route, shape (R + 1,)."""
     onward: Ints
+    kind: Bytes
+    """A `LaneKind`, shape (R,)."""
 
     @cached_property
     def by_lane(self) -> Ints:
@@ -64,13 +66,15 @@ class Corridor:
         """Fewest lane changes from each row to each lane of the last edge, shape (R, K).
 
         Column k stands for the k-th row from the end. Positive where the first of the changes is to the left,
-        negative to the right; `FAR` where no way leads there. All 0 in a corridor without a route.
+        negative to the right; `FAR` where no way leads there. All 0 in a corridor without a route. From lanes
+        for cars, changes lead into bus lanes only where no others lead there.
         """
         count = len(self.lane)
         if not count or np.isnan(self.end).any():
             return np.zeros((count, 1), np.int8)
         needed = np.empty((count, np.count_nonzero(self.group == self.group[-1])), np.int8)
-        count_changes(self.group, self.onward_start, self.onward, needed, FAR)
+        is_for_cars = self.kind == LaneKind.CAR
+        count_changes(self.group, self.onward_start, self.onward, is_for_cars, needed, FAR)
         return needed
 
     @property
@@ -101,13 +105,16 @@ class _Leg(NamedTuple):
 
 
 @kernel
-def count_changes(group: Ints, onward_start: Ints, onward: Ints, needed: Counts, far: int) -> None:
+def count_changes(
+    group: Ints, onward_start: Ints, onward: Ints, is_for_cars: Bools, needed: Counts, far: int
+) -> None:
     """Write `Corridor.changes` of a route.
 
     Args:
         group: See `Corridor`, shape (R,).
         onward_start: See `Corridor`, shape (R + 1,).
         onward: See `Corridor`.
+        is_for_cars: Which rows are lanes for cars, shape (R,).
         needed: Written, shape (R, K).
         far: Stands for the number of lane changes where none lead on.
     """
@@ -124,7 +131,7 @@ def count_changes(group: Ints, onward_start: Ints, onward: Ints, needed: Counts,
         for _ in range(end - begin if group[begin] % 2 else 1):
             _look_onward(begin, end, onward_start, onward, needed)
         if group[begin] % 2 == 0:
-            _look_aside(begin, end, needed, far)
+            _look_aside(begin, end, is_for_cars, needed, far)
         end = begin
 
 
@@ -140,15 +147,27 @@ def _look_onward(begin: int, end: int, onward_start: Ints, onward: Ints, needed:
 
 
 @kernel
-def _look_aside(begin: int, end: int, needed: Counts, far: int) -> None:
+def _look_aside(begin: int, end: int, is_for_cars: Bools, needed: Counts, far: int) -> None:
     """Write the changes of lanes side by side, rightmost first, if changing to another demands fewer."""
     ahead = np.abs(needed[begin:end].astype(np.int64))
     for row in range(begin, end):
-        for other in range(begin, end):
-            for column in range(needed.shape[1]):
-                count = min(ahead[other - begin, column] + abs(other - row), far)
-                if other != row and count < abs(needed[row, column]):
-                    needed[row, column] = count if other > row else -count
+        for column in range(needed.shape[1]):
+            _change_aside(begin, end, row, column, is_for_cars, ahead, needed, far)
+            if is_for_cars[row] and abs(needed[row, column]) == far:
+                # Buses may change into bus lanes.
+                _change_aside(begin, end, row, column, np.zeros_like(is_for_cars), ahead, needed, far)
+
+
+@kernel
+def _change_aside(
+    begin: int, end: int, row: int, column: int, is_for_cars: Bools, ahead: Ints, needed: Counts, far: int
+) -> None:
+    """Write the changes of one lane to one lane of the last edge; see `_look_aside`."""
+    for other in range(begin, end):
+        count = min(ahead[other - begin, column] + abs(other - row), far)
+        is_open = is_for_cars[other] or not is_for_cars[row]
+        if other != row and is_open and count < abs(needed[row, column]):
+            needed[row, column] = count if other > row else -count
 
 
 @remembered(most=1024)
@@ -175,13 +194,15 @@ def route_corridor(graph: LaneGraph, route: tuple[str, ...], kinds: frozenset[La
         firsts.append(first)
         station, first = end + leg.between, first + len(leg.lane)
     onward = np.concatenate([leg.onward for leg in legs])
+    lane = np.concatenate([leg.lane for leg in legs])
     return Corridor(
-        lane=np.concatenate([leg.lane for leg in legs]),
+        lane=lane,
         group=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
         begin=np.repeat(begins, counts) + np.concatenate([leg.begin for leg in legs]),
         end=np.repeat(ends, counts) + np.concatenate([leg.end for leg in legs]),
         onward_start=_offsets(np.concatenate([leg.onward_count for leg in legs])),
         onward=onward + np.repeat(np.array(firsts, np.int32), [len(leg.onward) for leg in legs]),
+        kind=graph.kind[lane],
     )
 
 
@@ -242,7 +263,7 @@ def free_corridor(graph: LaneGraph, kinds: frozenset[LaneKind]) -> Corridor:
     # How many of the links before each lane's own are kept.
     start = np.concatenate(([0], np.cumsum(kept)))[graph.successor_start].astype(np.int32)
     unknown = np.full(len(lanes), np.nan)
-    return Corridor(lanes, graph.lane_edge, unknown, unknown, start, graph.successor[kept])
+    return Corridor(lanes, graph.lane_edge, unknown, unknown, start, graph.successor[kept], graph.kind)
 
 
 def _chains(graph: LaneGraph, lanes: Sequence[int], edge: int, usable: Bools) -> list[list[int]]:

@@ -193,6 +193,23 @@ def test_lane_changes_that_a_route_demands():
     assert to_left.tolist() == [3, 2, 1, 1, 1, 0]
 
 
+def test_lane_changes_of_cars_do_not_lead_into_bus_lanes(compile_to):
+    """Of three lanes the right one, for buses, and the left one lead on; the middle one turns off."""
+    sources = maps.bus_lane()
+    sources["edg"] = """<edges><edge id="in" from="a" to="b" numLanes="3"><lane index="0" allow="bus"/></edge>
+        <edge id="side" from="b" to="d"/><edge id="out" from="b" to="c" numLanes="2"/></edges>"""
+    ways = (0, "out", 0), (1, "side", 0), (2, "out", 1)
+    links = "".join(
+        f'<connection from="in" to="{edge}" fromLane="{lane}" toLane="{to}"/>' for lane, edge, to in ways
+    )
+    graph = read_net(compile_to("middle", sources | {"con": f"<connections>{links}</connections>"}))
+    corridor = route_corridor(graph, ("in", "out"), CARS | {LaneKind.BUS})
+    to_right = dict(
+        zip((graph.lane_ids[lane] for lane in corridor.lane), corridor.changes[:, 1], strict=True)
+    )
+    assert (to_right["in_0"], to_right["in_1"], to_right["in_2"]) == (0, 2, -1)
+
+
 def test_lane_changes_to_where_no_way_leads():
     roads = {"a": Road([(0.0, 0.0), (100.0, 0.0)], 2)}
     assert route_corridor(graph_of(roads), ("a",)).changes.tolist() == [[1, 0], [0, -1]]
