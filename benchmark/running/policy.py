@@ -181,7 +181,7 @@ class Policy:
         Its agents' names, sensors, actions and `decision_interval` must be those of the training.
 
         Raises:
-            ActionError: Its agents have other names.
+            ActionError: Its agents have other names, or decide in other steps.
             SmartsError: Its agents do not fit the observation.
         """
         if tuple(env.agent_ids) != self.agents:
@@ -191,6 +191,12 @@ class Policy:
                 remedy=f"the policy was trained for {[*self.agents]}, in this order",
             )
         given = self._run.task_setting.environment
+        if env.decision_interval != given.decision_interval:
+            raise ActionError(
+                f"the environment's decision_interval is {env.decision_interval}",
+                place="Policy.attach",
+                remedy=f"make it with decision_interval={given.decision_interval}, as in the training",
+            )
         self._attached = env.watch(
             given.observation,
             given.reward,

@@ -99,6 +99,7 @@ class HiWayEnv(NotCopied, gym.Env):
         self.agent_specs = dict(self._env.specs)
         self.agent_ids = list(agent_specs)
         """The names of all agents, active or not."""
+        self.decision_interval = decision_interval
         self._renderer = Renderer(self._env.runner, render_mode, "HiWayEnv")
         self.metadata, self.render_mode = self._renderer.metadata, render_mode
 

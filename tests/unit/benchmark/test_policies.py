@@ -160,9 +160,12 @@ def test_every_environment_gets_the_same_actions(make):
     common = {"scenarios": ["loop"], "traffic": ["no_social_vehicles"]}
     assert by_dicts(hiway_parallel_env(["loop"], 2, traffic=["no_social_vehicles"]), policy) == wanted
     assert by_dicts(RLlibHiWayEnv({**common, "agents": 2}), policy) == wanted
-    objects = HiWayEnv(
-        agent_specs=dict.fromkeys(policy.agents, benchmark_interface()), decision_interval=5, **common
-    )
+    common["agent_specs"] = dict.fromkeys(policy.agents, benchmark_interface())
+    hasty = HiWayEnv(**common)
+    with raises(ActionError, "Policy.attach", values=["decision_interval=5"]):
+        policy.attach(hasty)
+    hasty.close()
+    objects = HiWayEnv(decision_interval=5, **common)
     with raises(ActionError, "Policy.act", values=["attach"]):
         policy.act(objects.reset(seed=7)[0])
     policy.attach(objects)
