@@ -2,12 +2,10 @@
 
 import operator
 import os
-import shutil
 
 import pytest
 
 from benchmark.results.files import ResultsError
-from benchmark.running.releasing import write_release
 from benchmark.running.side_by_side import side_by_side
 from benchmark.running.submissions import submitted
 from benchmark.running.verifying import verify
@@ -49,11 +47,11 @@ def test_a_lost_process_is_named():
 
 @pytest.mark.slow
 def test_policies_of_a_release_are_played_side_by_side(tmp_path):
-    results, cell = ROOT / "results" / "benchmark_v1", "dqn/two_way_v1/no_social_vehicles"
-    shutil.copytree(results / cell, tmp_path / "results" / cell)
-    shutil.copy(results / "command.json", tmp_path / "results" / "command.json")
-    write_release(tmp_path / "results", tmp_path / "release", author="A. Author", is_partial=True)
-    manifest, folder = submitted(str(tmp_path / "release"), number=None, scenarios=(), traffic=())
+    manifest, folder = submitted(str(ROOT / "results" / "release_v1"), number=None, scenarios=(), traffic=())
+    of_dqn = [
+        e for e in manifest.policies if e.agent.startswith("policies/dqn_two_way_v1_no_social_vehicles")
+    ]
+    manifest = manifest.model_copy(update={"policies": of_dqn})
     given = {"episodes": 2, "fresh": 1}
     one, two = (
         [*verify(manifest, folder, tmp_path / str(parallel), parallel=parallel, **given)]

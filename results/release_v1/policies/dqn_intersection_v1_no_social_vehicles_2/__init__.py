@@ -1,0 +1,14 @@
+"""The agent dqn-intersection-v1-no-social-vehicles-2-v0: dqn, intersection_v1, no_social_vehicles, seed 2, last checkpoint; written by `smarts-bench export`."""
+
+from functools import partial
+from pathlib import Path
+
+from smarts.zoo import register
+from smarts.zoo.exported import exported_spec
+
+register(
+    "dqn-intersection-v1-no-social-vehicles-2-v0",
+    partial(exported_spec, Path(__file__).parent),
+    m_level="M1",
+    provenance="dqn, intersection_v1, no_social_vehicles, seed 2, last checkpoint",
+)

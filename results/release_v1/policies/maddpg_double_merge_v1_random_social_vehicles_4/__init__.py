@@ -1,0 +1,14 @@
+"""The agent maddpg-double-merge-v1-random-social-vehicles-4-v0: maddpg, double_merge_v1, random_social_vehicles, seed 4, last checkpoint; written by `smarts-bench export`."""
+
+from functools import partial
+from pathlib import Path
+
+from smarts.zoo import register
+from smarts.zoo.exported import exported_spec
+
+register(
+    "maddpg-double-merge-v1-random-social-vehicles-4-v0",
+    partial(exported_spec, Path(__file__).parent),
+    m_level="M3",
+    provenance="maddpg, double_merge_v1, random_social_vehicles, seed 4, last checkpoint",
+)

@@ -1,0 +1,14 @@
+"""The agent networked-q-double-merge-v1-no-social-vehicles-3-v0: networked_q, double_merge_v1, no_social_vehicles, seed 3, last checkpoint; written by `smarts-bench export`."""
+
+from functools import partial
+from pathlib import Path
+
+from smarts.zoo import register
+from smarts.zoo.exported import exported_spec
+
+register(
+    "networked-q-double-merge-v1-no-social-vehicles-3-v0",
+    partial(exported_spec, Path(__file__).parent),
+    m_level="M3",
+    provenance="networked_q, double_merge_v1, no_social_vehicles, seed 3, last checkpoint",
+)

@@ -1,0 +1,14 @@
+"""The agent networked-q-intersection-v1-random-social-vehicles-3-v0: networked_q, intersection_v1, random_social_vehicles, seed 3, last checkpoint; written by `smarts-bench export`."""
+
+from functools import partial
+from pathlib import Path
+
+from smarts.zoo import register
+from smarts.zoo.exported import exported_spec
+
+register(
+    "networked-q-intersection-v1-random-social-vehicles-3-v0",
+    partial(exported_spec, Path(__file__).parent),
+    m_level="M3",
+    provenance="networked_q, intersection_v1, random_social_vehicles, seed 3, last checkpoint",
+)
