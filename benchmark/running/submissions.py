@@ -88,7 +88,8 @@ def submitted(
     folder = Path(given)
     _check_effect(given, number is not None or bool(scenarios or traffic), bool(addresses))
     if given.startswith(ADDRESS):
-        return _at_address(given, number or max(versions()), scenarios, traffic), folder
+        number = max(versions()) if number is None else number
+        return _at_address(given, number, scenarios, traffic), folder
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
         named = {entry.agent for entry in manifest.policies if entry.agent.startswith(ADDRESS)}

@@ -672,6 +672,12 @@ def test_what_has_no_effect_on_a_submission_is_refused(submission, given, beside
         submitted(place, **{"number": None, "scenarios": (), "traffic": ()} | beside)
 
 
+@pytest.mark.parametrize("number", [0, 9])
+def test_an_address_of_a_version_that_there_is_not_is_refused(number):
+    with raises(ResultsError, "--scenario, --traffic", values=[f"version {number}"]):
+        submitted("tcp://127.0.0.1:9", number=number, scenarios=(), traffic=())
+
+
 def test_addresses_are_asked_only_if_the_evaluator_names_them(submission):
     with socket.create_server(("127.0.0.1", 0)) as listening:
         address = f"tcp://127.0.0.1:{listening.getsockname()[1]}"
