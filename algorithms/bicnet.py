@@ -8,10 +8,16 @@ deterministic policy gradient,
 
     grad J = E[sum over i and j of grad_theta a_j(s) grad_{a_j} Q_i(s, a)],
 
-and by the critics' temporal differences r_i + gamma Q'_i(s', a'(s')) - Q_i(s, a), with own rewards.
+and by the critics' temporal differences r_i + gamma Q'_i(s', a'(s')) - Q_i(s, a), with own rewards. Policies
+and critics have targets.
+
+The paper could not be read: the gradient is that of lecture notes by one of its authors, and both steps are
+those of later code of his (ying-wen/malib_deprecated). No code of the paper's experiments was found.
 
 Deviations: discrete actions are straight-through Gumbel-softmax samples with a penalty on outputs, as in
-`maddpg`; the recurrent cells are plain tanh units; inactive agents are skipped by both directions; groups may
+`maddpg`; the recurrent cells are plain tanh units (that code: LSTMs, in the critic only, beside policies that
+do not communicate); the critics' errors are squared (that code: Huber's loss); noise is independent from step
+to step (that code: an Ornstein-Uhlenbeck process); inactive agents are skipped by both directions; groups may
 have networks of their own, which hand on to each other; the paper's agents share one.
 """
 

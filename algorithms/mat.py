@@ -8,13 +8,21 @@ attention shows agent i what the agents before it do in this step:
 
 Agents act one after another; learning evaluates all of them at once, since their actions are known by then.
 The network takes PPO's clipped steps on each agent's conditional probability (the paper's loss of the
-decoder) and fits the values (that of the encoder). Its blocks are those of the authors' code: attention, sum,
-layer normalisation, perceptron, sum, layer normalisation.
+decoder) and fits the values (that of the encoder). Its blocks, the one step on the sum of both losses and the
+order, that of the agents, are those of the authors' code (PKU-MARL/Multi-Agent-Transformer). A block:
+attention, sum, layer normalisation, perceptron, sum, layer normalisation.
 
-Deviations: each agent's advantage is of its own reward, where the paper's agents share one of the team; the
-encoder reads observations with one-hot places, without the code's normalisation of inputs; the order is that
-of the agents. Agents that are not active are heard neither by the encoder nor by the decoder. An agent that
-is asked alone decides as the only active one.
+Deviations, where "the code" is the authors':
+
+- Each agent's advantage is of its own reward and value, as in the code, where the paper's agents share one of
+  the team, from the mean of their values.
+- The encoder reads observations with one-hot places; the code normalises observations.
+- Embeddings of actions are linear, and heads have no layer normalisation; the code has a GELU and layer
+  normalisations there.
+- The values' errors are squared; the code has Huber's loss, clipped as the policy's ratio is. The code's
+  layers begin with smaller weights.
+- Agents that are not active are heard neither by the encoder nor by the decoder; the code leaves them out of
+  the losses only. An agent that is asked alone decides as the only active one.
 """
 
 from __future__ import annotations

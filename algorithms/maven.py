@@ -3,18 +3,28 @@
 Mahajan et al. 2019, "MAVEN: Multi-Agent Variational Exploration". A policy pi_z(z | s_0) draws a latent z at
 the start of an episode; agents and mixer are conditioned on it until the end. The paper maximises
 
-    J_RL + lambda_MI J_V - L_QL,    J_V = H(z) + E[log q(z | sigma(tau))],
+    J_RL + lambda_MI J_V - lambda_QL L_QL,    J_V = H(z) + E[log q(z | sigma(tau))],
 
 where L_QL is QMIX's loss given z, J_RL the return of the episodes that z leads to, and J_V a lower bound on
 the mutual information between z and the behaviour sigma(tau): the state and the agents' Boltzmann policies,
 softmax over Q_i(o_i, .; z). The discriminator q and the agents' values ascend J_V together; pi_z ascends J_RL
-by the policy gradient grad log pi_z(z | s_0) R on whole episodes as they end.
+by the policy gradient grad log pi_z(z | s_0) R on whole episodes as they end. In the authors' slides these
+are eq. 8 (the sum), 4 (L_QL), 5 (J_RL), 6 and 7 (the mutual information and its bound).
 
-Deviations: QMIX's; z is one-hot and enters the mixer's hypernetworks beside the state; sigma is of single
-steps (the authors' code has this and a recurrent one); the logits of pi_z are sums over the agents'
-observations in s_0; its returns are standardised by running moments, and H(z) has a weight of its own,
-`latent_entropy`. pi_z learns from an episode when that ends. Where it outlasts its fragment, an older pi_z
-drew its z and older values played it: no importance ratio corrects that.
+Deviations, where "the code" is the authors' (AnujMahajanOxf/MAVEN, with the slides):
+
+- QMIX's; lambda_QL is 1, as in the code.
+- z is one-hot and enters the mixer's hypernetworks beside the state, as in the code. Sigma is of single
+  steps, which is one of the code's two; the published runs have the other, of a recurrent network over the
+  episode.
+- The last layer of Q_i has biases, and an agent's number is an input of Q_i; the code's hypernetwork of that
+  layer reads z and the number, and makes no biases.
+- The logits of pi_z are sums over the agents' observations in s_0; the code reads the state.
+- Returns are standardised by running moments, and H(z) has a weight of its own, `latent_entropy` (the code,
+  of returns as they are: 0.001 to 0.1 in the published runs, where lambda_MI is 0.001 to 1).
+- pi_z takes a step on the episodes that end in a rollout; the code takes several on draws from the last 512
+  episodes. Where an episode outlasts its fragment, an older pi_z drew its z and older values played it: no
+  importance ratio corrects that, nor in the code.
 """
 
 from __future__ import annotations

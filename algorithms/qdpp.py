@@ -2,7 +2,7 @@
 
 Yang et al. 2020, "Multi-Agent Determinantal Q-Learning". A determinantal point process over all pairs (o_i,
 a_i), of which one of each agent is taken (a partition matroid), gives a joint action the weight det L_Y with
-L_Y = D B^T B D. Its logarithm is the team's value,
+L_Y = D B^T B D. Its logarithm is the team's value (eq. 6),
 
     Q(o, a) = log det L_Y = sum_i Q_i(o_i, a_i) + log det(B^T B),
 
@@ -16,15 +16,27 @@ learning, the orthogonalising sampler (the paper's algorithm 1) draws agent afte
 so that the joint action has the weight det L_Y over the product of the normalisers. Its most probable choices
 are the next joint action that targets bootstrap from.
 
-The paper could not be read when this was written: the equations are those of the authors' code, which names
-the lines of algorithm 1, and of lecture notes by one of the authors.
+These are the equations of the authors' code (QDPP-GitHub/QDPP), which names lines of algorithm 1, of the
+paper's supplement beside that code, which names eq. 6, and of lecture notes by one of the authors. The main
+text of the paper could not be read. As in the code, the order is that of the agents, the online networks
+choose the next joint action and the target networks value it.
 
-Deviations: a share `own_share` of each squared vector lies in a direction that no other agent has, which
-bounds the determinant from below (the code adds random noise to the diagonal and clips entries at 0); an
-inactive agent has only that direction and quality 0, so it changes nothing; vectors are functions of
-observations on the trunk of Q_i, where the code has tables for finite states; weights have a power
-1 / `temperature`, where the code divides only Q_i; vectors have length 1 by construction, so that there is no
-penalty on the balance of singular values.
+Deviations, where "the code" is the authors':
+
+- A share `own_share` of each squared vector lies in a direction that no other agent has, which bounds the
+  determinant from below. The code adds noise, uniform up to 0.1, to the diagonal of B^T B and clips its
+  entries at 0.
+- An inactive agent has only that direction and quality 0, so it changes nothing.
+- Vectors are functions of the own observation on the trunk of Q_i. The code has tables of finite states, and
+  for others networks of the global state (the supplement's "Deep Q-DPP").
+- Vectors have length 1. The code's have at most this length, which is learned and adds to the value.
+- Weights have the power 1 / `temperature`; the code divides Q_i only. As it falls, agents that explore come
+  to the choices that targets bootstrap from, and the code's to their own best actions.
+- Targets take the sampler's choices at temperature 1, the code's at half of the present one.
+- There is no penalty on the balance of singular values, which only the sampler's error bound needs, no decay
+  of weights and no limit on values.
+- Agents may share networks, and have no memory; the code's have networks of their own, most of them
+  recurrent.
 """
 
 from __future__ import annotations

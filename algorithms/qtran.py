@@ -2,19 +2,24 @@
 
 Son et al. 2019, "QTRAN: Learning to Factorize with Transformation for Cooperative Multi-Agent Reinforcement
 Learning". Q_jt(s, u) is any function of state and joint action, fitted by its temporal difference, where the
-next joint action consists of the agents' own best ones. The agents' values Q_i satisfy theorem 1,
+next joint action consists of the agents' own best ones. The agents' values Q_i satisfy theorem 1 (eq. 4),
 
     D(s, u) = sum of Q_i(o_i, u_i) - Q_jt(s, u) + V_jt(s)   is 0 at the agents' best actions, >= 0 elsewhere,
 
 so that their best actions are the team's. "base" penalises (D at the best actions)^2 and min(D, 0)^2 at
-the actions taken. "alt" strengthens the second condition: for each agent, the smallest D over its own
-actions, the others' as taken, is 0. It takes Q_jt(s, ., u_-i) from COMA's counterfactual network, and has the
-losses of "base" for each agent's output. No gradient of the constraints reaches Q_jt.
+the actions taken. "alt" strengthens the second condition (theorem 2): for each agent, the smallest D over its
+own actions, the others' as taken, is 0. It takes Q_jt(s, ., u_-i) from COMA's counterfactual network, and has
+the losses of "base" for each agent's output. No gradient of the constraints reaches Q_jt.
 
-Deviations: Q_jt and V_jt read the global state instead of sums of the agents' hidden features; double
-Q-learning and duelling values as `dqn` (`double=False`: the paper's targets); the team's reward is the sum
-(or mean, `team_reward`) over the active agents, and inactive agents contribute zero; in "alt", targets
-bootstrap from the mean of the active agents' outputs.
+The constraints of both are those of the authors' code (Sonkyunghwan/QTRAN: "pqmix7" is base, "pqmix5" alt),
+where D has no V_jt, since its agents see the whole state; both weights are 1 there, as here.
+
+Deviations: Q_jt and V_jt read the global state instead of sums of the agents' hidden features (the code:
+their mean); double Q-learning and duelling values as `dqn` (`double=False`: the paper's targets); in "base"
+targets bootstrap from Q'_jt, as in the paper, where the code takes the sum of the agents' largest Q'_i; in
+"alt" from the mean of the active agents' outputs, where the code takes the largest output over agents and own
+actions, the others' at their best; the team's reward is the sum (or mean, `team_reward`) over the active
+agents, and inactive agents contribute zero.
 """
 
 from __future__ import annotations

@@ -1,30 +1,36 @@
 """Regularised opponent model with maximum entropy objective (ROMMEO-Q): a prior over optimistic answers.
 
 Tian et al. 2019, "A Regularized Opponent Model with Maximum Entropy Objective". Agent i chooses a policy
-pi(a_i | o, a_-i) and a model rho(a_-i | o) of what the others do, to maximise
+pi(a_i | o, a_-i) and a model rho(a_-i | o) of what the others do, to maximise (eq. 6 and 7)
 
     E over rho and pi of Q_i(o, a_i, a_-i) + alpha H(pi) - alpha KL(rho || P),
 
 where P(a_-i | o) is what the others have been seen to do. So the model leans to what is good for agent i, as
-far as experience lets it. The best pair, and its value, are
+far as experience lets it. The best pair, and its value, are (theorem 1: eq. 10, 11 and 9)
 
     pi  = exp(Q_i(o, a_i, a_-i) / alpha) / Z(a_-i),  Z(a_-i) = sum over a_i of exp(Q_i(o, a_i, a_-i) / alpha),
     rho = P(a_-i | o) Z(a_-i) exp(-V(o) / alpha),    V(o) = alpha log of the sum over a_-i of P(a_-i | o) Z.
 
-An agent draws a_i from the marginal policy, the mean of pi under rho, which is
+An agent draws a_i from the marginal policy, the mean of pi under rho (algorithm 1), which is
 
     p(a_i | o) = exp((q(a_i) - V(o)) / alpha),  q(a_i) = alpha log E under P of exp(Q_i(o, a_i, .) / alpha),
 
-and Q_i is fitted to r_i + gamma V(o'). Q_i, the models P and replay are those of `opponent_q`; since this Q_i
-is a sum over the others, q(a_i) is one, too, and exact.
+and Q_i is fitted to r_i + gamma V(o') (eq. 12 and 13). Q_i, the models P and replay are those of
+`opponent_q`; since this Q_i is a sum over the others, q(a_i) is one, too, and exact.
 
-The paper could not be read when this was written. The objective, losses and targets are those of the authors'
-code of ROMMEO-AC; pi, rho and the marginal policy, those of one author's code of ROMMEO-Q.
+Deviations, where "the code" is the authors' (rommeoijcai2019/rommeo, which holds ROMMEO-Q and the paper with
+its appendix):
 
-Deviations: own observations instead of states; one weight `alpha`, in scaled returns, for both terms, where
-the code anneals that of H(pi), by which Z gets a power; discrete actions only, no ROMMEO-AC; random actions
-with probability epsilon, as in the code; those of `opponent_q` for Q_i and P, which are networks, where the
-code counts. The others' action masks are not known to an agent and are ignored.
+- Both terms have the weight `alpha`, in scaled returns: eq. 6 has weights of 1, so this is its solution for
+  rewards divided by `alpha`. From section 3.1 on, the paper's alpha is a weight of the entropy only, by which
+  Z gets the power alpha; the code lets it fall from 1. Sums over what the others do would then not factorise.
+- V is exact; algorithm 1 and the code estimate it from samples of pi and rho.
+- P is a network fitted to the newest rollout. The paper counts in all of replay, the code in the last 50
+  steps.
+- Own observations instead of states; the others' action masks are not known to an agent and are ignored.
+- Random actions with probability epsilon, as in the code and not in the paper.
+- Huber's loss; the code updates a table without replay.
+- Discrete actions only; ROMMEO-AC, whose policies are networks, is left out.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def situation(seed=0):
 
 
 def best_pair(values, chances):
-    """Return the paper's pi (3, 16), rho (16,) and V."""
+    """Return pi (3, 16), rho (16,) and V of the paper's eq. 9 to 11, for rewards divided by ALPHA."""
     total = (values / ALPHA).logsumexp(0)
     value = ALPHA * (chances + total).logsumexp(0)
     return (values / ALPHA - total).exp(), (chances + total - value / ALPHA).exp(), value
