@@ -4,15 +4,19 @@ Yang et al. 2018, "Mean Field Multi-Agent Reinforcement Learning", section 3 and
 name. What the others do enters an agent's value through the mean of its neighbours' one-hot actions only:
 
     mean action     m_i = (1 / N_i) * sum of one-hot a_j over the neighbours j of i
-    update          Q_i(o, a_i, m_i) towards r_i + gamma * v_i(o')
-    value           v_i(o') = sum_a pi_i(a | o', m_i) * Q_i(o', a, m_i), by the target network
     policy          pi_i(a | o, m) proportional to exp(Q_i(o, a, m) / temperature), m of the step before
+    value           v_i(o') = sum_a pi_i(a | o', m_i) * Q_i(o', a, m_i), by the target network
+    update          Q_i(o, a_i, m) towards r_i + gamma * v_i(o')
 
-The update's m_i is of the same step as a_i. When agents act, the present one is not known yet: they use that
-of the step before, which is the m_i of the update's value too. It leaves out the agent's own action,
-inactive agents and agents that are not its neighbours; it is zero for an agent alone, and where a trajectory
-begins. Where an agent acted on zero, it is updated at zero too: otherwise the values that its first action
-follows would never be learned.
+Agents act before they know what the others do now, so they act on the mean action of the step before. It
+leaves out the agent's own action, inactive agents and agents that are not its neighbours; it is zero for an
+agent alone, and where a trajectory begins.
+
+The update is at the m acted on, as in the authors' code (mlii/mfrl). In the paper's algorithm it is at m_i,
+that of the same step as a_i: `update_at="same_step"`. Such values say what an action is worth while the
+others do something, and agents act on them as if the others did it again: where several have to begin
+together, none does. Where an agent acted on zero it is updated at zero in any case: otherwise the values that
+its first action follows would never be learned.
 
 Deviations: agents see their own observations, not a global state; v_i takes one sample of m_i, the actual
 one, for its expectation; the temperature is constant; target networks follow by polyak averaging; agents that
@@ -29,7 +33,7 @@ from torch import Tensor, nn
 
 from algorithms.errors import SpaceError
 from algorithms.joint.algorithm import JointAlgorithm
-from algorithms.joint.batch import GroupView, ReplayBatch
+from algorithms.joint.batch import GroupView, ReplayBatch, ReplayGroup
 from algorithms.joint.config import JointConfig
 from algorithms.joint.env import VectorJointEnv
 from algorithms.joint.features import MEAN_ACTION, WithMeanActions, common_actions
@@ -94,22 +98,28 @@ class MeanFieldQLearner(OffPolicyLearner):
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target, then targets."""
-        means, losses = mean_actions(batch, self.neighbourhood), {}
+        losses = {}
         for group, own in batch.present():
-            net, mean = self.net(group.id), means[:, group.columns]
-            known = own.observations[MEAN_ACTION].any(-1, keepdim=True)
+            net = self.net(group.id)
             with torch.no_grad():
-                following = net.target_q({**own.next.observations, MEAN_ACTION: mean})
+                following = net.target_q(own.next.observations)
                 policy = net.head.distribution(following, own.next.action_mask)
                 value = (policy.log_probs.exp() * following).sum(-1)
                 target = self.config.reward_scale * own.rewards
                 target = target + self.gamma * torch.where(own.bootstrap, value, 0)
-            seen = {**own.observations, MEAN_ACTION: torch.where(known, mean, 0)}
-            chosen = of_actions(net.q(seen), own.actions)
+            chosen = of_actions(net.q(self._updated_at(batch, group, own)), own.actions)
             losses[group.id] = self.mean((chosen - target).square(), own.alive)
             self.log(group.id, "td_loss", losses[group.id])
         self.step_each(losses)
         self.polyak_update(*(g.id for g in self.groups), tau=self.config.tau)
+
+    def _updated_at(self, batch: ReplayBatch, group: Group, own: ReplayGroup) -> Mapping[str, Tensor]:
+        """Return the observations at which values are updated, with the mean action of `update_at`."""
+        if self.config.update_at == "acted_on":
+            return own.observations
+        mean = mean_actions(batch, self.neighbourhood)[:, group.columns]
+        known = own.observations[MEAN_ACTION].any(-1, keepdim=True)
+        return {**own.observations, MEAN_ACTION: torch.where(known, mean, 0)}
 
 
 class MeanFieldConfig(JointConfig):

@@ -50,6 +50,8 @@ def games() -> dict[str, Callable[[int], Any]]:
         "maddpg product": games.product_score,
         "maac product": maac.product_score,
         "mf_q follow": partial(field.follow_score, graph="auto"),
+        "mf_q together": field.together_score,
+        "mf_q together, same_step": partial(field.together_score, update_at="same_step"),
         "networked_q gifts": networked.gifts_score,
         **{f"{name} two steps": partial(games.two_step_score, name) for name in ("qmix", "vdn")},
         **{f"{name} target": partial(games.target_score, name) for name in games.TARGET},

@@ -189,6 +189,9 @@ class MeanFieldQSettings(MeanFieldSettings):
 
     temperature: Positive = 0.1
     """Temperature of the Boltzmann policy, in scaled returns: the smaller, the greedier."""
+    update_at: Literal["acted_on", "same_step"] = "acted_on"
+    """Mean action at which values are updated: the one acted on, of the step before, or that of the action's
+    own step, as in the paper."""
 
 
 class MeanFieldACSettings(MeanFieldSettings):

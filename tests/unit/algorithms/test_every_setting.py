@@ -33,6 +33,7 @@ OTHER = {
     "clip": {0.2: 1e-3},
     "team_reward": {"sum": "mean"},
     "variant": {"base": "alt"},
+    "update_at": {"acted_on": "same_step"},
 }
 OF_RUNS = {
     "max_env_failures",

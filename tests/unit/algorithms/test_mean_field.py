@@ -135,9 +135,10 @@ def test_the_boltzmann_policy_is_the_papers():
     torch.testing.assert_close(acting.distribution[0, 0].double(), expected / expected.sum())
 
 
-def test_mf_qs_target_is_the_written_out_one(monkeypatch):
-    """r + gamma sum_a pi(a | o', m) Q'(o', a, m), and Q(o, a_i, m) of the same step's m; of 0 after none."""
-    rig = Rig("mf_q", Ragged, sharing="all", gamma=0.9, temperature=0.5, **REPLAY)
+@pytest.mark.parametrize("update_at", ["acted_on", "same_step"])
+def test_mf_qs_target_is_the_written_out_one(monkeypatch, update_at):
+    """r + gamma sum_a pi(a | o', m) Q'(o', a, m), m of the step; Q at the m acted on, or it (0 after 0)."""
+    rig = Rig("mf_q", Ragged, sharing="all", gamma=0.9, temperature=0.5, update_at=update_at, **REPLAY)
     batch, learner = replayed(rig, 60), rig.learner
     net, losses = learner.net("shared"), []
     for p in net.target_q.parameters():
@@ -154,7 +155,9 @@ def test_mf_qs_target_is_the_written_out_one(monkeypatch):
         known = batch.observations[0][MEAN_ACTION].sum(-1, keepdim=True) > 0
         assert known.any()
         assert (~known[..., 0] & batch.alive & mean[MEAN_ACTION].any(-1)).any()
-        seen = {**batch.observations[0], MEAN_ACTION: mean[MEAN_ACTION] * known}
+        seen = batch.observations[0]
+        if update_at == "same_step":
+            seen = {**seen, MEAN_ACTION: mean[MEAN_ACTION] * known}
         chosen = net.q(seen).gather(-1, batch.actions[0][..., None])[..., 0]
         expected = (chosen - target).square()[batch.alive].mean().item()
     learner.update_minibatch(batch)
@@ -257,6 +260,39 @@ def test_the_mean_action_of_the_wrong_agent_fails(seed):
     assert follow_score(seed, [("agent_0", "agent_3"), ("agent_1", "agent_2")]) < (0.85 + 0.25) / 2
 
 
+class Together(Game):
+    """In every second step, which agents see, two have to act at once; in between they have to rest."""
+
+    length = 20
+
+    def __init__(self, config=None):
+        super().__init__(agents=2, actions=2, width=1)
+
+    def observe(self):
+        return {a: np.full(1, self.t % 2, np.float32) for a in self.agents}
+
+    def reward(self, actions):
+        if self.t % 2:
+            return [float(a * (1.0 if all(actions) else -0.1)) for a in actions]
+        return [1.0 - a for a in actions]
+
+
+def together_score(seed, update_at="acted_on"):
+    """Return what an agent earns a step after learning, greedily."""
+    rig = Rig("mf_q", Together, seed=seed, sharing="all", update_at=update_at, **LEARN)
+    for _ in range(130):
+        rig.learner.update_joint(rig.rollout(8))
+    return rig.rollout(200, explore=False).rewards.mean()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(("update_at", "expected"), [("acted_on", 1.0), ("same_step", 0.5)])
+def test_agents_that_act_on_the_mean_they_learned_at_begin_together(update_at, expected, seed):
+    """At the mean of the same step, an action is worth what it is while the other still rests."""
+    assert together_score(seed, update_at) == pytest.approx(expected, abs=0.1)
+
+
 class Echo(Game):
     """An agent is paid for what the next one does, whom it hears."""
 
@@ -279,7 +315,9 @@ class Echo(Game):
 @pytest.mark.parametrize("name", ["mf_q", "mf_ac"])
 def test_critics_explain_what_neighbours_cause_and_not_what_others_do(name, seed):
     """Error 0; with the mean action of the wrong agents the variance of a coin, 1/4."""
-    errors, calm = {}, {"temperature": 10.0} if name == "mf_q" else {"entropy_coeff": 1.0}
+    errors, calm = {}, {"entropy_coeff": 1.0}
+    if name == "mf_q":
+        calm = {"temperature": 10.0, "update_at": "same_step"}
     for hears in (1, 2):
         rig = Rig(name, Echo, {"hears": hears}, seed=seed, sharing="all", **LEARN, **calm)
         for _ in range(60):
@@ -372,7 +410,7 @@ def test_mf_q_finds_isings_transition():
     """The infinite lattice orders below temperature 1.1346; Onsager's magnetisation at 0.9 is 0.96."""
     game = Spins(2)
     learn = {**LEARN, "learning_starts": 16, "capacity": 200, "batch_size": 16}
-    rig = Rig("mf_q", game, sharing="all", hidden=(32,), temperature=1.2, **learn)
+    rig = Rig("mf_q", game, sharing="all", hidden=(32,), temperature=1.2, update_at="same_step", **learn)
     for _ in range(100):
         rig.learner.update_joint(rig.rollout(8))
     net = rig.learner.net("shared")
