@@ -8,19 +8,19 @@ attention shows agent i what the agents before it do in this step:
 
 Agents act one after another; learning evaluates all of them at once, since their actions are known by then.
 The network takes PPO's clipped steps on each agent's conditional probability (the paper's loss of the
-decoder) and fits the values (that of the encoder). Its blocks, the one step on the sum of both losses and the
+decoder) and fits the values (that of the encoder). Its layers, the one step on the sum of both losses and the
 order, that of the agents, are those of the authors' code (PKU-MARL/Multi-Agent-Transformer). A block:
-attention, sum, layer normalisation, perceptron, sum, layer normalisation.
+attention, sum, layer normalisation, perceptron, sum, layer normalisation. What enters the blocks, and what
+follows them, is normalised, too.
 
 Deviations, where "the code" is the authors':
 
 - Each agent's advantage is of its own reward and value, as in the code, where the paper's agents share one of
   the team, from the mean of their values.
 - The encoder reads observations with one-hot places; the code normalises observations.
-- Embeddings of actions are linear, and heads have no layer normalisation; the code has a GELU and layer
-  normalisations there.
-- The values' errors are squared; the code has Huber's loss, clipped as the policy's ratio is. The code's
-  layers begin with smaller weights.
+- The blocks begin with larger weights than the code's, whose attention is near zero then.
+- The values' errors are squared; the code has Huber's loss, clipped as the policy's ratio is.
+- Continuous actions are embedded as discrete ones are; the code gives the first agent zeros, and a bias.
 - Agents that are not active are heard neither by the encoder nor by the decoder; the code leaves them out of
   the losses only. An agent that is asked alone decides as the only active one.
 """
@@ -41,6 +41,12 @@ from algorithms.parts.distributions import Exploration, SampledActions
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
 from algorithms.ppo import PPO, PPOConfig, PPOLearner
+
+
+def head(width: int, outputs: int, last: float) -> nn.Sequential:
+    """Return the layers that follow the last block."""
+    layers = [nn.Linear(width, width), nn.GELU(), nn.LayerNorm(width), nn.Linear(width, outputs)]
+    return orthogonal(nn.Sequential(*layers), gain=2**0.5, last=last)
 
 
 class EncoderBlock(nn.Module):
@@ -87,11 +93,11 @@ class MATModule(JointModule):
         self.see = Encoder(self.group.observation, self.group.size, self.group.set_width)
         self.first = nn.Sequential(nn.Linear(self.see.size, width), nn.GELU(), nn.LayerNorm(width))
         self.encoder = nn.ModuleList(EncoderBlock(width, heads) for _ in blocks)
-        self.begin = nn.Parameter(torch.randn(width) * 0.1)
-        self.act = nn.Linear(action_size(self.group.action), width, bias=False)
+        taken = nn.Linear(1 + action_size(self.group.action), width, bias=False)
+        self.act = nn.Sequential(taken, nn.GELU(), nn.LayerNorm(width))
         self.decoder = nn.ModuleList(DecoderBlock(width, heads) for _ in blocks)
-        self.last = orthogonal(perceptron([width, width, self.head.outputs], nn.GELU), gain=2**0.5, last=0.01)
-        self.baseline = orthogonal(perceptron([width, width, 1], nn.GELU), gain=2**0.5, last=1)
+        self.last = head(width, self.head.outputs, last=0.01)
+        self.baseline = head(width, 1, last=1)
         self.moments = RunningMoments(enabled=self.settings["normalize_values"])
 
     def represent(self, view: GroupView) -> Tensor:
@@ -113,11 +119,11 @@ class MATModule(JointModule):
             actions: As critics see them, (M, n, A); an agent's own and those after it have no effect.
             alive: (M, n).
         """
-        # Place i holds the action of agent i - 1, the first the beginning; zeros stand for absent agents.
+        # Place i holds the action of agent i - 1, the first a one before all; zeros stand for absent agents.
         there = alive[..., None]
-        begin = self.begin.expand(len(actions), 1, -1)
-        x = torch.cat([begin, self.act(actions * there)[:, :-1]], 1)
-        represented = represented * there
+        before = nn.functional.pad((actions * there)[:, :-1], (1, 0, 1, 0))
+        before[:, 0, 0] = 1
+        x, represented = self.act(before), represented * there
         earlier = torch.ones(alive.shape[-1], alive.shape[-1], dtype=torch.bool, device=alive.device).tril()
         for block in self.decoder:
             x = block(x, represented, earlier)

@@ -94,6 +94,45 @@ def test_probabilities_of_all_joint_actions_add_up_to_one_and_are_those_that_are
     assert ((shares - joint).abs() < 5 * (joint * (1 - joint) / count).sqrt() + 1e-4).all()
 
 
+def test_the_network_is_that_of_the_authors_code():
+    """Written out: actions that enter and both heads are normalised as the blocks are."""
+    net, _, view = network()
+    for parameter in net.parameters():
+        torch.nn.init.normal_(parameter, std=0.4)
+    gelu, taken = torch.nn.functional.gelu, torch.nn.functional.one_hot(torch.randint(3, (6, 3)), 3).float()
+    heard = (view.alive[:, None] | torch.eye(3).bool(), torch.ones(3, 3).bool().tril())
+
+    def normed(x, norm):
+        x = (x - x.mean(-1, keepdim=True)) / (x.var(-1, correction=0, keepdim=True) + 1e-5).sqrt()
+        return x * norm.weight + norm.bias
+
+    def linear(x, layer):
+        return x @ layer.weight.T + (0 if layer.bias is None else layer.bias)
+
+    def two(x, layers):
+        return linear(gelu(linear(x, layers[0])), layers[2])
+
+    def head(x, layers):
+        return linear(normed(gelu(linear(x, layers[0])), layers[2]), layers[3])
+
+    with torch.no_grad():
+        x = normed(gelu(linear(net.see(view.observations), net.first[0])), net.first[2])
+        for block in net.encoder:
+            x = normed(x + block.attention(x, x, heard[0]), block.norms[0])
+            x = normed(x + two(x, block.body), block.norms[1])
+        torch.testing.assert_close(net.value(net.represent(view)), head(x, net.baseline)[..., 0])
+        seen = x * view.alive[..., None]
+        before = torch.zeros(6, 3, 4)
+        before[:, 0, 0], before[:, 1:, 1:] = 1, (taken * view.alive[..., None])[:, :-1]
+        x = normed(gelu(linear(before, net.act[0])), net.act[2])
+        for block in net.decoder:
+            x = normed(x + block.actions(x, x, heard[1]), block.norms[0])
+            x = normed(seen + block.agents(seen, x, heard[1]), block.norms[1])
+            x = normed(x + two(x, block.body), block.norms[2])
+        found = net.decide(net.represent(view), taken, view.alive)
+        torch.testing.assert_close(found, head(x, net.last), rtol=1e-4, atol=1e-4)
+
+
 def test_attention_is_that_of_torch():
     ours, theirs = MultiHeadAttention(8, 2), torch.nn.MultiheadAttention(8, 2, batch_first=True)
     with torch.no_grad():
