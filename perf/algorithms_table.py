@@ -42,8 +42,8 @@ committed results.
 - **Own games**: scores after few steps, in brackets that of a worse baseline or of a wrong implementation.
 - **foraging, spread, matrices**: [yardsticks](algorithms.md#yardsticks), the best greedy evaluation of
   the mean over seeds (policy gradients sample in publications, see there), in brackets the number of
-  seeds and the environment steps; `as_published`: with standardised rewards and the time limit as a
-  termination, as in EPyMARL. One seed does not tell
+  seeds and the environment steps; `gru`: with memory; `as_published`: with standardised rewards and the
+  time limit as a termination, as in EPyMARL. One seed does not tell
   how others would turn out: small differences between such scores prove nothing.
 - **Intersection**: completion / collision of the last 100 episodes of sampled play, mean over seeds, in
   brackets their number and the agent-steps, no traffic: shared networks and otherwise default settings
@@ -158,13 +158,14 @@ def own_games(scores: str, failing: Mapping[str, str]) -> str:
 
 
 def yardstick(runs: list[RunFile], game: str, name: str) -> str:
-    """Return the best greedy evaluation on a game, seeds, steps; then by the publication's choices."""
+    """Return the best greedy evaluation on a game, seeds, steps; then with memory and as published."""
     shown = []
-    for recipe in (name, f"{name}-{AS_PUBLISHED}"):
+    for choice in ("", "gru", AS_PUBLISHED):
+        recipe = f"{name}-{choice}" if choice else name
         own = [run for run in runs if (run.game, run.algorithm) == (game, recipe)]
         if own:
             steps = min(run.curve[-1].steps for run in own)
-            noted = f", {AS_PUBLISHED}" if recipe != name else ""
+            noted = f", {choice}" if choice else ""
             score = f"{results.best(own):.2f} ({results.seeds_of(own)}, {steps / 1e6:.2g}M{noted})"
             shown.append(score)
     return "; ".join(shown)

@@ -120,8 +120,9 @@ between them prove nothing. {episodes} "Best" is the highest evaluation of the m
 on the same episodes, so it is too high by chance. "Last" is at the end. Sampled play explores as at the end
 of the training.
 
-Of the runs with one seed in foraging and spread, 27 were made on another processor, and those of 26 November 2026
-by a loop over `perf.yardsticks.trained` that does not start Ray: the seconds in their files compare with no others.
+Of the runs with one seed in foraging and spread, 27 were made on another processor, and those of 26
+November 2026 by a loop over `perf.yardsticks.trained` that does not start Ray: the seconds in their files
+compare with no others.
 
 Published rows (in italics) are the largest means over evaluations. EPyMARL evaluates policy gradients by
 sampled play (`action_selector: "soft_policies"`, which ignores test mode) and values by greedy play: they
