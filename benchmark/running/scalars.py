@@ -32,7 +32,7 @@ class Scalars:
     """
 
     def __init__(self, folder: Path, lines: Iterable[Mapping[Any, Any]]) -> None:
-        # Not a `SummaryWriter`: its thread ends where it cannot write, and whoever adds then waits forever.
+        # Not a `SummaryWriter`: its thread ends at the first failed write, and each further `add` blocks.
         self._writer: Any = None
         self._flushed = time.monotonic()
         shutil.rmtree(folder, ignore_errors=True)

@@ -92,7 +92,7 @@ class StayingAgents(NotCopied, ParallelEnv):
         self._truncated |= truncated
         if not self.present:
             self.agents = []
-            for name in self.possible_agents:  # those that ended before they decided are in no result
+            for name in self.possible_agents:  # an agent that ended before its first decision is in no result
                 self._truncated[name] |= not self._terminated[name]
         return (
             self._padded(observations),

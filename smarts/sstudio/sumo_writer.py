@@ -118,7 +118,7 @@ class _Writer:
     stops: dict[str, _Element] = field(default_factory=dict)
     """Bus stops by id."""
     drivers: dict[t.RandomRoute, set[t.TrafficActor]] = field(default_factory=dict)
-    """All who drive each random route."""
+    """The actors that use each random route."""
     drawn: dict[t.RandomRoute, t.Route] = field(default_factory=dict)
     """The route drawn for each random route."""
     notes: dict[str, None] = field(default_factory=dict)
