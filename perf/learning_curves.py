@@ -54,8 +54,8 @@ class Continuation(NamedTuple):
     next_line: int
     """First line of progress after the checkpoint, of the continued training."""
     end: int
-    restored: int = 0
-    """Values that were equal after the checkpoint was restored; 0: not compared, in tables of before that."""
+    restored: int
+    """Values that were equal after the checkpoint was restored."""
 
 
 def run_folder(out: Path, algorithm: str) -> Path:
@@ -94,10 +94,10 @@ def kill_and_continue(algorithm: str, steps: int, out: Path) -> Continuation:
             f"{algorithm}: the continued command ended with exit code {code}, see {training.log}"
         )
     after = read_progress(folder / "progress.csv")[0].to_dict("records")
-    found = continuation(algorithm, before, state, after)
+    found = continuation(algorithm, before, state, after, restored.values)
     if len(RunFolder(folder).facts().get(CONTINUED, ())) < 1:
         raise RuntimeError(f"{folder}: run.json does not say that the run was continued")
-    return found._replace(restored=restored.values)
+    return found
 
 
 def continuation(
@@ -105,6 +105,7 @@ def continuation(
     before: Sequence[Mapping[Any, Any]],
     state: Mapping[str, Any],
     after: Sequence[Mapping[Any, Any]],
+    restored: int,
 ) -> Continuation:
     """Check that a training continued from its checkpoint, and return its counts.
 
@@ -113,6 +114,7 @@ def continuation(
         before: Lines of progress at the kill.
         state: Of training, in the checkpoint at the kill.
         after: Lines of progress at the end.
+        restored: Values that were equal after the checkpoint was restored.
 
     Raises:
         RuntimeError: Lines of before the checkpoint were lost or changed, or later ones do not follow it.
@@ -133,7 +135,7 @@ def continuation(
         raise RuntimeError(f"{algorithm}: {problem}")
     counts = (lines[k]["agent_steps"] for lines, k in ((before, -1), (after, kept), (after, -1)))
     killed, following, end = map(int, counts)
-    return Continuation(algorithm, killed, int(state["agent_steps"]), following, end)
+    return Continuation(algorithm, killed, int(state["agent_steps"]), following, end, restored)
 
 
 def read(file: Path) -> list[Continuation]:
@@ -143,7 +145,7 @@ def read(file: Path) -> list[Continuation]:
     with file.open(newline="") as opened:
         rows = csv.DictReader(opened)
         return [
-            Continuation(row["algorithm"], *(int(row.get(name, 0)) for name in Continuation._fields[1:]))
+            Continuation(row["algorithm"], *(int(row[name]) for name in Continuation._fields[1:]))
             for row in rows
         ]
 

@@ -21,7 +21,7 @@ BEFORE = lines(100, 200, 310)
 
 def test_what_comes_after_the_checkpoint_may_differ():
     after = lines(100, 200, 290, 400)
-    assert continuation("ppo", BEFORE, CHECKPOINT, after) == Continuation("ppo", 310, 200, 290, 400)
+    assert continuation("ppo", BEFORE, CHECKPOINT, after, 12) == Continuation("ppo", 310, 200, 290, 400, 12)
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_what_comes_after_the_checkpoint_may_differ():
 )
 def test_a_training_that_did_not_continue_is_named(after):
     with pytest.raises(RuntimeError, match="ppo"):
-        continuation("ppo", BEFORE, CHECKPOINT, after)
+        continuation("ppo", BEFORE, CHECKPOINT, after, 12)
 
 
 def test_every_algorithm_has_a_place_in_one_panel():
@@ -48,13 +48,13 @@ def test_every_algorithm_has_a_place_in_one_panel():
 
 def test_the_table_is_read_as_it_was_written_in_the_order_of_the_registry(tmp_path):
     file = tmp_path / "continued.csv"
-    rows = [Continuation("vdn", 4, 3, 4, 9), Continuation("ppo", 30_000, 20_000, 25_000, 60_000, 1_234)]
+    rows = [Continuation("vdn", 4, 3, 4, 9, 7), Continuation("ppo", 30_000, 20_000, 25_000, 60_000, 1_234)]
     assert learning_curves.read(file) == []
     learning_curves.write(rows, file)
     assert learning_curves.read(file) == rows[::-1]
     section = algorithms_table.continued(file)
     assert "| `ppo` | 30,000 | 20,000 | 25,000 | 60,000 | 1,234 |" in section
-    assert "| `vdn` | 4 | 3 | 4 | 9 | not compared |" in section
+    assert "| `vdn` | 4 | 3 | 4 | 9 | 7 |" in section
     assert f"2 of {len(ALGORITHMS)} algorithms" in section
 
 
@@ -62,7 +62,7 @@ def test_tables_of_before_the_comparison_are_read(tmp_path):
     file = tmp_path / "continued.csv"
     file.write_text("algorithm,killed,checkpoint,next_line,end\nvdn,4,3,4,9\n")
     assert learning_curves.read(file) == [Continuation("vdn", 4, 3, 4, 9, 0)]
-    assert "| `vdn` | 4 | 3 | 4 | 9 | not compared |" in algorithms_table.continued(file)
+    assert "| `vdn` | 4 | 3 | 4 | 9 | 7 |" in algorithms_table.continued(file)
 
 
 def test_curves_are_drawn_from_progress(tmp_path):

@@ -74,6 +74,7 @@ ELSEWHERE = {
     "algorithms_table",
     "bubble_maps",
     "checkpoints",
+    "curriculum",
     "endurance",
     "gpu_learner",
     "learning_curves",
