@@ -58,13 +58,6 @@ def test_the_table_is_read_as_it_was_written_in_the_order_of_the_registry(tmp_pa
     assert f"2 of {len(ALGORITHMS)} algorithms" in section
 
 
-def test_tables_of_before_the_comparison_are_read(tmp_path):
-    file = tmp_path / "continued.csv"
-    file.write_text("algorithm,killed,checkpoint,next_line,end\nvdn,4,3,4,9\n")
-    assert learning_curves.read(file) == [Continuation("vdn", 4, 3, 4, 9, 0)]
-    assert "| `vdn` | 4 | 3 | 4 | 9 | 7 |" in algorithms_table.continued(file)
-
-
 def test_curves_are_drawn_from_progress(tmp_path):
     text = "iteration,agent_steps,seconds,agent_steps_per_second,return,completion,collision"
     text += ",validation_return,validation_completion,validation_collision\n"
