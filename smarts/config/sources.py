@@ -13,10 +13,12 @@ from smarts.config.problems import LONGEST_VALUE, Key, Problem, shown
 from smarts.errors import nearest_names, shortened
 
 EXTENDS = "extends"
-NOT_INHERITED = ("description",)
-"""Keys that describe a single file; files that extend it do not inherit them."""
 """Key of a file's top level: a file, relative to this one or else one of `PACKAGED`, whose values hold where
 this one has none."""
+NOT_INHERITED = ("description",)
+"""Keys that describe a single file; files that extend it do not inherit them."""
+WHOLE = 2**63
+"""Whole numbers are smaller, so that they fit 64 bits."""
 PACKAGED = Path(__file__).resolve().parents[2] / "configs"
 """The folder of the files that come with the package."""
 COMMAND_LINE = "command line"
@@ -30,7 +32,7 @@ class Loader(yaml.SafeLoader):
 
 def _number(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int | float:
     number = float(node.value.replace("_", ""))
-    return int(number) if number.is_integer() else number
+    return int(number) if number.is_integer() and abs(number) < WHOLE else number
 
 
 _INT, _FLOAT, _POWER = (f"tag:yaml.org,2002:{name}" for name in ("int", "float", "float#exponent"))
@@ -114,13 +116,19 @@ class Source:
 
     def _single(self, node: yaml.Node) -> Any:
         try:
-            return Loader("").construct_object(node)
+            value = Loader("").construct_object(node)
         except (yaml.YAMLError, ValueError):
             # Such as a date that does not exist, or an unknown tag.
             text = shortened(str(node.value), LONGEST_VALUE)
             kind = node.tag.rpartition(":")[2]
             self._complain(Problem(self._at(node), f"{text} is no {kind}", "put it in quotes"))
             return text
+        if isinstance(value, int) and abs(value) >= WHOLE:
+            text = shortened(str(node.value), LONGEST_VALUE)
+            remedy = "give a smaller one, or one with an exponent: 1e30"
+            self._complain(Problem(self._at(node), f"{text} is too large for a whole number", remedy))
+            return 0
+        return value
 
 
 def _child(node: yaml.Node | None, part: str | int) -> tuple[yaml.Node | None, yaml.Node | None]:

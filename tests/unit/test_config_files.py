@@ -128,6 +128,11 @@ def test_a_missing_file_and_one_that_is_not_text(tmp_path):
     [
         ("name: 2026-13-45\n", "car.yaml:1: 2026-13-45 is no timestamp; put it in quotes"),
         ("name: !foo bar\n", "car.yaml:1: bar is no !foo; put it in quotes"),
+        (
+            f"name: a\nseats: {2**63}\n",
+            f"car.yaml:2: {2**63} is too large for a whole number; "
+            "give a smaller one, or one with an exponent: 1e30",
+        ),
         ("name: a\nextra: {<<: {a: 1}}\n", "car.yaml:2: merge keys (<<) are not supported; use extends"),
         ("name: a\nextra: &x {a: *x}\n", "car.yaml:2: extra.a contains itself; write it out"),
     ],
@@ -195,6 +200,7 @@ def test_values_that_come_from_no_file_are_told_with_their_place():
     [
         *[(text, text) for text in ("12:30", "1:30.5", "010", "-07", "09", "0.1.2", "1e1e1")],
         *[("0", 0), ("-10", -10), ("+1_000", 1000), ("0x1F", 31), ("0b11", 3), ("1e400", float("inf"))],
+        *[(str(1 - 2**63), 1 - 2**63), ("1e30", 1e30)],
         *[("0.5", 0.5), (".5", 0.5), ("5.", 5.0), ("-.inf", -float("inf")), (".5e1", 5), ("1.5E-1", 0.15)],
     ],
 )
