@@ -168,12 +168,16 @@ def page(rows: Sequence[Row]) -> str:
     trainings: dict[tuple[int, int], list[Row]] = {}
     for row in rows:
         trainings.setdefault((row.curriculum, row.seed), []).append(row)
-    points = [f"{number / VALIDATIONS:.0%}" for number in range(1, VALIDATIONS + 1)]
-    head = ["traffic", "seed", *points, "end, greedy", "end, sampled"]
+    shown = range(1, VALIDATIONS, 2)
+    points = [f"{(number + 1) / VALIDATIONS:.0%}" for number in shown]
+    head = ["vehicles", "seed", *points, "end, greedy", "end, sampled"]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for (has_curriculum, seed), own in sorted(trainings.items()):
-        cells = [f"{row.completion:.2f} / {row.collision:.2f}" for row in own]
-        name = "growing" if has_curriculum else "all of it"
+        cells = [
+            f"{row.completion:.2f} / {row.collision:.2f}"
+            for row in (*(own[number] for number in shown), *own[VALIDATIONS:])
+        ]
+        name = "more by and by" if has_curriculum else "all from the start"
         lines.append("| " + " | ".join([name, str(seed), *cells]) + " |")
     return "\n".join(lines)
 

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from perf import curriculum
 from tests.blocks import ROOT
 
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
@@ -118,6 +119,11 @@ def test_zoo_manoeuvres_takes_whole_batches(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         importlib.import_module("perf.zoo_manoeuvres").main()
     assert "multiple of 4" in capsys.readouterr().err
+
+
+def test_the_page_of_version_1_has_the_table_of_the_curriculum():
+    table = curriculum.page(curriculum.read(curriculum.CSV))
+    assert table in (ROOT / "docs" / "benchmark_v1.md").read_text()
 
 
 def test_gpu_learner_says_that_there_is_no_gpu(monkeypatch, capsys):
