@@ -6,13 +6,14 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from benchmark.experiment.runs import OWN_CODE
 from benchmark.experiment.version import has_settings_of, tuning
 from benchmark.metrics.table import COUNTS
 from benchmark.report.paper import algorithm_label
 from benchmark.results.plurals import counted, listed
 from benchmark.results.reading import NOT_BEGUN, Results, RunResult
 from benchmark.results.release import SUBMISSION
-from benchmark.results.run_folder import CONTINUED
+from benchmark.results.run_folder import CONTINUED, IMPORTS
 
 RUN_COLUMNS = {
     "algorithm": "Or scripted policy",
@@ -75,6 +76,8 @@ def circumstances(results: Results) -> list[tuple[str, list[str]]]:
         "Python": _values("python", facts),
         "Versions": _values("versions", facts),
         "Machine (processor, cores, system)": _distinct(map(_machine, facts)),
+        "Own code": _distinct(", ".join(config.get(IMPORTS, ())) for config in configs),
+        "Digests of own code": _values(OWN_CODE, configs),
         "Environment": _values("environment", configs),
         "Budget": _values("budget", configs),
         "Tuning": _tuning(results),

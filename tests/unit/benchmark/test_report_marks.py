@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 from matplotlib.colors import to_rgba
 
 from benchmark.report import wording
@@ -251,6 +252,16 @@ def test_a_commit_with_changes_is_explained(tmp_path):
     folder.note(commit="0123456789ab+")
     name = "Commit (+: with changes that were not committed)"
     assert dict(circumstances(read_results(tmp_path)))[name] == ["0123456789ab+"]
+
+
+def test_own_code_is_named_with_its_digest(tmp_path):
+    folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")]))
+    config = yaml.safe_load(folder.config.read_text())
+    own = {"imports": ["/home/a/mine.py", "/home/a/more"], "own_code": {"mine:Reward": "0123"}}
+    folder.config.write_text(yaml.safe_dump({**config, **own}))
+    found = dict(circumstances(read_results(tmp_path)))
+    assert found["Own code"] == ["/home/a/mine.py, /home/a/more"]
+    assert found["Digests of own code"] == ["mine:Reward 0123"]
 
 
 def test_runs_that_were_continued_are_counted(tmp_path):
