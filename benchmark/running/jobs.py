@@ -158,8 +158,11 @@ class JobScheduler:
         """Return how many runs Ray has room for now, or the limit that was given."""
         has, needs = ray.cluster_resources(), self._resources
         most = int(has.get("CPU", 1)) // needs.processes
-        if needs.gpus:
-            most = min(most, int(has.get("GPU", 0) / needs.gpus))
+        if share := needs.learner_gpus:
+            # Learners with a part of a GPU lie on one each. Ray counts in parts of 10,000.
+            gpus, of_one = round(1e4 * has.get("GPU", 0)), max(1, round(1e4 * share))
+            learners = gpus // of_one if share >= 1 else gpus // 10_000 * (10_000 // of_one)
+            most = min(most, learners // max(needs.learners, 1))
         return needs.parallel or max(1, most)
 
     def _begin(self, state: JobState) -> None:

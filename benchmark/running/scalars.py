@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -34,10 +35,11 @@ class Scalars:
     def __init__(self, folder: Path, lines: Iterable[Mapping[Any, Any]]) -> None:
         # Not a `SummaryWriter`: its thread ends at the first failed write, and each further `add` blocks.
         self._writer: Any = None
+        self._folder = folder
         self._flushed = time.monotonic()
         shutil.rmtree(folder, ignore_errors=True)
         with self._while_it_can_be_written():
-            folder.mkdir(parents=True)
+            folder.mkdir(parents=True, exist_ok=True)
             self._writer = EventsWriter(str(folder / "events"))
         for line in lines:
             self.add(line)
@@ -68,7 +70,8 @@ class Scalars:
         """Give up the files at the first failure."""
         try:
             yield
-        except OSError:
+        except OSError as error:
+            print(f"note: {self._folder}: no more curves for TensorBoard: {error}", file=sys.stderr)
             writer, self._writer = self._writer, None
             if writer is not None:
                 with suppress(OSError):

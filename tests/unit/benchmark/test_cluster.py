@@ -168,6 +168,9 @@ def test_a_run_that_could_never_be_placed_is_refused(needed, named):
         ({"env_runners": 3}, 4),
         ({"learner_gpus": 1}, 2),
         ({"learner_gpus": 0.5}, 4),
+        ({"learner_gpus": 0.6}, 2),  # one on each
+        ({"learners": 3, "learner_gpus": 0.2}, 3),
+        ({"learners": 2, "learner_gpus": 0.6}, 1),
         ({"learners": 2, "learner_gpus": 1}, 1),
         ({"env_runners": 20}, 1),
         ({"learner_gpus": 1, "parallel": 5}, 5),

@@ -45,7 +45,14 @@ def test_the_files_hold_the_columns_of_progress_and_nothing_that_is_made_again(t
     }
 
 
-def test_a_full_disk_costs_the_files_and_not_the_run(tmp_path, monkeypatch):
+def test_a_folder_that_is_a_link_is_written_to(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "tensorboard").symlink_to(tmp_path / "elsewhere")
+    Scalars(tmp_path / "tensorboard", [line(1, completion=0.25)]).close()
+    assert read_scalars(tmp_path / "elsewhere")["completion"] == {100: 0.25}
+
+
+def test_a_full_disk_costs_the_files_and_not_the_run(tmp_path, monkeypatch, capsys):
     """However long it stays full, nothing waits for it."""
     monkeypatch.setattr(scalars, "SECONDS", -1)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -59,6 +66,7 @@ def test_a_full_disk_costs_the_files_and_not_the_run(tmp_path, monkeypatch):
     for number in range(3, 30):
         written.add(line(number, completion=0.5))
     written.close()
+    assert capsys.readouterr().err.count("no more curves for TensorBoard") == 1
     (tmp_path / "file").touch()
     Scalars(tmp_path / "file", [line(1)]).close()
     again = Scalars(tmp_path / "tensorboard", [line(1, completion=0.25)])
