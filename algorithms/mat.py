@@ -49,6 +49,10 @@ def head(width: int, outputs: int, last: float) -> nn.Sequential:
     return orthogonal(nn.Sequential(*layers), gain=2**0.5, last=last)
 
 
+LAYERS = "its authors'"
+"""Which networks checkpoints are of."""
+
+
 class EncoderBlock(nn.Module):
     """Representations that attend to each other."""
 
@@ -216,6 +220,10 @@ class MATConfig(PPOConfig):
         """Return the settings that networks are built from."""
         own = {"blocks": self.blocks, "attention_heads": self.attention_heads}
         return super().module_settings() | own
+
+    def checkpoint_signature(self):
+        """Return what a checkpoint's weights depend on; those of earlier layers did not name them."""
+        return {**super().checkpoint_signature(), "layers": LAYERS}
 
     def modules(self, spec: JointSpec):
         """Return the network of all agents.

@@ -74,6 +74,13 @@ def test_what_shapes_no_network_tells_no_checkpoints_apart():
     assert few.checkpoint_signature() != many.checkpoint_signature()
 
 
+def test_a_checkpoint_of_mats_earlier_layers_is_refused_by_name():
+    own = algorithms.config("mat").checkpoint_signature()
+    earlier = {name: value for name, value in own.items() if name != "layers"}
+    with pytest.raises(CheckpointError, match="layers: None there, its authors' here"):
+        check_signature(earlier, own)
+
+
 def test_a_replay_buffer_stored_without_priorities_is_drawn_from_evenly():
     plain, ranked = Rig("dqn", Ragged, capacity=50), Rig("dqn", Ragged, capacity=50, prioritised=True)
     plain.learner.replay.add(plain.rollout(32))
