@@ -13,7 +13,6 @@ from smarts.errors import MapError
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.corridors import Corridor
-from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.starts import corridor_of, distance_along, mean_limit, time_at
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.world import World
@@ -61,7 +60,7 @@ class HoldMissions:
         map_number = int(world.map[row])
         graph = self._atlas.graphs[map_number]
         edges = world.routes.edges(row, number)
-        edges = edges[_rest_of(graph, edges, lane, int(vehicles.next_edge[row, slot])) :]
+        edges = edges[_rest_of(edges, int(world.route_place[row, slot])) :]
         way = self._way(map_number, tuple(edges.tolist()))
         if way is None:
             return AgentMission()
@@ -98,18 +97,12 @@ class HoldMissions:
         return _Way(corridor, mission, end, mean_limit(graph, route))
 
 
-def _rest_of(graph: LaneGraph, edges: Ints, lane: int, following: int) -> int:
+def _rest_of(edges: Ints, place: int) -> int:
     """Return where the rest of a route begins for a vehicle: 0 unless it has passed its edge before.
 
     Args:
-        graph: The map.
         edges: The route.
-        lane: The vehicle's.
-        following: The edge that it takes next, -1 at the route's end.
+        place: Where the vehicle's next edge is on it.
     """
-    while graph.is_internal[lane] and len(graph.predecessors(lane)):
-        lane = int(graph.predecessors(lane)[0])
-    passages = np.flatnonzero(edges == graph.lane_edge[lane]).tolist()
-    after = [*edges.tolist(), -1]
-    fitting = [each for each in passages if after[each + 1] == following]
-    return fitting[0] if fitting and fitting[0] != passages[0] else 0
+    here = max(0, place - 1)
+    return here if edges[here] in edges[:here] else 0

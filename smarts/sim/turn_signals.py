@@ -31,7 +31,7 @@ class Shown(NamedTuple):
 
 
 class TurnSignals:
-    """Writes `vehicles.next_edge`; part of the map-matching stage, after vehicles are matched.
+    """Writes `vehicles.next_edge` and `world.route_place`; part of the map-matching stage, at its end.
 
     Args:
         scene: The world and its maps.
@@ -43,8 +43,7 @@ class TurnSignals:
         self._next, self._planned = world.vehicles.next_edge, world.routes
         self._ends: dict[tuple[int, int], tuple[int, int]] = {}
         shape = world.vehicles.alive.shape
-        self._place = np.zeros(shape, np.int32)
-        """Of the edge shown last on each vehicle's route: a route may use an edge twice."""
+        self._place = world.route_place
         self._found = np.zeros((shape[0] * shape[1], 5), np.int32)
         shown = Shown(*(np.full(shape, -1, np.int32) for _ in Shown._fields))
         self._find = bind(find_turned, world.state, scene.atlas.roads, shown, self._found)

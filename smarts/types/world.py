@@ -95,6 +95,9 @@ class World:
         """Issues slots and names."""
         self.routes = PlannedRoutes(worlds)
         """The routes that `vehicles.route` and `missions.route` number."""
+        self.route_place = np.zeros((worlds, capacity), np.int32)
+        """Where `vehicles.next_edge` is on each vehicle's route, its length at its end: a route may use an
+        edge twice. Not for vehicles without a route. Shape (B, V)."""
         self._pairs = list(zip(self.vehicles, self.before, strict=True))
 
     @property

@@ -4,12 +4,16 @@ The front of a vehicle at 10 m/s goes on by 1 m in a step. The zone of most bubb
 margin 10 m wide.
 """
 
+import math
+
 import numpy as np
 import pytest
 from shapely.geometry import box
 
+from smarts.roads.scene import Scene
 from smarts.sim.hold_missions import HoldMissions
 from smarts.sim.starts import corridor_of
+from smarts.sim.turn_signals import TurnSignals
 from smarts.types.agent_states import AgentStatus
 from smarts.types.bubbles import UNLIMITED
 from smarts.types.mission import GoalKind
@@ -331,8 +335,8 @@ def test_the_mission_is_the_vehicles_own_route_to_its_end():
     assert road.column(slot) >= 0
 
 
-@pytest.mark.parametrize("passage", [0, 1])
-def test_the_mission_of_a_vehicle_whose_route_comes_by_twice_is_the_rest(passage):
+@pytest.mark.parametrize("place", range(6))
+def test_the_mission_of_a_vehicle_whose_route_comes_by_several_times_is_the_rest(place):
     graph = maps.graph_of(
         {
             "side": maps.Road([(0, 0), (100, 0)]),
@@ -342,13 +346,20 @@ def test_the_mission_of_a_vehicle_whose_route_comes_by_twice_is_the_rest(passage
         [(("side", 0), ("round", 0)), (("round", 0), ("side", 0)), (("side", 0), ("out", 0))],
     )
     made = world_of([Car(40.0, 0.0)], maps=[graph])
-    route = ("side", "round", "side", "out")
-    edges = [graph.edge_number(name) for name in route]
-    made.world.vehicles.route[0, 0] = made.world.routes.number(0, edges)
-    made.world.vehicles.next_edge[0, 0] = edges[1 + 2 * passage]
+    route = ("side", "round", "side", "round", "side", "out")
+    vehicles = made.world.vehicles
+    vehicles.route[0, 0] = made.world.routes.number(0, map(graph.edge_number, route))
+    signals = TurnSignals(Scene(made.world, made.atlas, made.routes))
+    poses = {"side": (40.0, 0.0, 0.0), "round": (50.0, 60.0, math.pi), "out": (110.0, -30.0, -math.pi / 2)}
+    for edge in route[: place + 1]:
+        *vehicles.position[0, 0], vehicles.heading[0, 0] = poses[edge]
+        made.match()
+        signals.show(np.ones(1, np.bool_))
+        made.world.step += 1
     mission = HoldMissions(made.world, made.routes).mission(0, 0)
-    assert mission.route == route[2 * passage :]
-    assert mission.route_length == pytest.approx(corridor_of(graph, mission.route).length - 40.0)
+    assert mission.route == (route[place:] if route[place] in route[:place] else route)
+    length = corridor_of(graph, route[place:]).length - vehicles.lane_position[0, 0]
+    assert mission.route_length == pytest.approx(length)
 
 
 def test_a_collision_is_counted_once():
