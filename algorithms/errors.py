@@ -74,7 +74,7 @@ class DamagedCheckpointError(CheckpointError):
 
 def nearest_names(name: str, known: Iterable[str]) -> str:
     """Return a remedy that offers the known names closest to `name`."""
-    known = sorted(known)
+    known = sorted({*known})
     close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
     if close:
         return f"did you mean {' or '.join(map(repr, close))}?"

@@ -94,10 +94,14 @@ def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
     for place in weights_files(folder):
         try:
             with np.load(place, allow_pickle=False) as file:
-                if all(each in file for each in names):
-                    return tuple(np.ascontiguousarray(file[each].astype(np.float64)) for each in names)
+                if not all(each in file for each in names):
+                    continue
+                found = tuple(np.ascontiguousarray(file[each].astype(np.float64)) for each in names)
         except Exception as error:  # zip, zlib and numpy raise errors of many types
             raise ExportError(f"the weights cannot be read: {error}", str(place)) from error
+        if not all(np.isfinite(array).all() for array in found):
+            raise ExportError(f"the weights of {name!r} are not finite", str(place))
+        return found
     files = ", ".join(place.name for place in weights_files(folder))
     raise ExportError(f"the weights of {name!r} are missing: they are not in {files}", str(folder))
 

@@ -108,5 +108,11 @@ def _fixed(graph: str | Sequence[tuple[str, str]], agents: tuple[str, ...]) -> T
                     remedy=nearest_names(agent, agents),
                 )
         i, j = (agents.index(agent) for agent in pair)
+        if i == j:
+            raise SpaceError(
+                f"the graph links {pair[0]!r} to itself",
+                place="training(graph=...)",
+                remedy="give pairs of different agents",
+            )
         links[i, j] = links[j, i] = True
-    return links & complete(len(agents))
+    return links

@@ -15,7 +15,7 @@ from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
 
 DEFAULT_POLICIES = {"shared"}
 """Names of policies where the user gives none; they are never asked for."""
-OTHER_NAMES = {"num_epochs": "epochs", "train_batch_size_per_learner": "batch_size"}
+OTHER_NAMES = {"num_epochs": "epochs", "num_sgd_iter": "epochs", "train_batch_size_per_learner": "batch_size"}
 """Our names of RLlib's settings that mean the same."""
 USUAL_NAMES = {
     "learning_rate": "lr",
@@ -177,6 +177,13 @@ def network_settings(model_config: Any) -> dict[str, Any]:
             place="rl_module(model_config=...)",
             remedy="use 'fcnet_hiddens', 'hidden' or 'gru'; own networks: docs/algorithms_inside.md",
         )
+    for other, name in _NETWORK.items():
+        if given.keys() >= {other, name} and not same_value(given[other], given[name]):
+            raise UnknownSettingError(
+                f"{other}={given[other]!r} and {name}={given[name]!r}",
+                place="rl_module(model_config=...)",
+                remedy="give one of them",
+            )
     return {_NETWORK.get(name, name): value for name, value in given.items()}
 
 

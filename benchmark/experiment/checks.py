@@ -85,6 +85,7 @@ def _settings(values: Values) -> Iterator[Fault]:
     common, own = section(values, "training"), section(values, "settings")
     algorithms = _known_algorithms(values)
     yield from _unused(common, algorithms)
+    yield from _overridden(common, own, algorithms)
     reported: set[tuple[Any, ...]] = set()
     for algorithm in dict.fromkeys([*algorithms, *own]):
         try:
@@ -142,6 +143,23 @@ def _unused(common: Values, algorithms: Sequence[str]) -> Iterator[Fault]:
         yield Fault(("training", name), "no algorithm has such a setting", remedy)
     for name in sorted((common.keys() & every) - used) if algorithms else ():
         yield Fault(("training", name), f"none of the algorithms has {name}", "remove it")
+
+
+def _overridden(common: Values, own: Values, algorithms: Sequence[str]) -> Iterator[Fault]:
+    """Yield settings of all algorithms that each overrides, and that none could have."""
+    for name, value in common.items():
+        having = [algorithm for algorithm in ALGORITHMS if name in setting_names(algorithm)]
+        taking = [algorithm for algorithm in algorithms if name in setting_names(algorithm)]
+        if not taking or any(name not in section(own, algorithm) for algorithm in taking):
+            continue
+        faults = [
+            next((fault for fault in setting_faults(algorithm, {name: value}) if fault[0].key), None)
+            for algorithm in having
+        ]
+        found = [fault for fault in faults if fault]
+        if found and len(found) == len(faults):
+            fault, text, remedy = found[0]
+            yield Fault(("training", *fault.key), text, remedy)
 
 
 def _known_algorithms(values: Values) -> list[str]:

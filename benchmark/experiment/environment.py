@@ -149,9 +149,9 @@ class Environment(Driving):
     learn_in_bubbles: bool | Annotated[tuple[str, ...], SEVERAL] = False
     """true, or a list of ids of the scenarios' bubbles: the learning agents have no missions, but drive
     vehicles of traffic in these bubbles, `agents` of them at a time."""
-    episode_time: Annotated[float, Field(gt=0, le=86_400)] | None = None
+    episode_time: Annotated[float, Field(ge=0.1, le=86_400)] | None = None
     """Length of the episodes in which agents learn in bubbles [s]."""
-    time_limit: Annotated[float, Field(gt=0, le=86_400)] | None = None
+    time_limit: Annotated[float, Field(ge=0.1, le=86_400)] | None = None
     """Time after which an agent's episode ends [s]; null: 100 s."""
 
     @model_serializer(mode="wrap")

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections import Counter
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium.spaces import Discrete, Space
 from numpy.typing import NDArray
 
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
@@ -18,7 +20,8 @@ from benchmark.scripted import SCRIPTED_POLICIES, SUMO_DRIVER, ScriptedPolicy
 from benchmark.scripted.sumo_driver import sumo_episodes
 from benchmark.statistics import wilson_interval
 from smarts.env.vector import VectorHiWayEnv, VectorStep
-from smarts.errors import SmartsError, TrafficError
+from smarts.errors import OwnCodeError, SmartsError, TrafficError, shown
+from smarts.registry import definition_of, guarded, is_own_name
 from smarts.sim.assembly import Options
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import LaneAction
@@ -110,12 +113,14 @@ def play(
         SmartsError: `record` is given for SUMO's driver; or there are fewer missions than agents.
         TrafficError: Traffic failed.
     """
-    for traffic in build_scenario(scenario).traffic:
+    names = build_scenario(scenario).traffic
+    for traffic in names or ("none",):
+        chosen = [traffic] if names else None
         tally = Tally(policy, scenario, traffic, agents)
         if policy == SUMO_DRIVER:
             if record is not None:
                 raise SmartsError("only agents are recorded", place="record", remedy="leave out sumo_driver")
-            played = sumo_episodes(scenario, traffic, agents, seed, first_episode)
+            played = sumo_episodes(scenario, chosen, agents, seed, first_episode)
         else:
             env = VectorHiWayEnv(
                 1,
@@ -125,7 +130,7 @@ def play(
                 observation=getattr(SCRIPTED_POLICIES[policy], "observation", None) or "benchmark",
                 reward="benchmark",
                 simulation=Options(record=record, policy=policy),
-                traffic=[traffic],
+                traffic=chosen,
             )
             played = _episodes(env, policy, seed, first_episode)
         for outcomes, steps in played:
@@ -174,10 +179,16 @@ class ScriptedDrivers:
     Args:
         policy: A name of `SCRIPTED_POLICIES`, or `module:Class` of a user's own.
         env: Its observations and actions fit the policy.
+
+    Raises:
+        OwnCodeError: The policy is a user's own and raises, or an action that it returns is not in the space;
+            names its file and line.
     """
 
     def __init__(self, policy: str, env: VectorHiWayEnv) -> None:
         self._env = env
+        self._doing = f"the scripted policy {policy!r}"
+        self._guard = guarded if is_own_name(policy) else _unguarded
         self._drivers: list[list[ScriptedPolicy]] = [
             [SCRIPTED_POLICIES[policy]() for _ in env.agents] for _ in range(env.num_envs)
         ]
@@ -187,7 +198,7 @@ class ScriptedDrivers:
         starts = self._env.episodes
         for row in np.flatnonzero(begun).tolist():
             for agent, driver in enumerate(self._drivers[row]):
-                driver.begin(starts[row], agent)
+                self._guard(driver.begin, self._doing)(starts[row], agent)
         return starts
 
     def act(self, now: VectorStep, acts: NDArray[np.bool_]) -> list[NDArray]:
@@ -200,10 +211,40 @@ class ScriptedDrivers:
                 seen = {name: leaf[row, place] for name, leaf in leaves.items()}
                 action_mask = np.ones(len(LaneAction), np.bool_) if mask is None else mask[row, place]
                 driver: Any = self._drivers[row][first + place]
-                chosen[row, place] = driver.act(_observation(driver, seen), action_mask)
+                given = self._guard(driver.act, self._doing)(_observation(driver, seen), action_mask)
+                chosen[row, place] = _checked(given, block.action, driver, self._doing)
             actions.append(chosen)
             first += len(block.agents)
         return actions
+
+
+def _unguarded(function: Callable[..., Any], doing: str) -> Callable[..., Any]:
+    """Return the function of a policy of this package."""
+    return function
+
+
+def _checked(given: Any, space: Space, driver: ScriptedPolicy, doing: str) -> Any:
+    """Return what a policy has returned if it is an action of a space, else raise `OwnCodeError`."""
+    if isinstance(space, Discrete):
+        least, most = int(space.start), int(space.start + space.n - 1)
+        remedy = f"return a whole number from {least} to {most}"
+        try:
+            is_action = not isinstance(given, bool | np.bool_) and least <= operator.index(given) <= most
+        except TypeError:
+            is_action = False
+    else:
+        kinds, numbers = ("iu", "whole numbers") if np.dtype(space.dtype).kind in "iu" else ("iuf", "numbers")
+        remedy = f"return finite {numbers} of shape {space.shape}"
+        try:
+            values = np.asarray(given)
+        except (TypeError, ValueError):
+            values = np.zeros(0, object)
+        is_action = (
+            values.dtype.kind in kinds and values.shape == space.shape and bool(np.isfinite(values).all())
+        )
+    if not is_action:
+        raise OwnCodeError(f"{doing} returns {shown(given)}", place=definition_of(driver.act), remedy=remedy)
+    return given
 
 
 def _observation(driver: ScriptedPolicy, seen: Mapping[str, NDArray]) -> Any:

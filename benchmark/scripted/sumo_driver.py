@@ -30,14 +30,16 @@ UNTIL_HANDED_OVER = 5
 
 
 def sumo_episodes(
-    scenario: str, traffic: str, agents: int, seed: int, first_episode: int
+    scenario: str, traffic: list[str] | None, agents: int, seed: int, first_episode: int
 ) -> Generator[tuple[Counter[str], float]]:
     """Yield how the agents end, and after how many steps, in one episode of each world after the other.
 
     Raises:
         TrafficError: The traffic failed.
     """
-    built = build_scenario(scenario).with_traffic([traffic])
+    built = build_scenario(scenario)
+    if traffic is not None:
+        built = built.with_traffic(traffic)
     parts = assemble([built], [benchmark_interface() for _ in range(agents)], seed=seed)
     try:
         world = first_episode

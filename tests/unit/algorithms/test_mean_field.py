@@ -105,7 +105,12 @@ def test_neighbours_by_distance_ring_and_pairs():
 
 @pytest.mark.parametrize(
     ("graph", "match"),
-    [("rong", "'ring'"), ("environment", "no communication graph"), ([("a", "x")], "links 'x'")],
+    [
+        ("rong", "'ring'"),
+        ("environment", "no communication graph"),
+        ([("a", "x")], "links 'x'"),
+        ([("a", "a")], "links 'a' to itself"),
+    ],
 )
 def test_graphs_that_cannot_be_are_refused(graph, match):
     with pytest.raises(SpaceError, match=match):

@@ -232,6 +232,18 @@ def test_a_setting_given_to_two_methods_is_refused_in_both_orders(first, second,
     one(config)  # the same method may be called again
 
 
+@pytest.mark.parametrize(
+    ("method", "given", "named"),
+    [
+        ("rl_module", {"model_config": {"fcnet_hiddens": [32], "hidden": [64]}}, r"fcnet_hiddens=\[32\] and"),
+        ("training", {"num_sgd_iter": 3, "epochs": 4}, "num_sgd_iter=3 and epochs=4"),
+    ],
+)
+def test_two_names_of_a_setting_with_two_values_are_refused(method, given, named):
+    with pytest.raises((ValueError, UnknownSettingError), match=named):
+        getattr(algorithms.config("ppo"), method)(**given)
+
+
 def test_a_value_given_twice_is_taken():
     config = algorithms.config("ppo").rl_module(model_config={"hidden": [9]}).training(hidden=(9,))
     assert config.training(hidden=[9]).hidden == [9]

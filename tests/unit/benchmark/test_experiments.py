@@ -266,7 +266,9 @@ def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
         ("evaluation.modes=[greedily]", "'greedy' or 'sampled'"),
         ("scripted=[parkt]", "did you mean 'parked'?"),
         ("name=../x", "cannot name a folder"),
-        ("seeds=[99999999999999999999]", "less than 2147483648"),
+        ("seeds=[9999999999]", "less than 2147483648"),
+        ("seeds=[99999999999999999999]", "99999999999999999999 is too large for a whole number"),
+        ("environment.time_limit=0.01", "greater than or equal to 0.1"),
         ("training.gamma=7.0", "training.gamma: 7.0; "),
         ("settings.ppo.lr=-1.0", "settings.ppo.lr: -1.0; "),
         ("training.lr=3", "training.lr: 3; "),
@@ -330,6 +332,16 @@ def test_a_value_that_one_algorithm_cannot_have_leads_to_one_of_its_own(write):
     both = said(file, "training.sharing=none", "training.epochs=3", "algorithms=[mat, a2c]")
     assert "settings: {mat: {sharing: all}}" in both
     assert "settings: {a2c: {epochs: 1}}" in both
+
+
+def test_a_value_that_none_can_have_is_told_though_each_has_its_own(write):
+    file = write(
+        f"extends: {CONFIGS / 'quickstart.yaml'}\nalgorithms: [ppo, happo]\n"
+        "settings: {happo: {sharing: none, lr: 0.001}}\ntraining: {lr: fast, sharing: all}\n"
+    )
+    told = said(file)
+    assert "training.lr: 'fast'; input should be a valid number" in told
+    assert "sharing" not in told
 
 
 def test_mistakes_of_all_kinds_are_told_at_once_with_their_lines(write):

@@ -239,6 +239,13 @@ def test_damaged_weights_are_named_wherever_the_damage_is(make, tmp_path):
         file.write_bytes(changed)
         with suppress(ExportError):
             KitPolicy(file.parent, "agent-0")
+    file.write_bytes(whole)
+    with np.load(file) as stored:
+        arrays = dict(stored)
+    first = next(name for name, array in arrays.items() if array.ndim == 2)
+    np.savez(file, **(arrays | {first: np.full_like(arrays[first], np.nan)}))
+    with pytest.raises(ExportError, match=f"the weights of {first.rpartition('/')[0]!r} are not finite"):
+        KitPolicy(file.parent, "agent-0")
     with file.open("wb") as alone:
         np.save(alone, np.zeros(3))
     with pytest.raises(ExportError, match="the weights cannot be read"):

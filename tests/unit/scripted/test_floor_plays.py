@@ -14,6 +14,7 @@ from benchmark.scripted import SUMO_DRIVER
 from benchmark.scripted.play import play
 from smarts.errors import SmartsError, UnknownNameError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
+from smarts.sstudio.locating import SUITE
 from smarts.types.actions import LaneAction
 from tests.raising import raises
 
@@ -45,6 +46,21 @@ def test_sumos_driver_arrives_on_empty_roads():
     for scenario in ("two_way", "double_merge"):
         alone, _ = play(SUMO_DRIVER, scenario, episodes=2, first_episode=100)
         assert alone.share("goal") == 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("policy", ["keep_lane", SUMO_DRIVER])
+def test_a_scenario_without_traffic_is_played(tmp_path, policy):
+    (tmp_path / "scenario.py").write_text(
+        "from pathlib import Path\n"
+        "from smarts.sstudio import gen_scenario, types as t\n"
+        f"loop = t.MapSpec(source={str(SUITE / 'loop')!r})\n"
+        "route = t.Route(begin=('east_half', 0, 30), end=('west_half', 0, 60))\n"
+        "bare = t.Scenario(map_spec=loop, ego_missions=[t.Mission(route)])\n"
+        "gen_scenario(bare, output_dir=Path(__file__).parent)\n"
+    )
+    (tally,) = play(policy, str(tmp_path), episodes=1, agents=1)
+    assert (tally.traffic, tally.episodes) == ("none", 1)
 
 
 def test_bad_input_is_refused_before_anything_is_played(tmp_path):
