@@ -70,8 +70,14 @@ class WaypointPaths(NamedTuple):
 @kernel
 def foot(roads: Roads, lane: int, x: float, y: float) -> float:
     """Return the arc length of the point of a lane's centreline that is nearest to a position [m]."""
-    best, best_square, best_share = roads.point_start[lane], np.inf, 0.0
-    for point in range(roads.point_start[lane], roads.point_start[lane + 1] - 1):
+    return foot_between(roads, roads.point_start[lane], roads.point_start[lane + 1] - 2, x, y)
+
+
+@kernel
+def foot_between(roads: Roads, first: int, last: int, x: float, y: float) -> float:
+    """Return `foot` of a position on those segments of a lane that begin at points `first` to `last`."""
+    best, best_square, best_share = first, np.inf, 0.0
+    for point in range(first, last + 1):
         a, b = roads.point_xy[point], roads.point_xy[point + 1]
         share, square, _ = project(x, y, a[0], a[1], b[0], b[1])
         if square < best_square:

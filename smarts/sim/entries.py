@@ -15,6 +15,7 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.routes import shortest_route
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.clearing import vehicles_in_the_way
+from smarts.sim.map_matching import FARTHEST_STEP
 from smarts.sim.ownership import Ownership
 from smarts.sim.starts import corridor_of, distance_along
 from smarts.types.agent_states import UNSET, AgentStatus
@@ -180,22 +181,25 @@ class Entries:
             world.registry.dismiss(row, other)
 
     def _go_on(self, row: int, agent_id: int, start: AgentStart) -> None:
-        """Give an agent that has taken a vehicle over a route from where that is, if it is off its own."""
+        """Give an agent that has taken a vehicle over a route from there to its goal, with all laps."""
         world = self._world
         slot, lane = int(world.agents.slot[row, agent_id]), -1
         if slot >= 0 and world.missions.goal[row, agent_id] != GoalKind.ENDLESS:
             lane = int(world.vehicles.lane[row, slot])
-        route, roads = self._routes.route(row, agent_id), self.roads(row)
-        if lane < 0 or not route:
+        own, roads = self._routes.route(row, agent_id), self.roads(row)
+        if lane < 0 or not own:
             return
+        route, is_laps = own, world.missions.goal[row, agent_id] == GoalKind.LAPS
         s = float(world.vehicles.lane_position[row, slot])
         if math.isnan(distance_along(corridor_of(roads, route), roads, lane, s)):
-            # To the goal; of laps, all are still to be driven.
-            rest = route[1:] if world.missions.goal[row, agent_id] == GoalKind.LAPS else ()
+            rest = route[1:] if is_laps else ()
             try:
                 route = shortest_route(roads, _edge_ahead(roads, lane), route[0 if rest else -1]) + rest
             except MapError:
                 return  # No way leads from here to the goal, so the agent begins off its route.
+        if is_laps:
+            route = _with_all_laps(roads, route, lane, s, start.mission)
+        if route != own:
             self._reroute(row, agent_id, replace(start.mission, route=route))
         corridor, goal = corridor_of(roads, route), int(world.missions.goal_lane[row, agent_id])
         begin = distance_along(corridor, roads, lane, s)
@@ -214,6 +218,33 @@ class Entries:
     def roads(self, row: int) -> LaneGraph:
         """Return the map of a simulation."""
         return self._routes.atlas.graphs[self._world.map[row]]
+
+
+def _with_all_laps(
+    roads: LaneGraph, route: tuple[str, ...], lane: int, s: float, mission: AgentMission
+) -> tuple[str, ...]:
+    """Return a route of laps with further ones, so that it crosses the goal line as often as there are laps.
+
+    A line that the vehicle may reach at once counts as crossed. Without a way round, the route stays as it
+    is.
+    """
+    corridor, goal = corridor_of(roads, route), mission.goal_lane
+    begin = distance_along(corridor, roads, lane, s)
+    rows = np.flatnonzero(corridor.lane == goal)
+    share = mission.goal_s / float(roads.length[goal])
+    lines = corridor.begin[rows] + share * (corridor.end[rows] - corridor.begin[rows])
+    ahead = np.count_nonzero(lines > FARTHEST_STEP + (0.0 if math.isnan(begin) else begin))
+    edge = roads.edge_ids[roads.lane_edge[goal]]
+    if ahead >= mission.laps or route[-1] != edge:
+        return route
+    if edge in route[:-1]:
+        lap = route[len(route) - route[-2::-1].index(edge) - 1 :]
+    else:
+        try:
+            lap = shortest_route(roads, edge, edge, lap=True)[1:]
+        except MapError:
+            return route
+    return route + lap * (mission.laps - int(ahead))
 
 
 def _edge_ahead(roads: LaneGraph, lane: int) -> str:

@@ -12,8 +12,7 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_ways import place_on_lane
 from smarts.roads.lights import light_ahead
-from smarts.roads.waypoints import foot
-from smarts.sim.places import STANDING, corridor_row, lane_of
+from smarts.sim.places import STANDING, corridor_row, lane_of, line_on
 from smarts.sim.yielding import yields_to_stream
 from smarts.types.events import Event
 from smarts.types.interface import AgentRules
@@ -309,10 +308,10 @@ def _at_line(
         old >= 0 and roads.lane_edge[old] == edge,
     )
     begin_x, begin_y, end_x, end_y = _way(state, row, slot)
-    line = _line_on(roads, goal_lane, goal_s, old) if was_there else 0.0
+    line = line_on(roads, goal_lane, goal_s, old) if was_there else 0.0
     before = state.before.lane_position[row, slot] - line
     if is_there:
-        behind = state.vehicles.lane_position[row, slot] - _line_on(roads, goal_lane, goal_s, lane)
+        behind = state.vehicles.lane_position[row, slot] - line_on(roads, goal_lane, goal_s, lane)
         if not was_there:
             before = behind - math.hypot(end_x - begin_x, end_y - begin_y)
         crossed = int(lane - base + 1 if old >= 0 and before < 0.0 <= behind else 0)
@@ -329,13 +328,3 @@ def _at_line(
             _is_last_time(state, roads, routes, row, agent_id, old),
         )
     return -np.inf, 0, False
-
-
-@kernel
-def _line_on(roads: Roads, goal_lane: int, goal_s: float, lane: int) -> float:
-    """Return where the goal's line crosses a lane of its road [m]: in bends, lanes differ in length."""
-    if lane == goal_lane:
-        return goal_s
-    first, last = roads.point_start[goal_lane], roads.point_start[goal_lane + 1]
-    x, y, _ = centre_at(roads, segment_at(roads.point_s, first, last, goal_s), goal_s)
-    return foot(roads, lane, x, y)

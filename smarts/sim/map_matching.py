@@ -14,11 +14,13 @@ from smarts.roads.kernels import (
     candidates,
     distance_on_row,
     find_row,
+    lane_length,
     place_on_map,
 )
 from smarts.roads.scene import Scene
+from smarts.sim.places import lane_of, line_on
 from smarts.types.mission import GoalKind
-from smarts.types.vehicles import STANDING
+from smarts.types.vehicles import STANDING, VehicleStates
 from smarts.types.world import State
 
 FARTHEST_STEP = 10.0
@@ -129,15 +131,30 @@ def _measure(
             )
         if missions.goal[b, a] == _LAPS and last >= 0 and not is_new:
             passed = find_row(routes, corridor, lane, done)
-            line = distance_on_row(roads, routes, passed, missions.goal_s[b, a])
+            was = before - _line_for(state, roads, routes, passed, state.before, b, a)
+            now = done - _line_for(state, roads, routes, passed, vehicles, b, a)
             # Each line counts once, also for a vehicle that goes back and forth.
-            if before < line <= done and agents.lap[b, a] < _laps_until(state, routes, passed, last, b, a):
+            if was < 0.0 <= now and agents.lap[b, a] < _laps_until(state, routes, passed, last, b, a):
                 agents.lap[b, a] += 1
     if goal - before <= FARTHEST_STEP and before - done > FARTHEST_STEP:
         # Over the route's end, and round to its begin.
         done = goal
     agents.route_progress[b, a] = done
     agents.remaining[b, a] = max(0.0, goal - done)
+
+
+@kernel
+def _line_for(
+    state: State, roads: Roads, routes: RouteTable, row: int, vehicles: VehicleStates, b: int, a: int
+) -> float:
+    """Return where on its route the goal line of a row crosses the lane that an agent is in, or was [m]."""
+    lane, slot = routes.lane[row], state.agents.slot[b, a]
+    goal_lane, goal_s = lane, state.missions.goal_s[b, a]
+    own = lane_of(state, roads, vehicles, b, slot)
+    if own >= 0 and roads.lane_edge[own] == roads.lane_edge[goal_lane]:
+        lane = own
+    share = line_on(roads, goal_lane, goal_s, lane) / lane_length(roads, lane)
+    return routes.begin[row] + min(1.0, max(0.0, share)) * (routes.end[row] - routes.begin[row])
 
 
 @kernel

@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 
 from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import find_row, lane_length
+from smarts.roads.kernels import centre_at, find_row, lane_length
 from smarts.roads.lane_ways import place_on_lane
+from smarts.roads.waypoints import foot_between
 from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State
 
@@ -47,3 +49,34 @@ def beside(vehicles: VehicleStates, roads: Roads, b: int, slot: int, lane: int) 
     x, y = vehicles.position[b, slot]
     s, _ = place_on_lane(roads, lane, x, y)
     return s, lane_length(roads, lane) - s
+
+
+@kernel
+def line_on(roads: Roads, goal_lane: int, goal_s: float, lane: int) -> float:
+    """Return where a line square to a road crosses one of its lanes [m]: in bends, lanes differ in length.
+
+    It crosses near the place as far along the lane, in shares of its length: where the road comes back to
+    itself, another place may be nearer.
+
+    Args:
+        roads: The maps' lanes.
+        goal_lane: The lane on which the line is given.
+        goal_s: Where it crosses that lane [m].
+        lane: The other lane.
+    """
+    if lane == goal_lane:
+        return goal_s
+    first, last = roads.point_start[goal_lane], roads.point_start[goal_lane + 1]
+    x, y, _ = centre_at(roads, segment_at(roads.point_s, first, last, goal_s), goal_s)
+    own, its = lane_length(roads, lane), lane_length(roads, goal_lane)
+    between = abs(roads.lane_index[lane] - roads.lane_index[goal_lane]) * roads.lane_width[goal_lane]
+    # Within half a turn of the road, lanes differ by so much in length.
+    near, reach = goal_s / its * own, abs(own - its) + math.pi * between
+    first, last = roads.point_start[lane], roads.point_start[lane + 1]
+    return foot_between(
+        roads,
+        segment_at(roads.point_s, first, last, near - reach),
+        segment_at(roads.point_s, first, last, near + reach),
+        x,
+        y,
+    )

@@ -288,7 +288,26 @@ def test_who_takes_over_elsewhere_gets_a_way_to_the_goal():
     assert 80 < stage.world.agents.remaining[0, 0] < 100
 
 
-def test_who_takes_over_elsewhere_drives_all_laps():
+LAP = ("side", "round")
+
+
+@pytest.mark.parametrize(
+    ("laps", "own", "x", "route"),
+    [
+        # On another road, on the route before the line at 50 m, and behind it.
+        (2, (*LAP, "side"), -40.0, ("lead", *LAP, "side")),
+        (2, (*LAP, "side"), 30.0, (*LAP, "side")),
+        (2, (*LAP, "side"), 70.0, (*LAP, *LAP, "side")),
+        (2, (*LAP, *LAP, "side"), -40.0, ("lead", *LAP, *LAP, "side")),
+        (2, (*LAP, *LAP, "side"), 70.0, (*LAP, *LAP, "side")),
+        (1, ("side",), 30.0, ("side",)),
+        (1, ("side",), 70.0, (*LAP, "side")),
+        (3, (*LAP, *LAP, "side"), 70.0, (*LAP, *LAP, *LAP, "side")),
+        # The line may be crossed before the first step ends.
+        (2, (*LAP, "side"), 49.0, (*LAP, *LAP, "side")),
+    ],
+)
+def test_who_takes_over_drives_all_laps(laps, own, x, route):
     graph = graph_of(
         {
             "side": Road([(0, 0), (100, 0)]),
@@ -297,17 +316,34 @@ def test_who_takes_over_elsewhere_drives_all_laps():
         },
         [(("side", 0), ("round", 0)), (("round", 0), ("side", 0)), (("lead", 0), ("side", 0))],
     )
-    mission = AgentMission(
-        route=("side", "round") * 2 + ("side",), goal=GoalKind.LAPS, goal_lane=0, goal_s=50.0, laps=2
-    )
-    stage = Stage(graph, AgentStart("ego", (60.0, 0.0, 0.0), 0.0, mission, take_over=TakeOver(vehicle="car")))
-    stage.add("car", -40.0)
+    mission = AgentMission(route=own, goal=GoalKind.LAPS, goal_lane=0, goal_s=50.0, laps=laps)
+    stage = Stage(graph, AgentStart("ego", (10.0, 0.0, 0.0), 0.0, mission, take_over=TakeOver(vehicle="car")))
+    slot = stage.add("car", x)
     stage.step(2)
     assert stage.driven() == "car"
-    assert stage.scene.routes.route(0, 0) == ("lead", "side", "round", "side", "round", "side")
-    agents = stage.world.agents
+    assert stage.scene.routes.route(0, 0) == route
+    agents, vehicles = stage.world.agents, stage.world.vehicles
     assert agents.remaining[0, 0] == pytest.approx(stage.world.missions.route_length[0, 0])
-    assert agents.remaining[0, 0] > 600.0
+    corners = [(place, 0.0, 0.0) for place in np.arange(x, 100.0, 5.0)]
+    around = [(110.0, 40.0, np.pi / 2), (50.0, 60.0, np.pi), (-10.0, 20.0, -np.pi / 2)]
+    side = [(place, 0.0, 0.0) for place in np.arange(0.0, 100.0, 5.0)]
+    for *position, heading in [*corners, *(around + side) * laps]:
+        vehicles.position[0, slot], vehicles.heading[0, slot] = position, heading
+        stage.step()
+        if agents.lap[0, 0] == laps:
+            break
+    assert agents.lap[0, 0] == laps
+    assert agents.remaining[0, 0] == 0.0
+
+
+def test_who_takes_over_behind_the_line_where_no_way_leads_round_keeps_its_route():
+    mission = AgentMission(route=("road",), goal=GoalKind.LAPS, goal_lane=0, goal_s=50.0)
+    start = AgentStart("ego", (10.0, 0.0, 0.0), 0.0, mission, take_over=TakeOver(vehicle="car"))
+    stage = Stage(straight(), start)
+    stage.add("car", 70.0)
+    stage.step(2)
+    assert stage.driven() == "car"
+    assert stage.scene.routes.route(0, 0) == ("road",)
 
 
 def test_who_is_done_leaves_with_the_vehicle():

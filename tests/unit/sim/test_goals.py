@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from smarts.types.events import Event, Outcome
@@ -186,6 +187,53 @@ def test_a_vehicle_that_goes_back_and_forth_has_driven_one_lap():
                 return
             assert stage.agents.lap[0, 0] <= lap
         assert stage.agents.lap[0, 0] == lap
+
+
+@pytest.mark.parametrize(("goal_lane", "own_lane", "new_lane"), [(0, 3, 3), (3, 0, 0), (0, 2, 3), (0, 3, 2)])
+def test_laps_are_complete_at_a_line_square_to_the_road(goal_lane, own_lane, new_lane):
+    """100 m straight on, then a bend in which the left lane is 15 m shorter than the right one."""
+    bend = [(100 + 30 * math.sin(a), 30 - 30 * math.cos(a)) for a in np.linspace(0.0, math.pi / 2, 40)]
+    back = Road([(130, 40), (130, 150), (-50, 150), (-50, 0), (-10, 0)])
+    graph = graph_of(
+        {"road": Road([(0, 0), *bend], 4), "back": back},
+        [(("road", 0), ("back", 0)), (("back", 0), ("road", 0))],
+    )
+    route, goal = ("road", "back", "road"), graph.lane_number("road", goal_lane)
+    mission = AgentMission(route=route, goal=GoalKind.LAPS, goal_lane=goal, goal_s=60.0)
+    stage = Stage([Car(70.0, 3.2 * own_lane, mission=mission)], graph=graph)
+    around = (130.0, 100.0, math.pi / 2), (40.0, 150.0, math.pi), (-50.0, 70.0, -math.pi / 2), (-20.0, 0.0)
+    assert [stage.step(place) for place in around] == [Event.NONE] * 4
+    assert [stage.step((x, 3.2 * own_lane)) for x in (45.0, 52.0, 59.9)] == [Event.NONE] * 3
+    # It may change lanes as it crosses the line.
+    assert stage.step((60.1, 3.2 * new_lane)) == Event.LAP_COMPLETED | Event.REACHED_GOAL
+
+
+@pytest.mark.parametrize(("goal_lane", "own_lane"), [(0, 3), (3, 0)])
+def test_a_line_near_where_the_road_crosses_itself(goal_lane, own_lane):
+    """The road turns three quarters round to the left, and over itself: its begin is nearer than its end."""
+    circle = [(100 + 40 * math.sin(a), 40 - 40 * math.cos(a)) for a in np.linspace(0.0, 1.5 * math.pi, 200)]
+    graph = graph_of({"road": Road([(0, 0), *circle, (60, -60)], 4)})
+    x = 58.0
+    mission = AgentMission(route=("road",), goal=GoalKind.LANE_LINE, goal_lane=goal_lane, goal_s=x)
+    stage = Stage([Car(30.0, 3.2 * own_lane, mission=mission)], graph=graph)
+    assert [stage.step((at, 3.2 * own_lane)) for at in (40.0, x + 4.9)] == [Event.NONE] * 2
+    assert stage.step((x + 5.1, 3.2 * own_lane)) == Event.MISSED_GOAL
+
+
+@pytest.mark.parametrize(("goal_lane", "own_lane"), [(0, 3), (3, 0)])
+def test_a_line_at_the_end_of_a_road_that_leads_round_to_its_begin(goal_lane, own_lane):
+    turns = np.linspace(-math.pi / 2, 1.5 * math.pi, 200)
+    circle = [(60 * math.cos(a), 60 * math.sin(a)) for a in turns]
+    graph = graph_of({"ring": Road(circle, 4)})
+    length = float(graph.length[goal_lane])
+    mission = AgentMission(route=("ring",), goal=GoalKind.LANE_LINE, goal_lane=goal_lane, goal_s=length)
+
+    def place(angle):
+        radius = 60.0 - 3.2 * own_lane
+        return radius * math.cos(angle), radius * math.sin(angle), angle + math.pi / 2
+
+    stage = Stage([Car(*place(0.0), mission=mission)], graph=graph)
+    assert [stage.step(place(angle)) for angle in (0.5, 1.0, 2.0, 3.0)] == [Event.NONE] * 4
 
 
 @pytest.mark.parametrize("laps", [1, 2, 3])
