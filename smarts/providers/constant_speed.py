@@ -10,6 +10,8 @@ without end. All are cars of one size.
 
 from __future__ import annotations
 
+import heapq
+import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -34,11 +36,14 @@ LENGTH, WIDTH = 5.0, 1.8
 """Size of every vehicle [m]."""
 ROOM = 15.0
 """Minimum distance of an arrival from other vehicles [m]."""
+TICKS = 16
+"""Number of steps in which the warm-up looks for room at once."""
 MOST_TURN = 0.05
 """Between a path and the heading of a vehicle that joins it [rad]."""
 _FLOATS = [(name, np.float64) for name in ("time", "headway", "end")]
 FLOW = np.dtype([("row", np.int32), ("path", np.int32), *_FLOATS])
-"""Vehicles to come: simulation, path, next departure, time between two, time before which all are [s]."""
+"""Vehicles to come: simulation, path, next departure, time between two, time before which all are [s].
+The last two are infinite for a single vehicle."""
 
 
 class ConstantSpeed(TrafficEngine):
@@ -108,8 +113,9 @@ class ConstantSpeed(TrafficEngine):
         due = np.flatnonzero(env_mask[flows["row"]] & (flows["time"] <= world.time[flows["row"]]))
         due = due[np.argsort(flows["time"][due], kind="stable")]
         # All vehicles of a flow depart at one place, so the next one is the only one that can have room.
-        due = due[self._admit(flows["row"][due], flows["path"][due], np.zeros(len(due)))]
-        self._pass(due, 1)
+        due = due[self._admit(flows["row"][due], flows["path"][due])]
+        flows["time"][due] += flows["headway"][due]
+        self._flows = flows[flows["time"] < flows["end"]]
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`: it accepts vehicles that are near a path, aligned, and overlap none."""
@@ -128,36 +134,77 @@ class ConstantSpeed(TrafficEngine):
         """See `TrafficEngine`; there is nothing to free."""
 
     def _drive_warm_up(self, begun: Bools) -> None:
-        """Admit vehicles where they are at time 0; those without room, or that have left, never come."""
-        flows, paths = self._flows, self._paths
-        due = np.flatnonzero(begun[flows["row"]] & (flows["time"] <= 0.0) & (flows["time"] < flows["end"]))
-        time, headway, end = (flows[name][due] for name in ("time", "headway", "end"))
-        counts = np.minimum(-time // headway + 1, np.ceil((end - time) / headway)).astype(np.int64)
-        each, numbers = np.repeat(due, counts), np.concatenate([np.arange(0), *map(np.arange, counts)])
-        late = -(flows["time"][each] + numbers * flows["headway"][each])
-        order = np.argsort(-late, kind="stable")
-        row, path, late = flows["row"][each[order]], flows["path"][each[order]], late[order]
-        s = paths.wrapped(path, late * paths.speed[path])
-        here = s <= paths.length[path]
-        self._admit(row[here], path[here], s[here])
-        self._pass(due, counts)
-
-    def _pass(self, flows: NDArray, counts: NDArray | int) -> None:
-        """Take vehicles off flows, and flows without further ones off the list."""
-        self._flows["time"][flows] += counts * self._flows["headway"][flows]
+        """Let vehicles depart up to time 0 as steps do, and place those that are still there."""
+        for row in np.flatnonzero(begun).tolist():
+            path, departure = self._depart(row)
+            b = np.full(len(path), row)
+            s = self._paths.wrapped(path, -departure * self._world.dt * self._paths.speed[path])
+            here = (s <= self._paths.length[path]) & self._is_free(b, path, s)
+            self._place(b[here], path[here], s[here])
         self._flows = self._flows[self._flows["time"] < self._flows["end"]]
 
-    def _admit(self, b: Ints, path: Ints, s: Floats) -> Bools:
-        """Admit vehicles that have room at distances along their paths [m]; return which, shape (N,)."""
-        vehicles, paths = self._world.vehicles, self._paths
-        x, y, _ = paths.poses(path, s, np.zeros(len(path))).T
-        is_near = np.hypot(x[:, None] - x, y[:, None] - y) < ROOM
-        has_room = ~np.tril(is_near & (b[:, None] == b), -1).any(axis=1)
+    def _depart(self, row: int) -> tuple[Ints, NDArray[np.int64]]:
+        """Let the flows of a simulation depart in the steps up to time 0.
+
+        Returns:
+            Paths and steps of departure, at most 0, of N vehicles, of which some may have left.
+        """
+        flows, paths, dt = self._flows, self._paths, self._world.dt
+
+        def step_at(time: float) -> int:
+            return math.ceil(time / dt - 1e-6)
+
+        path, departure = np.zeros(0, np.int32), np.zeros(0, np.int64)
+        mine = np.flatnonzero((flows["row"] == row) & (flows["time"] <= 0.0) & (flows["time"] < flows["end"]))
+        # The next step in which a flow may depart, the time at which it should, its place in the list.
+        queue = [(step_at(flows["time"][flow]), flows["time"][flow], flow) for flow in mine.tolist()]
+        heapq.heapify(queue)
+        while queue and queue[0][0] <= 0:
+            step, time, flow = heapq.heappop(queue)
+            s = (step + np.arange(TICKS)[:, None] - departure) * dt * paths.speed[path]
+            s = paths.wrapped(path, s)
+            is_there = s <= paths.length[path]
+            poses = paths.poses(np.broadcast_to(path, s.shape).ravel(), s.ravel(), np.zeros(s.size))
+            ((x, y, _),) = paths.poses(flows["path"][flow : flow + 1], np.zeros(1), np.zeros(1))
+            is_near = (np.hypot(poses[:, 0] - x, poses[:, 1] - y) < ROOM).reshape(s.shape)
+            is_full = is_there.sum(axis=1) >= self._limit[row]
+            self.is_full[row] |= is_full[0]
+            free = np.append(~(is_full | (is_near & is_there).any(axis=1)), True)
+            path, departure = path[is_there[0]], departure[is_there[0]]
+            if free[0]:
+                path, departure = np.append(path, flows["path"][flow]), np.append(departure, step)
+                time = flows["time"][flow] = time + flows["headway"][flow]
+                if time < flows["end"][flow]:
+                    heapq.heappush(queue, (max(step_at(time), step + 1), time, flow))
+            else:
+                heapq.heappush(queue, (step + int(free.argmax()), time, flow))
+        return path, departure
+
+    def _is_free(self, b: Ints, path: Ints, s: Floats) -> Bools:
+        """Return whether distances along paths [m] have room among all vehicles, shape (N,)."""
+        vehicles = self._world.vehicles
+        x, y, _ = self._paths.poses(path, s, np.zeros(len(path))).T
         gap = np.hypot(vehicles.position[b, :, 0] - x[:, None], vehicles.position[b, :, 1] - y[:, None])
-        has_room &= ~((gap < ROOM) & vehicles.alive[b]).any(axis=1)
-        rank = np.tril((b[:, None] == b) & has_room, -1).sum(axis=1) + vehicles.alive[b].sum(axis=1)
-        self.is_full[b[rank >= self._limit[b]]] = True
-        comes = has_room & (rank < self._limit[b])
+        return ~((gap < ROOM) & vehicles.alive[b]).any(axis=1)
+
+    def _admit(self, b: Ints, path: Ints) -> Bools:
+        """Admit vehicles that have room where their paths begin; return which, shape (N,)."""
+        s = np.zeros(len(path))
+        x, y, _ = self._paths.poses(path, s, s).T
+        has_room = self._is_free(b, path, s)
+        is_near = np.hypot(x[:, None] - x, y[:, None] - y) < ROOM
+        is_near = np.tril(is_near & (b[:, None] == b), -1)
+        for number in np.flatnonzero(has_room & is_near.any(axis=1)).tolist():
+            has_room[number] = not (is_near[number] & has_room).any()
+        has_room[has_room] = self._place(b[has_room], path[has_room], s[has_room])
+        return has_room
+
+    def _place(self, b: Ints, path: Ints, s: Floats) -> Bools:
+        """Admit vehicles at distances along their paths [m] up to the limit; return which, shape (N,)."""
+        vehicles, paths = self._world.vehicles, self._paths
+        rank = np.tril(b[:, None] == b, -1).sum(axis=1) + vehicles.alive[b].sum(axis=1)
+        comes = rank < self._limit[b]
+        self.is_full[b[~comes]] = True
         b, path, count = b[comes], path[comes], int(comes.sum())
         kind = np.full(count, VehicleKind.PASSENGER, np.int8)
         size = np.full(count, LENGTH), np.full(count, WIDTH)
@@ -193,6 +240,8 @@ def _flows(
 ) -> Iterator[tuple[list[str], bool, float, float, float]]:
     """Yield edges, whether they repeat, and first departure, headway and end [s] of flows and vehicles.
 
+    Headway and end of a vehicle are infinite.
+
     Args:
         file: A SUMO route file.
         generator: Draws the first departures of flows, whose vehicles are evenly spaced.
@@ -208,7 +257,7 @@ def _flows(
         }
         for element in root.iterfind("vehicle"):
             depart = float(element.attrib["depart"])
-            yield *routes[element.get("route")], depart, 1.0, depart + 1.0
+            yield *routes[element.get("route")], depart, np.inf, np.inf
         for flow in root.iterfind("flow"):
             begin, end = float(flow.attrib["begin"]), float(flow.attrib["end"])
             rate = flow.get("vehsPerHour")

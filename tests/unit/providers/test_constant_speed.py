@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smarts.providers import constant_speed
 from smarts.providers.constant_speed import ConstantSpeed
 from smarts.types.episode import EpisodeStart
 from smarts.types.traffic import TrafficFiles
+from smarts.types.vehicles import Owner
 from smarts.types.world import World
 from tests.unit.sim.test_map_matching import ring
 
@@ -34,15 +36,15 @@ def driven(track, folder, *, repeat="", depart=0.0, warm_up=0.0):
     return played(track, folder, ROUTES.format(repeat=repeat, depart=depart), warm_up)
 
 
-def played(track, folder, routes, warm_up=0.0):
+def played(track, folder, routes, warm_up=0.0, limit=16):
     """Return a world and its traffic."""
     file = folder / "map.rou.xml"
     file.write_text(routes)
-    world = World(worlds=1, capacity=16, agents=1, lanes=len(track.lane_ids), egos=0)
+    world = World(worlds=1, capacity=limit, agents=1, lanes=len(track.lane_ids), egos=0)
     traffic = ConstantSpeed(world, [track])
     files = TrafficFiles(Path("map.net.xml"), (file,), warm_up=warm_up)
     world.clear(0)
-    traffic.reset({0: EpisodeStart(1, 0, 0, "track", 0, files, None, 0, 16, ())})
+    traffic.reset({0: EpisodeStart(1, 0, 0, "track", 0, files, None, 0, limit, ())})
     world.settle(0)
     return world, traffic
 
@@ -108,3 +110,51 @@ def test_a_flow_ends_and_takes_nothing_from_others(track, tmp_path):
         world.advance(ALL)
         traffic.step(ALL)
     assert world.vehicles.alive.sum() < there
+
+
+@pytest.mark.parametrize("warm_up", [0.0, 10.0, 50.0, 60.0])
+def test_a_single_vehicle_departs_once(track, tmp_path, warm_up):
+    """Times less the warm-up are rounded, such as 60.3 - 50."""
+    departures = np.arange(warm_up + 0.1, warm_up + 10.0, 0.1)
+    for number, depart in enumerate(departures.round(1)):
+        _, traffic = driven(track, tmp_path, depart=float(depart), warm_up=warm_up)
+        traffic._flows["time"] += traffic._flows["headway"]
+        assert not (traffic._flows["time"] < traffic._flows["end"]).any(), number
+
+
+@pytest.mark.parametrize("repeat", ["", 'repeat="500"'])
+@pytest.mark.parametrize("rates", [[1200], [800, 800], [1200, 1200], [600, 600, 600], [3000], [3600, 3600]])
+def test_the_warm_up_leaves_the_vehicles_that_steps_leave(track, tmp_path, rates, repeat):
+    """Vehicles without room depart later, and only vehicles that have departed take room."""
+    flow = "<flow id='{}' route='round' begin='0' end='9e3' vehsPerHour='{}'/>"
+    flows = "".join(flow.format(number, rate) for number, rate in enumerate(rates))
+    routes = f"<routes><route id='round' edges='south east north west' {repeat}/>{flows}</routes>"
+    _, traffic = played(track, tmp_path, routes, 60.0, limit=40)
+    expected, stepped = played(track, tmp_path, routes, limit=40)
+    for _ in range(600):
+        expected.advance(ALL)
+        stepped.step(ALL)
+    places, others = (np.sort(each._s[each._world.vehicles.alive]) for each in (traffic, stepped))
+    assert len(places) > 11
+    np.testing.assert_allclose(places, others, atol=0.1 * traffic._paths.speed[0] + 1e-6)
+
+
+def test_a_vehicle_without_room_takes_none_from_others(track, tmp_path, monkeypatch):
+    """A vehicle stands near the begin of the first one's route; the routes begin 92 m apart."""
+    monkeypatch.setattr(constant_speed, "ROOM", 100.0)
+    routes = "".join(
+        f"<route id='{edge}' edges='{edge}'/><vehicle id='{edge}' route='{edge}' depart='0.1'/>"
+        for edge in ("south", "east")
+    )
+    world, traffic = played(track, tmp_path, f"<routes>{routes}</routes>")
+    x, y, _ = traffic._paths.poses(np.arange(2, dtype=np.int32), np.zeros(2), np.zeros(2)).T
+    assert np.hypot(x[1] - x[0], y[1] - y[0]) < 100.0
+    one = np.ones(1)
+    (slot,) = world.registry.admit_unnamed(
+        np.zeros(1, np.int32), Owner.NOBODY, np.zeros(1, np.int8), 5 * one, one
+    )
+    world.vehicles.position[0, slot] = x[0] + 0.3 * (x[0] - x[1]), y[0] + 0.3 * (y[0] - y[1])
+    world.advance(ALL)
+    traffic.step(ALL)
+    assert world.vehicles.alive.sum() == 2
+    assert traffic._flows["path"].tolist() == [0]
