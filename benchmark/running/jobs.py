@@ -50,6 +50,8 @@ class JobState:
     progress: RunProgress | None = None
     attempts: int = 0
     """Since its last checkpoint."""
+    iteration: int = 0
+    """Of the checkpoint that it continues from; 0: it begins."""
     heard: float = 0.0
     """When its last message came, by the monotonic clock [s]."""
     error: str = ""
@@ -170,8 +172,10 @@ class JobScheduler:
         state.attempts += 1
         try:
             check_room(self._resources, living_nodes())  # machines may have gone since the start
-            state.writer = RunWriter(state.job, RunFolder(self._root / state.job.folder))
+            folder = RunFolder(self._root / state.job.folder)
+            state.writer = RunWriter(state.job, folder)
             start = state.writer.start()
+            state.iteration = int((folder.training_state() or {}).get("iteration", 0))
         except SmartsError as error:
             state.status, state.error = "failed", _words(error)
             return

@@ -98,6 +98,8 @@ def _line(state: JobState) -> str:
     progress, text = state.progress, f"{state.job}: {state.status}"
     if state.status == "failed":
         return f"{text}: {state.error}"
+    if state.status == STARTING and state.iteration:
+        return f"{text}, continues after iteration {state.iteration}"
     if progress is None or state.status not in (TRAINING, TESTING):
         return text
     text += f" {progress.share:.0%}"

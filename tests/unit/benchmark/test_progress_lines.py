@@ -38,6 +38,8 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     assert lines("starting") == [f"{NAME}: starting ({live.STARTS})"]
     other = JobState("another")  # type: ignore[arg-type]
     assert lines("starting", state=other) == ["another: starting"]
+    third = JobState("a third", iteration=12)  # type: ignore[arg-type]
+    assert lines("starting", state=third) == ["a third: starting, continues after iteration 12"]
     expected = (
         f"{NAME}: training 50%, iteration 6, 867 steps/s, return 1.41, completion 0.75, collision 0.25, "
         "1.0 min of training left"
