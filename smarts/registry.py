@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import importlib
 import importlib.util
+import inspect
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,6 +24,9 @@ from smarts.shipped import local
 
 OWN_NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 """`module:Class`; everything else is a registered name."""
+
+FAILURES = (Exception, SystemExit)
+"""What own code may raise that is its error: `sys.exit` in it does not end the command."""
 
 Called = TypeVar("Called", bound=Callable[..., Any])
 
@@ -131,7 +135,7 @@ def adopted(kind: str, name: str, adopt: Callable[[str, Any], Any]) -> Any:
         raise OwnCodeError(f"{name!r} is no {kind}: it {error}", place=_defined_at(name, found)) from error
     except SmartsError:
         raise
-    except Exception as error:  # whatever a constructor of the user's raises
+    except FAILURES as error:  # whatever a constructor of the user's raises
         raise own_error(error, f"{kind} {name!r}", place_of(error) or _defined_at(name, found)) from error
 
 
@@ -190,7 +194,7 @@ def _import(module: str, kind: str, name: str) -> ModuleType:
             place=str(_OWN_ROOTS.get(module.partition(".")[0], "")),
             remedy="install it, or give its file or folder: --import PATH, or `imports: [PATH]`",
         ) from error
-    except (Exception, SystemExit) as error:
+    except FAILURES as error:
         raise own_error(error, f"importing the {kind} {name!r}", place_of(error)) from error
 
 
@@ -220,9 +224,15 @@ def _while_compiling(text: str, place: str) -> tuple[str, str]:
 def guarded(function: Called, doing: str) -> Called:
     """Return a function of a user's whose errors name its file and line.
 
+    Args:
+        function: Of the user's.
+        doing: What raises, for errors: "the metric 'my_file:MY_METRIC'".
+
     Raises:
-        OwnCodeError: Whatever it raises, but for errors of this project.
+        OwnCodeError: Whatever it raises, but for errors of this project; or it is no function.
     """
+    if not callable(function):
+        raise OwnCodeError(f"{doing} gives {shown(function)} in place of a function", place=_named_in(doing))
 
     @functools.wraps(function)
     def call(*values: Any, **named: Any) -> Any:
@@ -230,10 +240,47 @@ def guarded(function: Called, doing: str) -> Called:
             return function(*values, **named)
         except SmartsError:
             raise
-        except Exception as error:
-            raise own_error(error, doing, place_of(error) or _last_line(error)) from error
+        except FAILURES as error:
+            if is_of_ray(error):
+                raise
+            raise own_error(error, doing, place_of(error) or _called_at(error, function, doing)) from error
 
     return call  # type: ignore[return-value]
+
+
+def is_of_ray(error: BaseException) -> bool:
+    """Return whether an exit is Ray's, which ends its process, whatever runs in it."""
+    return hasattr(error, "ray_terminate_msg")
+
+
+def _called_at(error: BaseException, function: Any, doing: str) -> str:
+    """Return the innermost line of an error, or where a function is defined that could not be called."""
+    if len([*_lines(error.__traceback__)]) > 1:
+        return _last_line(error)
+    return definition_of(function) or _named_in(doing) or _last_line(error)
+
+
+def definition_of(part: Any) -> str:
+    """Return the file and line that define a function, a class or what calls an object; "" if unknown."""
+    if not (inspect.isroutine(part) or isinstance(part, type)):
+        part = getattr(type(part), "__call__", None)  # noqa: B004
+    try:
+        part = inspect.unwrap(part)
+        return f"{inspect.getsourcefile(part)}:{inspect.getsourcelines(part)[1]}"
+    except (TypeError, OSError):
+        return ""
+
+
+def _named_in(doing: str) -> str:
+    """Return the file and line that define the `module:Class` in a text; "" without one."""
+    found = OWN_NAME.search(doing)
+    if found is None:
+        return ""
+    module, _, path = found[0].partition(":")
+    part: Any = sys.modules.get(module)
+    for attribute in path.split("."):
+        part = getattr(part, attribute, None)
+    return definition_of(part)
 
 
 _OWN_ROOTS: dict[str, Path] = {}

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from algorithms.errors import AlgorithmError
 from smarts.errors import SmartsError
-from smarts.registry import own_error, place_of
+from smarts.registry import FAILURES, is_of_ray, own_error, place_of
 
 
 @contextmanager
@@ -24,8 +24,8 @@ def named_own_code(doing: str) -> Iterator[None]:
         yield
     except (SmartsError, AlgorithmError):
         raise
-    except Exception as error:
-        if place := place_of(error):
+    except FAILURES as error:
+        if not is_of_ray(error) and (place := place_of(error)):
             raise own_error(error, doing, place) from error
         raise
 

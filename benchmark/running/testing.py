@@ -26,6 +26,7 @@ from benchmark.running.progress import RunProgress
 from benchmark.scripted import SCRIPTED_POLICIES
 from benchmark.scripted.play import episodes_of
 from smarts.errors import RecordError
+from smarts.observations.lists import Observed
 from smarts.registry import import_own
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
@@ -101,9 +102,7 @@ def play_scripted(run: ScriptedRun, scratch: RunFolder) -> Iterator[Message]:
     scenarios = {SCENARIOS: scenario_digests(run.task_setting)}
     yield Noted({"status": TESTING, "run": str(run), **scenarios, **machine()})
     import_own(run.task_setting.imports)
-    observation = getattr(SCRIPTED_POLICIES[run.policy], "observation", None)
-    if run.task_setting.environment.adapter is not None:
-        observation = None  # The experiment's own adapter makes all observations.
+    observation = scripted_observation(run.task_setting, run.policy)
 
     def play_part(part: Part, indices: range, record: Path) -> None:
         with closing(
@@ -125,6 +124,13 @@ def play_scripted(run: ScriptedRun, scratch: RunFolder) -> Iterator[Message]:
         yield RunProgress(TESTING, share)
     yield from results_of(scratch)
     yield Noted({"status": FINISHED, "tested": run.task_setting.test_content()})
+
+
+def scripted_observation(task_setting: TaskSetting, policy: str) -> Observed | None:
+    """Return the observation that a scripted policy asks for, None if it gets the task setting's."""
+    if task_setting.environment.adapter is not None:
+        return None  # The experiment's own adapter makes all observations.
+    return getattr(SCRIPTED_POLICIES[policy], "observation", None)
 
 
 def results_of(scratch: RunFolder) -> Iterator[Kept]:

@@ -1,10 +1,12 @@
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
-from smarts.errors import UnknownNameError
-from smarts.registry import Registry, load_module, place_of
+from benchmark.running.importing import named_own_code
+from smarts.errors import OwnCodeError, UnknownNameError
+from smarts.registry import Registry, guarded, import_own, load_module, load_own, place_of
 from tests.raising import raises
 
 PLACES = {"fraction": "fractions:Fraction", "decimal": "decimal:Decimal"}
@@ -39,3 +41,57 @@ def test_errors_of_this_package_are_not_placed_in_own_code():
     with pytest.raises(UnknownNameError) as raised:
         Registry("number", PLACES)["fractoin"]
     assert "smarts/registry.py" not in place_of(raised.value)
+
+
+CALLED = """
+import sys
+
+def leaves(step):
+    sys.exit(0)
+
+def needs_none():
+    return 1
+
+class Needs:
+    def __init__(self, a): ...
+"""
+
+
+@pytest.fixture
+def called(tmp_path):
+    """A file of own code."""
+    file = tmp_path / f"{tmp_path.name}.py"
+    file.write_text(CALLED)
+    import_own([file])
+    return file
+
+
+def test_an_exit_in_own_code_is_an_error_and_an_exit_of_ray_ends_the_process(called):
+    leaves = load_own(f"{called.stem}:leaves")
+    with raises(OwnCodeError, f"{called}:5", values=["the reward 'x'", "SystemExit: 0"]):
+        guarded(leaves, "the reward 'x'")(None)
+    with raises(OwnCodeError, f"{called}:5", values=["SystemExit: 0"]), named_own_code("the run's own code"):
+        leaves(None)
+
+    def ends():
+        error: Any = SystemExit(1)
+        error.ray_terminate_msg = "SIGTERM"  # as Ray's handler of signals marks it
+        raise error
+
+    with pytest.raises(SystemExit):
+        guarded(ends, "the reward 'x'")()
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "line"), [("needs_none", (1,), 7), ("Needs", (), 10)], ids=["function", "class"]
+)
+def test_own_code_that_cannot_be_called_is_named_where_it_is_defined(called, name, values, line):
+    with raises(OwnCodeError, f"{called}:{line}", values=["TypeError"]):
+        guarded(load_own(f"{called.stem}:{name}"), "the reward 'x'")(*values)
+
+
+def test_what_own_code_gives_in_place_of_a_function_is_named_at_its_class(called):
+    load_module(called.stem, "feature")
+    nothing: Any = None
+    with raises(OwnCodeError, f"{called}:10", values=["None"]):
+        guarded(nothing, f"the feature '{called.stem}:Needs'")

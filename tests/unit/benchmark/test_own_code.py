@@ -411,6 +411,28 @@ def test_an_own_metric_is_tried_before_training(write, tmp_path, old, new):
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("module", "experiment", "code", "line"),
+    [
+        ("own_e1", "scripted: ['own_e1:Waits']", POLICY.replace("return 1", "return None"), 4),
+        (
+            "own_e2",
+            "environment: {reward: 'own_e2:leaves'}",
+            "import sys\ndef leaves(step):\n    sys.exit(0)\n",
+            3,
+        ),
+    ],
+)
+def test_what_own_code_returns_and_exits_in_it_are_errors_before_training(
+    write, tmp_path, module, experiment, code, line
+):
+    file = write(f"algorithms: [ppo]\n{experiment}\n", **{module: code})
+    with raises(OwnCodeError, f"{module}.py:{line}"):
+        run_experiment(read_experiment(file), tmp_path / "results")
+    assert not (tmp_path / "results").exists()
+
+
 @pytest.mark.parametrize(
     ("given", "value", "place"),
     [
