@@ -18,9 +18,6 @@ SIDE_GAP = 0.3
 """Vehicles with more lateral clearance than this are not leaders [m]."""
 BRAKING = 3.0
 """Deceleration behind a leader [m/s^2]."""
-BESIDE, BEHIND = 5.0, 10.0
-"""A vehicle is beside the first part of a reference that comes nearer to it than the one, up to where that is
-farther from it than the other [m]: on a small roundabout a reference leads round, past the vehicle again."""
 
 
 @kernel
@@ -44,11 +41,16 @@ def limit_by_leaders(state: State, b: int, slot: int, points: Floats) -> None:
         x, y = vehicles.position[b, other, 0], vehicles.position[b, other, 1]
         if abs(x - points[0, 0]) > reach or abs(y - points[0, 1]) > reach:
             continue
-        station, distance, turn = _along(points, x, y, vehicles.heading[b, other])
-        aside = (
-            abs(math.sin(turn)) * vehicles.length[b, other] + abs(math.cos(turn)) * vehicles.width[b, other]
+        station, turn = _first_station(
+            points,
+            x,
+            y,
+            vehicles.heading[b, other],
+            vehicles.length[b, other],
+            vehicles.width[b, other],
+            vehicles.width[b, slot],
         )
-        if station <= 0.0 or distance > 0.5 * (aside + vehicles.width[b, slot]) + SIDE_GAP:
+        if station <= 0.0:
             continue
         gap = station - 0.5 * (vehicles.length[b, other] + vehicles.length[b, slot])
         speed = max(vehicles.speed[b, other] * math.cos(turn), 0.0)
@@ -56,25 +58,35 @@ def limit_by_leaders(state: State, b: int, slot: int, points: Floats) -> None:
 
 
 @kernel
-def _along(points: Floats, x: float, y: float, heading: float) -> tuple[float, float, float]:
-    """Return station [m], distance [m] and relative heading [rad] of a pose with respect to a reference.
+def _first_station(
+    points: Floats, x: float, y: float, heading: float, length: float, width: float, own_width: float
+) -> tuple[float, float]:
+    """Return where a reference first meets a vehicle: station [m], 0 if nowhere, and relative heading [rad].
 
-    The station is 0 beside the first point and negative behind it.
+    It may come near the vehicle several times: on a roundabout in each round, at a U-turn on both lanes.
     """
-    best, best_square, station, best_station = 0, np.inf, 0.0, 0.0
+    last, counted, station, is_nearing = len(points) - 1, 0, 0.0, True
+    square = (points[0, 0] - x) ** 2 + (points[0, 1] - y) ** 2
     for i in range(len(points)):
-        if i > 0:
-            station += math.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
-        square = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
-        if square < best_square:
-            best, best_square, best_station = i, square, station
-        elif best_square < BESIDE**2 and square > BEHIND**2:
-            break
-    # Project onto the heading at the nearest point, since far points are widely spaced.
-    cos, sin = math.cos(points[best, 2]), math.sin(points[best, 2])
-    dx, dy = x - points[best, 0], y - points[best, 1]
-    best_station += dx * cos + dy * sin
-    return best_station, abs(dy * cos - dx * sin), heading - points[best, 2]
+        following = np.inf
+        if i < last:
+            following = (points[i + 1, 0] - x) ** 2 + (points[i + 1, 1] - y) ** 2
+        if is_nearing and following > square:
+            # Project onto the heading at the nearest point, since far points are widely spaced.
+            cos, sin = math.cos(points[i, 2]), math.sin(points[i, 2])
+            dx, dy, turn = x - points[i, 0], y - points[i, 1], heading - points[i, 2]
+            aside = abs(math.sin(turn)) * length + abs(math.cos(turn)) * width
+            if abs(dy * cos - dx * sin) <= 0.5 * (aside + own_width) + SIDE_GAP:
+                while counted < i:
+                    counted += 1
+                    station += math.hypot(
+                        points[counted, 0] - points[counted - 1, 0],
+                        points[counted, 1] - points[counted - 1, 1],
+                    )
+                if station + (dx * cos + dy * sin) > 0.0:
+                    return station + (dx * cos + dy * sin), turn
+        is_nearing, square = following <= square, following
+    return 0.0, 0.0
 
 
 @kernel

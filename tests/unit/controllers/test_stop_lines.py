@@ -105,16 +105,33 @@ def test_a_leader_on_a_path_that_leads_round_counts():
     assert (points[9:, 3] == 0.0).all()
 
 
-@pytest.mark.parametrize("ahead", np.arange(10.0, 14.0, 0.4))
-def test_a_leader_on_a_small_roundabout_is_not_a_round_farther_on(ahead):
-    """The reference leads round twice; its points of the second round may be nearer to the leader."""
+@pytest.mark.parametrize("radius", [4.0, 4.5, 5.0, 6.0, 10.0, 16.0])
+def test_a_leader_on_a_small_roundabout_is_not_a_round_farther_on(radius):
+    """The reference leads round more than once; its points of a later round may be nearer to the leader."""
     stations = np.concatenate([np.arange(33.0), 32.0 + np.cumsum(1.06 ** np.arange(1, 32))])
-    angles = stations / 10.0
-    points = np.column_stack(
-        [10.0 * np.sin(angles), 10.0 - 10.0 * np.cos(angles), angles, np.full(len(angles), 5.0)]
-    )
-    there = ahead / 10.0
-    leader = Car(10.0 * math.sin(there), 10.0 - 10.0 * math.cos(there), there)
-    made = world_of([Car(0.0, 0.0, 0.0, 5.0, NORTH), leader], maps=[crossing()])
+    angles = stations / radius
+    x, y = radius * np.sin(angles), radius - radius * np.cos(angles)
+    for ahead in np.arange(7.0, min(2.0 * math.pi * radius - 6.0, 40.0), 0.2):
+        points = np.column_stack([x, y, angles, np.full(len(angles), 5.0)])
+        there = ahead / radius
+        leader = Car(radius * math.sin(there), radius - radius * math.cos(there), there)
+        made = world_of([Car(0.0, 0.0, 0.0, 5.0, NORTH), leader], maps=[crossing()])
+        limit_by_leaders(made.world.state, 0, 0, points)
+        assert (points[stations > ahead, 3] == 0.0).all(), ahead
+
+
+@pytest.mark.parametrize("radius", [1.6, 2.4, 3.5])
+@pytest.mark.parametrize("place", [5.0, 15.0, 24.0])
+def test_a_leader_behind_a_u_turn_counts(radius, place):
+    """It stands on the opposite lane, beside the first part of the reference, which passes it at speed."""
+    out, turn = np.arange(0.0, 30.0), np.arange(0.0, math.pi, 0.5 / radius)
+    x = np.concatenate([out, 30.0 + radius * np.sin(turn), 30.0 - out])
+    y = np.concatenate([0.0 * out, radius - radius * np.cos(turn), 0.0 * out + 2.0 * radius])
+    heading = np.concatenate([0.0 * out, turn, 0.0 * out + math.pi])
+    points = np.column_stack([x, y, heading, np.full(len(x), 8.0)])
+    leader = Car(place, 2.0 * radius, math.pi)
+    made = world_of([Car(0.0, 0.0, 0.0, 8.0, NORTH), leader], maps=[crossing()])
     limit_by_leaders(made.world.state, 0, 0, points)
-    assert (points[stations > ahead, 3] == 0.0).all()
+    is_back = y == 2.0 * radius
+    assert (points[: len(out) - 10, 3] == 8.0).all()
+    assert (points[is_back & (x <= place), 3] == 0.0).all()
