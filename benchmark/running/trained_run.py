@@ -10,6 +10,7 @@ from benchmark.experiment.runs import Run, run_from
 from benchmark.results.files import FormatError, ResultsError
 from benchmark.results.reading import checked_config, checked_facts
 from benchmark.results.run_folder import RunFolder
+from smarts.errors import nearest_names
 from smarts.registry import import_own
 
 
@@ -24,6 +25,16 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
         ResultsError: There is none, or its config is damaged.
         OwnCodeError: A file or folder of own code does not exist.
     """
+    if not folder.path.exists():
+        beside = folder.path.parent.iterdir() if folder.path.parent.is_dir() else ()
+        near = nearest_names(folder.path.name, (each.name for each in beside if each.is_dir()))
+        raise ResultsError(
+            "there is no such folder",
+            place=str(folder.path),
+            remedy=near
+            if near.startswith("did you mean")
+            else "give the folder of a run or of an exported policy",
+        )
     try:
         facts = checked_facts(folder)  # first, since it refuses other formats
         run = run_from(checked_config(folder))
@@ -39,5 +50,6 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
         raise ResultsError(
             f"not a run: {reason}",
             place=(error.place if isinstance(error, ResultsError) else "") or str(folder.config),
-            remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1",
+            remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1, or that "
+            "of an exported policy",
         ) from error

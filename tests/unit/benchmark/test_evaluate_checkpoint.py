@@ -73,6 +73,16 @@ def test_a_damaged_run_is_named(folder, tested):
         read_run(folder)
 
 
+def test_a_folder_that_is_not_there_leads_to_the_nearest(tmp_path):
+    (tmp_path / "mf_ac_vehicles_1").mkdir()
+    with raises(ResultsError, "mf_ac_vehicle_1") as caught:
+        read_run(RunFolder(tmp_path / "mf_ac_vehicle_1"))
+    assert "'mf_ac_vehicles_1'" in caught.value.remedy
+    with raises(ResultsError, "nowhere") as caught:
+        read_run(RunFolder(tmp_path / "not" / "nowhere"))
+    assert "exported policy" in caught.value.remedy
+
+
 @pytest.mark.parametrize("name", ["settings", "algorithm"])
 def test_a_damaged_config_is_named(folder, name):
     content = folder.read_config() | {name: None}
