@@ -10,7 +10,9 @@ import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import TrafficError
+from smarts.providers.own_engine import make_own_engine
 from smarts.providers.traffic_engine import Giver, TrafficEngine
+from smarts.registry import is_own_name
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
 from smarts.types.traffic import DEFAULT_ENGINE, TRAFFIC_ENGINES
@@ -32,6 +34,7 @@ def traffic_of(
     Raises:
         UnknownNameError: A name is not registered.
         TrafficError: An engine cannot be constructed, or has no step of its own.
+        OwnCodeError: An engine is a user's own and raises.
     """
     kinds: dict[str, Callable[..., TrafficEngine]] = {name: TRAFFIC_ENGINES[name] for name in names}
     if step is not None:
@@ -41,7 +44,9 @@ def traffic_of(
     with ExitStack() as on_failure:
         engines: dict[str, TrafficEngine] = {}
         for name, kind in kinds.items():
-            engines[name] = kind(world, maps)
+            engines[name] = (
+                make_own_engine(name, kind, world, maps) if is_own_name(name) else kind(world, maps)
+            )
             on_failure.callback(engines[name].close)
         on_failure.pop_all()
     return next(iter(engines.values())) if len(engines) == 1 else EnginesByEpisode(engines, world.worlds)

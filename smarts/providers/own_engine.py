@@ -1,0 +1,134 @@
+"""Users' own traffic engines, whose errors name engine, file and line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from smarts.arrays import Bools, Bytes, Ints
+from smarts.errors import OwnCodeError, TrafficError, shown
+from smarts.providers.traffic_engine import Giver, TrafficEngine
+from smarts.registry import definition_of, guarded
+from smarts.roads.lane_graph import LaneGraph
+from smarts.types.episode import EpisodeStart
+from smarts.types.vehicles import Owner
+from smarts.types.world import World
+
+
+def make_own_engine(
+    name: str, kind: Callable[..., Any], world: World, maps: Sequence[LaneGraph]
+) -> TrafficEngine:
+    """Return a user's engine, with checks of what it raises, returns and writes.
+
+    Raises:
+        OwnCodeError: Its constructor raises, or `failures` or `is_full` is not as in `TrafficEngine`.
+    """
+    doing = f"the traffic engine {name!r} (traffic_engine)"
+    engine = guarded(kind, doing)(world, maps)
+    return (OwnGiver if isinstance(engine, Giver) else OwnEngine)(engine, doing, world)
+
+
+class OwnEngine(TrafficEngine):
+    """Calls a user's engine, and checks what it returns and the motion that it writes.
+
+    Args:
+        engine: The user's.
+        doing: What it is, for errors.
+        world: In which it moves vehicles.
+
+    Raises:
+        OwnCodeError: `failures` or `is_full` is not as in `TrafficEngine`.
+    """
+
+    def __init__(self, engine: Any, doing: str, world: World) -> None:
+        self._engine, self._doing, self._world = engine, doing, world
+        calls = ("reset", "step", "can_accept", "close")
+        self._reset, self._step, self._can_accept, self._close = (
+            guarded(getattr(engine, name), doing) for name in calls
+        )
+        self._read()
+
+    def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
+        """See `TrafficEngine`."""
+        self._reset(starts)
+        self._read()
+        begun = np.zeros(self._world.worlds, np.bool_)
+        begun[list(starts)] = True
+        self._check_motion(begun, "reset")
+
+    def step(self, env_mask: Bools) -> None:
+        """See `TrafficEngine`."""
+        self._step(env_mask)
+        self._read()
+        self._check_motion(env_mask, "step")
+
+    def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
+        """See `TrafficEngine`."""
+        return self._refusals("can_accept", self._can_accept, rows, slots)
+
+    def close(self) -> None:
+        """See `TrafficEngine`."""
+        self._close()
+
+    def _read(self) -> None:
+        """Read `failures` and `is_full` of the last call."""
+        self.failures: Mapping[int, TrafficError] = getattr(self._engine, "failures", None)  # type: ignore[assignment]
+        self.is_full = getattr(self._engine, "is_full", None)  # type: ignore[assignment]
+        if not isinstance(self.failures, Mapping):
+            self._refuse("failures", self.failures, "a dict of a TrafficError by simulation, {} without")
+        if np.shape(self.is_full) != (self._world.worlds,):
+            self._refuse("is_full", self.is_full, f"an array of {self._world.worlds} truth values")
+
+    def _refuse(self, name: str, value: Any, wanted: str) -> None:
+        raise OwnCodeError(
+            f"{self._doing}: its attribute {name} is {shown(value)}",
+            place=definition_of(type(self._engine)),
+            remedy=f"set self.{name} in the constructor: {wanted}",
+        )
+
+    def _refusals(self, name: str, call: Callable[..., Any], rows: Ints, slots: Ints) -> Bytes:
+        """Return the answer of a gate if it is one number for each vehicle."""
+        given = call(rows, slots)
+        found = np.asarray(given)
+        if found.shape != rows.shape or found.dtype.kind not in "iu":
+            raise OwnCodeError(
+                f"{self._doing}: {name} returns {shown(given)} for {len(rows)} vehicles",
+                place=definition_of(getattr(self._engine, name)),
+                remedy="return an array of a Refusal for each vehicle",
+            )
+        return found
+
+    def _check_motion(self, env_mask: Bools, name: str) -> None:
+        """Raise if a position, a heading or a speed that the engine wrote is not finite."""
+        vehicles = self._world.vehicles
+        # The sum of numbers is finite only if all are.
+        with np.errstate(invalid="ignore", over="ignore"):
+            total = vehicles.position.sum(axis=-1) + vehicles.heading + vehicles.speed
+        bad = ~np.isfinite(total)
+        if not bad.any():
+            return
+        bad &= vehicles.alive & (vehicles.owner == Owner.TRAFFIC) & env_mask[:, None]
+        bad[list(self.failures)] = False
+        for row, slot in np.argwhere(bad)[:1].tolist():
+            values = {
+                "position": vehicles.position[row, slot].tolist(),
+                "heading": vehicles.heading[row, slot].item(),
+                "speed": vehicles.speed[row, slot].item(),
+            }
+            written = ", ".join(f"{key} {value}" for key, value in values.items())
+            raise OwnCodeError(
+                f"{self._doing}: a vehicle in simulation {row} has {written}",
+                place=definition_of(getattr(self._engine, name)),
+                remedy="write finite numbers",
+            )
+
+
+class OwnGiver(OwnEngine):
+    """Calls a user's engine that keeps some of its vehicles for a while: a `Giver`."""
+
+    def can_give(self, rows: Ints, slots: Ints) -> Bytes:
+        """See `Giver`."""
+        give = guarded(self._engine.can_give, self._doing)
+        return self._refusals("can_give", give, rows, slots)

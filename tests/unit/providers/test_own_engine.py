@@ -1,0 +1,144 @@
+"""Users' own traffic engines: what they raise, return and write is checked, and named with file and line."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from smarts.errors import OwnCodeError, TrafficError
+from smarts.providers.traffic_engine import Giver
+from smarts.providers.traffic_engines import traffic_of
+from smarts.registry import import_own
+from smarts.types.transfers import Refusal
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
+from tests.raising import raises
+
+ENGINE = """
+import numpy as np
+import sys
+from smarts.errors import TrafficError
+from smarts.types.vehicles import Owner, VehicleKind
+
+class Mine:
+    def __init__(self, world, maps, owner=Owner.TRAFFIC):
+        self.failures, self.is_full = {}, np.zeros(world.worlds, np.bool_)
+        self.world = world
+
+    def reset(self, starts):
+        for row in starts:
+            self.world.registry.admit(row, "car", Owner.TRAFFIC, VehicleKind.PASSENGER, length=5.0, width=1.8)
+
+    def step(self, env_mask):
+        pass
+
+    def can_accept(self, rows, slots):
+        return np.full(len(rows), 1, np.int8)
+
+    def close(self):
+        pass
+
+class Made(Mine):
+    def __init__(self, world, maps):
+        raise KeyError("flow")
+
+class Bare(Mine):
+    def __init__(self, world, maps):
+        pass
+
+class Narrow(Mine):
+    def __init__(self, world, maps):
+        self.failures, self.is_full = {}, np.zeros(world.worlds + 1, np.bool_)
+
+class Resets(Mine):
+    def reset(self, starts):
+        raise KeyError("flow")
+
+class Leaves(Mine):
+    def step(self, env_mask):
+        sys.exit(0)
+
+class Fails(Mine):
+    def step(self, env_mask):
+        self.world.vehicles.speed[0] = np.nan
+        self.failures = {0: TrafficError("the traffic failed")}
+
+class Infinite(Mine):
+    def step(self, env_mask):
+        self.world.vehicles.position[1, 0, 1] = np.inf
+
+class Accepts(Mine):
+    def can_accept(self, rows, slots):
+        return None
+
+class Gives(Mine):
+    def can_give(self, rows, slots):
+        return np.zeros(len(rows) + 1, np.int8)
+"""
+
+
+@pytest.fixture
+def make(tmp_path):
+    """Return the traffic of a class, its file, and the world."""
+    file = tmp_path / f"{tmp_path.name}.py"
+    file.write_text(ENGINE)
+    import_own([file])
+
+    def make(name) -> tuple[Any, World]:
+        world = World(worlds=2, capacity=4, agents=1, lanes=1)
+        return traffic_of([f"{file.stem}:{name}"], world, []), world
+
+    make.file = file  # type: ignore[attr-defined]
+    return make
+
+
+def play(engine, world):
+    """Reset, step and ask an engine."""
+    starts: Any = {0: None, 1: None}
+    engine.reset(starts)
+    engine.step(np.ones(world.worlds, np.bool_))
+    engine.can_accept(np.array([0]), np.array([0]))
+    if isinstance(engine, Giver):
+        engine.can_give(np.array([0]), np.array([0]))
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "said"),
+    [
+        ("Made", "raise KeyError", "KeyError: 'flow'"),
+        ("Bare", "class Bare", "failures is None"),
+        ("Narrow", "class Narrow", "is_full is "),
+        ("Resets", "class Resets", "KeyError: 'flow'"),
+        ("Leaves", "sys.exit(0)", "SystemExit: 0"),
+        ("Infinite", "class Infinite", "simulation 1 has position [0.0, inf]"),
+        ("Accepts", "class Accepts", "can_accept returns None for 1 vehicles"),
+        ("Gives", "class Gives", "can_give returns array"),
+    ],
+)
+def test_mistakes_are_errors_with_engine_key_file_and_line(make, name, line, said):
+    lines = ENGINE.splitlines()
+    number = next(number for number, each in enumerate(lines, 1) if line in each)
+    number += {"Resets": 2, "Infinite": 1, "Accepts": 1, "Gives": 1}.get(name, 0)
+    values = [f"'{make.file.stem}:{name}'", "traffic_engine", said]
+    with raises(OwnCodeError, f"{make.file}:{number}", values=values):
+        play(*make(name))
+
+
+def test_an_engine_that_keeps_the_protocol_is_taken(make):
+    engine, world = make("Mine")
+    play(engine, world)
+    assert not isinstance(engine, Giver)
+    assert engine.can_accept(np.zeros(3, int), np.zeros(3, int)).tolist() == [Refusal.OFF_LANES] * 3
+    assert world.vehicles.alive.sum(axis=1).tolist() == [1, 1]
+    # Vehicles of others are not the engine's.
+    slot = world.registry.admit(0, "other", Owner.AGENT, VehicleKind.PASSENGER, length=5.0, width=1.8)
+    world.vehicles.speed[0, slot] = np.nan
+    engine.step(np.ones(2, np.bool_))
+    engine.close()
+
+
+def test_failures_of_an_engine_are_the_simulations(make):
+    engine, world = make("Fails")
+    play(engine, world)
+    assert [*engine.failures] == [0]
+    assert isinstance(engine.failures[0], TrafficError)
