@@ -70,6 +70,7 @@ def shortest_route(
     lap: bool = False,
     cost: Cost = "length",
     kinds: frozenset[LaneKind] = CARS,
+    users: str = "the route's vehicles",
 ) -> tuple[str, ...]:
     """Return the road edges from `begin` to `end`, both included, by way of the `via` edges in their order.
 
@@ -83,12 +84,13 @@ def shortest_route(
         cost: What to minimise, "length" [m] or "time" at the speed limit [s]. Of equal ways the one whose
             edges come earlier in the map wins.
         kinds: The lanes that may be used.
+        users: What uses them, for errors.
 
     Raises:
         MapError: An edge does not exist, lies inside a junction or is closed to the user, or no way leads on.
     """
     edges = edge_graph(graph, kinds, cost)
-    stops = [_road_edge(graph, edges, name) for name in (begin, *via, end)]
+    stops = [_road_edge(graph, edges, name, users) for name in (begin, *via, end)]
     route = stops[:1]
     for source, target in itertools.pairwise(stops):
         if source == target and not lap:
@@ -96,7 +98,8 @@ def shortest_route(
         leg = _shortest_leg(edges, source, target)
         if leg is None:
             raise MapError(
-                f"no way leads from edge '{graph.edge_ids[source]}' to edge '{graph.edge_ids[target]}'",
+                f"no way for {users} leads from edge '{graph.edge_ids[source]}' "
+                f"to edge '{graph.edge_ids[target]}'",
                 remedy=_reachable(graph, edges, source),
             )
         route += leg
@@ -109,6 +112,7 @@ def random_route(
     *,
     max_edges: int = 10,
     kinds: frozenset[LaneKind] = CARS,
+    users: str = "the route's vehicles",
 ) -> tuple[str, ...]:
     """Return a random walk over at most `max_edges` road edges, shorter where the road ends.
 
@@ -121,7 +125,9 @@ def random_route(
     edges = edge_graph(graph, kinds, "length")
     usable = np.flatnonzero(np.isfinite(edges.cost) & ~graph.edge_is_internal).tolist()
     if not usable:
-        raise MapError(f"the map has no road for lanes of kind {names_of(kinds)}")
+        raise MapError(
+            f"no road of the map is open to {users}", remedy="use another vehicle type, or another map"
+        )
     begins = [edge for edge in usable if _exits_without_turnarounds(graph, edges, edge)] or usable
     route = [begins[generator.integers(len(begins))]]
     while len(route) < max_edges and (exits := _exits_without_turnarounds(graph, edges, route[-1])):
@@ -143,13 +149,14 @@ def edge_graph(graph: LaneGraph, kinds: frozenset[LaneKind] = CARS, cost: Cost =
     return EdgeGraph(graph, kinds, cost)
 
 
-def _road_edge(graph: LaneGraph, edges: EdgeGraph, name: str) -> int:
+def _road_edge(graph: LaneGraph, edges: EdgeGraph, name: str, users: str) -> int:
     edge = graph.edge_number(name)
     if graph.edge_is_internal[edge]:
         raise MapError(f"edge '{name}' lies inside a junction", remedy="a route is made of road edges only")
     if not np.isfinite(edges.cost[edge]):
         raise MapError(
-            f"edge '{name}' is closed to the route's vehicles", remedy="choose an edge with a lane for them"
+            f"edge '{name}' is closed to {users}",
+            remedy="choose an edge with a lane for them, or another vehicle type",
         )
     return edge
 
@@ -186,7 +193,8 @@ def _trace(before: dict[int, int], source: int, target: int) -> list[int]:
 def _reachable(graph: LaneGraph, edges: EdgeGraph, source: int) -> str:
     names = [graph.edge_ids[edge] for edge in sorted(edges.onward[source])]
     if not names:
-        return f"edge '{graph.edge_ids[source]}' is a dead end"
+        return f"edge '{graph.edge_ids[source]}' is a dead end for them"
     return (
-        f"edge '{graph.edge_ids[source]}' leads into {', '.join(map(repr, names[:8]))}; check the connections"
+        f"edge '{graph.edge_ids[source]}' leads into {', '.join(map(repr, names[:8]))}; "
+        "check the connections, and to which vehicle types they are open"
     )

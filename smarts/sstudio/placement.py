@@ -7,16 +7,20 @@ them, see `LaneGraph.arc_length`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
 from smarts.errors import MapError, ScenarioError
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.memory import remembered
+from smarts.roads.permissions import roads_for
 from smarts.roads.routes import CARS, shortest_route
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.sstypes.constants import NAMED_OFFSETS, named_offset
+
+Found = TypeVar("Found")
 
 BUSES = CARS | {LaneKind.BUS}
 """The lanes that buses and coaches may use."""
@@ -53,8 +57,42 @@ def lane_of(roads: LaneGraph, place: Sequence[Any], where: str) -> int:
     return lane
 
 
+def open_to_all(
+    roads: LaneGraph, net: Path, vehicle_classes: Iterable[str], find: Callable[[LaneGraph, str], Found]
+) -> Found:
+    """Return what is found on the lanes that are open to several vehicle classes of SUMO.
+
+    Args:
+        roads: The map.
+        net: The network that it was read from.
+        vehicle_classes: Such as "truck".
+        find: Takes the map as open to them, see `roads_for`, and how errors name them.
+
+    Raises:
+        ScenarioError: Of `find`, for the first class that finds nothing alone, or for all together.
+    """
+    classes = sorted(set(vehicle_classes))
+    try:
+        return find(roads_for(roads, net, classes), named_classes(classes))
+    except ScenarioError:
+        for each in classes if len(classes) > 1 else ():
+            find(roads_for(roads, net, [each]), named_classes([each]))
+        raise
+
+
+def named_classes(vehicle_classes: Sequence[str]) -> str:
+    """Return vehicle classes as errors name them."""
+    if len(vehicle_classes) == 1:
+        return f"vehicles of type '{vehicle_classes[0]}'"
+    return f"vehicles of types {' and '.join(map(repr, vehicle_classes))} together"
+
+
 def open_lane_of(
-    roads: LaneGraph, place: Sequence[Any], where: str, kinds: frozenset[LaneKind] = CARS
+    roads: LaneGraph,
+    place: Sequence[Any],
+    where: str,
+    kinds: frozenset[LaneKind] = CARS,
+    users: str = "this vehicle",
 ) -> int:
     """Return `lane_of` a place, which has to be on a road and open to the users of `kinds` of lanes.
 
@@ -72,9 +110,9 @@ def open_lane_of(
         beside = enumerate(roads.edge_lanes(int(roads.lane_edge[lane])))
         open_lanes = ", ".join(str(index) for index, other in beside if roads.kind[other] in kinds)
         raise ScenarioError(
-            f"lane '{roads.lane_ids[lane]}' is closed to this vehicle",
+            f"lane '{roads.lane_ids[lane]}' is closed to {users}",
             place=where,
-            remedy=f"lanes of this road that are open: {open_lanes or 'none, use another road'}",
+            remedy=f"lanes of this road that are open: {open_lanes or 'none, use another road or vehicle'}",
         )
     return lane
 
@@ -133,6 +171,7 @@ def route_edges(
     route: t.Route,
     where: str,
     vehicle_length: float = 0.0,
+    users: str = "the route's vehicles",
 ) -> tuple[str, ...]:
     """Return the ids of all edges of a route, having checked its places.
 
@@ -144,17 +183,19 @@ def route_edges(
         where: Its place, for errors.
         vehicle_length: Its front bumper starts this far from the lane's begin at least, as far as the lane
             is long enough [m].
+        users: The vehicles, for errors.
 
     Raises:
         ScenarioError: A place is off the map, the begin is closed to the vehicle, or the route cannot be
             driven.
     """
-    open_lane_of(roads, route.begin, f"{where}.begin")
+    open_lane_of(roads, route.begin, f"{where}.begin", users=users)
     lane_of(roads, route.end, f"{where}.end")
     back = _distance_back(roads, route, vehicle_length)
     try:
         with blame(where):
-            return _shortest_route(roads, route.begin[0], route.end[0], tuple(route.via), lap=back > 0)
+            via = tuple(route.via)
+            return _shortest_route(roads, route.begin[0], route.end[0], via, lap=back > 0, users=users)
     except ScenarioError as error:
         if not back:
             raise

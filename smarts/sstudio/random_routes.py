@@ -16,9 +16,13 @@ MOST_EDGES = 10
 """As in the original, so that routes are about as long."""
 
 
-def draw_route(roads: LaneGraph, generator: Generator) -> Route:
-    """Return a route of at most ten edges, and of two at least if the map has such."""
-    edges = random_route(roads, generator, max_edges=MOST_EDGES)
+def draw_route(roads: LaneGraph, generator: Generator, users: str = "cars") -> Route:
+    """Return a route of at most ten edges, and of two at least if the map has such.
+
+    Raises:
+        MapError: No edge is open to `users`, as which errors name the vehicles.
+    """
+    edges = random_route(roads, generator, max_edges=MOST_EDGES, users=users)
     for _ in range(TRIES):
         if len(edges) > 1:
             break

@@ -18,7 +18,7 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.permissions import roads_for
 from smarts.roads.routes import shortest_route
 from smarts.sstudio import sstypes as t
-from smarts.sstudio.placement import blame, route_edges
+from smarts.sstudio.placement import blame, open_to_all, route_edges
 from smarts.sstudio.random_routes import draw_route
 from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET
 from smarts.sstudio.vehicle_types import ignored_models, mix_id, sumo_id, vehicle_types
@@ -194,8 +194,13 @@ class _Writer:
         if isinstance(route, t.Route):
             return route
         if route not in self.drawn:
-            with blame(self._at(where)):
-                self.drawn[route] = draw_route(self._roads_for(self.drivers[route]), self.generator)
+
+            def draw(roads: LaneGraph, users: str) -> t.Route:
+                with blame(self._at(where)):
+                    return draw_route(roads, self.generator, users)
+
+            classes = {actor.vehicle_type for actor in self.drivers[route]}
+            self.drawn[route] = open_to_all(self.roads, self.net, classes, draw)
         return self.drawn[route]
 
     def _mixture(self, actors: Mapping[t.TrafficActor, float]) -> str:

@@ -13,7 +13,7 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.permissions import roads_for
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import Checks, shown
-from smarts.sstudio.placement import offset_along, open_lane_of, route_edges
+from smarts.sstudio.placement import offset_along, open_lane_of, open_to_all, route_edges
 from smarts.sstudio.sstypes.constants import MAX_OFFSET
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
 from smarts.types.traffic import TRAFFIC_ENGINES
@@ -102,8 +102,11 @@ class TrafficChecks(Checks):
     ) -> None:
         self.own_map(route, f"{where}.route")
         if isinstance(route, t.Route):
-            roads = roads_for(self.roads, self.net, {actor.vehicle_type for actor in actors})
-            edges = route_edges(roads, route, self.at(f"{where}.route"))
+            classes, at = {actor.vehicle_type for actor in actors}, self.at(f"{where}.route")
+            edges = open_to_all(
+                self.roads, self.net, classes, lambda roads, users: route_edges(roads, route, at, users=users)
+            )
+            roads = roads_for(self.roads, self.net, classes)
             end = (*route.end[:2], MAX_OFFSET) if repeats else route.end
             self._stops(stops, replace(route, end=end), edges, roads, f"{where}.stops")
         else:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -25,6 +26,8 @@ from . import sources
 
 CAR = t.TrafficActor("car")
 WEST_EAST = t.Route(("from_west", 0, 10), ("to_east", 0, "max"))
+DETOUR = t.Route(("east", 0, 5), ("west", 0, "max"))
+"""On the roads of `write_detour`."""
 
 
 def contents(built) -> dict[str, str]:
@@ -186,8 +189,18 @@ class TestArtefacts:
         closed = t.Route(("ab", 1, 5), ("bd", 0, "max"))
         for route in (closed, t.Route(("bd", 0, 5), ("bd", 0, 50))):
             trips = [t.Trip("v", route, kind)]
-            with raises(ScenarioError, values=["traffic['x'].trips[0].route", "'bd"]):
-                build_described(folder, t.Scenario(traffic={"x": t.Traffic([], trips=trips)}))
+            mixed = t.Flow(
+                route, 60, actors={t.TrafficActor("car"): 1, t.TrafficActor("v", vehicle_type=kind): 1}
+            )
+            values = [
+                ".route",
+                "'bd",
+                f"is closed to vehicles of type '{kind}'",
+                "use another" if route.begin[0] == "bd" else "another vehicle type",
+            ]
+            for traffic in (t.Traffic([], trips=trips), t.Traffic([mixed])):
+                with raises(ScenarioError, values=values):
+                    build_described(folder, t.Scenario(traffic={"x": traffic}))
         drawn = [t.RandomRoute(str(number)) for number in range(9)]
         cars = [t.Trip("car", closed), t.Trip("v", t.Route(("ab", 1, 5), ("bc", 0, "max")), kind)]
         trips = [t.Trip(f"v{number}", route, kind) for number, route in enumerate(drawn)]
@@ -200,13 +213,43 @@ class TestArtefacts:
         of_cars = _routes(build_described(folder, t.Scenario(traffic={"x": alone})))
         assert any(edges[-1] == "bd" for edges in of_cars.values())
 
+    @pytest.mark.parametrize(
+        ("closed", "route", "kinds", "problem"),
+        [
+            (
+                "truck",
+                DETOUR,
+                ["passenger", "truck"],
+                "no way for vehicles of type 'truck' leads from edge 'east'",
+            ),
+            (
+                "passenger",
+                DETOUR,
+                ["passenger", "truck"],
+                "no way for vehicles of types 'passenger' and 'truck' together leads from edge 'east'",
+            ),
+            ("all", t.RandomRoute("1"), ["truck"], "no road of the map is open to vehicles of type 'truck'"),
+        ],
+    )
+    def test_errors_name_the_vehicles_without_a_way(self, tmp_path, closed, route, kinds, problem):
+        """The way over "middle" is closed to trucks; that over "down", or all roads, to others, too."""
+        folder = sources.write_detour(tmp_path / "detour")
+        edges = (folder / "map.edg.xml").read_text()
+        if closed == "all":
+            edges = re.sub("( disallow=.truck.|) ?/>", ' disallow="truck"/>', edges)
+        else:
+            edges = edges.replace('"down"', f'"down" disallow="{closed}"')
+        (folder / "map.edg.xml").write_text(edges)
+        flow = t.Flow(route, 60, actors={t.TrafficActor(kind, vehicle_type=kind): 1 for kind in kinds})
+        with raises(ScenarioError, values=["traffic['x'].flows[0].route", problem, "vehicle type"]):
+            build_described(folder, t.Scenario(traffic={"x": t.Traffic([flow])}))
+
     def test_vehicles_take_ways_that_are_open_to_them(self, tmp_path):
         """The way of cars from "east" to "west" is the shorter one, over "middle"."""
         folder = sources.write_detour(tmp_path / "detour")
-        route = t.Route(("east", 0, 5), ("west", 0, "max"))
         car, truck = (t.TrafficActor(kind, vehicle_type=kind) for kind in ("passenger", "truck"))
         flows = [
-            t.Flow(route, 60, actors=dict.fromkeys(actors, 1)) for actors in ([car], [truck], [car, truck])
+            t.Flow(DETOUR, 60, actors=dict.fromkeys(actors, 1)) for actors in ([car], [truck], [car, truck])
         ]
         routes = _routes(build_described(folder, t.Scenario(traffic={"x": t.Traffic(flows)})))
         around = ["east", "up", "down", "west"]
