@@ -103,12 +103,16 @@ class OwnEngine(TrafficEngine):
     def _check_motion(self, env_mask: Bools, name: str) -> None:
         """Raise if a position, a heading or a speed that the engine wrote is not finite."""
         vehicles = self._world.vehicles
-        # The sum of numbers is finite only if all are.
+        motion = vehicles.position, vehicles.heading, vehicles.speed
         with np.errstate(invalid="ignore", over="ignore"):
-            total = vehicles.position.sum(axis=-1) + vehicles.heading + vehicles.speed
-        bad = ~np.isfinite(total)
-        if not bad.any():
-            return
+            # The sum of numbers is finite only if all are: one look at each step.
+            if np.isfinite(sum(column.sum() for column in motion)):
+                return
+        bad = ~(
+            np.isfinite(vehicles.position).all(-1)
+            & np.isfinite(vehicles.heading)
+            & np.isfinite(vehicles.speed)
+        )
         bad &= vehicles.alive & (vehicles.owner == Owner.TRAFFIC) & env_mask[:, None]
         bad[list(self.failures)] = False
         for row, slot in np.argwhere(bad)[:1].tolist():

@@ -9,6 +9,7 @@ from smarts.errors import OwnCodeError, TrafficError
 from smarts.providers.traffic_engine import Giver
 from smarts.providers.traffic_engines import traffic_of
 from smarts.registry import import_own
+from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
@@ -78,11 +79,12 @@ class Gives(Mine):
 
 
 @pytest.fixture
-def make(tmp_path):
+def make(tmp_path, monkeypatch):
     """Return the traffic of a class, its file, and the world."""
     file = tmp_path / f"{tmp_path.name}.py"
     file.write_text(ENGINE)
     import_own([file])
+    monkeypatch.setattr(TRAFFIC_ENGINES, "_own", {})
 
     def make(name) -> tuple[Any, World]:
         world = World(worlds=2, capacity=4, agents=1, lanes=1)

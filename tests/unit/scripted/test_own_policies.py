@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete
 
+from benchmark.scripted import SCRIPTED_POLICIES
 from benchmark.scripted.play import ScriptedDrivers
 from smarts.errors import OwnCodeError
 from smarts.registry import import_own
@@ -27,6 +28,12 @@ class Short(Mine):
     def begin(self, episode):
         pass
 """
+
+
+@pytest.fixture(autouse=True)
+def known(monkeypatch):
+    """Forget own policies at the end of a test."""
+    monkeypatch.setattr(SCRIPTED_POLICIES, "_own", {})
 
 
 def drivers_of(file, space, name="Mine"):
