@@ -128,9 +128,9 @@ class MATModule(JointModule):
         before = nn.functional.pad((actions * there)[:, :-1], (1, 0, 1, 0))
         before[:, 0, 0] = 1
         x, represented = self.act(before), represented * there
-        earlier = torch.ones(alive.shape[-1], alive.shape[-1], dtype=torch.bool, device=alive.device).tril()
+        heard = _heard(nn.functional.pad(alive[:, :-1], (1, 0), value=True)).tril()
         for block in self.decoder:
-            x = block(x, represented, earlier)
+            x = block(x, represented, heard)
         return self.last(x)
 
     @classmethod

@@ -45,6 +45,18 @@ def test_an_agents_action_depends_on_the_actions_of_earlier_active_agents_only()
     assert torch.equal(felt(outputs, actions), earlier & view.alive[:, None])
 
 
+def test_the_place_of_an_absent_agents_action_is_not_heard():
+    """Place i + 1 holds the action of agent i; agent i + 1 itself decides there."""
+    net, _, view = network()
+    alive = view.alive.roll(-GONE, 1)  # the first agent is gone
+    places = torch.randn(6, 3, net.act[0].out_features, requires_grad=True)
+    net.act.forward = lambda before: places
+    outputs = net.decide(net.represent(view).detach(), torch.zeros(6, 3, 3), alive)
+    wanted = torch.ones(6, 3, 3).bool().tril()
+    wanted[:3, 2, 1] = False
+    assert torch.equal(felt(outputs, places), wanted)
+
+
 def test_values_and_actions_depend_on_the_own_and_all_active_agents_observations():
     net, seen, view = network()
     wanted = view.alive[:, None] | torch.eye(3, dtype=torch.bool)
@@ -100,7 +112,9 @@ def test_the_network_is_that_of_the_authors_code():
     for parameter in net.parameters():
         torch.nn.init.normal_(parameter, std=0.4)
     gelu, taken = torch.nn.functional.gelu, torch.nn.functional.one_hot(torch.randint(3, (6, 3)), 3).float()
-    heard = (view.alive[:, None] | torch.eye(3).bool(), torch.ones(3, 3).bool().tril())
+    acted = torch.cat([torch.ones(6, 1, dtype=torch.bool), view.alive[:, :-1]], -1)
+    heard = [each[:, None] | torch.eye(3).bool() for each in (view.alive, acted)]
+    heard[1] = heard[1] & torch.ones(3, 3).bool().tril()
 
     def normed(x, norm):
         x = (x - x.mean(-1, keepdim=True)) / (x.var(-1, correction=0, keepdim=True) + 1e-5).sqrt()
