@@ -30,6 +30,8 @@ class Request(NamedTuple):
     """An `Observation` of each agent, for policies that are no `BatchAgent`."""
     vehicles: Sequence[str] = ()
     """Names of their vehicles, for the same policies."""
+    held: Collection[tuple[int, int]] = ()
+    """Simulation and hold of all agents of the policy that act now, due or not, for the same policies."""
 
 
 class Failed(NamedTuple):
@@ -192,8 +194,8 @@ def part_of(request: Request, chosen: Bools) -> Request:
     places = np.flatnonzero(chosen)
     observations = {name: array[places] for name, array in batch.observations.items()}
     others: dict[str, Any] = {name: getattr(batch, name)[places] for name in ActionBatch._fields[1:]}
-    seen, vehicles = ([each[place] for place in places.tolist()] if each else () for each in request[1:])
-    return Request(ActionBatch(observations, **others), seen, vehicles)
+    seen, vehicles = ([each[place] for place in places.tolist()] if each else () for each in request[1:3])
+    return Request(ActionBatch(observations, **others), seen, vehicles, request.held)
 
 
 class SinglePlayer:
@@ -229,8 +231,8 @@ class FlockPlayer:
 
     def __init__(self, policy: SocialPolicy) -> None:
         self._policy = policy
-        # By simulation: the step of the last request of each hold, the agent.
-        self._flocks: dict[int, tuple[dict[int, int], Agent]] = {}
+        # By simulation: holds that the agent was asked for, the agent.
+        self._flocks: dict[int, tuple[set[int], Agent]] = {}
 
     def __call__(self, request: Request) -> Sequence[Any]:
         """Return the actions of all agents of a request."""
@@ -251,7 +253,7 @@ class FlockPlayer:
         batch, spec = request.batch, self._policy.spec
         names = [request.vehicles[place] for place in places]
         try:
-            agent = self._agent(env_id, batch.hold[places].tolist(), int(batch.step[places[0]]))
+            agent = self._agent(env_id, set(batch.hold[places].tolist()), request.held)
             seen = {
                 name: spec.observation_adapter(request.seen[place])
                 for name, place in zip(names, places, strict=True)
@@ -261,17 +263,13 @@ class FlockPlayer:
         except FAILURES as error:
             return [failed_by(error)] * len(places)
 
-    def _agent(self, env_id: int, holds: Sequence[int], step: int) -> Agent:
-        """Return the agent of a simulation's episode: a new one if the last has lost all vehicles.
-
-        A vehicle whose next decision is still to come is not lost: those of a flock may decide in turns.
-        """
-        last, agent = self._flocks.get(env_id, ({}, None))
-        known = {hold: asked for hold, asked in last.items() if asked + self._policy.period > step}
-        continues = self._policy.keep_alive or known or last.keys() & holds
-        if agent is None or not continues:
+    def _agent(self, env_id: int, holds: set[int], held: Collection[tuple[int, int]]) -> Agent:
+        """Return the agent of a simulation's episode: a new one if the last has lost all vehicles."""
+        last, agent = self._flocks.get(env_id, (set(), None))
+        kept = {hold for hold in last if (env_id, hold) in held}
+        if agent is None or not (self._policy.keep_alive or kept):
             agent = built_agent(self._policy.spec, self._policy.name)
-        self._flocks[env_id] = known | dict.fromkeys(holds, step), agent
+        self._flocks[env_id] = kept | holds, agent
         return agent
 
 

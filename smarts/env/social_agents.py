@@ -98,14 +98,15 @@ class SocialAgentRequests:
             due: Which simulations run and which agents have readings of now, shape (B, A).
         """
         world, agents, pool = self._world, self._world.agents, self._pool
-        due = due & ((agents.state == _ACTIVE) | (agents.state == _SHADOWING)) & (pool.policy != UNSET)
-        due &= (agents.next_due <= world.step[:, None]) & (self._failed != pool.serial)
+        acts = ((agents.state == _ACTIVE) | (agents.state == _SHADOWING)) & (pool.policy != UNSET)
+        acts &= self._failed != pool.serial
+        due = due & acts & (agents.next_due <= world.step[:, None])
         if not due.any():
             return
         requests = {}
         for number in np.unique(pool.policy[due]).tolist():
             rows, columns = np.nonzero(due & (pool.policy == number))
-            requests[number] = self._request(number, frame, rows, columns)
+            requests[number] = self._request(number, frame, rows, columns, acts)
         np.copyto(agents.next_due, world.step[:, None] + agents.period, where=due)
         self._asked[due] = pool.serial[due]
         self._events[due] = 0
@@ -148,7 +149,7 @@ class SocialAgentRequests:
         """End the policies; may be called again."""
         self._host.close()
 
-    def _request(self, number: int, frame: Frame, rows: Places, columns: Places) -> Request:
+    def _request(self, number: int, frame: Frame, rows: Places, columns: Places, acts: Bools) -> Request:
         world, policy = self._world, self._policies[number]
         hold = self._pool.serial[rows, columns]
         is_first = self._asked[rows, columns] != hold
@@ -172,7 +173,9 @@ class SocialAgentRequests:
         seen = [self._make(frame, *place, events=int(self._events[place])) for place in places]
         slots = world.agents.slot[rows, columns].tolist()
         names = [world.registry.name(row, slot) for (row, _), slot in zip(places, slots, strict=True)]
-        return Request(batch, seen, names)
+        others = np.nonzero(acts & (self._pool.policy == number))
+        held = {*zip(others[0].tolist(), self._pool.serial[others].tolist(), strict=True)}
+        return Request(batch, seen, names, held)
 
     def _seed_of(self, row: int, column: int) -> int:
         episode = self._pool.episodes[row]

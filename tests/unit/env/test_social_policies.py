@@ -157,7 +157,8 @@ def requests_of(*env_ids, hold=0):
         np.zeros(count, np.uint64),
         np.ones(count, bool),
     )
-    return Request(batch, [*env_ids], [f"car-{env_id}" for env_id in env_ids])
+    names = [f"car-{env_id}" for env_id in env_ids]
+    return Request(batch, [*env_ids], names, [*zip(env_ids, batch.hold.tolist(), strict=True)])
 
 
 @pytest.mark.parametrize("options", [{}, {"is_boid": True}, {"is_boid": True, "keep_alive": True}])
@@ -294,6 +295,43 @@ def test_a_boid_whose_vehicles_decide_in_turns_stays_the_same():
         runner.close()
     assert asked[-5:-1] == [["second"], ["social"], ["second"], ["social"]]
     assert Flock.made == 1
+
+
+@pytest.mark.parametrize(("enters", "made"), [(8, 1), (14, 2), (25, 2)])
+def test_a_boid_that_has_lost_its_vehicles_is_another_agent_next_time(enters, made):
+    """The first vehicle decides at steps 0 and 10, and leaves at step 12 or before."""
+    asked = []
+
+    class Flock(Agent):
+        made = 0
+
+        def __init__(self):
+            type(self).made += 1
+
+        def act(self, obs):
+            asked.append([*obs])
+            return dict.fromkeys(obs, "keep_lane")
+
+    def change(agents):
+        ego, first, second = beside_both(agents)
+        first, second = (dataclasses.replace(each, period=10) for each in (first, second))
+        return ego, first, dataclasses.replace(second, entry_time=0.1 * enters)
+
+    brief = dataclasses.replace(LANER, max_episode_steps=12)
+    cast = Cast((policy_of(Flock, brief, is_boid=True, period=10),))
+    parts = assemble([build_scenario("intersection")], [LANER], cast=cast, pool=[PooledAgents(brief, 1)])
+    runner = SimulationRunner(dataclasses.replace(parts, schedule=Traffic(parts.schedule, change)), [])
+    try:
+        runner.reset({0: EpisodeKey(0, 0, 42)})
+        runner.dispatch()
+        for _ in range(30):
+            runner.step()
+            runner.dispatch()
+    finally:
+        runner.close()
+    assert asked[0] == ["social"]
+    assert ["second"] in asked
+    assert Flock.made == made
 
 
 @pytest.mark.parametrize(("second", "keep_alive"), [(1, False), (1, True), (0, True)])
