@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from smarts.agents.checks import check_instance
 from smarts.agents.options import InterfaceError
 from smarts.arrays import Bools, Singles
+from smarts.errors import OwnCodeError, shown
 from smarts.observations.arrays import ArrayObservation
 from smarts.observations.context import AdapterContext
-from smarts.observations.lists import Observed, feature_list
-from smarts.registry import adopted, is_own_name
+from smarts.observations.feature import Feature
+from smarts.observations.lists import FeatureList, Observed, feature_list
+from smarts.registry import adopted, definition_of, guarded, is_own_name
 from smarts.rewards.own import Reward, make_rewards
 from smarts.types.frame import Frame
 from smarts.types.interface import Field
@@ -67,6 +69,10 @@ class ObservationAndReward:
         reward: A name of `rewards.yaml`, the weights themselves, also as a dict; an own reward
             (`smarts.rewards.own`), or its `module:Class`. By default the reward of the observation.
         discount: By which the learner discounts a decision, if not as in the weights.
+
+    Raises:
+        SmartsError: There is no such feature, option or reward.
+        OwnCodeError: A feature or the reward is the user's own and raises, or a feature has no valid size.
     """
 
     sensors: ClassVar[Collection[str] | None] = ()
@@ -79,6 +85,7 @@ class ObservationAndReward:
         discount: float | None = None,
     ) -> None:
         features = feature_list(observation)
+        _check_sizes(features, len(context.agents))
         self._context = context
         self._rewards = make_rewards(context, features.reward if reward is None else reward, discount)
         seen = ArrayObservation(context, features)
@@ -100,6 +107,26 @@ class ObservationAndReward:
         self._rewards.reset(agents)
         for each in self._observed:
             each.reset(agents)
+
+
+def _check_sizes(features: FeatureList, agents: int) -> None:
+    """Raise if a user's feature has not a whole number of numbers in the vector, 1 or more.
+
+    A `size_for` may return 0: of a single agent there are no others.
+    """
+    for choice in (*features.stacked, *features.features):
+        kind = choice.kind()
+        if not (choice.is_own and kind.in_vector):
+            continue
+        doing = f"the feature {choice.name!r}"
+        size = guarded(kind.size_for, doing)(agents)
+        least = 1 if getattr(kind.size_for, "__func__", None) is Feature.size_for.__func__ else 0
+        if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < least:
+            raise OwnCodeError(
+                f"{doing} has the size {shown(size)}",
+                place=definition_of(kind),
+                remedy=f"let `size` be a whole number, {least} or more: how many numbers it writes",
+            )
 
 
 def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = None) -> Callable[..., Any]:

@@ -26,6 +26,7 @@ from smarts.agents.social import (
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
 from smarts.errors import ScenarioError, nearest_names
+from smarts.observations.action_mask import MASK
 from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed, feature_list
 from smarts.rewards.own import Reward, check_reward
@@ -122,7 +123,8 @@ class EnvSettings:
     `simulation` or SMARTS_ENVISION names another; "host:port" in that one; False in none. None: as
     `simulation` says."""
     action_mask: bool = False
-    """Whether observations by name hold the mask of lane actions too; it is in the infos anyway."""
+    """Whether observations by name hold the mask of lane actions too, whatever features they have. It is in
+    the infos anyway if the feature `action_mask` is among these."""
 
     def __post_init__(self) -> None:
         check_scenarios(self.scenarios)
@@ -155,7 +157,8 @@ class EnvSettings:
 
     def make_adapter(self, context: AdapterContext) -> ArrayAdapter:
         """Return a new adapter of some agents."""
-        given = self.observation, self.reward, self.discount
+        observation = with_mask(self.observation) if self.action_mask else self.observation
+        given = observation, self.reward, self.discount
         return self.adapter_class(context, *given, **(self.adapter_options or {}))
 
     def interfaces(self) -> dict[str, AgentInterface]:
@@ -242,6 +245,13 @@ class EnvSettings:
     def _build(self, scenario: str | Path, egos: int) -> BuiltScenario:
         built = build_scenario(scenario, egos=egos)
         return built if self.traffic is None else built.with_traffic(self.traffic)
+
+
+def with_mask(observation: Observed) -> Observed:
+    """Return an observation with the feature `action_mask`, which it may have already."""
+    features = feature_list(observation)
+    names = [each.name for each in (*features.stacked, *features.features)]
+    return observation if MASK in names else features.plus(features=[MASK])
 
 
 def make_settings(environment: str, *values: Any, options: EnvOptions, **more: Any) -> EnvSettings:

@@ -19,7 +19,7 @@ from smarts.arrays import Bools, Bytes, Floats
 from smarts.controllers.action_formats import rejection
 from smarts.env.groups import ALONE, assembled, space_of
 from smarts.env.runner import NotCopied
-from smarts.env.settings import EnvOptions, make_settings, refuse_bubbles
+from smarts.env.settings import EnvOptions, EnvSettings, make_settings, refuse_bubbles, with_mask
 from smarts.env.single import AGENT
 from smarts.env.vector import VectorHiWayEnv
 from smarts.env.vector_step import VectorStep
@@ -71,6 +71,8 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         refuse_bubbles(
             "SingleHiWayVectorEnv", make_settings("SingleHiWayVectorEnv", scenarios, agents, options=options)
         )
+        if action_mask:
+            options["observation"] = with_mask(options.get("observation", EnvSettings.observation))
         self._env = VectorHiWayEnv(num_envs, scenarios, agents, **options)
         self.num_envs = num_envs
         (block,) = self._env.spaces.blocks

@@ -10,7 +10,13 @@ from algorithms.joint.adapter import JointVector
 from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
-from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.env import (
+    RLlibHiWayEnv,
+    SingleHiWayEnv,
+    SingleHiWayVectorEnv,
+    VectorHiWayEnv,
+    hiway_parallel_env,
+)
 from tests.raising import raises
 
 RIGHT = 3
@@ -79,6 +85,21 @@ def test_spaces(closing):
     assert env.reset()[1] == {}
     with raises(InterfaceError, "action_mask", values=["yes"]):
         SingleHiWayEnv(["loop"], action_mask="yes")  # type: ignore[arg-type]
+
+
+def test_an_observation_without_the_mask_gets_it_where_it_is_asked_for(closing):
+    speed = Box(-1.0, 1.0, (1,), np.float32)
+    plain = closing(SingleHiWayEnv(["loop"], observation=["speed"]))
+    assert plain.observation_space == speed
+    assert plain.reset(seed=SEED)[1] == {}
+    masked = closing(SingleHiWayEnv(["loop"], observation=["speed"], action_mask=True))
+    assert masked.observation_space == Dict({"observation": speed, "action_mask": Box(0, 1, (4,), np.int8)})
+    observation, info = masked.reset(seed=SEED)
+    np.testing.assert_array_equal(observation["action_mask"], info["action_mask"])
+    assert info["action_mask"][0] == 1
+    both = closing(SingleHiWayVectorEnv(2, ["loop"], observation=["speed"], action_mask=True))
+    assert both.single_observation_space == masked.observation_space
+    assert both.reset(seed=SEED)[1]["action_mask"].shape == (2, 4)
 
 
 def test_an_illegal_lane_change_is_keep_lane(closing):
