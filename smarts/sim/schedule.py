@@ -15,7 +15,7 @@ from smarts.errors import ScenarioError
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.social_starts import Role, draw_social_starts, roles_of, room_of, wanted_by
-from smarts.sim.starts import Shape, draw_starts
+from smarts.sim.starts import Shape, draw_starts, place_egos
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import EpisodePlan
@@ -26,6 +26,7 @@ from smarts.types.bubbles import PlacedBubble
 from smarts.types.episode import EpisodeStart
 from smarts.types.streams import Purpose, check_seed, stream, traffic_seed
 from smarts.types.traffic import DEFAULT_ENGINE, TRAFFIC_ENGINES
+from smarts.types.vehicles import VehicleKind
 
 JAM_SPACING = 7.5
 """Road that a standing vehicle takes up [m]."""
@@ -111,8 +112,8 @@ class Schedule:
         cast: The social policies; without any, scenarios' social agents and bubbles have no effect.
 
     Raises:
-        ScenarioError: There is no scenario, two different ones have one name, or one has fewer missions
-            than there are egos.
+        ScenarioError: There is no scenario, two different ones have one name, one has fewer missions than
+            there are egos, or a mission is closed to an ego's vehicle.
     """
 
     def __init__(
@@ -158,6 +159,7 @@ class Schedule:
         self._cast = cast
         self._bubbles = {built.name: self._placed(built) for built in scenarios}
         self._rooms = {built.name: self._room(built) for built in scenarios}
+        self._refuse_closed_ways()
 
     @property
     def limit(self) -> int:
@@ -223,6 +225,14 @@ class Schedule:
             bubbles=self._bubbles[built.name],
             room=self._rooms[built.name] if self._cast.policies else None,
         )
+
+    def _refuse_closed_ways(self) -> None:
+        """Raise if a mission of an agent that drives no car is closed to its vehicle; cars' are built so."""
+        cars = {shape.kind for shape in self._shapes} <= {VehicleKind.PASSENGER}
+        for each in () if cars else self.combinations:
+            generator = stream(self.seed, Purpose.STARTS, world=0, episode=0)
+            shapes = self._shapes[: len(self._egos)]
+            place_egos(each.built, each.plan.missions, shapes, generator)
 
     def _roles(self, chosen: Combination) -> tuple[Role, ...]:
         return roles_of(chosen.plan, self._cast, chosen.built.name)

@@ -133,7 +133,7 @@ def draw_social_starts(
     starts: list[AgentStart] = []
     for role in roles:
         policy = policies[role.policy]
-        drawn = _draw(built, role, shape_of(interface_of(policy.spec)), [*egos, *starts], generator)
+        drawn = draw_start(built, role, shape_of(interface_of(policy.spec)), [*egos, *starts], generator)
         speed = drawn.speed if role.speed is None else role.speed
         starts.append(
             replace(
@@ -147,15 +147,23 @@ def draw_social_starts(
     return tuple(starts)
 
 
-def _draw(
+def draw_start(
     built: BuiltScenario, role: Role, shape: Shape, others: Sequence[AgentStart], generator: Generator
 ) -> AgentStart:
+    """Draw the start of one social agent, apart from others if it can be; see `draw_social_starts`."""
     roads, place = built.roads(), f"{built.name}: {role.name}"
     variation = built.scenario.start_variation if role.varies else None
     start = None
     for _ in range(TRIES):
         (placed,) = place_missions(
-            [role.mission], roads, generator, variation, vehicle_length=shape.length, place=place
+            [role.mission],
+            roads,
+            generator,
+            variation,
+            vehicle_length=shape.length,
+            kinds=[shape.vehicle_class],
+            net=built.net_file,
+            place=place,
         )
         drawn = agent_start(placed, roads, role.name, shape, generator, place)
         if is_ahead(drawn):

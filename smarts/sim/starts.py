@@ -58,6 +58,11 @@ class Shape:
     width: float = 1.8
     """[m]"""
 
+    @property
+    def vehicle_class(self) -> str:
+        """SUMO's class of the vehicle."""
+        return VehicleKind(self.kind).name.lower()
+
 
 def shape_of(interface: AgentInterface) -> Shape:
     """Return the vehicle of an agent."""
@@ -85,13 +90,9 @@ def draw_starts(
     Raises:
         ScenarioError: A mission cannot be on the map, or no draw makes a start.
     """
-    roads, variation = built.roads(), built.scenario.start_variation
-    longest = max((shape.length for shape in shapes), default=Shape().length)
-    problem = ""
+    roads, problem = built.roads(), ""
     for _ in range(TRIES):
-        placed = place_missions(
-            missions, roads, generator, variation, vehicle_length=longest, place=built.name
-        )
+        placed = place_egos(built, missions, shapes, generator)
         starts = tuple(
             agent_start(mission, roads, name, shape, generator, f"{built.name}: mission {number}")
             for number, (mission, name, shape) in enumerate(zip(placed, names, shapes, strict=True))
@@ -103,6 +104,22 @@ def draw_starts(
         f"{problem}, in all of {TRIES} draws",
         place=built.name,
         remedy="move the missions' starts and goals apart, or vary the starts less",
+    )
+
+
+def place_egos(
+    built: BuiltScenario, missions: Sequence[t.AnyMission], shapes: Sequence[Shape], generator: Generator
+) -> tuple[PlacedMission, ...]:
+    """Draw the egos' missions of one episode, on ways that are open to their vehicles; see `draw_starts`."""
+    return place_missions(
+        missions,
+        built.roads(),
+        generator,
+        built.scenario.start_variation,
+        vehicle_length=max((shape.length for shape in shapes), default=Shape().length),
+        kinds=[shape.vehicle_class for shape in shapes],
+        net=built.net_file,
+        place=built.name,
     )
 
 

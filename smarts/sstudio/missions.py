@@ -12,15 +12,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
+from pathlib import Path
 from typing import Any
 
 from numpy.random import Generator
 
 from smarts.errors import ScenarioError
 from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.permissions import roads_for
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.episodes import expand
-from smarts.sstudio.placement import lane_of, next_lap, route_edges, via_place
+from smarts.sstudio.placement import (
+    blame,
+    lane_of,
+    named_classes,
+    next_lap,
+    open_lane_of,
+    route_edges,
+    via_place,
+)
 from smarts.sstudio.random_routes import draw_route
 from smarts.sstudio.sstypes.constants import MISSING, RANDOM_OFFSET, named_offset
 
@@ -90,6 +100,10 @@ class _Draft:
     s: float
     """Arc length of the front bumper in the scenario [m]."""
     where: str
+    roads: LaneGraph
+    """The map, as open to its vehicle."""
+    users: str
+    """Its vehicle, for errors."""
 
 
 def place_missions(
@@ -99,6 +113,8 @@ def place_missions(
     variation: t.StartVariation | None = None,
     *,
     vehicle_length: float = CAR_LENGTH,
+    kinds: Sequence[str] = (),
+    net: Path | None = None,
     place: str = "",
 ) -> tuple[PlacedMission, ...]:
     """Return the missions of one episode, one for each ego.
@@ -109,13 +125,18 @@ def place_missions(
         generator: Draws random routes and offsets, then starts, then speeds, each in the order of the egos.
         variation: How starts vary, or None to keep them.
         vehicle_length: The egos' length [m].
+        kinds: SUMO's vehicle classes of the egos, by default passenger cars; they take ways open to them.
+        net: The network that the map was read from; other vehicles than cars need it.
         place: The scenario's name, for errors.
 
     Raises:
-        ScenarioError: A mission cannot be on this map, or two egos start in one place.
+        ScenarioError: A mission cannot be on this map, it is closed to its ego's vehicle, or two egos start
+            in one place.
     """
     members = expand(missions)
-    drafts = _drafts(members, roads, generator, vehicle_length, place)
+    grounds = [(roads if net is None else roads_for(roads, net, [kind]), kind) for kind in kinds]
+    grounds += [(roads, "passenger")] * (len(members) - len(grounds))
+    drafts = _drafts(members, grounds, generator, vehicle_length, place)
     starts = _spread_starts(drafts, roads, generator, variation, vehicle_length)
     speeds = [_speed(mission, generator, variation) for mission in members]
     return tuple(
@@ -125,14 +146,18 @@ def place_missions(
 
 
 def _drafts(
-    missions: Sequence[t.AnyMission], roads: LaneGraph, generator: Generator, length: float, place: str
+    missions: Sequence[t.AnyMission],
+    grounds: Sequence[tuple[LaneGraph, str]],
+    generator: Generator,
+    length: float,
+    place: str,
 ) -> list[_Draft]:
     """Return the missions with their starts; fixed starts are placed before random ones."""
     drafts: dict[int, _Draft] = {}
     for number in sorted(range(len(missions)), key=lambda number: _is_random(missions[number])):
         mission, where = missions[number], f"{place}: mission {number}"
         for _ in range(TRIES):
-            draft = _draft(mission, roads, generator, length, where)
+            draft = _draft(mission, *grounds[number], generator, length, where)
             others = [other for other in drafts.values() if other.lane == draft.lane]
             if not _is_random(mission) or all(abs(draft.s - other.s) >= length + GAP for other in others):
                 drafts[number] = draft
@@ -154,15 +179,24 @@ def _is_random(mission: t.AnyMission) -> bool:
 
 
 def _draft(
-    mission: t.AnyMission, roads: LaneGraph, generator: Generator, length: float, where: str
+    mission: t.AnyMission, roads: LaneGraph, kind: str, generator: Generator, length: float, where: str
 ) -> _Draft:
+    users = named_classes([kind])
     if isinstance(mission, t.EndlessMission):
         route, begin = None, mission.begin
-    else:
-        route = draw_route(roads, generator) if isinstance(mission.route, t.RandomRoute) else mission.route
+    elif isinstance(mission.route, t.RandomRoute):
+        with blame(where):
+            route = draw_route(roads, generator, users)
         begin = route.begin
+    else:
+        route, begin = mission.route, mission.route.begin
     lane = lane_of(roads, begin, where)
-    return _Draft(mission, route, lane, _start_offset(roads, lane, begin[2], generator, length), where)
+    if kind != "passenger":
+        # Places of cars are checked when the scenario is built; other vehicles are known now.
+        for end in (begin,) if route is None else (begin, route.end):
+            open_lane_of(roads, end, where, users=users)
+    s = _start_offset(roads, lane, begin[2], generator, length)
+    return _Draft(mission, route, lane, s, where, roads, users)
 
 
 def _start_offset(roads: LaneGraph, lane: int, offset: Any, generator: Generator, length: float) -> float:
@@ -264,7 +298,7 @@ def _placed(
         pose=start.pose(roads, behind=length / 2),
         speed=speed,
         goal=None if draft.route is None else _goal(draft.route, roads, generator, draft.where),
-        route=_route(draft, roads, length),
+        route=_route(draft, length),
         via=tuple(_via(via, roads, draft.where) for via in draft.mission.via),
         start_time=_start_time(draft.mission),
     )
@@ -277,7 +311,8 @@ def _goal(route: t.Route, roads: LaneGraph, generator: Generator, where: str) ->
     return LanePoint(lane, roads.arc_length(lane, offset))
 
 
-def _route(draft: _Draft, roads: LaneGraph, vehicle_length: float) -> tuple[str, ...]:
+def _route(draft: _Draft, vehicle_length: float) -> tuple[str, ...]:
+    roads, users = draft.roads, draft.users
     if draft.route is None:
         return (roads.edge_ids[roads.lane_edge[draft.lane]],)
     mission = draft.mission
@@ -286,10 +321,10 @@ def _route(draft: _Draft, roads: LaneGraph, vehicle_length: float) -> tuple[str,
     # A random route is drawn again where its goal is not ahead of its start.
     is_random = isinstance(mission, t.Mission) and isinstance(mission.route, t.RandomRoute)
     length = 0.0 if is_random else vehicle_length
-    lap = route_edges(roads, draft.route, draft.where, vehicle_length=length)
+    lap = route_edges(roads, draft.route, draft.where, vehicle_length=length, users=users)
     if not isinstance(mission, t.LapMission) or mission.num_laps == 1:
         return lap
-    return lap + next_lap(roads, lap, draft.where) * (mission.num_laps - 1)
+    return lap + next_lap(roads, lap, draft.where, users) * (mission.num_laps - 1)
 
 
 def _via(via: t.Via, roads: LaneGraph, where: str) -> PlacedVia:

@@ -207,7 +207,9 @@ def route_edges(
         ) from error
 
 
-def next_lap(roads: LaneGraph, lap: tuple[str, ...], where: str) -> tuple[str, ...]:
+def next_lap(
+    roads: LaneGraph, lap: tuple[str, ...], where: str, users: str = "the route's vehicles"
+) -> tuple[str, ...]:
     """Return the edges of a further lap: those after `lap` up to its end.
 
     Raises:
@@ -218,7 +220,7 @@ def next_lap(roads: LaneGraph, lap: tuple[str, ...], where: str) -> tuple[str, .
         return tuple(others)
     with blame(where):
         # From the goal's edge back to the first edge; both belong to the laps.
-        return (*_shortest_route(roads, lap[-1], first, lap=True)[1:-1], *lap)
+        return (*_shortest_route(roads, lap[-1], first, lap=True, users=users)[1:-1], *lap)
 
 
 def _distance_back(roads: LaneGraph, route: t.Route, vehicle_length: float) -> float:

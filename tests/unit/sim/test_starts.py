@@ -10,18 +10,25 @@ import pytest
 from smarts.errors import ScenarioError
 from smarts.geometry.segments import inside_outline
 from smarts.roads.lane_graph import LaneKind
+from smarts.sim.schedule import Schedule
+from smarts.sim.social_starts import Role, draw_start
 from smarts.sim.starts import Shape, corridor_of, distance_along, draw_starts, free_flow_time
 from smarts.sstudio import types as t
+from smarts.sstudio.build import build_described
 from smarts.types.mission import GoalKind
 from smarts.types.vehicles import VehicleKind
 from tests.maps import Road, crossing, graph_of, straight
 from tests.raising import raises
 from tests.unit.sim.test_map_matching import ring
+from tests.unit.sstudio import sources
 
 
 def starts_of(graph, *missions, shapes=None, variation=None, seed=1):
     built = SimpleNamespace(
-        name="test", roads=lambda: graph, scenario=SimpleNamespace(start_variation=variation)
+        name="test",
+        roads=lambda: graph,
+        net_file=None,
+        scenario=SimpleNamespace(start_variation=variation),
     )
     shapes = shapes or [Shape()] * len(missions)
     names = [f"ego-{number}" for number in range(len(missions))]
@@ -54,6 +61,42 @@ def test_longer_vehicles_start_further_back():
     assert start.pose[0] == pytest.approx(-90 + 30 - 6)
     assert (start.kind, start.length, start.width) == (VehicleKind.BUS, 12.0, 2.5)
     assert start.mission.route_length == pytest.approx(66.0 + 30.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "route"),
+    [
+        (VehicleKind.PASSENGER, ("east", "middle", "west")),
+        (VehicleKind.BUS, ("east", "middle", "west")),
+        (VehicleKind.TRUCK, ("east", "up", "down", "west")),
+    ],
+)
+@pytest.mark.parametrize("is_social", [False, True])
+def test_agents_take_ways_that_are_open_to_their_vehicles(tmp_path, kind, route, is_social):
+    """The shorter way, over "middle", is closed to trucks."""
+    mission = t.Mission(t.Route(("east", 0, 20), ("west", 0, "max")))
+    built = build_described(sources.write_detour(tmp_path / "detour"), t.Scenario(ego_missions=[mission]))
+    shape, generator = Shape(kind), np.random.default_rng(1)
+    if is_social:
+        start = draw_start(built, Role("social", mission, 0), shape, (), generator)
+    else:
+        (start,) = draw_starts(built, [mission], ["ego"], [shape], generator)
+    assert start.mission.route == route
+
+
+@pytest.mark.parametrize(
+    "mission",
+    [
+        t.Mission(t.Route(("ab", 1, 20), ("bd", 0, "max"))),
+        t.Mission(t.Route(("bd", 0, 20), ("bd", 0, "max"))),
+        t.EndlessMission(("bd", 0, 20)),
+    ],
+)
+def test_missions_that_are_closed_to_an_agents_vehicle_are_errors_before_the_first_episode(tmp_path, mission):
+    built = build_described(sources.write_fork(tmp_path / "fork"), t.Scenario(ego_missions=[mission]))
+    Schedule([built], ["ego"])
+    with raises(ScenarioError, "mission 0", values=["'bd_0' is closed to vehicles of type 'truck'"]):
+        Schedule([built], ["ego"], shapes=[Shape(VehicleKind.TRUCK)])
 
 
 def test_free_flow_is_the_way_at_the_limit_after_speeding_up():
