@@ -10,6 +10,7 @@ import numpy as np
 
 from smarts.arrays import Floats
 from smarts.errors import MapError
+from smarts.roads.kernels import FARTHEST
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.permissions import lane_kind
 from smarts.roads.sources import MapSource
@@ -92,7 +93,7 @@ def _check_functions(root: ElementTree.Element, place: str) -> None:
 
 
 def _check_numbers(root: ElementTree.Element, place: str) -> None:
-    """Require lanes with a shape of finite points, a positive length and width, and a speed limit."""
+    """Require lanes with points within `FARTHEST`, a positive length and width, and a speed limit."""
     remedy = "mend the lane, or compile the map again with netconvert"
     for edge in root.iter("edge"):
         for lane in edge.iter("lane"):
@@ -106,8 +107,16 @@ def _check_numbers(root: ElementTree.Element, place: str) -> None:
             if len(points) < 2 and edge.get("function", "normal") == "normal":
                 raise MapError(f"a shape of {len(points)} points", place=where, remedy=remedy)
             for point in points:
-                if not all(math.isfinite(_finite(text)) for text in [*point.split(","), "x"][:2]):
+                xy = [_finite(text) for text in [*point.split(","), "x"][:2]]
+                if not all(map(math.isfinite, xy)):
                     raise MapError(f"{point!r} in its shape is not a point", place=where, remedy=remedy)
+                if max(map(abs, xy)) >= FARTHEST:
+                    raise MapError(
+                        f"{point!r} in its shape is {FARTHEST:.0e} m or more from the origin",
+                        place=where,
+                        remedy="move the map: take the zone's number off its coordinates, or convert it with "
+                        "netconvert's --offset.x and --offset.y",
+                    )
 
 
 def _finite(text: str) -> float:

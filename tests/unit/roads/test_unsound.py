@@ -23,6 +23,11 @@ CHANGES = {
     "length": (r' length="[^"]*"', ' length="0"', "length='0'"),
     "nan in a shape": (r'(<lane [^>]*shape=")[^ ]*', r"\1nan,nan", "nan,nan"),
     "half a point": (r'(<lane [^>]*shape=")[^ ]*', r"\g<1>3", "'3'"),
+    "the zone before an easting": (
+        r'(<lane [^>]*shape=")[^ ]*',
+        r"\g<1>32690000.25,5336000.25",
+        "32690000.25,5336000.25",
+    ),
     "a connector": ('edge id="east_out"', 'edge id="east_out" function="connector"', "'connector'"),
     "twin edges": ('edge id="east_out"', 'edge id="west_out"', "west_out"),
     "twin lanes": ('lane id="east_out_0"', 'lane id="west_out_0"', "west_out_0"),
