@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
-from smarts.registry import Registry
+from smarts.registry import Registry, guarded
 
 
 def _adopt(name: str, found: Any) -> Any:
@@ -12,7 +14,27 @@ def _adopt(name: str, found: Any) -> Any:
     missing = [each for each in ("fields", "bind", "as_object") if not callable(getattr(found, each, None))]
     if not isinstance(found, type) or missing:
         raise ValueError(f"is not a class with the methods fields, bind and as_object: {missing} missing")
-    return found
+    return _guarded_sensor(name, found)
+
+
+@cache
+def _guarded_sensor(name: str, found: type[Any]) -> type[Any]:
+    """Return a user's sensor whose errors name its file and line."""
+    doing = f"the sensor {name!r}"
+
+    def inherited(self: Any) -> Any:
+        return super(made, self)
+
+    def fields(self: Any) -> Any:
+        return guarded(inherited(self).fields, doing)()
+
+    def bind(self: Any, *known: Any) -> Callable[..., object]:
+        return guarded(guarded(inherited(self).bind, doing)(*known), doing)
+
+    methods = {"fields": fields, "bind": bind, "as_object": staticmethod(guarded(found.as_object, doing))}
+    same = {each: getattr(found, each) for each in ("__module__", "__qualname__", "__doc__")}
+    made = type(found.__name__, (found,), {**same, **methods})
+    return made
 
 
 SENSORS = Registry(
