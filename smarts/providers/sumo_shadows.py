@@ -22,8 +22,8 @@ two. SUMO needs these workarounds, found by experiment and shown by the tests in
 - SUMO continues a lane change that was in progress when a vehicle becomes a shadow, crashes if the vehicle is
   then on a lane without a neighbour, and shows the vehicle turned when it drives it again. So such a vehicle
   is replaced in SUMO by a new one of the same type.
-- SUMO may keep a shadow that leaves the net in the list of a lane, and crash when others come by. So a
-  vehicle that SUMO has driven is replaced then, too.
+- SUMO may keep a shadow that leaves the net in the list of a lane, and crash when others come by. So it is
+  replaced then, too.
 - SUMO would change a shadow's lane and make others cooperate, so lane changing is disabled for shadows.
 """
 

@@ -195,8 +195,7 @@ class SumoTraffic:
         simulation.step(0.0)
         self._shadows.settle()
         for slot in self._shadows.lost:
-            if self._states.home[slot] == self._owner:
-                self._replace(slot)
+            self._replace(slot)
         if arrived := simulation.getArrivedIDList():
             self._dismiss(arrived)
         if departed := simulation.getDepartedIDList():
@@ -319,7 +318,12 @@ class SumoTraffic:
         name = self._ids[slot]
         first = _AGAIN.sub("", name)
         self._ids[slot] = f"{first}-again-{self._world.step[self._row]}"
-        self._shadows.replace(slot, name, self._ids[slot], self._arrivals.of(first))
+        if self._states.home[slot] == self._owner:
+            self._shadows.replace(slot, name, self._ids[slot], self._arrivals.of(first))
+        else:
+            self._library.vehicle.remove(name)
+            self._shadows.forget(slot)
+            self._shadows.create(slot, self._ids[slot], self._planned(slot))
 
     def _planned(self, slot: int) -> tuple[str, ...]:
         """Return the edges of the route in a vehicle's row, or () if it has none."""

@@ -89,6 +89,21 @@ def test_a_vehicle_that_leaves_the_road_is_replaced_and_drivers_see_it_again(wor
     assert world.traffic.route(slot) == route
 
 
+def test_an_agents_own_vehicle_that_leaves_the_road_is_replaced_in_sumo(world, country):
+    """SUMO crashed at a roundabout when an agent that lay on two lanes was on none for a step."""
+    begin(world, country.road(drivers((0, 20, 10))), 0.5)
+    ego = world.admit(0.0, (RIGHT + LEFT) / 2, 0.0, 0.0)
+    drive(world, ego, lambda t: (0.0, (RIGHT + LEFT) / 2, 0.0, 0.0), 10)
+    name = world.traffic._ids[ego]
+    drive(world, ego, lambda t: (0.0, RIGHT - 20, 0.5, 0.0), 30)
+    assert world.traffic._ids[ego].startswith(f"{name}-again-")
+    assert name not in world.traffic._library.vehicle.getIDList()
+    assert speed(world, "s0") > 8
+    back = x(world, "s0") + 90
+    drive(world, ego, lambda t: (back, RIGHT, 0.0, 0.0), 200)
+    assert speed(world, "s0") < 0.1
+
+
 def test_sumo_changes_lanes_only_of_the_vehicles_that_it_drives(world, country):
     """An agent's vehicle keeps its lane behind a slow vehicle; after the hand-over, SUMO overtakes."""
     slow = '<vType id="slow" vClass="truck" maxSpeed="3"/><vehicle id="slow" type="slow" depart="0" '
