@@ -65,27 +65,32 @@ def _first_station(
 
     It may come near the vehicle several times: on a roundabout in each round, at a U-turn on both lanes.
     """
-    last, counted, station, is_nearing = len(points) - 1, 0, 0.0, True
-    square = (points[0, 0] - x) ** 2 + (points[0, 1] - y) ** 2
-    for i in range(len(points)):
-        following = np.inf
-        if i < last:
-            following = (points[i + 1, 0] - x) ** 2 + (points[i + 1, 1] - y) ** 2
-        if is_nearing and following > square:
+    nearest, station, is_nearing = 0, 0.0, True
+    before = (points[0, 0] - x) ** 2 + (points[0, 1] - y) ** 2
+    for i in range(1, len(points) + 1):
+        square = np.inf
+        if i < len(points):
+            dx, dy = points[i, 0] - x, points[i, 1] - y
+            square = dx * dx + dy * dy
+        if square <= before:
+            is_nearing = True
+        elif is_nearing:
+            is_nearing = False
+            k = i - 1
             # Project onto the heading at the nearest point, since far points are widely spaced.
-            cos, sin = math.cos(points[i, 2]), math.sin(points[i, 2])
-            dx, dy, turn = x - points[i, 0], y - points[i, 1], heading - points[i, 2]
+            cos, sin = math.cos(points[k, 2]), math.sin(points[k, 2])
+            dx, dy, turn = x - points[k, 0], y - points[k, 1], heading - points[k, 2]
             aside = abs(math.sin(turn)) * length + abs(math.cos(turn)) * width
             if abs(dy * cos - dx * sin) <= 0.5 * (aside + own_width) + SIDE_GAP:
-                while counted < i:
-                    counted += 1
+                while nearest < k:
+                    nearest += 1
                     station += math.hypot(
-                        points[counted, 0] - points[counted - 1, 0],
-                        points[counted, 1] - points[counted - 1, 1],
+                        points[nearest, 0] - points[nearest - 1, 0],
+                        points[nearest, 1] - points[nearest - 1, 1],
                     )
                 if station + (dx * cos + dy * sin) > 0.0:
                     return station + (dx * cos + dy * sin), turn
-        is_nearing, square = following <= square, following
+        before = square
     return 0.0, 0.0
 
 
