@@ -18,6 +18,8 @@ CONTENT, WEIGHTS = "policy.json", "policy.npz"
 """Files of a folder; the weights of further groups of agents are in policy_1.npz, policy_2.npz, ..."""
 NEEDED = ("agents", "groups", "observation", "index", "leaves", "period", "head", "bounds")
 """What `policy.json` holds beside the format."""
+HEADS = {"best": {"start", "masked"}, "mean": {"low", "high"}, "tanh": {"low", "high"}}
+"""How actions are made of outputs -> what their bounds hold."""
 ARRAYS = {"linear": 2, HEAR: 3, "gru": 4, "tanh": 0, "relu": 0}
 """Kind of a layer -> how many arrays it has."""
 
@@ -55,7 +57,28 @@ def content_of(folder: Path) -> dict[str, Any]:
         raise ExportError(f"there is no {absent[0]!r}", str(folder / CONTENT))
     if not isinstance(content["agents"], dict) or not content["agents"]:
         raise ExportError("it has no agents", str(folder / CONTENT))
+    if problem := _head_problem(content["head"], content["bounds"]):
+        raise ExportError(problem, str(folder / CONTENT))
     return content
+
+
+def _head_problem(head: Any, bounds: Any) -> str:
+    """Return what is wrong with how actions are made of outputs, and with their bounds; else ""."""
+    if head not in HEADS:
+        return f"there is no head {head!r}, but {', '.join(HEADS)}"
+    if not isinstance(bounds, dict):
+        return f"bounds is {bounds!r}"
+    if absent := HEADS[head] - bounds.keys():
+        return f"bounds has no {min(absent)!r}"
+    if head == "best":
+        sound = type(bounds["start"]) is int and type(bounds["masked"]) is bool
+        return "" if sound else f"bounds is {bounds!r}: start is a whole number, masked true or false"
+    try:
+        low, high = (np.array(bounds[name], np.float64) for name in ("low", "high"))
+        sound = low.shape == high.shape and bool((low <= high).all())
+    except (TypeError, ValueError):
+        sound = False
+    return "" if sound else "low and high of its bounds are not numbers that fit each other"
 
 
 def weights_file(folder: Path, number: int) -> Path:

@@ -255,7 +255,20 @@ def test_damaged_weights_are_named_wherever_the_damage_is(make, tmp_path):
         KitPolicy(file.parent, "agent-0")
 
 
-@pytest.mark.parametrize("content", [{"format": 1}, {"agents": {}}, {"agents": None}, {"head": None}])
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"head": "bestt"},
+        {"bounds": {"start": 3}},
+        {"bounds": {"start": 3.5, "masked": True}},
+        {"head": "tanh", "bounds": {"low": [0.0, 1.0], "high": [1.0]}},
+        {"head": "tanh", "bounds": {"low": "low", "high": [1.0]}},
+        {"format": 1},
+        {"agents": {}},
+        {"agents": None},
+        {"head": None},
+    ],
+)
 def test_a_damaged_description_is_named(make, tmp_path, content):
     _, folder = make("ppo", "{sharing: all}")
     file = export_policy(folder.path, "own-one", tmp_path, checkpoint="last") / "policy.json"
