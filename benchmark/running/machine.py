@@ -16,6 +16,8 @@ from ray._private.utils import get_current_node_cpu_model_name, get_num_cpus
 
 COMMIT = "shipped/commit"
 """File that names the commit of code that another machine has shipped, beside the packages."""
+CODE = tuple(f"{folder}/*.py" for folder in ("algorithms", "benchmark", "smarts", "smarts_agent_kit"))
+"""Files of the program, at any depth."""
 PACKAGES = ("smarts-bench", "ray", "torch", "numpy", "numba", "libsumo", "pybullet", "gymnasium")
 
 
@@ -37,14 +39,23 @@ def machine() -> dict[str, Any]:
 
 
 def commit() -> str | None:
-    """Return the commit of the source tree, with a plus if it was changed; None outside of one."""
+    """Return the commit of the source tree, with a plus if it was changed; None outside of one.
+
+    New files count in the folders of the program alone: scenarios and own code are named by their digests.
+    """
     tree = Path(__file__).parents[2]
     if (shipped := tree / COMMIT).is_file():
         return shipped.read_text(encoding="utf-8") or None
     try:
         # An installation may lie in the repository of another project, which knows nothing of its files.
         _git(tree, "ls-files", "--error-unmatch", str(Path(__file__).relative_to(tree)))
-        return _git(tree, "describe", "--always", "--abbrev=12", "--dirty=+")
+        found = _git(tree, "describe", "--always", "--abbrev=12", "--dirty=+")
+        new = (
+            ""
+            if found.endswith("+")
+            else _git(tree, "ls-files", "--others", "--exclude-standard", "--", *CODE)
+        )
+        return f"{found}+" if new else found
     except (OSError, subprocess.SubprocessError):
         return None
 

@@ -48,3 +48,6 @@ def test_the_repository_around_an_installation_is_not_its_commit(tmp_path):
     assert installed.commit().endswith("+")
     git("commit", "-m", "with the file")
     assert len(installed.commit()) == 12
+    (file.parent / "more").mkdir()
+    (file.parent / "more" / "new.py").touch()
+    assert installed.commit().endswith("+")
