@@ -24,7 +24,7 @@ Places = tuple[Any, Any]
 """Simulations and `agent_id`s as an index of `Actions`: two numbers, or two arrays of shape (N,)."""
 
 FAR = 1e7
-"""Largest coordinate of an action [m]: maps have none beyond it (`smarts.roads.kernels.FARTHEST`)."""
+"""Largest coordinate of an action [m]: maps have none beyond it (`smarts.geometry.frames.FARTHEST`)."""
 PATH_POINTS = 32
 """Number of points of a path in an action space; with dict APIs, agents may give fewer or more."""
 

@@ -11,6 +11,8 @@ from typing import TypeVar
 
 from smarts.arrays import Floats
 
+FARTHEST = 1e7
+"""Positions with larger coordinates, or NaN, are on no map [m]."""
 Angle = TypeVar("Angle", float, Floats)
 
 

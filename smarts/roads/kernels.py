@@ -12,6 +12,7 @@ import numpy as np
 
 from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
+from smarts.geometry.frames import FARTHEST
 from smarts.geometry.segments import cell_number, interpolate_angle, project, segment_at
 from smarts.roads.arrays import MOST_CANDIDATES, Roads, RouteTable
 
@@ -21,8 +22,6 @@ OFF_ROUTE_COST = 3.0
 """Cost of a lane off the route among lanes that overlap [m of distance]."""
 END_TOLERANCE = 1e-6
 """Tolerance beyond a lane's end, against rounding where two lanes meet [m]."""
-FARTHEST = 1e7
-"""Positions with larger coordinates, or NaN, are on no map [m]."""
 
 
 @kernel

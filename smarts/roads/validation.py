@@ -10,7 +10,7 @@ import numpy as np
 
 from smarts.arrays import Floats
 from smarts.errors import MapError
-from smarts.roads.kernels import FARTHEST
+from smarts.geometry.frames import FARTHEST
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.permissions import lane_kind
 from smarts.roads.sources import MapSource

@@ -8,9 +8,10 @@ import numpy as np
 
 from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
+from smarts.geometry.frames import FARTHEST
 from smarts.geometry.segments import project
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import FARTHEST, centre_at, find_row, lane_length
+from smarts.roads.kernels import centre_at, find_row, lane_length
 
 
 class WaypointPaths(NamedTuple):
