@@ -25,7 +25,7 @@ from tests.raising import raises
 HEAD = "tasks: [loop]\ntraffic: [no_social_vehicles]\n"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def folder(tmp_path_factory):
     """One folder for all: a process imports a name from one place."""
     return tmp_path_factory.mktemp("own")
