@@ -42,15 +42,14 @@ from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
 from algorithms.ppo import PPO, PPOConfig, PPOLearner
 
+LAYERS = "its authors'"
+"""Which networks checkpoints are of."""
+
 
 def head(width: int, outputs: int, last: float) -> nn.Sequential:
     """Return the layers that follow the last block."""
     layers = [nn.Linear(width, width), nn.GELU(), nn.LayerNorm(width), nn.Linear(width, outputs)]
     return orthogonal(nn.Sequential(*layers), gain=2**0.5, last=last)
-
-
-LAYERS = "its authors'"
-"""Which networks checkpoints are of."""
 
 
 class EncoderBlock(nn.Module):

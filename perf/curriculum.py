@@ -1,11 +1,11 @@
-"""Whether PPO learns the intersection among social vehicles better when traffic grows dense by and by.
+"""Whether PPO learns the intersection among social vehicles better on a curriculum of traffic densities.
 
     python -m perf.curriculum [--seeds 1 2 3] [--agent-steps 2000000] [--csv FILE]
     python -m perf.curriculum --page
 
 Trains PPO with the settings of `configs/benchmark_v1.yaml` twice for each seed: as in the table of version 1,
 and on a curriculum: on empty roads first, then among a third and two thirds of the vehicles, and from
-`FULL` of the budget on among all of them. At each change the algorithm goes on from its own state: weights,
+`FULL` of the budget on among all of them. Each stage continues from the state of the one before: weights,
 optimisers, schedules. Each tenth of the budget, and at the end with more episodes, it is validated greedily
 among all vehicles at 0.1 s, in worlds of which none is in the tests. Writes completion and collision to
 results/curriculum.csv; trainings that it has in full are left out. Prints them as a Markdown table.
@@ -170,14 +170,13 @@ def page(rows: Sequence[Row]) -> str:
         trainings.setdefault((row.curriculum, row.seed), []).append(row)
     shown = range(1, VALIDATIONS, 2)
     points = [f"{(number + 1) / VALIDATIONS:.0%}" for number in shown]
-    head = ["vehicles", "seed", *points, "end, greedy", "end, sampled"]
+    head = ["density", "seed", *points, "end, greedy", "end, sampled"]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for (has_curriculum, seed), own in sorted(trainings.items()):
-        cells = [
-            f"{row.completion:.2f} / {row.collision:.2f}"
-            for row in (*(own[number] for number in shown), *own[VALIDATIONS:])
-        ]
-        name = "more by and by" if has_curriculum else "all from the start"
+        course, end = own[:-2], own[-2:]  # a short training has fewer validations
+        chosen = [*(course[number] if number < len(course) else None for number in shown), *end]
+        cells = [f"{row.completion:.2f} / {row.collision:.2f}" if row else "" for row in chosen]
+        name = "growing" if has_curriculum else "constant"
         lines.append("| " + " | ".join([name, str(seed), *cells]) + " |")
     return "\n".join(lines)
 

@@ -263,7 +263,7 @@ def _called_at(error: BaseException, function: Any, doing: str) -> str:
 def definition_of(part: Any) -> str:
     """Return the file and line that define a function, a class or what calls an object; "" if unknown."""
     if not (inspect.isroutine(part) or isinstance(part, type)):
-        part = getattr(type(part), "__call__", None)  # noqa: B004
+        part = type(part).__call__ if callable(part) else None
     try:
         part = inspect.unwrap(part)
         return f"{inspect.getsourcefile(part)}:{inspect.getsourcelines(part)[1]}"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
-from smarts.errors import OwnCodeError, TrafficError, shown
+from smarts.errors import OwnCodeError, shown
 from smarts.providers.traffic_engine import Giver, TrafficEngine
 from smarts.registry import definition_of, guarded
 from smarts.roads.lane_graph import LaneGraph
@@ -74,12 +74,13 @@ class OwnEngine(TrafficEngine):
 
     def _read(self) -> None:
         """Read `failures` and `is_full` of the last call."""
-        self.failures: Mapping[int, TrafficError] = getattr(self._engine, "failures", None)  # type: ignore[assignment]
-        self.is_full = getattr(self._engine, "is_full", None)  # type: ignore[assignment]
-        if not isinstance(self.failures, Mapping):
-            self._refuse("failures", self.failures, "a dict of a TrafficError by simulation, {} without")
-        if np.shape(self.is_full) != (self._world.worlds,):
-            self._refuse("is_full", self.is_full, f"an array of {self._world.worlds} truth values")
+        failures: Any = getattr(self._engine, "failures", None)
+        is_full: Any = getattr(self._engine, "is_full", None)
+        if not isinstance(failures, Mapping):
+            self._refuse("failures", failures, "a dict of a TrafficError by simulation, {} without")
+        if np.shape(is_full) != (self._world.worlds,):
+            self._refuse("is_full", is_full, f"an array of {self._world.worlds} truth values")
+        self.failures, self.is_full = failures, is_full
 
     def _refuse(self, name: str, value: Any, wanted: str) -> None:
         raise OwnCodeError(
