@@ -134,7 +134,7 @@ class ConstantSpeed(TrafficEngine):
         """See `TrafficEngine`; there is nothing to free."""
 
     def _drive_warm_up(self, begun: Bools) -> None:
-        """Let the vehicles of the warm-up depart as in steps; place those that have not arrived at its end."""
+        """Let the vehicles of the warm-up depart as in steps; place those that have not arrived by then."""
         for row in np.flatnonzero(begun).tolist():
             path, departure = self._depart(row)
             b = np.full(len(path), row)
