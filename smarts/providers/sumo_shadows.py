@@ -194,12 +194,13 @@ class SumoShadows:
         # Convert to Python numbers at once: access to an array element costs as much as a call to SUMO.
         self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows)), ahead).tolist()
         for (slot, shadow), (x, y, angle, *_) in zip(self._shadows.items(), self._poses, strict=True):
+            # A proxy that is not placed drives on by itself, and may arrive.
+            if self.proxies.has_one(shadow.id):
+                self._place_proxy(slot, shadow)
             if shadow.reinsertion and not self._reinsert(shadow):
                 shadow.reinsertion = Reinsertion.OFF_THE_NET
                 move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
-            if self.proxies.has_one(shadow.id):
-                self._place_proxy(slot, shadow)
             if shadow.shift:
                 along = self._heading_of(shadow.lane, shadow.position)
                 x, y = x - shadow.shift * math.sin(along), y + shadow.shift * math.cos(along)

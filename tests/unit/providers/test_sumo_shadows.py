@@ -347,6 +347,19 @@ def test_a_proxy_is_not_in_the_world_and_is_removed_with_its_ego(world, country)
     assert len(known()) == 1
 
 
+@pytest.mark.parametrize("begin_at", [-180.0, -180.25, -180.5, -180.75])
+def test_a_proxy_does_not_arrive_while_its_shadow_is_off_the_net(world, country, begin_at):
+    """On the wrong side of the road, the ego passes a vehicle at the end of the proxy's lane."""
+    still = '<vType id="still" length="1" maxSpeed="0.01"/>'
+    vehicle = '<vehicle id="s0" type="still" depart="0" departPos="1"><route edges="wc ce"/></vehicle>'
+    begin(world, country.cross(still + vehicle))
+    ego = world.admit(begin_at, -0.4, math.pi, 10.0)
+    for step in range(1, 31):
+        world.put(ego, begin_at - step, -0.4, math.pi, 10.0)
+        world.step()
+    assert len(world.traffic._library.vehicle.getIDList()) == 2
+
+
 def test_drivers_do_not_cooperate_with_a_planned_lane_change(world, country):
     """The ego's route requires a lane change; SUMO's drivers must not react to it in advance."""
     nodes = "".join(
