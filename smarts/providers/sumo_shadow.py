@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 
 
@@ -27,6 +28,8 @@ class Shadow:
     lane: str = ""
     position: float = 0.0
     """Position of the front along the lane [m]."""
+    front: tuple[float, float] = (math.nan, math.nan)
+    """Middle of its front bumper as last given to SUMO [m]."""
     offset: float = 0.0
     """Offset of the front to the left of the lane's centreline [m]."""
     shift: float = 0.0

@@ -23,7 +23,7 @@ two. SUMO needs these workarounds, found by experiment and shown by the tests in
   then on a lane without a neighbour, and shows the vehicle turned when it drives it again. So such a vehicle
   is replaced in SUMO by a new one of the same type.
 - SUMO may keep a shadow that leaves the net in the list of a lane, and crash when others come by. So it is
-  replaced then, too.
+  replaced then, too. A jump to another place on the net has the same effect; so the vehicle leaves the net.
 - SUMO would change a shadow's lane and make others cooperate, so lane changing is disabled for shadows.
 """
 
@@ -62,6 +62,8 @@ _CALM_STEPS = 2
 """Steps in which SUMO begins no lane change with it."""
 _OVER_THE_LINE = 0.1
 """Overlap with a lane at which its drivers see the vehicle reliably [m]."""
+_JUMP = 10.0
+"""Distance that no vehicle drives in a step, beside twice that of its speed [m]."""
 _OFF_THE_NET = -1e6
 """Both coordinates of a position off every map [m]."""
 
@@ -72,11 +74,13 @@ class SumoShadows:
     Args:
         library: The copy of libsumo that runs the simulation.
         states: Vehicles of the simulation.
+        step: Duration of SUMO's step [s].
     """
 
-    def __init__(self, library: SumoLibrary, states: VehicleStates) -> None:
+    def __init__(self, library: SumoLibrary, states: VehicleStates, step: float) -> None:
         self._library = library
         self._states = states
+        self._step = step
         self._lead = bind(lead, states)
         self._shadows: dict[int, Shadow] = {}
         self._returned: dict[int, Shadow] = {}
@@ -127,9 +131,9 @@ class SumoShadows:
     def replace(self, slot: int, name: str, new_name: str, arrival: Arrival) -> None:
         """Make a vehicle in SUMO a shadow, under a new name, from the next step on.
 
-        The new vehicle has the type, speed factor, colour, line, route, and stops ahead of the old one, and
-        its arrival. What TraCI neither gives nor takes is lost: its time of departure, and the parameters of
-        its devices.
+        The new vehicle has the type, speed factor, colour, line, planned route, and stops ahead of the old
+        one, and its arrival. What TraCI neither gives nor takes is lost: its time of departure, and the
+        parameters of its devices.
 
         Args:
             slot: The vehicle's.
@@ -137,7 +141,9 @@ class SumoShadows:
             new_name: That of the new vehicle.
             arrival: Where the vehicle arrives, see `SumoArrivals`.
         """
-        vehicle, route = self._library.vehicle, self._library.route_ahead(name)
+        vehicle, shadow = self._library.vehicle, self._shadows.get(slot)
+        # Off its planned route, a shadow has another one in SUMO.
+        route = shadow.route if shadow else self._library.route_ahead(name)
         kind, factor = vehicle.getTypeID(name), vehicle.getSpeedFactor(name)
         colour, line, stops = vehicle.getColor(name), vehicle.getLine(name), vehicle.getStops(name)
         vehicle.remove(name)
@@ -193,11 +199,13 @@ class SumoShadows:
         move = self._library.vehicle.moveToXY
         # Convert to Python numbers at once: access to an array element costs as much as a call to SUMO.
         self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows)), ahead).tolist()
-        for (slot, shadow), (x, y, angle, *_) in zip(self._shadows.items(), self._poses, strict=True):
+        for (slot, shadow), (x, y, angle, _, speed, *_) in zip(
+            self._shadows.items(), self._poses, strict=True
+        ):
             # A proxy that is not placed drives on by itself, and may arrive.
             if self.proxies.has_one(shadow.id):
                 self._place_proxy(slot, shadow)
-            if shadow.reinsertion and not self._reinsert(shadow):
+            if self._jumps(shadow, (x, y), speed) or (shadow.reinsertion and not self._reinsert(shadow)):
                 shadow.reinsertion = Reinsertion.OFF_THE_NET
                 move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
@@ -210,6 +218,11 @@ class SumoShadows:
             if self._is_centred(shadow) and shadow.calm_steps < 0:
                 self._library.vehicle.setLaneChangeMode(shadow.id, _SUMO_LANE_CHANGES)
                 del self._returned[slot]
+
+    def _jumps(self, shadow: Shadow, front: tuple[float, float], speed: float) -> bool:
+        """Return whether a shadow on the net has been moved farther than it can drive; note its new front."""
+        last, shadow.front = shadow.front, front
+        return bool(shadow.lane) and math.dist(last, front) > _JUMP + 2.0 * abs(speed) * self._step
 
     def settle(self) -> None:
         """Read the shadows' positions in SUMO, correct their speeds, and find the shadows to re-insert."""

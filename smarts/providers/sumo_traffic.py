@@ -115,7 +115,7 @@ class SumoTraffic:
         self._states = states = world.vehicles.of(row)
         self._library = SumoLibrary(library)
         self._signals = SumoSignals(self._library, world.signals[row])
-        self._shadows = SumoShadows(self._library, states)
+        self._shadows = SumoShadows(self._library, states, self._dt)
         self._gate = SumoGate(self._library, world, row)
         self._arrivals, self._fading = SumoArrivals(), FadingPoses(world, row)
         self._ids: dict[int, str] = {}

@@ -42,13 +42,14 @@ class Wanderers:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 101, 107, 110, 111, 121])
 @pytest.mark.parametrize("name", suite())
-def test_erratic_agents_and_hand_overs(name):
+def test_erratic_agents_and_hand_overs(name, seed):
     built = build_scenario(name)
     roads = built.roads()
     world = World(worlds=1, capacity=1024, agents=0, lanes=len(roads.lane_ids))
     states = world.vehicles.of(0)
-    rng = np.random.Generator(np.random.Philox(3))
+    rng = np.random.Generator(np.random.Philox(seed))
     wanderers = Wanderers(states, roads, rng)
     for slot in range(EGOS):
         kind, length, width = (VehicleKind.PASSENGER, 4.5, 1.8) if slot else (VehicleKind.BUS, 12.0, 2.5)
@@ -57,6 +58,7 @@ def test_erratic_agents_and_hand_overs(name):
     traffic = SumoTraffic(world, 0)
     traffic.reset(built.traffic["random_social_vehicles"], 1, roads)
     for step in range(STEPS):
+        world.step += 1
         wanderers.move()
         for slot in np.flatnonzero(states.alive)[EGOS:]:
             if rng.random() < 0.01:

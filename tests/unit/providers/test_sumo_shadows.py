@@ -360,6 +360,24 @@ def test_a_proxy_does_not_arrive_while_its_shadow_is_off_the_net(world, country,
     assert len(world.traffic._library.vehicle.getIDList()) == 2
 
 
+def test_an_ego_that_jumps_is_a_new_vehicle_in_sumo(world, country):
+    """SUMO could keep it in the lists of lanes that it was on, and crash."""
+    begin(world, country.road(drivers((0, 400, 0))))
+    ego = world.admit(100.0, RIGHT, 0.0, 15.0)
+    world.step(2)
+    name = world.traffic._ids[ego]
+    assert sumo_motion(world, ego)[0] == "ab_0"
+    for step in range(1, 4):
+        world.put(ego, 100.0 + 1.5 * step, RIGHT, 0.0, 15.0)
+        world.step()
+    assert world.traffic._ids[ego] == name
+    world.put(ego, 700.0, LEFT, 0.0, 15.0)
+    world.step(2)
+    assert world.traffic._ids[ego] != name
+    assert sumo_motion(world, ego)[0] == "ab_1"
+    assert len(world.traffic._library.vehicle.getIDList()) == 2
+
+
 def test_drivers_do_not_cooperate_with_a_planned_lane_change(world, country):
     """The ego's route requires a lane change; SUMO's drivers must not react to it in advance."""
     nodes = "".join(
