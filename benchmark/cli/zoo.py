@@ -83,12 +83,15 @@ def add(
     ],
 ) -> None:
     """Add folders' agents to the user's zoo, so that their names are known everywhere."""
-    from smarts.zoo.folders import zoo_file
+    from smarts.zoo.folders import added_agents, zoo_file
     from smarts.zoo.registry import add_folder
 
     for folder in folders:
+        known = added_agents()
         for entry in add_folder(folder):
-            typer.echo(f"added {entry.name} to {zoo_file()}")
+            before = known[entry.name].folder if entry.name in known else entry.folder
+            instead = "" if before == entry.folder else f", in place of the one in {before}"
+            typer.echo(f"added {entry.name} to {zoo_file()}{instead}")
 
 
 @app.command()

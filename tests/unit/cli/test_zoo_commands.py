@@ -1,5 +1,7 @@
 """`smarts-bench zoo`: what it prints, and what it refuses."""
 
+import shutil
+
 import pytest
 from typer.testing import CliRunner
 
@@ -55,6 +57,14 @@ def test_a_folder_is_added(folder, tmp_path):
         run("zoo", "describe", "added-v0")
     assert "removed added-v0" in run("zoo", "remove", "added-v0")
     assert "added-v0" not in (tmp_path / "zoo.yaml").read_text()
+
+
+def test_an_agent_in_place_of_another_is_said(folder):
+    first, second = folder.with_name("first_zoo"), folder.with_name("second_zoo")
+    for copy in (first, second):
+        shutil.copytree(folder, copy)
+    assert "in place of" not in run("zoo", "add", first) + run("zoo", "add", first)
+    assert f"in place of the one in {first}" in run("zoo", "add", second)
 
 
 def test_bad_input_is_named(folder):
