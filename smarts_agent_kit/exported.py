@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from smarts_agent_kit.agents import ActionBatch, BatchAgent
 from smarts_agent_kit.memory import Memory
 from smarts_agent_kit.weights import (
+    CONTENT,
     HEAR,
     ExportError,
     check_network,
@@ -58,7 +60,16 @@ class ExportedPolicy(BatchAgent):
     """
 
     def __init__(self, folder: str | Path, agent: str = "") -> None:
-        content = content_of(Path(folder))
+        try:
+            self._read(content_of(Path(folder)), folder, agent)
+        except ExportError:
+            raise
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise ExportError(
+                f"its parts do not fit together: {error!r}", str(Path(folder) / CONTENT)
+            ) from error
+
+    def _read(self, content: dict[str, Any], folder: str | Path, agent: str) -> None:
         agents = content["agents"]
         if agent and agent != TEAM and agent not in agents:
             raise ExportError(f"the training had no agent {agent!r}, but {', '.join(agents)}", str(folder))
@@ -94,7 +105,10 @@ class ExportedPolicy(BatchAgent):
             narrow = {"places": self._groups[name]["places"]}
             if self._index is not None:
                 narrow["the index's size"] = self._index["size"]
-            check_network(layers, self._sets[name], memory, narrow, place)
+            width = check_network(layers, self._sets[name], memory, narrow, place)
+            needed = 1 if self._head == "best" else np.size(self._bounds["low"])
+            if width < needed:
+                raise ExportError(f"its network gives {width} numbers, its actions have {needed}", place)
 
     @property
     def talks(self) -> bool:

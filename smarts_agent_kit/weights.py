@@ -64,7 +64,7 @@ def content_of(folder: Path) -> dict[str, Any]:
 
 def _head_problem(head: Any, bounds: Any) -> str:
     """Return what is wrong with how actions are made of outputs, and with their bounds; else ""."""
-    if head not in HEADS:
+    if not isinstance(head, str) or head not in HEADS:
         return f"there is no head {head!r}, but {', '.join(HEADS)}"
     if not isinstance(bounds, dict):
         return f"bounds is {bounds!r}"
@@ -74,8 +74,9 @@ def _head_problem(head: Any, bounds: Any) -> str:
         sound = type(bounds["start"]) is int and type(bounds["masked"]) is bool
         return "" if sound else f"bounds is {bounds!r}: start is a whole number, masked true or false"
     try:
-        low, high = (np.array(bounds[name], np.float64) for name in ("low", "high"))
-        sound = low.shape == high.shape and bool((low <= high).all())
+        low, high = (np.array(bounds[name]) for name in ("low", "high"))
+        are_numbers = {low.dtype.kind, high.dtype.kind} <= {"i", "u", "f"}
+        sound = are_numbers and low.shape == high.shape != () and bool((low <= high).all())
     except (TypeError, ValueError):
         sound = False
     return "" if sound else "low and high of its bounds are not numbers that fit each other"
@@ -135,8 +136,8 @@ def check_network(
     memory: int,
     narrow: Mapping[str, int],
     place: str,
-) -> None:
-    """Raise if a network's arrays do not fit together: what one layer gives, the next one reads.
+) -> int:
+    """Return how many numbers a network gives.
 
     Args:
         layers: Of the network.
@@ -146,7 +147,8 @@ def check_network(
         place: For errors.
 
     Raises:
-        ExportError: They do not fit; names the layer.
+        ExportError: Its arrays do not fit together, as what one layer gives the next one reads; names the
+            layer.
     """
     for name, arrays in sets.items():
         first = check_layer(f"the set {name!r}", "linear", arrays[:2], 0, place)
@@ -162,6 +164,7 @@ def check_network(
                 raise ExportError(f"{what} {count} is more than its first layer reads", place)
     if width is None:
         raise ExportError("its network has no weights", place)
+    return width
 
 
 def check_layer(

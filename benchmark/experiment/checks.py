@@ -47,7 +47,6 @@ def check_experiment(values: Values) -> Iterator[Fault]:
         return
     if values.get("algorithms") == [] and not values.get("scripted"):
         yield Fault(("algorithms",), "there is nothing to run", "name an algorithm or a scripted policy")
-    yield from _tasks_of_version(values)
     broken = yield from _own_names(values)
     sound = {**values, "algorithms": [n for n in strings(values.get("algorithms")) if n not in broken]}
     yield from _settings(sound)
@@ -55,20 +54,6 @@ def check_experiment(values: Values) -> Iterator[Fault]:
     yield from _check_tune(sound)
     yield from _actions(sound)
     yield from check_environment(values)
-
-
-def _tasks_of_version(values: Values) -> Iterator[Fault]:
-    """Yield tasks that no version of the benchmark has: each of its tasks is one scenario of its name.
-
-    A search for settings may train on several at once: its trials are in no table.
-    """
-    tasks = values.get("tasks")
-    if values.get("benchmark_version") is None or values.get("tune") or not isinstance(tasks, list):
-        return
-    for number, task in enumerate(tasks):
-        if isinstance(task, dict) and task.get("scenarios") != [task.get("name")]:
-            text = "a task of a benchmark version is one scenario of its name"
-            yield Fault(("tasks", number), text, "name the scenario alone, or set benchmark_version: null")
 
 
 def _own_names(values: Values) -> Generator[Fault, None, set[str]]:
@@ -163,7 +148,8 @@ def _unused(common: Values, algorithms: Sequence[str]) -> Iterator[Fault]:
 def _overridden(common: Values, own: Values, algorithms: Sequence[str]) -> Iterator[Fault]:
     """Yield settings of all algorithms that each overrides, and that none could have."""
     for name, value in common.items():
-        having = [algorithm for algorithm in ALGORITHMS if name in setting_names(algorithm)]
+        every = dict.fromkeys([*ALGORITHMS, *algorithms])
+        having = [algorithm for algorithm in every if name in setting_names(algorithm)]
         taking = [algorithm for algorithm in algorithms if name in setting_names(algorithm)]
         if not taking or any(name not in section(own, algorithm) for algorithm in taking):
             continue

@@ -133,11 +133,19 @@ def check_version(experiment: Experiment) -> None:
     """Check that an experiment plays what its version of the benchmark froze.
 
     Raises:
-        SmartsError: A scenario, code or a setting of the environment differs, or the source tree has changes.
+        SmartsError: A task, a scenario, code or a setting of the environment differs, or the source tree has
+            changes.
     """
     version = experiment.benchmark_version
     if version is None:
         return
+    for number, task in enumerate(experiment.tasks):
+        if task.scenarios != (task.name,):
+            raise SmartsError(
+                f"{task.name!r} is on {', '.join(task.scenarios)}; a task of a version is one scenario of its name",
+                place=f"tasks[{number}]",
+                remedy="name the scenario alone, or set benchmark_version: null",
+            )
     place, remedy = "benchmark_version", "leave it out, or restore what the version froze"
     found = differences(version, scenarios_by_traffic(experiment), experiment.environment)
     if found:

@@ -16,8 +16,12 @@ from ray._private.utils import get_current_node_cpu_model_name, get_num_cpus
 
 COMMIT = "shipped/commit"
 """File that names the commit of code that another machine has shipped, beside the packages."""
-CODE = tuple(f"{folder}/*.py" for folder in ("algorithms", "benchmark", "smarts", "smarts_agent_kit"))
-"""Files of the program, at any depth."""
+CODE = tuple(
+    f"{folder}/*.{kind}"
+    for folder in ("algorithms", "benchmark", "smarts", "smarts_agent_kit")
+    for kind in ("py", "yaml")
+)
+"""Files of the program, at any depth: modules, and vehicles, tyres and the like."""
 PACKAGES = ("smarts-bench", "ray", "torch", "numpy", "numba", "libsumo", "pybullet", "gymnasium")
 
 

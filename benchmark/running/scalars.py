@@ -39,6 +39,8 @@ class Scalars:
         self._flushed = time.monotonic()
         shutil.rmtree(folder, ignore_errors=True)
         with self._while_it_can_be_written():
+            for left in folder.glob("events*"):  # of a folder that is a link
+                left.unlink()
             folder.mkdir(parents=True, exist_ok=True)
             self._writer = EventsWriter(str(folder / "events"))
         for line in lines:

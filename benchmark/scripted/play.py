@@ -237,7 +237,7 @@ def _checked(given: Any, space: Space, driver: ScriptedPolicy, doing: str) -> An
         remedy = f"return finite {numbers} of shape {space.shape}"
         try:
             values = np.asarray(given)
-        except (TypeError, ValueError):
+        except Exception:  # torch refuses with a RuntimeError tensors that have gradients
             values = np.zeros(0, object)
         is_action = (
             values.dtype.kind in kinds and values.shape == space.shape and bool(np.isfinite(values).all())

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
-from smarts.errors import OwnCodeError, shown
+from smarts.errors import OwnCodeError, SmartsError, shown
 from smarts.providers.traffic_engine import Giver, TrafficEngine
 from smarts.registry import definition_of, guarded
 from smarts.roads.lane_graph import LaneGraph
@@ -76,11 +76,14 @@ class OwnEngine(TrafficEngine):
         """Read `failures` and `is_full` of the last call."""
         failures: Any = getattr(self._engine, "failures", None)
         is_full: Any = getattr(self._engine, "is_full", None)
-        if not isinstance(failures, Mapping):
+        rows = range(self._world.worlds)
+        if not isinstance(failures, Mapping) or not all(
+            row in rows and isinstance(error, SmartsError) for row, error in failures.items()
+        ):
             self._refuse("failures", failures, "a dict of a TrafficError by simulation, {} without")
         if np.shape(is_full) != (self._world.worlds,):
             self._refuse("is_full", is_full, f"an array of {self._world.worlds} truth values")
-        self.failures, self.is_full = failures, is_full
+        self.failures, self.is_full = failures, np.asarray(is_full, np.bool_)
 
     def _refuse(self, name: str, value: Any, wanted: str) -> None:
         raise OwnCodeError(
@@ -91,6 +94,8 @@ class OwnEngine(TrafficEngine):
 
     def _refusals(self, name: str, call: Callable[..., Any], rows: Ints, slots: Ints) -> Bytes:
         """Return the answer of a gate if it is one number for each vehicle."""
+        if not len(rows):
+            return np.zeros(0, np.int8)  # an answer for no vehicles has no type
         given = call(rows, slots)
         found = np.asarray(given)
         if found.shape != rows.shape or found.dtype.kind not in "iu":

@@ -62,8 +62,8 @@ _CALM_STEPS = 2
 """Steps in which SUMO begins no lane change with it."""
 _OVER_THE_LINE = 0.1
 """Overlap with a lane at which its drivers see the vehicle reliably [m]."""
-_JUMP = 10.0
-"""Distance that no vehicle drives in a step, beside twice that of its speed [m]."""
+_FASTEST = 100.0
+"""Speed above which a vehicle does not drive but jumps [m/s]."""
 _OFF_THE_NET = -1e6
 """Both coordinates of a position off every map [m]."""
 
@@ -80,7 +80,7 @@ class SumoShadows:
     def __init__(self, library: SumoLibrary, states: VehicleStates, step: float) -> None:
         self._library = library
         self._states = states
-        self._step = step
+        self._farthest = max(10.0, _FASTEST * step)
         self._lead = bind(lead, states)
         self._shadows: dict[int, Shadow] = {}
         self._returned: dict[int, Shadow] = {}
@@ -151,7 +151,8 @@ class SumoShadows:
         vehicle.setSpeedFactor(new_name, factor)
         vehicle.setColor(new_name, colour)
         vehicle.setLaneChangeMode(new_name, _NO_LANE_CHANGES)
-        self._library.accepts(vehicle.setRoute, new_name, list(route))
+        if route:
+            self._library.accepts(vehicle.setRoute, new_name, list(route))
         for stop in stops:
             self._library.copy_stop(new_name, stop)
         self._returned.pop(slot, None)
@@ -199,13 +200,11 @@ class SumoShadows:
         move = self._library.vehicle.moveToXY
         # Convert to Python numbers at once: access to an array element costs as much as a call to SUMO.
         self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows)), ahead).tolist()
-        for (slot, shadow), (x, y, angle, _, speed, *_) in zip(
-            self._shadows.items(), self._poses, strict=True
-        ):
+        for (slot, shadow), (x, y, angle, *_) in zip(self._shadows.items(), self._poses, strict=True):
             # A proxy that is not placed drives on by itself, and may arrive.
             if self.proxies.has_one(shadow.id):
                 self._place_proxy(slot, shadow)
-            if self._jumps(shadow, (x, y), speed) or (shadow.reinsertion and not self._reinsert(shadow)):
+            if self._jumps(shadow, (x, y)) or (shadow.reinsertion and not self._reinsert(shadow)):
                 shadow.reinsertion = Reinsertion.OFF_THE_NET
                 move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
@@ -219,10 +218,10 @@ class SumoShadows:
                 self._library.vehicle.setLaneChangeMode(shadow.id, _SUMO_LANE_CHANGES)
                 del self._returned[slot]
 
-    def _jumps(self, shadow: Shadow, front: tuple[float, float], speed: float) -> bool:
+    def _jumps(self, shadow: Shadow, front: tuple[float, float]) -> bool:
         """Return whether a shadow on the net has been moved farther than it can drive; note its new front."""
         last, shadow.front = shadow.front, front
-        return bool(shadow.lane) and math.dist(last, front) > _JUMP + 2.0 * abs(speed) * self._step
+        return bool(shadow.lane) and math.dist(last, front) > self._farthest
 
     def settle(self) -> None:
         """Read the shadows' positions in SUMO, correct their speeds, and find the shadows to re-insert."""

@@ -318,12 +318,7 @@ class SumoTraffic:
         name = self._ids[slot]
         first = _AGAIN.sub("", name)
         self._ids[slot] = f"{first}-again-{self._world.step[self._row]}"
-        if self._states.home[slot] == self._owner:
-            self._shadows.replace(slot, name, self._ids[slot], self._arrivals.of(first))
-        else:
-            self._library.vehicle.remove(name)
-            self._shadows.forget(slot)
-            self._shadows.create(slot, self._ids[slot], self._planned(slot))
+        self._shadows.replace(slot, name, self._ids[slot], self._arrivals.of(first))
 
     def _planned(self, slot: int) -> tuple[str, ...]:
         """Return the edges of the route in a vehicle's row, or () if it has none."""

@@ -42,6 +42,27 @@ def roads_for(roads: LaneGraph, net: Path, vehicle_classes: Iterable[str]) -> La
     return roads if classes <= {"passenger"} else _open_to_all(roads, net, classes)
 
 
+def agent_roads(roads: LaneGraph, net: Path, vehicle_class: str) -> LaneGraph:
+    """Return a map on which lanes are of kind CAR where an agent's vehicle of a class of SUMO may be.
+
+    Those are lanes that cars or buses may use, as all agents are measured on them, and that are open to the
+    class.
+
+    Args:
+        roads: The map. For passenger cars it is returned as it is.
+        net: The network that it was read from.
+        vehicle_class: Such as "truck".
+    """
+    return roads if vehicle_class == "passenger" else _on_roads(roads, net, vehicle_class)
+
+
+@remembered(most=8)
+def _on_roads(roads: LaneGraph, net: Path, vehicle_class: str) -> LaneGraph:
+    is_open = roads_for(roads, net, [vehicle_class]).kind == LaneKind.CAR
+    is_open &= np.isin(roads.kind, (LaneKind.CAR, LaneKind.BUS))
+    return replace(roads, kind=np.where(is_open, LaneKind.CAR, LaneKind.CLOSED).astype(np.int8))
+
+
 @remembered(most=8)
 def _open_to_all(roads: LaneGraph, net: Path, vehicle_classes: frozenset[str]) -> LaneGraph:
     is_open = roads.kind != LaneKind.SHOULDER

@@ -19,7 +19,7 @@ from numpy.random import Generator
 
 from smarts.errors import ScenarioError
 from smarts.roads.lane_graph import LaneGraph
-from smarts.roads.permissions import roads_for
+from smarts.roads.permissions import agent_roads
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.episodes import expand
 from smarts.sstudio.placement import (
@@ -134,7 +134,7 @@ def place_missions(
             in one place.
     """
     members = expand(missions)
-    grounds = [(roads if net is None else roads_for(roads, net, [kind]), kind) for kind in kinds]
+    grounds = [(roads if net is None else agent_roads(roads, net, kind), kind) for kind in kinds]
     grounds += [(roads, "passenger")] * (len(members) - len(grounds))
     drafts = _drafts(members, grounds, generator, vehicle_length, place)
     starts = _spread_starts(drafts, roads, generator, variation, vehicle_length)

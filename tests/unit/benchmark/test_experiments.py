@@ -334,13 +334,6 @@ def test_a_value_that_one_algorithm_cannot_have_leads_to_one_of_its_own(write):
     assert "settings: {a2c: {epochs: 1}}" in both
 
 
-def test_a_task_of_a_version_is_one_scenario_of_its_name(write):
-    own = "tasks=[intersection_v1, {name: foo, scenarios: [two_way_v1]}]"
-    file = write(f"extends: {CONFIGS / 'benchmark_v1.yaml'}\n")
-    assert "tasks[1]: a task of a benchmark version is one scenario of its name" in said(file, own)
-    assert read_experiment(file, [own, "benchmark_version=null"])
-
-
 def test_a_value_that_none_can_have_is_told_though_each_has_its_own(write):
     file = write(
         f"extends: {CONFIGS / 'quickstart.yaml'}\nalgorithms: [ppo, happo]\n"

@@ -263,6 +263,12 @@ def test_damaged_weights_are_named_wherever_the_damage_is(make, tmp_path):
         {"bounds": {"start": 3.5, "masked": True}},
         {"head": "tanh", "bounds": {"low": [0.0, 1.0], "high": [1.0]}},
         {"head": "tanh", "bounds": {"low": "low", "high": [1.0]}},
+        {"head": "tanh", "bounds": {"low": ["0"], "high": ["1"]}},
+        {"head": "tanh", "bounds": {"low": 0.0, "high": 1.0}},
+        {"head": ["tanh"]},
+        {"groups": []},
+        {"agents": {"agent-0": {}}},
+        {"period": "often"},
         {"format": 1},
         {"agents": {}},
         {"agents": None},
@@ -277,6 +283,15 @@ def test_a_damaged_description_is_named(make, tmp_path, content):
         content = {key: each for key, each in {**whole, **content}.items() if each is not None}
     file.write_text(json.dumps(content))
     with pytest.raises(ExportError, match=r"policy\.json"):
+        KitPolicy(file.parent)
+
+
+def test_a_network_that_is_narrower_than_its_actions_is_named(make, tmp_path):
+    _, folder = make("ppo", "{sharing: all}")
+    file = export_policy(folder.path, "own-one", tmp_path, checkpoint="last") / "policy.json"
+    bounds = {"low": [0.0] * 50, "high": [1.0] * 50}
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"head": "tanh", "bounds": bounds}))
+    with pytest.raises(ExportError, match="its actions have 50"):
         KitPolicy(file.parent)
 
 

@@ -48,7 +48,9 @@ def test_the_files_hold_the_columns_of_progress_and_nothing_that_is_made_again(t
 def test_a_folder_that_is_a_link_is_written_to(tmp_path):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "tensorboard").symlink_to(tmp_path / "elsewhere")
-    Scalars(tmp_path / "tensorboard", [line(1, completion=0.25)]).close()
+    lines = [line(1, completion=0.25), line(2, completion=0.5)]
+    Scalars(tmp_path / "tensorboard", lines).close()
+    Scalars(tmp_path / "tensorboard", lines[:1]).close()
     assert read_scalars(tmp_path / "elsewhere")["completion"] == {100: 0.25}
 
 

@@ -122,6 +122,13 @@ class TestRefusals:
             check_version(self.experiment(tmp_path))
         check_version(self.experiment(tmp_path, ""))
 
+    def test_a_task_is_one_scenario_of_its_name(self, tmp_path, frozen):
+        file = tmp_path / "mine.yaml"
+        file.write_text(CONFIG + "benchmark_version: 1\n")
+        other = read_experiment(file, ["tasks=[{name: intersection, scenarios: [loop]}]"])
+        with raises(SmartsError, "tasks[0]", values=["intersection", "loop"]):
+            check_version(other)
+
     def test_the_check_of_tasks_plays_nothing_that_differs(self, tmp_path, frozen, monkeypatch):
         (tmp_path / "mine.yaml").write_text(CONFIG + "benchmark_version: 1\n")
         monkeypatch.setattr(benchmark_tasks, "play_scripted", lambda *_: pytest.fail("played"))

@@ -115,11 +115,16 @@ def test_a_flow_ends_and_takes_nothing_from_others(track, tmp_path):
 @pytest.mark.parametrize("warm_up", [0.0, 10.0, 50.0, 60.0])
 def test_a_single_vehicle_departs_once(track, tmp_path, warm_up):
     """Times less the warm-up are rounded, such as 60.3 - 50."""
-    departures = np.arange(warm_up + 0.1, warm_up + 10.0, 0.1)
-    for number, depart in enumerate(departures.round(1)):
-        _, traffic = driven(track, tmp_path, depart=float(depart), warm_up=warm_up)
-        traffic._flows["time"] += traffic._flows["headway"]
-        assert not (traffic._flows["time"] < traffic._flows["end"]).any(), number
+    departures = np.arange(max(0.1, warm_up - 1.0), warm_up + 5.0, 0.1)
+    for depart in departures.round(1).tolist():
+        world, traffic = driven(track, tmp_path, depart=depart, warm_up=warm_up)
+        due, came = round(10 * (depart - warm_up)), []
+        for _ in range(60):
+            came.append(int(world.vehicles.generation.sum()))
+            world.advance(ALL)
+            traffic.step(ALL)
+        assert came[-1] == 1, depart
+        assert came.index(1) in ((0,) if due <= 0 else (due, due + 1)), depart
 
 
 @pytest.mark.parametrize("repeat", ["", 'repeat="500"'])

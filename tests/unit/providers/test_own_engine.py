@@ -72,6 +72,17 @@ class Accepts(Mine):
     def can_accept(self, rows, slots):
         return None
 
+class Lists(Mine):
+    def step(self, env_mask):
+        self.is_full = [False, True]
+
+    def can_accept(self, rows, slots):
+        return np.array([1 for _ in rows])
+
+class Worded(Mine):
+    def step(self, env_mask):
+        self.failures = {0: "no room"}
+
 class Gives(Mine):
     def can_give(self, rows, slots):
         return np.zeros(len(rows) + 1, np.int8)
@@ -115,6 +126,7 @@ def play(engine, world):
         ("Infinite", "class Infinite", "simulation 1 has position [0.0, inf]"),
         ("Accepts", "class Accepts", "can_accept returns None for 1 vehicles"),
         ("Gives", "class Gives", "can_give returns array"),
+        ("Worded", "class Worded", "failures is {0: 'no room'}"),
     ],
 )
 def test_mistakes_are_errors_with_engine_key_file_and_line(make, name, line, said):
@@ -137,6 +149,15 @@ def test_an_engine_that_keeps_the_protocol_is_taken(make):
     world.vehicles.speed[0, slot] = np.nan
     engine.step(np.ones(2, np.bool_))
     engine.close()
+
+
+def test_an_engine_may_answer_by_lists_of_any_length(make):
+    """Where engines differ by episode, one may be asked for no vehicle."""
+    engine, world = make("Lists")
+    play(engine, world)
+    none = np.zeros(0, int)
+    assert engine.can_accept(none, none).dtype.kind == "i"
+    assert engine.is_full[np.array([False, True])].tolist() == [True]
 
 
 def test_failures_of_an_engine_are_the_simulations(make):

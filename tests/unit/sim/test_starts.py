@@ -84,6 +84,16 @@ def test_agents_take_ways_that_are_open_to_their_vehicles(tmp_path, kind, route,
     assert start.mission.route == route
 
 
+def test_agents_take_roads_that_are_open_to_cars_too(tmp_path):
+    """Agents are measured on those: a truck on a road for trucks alone would have no route."""
+    mission = t.Mission(t.Route(("east", 0, 20), ("west", 0, "max")))
+    folder = sources.write_detour(tmp_path / "detour", 'allow="truck"')
+    built = build_described(folder, t.Scenario(ego_missions=[mission]))
+    (start,) = draw_starts(built, [mission], ["ego"], [Shape(VehicleKind.TRUCK)], np.random.default_rng(1))
+    assert start.mission.route == ("east", "up", "down", "west")
+    assert start.mission.route_length > 250
+
+
 @pytest.mark.parametrize(
     "mission",
     [

@@ -95,13 +95,13 @@ def write_fork(folder: Path) -> Path:
     return folder
 
 
-def write_detour(folder: Path) -> Path:
-    """Write the sources of roads "east", "middle", "west", and a way round "middle", closed to trucks."""
+def write_detour(folder: Path, users: str = 'disallow="truck"') -> Path:
+    """Write the sources of roads "east", "middle", "west", and a way round "middle", which has `users`."""
     folder.mkdir(parents=True, exist_ok=True)
     places = {"a": (300, 0), "b": (200, 0), "c": (100, 0), "d": (0, 0), "e": (150, 80)}
     nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in places.items())
     ways = {"east": "ab", "middle": "bc", "west": "cd", "up": "be", "down": "ec"}
-    closed = {"middle": 'disallow="truck"'}
+    closed = {"middle": users}
     edges = "".join(
         f'<edge id="{name}" from="{ends[0]}" to="{ends[1]}" {closed.get(name, "")}/>'
         for name, ends in ways.items()
