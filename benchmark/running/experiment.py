@@ -142,7 +142,7 @@ def check_version(experiment: Experiment) -> None:
     for number, task in enumerate(experiment.tasks):
         if task.scenarios != (task.name,):
             raise SmartsError(
-                f"{task.name!r} is on {', '.join(task.scenarios)}; a task of a version is one scenario of its name",
+                f"{task.name!r} is {', '.join(task.scenarios)}; a version's task is the scenario it names",
                 place=f"tasks[{number}]",
                 remedy="name the scenario alone, or set benchmark_version: null",
             )
