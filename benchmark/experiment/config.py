@@ -127,11 +127,6 @@ class Resources(Section):
         return 1 + self.env_runners + self.learners
 
     @property
-    def gpus(self) -> float:
-        """GPUs of one run."""
-        return self.learner_gpus * max(self.learners, 1)
-
-    @property
     def bundles(self) -> list[dict[str, float]]:
         """What Ray sets aside for each process of one run: its own, env runners, learners, in this order."""
         learner = {"CPU": 1.0} | ({"GPU": self.learner_gpus} if self.learner_gpus else {})

@@ -108,11 +108,11 @@ def check_room(resources: Resources, nodes: Sequence[Mapping[str, float]]) -> No
     """
     cpus, needed = int(sum(node.get("CPU", 0) for node in nodes)), resources.processes
     if needed > cpus:
-        most = max(("env_runners", "learners"), key=lambda name: getattr(resources, name))
+        largest = max(("env_runners", "learners"), key=lambda name: getattr(resources, name))
         raise ResultsError(
             f"a run needs {needed} CPUs, one for itself, each env runner and each learner; Ray has {cpus}",
-            place=f"resources.{most}",
-            remedy=f"give at most {max(0, cpus - needed + getattr(resources, most))}",
+            place=f"resources.{largest}",
+            remedy=f"give at most {max(0, cpus - needed + getattr(resources, largest))}",
         )
     gpus = max((node.get("GPU", 0) for node in nodes), default=0)
     if resources.learner_gpus > gpus:
@@ -121,13 +121,28 @@ def check_room(resources: Resources, nodes: Sequence[Mapping[str, float]]) -> No
             place="resources.learner_gpus",
             remedy=f"give at most {gpus:g}",
         )
-    total = sum(node.get("GPU", 0) for node in nodes)
-    if resources.gpus > total:
+    share = resources.learner_gpus
+    if share and resources.learners > (most := learners_on(nodes, share)):
         raise ResultsError(
-            f"{resources.learners} learners need {resources.gpus:g} GPUs; Ray has {total:g}",
+            f"{resources.learners} learners need {share:g} GPUs each; Ray has room for {most}",
             place="resources.learners",
-            remedy=f"give at most {int(total // resources.learner_gpus)}",
+            remedy=f"give at most {most}",
         )
+
+
+def learners_on(nodes: Sequence[Mapping[str, float]], share: float) -> int:
+    """Return how many learners have room on the GPUs of machines.
+
+    Args:
+        nodes: Ray's resources of each machine.
+        share: GPUs of each learner. One with a part of a GPU lies on one.
+    """
+    # Ray counts in parts of 10,000.
+    of_one = max(1, round(1e4 * share))
+    gpus = [round(1e4 * node.get("GPU", 0)) for node in nodes]
+    if share >= 1:
+        return sum(each // of_one for each in gpus)
+    return sum(each // 10_000 * (10_000 // of_one) for each in gpus)
 
 
 def _address_of(given: str) -> str:

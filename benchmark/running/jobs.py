@@ -21,7 +21,7 @@ from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_of
 from benchmark.results.files import write_files
 from benchmark.results.run_folder import CHECKPOINT, FINISHED, TRAINING, RunFolder
-from benchmark.running.cluster import check_room, is_stopping, living_nodes, stopping
+from benchmark.running.cluster import check_room, is_stopping, learners_on, living_nodes, stopping
 from benchmark.running.importing import as_on_the_driver, named_own_code
 from benchmark.running.messages import BACKLOG, Kept, Message, Start
 from benchmark.running.progress import STARTING, WAITING, RunProgress
@@ -161,10 +161,7 @@ class JobScheduler:
         has, needs = ray.cluster_resources(), self._resources
         most = int(has.get("CPU", 1)) // needs.processes
         if share := needs.learner_gpus:
-            # Learners with a part of a GPU lie on one each. Ray counts in parts of 10,000.
-            gpus, of_one = round(1e4 * has.get("GPU", 0)), max(1, round(1e4 * share))
-            learners = gpus // of_one if share >= 1 else gpus // 10_000 * (10_000 // of_one)
-            most = min(most, learners // max(needs.learners, 1))
+            most = min(most, learners_on(living_nodes(), share) // max(needs.learners, 1))
         return needs.parallel or max(1, most)
 
     def _begin(self, state: JobState) -> None:

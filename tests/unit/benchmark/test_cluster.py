@@ -12,7 +12,7 @@ import ray
 from benchmark import Experiment, run
 from benchmark.experiment.config import Resources
 from benchmark.results.files import ResultsError
-from benchmark.running import cluster
+from benchmark.running import cluster, jobs
 from benchmark.running.cluster import check_room, start_ray
 from benchmark.running.jobs import JobScheduler
 from benchmark.running.side_by_side import side_by_side
@@ -148,6 +148,9 @@ def test_a_ray_of_the_caller_has_its_cpus_again(tmp_path):
         ({"learner_gpus": 3}, [3, 2]),
         ({"learners": 3, "learner_gpus": 1}, []),
         ({"learners": 4, "learner_gpus": 1}, [4, 3]),
+        ({"learners": 3, "learner_gpus": 0.6}, []),
+        ({"learners": 4, "learner_gpus": 0.6}, [4, 3]),  # one on each
+        ({"learners": 2, "learner_gpus": 2}, [2, 1]),  # on one machine
     ],
 )
 def test_a_run_that_could_never_be_placed_is_refused(needed, named):
@@ -178,6 +181,7 @@ def test_a_run_that_could_never_be_placed_is_refused(needed, named):
 )
 def test_as_many_runs_begin_as_there_is_room_for(tmp_path, monkeypatch, needed, most):
     monkeypatch.setattr(ray, "cluster_resources", lambda: {"CPU": 16.0, "GPU": 2.0})
+    monkeypatch.setattr(jobs, "living_nodes", lambda: [{"CPU": 16.0, "GPU": 2.0}])
     assert JobScheduler([], tmp_path, Resources(**needed))._most_at_once() == most
 
 
@@ -188,4 +192,6 @@ def test_each_process_of_a_run_has_a_bundle():
     resources = Resources(env_runners=1, learners=2, learner_gpus=0.5)
     assert resources.bundles == [one, one, gpu, gpu]
     assert len(resources.bundles) == resources.processes
-    assert sum(each.get("GPU", 0.0) for each in resources.bundles) == resources.gpus
+    assert sum(each.get("GPU", 0.0) for each in resources.bundles) == resources.learner_gpus * max(
+        resources.learners, 1
+    )
