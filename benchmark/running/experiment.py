@@ -142,7 +142,8 @@ def check_version(experiment: Experiment) -> None:
     for number, task in enumerate(experiment.tasks):
         if task.scenarios != (task.name,):
             raise SmartsError(
-                f"{task.name!r} is {', '.join(task.scenarios)}; a version's task is the scenario it names",
+                f"task {task.name!r} plays {', '.join(task.scenarios)}; in a benchmark version, it plays one "
+                "scenario, which has its name",
                 place=f"tasks[{number}]",
                 remedy="name the scenario alone, or set benchmark_version: null",
             )

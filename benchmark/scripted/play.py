@@ -237,7 +237,7 @@ def _checked(given: Any, space: Space, driver: ScriptedPolicy, doing: str) -> An
         remedy = f"return finite {numbers} of shape {space.shape}"
         try:
             values = np.asarray(given)
-        except Exception:  # torch refuses with a RuntimeError tensors that have gradients
+        except (TypeError, ValueError, RuntimeError):  # the last of a torch tensor that has gradients
             values = np.zeros(0, object)
         is_action = (
             values.dtype.kind in kinds and values.shape == space.shape and bool(np.isfinite(values).all())

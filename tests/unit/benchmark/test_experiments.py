@@ -334,6 +334,26 @@ def test_a_value_that_one_algorithm_cannot_have_leads_to_one_of_its_own(write):
     assert "settings: {a2c: {epochs: 1}}" in both
 
 
+def test_a_setting_that_an_own_algorithm_has_in_another_form_is_taken(write, tmp_path):
+    """MAT has a number of blocks."""
+    own = tmp_path / f"{tmp_path.name}.py"
+    own.write_text(
+        "from algorithms.ppo import PPO, PPOConfig, PPOLearner\n"
+        "from algorithms.registry import ActionKind, Entry, Paradigm\n"
+        "from algorithms.settings import PPOSettings\n"
+        "class Settings(PPOSettings):\n    blocks: list[int] = [1]\n"
+        "class Config(PPOConfig):\n    algorithm = 'staged'\n"
+        f"    entry = Entry('{own.stem}:Config', Settings, Paradigm.DECENTRALISED, 'M1', ActionKind.BOTH)\n"
+        "class Staged(PPO):\n    config_class = Config\n    learner_class = PPOLearner\n"
+    )
+    name = f"{own.stem}:Config"
+    file = write(
+        f"extends: {CONFIGS / 'quickstart.yaml'}\nimports: [{own}]\nalgorithms: ['{name}']\n"
+        f"training: {{blocks: [2, 2]}}\nsettings: {{'{name}': {{blocks: [4]}}}}\n"
+    )
+    assert read_experiment(file).algorithms == (name,)
+
+
 def test_a_value_that_none_can_have_is_told_though_each_has_its_own(write):
     file = write(
         f"extends: {CONFIGS / 'quickstart.yaml'}\nalgorithms: [ppo, happo]\n"

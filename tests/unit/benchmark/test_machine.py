@@ -49,5 +49,8 @@ def test_the_repository_around_an_installation_is_not_its_commit(tmp_path):
     git("commit", "-m", "with the file")
     assert len(installed.commit()) == 12
     (file.parent / "more").mkdir()
-    (file.parent / "more" / "new.py").touch()
-    assert installed.commit().endswith("+")
+    for name in ("new.py", "tyre.yaml"):
+        (file.parent / "more" / name).touch()
+        assert installed.commit().endswith("+")
+        (file.parent / "more" / name).unlink()
+    assert not installed.commit().endswith("+")

@@ -72,6 +72,7 @@ LANES, PEDALS = Discrete(4), Box(-1.0, 1.0, (3,), np.float32)
         ("[0.0, 0.0, np.nan]", PEDALS, 9),
         ("[[0.0], 0.0, 1.0]", PEDALS, 9),
         ("None", PEDALS, 9),
+        ("__import__('torch').zeros(3, requires_grad=True)", PEDALS, 9),
     ],
 )
 def test_what_is_no_action_is_one_error_with_policy_file_and_line(tmp_path, returned, space, line):
