@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 from collections.abc import Mapping, Sequence
@@ -16,6 +17,8 @@ HEAR = "hear"
 """A layer that reads the mean of the other agents' numbers."""
 CONTENT, WEIGHTS = "policy.json", "policy.npz"
 """Files of a folder; the weights of further groups of agents are in policy_1.npz, policy_2.npz, ..."""
+DIGESTS = "digests"
+"""Key of `policy.json`: file -> digest; those of earlier versions have none."""
 NEEDED = ("agents", "groups", "observation", "index", "leaves", "period", "head", "bounds")
 """What `policy.json` holds beside the format."""
 HEADS = {"best": {"start", "masked"}, "mean": {"low", "high"}, "tanh": {"low", "high"}}
@@ -40,11 +43,23 @@ class ExportError(ValueError):
         super().__init__(f"{place}: {problem}; export it again")
 
 
+def file_digest(content: bytes) -> str:
+    """Return the digest of a file."""
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
+
+
+def policy_digests(folder: Path, content: Mapping[str, Any]) -> dict[str, str]:
+    """Return the digests of a policy's files of weights, and of what `policy.json` holds beside them."""
+    said = json.dumps({name: each for name, each in content.items() if name != DIGESTS}, sort_keys=True)
+    files = {file.name: file_digest(file.read_bytes()) for file in weights_files(folder) if file.exists()}
+    return {CONTENT: file_digest(said.encode()), **files}
+
+
 def content_of(folder: Path) -> dict[str, Any]:
     """Return what `policy.json` holds.
 
     Raises:
-        ExportError: There is none, or it is of another format.
+        ExportError: There is none, it is of another format, or a file is not as it was written.
     """
     try:
         content = json.loads((folder / CONTENT).read_text(encoding="utf-8"))
@@ -59,6 +74,10 @@ def content_of(folder: Path) -> dict[str, Any]:
         raise ExportError("it has no agents", str(folder / CONTENT))
     if problem := _head_problem(content["head"], content["bounds"]):
         raise ExportError(problem, str(folder / CONTENT))
+    if (found := content.get(DIGESTS)) is not None:
+        for name, digest in policy_digests(folder, content).items():
+            if not isinstance(found, dict) or found.get(name) != digest:
+                raise ExportError("it is not as it was written", str(folder / name))
     return content
 
 

@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer
 
 from benchmark.experiment.values import FolderName
 from benchmark.metrics.results import Frame, compute
-from benchmark.results.files import ResultsError, read_mapping
+from benchmark.results.files import ResultsError, check_files, read_mapping
 from benchmark.results.run_tables import RATES
 from smarts.config import ConfigError, Section, fitted
 
@@ -129,6 +129,21 @@ def read_manifest(folder: Path) -> Manifest:
         ) from error
 
 
+def check_released(policy: Path) -> None:
+    """Raise if a policy lies in a release, and is not as its manifest says; others are accepted.
+
+    Raises:
+        ResultsError: A file has changed, or the manifest is damaged.
+    """
+    folder = policy.absolute().parent.parent
+    if not (folder / MANIFEST).exists():
+        return
+    name = policy.absolute().relative_to(folder).as_posix()
+    for entry in read_manifest(folder).policies:
+        if entry.agent == name:
+            check_files(policy, entry.files, "get the release again from where it came")
+
+
 def episode_digests(table: Frame, modes: Iterable[str] = ("greedy",)) -> dict[str, list[str]]:
     """Return a digest of each test episode, by scenario, in the order of their indices.
 
@@ -162,8 +177,3 @@ def scores_of(table: Frame, modes: Iterable[str] = ("greedy",)) -> dict[str, flo
     rows = table[(table["split"] == "train") & table["mode"].isin([*modes])]
     found = compute(rows, metrics=RATES).to_dict("records")
     return {row["metric"]: round(float(row["value"]), 6) for row in found if np.isfinite(row["value"])}
-
-
-def file_digest(content: bytes) -> str:
-    """Return the digest of a file of a policy."""
-    return hashlib.blake2b(content, digest_size=16).hexdigest()

@@ -4,7 +4,7 @@ config.yaml      all that the run depends on
 run.json         format, status, versions, machine, times
 progress.csv     a line for each iteration
 tensorboard/     the same for TensorBoard
-checkpoint/      the last checkpoint, with the state of training
+checkpoint/      the last checkpoint, with the state of training and the digest of each file
 best/            the best checkpoint in validation
 episodes.parquet results of the test: a row for each agent-episode
 episodes/        recorded test episodes, if they are kept

@@ -17,6 +17,7 @@ from benchmark.experiment.config import Evaluation, TrainingTask, name_of
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, TaskSetting
 from benchmark.metrics import read_table
+from benchmark.results.release import check_released
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.evaluation_folder import check_free, evaluation_folder
@@ -201,6 +202,7 @@ def evaluate_exported(
     """
     check_free(out)
     import_own(imports)
+    check_released(path)
     trained = trained_on(path)
     if not scenarios:
         check_suite(trained, path)

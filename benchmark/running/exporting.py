@@ -34,7 +34,7 @@ from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
 from smarts.zoo.entry import check_name
 from smarts.zoo.exported import interface_of
 from smarts_agent_kit.exported import JOINT_Q, TRAINED
-from smarts_agent_kit.weights import CONTENT, FORMAT, HEAR, weights_file
+from smarts_agent_kit.weights import CONTENT, DIGESTS, FORMAT, HEAR, policy_digests, weights_file
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 MODULE = '''"""{title}; written by `smarts-bench export`."""
@@ -102,9 +102,10 @@ def export_policy(
 
     def fill(partial: Path) -> None:
         partial.mkdir(parents=True)
-        (partial / CONTENT).write_text(json.dumps(content, indent=1), encoding="utf-8")
         for number, arrays in enumerate(weights):
             np.savez_compressed(weights_file(partial, number), allow_pickle=False, **arrays)
+        said = content | {DIGESTS: policy_digests(partial, content)}
+        (partial / CONTENT).write_text(json.dumps(said, indent=1), encoding="utf-8")
         (partial / "__init__.py").write_text(text, encoding="utf-8")
 
     replace_folder(folder, fill)

@@ -12,7 +12,7 @@ from algorithms.joint.module import LearnerModule
 from algorithms.joint.signature import check_signature
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
-from benchmark.running.training import checkpoint_error, config_of, unpickled
+from benchmark.running.training import check_checkpoint, checkpoint_error, config_of, unpickled
 
 
 def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
@@ -22,6 +22,7 @@ def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
         ResultsError: The checkpoint is damaged.
         CheckpointError: The run's algorithm, or a setting of its networks, is another than the checkpoint's.
     """
+    check_checkpoint(checkpoint)
     built = unpickled(checkpoint / "env_runner" / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]
     check_signature(built["config"].checkpoint_signature(), config_of(run).checkpoint_signature())
     return policy_modules(checkpoint)

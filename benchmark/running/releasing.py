@@ -22,7 +22,6 @@ from benchmark.results.release import (
     Entry,
     Manifest,
     episode_digests,
-    file_digest,
     read_manifest,
     scores_of,
 )
@@ -30,6 +29,7 @@ from benchmark.results.run_folder import CONTINUED, SCENARIOS, RunFolder
 from benchmark.results.versions import check_one_version
 from benchmark.running.exporting import export_policy
 from smarts.config import ConfigError, fitted
+from smarts_agent_kit.weights import file_digest
 
 
 def write_release(

@@ -33,12 +33,11 @@ from benchmark.results.release import (
     Entry,
     Manifest,
     episode_digests,
-    file_digest,
     scores_of,
 )
 from benchmark.results.run_folder import FINISHED, SCENARIOS, RunFolder
 from benchmark.results.run_tables import names_of
-from smarts_agent_kit.weights import CONTENT, weights_files
+from smarts_agent_kit.weights import CONTENT, file_digest, weights_files
 
 
 def open_evaluation(manifest: Manifest, out: Path) -> int:

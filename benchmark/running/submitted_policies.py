@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmark.results.release import LARGEST_FILE, Entry, file_digest
+from benchmark.results.release import LARGEST_FILE, Entry
 from benchmark.running.trained import trained_on
 from smarts.errors import SmartsError, shown
 from smarts.zoo.exported import ExportedPolicy
 from smarts_agent_kit.exported import TEAM
-from smarts_agent_kit.weights import CONTENT, weights_files
+from smarts_agent_kit.weights import CONTENT, file_digest, weights_files
 
 UNPACKED = 64_000_000
 """Bytes of a policy's weights in memory, as numbers of 64 bits."""

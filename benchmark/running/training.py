@@ -22,7 +22,7 @@ from algorithms.joint.evaluation import evaluate
 from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
 from benchmark.experiment.own_code import PROGRAM
 from benchmark.experiment.runs import Run
-from benchmark.results.files import ResultsError, files_in, write_json
+from benchmark.results.files import ResultsError, check_digests, files_in, with_digests, write_json
 from benchmark.results.run_folder import (
     BEST,
     CHECKPOINT,
@@ -44,6 +44,8 @@ from smarts.registry import import_own
 
 CHECKPOINT_SECONDS = 60.0
 """Time between checkpoints, which is what a kill can cost."""
+OTHER = "test the other one, --checkpoint last or best, or remove this one to train from the start"
+"""Remedy of a damaged checkpoint."""
 
 
 @dataclass(frozen=True)
@@ -133,12 +135,29 @@ def config_of(run: Run) -> Any:
 
 
 def checkpoint_files(algo: Any, state: Mapping[str, Any]) -> dict[str, bytes]:
-    """Return the files of a checkpoint with the state of training."""
+    """Return the files of a checkpoint with the state of training and their digests."""
     with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
         folder = Path(temporary, CHECKPOINT)
         algo.save_to_path(str(folder))
         write_json(folder / "training.json", dict(state))
-        return files_in(folder)
+        return with_digests(files_in(folder))
+
+
+def check_checkpoint(checkpoint: Path) -> None:
+    """Raise if a checkpoint cannot be used, before anything is made of it.
+
+    Raises:
+        ResultsError: A file is not as it was written, or weights are not finite.
+    """
+    check_digests(checkpoint, OTHER)
+    for file in sorted(checkpoint.glob("learner_group/learner/rl_module/*/module_state.pkl")):
+        weights = unpickled(file)
+        try:
+            broken = [name for name, each in weights.items() if not np.isfinite(each).all()]
+        except (AttributeError, TypeError) as error:
+            raise checkpoint_error(error, file) from error
+        if broken:
+            raise ResultsError(f"the weights of {broken[0]} are not finite", place=str(file), remedy=OTHER)
 
 
 def restore(algo: Any, checkpoint: Path) -> None:
@@ -148,6 +167,7 @@ def restore(algo: Any, checkpoint: Path) -> None:
         ResultsError: The checkpoint is damaged, or of another version of this program; it names the file.
         AlgorithmError: The checkpoint does not fit the algorithm.
     """
+    check_checkpoint(checkpoint)
     try:
         algo.restore_from_path(str(checkpoint.absolute()))
     except Exception as error:  # unpickling half a file may raise anything
@@ -189,7 +209,7 @@ def checkpoint_error(error: Exception, place: Path) -> ResultsError:
     return ResultsError(
         f"the checkpoint is damaged: {type(error).__name__}: {error}",
         place=str(place),
-        remedy="test the other one, --checkpoint last or best, or remove this one to train from the start",
+        remedy=OTHER,
     )
 
 

@@ -223,9 +223,40 @@ def test_missing_weights_of_a_group_are_named(make, tmp_path):
         KitPolicy(exported, "agent-1")
 
 
+def of_an_earlier_version(exported):
+    """Return an exported policy's folder, without its digests."""
+    file = exported / "policy.json"
+    content = json.loads(file.read_text())
+    assert content.pop("digests").keys() == {"policy.json", *(each.name for each in weights_files(exported))}
+    file.write_text(json.dumps(content))
+    return exported
+
+
+def test_a_changed_bit_of_an_exported_policy_is_refused(make, tmp_path):
+    _, folder = make("ppo", "{sharing: all, hidden: [8]}")
+    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    known = json.loads((exported / "policy.json").read_text())
+    for file in (exported / "policy.json", exported / "policy.npz"):
+        whole = file.read_bytes()
+        for place in range(0, len(whole), 7):
+            changed = bytearray(whole)
+            changed[place] ^= 1
+            file.write_bytes(changed)
+            with suppress(ExportError):
+                KitPolicy(exported)
+                assert file.suffix == ".json"  # a space is another space, or the key of the digests another
+                found = json.loads(file.read_text())
+                assert [found[name] for name in known if name != "digests"] == [
+                    each for name, each in known.items() if name != "digests"
+                ]
+        file.write_bytes(whole)
+    KitPolicy(of_an_earlier_version(exported))
+
+
 def test_damaged_weights_are_named_wherever_the_damage_is(make, tmp_path):
     _, folder = make("ppo", "{sharing: all, hidden: [8]}")
-    file = export_policy(folder.path, "own-one", tmp_path, checkpoint="last") / "policy.npz"
+    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    file = of_an_earlier_version(exported) / "policy.npz"
     whole = file.read_bytes()
     for place in range(0, len(whole), len(whole) // 40):
         file.write_bytes(
@@ -277,7 +308,8 @@ def test_damaged_weights_are_named_wherever_the_damage_is(make, tmp_path):
 )
 def test_a_damaged_description_is_named(make, tmp_path, content):
     _, folder = make("ppo", "{sharing: all}")
-    file = export_policy(folder.path, "own-one", tmp_path, checkpoint="last") / "policy.json"
+    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    file = of_an_earlier_version(exported) / "policy.json"
     whole = json.loads(file.read_text())
     if "format" not in content:
         content = {key: each for key, each in {**whole, **content}.items() if each is not None}
@@ -288,7 +320,8 @@ def test_a_damaged_description_is_named(make, tmp_path, content):
 
 def test_a_network_that_is_narrower_than_its_actions_is_named(make, tmp_path):
     _, folder = make("ppo", "{sharing: all}")
-    file = export_policy(folder.path, "own-one", tmp_path, checkpoint="last") / "policy.json"
+    exported = export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
+    file = of_an_earlier_version(exported) / "policy.json"
     bounds = {"low": [0.0] * 50, "high": [1.0] * 50}
     file.write_text(json.dumps(json.loads(file.read_text()) | {"head": "tanh", "bounds": bounds}))
     with pytest.raises(ExportError, match="its actions have 50"):
@@ -363,6 +396,7 @@ def test_weights_of_another_kind_are_named(make, tmp_path, content):
     _, folder = make("ppo", "{sharing: all}")
     copied = tmp_path / "run"
     shutil.copytree(folder.path, copied)
+    (copied / "checkpoint" / "digests.json").unlink()
     (state,) = copied.rglob("shared/module_state.pkl")
     state.write_bytes(pickle.dumps(content))
     with pytest.raises(ResultsError) as caught:
@@ -402,7 +436,7 @@ def test_an_exported_agent_keeps_the_contract_and_needs_no_learner(make, tmp_pat
     with pytest.raises(SmartsError, match="Plain"):
         export_policy(folder.path, "Plain", tmp_path, checkpoint="last")
     (exported / "policy.npz").write_bytes(b"broken")
-    with pytest.raises(SmartsError, match="weights"):
+    with pytest.raises(SmartsError, match=r"policy\.npz"):
         make_agent("plain_driver:plain-driver-v0")
     (exported / "policy.json").write_text("{}")
     with pytest.raises(SmartsError, match="format"):

@@ -1,6 +1,7 @@
 """Trained policies in one's own loop: the same actions as `evaluate` plays, whatever the environment."""
 
 import json
+import pickle
 import shutil
 import subprocess
 import sys
@@ -126,6 +127,22 @@ def test_a_checkpoint_without_what_learners_need_is_evaluated_alike(make, tmp_pa
     pd.testing.assert_frame_equal(
         evaluate_checkpoint(kept, **given), evaluate_checkpoint(folder.path, **given)
     )
+
+
+def test_a_policy_with_weights_that_are_not_finite_or_were_changed_is_not_evaluated(make, tmp_path):
+    run, folder = make("ppo")
+    kept = RunFolder(tmp_path / "run")
+    shutil.copytree(folder.path, kept.path)
+    file = next(kept.checkpoint.rglob("agent-0/module_state.pkl"))
+    weights = pickle.loads(file.read_bytes())
+    next(iter(weights.values())).flat[0] = np.nan
+    file.write_bytes(pickle.dumps(weights))
+    for said in ("not as it was written", "not finite"):
+        with raises(ResultsError, file, values=[said]):
+            evaluate_checkpoint(kept.path, episodes=1)
+        with raises(ResultsError, file, values=[said]), algorithm_of(run) as algo:
+            restore(algo, kept.checkpoint)
+        (kept.checkpoint / "digests.json").unlink(missing_ok=True)
 
 
 def by_dicts(env, policy, steps=12):

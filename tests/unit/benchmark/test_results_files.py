@@ -4,14 +4,17 @@ import errno
 import fcntl
 import json
 import os
+import pickle
 import shutil
 import signal
 import stat
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from threading import Thread
 
+import numpy as np
 import pytest
 
 from benchmark.experiment.algorithm_settings import settings_of, settings_table
@@ -37,7 +40,7 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.jobs import JobScheduler, jobs_of
 from benchmark.running.messages import Began
-from benchmark.running.training import checkpoint_files, config_of
+from benchmark.running.training import check_checkpoint, checkpoint_files, config_of
 from benchmark.running.writing import RunWriter
 from tests.hand_made_results import agent_episodes, finish_runs, write_experiment, write_run
 from tests.raising import raises
@@ -427,6 +430,36 @@ def test_checkpoints_carry_how_far_training_was(tmp_path):
     assert folder.training_state() == {"iteration": 2}
     assert (folder.checkpoint / "weights").read_text() == "2"
     assert {path.name for path in tmp_path.iterdir()} == {"checkpoint"}
+
+
+def test_a_changed_bit_of_a_checkpoint_is_refused(tmp_path):
+    folder = RunFolder(tmp_path)
+    save(folder, "0.5", {"iteration": 1})
+    check_checkpoint(folder.checkpoint)
+    for file in folder.checkpoint.iterdir():
+        whole = file.read_bytes()
+        for place in range(len(whole)):
+            changed = bytearray(whole)
+            changed[place] ^= 1
+            file.write_bytes(changed)
+            if file.name != "digests.json":  # of whose bytes spaces have no meaning
+                with raises(ResultsError, file, values=["not as it was written"]):
+                    check_checkpoint(folder.checkpoint)
+        file.write_bytes(whole)
+    (folder.checkpoint / "digests.json").unlink()  # as those of earlier versions
+    (folder.checkpoint / "weights").write_text("0.7")
+    check_checkpoint(folder.checkpoint)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_weights_of_a_checkpoint_that_are_not_finite_are_refused(tmp_path, wrong):
+    file = tmp_path / "learner_group/learner/rl_module/shared/module_state.pkl"
+    file.parent.mkdir(parents=True)
+    for last in (0.5, wrong):
+        weights = {"policy.0.weight": np.zeros((2, 3), np.float32), "policy.0.bias": np.array([1.0, last])}
+        file.write_bytes(pickle.dumps(weights))
+        with nullcontext() if last == 0.5 else raises(ResultsError, file, values=["policy.0.bias"]):
+            check_checkpoint(tmp_path)
 
 
 def test_a_setting_that_is_written_down_at_its_default_makes_no_other_run(tmp_path):

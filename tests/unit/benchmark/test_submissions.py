@@ -29,7 +29,6 @@ from benchmark.results.release import (
     REFUSED,
     Manifest,
     episode_digests,
-    file_digest,
     read_manifest,
     scores_of,
 )
@@ -50,6 +49,7 @@ from smarts.config import fitted
 from smarts.errors import OwnCodeError, SmartsError
 from smarts.types.streams import hold_seed
 from smarts.zoo.exported import ExportedPolicy
+from smarts_agent_kit.weights import file_digest
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
 from tests.raising import raises
 from tests.served_agents import served
@@ -583,6 +583,15 @@ def test_no_module_that_an_evaluated_policy_names_is_imported(tmp_path, module, 
 def test_own_code_of_a_scenario_is_imported_for_an_exported_policy(tmp_path):
     with raises(OwnCodeError, values=["absent.py"]):
         evaluate_command(run=write_policy(tmp_path / "mine"), episodes=1, import_=[tmp_path / "absent.py"])
+
+
+def test_a_changed_bit_of_a_released_policy_is_refused(submission):
+    root = submission()
+    file = root / "policies/mine_1/policy.json"
+    file.write_text(file.read_text().replace('"start": 0', '"start": 1'))
+    with raises(ResultsError, file, values=["not as it was written"]):
+        evaluate_exported(file.parent, episodes=1)
+    assert len(evaluate_exported(root / "policies/mine_2", episodes=1)) == 2
 
 
 def test_no_scenario_folder_that_an_evaluated_policy_names_is_built(tmp_path):

@@ -26,7 +26,6 @@ from benchmark.results.release import (
     REFUSED,
     Entry,
     episode_digests,
-    file_digest,
     read_manifest,
     scores_of,
 )
@@ -39,6 +38,7 @@ from benchmark.running.submissions import submitted
 from benchmark.running.verifying import verify
 from smarts.agents.hosting.options import HostError
 from smarts.errors import OwnCodeError, TrafficError
+from smarts_agent_kit.weights import file_digest
 from tests.hand_made_results import ALONE, agent_episodes
 
 ENVIRONMENT = Environment(agents=2, reward="v1", time_limit=2.0)
