@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import itertools
 import json
+import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -136,10 +138,10 @@ def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
     names = [f"{name}/{k}" for k in range(count)]
     for place in weights_files(folder):
         try:
-            with np.load(place, allow_pickle=False) as file:
-                if not all(each in file for each in names):
+            with zipfile.ZipFile(place) as archive:
+                if not {f"{each}.npy" for each in names} <= {*archive.namelist()}:
                     continue
-                found = tuple(np.ascontiguousarray(file[each].astype(np.float64)) for each in names)
+                found = tuple(_array(archive, f"{each}.npy") for each in names)
         except Exception as error:  # zip, zlib and numpy raise errors of many types
             raise ExportError(f"the weights cannot be read: {error}", str(place)) from error
         if not all(np.isfinite(array).all() for array in found):
@@ -147,6 +149,24 @@ def _weights(folder: Path, name: str, count: int) -> tuple[NDArray, ...]:
         return found
     files = ", ".join(place.name for place in weights_files(folder))
     raise ExportError(f"the weights of {name!r} are missing: they are not in {files}", str(folder))
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> NDArray:
+    """Return an array of numbers of 64 bits, by as many bytes as the archive's table says that it has.
+
+    Other methods than these two pack gigabytes into a kilobyte, and `numpy.load` reads what a header says.
+
+    Raises:
+        ValueError: It is packed by another method, or holds something else.
+    """
+    member = archive.getinfo(name)
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"{name} is packed by method {member.compress_type}, neither stored nor deflated")
+    with archive.open(member) as packed:
+        array = np.lib.format.read_array(io.BytesIO(packed.read(member.file_size)), allow_pickle=False)
+    if array.dtype not in (np.float32, np.float64):
+        raise ValueError(f"{name} holds {array.dtype}, not numbers of 32 or 64 bits")
+    return np.ascontiguousarray(array.astype(np.float64))
 
 
 def check_network(

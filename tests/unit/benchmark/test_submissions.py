@@ -4,7 +4,10 @@ import json
 import re
 import shutil
 import socket
+import struct
 import sys
+import tracemalloc
+import zipfile
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -620,7 +623,8 @@ def layer(kind, *shapes):
         ([layer("linear", (1, 4), (4,)), layer("hear", (4, 4), (4,), (5, 4))], "layer 1 (hear)"),
         ([layer("conv")], "there is no layer 'conv'"),
         ([layer("tanh")], "its network has no weights"),
-        ([("linear", np.ones((15_000_000, 1), np.int8), np.zeros(4))], "of at most"),
+        ([("linear", np.ones((16_000_000, 1), np.float32), np.zeros(4))], "of at most"),
+        ([("linear", np.ones((1, 4), np.int8), np.zeros(4))], "holds int8, not numbers"),
         ([("linear", np.array([["a"]]), np.zeros(1))], "holds <U1, not numbers"),
     ],
 )
@@ -632,6 +636,37 @@ def test_weights_that_do_not_fit_together_are_refused(submission, tmp_path, laye
             weights = dict(file)
         np.savez_compressed(policy / "policy.npz", allow_pickle=False, **weights)
     assert named in refusal(changed(root, listed_again(root)), tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("method", "said", "named"),
+    [
+        (zipfile.ZIP_LZMA, 10**8, "of at most"),
+        (zipfile.ZIP_LZMA, 200, "method 14"),
+        (zipfile.ZIP_BZIP2, 200, "method 12"),
+        (zipfile.ZIP_DEFLATED, 10**8, "of at most"),
+        (zipfile.ZIP_DEFLATED, 200, "cannot be read"),
+        (zipfile.ZIP_STORED, 10**8, "of at most"),
+    ],
+)
+def test_an_archive_that_announces_more_than_it_may_hold_takes_no_memory(
+    submission, tmp_path, method, said, named
+):
+    """A header of 30 MB in the file of weights, and what the archive's table says of its size."""
+    root, size = submission(), 3 * 10**7
+    header = b"\x93NUMPY\x02\x00" + struct.pack("<I", size)
+    with zipfile.ZipFile(tmp_path / "policy.npz", "w", method) as archive:
+        archive.writestr("all/0/0.npy", header + b" " * (0 if method == zipfile.ZIP_STORED else size))
+        archive.writestr("all/0/1.npy", header)
+        archive.infolist()[0].file_size = said
+    for policy in (root / "policies").iterdir():
+        shutil.copy(tmp_path / "policy.npz", policy)
+    root = changed(root, listed_again(root))
+    tracemalloc.start()
+    assert named in refusal(root, tmp_path / "out")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e7
 
 
 def test_a_network_that_reads_more_than_its_vehicle_sees_is_refused(submission, tmp_path):
