@@ -10,18 +10,18 @@ import re
 import signal
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
 from smarts.errors import MapError
-from smarts.roads.children import TIME_LIMIT_VARIABLE, run_child, time_limit
+from smarts.roads.children import TIME_LIMIT_VARIABLE, time_limit
 from smarts.roads.converter_messages import ConverterMessages
 from smarts.roads.dropped import dropped_parts
 from smarts.roads.foreign import check_sources, mended_opendrive
 from smarts.roads.net_repairs import mended_net
 from smarts.roads.osm_types import write_road_types
 from smarts.roads.sources import MapKind, MapSource
+from smarts.roads.sumo_tools import run_tool, sumo_folder, try_map
 from smarts.roads.validation import validate_net
 
 # Fine curves through junctions: SUMO's default of five points makes vehicles turn in visible kinks.
@@ -102,10 +102,11 @@ class MapNotes(NamedTuple):
 def compile_map(source: MapSource, out: Path) -> MapNotes:
     """Write the map as a SUMO network to `out`: the same bytes for the same sources, wherever they lie.
 
-    A compiled network is checked and copied as it is; one with connections to lanes that do not exist, or
-    without lanes inside its junctions, is built again by netconvert, with the same edges and lanes. Links of
-    OpenDRIVE and OSM maps that netconvert cannot use are left out. `map.netccfg` beside other sources
-    overrides the options chosen here. The file appears complete or not at all.
+    SUMO loads each network once (`try_map`). A compiled network is checked and copied as it is; one with
+    connections to lanes that do not exist, or without lanes inside its junctions, is built again by
+    netconvert, with the same edges and lanes. Links of OpenDRIVE and OSM maps that netconvert cannot use are
+    left out. `map.netccfg` beside other sources overrides the options chosen here. The file appears complete
+    or not at all.
 
     Raises:
         MapError: A file is broken (with netconvert's own message), or no car can drive anywhere on the map.
@@ -147,7 +148,7 @@ def _prepared(source: MapSource, content: bytes | None, work: Path) -> dict[str,
         mended.write_bytes(content)
         prepared[option] = str(mended)
     if source.kind == "osm":
-        prepared["type-files"] = str(write_road_types(_sumo_folder(), work))
+        prepared["type-files"] = str(write_road_types(sumo_folder(), work))
     return prepared
 
 
@@ -161,7 +162,7 @@ def _cannot_write(out: Path, error: OSError) -> MapError:
 
 
 def _publish(net: bytes, notes: MapNotes, source: MapSource, out: Path) -> None:
-    """Check the network, and put it into place in one step."""
+    """Check the network, also by SUMO itself, and put it into place in one step."""
     try:
         validate_net(net, source)
     except MapError as error:
@@ -173,6 +174,7 @@ def _publish(net: bytes, notes: MapNotes, source: MapSource, out: Path) -> None:
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         temporary.write_bytes(net)
+        try_map(temporary, str(source.files[0]))
         os.replace(temporary, out)
     except OSError as error:
         raise _cannot_write(out, error) from error
@@ -191,10 +193,16 @@ def _read_bytes(path: Path) -> bytes:
 def _convert(source: MapSource, arguments: list[str], product: Path) -> ConverterMessages:
     """Write the product; return what the tool said."""
     tool = "netgenerate" if source.kind == "netgenerate" else "netconvert"
-    command = [str(_sumo_folder() / "bin" / tool), *arguments, "--output-file", str(product)]
     place = str(source.files[0])
-    code, said = _run(tool, command, source)
-    messages = ConverterMessages.parse(said)
+    # In the map's folder file names are enough: SUMO splits paths at commas, and repeats them.
+    try:
+        code, messages = run_tool(tool, [*arguments, "--output-file", str(product)], source.files[0].parent)
+    except TimeoutError as error:
+        raise MapError(
+            f"{tool} was still at work after {time_limit():g} s",
+            place=place,
+            remedy=f"give a smaller map, or set {TIME_LIMIT_VARIABLE} to more seconds",
+        ) from error
     if code == -signal.SIGXFSZ:
         raise MapError(
             f"{tool} may not write a file as large as the network",
@@ -217,28 +225,6 @@ def _convert(source: MapSource, arguments: list[str], product: Path) -> Converte
     return messages
 
 
-def _run(tool: str, command: list[str], source: MapSource) -> tuple[int, str]:
-    """Return the tool's exit code, and what it says about errors."""
-    with tempfile.TemporaryFile() as said:
-        try:
-            # In the map's folder file names are enough: SUMO splits paths at commas, and repeats them.
-            code = run_child(command, cwd=source.files[0].parent, env=_environment(), stderr=said)
-        except TimeoutError as error:
-            raise MapError(
-                f"{tool} was still at work after {time_limit():g} s",
-                place=str(source.files[0]),
-                remedy=f"give a smaller map, or set {TIME_LIMIT_VARIABLE} to more seconds",
-            ) from error
-        except OSError as error:
-            raise MapError(
-                f"{tool} does not start: {error.strerror}",
-                place=command[0],
-                remedy="reinstall SUMO: pip install --force-reinstall eclipse-sumo",
-            ) from error
-        said.seek(0)
-        return code, said.read().decode(errors="replace")
-
-
 def _ends_whole(product: Path) -> bool:
     # On a full disk netconvert stops writing and says nothing.
     with open(product, "rb") as file:
@@ -252,21 +238,6 @@ def _remedy(source: MapSource, tool: str, problem: str) -> str:
         entry = '<configuration><opendrive.curve-resolution value="2"/></configuration>'
         return f"draw its curves with fewer points: write {entry} to {options} beside it"
     return f"mend the file; {tool} --help lists the options"
-
-
-def _sumo_folder() -> Path:
-    # Importing the package would set SUMO_HOME for the whole process; only its place is needed.
-    spec = find_spec("sumo")
-    if spec is None or spec.origin is None:
-        raise MapError("SUMO is not installed", remedy="pip install eclipse-sumo==1.28.0")
-    return Path(spec.origin).parent
-
-
-def _environment() -> dict[str, str]:
-    # SUMO_HOME would bring in another installation's type maps, and messages follow the locale.
-    inherited = {key: value for key, value in os.environ.items() if key != "SUMO_HOME"}
-    projections = str(_sumo_folder() / "data" / "proj")
-    return inherited | {"LC_ALL": "C", "PROJ_DATA": projections, "PROJ_LIB": projections}
 
 
 def _arguments(source: MapSource, prepared: dict[str, str]) -> list[str]:

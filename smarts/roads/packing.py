@@ -18,6 +18,8 @@ from smarts.roads.lane_graph import LaneGraph
 _CELL = 6.0
 """Side of a grid cell [m]; a lane's width or two, so that a cell lists few lanes."""
 _MOST_CELLS = 2_000_000
+_MOST_CELLS_ACROSS = 8
+"""Cells that a lane's surroundings, its width to either side, are across at most, on the whole."""
 
 
 def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
@@ -84,7 +86,9 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
 
 def _grid(graph: LaneGraph) -> Grid:
     extent = np.ptp(graph.point_xy, axis=0) + 2 * graph.width.max()
-    size = max(_CELL, float(np.sqrt(extent[0] * extent[1] / _MOST_CELLS)))
+    # Cells grow where lanes are so wide that each would be listed in a great many.
+    reach = float(np.sqrt(np.square(np.repeat(graph.width, np.diff(graph.point_start))).mean()))
+    size = max(_CELL, float(np.sqrt(extent[0] * extent[1] / _MOST_CELLS)), 2.0 * reach / _MOST_CELLS_ACROSS)
     # The graph's own arrays are read-only, which would be another signature to compile.
     grid = build_grid(
         np.array(graph.point_start),

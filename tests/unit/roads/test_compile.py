@@ -271,9 +271,14 @@ def test_a_net_without_lanes_inside_junctions_that_needs_none(tmp_path):
         for name, begin, end, shape in (("one", "a", "b", "0,0 50,0"), ("two", "b", "c", "50,0 100,0"))
     ]
     request = '<request index="0" response="0" foes="0" cont="0"/>'
-    junctions = [f'<junction id="{name}" type="priority" x="0" y="0">{request}</junction>' for name in "abc"]
+    kinds = {"a": ("dead_end", "", ""), "b": ("priority", "one_0", request), "c": ("dead_end", "two_0", "")}
+    junctions = [
+        f'<junction id="{name}" type="{kind}" x="0" y="0" incLanes="{lanes}" intLanes="" shape="0,2 0,-2">'
+        f"{inside}</junction>"
+        for name, (kind, lanes, inside) in kinds.items()
+    ]
     link = '<connection from="one" to="two" fromLane="0" toLane="0" dir="s" state="M"/>'
-    (tmp_path / "map.net.xml").write_text(f"<net>{''.join(edges + junctions)}{link}</net>")
+    (tmp_path / "map.net.xml").write_text(f'<net version="0.13">{"".join(edges + junctions)}{link}</net>')
     out, notes = compiled(tmp_path)
     graph = read_net(out)
     assert notes == MapNotes()

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from smarts.errors import MapError
+from smarts.roads.children import MEMORY_LIMIT_VARIABLE, TIME_LIMIT_VARIABLE
 from smarts.roads.compile import compile_map
+from smarts.roads.packing import pack_roads
 from smarts.roads.sources import MapSource, find_map_source
 from smarts.roads.sumo_net import read_net
 from tests.raising import raises
@@ -98,7 +100,7 @@ def test_half_a_network_is_noticed(tmp_path, monkeypatch):
     tool.parent.mkdir(parents=True)
     tool.write_text('#!/bin/sh\nwhile [ "$1" != --output-file ]; do shift; done; echo "<net><edge" > "$2"\n')
     os.chmod(tool, 0o755)
-    monkeypatch.setattr("smarts.roads.compile._sumo_folder", lambda: tmp_path / "sumo")
+    monkeypatch.setattr("smarts.roads.sumo_tools.sumo_folder", lambda: tmp_path / "sumo")
     folder = maps.write(tmp_path / "maps", **maps.cross())
     with raises(MapError, folder / "map.nod.xml", values=[tmp_path / "out"]) as caught:
         compile_map(find_map_source(folder), tmp_path / "out" / "net.xml")
@@ -114,3 +116,57 @@ def test_files_named_in_options_belong_to_the_map(tmp_path):
     (folder / "map.netccfg").write_text(f'<configuration><type-files value="{value}"/></configuration>')
     names = [file.name for file in find_map_source(folder).files]
     assert names[-3:] == ["map.netccfg", "roads.typ.xml", "more.typ.xml"]
+
+
+@pytest.fixture
+def unlinked(nets, tmp_path):
+    """A network without connections, on which SUMO crashes: its junctions wait for links that are gone."""
+    text = re.sub(r"<connection [^>]*/>", "", nets["cross"].read_text())
+    (tmp_path / "map.net.xml").write_text(text)
+    return tmp_path
+
+
+def refused(folder):
+    with raises(MapError, folder / "map.net.xml") as caught:
+        compile_map(find_map_source(folder), folder / "out.net.xml")
+    assert not (folder / "out.net.xml").exists()
+    return caught.value
+
+
+def test_a_map_that_crashes_sumo_is_an_error_of_the_map(unlinked):
+    error = refused(unlinked)
+    assert error.problem == "SUMO crashes on the map (SIGSEGV)"
+    assert "netconvert" in error.remedy
+
+
+@pytest.mark.parametrize(
+    ("variable", "limit", "problem"),
+    [
+        (TIME_LIMIT_VARIABLE, "0.0001", "SUMO was still loading the map after 0.0001 s"),
+        (MEMORY_LIMIT_VARIABLE, "0.1", "SUMO needs more than 0.1 GB of memory for the map"),
+    ],
+)
+def test_a_map_that_takes_too_much_names_the_limit_and_how_to_raise_it(
+    nets, tmp_path, monkeypatch, variable, limit, problem
+):
+    shutil.copy(nets["cross"], tmp_path / "map.net.xml")
+    monkeypatch.setenv(variable, limit)
+    error = refused(tmp_path)
+    assert error.problem == problem
+    assert variable in error.remedy
+
+
+def test_what_sumo_says_of_a_map_that_it_refuses(nets, tmp_path):
+    text = nets["cross"].read_text().replace('<request index="0"', '<request index="x"', 1)
+    (tmp_path / "map.net.xml").write_text(text)
+    assert refused(tmp_path).problem.startswith("SUMO refuses the map: Attribute 'index'")
+
+
+def test_a_lane_as_wide_as_a_country_is_packed(nets, tmp_path):
+    """The grid's cells grow with it: at 6 m each of its points would be listed in 10^11 of them."""
+    text = re.sub(r'(<lane id="west_in_0"[^>]*) shape=', r'\1 width="1e6" shape=', nets["cross"].read_text())
+    (tmp_path / "map.net.xml").write_text(text)
+    compile_map(find_map_source(tmp_path), tmp_path / "out.net.xml")
+    graph = read_net(tmp_path / "out.net.xml")
+    assert graph.width.max() == 1e6
+    assert len(pack_roads([graph]).run) < 64 * len(graph.point_s)
