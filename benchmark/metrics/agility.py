@@ -4,7 +4,7 @@ import numpy as np
 
 from benchmark.metrics.episode_data import EpisodeData
 from benchmark.metrics.measure import Columns, ended_by, ratio, share
-from smarts.types.events import Outcome
+from smarts.types.events import Event, Outcome
 
 
 def measure(episode: EpisodeData) -> Columns:
@@ -15,14 +15,17 @@ def measure(episode: EpisodeData) -> Columns:
 
 
 def measure_progress(episode: EpisodeData) -> Columns:
-    """Return metres gained along the route, and seconds."""
+    """Return metres gained along the route on the road, and seconds."""
     done = episode.agent_column("route_progress")
     agents = np.arange(episode.count)
+    # Off the road, progress keeps its value; what the first step back on it adds was not driven on it.
+    was_off = np.nan_to_num(episode.agent_column("events")[:-1]).astype(int) & Event.OFF_ROAD != 0
+    skipped = np.where(was_off, np.fmax(np.diff(done, axis=0), 0.0), 0.0).sum(axis=0)
     ends = [np.maximum(episode.agents[name], 0) for name in ("entry_step", "end_step")]
     first, last = (done[step, agents] for step in ends)
     known = episode.entered & np.isfinite(first) & np.isfinite(last)
     return {
-        "progress": np.where(known, last - first, 0.0),
+        "progress": np.where(known, last - first - skipped, 0.0),
         "progress_time": np.where(known, episode.duration, 0.0),
     }
 

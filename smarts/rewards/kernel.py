@@ -16,7 +16,8 @@ from smarts.observations.neighbor_sectors import distance_and_time
 from smarts.observations.neighbors import NEIGHBORS, neighbors_within
 from smarts.observations.scales import LONGEST_TIME, MOST_LANE_CHANGES, RADIUS
 from smarts.types.agent_states import AgentStatus
-from smarts.types.events import Events
+from smarts.types.events import Events, Outcome
+from smarts.types.mission import GoalKind
 from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State
 
@@ -24,7 +25,9 @@ FAST = 60.0 / 3.6
 """Speed above which hard steering is penalised [m/s]."""
 _FAST_BY = 20.0 / 3.6
 _HARD = 4.0
-_ACTIVE = int(AgentStatus.ACTIVE)
+_ENDLESS_UNIT = 100.0
+"""Metres for which an agent without a goal gets what a mission of this length is worth."""
+_ACTIVE, _ENDLESS, _GOAL = int(AgentStatus.ACTIVE), int(GoalKind.ENDLESS), int(Outcome.GOAL)
 
 
 class Terms(NamedTuple):
@@ -60,7 +63,8 @@ class Memory(NamedTuple):
     """The larger of the route's length and the remaining distance at entry [m]; 0 before entry."""
     potential: Floats
     remaining: Floats
-    """Distance to the goal along the route [m]."""
+    """Distance to the goal along the route that was not driven on the road yet [m]; without a goal, minus the
+    distance driven along the lanes."""
     goal_distance: Floats
     """Straight-line distance to the goal [m]."""
     centring: Floats
@@ -136,8 +140,10 @@ def _potential_terms(
     """Return an agent's remaining distance, potential, distance to the goal, and to the lane's centre."""
     agents, vehicles, missions = state.agents, state.vehicles, state.missions
     own = agents.slot[b, a]
-    left, potential, distance = agents.remaining[b, a], 0.0, 0.0
-    if missions.goal[b, a] != 0:
+    left, potential, distance = agents.remaining[b, a] + agents.skipped[b, a], 0.0, 0.0
+    if missions.goal[b, a] == _ENDLESS:
+        left = agents.skipped[b, a] - agents.route_progress[b, a]
+    else:
         potential = -terms.progress * min(1.0, max(0.0, left / memory.initial[b, g]))
         potential += terms.lane_change * min(MOST_LANE_CHANGES, abs(agents.lane_changes[b, a]))
         dx = missions.goal_position[b, a, 0] - vehicles.position[b, own, 0]
@@ -173,7 +179,10 @@ def _reward(
     if not is_first:
         after = 0.0 if happened.terminated[b, a] else potential
         reward = terms.discount * after - memory.potential[b, g] + terms.time
-        reward += terms.metres * (memory.remaining[b, g] - left)
+        gain = memory.remaining[b, g] - left
+        reward += terms.metres * gain
+        if missions.goal[b, a] == _ENDLESS:
+            reward += (terms.progress + terms.by_outcome[_GOAL]) * gain / _ENDLESS_UNIT
         reward += terms.goal_distance * distance * memory.steps[b, g]
         reward += terms.approach * (memory.goal_distance[b, g] - distance)
         reward += terms.centring * (memory.centring[b, g] - aside)

@@ -33,7 +33,8 @@ class RewardWeights:
     """The learner's discount per decision; potential-based shaping must use the same."""
     progress: float = 0.0
     """Of the potential's gain, discount * potential after - potential before. The potential is minus the
-    share of the route that remains, and 0 after termination."""
+    share of the route that remains, and 0 after termination. Without a goal there is no potential: every
+    100 m along the lanes are worth `progress` + `goal`, as a mission of that length is."""
     lane_change: float = 0.0
     """Per lane change that the route still needs, three at most; part of the potential, so 0 after
     termination. Without this term, the wrong lane costs nothing until the exit is missed."""
@@ -42,7 +43,7 @@ class RewardWeights:
     each_step: float = 0.0
     """Per step."""
     metres: float = 0.0
-    """Per metre along the route."""
+    """Per metre along the route, without a goal along the lanes; on the road only."""
     goal_distance: float = 0.0
     """Per step and metre of straight-line distance to the goal, measured at the decision's end."""
     approach: float = 0.0

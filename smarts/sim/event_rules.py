@@ -9,6 +9,8 @@ import numpy as np
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.atlas import ROAD_LANES
+from smarts.roads.footprints import is_on_road
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_ways import place_on_lane
 from smarts.roads.lights import light_ahead
@@ -29,6 +31,7 @@ QUEUE_AT_LIGHT = 40.0
 OFF_ROUTE_TIME = 0.5
 """How long a vehicle may be off its route [s]; some corners are cut."""
 
+_ROAD = sum(1 << kind for kind in ROAD_LANES)
 _STOP = int(Signal.STOP)
 _ENDLESS, _POSITION, _LANE_LINE, _LAPS, _OFF_MAP = (
     int(kind)
@@ -74,8 +77,10 @@ def judge(
         agent_id: An agent with a vehicle.
     """
     has_left = _has_left_map(state, roads, row, agent_id)
-    bits = 0 if has_left else _road_events(state, roads, routes, patience, row, agent_id)
-    bits |= _goal_events(state, roads, routes, has_left, row, agent_id) | _via_events(state, row, agent_id)
+    bits = _REACHED if has_left else _road_events(state, roads, routes, patience, row, agent_id)
+    if state.agents.on_road[row, agent_id]:
+        # Off the road the lane is only the nearest one, however far away.
+        bits |= _goal_events(state, roads, routes, row, agent_id) | _via_events(state, row, agent_id)
     if _rests(state, roads, routes, rules, row, agent_id):
         bits |= _NOT_MOVING
     limit = rules.max_steps[agent_id]
@@ -115,7 +120,10 @@ def _has_left_map(state: State, roads: Roads, row: int, agent_id: int) -> bool:
         return False
     is_at_end = state.vehicles.lane_position[row, slot] >= lane_length(roads, lane) - _AT_END
     is_ahead = abs(state.vehicles.lane_offset[row, slot]) <= roads.lane_width[lane]
-    return bool(roads.lane_dead_end[lane]) and is_at_end and is_ahead
+    if not (roads.lane_dead_end[lane] and is_at_end and is_ahead):
+        return False
+    x, y, _, _ = _way(state, row, slot)
+    return is_on_road(roads, state.map[row], x, y, _ROAD, True)
 
 
 @kernel
@@ -158,6 +166,8 @@ def _is_off_route(state: State, roads: Roads, routes: RouteTable, row: int, agen
         return False
     if state.missions.goal[row, agent_id] in (_ENDLESS, _OFF_MAP):
         return False
+    if not state.agents.on_road[row, agent_id]:
+        return True
     lane = lane_of(state, roads, state.vehicles, row, state.agents.slot[row, agent_id])
     twin = roads.lane_twin[lane] if lane >= 0 else -1
     return corridor_row(state, routes, row, agent_id, twin) < 0
@@ -235,14 +245,13 @@ def _goal_events(
     state: State,
     roads: Roads,
     routes: RouteTable,
-    has_left: bool,
     row: int,
     agent_id: int,
 ) -> int:
-    """Return whether the goal was reached or missed, or a lap completed."""
+    """Return whether an agent on the road reached or missed its goal, or completed a lap."""
     goal = state.missions.goal[row, agent_id]
     if goal in (_ENDLESS, _OFF_MAP):
-        return _REACHED if has_left else 0
+        return 0
     behind, crossed, is_last = _at_line(state, roads, routes, row, agent_id)
     if goal == _LAPS:
         laps, before = state.missions.laps[row, agent_id], state.agents.lap_before[row, agent_id]

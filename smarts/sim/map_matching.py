@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from smarts.arrays import Bools
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.footprints import count_corners_on_road, is_on_road
 from smarts.roads.kernels import (
     candidates,
+    centre_at,
     distance_on_row,
     find_row,
     lane_length,
@@ -41,8 +45,9 @@ class MapMatcher:
         """Write the places of all vehicles, since when they stand, and where agents are on their routes.
 
         On its route, an agent's `remaining` is the distance to the goal, on the last lap of several, and 0
-        behind it, and `lane_changes` are those that the goal's lane demands; off the route both stay as
-        they were. Without a route an agent counts as on its route.
+        behind it, and `lane_changes` are those that the goal's lane demands; off the route, as off the road,
+        both stay as they were. Without a route an agent counts as on its route, and its `route_progress` is
+        what it has driven along the lanes.
         """
         self._match(env_mask)
 
@@ -72,26 +77,30 @@ def match_vehicles(state: State, roads: Roads, routes: RouteTable, env_mask: Boo
                 vehicles.lane_offset[b, v] = place[2]
                 _note_standing(state, b, v)
         for a in range(agents.slot.shape[1]):
-            v = agents.slot[b, a]
-            if v < 0:
-                continue
-            x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
-            agents.on_road[b, a] = is_on_road(roads, maps[b], x, y, _ROAD, True)
-            agents.corners_on_road[b, a] = count_corners_on_road(
-                roads,
-                maps[b],
-                x,
-                y,
-                vehicles.heading[b, v],
-                vehicles.length[b, v],
-                vehicles.width[b, v],
-                _ROAD,
-                True,
-            )
-            agents.on_route[b, a] = corridor[v] < 0
-            if corridor[v] >= 0:
-                is_new = agents.entry_step[b, a] == state.step[b]
-                _measure(state, roads, routes, corridor[v], b, a, is_new)
+            if agents.slot[b, a] >= 0:
+                _place_agent(state, roads, routes, corridor[agents.slot[b, a]], b, a)
+
+
+@kernel
+def _place_agent(state: State, roads: Roads, routes: RouteTable, corridor: int, b: int, a: int) -> None:
+    """Write how an agent stands to the road and to its route, of the number `corridor`, and its progress."""
+    vehicles, agents = state.vehicles, state.agents
+    v, world = agents.slot[b, a], state.map[b]
+    x, y, heading = vehicles.position[b, v, 0], vehicles.position[b, v, 1], vehicles.heading[b, v]
+    length, width = vehicles.length[b, v], vehicles.width[b, v]
+    is_new = agents.entry_step[b, a] == state.step[b]
+    came_by_road = agents.on_road[b, a] and not is_new
+    agents.on_road[b, a] = is_on_road(roads, world, x, y, _ROAD, True)
+    agents.corners_on_road[b, a] = count_corners_on_road(
+        roads, world, x, y, heading, length, width, _ROAD, True
+    )
+    agents.on_route[b, a] = corridor < 0
+    if not agents.on_road[b, a] and not is_new:
+        return
+    if corridor >= 0:
+        _measure(state, roads, routes, corridor, b, a, is_new, came_by_road)
+    elif came_by_road:
+        agents.route_progress[b, a] += _way_along_lane(state, roads, b, v)
 
 
 @kernel
@@ -105,17 +114,37 @@ def _note_standing(state: State, b: int, slot: int) -> None:
 
 
 @kernel
+def _way_along_lane(state: State, roads: Roads, b: int, slot: int) -> float:
+    """Return how far a vehicle on the road came along its lane in this step [m], < 0 against it."""
+    lane = lane_of(state, roads, state.vehicles, b, slot)
+    if lane < 0:
+        return 0.0
+    s = state.vehicles.lane_position[b, slot]
+    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+    _, _, heading = centre_at(roads, point, s)
+    way = state.vehicles.position[b, slot] - state.before.position[b, slot]
+    return way[0] * math.cos(heading) + way[1] * math.sin(heading)
+
+
+@kernel
 def _measure(
-    state: State, roads: Roads, routes: RouteTable, corridor: int, b: int, a: int, is_new: bool
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    corridor: int,
+    b: int,
+    a: int,
+    is_new: bool,
+    came_by_road: bool,
 ) -> None:
-    """Write how far an agent has come on its route."""
+    """Write how far an agent on the road, or one that enters beside it, has come on its route."""
     vehicles, agents, missions = state.vehicles, state.agents, state.missions
     v, base = agents.slot[b, a], roads.lane_base[state.map[b]]
     before = agents.route_progress[b, a]
     row = -1
     if vehicles.lane[b, v] >= 0:
         row = find_row(routes, corridor, base + vehicles.lane[b, v], before)
-    agents.on_route[b, a] = row >= 0
+    agents.on_route[b, a] = row >= 0 and agents.on_road[b, a]
     if row < 0:
         return
     done = distance_on_row(roads, routes, row, vehicles.lane_position[b, v])
@@ -129,18 +158,21 @@ def _measure(
             agents.lane_changes[b, a] = (
                 routes.changes[row, from_end] if from_end < routes.changes.shape[1] else 0
             )
-        if missions.goal[b, a] == _LAPS and last >= 0 and not is_new:
+        if missions.goal[b, a] == _LAPS and last >= 0 and came_by_road:
             passed = find_row(routes, corridor, lane, done)
             was = before - _line_for(state, roads, routes, passed, state.before, b, a)
             now = done - _line_for(state, roads, routes, passed, vehicles, b, a)
             # Each line counts once, also for a vehicle that goes back and forth.
             if was < 0.0 <= now and agents.lap[b, a] < _laps_until(state, routes, passed, last, b, a):
                 agents.lap[b, a] += 1
-    if goal - before <= FARTHEST_STEP and before - done > FARTHEST_STEP:
+    if came_by_road and goal - before <= FARTHEST_STEP and before - done > FARTHEST_STEP:
         # Over the route's end, and round to its begin.
         done = goal
+    left = max(0.0, goal - done)
+    if not came_by_road and not is_new:
+        agents.skipped[b, a] += max(0.0, agents.remaining[b, a] - left)
     agents.route_progress[b, a] = done
-    agents.remaining[b, a] = max(0.0, goal - done)
+    agents.remaining[b, a] = left
 
 
 @kernel

@@ -98,12 +98,15 @@ class AgentStates(NamedTuple):
     """Angle of the front wheels, positive to the left [rad]."""
 
     route_progress: Floats
-    """Distance gone along the route [m]; keeps its last value off the route."""
+    """Distance gone along the route [m], without one along the lanes; keeps its last value off the route or
+    the road."""
     remaining: Floats
-    """Distance left on the route to the goal, all laps [m]; keeps its last value off the route."""
+    """Distance left on the route to the goal, all laps [m]; keeps its last value off route or road."""
+    skipped: Floats
+    """How much nearer to the goal the agent came back to the road than it had left it, in all [m]."""
     lane_changes: Bytes
     """How many the route to the goal's lane still demands, positive where the first is to the left; keeps its
-    last value off the route."""
+    last value off the route or the road."""
     distance_travelled: Floats
     """Distance driven since entry [m]."""
     lap: Shorts
@@ -115,7 +118,7 @@ class AgentStates(NamedTuple):
     corners_on_road: Bytes
     """How many corners of the footprint are, 0 to 4."""
     on_route: Bools
-    """Whether the lane is part of the route."""
+    """Whether the vehicle is on the road, in a lane of the route."""
 
     action_mask: Bools
     """Which of the four lane actions may be chosen next, shape (B, A, 4)."""
@@ -162,6 +165,7 @@ class AgentStates(NamedTuple):
             steering=zeros(np.float64),
             route_progress=zeros(np.float64),
             remaining=zeros(np.float64),
+            skipped=zeros(np.float64),
             lane_changes=zeros(np.int8),
             distance_travelled=zeros(np.float64),
             lap=zeros(np.int16),

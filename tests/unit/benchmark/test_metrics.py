@@ -8,7 +8,7 @@ import pytest
 from benchmark.metrics.registry import METRICS, PAPER_METRICS
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.agent_states import ChangePhase
-from smarts.types.events import Outcome
+from smarts.types.events import Event, Outcome
 from tests.measuring import (
     ROAD,
     following,
@@ -317,6 +317,14 @@ class TestOutcomes:
         assert value("agility", done) == pytest.approx(0.4)
         assert value("progress_speed", done) == pytest.approx(3.5)
         assert value("goal_distance", done) == pytest.approx(15.0)
+
+    def test_progress_off_the_road_is_none(self, tmp_path):
+        # 30 m on the road, 20 m beside it, where progress rests, and 50 m on it.
+        off = np.repeat([0, int(Event.OFF_ROAD), 0], (31, 20, 50))
+        along = at_speed(10.0, 100)
+        states = dict(events=off, route_progress=np.where(off > 0, 30.0, along))
+        drive = Drive(["road_0"], along, agent="a", outcome=Outcome.TIME_OUT, agents=states)
+        assert value("progress_speed", episode_of(tmp_path, ROAD, drive)) == pytest.approx(79.0 / 10.0)
 
     def test_faster_than_free_flow_is_free_flow(self, tmp_path):
         early = episode_of(

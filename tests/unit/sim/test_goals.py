@@ -47,6 +47,28 @@ def test_across_the_line_in_the_goal_lane(goal):
     assert stage.step((150.1, 4.2)) == Event.REACHED_GOAL
 
 
+@pytest.mark.parametrize("aside", [0.0, 6.0, 36.0, 60.0])
+@pytest.mark.parametrize("goal", [GoalKind.LANE_LINE, GoalKind.POSITION, GoalKind.LAPS])
+def test_beside_the_road_there_is_no_goal(goal, aside):
+    mission = AgentMission(
+        route=("road",), goal=goal, goal_lane=0, goal_s=150.0, goal_position=(150.0, 0.0),
+        goal_radius=2.0, vias=(Via((148.0, 0.0), 0, 80.0, 10.0),),
+    )  # fmt: skip
+    stage = Stage([Car(20.0, 0.0, mission=mission)], ending=int(Event.REACHED_GOAL))
+    events = Event.NONE
+    for x in (21.0, 60.0, *np.arange(140.0, 170.0, 2.0)):
+        events |= stage.step((x, -aside if x > 21.0 else 0.0))
+        if aside:
+            assert stage.agents.remaining[0, 0] == 129.0
+    assert bool(events & Event.REACHED_GOAL) == (aside == 0.0)
+    assert bool(events & Event.VIA_HIT) == (aside == 0.0)
+    assert not aside or not events & (Event.MISSED_GOAL | Event.LAP_COMPLETED)
+    if aside and goal != GoalKind.LAPS:
+        # Back on the road behind the line, the goal is missed.
+        assert stage.step((172.0, 0.0)) & Event.MISSED_GOAL
+    assert stage.agents.lap[0, 0] == (goal == GoalKind.LAPS and aside == 0.0)
+
+
 def test_across_the_line_in_another_lane_is_a_miss():
     stage = Stage([Car(148.0, 0.0, mission=LINE)])
     assert stage.step((150.1, 0.0)) == Event.NONE
@@ -159,6 +181,9 @@ def test_off_the_map_at_the_end_of_a_road():
     endless = Stage([Car(198.0, 0.0, mission=AgentMission())])
     assert endless.step((150.0, -3.0)) & Event.OFF_ROAD
     assert Stage([Car(1.0, 0.0, mission=AgentMission())]).step((-1.0, 0.0)) & Event.OFF_ROAD
+    beside = Stage([Car(190.0, 0.0, mission=AgentMission())], ending=int(Event.REACHED_GOAL))
+    assert beside.step((198.0, -2.5)) & Event.OFF_ROAD
+    assert beside.step((201.0, -2.5)) & Event.OFF_ROAD
 
 
 def test_laps():

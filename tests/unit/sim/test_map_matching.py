@@ -74,8 +74,8 @@ def test_one_kernel_finds_what_the_atlas_finds():
         vehicles.lane[0, place],
         vehicles.lane_position[0, place],
     )
-    assert (agents.on_route[0] == np.isfinite(done)).all()
-    on = np.isfinite(done)
+    on = np.isfinite(done) & agents.on_road[0]
+    assert (agents.on_route[0] == on).all()
     assert agents.route_progress[0, on] == pytest.approx(done[on])
     assert agents.remaining[0, on] == pytest.approx(remaining[on])
     assert (vehicles.lane[~vehicles.alive] == -1).all()
@@ -113,6 +113,51 @@ def test_off_the_route_progress_stays_as_it_was():
     made.match()
     assert not agents.on_route[0, 0]
     assert (agents.route_progress[0, 0], agents.remaining[0, 0]) == before
+
+
+def move(made, x, y, heading=0.0):
+    made.advance()
+    made.world.step += 1
+    made.world.vehicles.position[0, 0], made.world.vehicles.heading[0, 0] = (x, y), heading
+    made.match()
+    agents = made.world.agents
+    return tuple(float(column[0, 0]) for column in (agents.route_progress, agents.remaining, agents.skipped))
+
+
+def test_off_the_road_there_is_no_progress():
+    mission = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=150.0)
+    made = world_of([Car(40.0, 0.0, mission=mission)], maps=[straight(lanes=1)])
+    assert move(made, 42.0, 0.0) == pytest.approx((42.0, 108.0, 0.0))
+    for x in (44.0, 80.0, 160.0):
+        assert move(made, x, 60.0) == pytest.approx((42.0, 108.0, 0.0))
+        assert not made.world.agents.on_route[0, 0]
+    # Back on the road it is where it is, and what it left out is known.
+    assert move(made, 90.0, 0.0) == pytest.approx((90.0, 60.0, 48.0))
+    assert move(made, 92.0, 0.0) == pytest.approx((92.0, 58.0, 48.0))
+    # Who comes back behind where it left has to drive that again.
+    move(made, 92.0, -9.0)
+    assert move(made, 70.0, 0.0) == pytest.approx((70.0, 80.0, 48.0))
+
+
+def test_an_agent_that_enters_beside_the_road():
+    mission = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=150.0)
+    made = world_of([Car(40.0, 9.0, mission=mission)], maps=[straight(lanes=1)])
+    assert made.world.agents.remaining[0, 0] == pytest.approx(110.0)
+    assert not made.world.agents.on_route[0, 0]
+    assert move(made, 60.0, 0.0) == pytest.approx((60.0, 90.0, 20.0))
+
+
+def test_without_a_route_progress_is_the_way_along_the_lanes():
+    radius = 30.0
+    made = world_of([Car(radius, 0.0, math.pi / 2, mission=AgentMission())], maps=[bend(1, radius)])
+    for step in range(1, 51):
+        angle = 0.03 * step
+        progress, _, _ = move(made, radius * math.cos(angle), radius * math.sin(angle), angle + math.pi / 2)
+    assert progress == pytest.approx(45.0, rel=0.01)
+    # Off the road it stays, and back along the lane it sinks.
+    assert move(made, 0.0, 0.0)[0] == progress
+    assert move(made, 0.0, radius, math.pi)[0] == progress
+    assert move(made, 2.0, radius, math.pi)[0] == pytest.approx(progress - 2.0, abs=0.1)
 
 
 def test_who_has_no_route_is_never_off_it():
