@@ -8,8 +8,10 @@ from itertools import chain
 import numpy as np
 
 from smarts.geometry.binding import bind
+from smarts.providers.sumo_lean import Straightening
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_rows import Legs, begin_legs, fill_between, fill_rows
+from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleStates
 
 
@@ -29,6 +31,7 @@ class DrivenRows:
     ) -> None:
         self._library, self._steps = library, steps
         self._is_new = np.zeros(states.capacity, np.bool_)
+        self._lean = Straightening(library, states, self._is_new)
         if steps == 1:
             self._take = bind(fill_rows, states, self._is_new, dt)
         else:
@@ -36,9 +39,10 @@ class DrivenRows:
             self._take = bind(begin_legs, states, self._is_new, legs)
             self._fill_between = bind(fill_between, states, self._is_new, legs, dt, owner)
 
-    def reset(self) -> None:
-        """Begin an episode."""
+    def reset(self, roads: LaneGraph) -> None:
+        """Begin an episode on a map."""
         self._is_new[:] = False
+        self._lean.reset(roads)
 
     def note_new(self, slot: int) -> None:
         """Note that a slot's row does not hold its vehicle's last pose."""
@@ -60,8 +64,10 @@ class DrivenRows:
         ones = (vehicle.getAngle, vehicle.getSpeed, vehicle.getAcceleration, vehicle.getAllowedSpeed)
         pairs = chain.from_iterable(map(vehicle.getPosition, driven))
         values = np.fromiter(chain(pairs, *(map(one, driven) for one in ones)), np.float64, 6 * count)
+        rows = np.fromiter(driven.values(), np.intp, count)
+        self._lean.apply(driven, rows, values)
         # The simulation matches all vehicles to lanes itself.
-        self._take(np.fromiter(driven.values(), np.intp, count), values)
+        self._take(rows, values)
 
     def write(self, step: int) -> None:
         """Write the poses of one of the world's steps within SUMO's, counted from 1."""

@@ -1,6 +1,7 @@
 """Traffic of one simulation, driven by SUMO in this process.
 
-Without agents, it equals the result of `sumo` with the same files, options, seed and step length.
+Without agents, it equals the result of `sumo` with the same files, options, seed and step length, but for the
+headings that `sumo_lean` limits.
 """
 
 from __future__ import annotations
@@ -155,7 +156,7 @@ class SumoTraffic:
         self._ids.clear()
         self._driven.clear()
         self._limit = states.capacity if limit is None else limit
-        self._rows.reset()
+        self._rows.reset(roads)
         self._done = 0
         self.is_full = False
         self._signals.reset(roads)

@@ -1,0 +1,60 @@
+"""Slow vehicles that lean to their lane: how far, and that traffic does not drive through their tails."""
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from smarts.geometry.boxes import box_gaps
+from smarts.providers.sumo_lean import most_lean
+from smarts.sim.traffic_run import traffic_run
+from smarts.sstudio.build import build_scenario
+from smarts.types.vehicles import VehicleStates
+
+
+def overlapping(states: VehicleStates) -> set[tuple[int, int]]:
+    """Return the pairs of slots whose footprints share more than 2 cm."""
+    slots = np.flatnonzero(states.alive).tolist()
+    boxes = {
+        slot: (
+            (*states.position[slot].tolist(), float(states.heading[slot])),
+            states.length[slot] / 2,
+            states.width[slot] / 2,
+        )
+        for slot in slots
+    }
+    near = (
+        pair
+        for pair in combinations(slots, 2)
+        if math.dist(states.position[pair[0]], states.position[pair[1]]) < 8.0
+    )
+    return {(a, b) for a, b in near if max(box_gaps(*boxes[a], *boxes[b])) < -0.02}
+
+
+@pytest.mark.parametrize(
+    ("length", "width", "room", "lean"),
+    [
+        (4.0, 0.0, 2.0, math.radians(30.0)),
+        (3.0, 8.0, 4.0, 0.0),  # Its front takes all the room.
+        (3.0, 8.0, 5.0, math.radians(90.0) - math.atan2(4.0, 3.0)),
+        (3.0, 2.0, 100.0, math.radians(90.0) - math.atan2(1.0, 3.0)),
+    ],
+)
+def test_a_tail_stays_within_its_room(length, width, room, lean):
+    assert most_lean(length, width, room) == pytest.approx(lean)
+
+
+def test_traffic_does_not_drive_through_a_vehicle_that_has_changed_lanes_while_it_stood():
+    # From 70 to 94 s, seven vehicles pass one that stands in the merging section, after a lane change on the
+    # spot; SUMO shows it turned by 30 degrees.
+    found, turns = set(), []
+    with traffic_run(build_scenario("double_merge"), "random_social_vehicles", seed=7) as run:
+        for states in run.steps(seconds=94.0):
+            if run.world.step[0] > 650:
+                found |= overlapping(states)
+                change = states.heading - run.world.before.heading[0]
+                turns.append(np.abs(change[states.alive & run.world.before.alive[0]]).max())
+    assert not found
+    # It straightens by and by, no faster than SUMO turns a vehicle that begins to change lanes.
+    assert max(turns) < 0.2
