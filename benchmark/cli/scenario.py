@@ -85,6 +85,32 @@ def build(
             typer.echo(f"  note: {note}")
 
 
+@app.command("import")
+def import_files(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="A .sumocfg; or a .net.xml with route and additional files.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the scenario, new or empty.", show_default="named as the first file"),
+    ] = None,
+) -> None:
+    """Make a scenario of SUMO's files, and build it."""
+    from smarts.sstudio.build import build_scenario
+    from smarts.sstudio.sumo_files import import_sumo
+
+    folder, unused = import_sumo(files, out)
+    built = build_scenario(folder)
+    typer.echo(f"{folder}: {len(built.roads().edge_ids)} edges, traffic {', '.join(built.traffic) or 'none'}")
+    if unused:
+        typer.echo(f"  note: options without effect here: {', '.join(unused)}")
+
+
 @app.command()
 def show(
     scenarios: Names = None,

@@ -66,4 +66,5 @@ def digest_of(built: BuiltScenario, task_setting: TaskSetting) -> str:
         plans = [replace(plan, spare=()) for plan in plans]
     described = [encode(plan) for plan in plans], encode(scenario.start_variation)
     bubbles = [encode(scenario.bubbles)] if scenario.bubbles else []
-    return digest([contents, files.warm_up, *described, *bubbles], size=8)
+    options = [encode(dict(files.options))] if files.options else []
+    return digest([contents, files.warm_up, *described, *bubbles, *options], size=8)

@@ -43,6 +43,7 @@ class HiWayEnv(NotCopied, gym.Env):
     Args:
         scenarios: Folders, or names of the suite; they are played in a seeded order.
         agent_specs: The agents' specs, or their interfaces alone, by name.
+        agent_interfaces: The same argument under the name that SMARTS 2.0.1 has for it; give one of the two.
         headless: False is `envision=True`.
         decision_interval: Steps of 0.1 s from one decision to the next.
         sim_name: Without effect. Kept so that the original's calls work.
@@ -66,8 +67,9 @@ class HiWayEnv(NotCopied, gym.Env):
     def __init__(
         self,
         scenarios: Sequence[str | Path],
-        agent_specs: Mapping[str, AgentSpec | AgentInterface],
+        agent_specs: Mapping[str, AgentSpec | AgentInterface] | None = None,
         *,
+        agent_interfaces: Mapping[str, AgentInterface] | None = None,
         headless: bool = True,
         decision_interval: int = 1,
         sim_name: str | None = None,
@@ -81,10 +83,18 @@ class HiWayEnv(NotCopied, gym.Env):
         render_mode: RenderMode | None = None,
     ) -> None:
         check_render_mode(render_mode, "HiWayEnv")
-        check_instance("agent_specs", agent_specs, Mapping, "a dict of specs by the agents' names")
+        given = [each for each in (agent_specs, agent_interfaces) if each is not None]
+        if len(given) != 1:
+            raise InterfaceError(
+                f"{len(given)} dicts of agents",
+                place="HiWayEnv",
+                remedy="give agent_specs or agent_interfaces",
+            )
+        (agents,) = given
+        check_instance("agent_specs", agents, Mapping, "a dict of specs by the agents' names")
         settings = EnvSettings(
             scenarios,
-            agent_specs,
+            agents,
             seed=seed,
             decision_interval=decision_interval,
             simulation=simulation,
@@ -97,7 +107,7 @@ class HiWayEnv(NotCopied, gym.Env):
         self._env = ObjectDictEnv(settings)
         self._interfaces = settings.interfaces()
         self.agent_specs = dict(self._env.specs)
-        self.agent_ids = list(agent_specs)
+        self.agent_ids = list(agents)
         """The names of all agents, active or not."""
         self.decision_interval = decision_interval
         self._renderer = Renderer(self._env.runner, render_mode, "HiWayEnv")

@@ -58,6 +58,7 @@ def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
         options += ["--route-files", ",".join(map(str, files.routes))]
     if files.additional:
         options += ["--additional-files", ",".join(map(str, files.additional))]
+    options += [text for name, value in files.options for text in (f"--{name}", value)]
     # Lane changes take 3 s instead of one step; vehicles are not removed from jams and after collisions.
     options += ["--lanechange.duration", "3", "--time-to-teleport", "-1"]
     options += ["--collision.action", "none", "--collision.check-junctions", "true"]
@@ -163,7 +164,7 @@ class SumoTraffic:
         self._start(files, seed)
         with self._library.errors("failed while the traffic warmed up"):
             self._kept_clear = np.flatnonzero(states.alive).tolist()
-            self._admit(self._warm_up(files.warm_up))
+            self._admit(self._warm_up(files.warm_up, float(dict(files.options).get("begin", 0.0))))
             self._rows.read(self._driven)
             self._rows.write(self._steps)
             self._signals.read()
@@ -239,8 +240,8 @@ class SumoTraffic:
         if not self._has_begun:
             raise TrafficError("no episode has begun", place="traffic", remedy="call reset first")
 
-    def _warm_up(self, duration: float) -> list[str]:
-        """Run the warm-up of `duration` [s]; return the SUMO ids of departed vehicles.
+    def _warm_up(self, duration: float, begin: float) -> list[str]:
+        """Run the warm-up of `duration` [s] from SUMO's time `begin` [s]; return SUMO ids of what departed.
 
         Vehicles that are already in the world are inserted in the last warm-up step, so that SUMO's drivers
         react to them from the first step of the episode.
@@ -249,13 +250,13 @@ class SumoTraffic:
         entering = self._kept_clear if duration > dt else []
         departed: list[str] = []
         if duration > 0 and entering:
-            library.simulation.step(duration - dt)
+            library.simulation.step(begin + duration - dt)
             departed += library.simulation.getDepartedIDList()
             for slot in entering:
                 self._enter(slot)
             self._shadows.place()
         if duration > 0:
-            library.simulation.step(duration)
+            library.simulation.step(begin + duration)
             departed += library.simulation.getDepartedIDList()
         if entering:
             self._shadows.settle()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gzip
 import itertools
 import os
 import re
 import signal
 import tempfile
 import xml.etree.ElementTree as ElementTree
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +23,7 @@ from smarts.roads.foreign import check_sources, mended_opendrive
 from smarts.roads.net_repairs import mended_net
 from smarts.roads.osm_types import write_road_types
 from smarts.roads.sources import MapKind, MapSource
-from smarts.roads.sumo_tools import run_tool, sumo_folder, try_map
+from smarts.roads.sumo_tools import run_tool, sumo_folder, try_in_sumo
 from smarts.roads.validation import validate_net
 
 # Fine curves through junctions: SUMO's default of five points makes vehicles turn in visible kinks.
@@ -78,6 +80,7 @@ _DEFAULTS: dict[MapKind, dict[str, str]] = {
 _COMMON = {"xml-validation": "never", "aggregate-warnings": "-1"}
 _INPUT_OPTIONS = {
     ".net.xml": "sumo-net-file",
+    ".net.xml.gz": "sumo-net-file",
     ".nod.xml": "node-files",
     ".edg.xml": "edge-files",
     ".con.xml": "connection-files",
@@ -102,7 +105,7 @@ class MapNotes(NamedTuple):
 def compile_map(source: MapSource, out: Path) -> MapNotes:
     """Write the map as a SUMO network to `out`: the same bytes for the same sources, wherever they lie.
 
-    SUMO loads each network once (`try_map`). A compiled network is checked and copied as it is; one with
+    SUMO loads each network once (`try_in_sumo`). A compiled network is checked and copied as it is; one with
     connections to lanes that do not exist, or without lanes inside its junctions, is built again by
     netconvert, with the same edges and lanes. Links of OpenDRIVE and OSM maps that netconvert cannot use are
     left out. `map.netccfg` beside other sources overrides the options chosen here. The file appears complete
@@ -144,7 +147,7 @@ def _prepared(source: MapSource, content: bytes | None, work: Path) -> dict[str,
         suffix, option = next(
             pair for pair in _INPUT_OPTIONS.items() if source.files[0].name.endswith(pair[0])
         )
-        mended = work / f"mended{suffix}"
+        mended = work / f"mended{suffix.removesuffix('.gz')}"
         mended.write_bytes(content)
         prepared[option] = str(mended)
     if source.kind == "osm":
@@ -174,7 +177,7 @@ def _publish(net: bytes, notes: MapNotes, source: MapSource, out: Path) -> None:
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         temporary.write_bytes(net)
-        try_map(temporary, str(source.files[0]))
+        try_in_sumo(out.parent, {"net-file": [temporary.name]}, ("--end", "1"), str(source.files[0]), "map")
         os.replace(temporary, out)
     except OSError as error:
         raise _cannot_write(out, error) from error
@@ -185,9 +188,11 @@ def _publish(net: bytes, notes: MapNotes, source: MapSource, out: Path) -> None:
 
 def _read_bytes(path: Path) -> bytes:
     try:
-        return path.read_bytes()
-    except OSError as error:
-        raise MapError(f"cannot read the map: {error.strerror}", place=str(path)) from error
+        content = path.read_bytes()
+        return gzip.decompress(content) if path.suffix == ".gz" else content
+    except (OSError, EOFError, zlib.error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise MapError(f"cannot read the map: {reason}", place=str(path)) from error
 
 
 def _convert(source: MapSource, arguments: list[str], product: Path) -> ConverterMessages:

@@ -14,9 +14,12 @@ MapKind = Literal["sumo_net", "sumo_plain", "netgenerate", "opendrive", "osm"]
 MAP_STEM = "map"
 """Default stem of a scenario's map files."""
 
+NET_SUFFIXES = (".net.xml", ".net.xml.gz")
+"""Of compiled networks, plain and compressed."""
+
 # In order of precedence: the first kind whose principal files exist is the map.
 _PRINCIPAL: dict[MapKind, tuple[tuple[str, ...], ...]] = {
-    "sumo_net": ((".net.xml",),),
+    "sumo_net": tuple((suffix,) for suffix in NET_SUFFIXES),
     "sumo_plain": ((".nod.xml", ".edg.xml"),),
     "netgenerate": ((".netgcfg",),),
     "opendrive": ((".xodr",),),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -23,38 +23,44 @@ from smarts.roads.converter_messages import ConverterMessages
 _SECONDS, _SECONDS_A_MEGABYTE = 20.0, 1.0
 _GIGABYTES, _GIGABYTES_A_MEGABYTE = 1.0, 0.1
 _OUT_OF_MEMORY = ("bad_alloc", "failed to map")
-_COMPILE_AGAIN = "mend the file, or compile the map again with netconvert"
+_QUIETLY = ("--no-step-log", "--no-warnings", "--xml-validation", "never")
 
 
-def try_map(net: Path, place: str) -> None:
-    """Let SUMO load a network in a child process: what kills SUMO there would kill the simulation.
+def try_in_sumo(
+    folder: Path, inputs: Mapping[str, Sequence[str]], options: Sequence[str], place: str, what: str
+) -> None:
+    """Let SUMO load files in a child process: what kills SUMO there would kill the simulation.
 
     Args:
-        net: The network.
-        place: What it was compiled from, for errors.
+        folder: The files' folder.
+        inputs: The files' names by SUMO's options for them.
+        options: Further options, with an end.
+        place: What they were made of, for errors.
+        what: What they are, "map" or "traffic".
 
     Raises:
-        MapError: SUMO refuses the network, crashes on it, or needs more than a network of its size does.
+        MapError: SUMO refuses the files, crashes on them, or needs more than files of their size do.
     """
-    size = net.stat().st_size / 1e6
+    size = sum((folder / name).stat().st_size for names in inputs.values() for name in names) / 1e6
     seconds = time_limit(_SECONDS + _SECONDS_A_MEGABYTE * size)
     memory = memory_limit(_GIGABYTES + _GIGABYTES_A_MEGABYTE * size)
-    options = ["--net-file", net.name, "--end", "1", "--no-step-log", "--xml-validation", "never"]
+    named = [text for option, names in inputs.items() if names for text in (f"--{option}", ",".join(names))]
+    remedy = f"mend the file{', or compile the map again with netconvert' if what == 'map' else ''}"
     try:
-        code, said = run_tool("sumo", options, net.parent, seconds=seconds, memory=memory)
+        code, said = run_tool("sumo", [*named, *options, *_QUIETLY], folder, seconds=seconds, memory=memory)
     except TimeoutError:
-        problem = f"SUMO was still loading the map after {seconds:g} s"
-        remedy = f"{_COMPILE_AGAIN}, or set {TIME_LIMIT_VARIABLE} to more seconds"
+        problem = f"SUMO was still loading the {what} after {seconds:g} s"
+        remedy += f", or set {TIME_LIMIT_VARIABLE} to more seconds"
     else:
         if code == 0:
             return
         reason = " ".join(said.errors)
-        problem, remedy = f"SUMO refuses the map: {reason or f'exit code {code}'}", _COMPILE_AGAIN
+        problem = f"SUMO refuses the {what}: {reason or f'exit code {code}'}"
         if any(each in reason for each in _OUT_OF_MEMORY):
-            problem = f"SUMO needs more than {memory:.3g} GB of memory for the map"
-            remedy = f"{_COMPILE_AGAIN}, or set {MEMORY_LIMIT_VARIABLE} to more gigabytes"
+            problem = f"SUMO needs more than {memory:.3g} GB of memory for the {what}"
+            remedy += f", or set {MEMORY_LIMIT_VARIABLE} to more gigabytes"
         elif code < 0:
-            problem = f"SUMO crashes on the map ({signal.Signals(-code).name})"
+            problem = f"SUMO crashes on the {what} ({signal.Signals(-code).name})"
     raise MapError(problem, place=place, remedy=remedy)
 
 

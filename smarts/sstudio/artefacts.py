@@ -17,12 +17,14 @@ from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.sources import MapSource
 from smarts.roads.sumo_net import read_net
+from smarts.roads.sumo_tools import try_in_sumo
 from smarts.sstudio.built import LANES, NET, SCENARIO, WITHOUT_EFFECT
 from smarts.sstudio.cache import MANIFEST, damaged_file, file_table
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.executing import Description
 from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.traffic import Traffic
+from smarts.sstudio.sumo_files import carried_files
 from smarts.sstudio.sumo_writer import sumo_traffic
 from smarts.sstudio.validation import validate
 from smarts.types.streams import Purpose, stream
@@ -30,7 +32,7 @@ from smarts.types.traffic import TRAFFIC_ENGINES
 
 
 def write_artefacts(
-    folder: Path, description: Description, source: MapSource, like: Path | None, place: str
+    folder: Path, description: Description, source: MapSource, like: Path | None, place: str, directory: Path
 ) -> None:
     """Check a scenario and write its artefacts.
 
@@ -40,6 +42,7 @@ def write_artefacts(
         source: Its map.
         like: Artefacts of another scenario on the very same map, which is then not compiled again.
         place: The file that describes the scenario, for errors.
+        directory: The scenario's folder, for SUMO's own files of its traffic.
 
     Raises:
         ScenarioError: The scenario cannot be on this map.
@@ -51,10 +54,12 @@ def write_artefacts(
     roads = LaneGraph.load(folder / LANES)
     validate(scenario, roads, folder / NET, place)
     (folder / "traffic").mkdir()
-    traffic, notes = {}, _notes(description)
+    traffic, notes, warnings = {}, _notes(description), _warnings(description)
     for name, described in (scenario.traffic or {}).items():
         traffic[name], more = _write_traffic(folder, name, described, roads, seed, place)
         notes += more
+        if described.route_files or described.additional_files:
+            warnings += _add_sumo_files(folder, name, described, traffic[name], directory, place)
     _write_json(folder / SCENARIO, encode(replace(scenario, held_out=None)))
     manifest = {
         "seed": seed,
@@ -62,7 +67,7 @@ def write_artefacts(
         "held_out": {name: held.description for name, held in (scenario.held_out or {}).items()},
         **of_map,
         "notes": notes,
-        "warnings": _warnings(description),
+        "warnings": warnings,
         "files": file_table(folder),
     }
     _write_json(folder / MANIFEST, manifest)
@@ -93,11 +98,29 @@ def _write_traffic(
     contents = sumo_traffic(traffic, roads, folder / NET, generator, f"traffic[{name!r}]", place)
     stem = f"traffic/{quote(name, safe='')}"
     files = {"routes": [f"{stem}.rou.xml"], "additional": [], "warm_up": traffic.warm_up}
+    files["options"] = dict(traffic.sumo_options)
     (folder / files["routes"][0]).write_text(contents.routes, encoding="utf-8")
     if contents.additional:
         files["additional"] = [f"{stem}.add.xml"]
         (folder / files["additional"][0]).write_text(contents.additional, encoding="utf-8")
     return files, list(contents.notes)
+
+
+def _add_sumo_files(
+    folder: Path, name: str, traffic: Traffic, files: dict[str, Any], directory: Path, place: str
+) -> list[str]:
+    """Add copies of SUMO's own files to those of a variation, try them in SUMO, and return warnings."""
+    sources = [directory / file for file in (*traffic.additional_files, *traffic.route_files)]
+    copies, lost = carried_files(sources, folder, f"traffic/{quote(name, safe='')}")
+    count = len(traffic.additional_files)
+    files["additional"] += copies[:count]
+    files["routes"] += copies[count:]
+    inputs = {"net-file": [NET], "route-files": files["routes"], "additional-files": files["additional"]}
+    options = [text for option, value in files["options"].items() for text in (f"--{option}", value)]
+    # All of the routes at once, so that every mistake in them is found.
+    options += ["--end", str(float(files["options"].get("begin", 0.0)) + 1.0), "--route-steps", "0"]
+    try_in_sumo(folder, inputs, options, f"{place}: traffic[{name!r}]", "traffic")
+    return [f"traffic[{name!r}] without what is not simulated: {lost}"] if lost else []
 
 
 def _notes(description: Description) -> list[str]:

@@ -11,7 +11,7 @@ import contextlib
 import json
 import logging
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
@@ -161,16 +161,18 @@ def _built(location: Location, description: Description, inputs: str | None) -> 
     map_key = _fingerprint_map(source)
     content = encode(description.scenario)
     # As text, in which mappings keep their order: episodes take variations in it.
-    key = digest([json.dumps(content), map_key, description.seed, _toolchain()], size=8)
+    traffic_files = _hashes(directory, _sumo_files(description.scenario))
+    key = digest([json.dumps(content), map_key, description.seed, _toolchain(), traffic_files], size=8)
     entry = {"key": key, "map": map_name}
     entry["files"] = _hashes(directory, _relative(directory, (*source.files, *description.files)))
+    entry["files"] |= traffic_files
     cache = BuildCache.writable(location.builds)
     with cache.lock():
         if cache.artefacts(key) is None:
             twin = (cache.read(f"map-{map_key}") or {}).get("key")
             like = cache.artefacts(twin) if isinstance(twin, str) else None
             with cache.publish(key) as folder:
-                write_artefacts(folder, description, source, like, _place(location))
+                write_artefacts(folder, description, source, like, _place(location), directory)
             cache.write(f"map-{map_key}", {"key": key})
             cache.prune()
         if inputs is None:
@@ -178,6 +180,17 @@ def _built(location: Location, description: Description, inputs: str | None) -> 
             inputs = _fingerprint_inputs(location, None)
         cache.write(inputs, entry)
     return BuiltScenario(location.label, directory, cache.root / key)
+
+
+def _sumo_files(scenario: Scenario) -> list[str]:
+    """Return SUMO's own files that a scenario's traffic names."""
+    variations = scenario.traffic.values() if isinstance(scenario.traffic, Mapping) else ()
+    return [
+        file
+        for traffic in variations
+        if isinstance(traffic, Traffic)
+        for file in (*traffic.route_files, *traffic.additional_files)
+    ]
 
 
 def _without_data_set(scenario: Scenario, place: str) -> ScenarioError | None:

@@ -104,6 +104,7 @@ class BuiltScenario:
                 routes=tuple(self.directory / file for file in files["routes"]),
                 additional=tuple(self.directory / file for file in files["additional"]),
                 warm_up=files["warm_up"],
+                options=tuple(files["options"].items()),
             )
             for name, files in self._manifest["traffic"].items()
         }

@@ -15,6 +15,7 @@ from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import Checks, shown
 from smarts.sstudio.placement import offset_along, open_lane_of, open_to_all, route_edges
 from smarts.sstudio.sstypes.constants import MAX_OFFSET
+from smarts.sstudio.sumo_files import OPTIONS
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
 from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.vehicles import VehicleKind
@@ -54,6 +55,12 @@ class TrafficChecks(Checks):
         self.number(traffic.warm_up, f"{where}.warm_up", most=LONGEST_WARM_UP)
         for at, flow in self.each(traffic.flows, t.Flow, f"{where}.flows"):
             self._flow(flow, at)
+        self.texts(traffic.route_files, f"{where}.route_files")
+        self.texts(traffic.additional_files, f"{where}.additional_files")
+        for name, value in self.named(traffic.sumo_options, f"{where}.sumo_options"):
+            self.type(value, str, name)
+        for name in traffic.sumo_options:
+            self.choice(name, OPTIONS, f"{where}.sumo_options")
         seen: dict[str, str] = {}
         for at, trip in self.each(traffic.trips, t.Trip, f"{where}.trips"):
             self._trip(trip, at)

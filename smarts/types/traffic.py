@@ -46,6 +46,8 @@ class TrafficFiles:
     """Bus stops and the like, loaded before the routes."""
     warm_up: float = 0.0
     """Simulated before an episode begins, so that it starts among traffic [s]."""
+    options: tuple[tuple[str, str], ...] = ()
+    """Further options of SUMO, such as "begin", from which `warm_up` counts [s]."""
 
 
 class Signal(enum.IntEnum):

@@ -105,3 +105,11 @@ class Traffic(Described):
     from its begin."""
     seed: int | None = None
     """For its random routes and sampled drivers; without one, the scenario's (an extension)."""
+    route_files: Sequence[str] = ()
+    """Route files of SUMO (types, routes, flows, trips, vehicles) in the scenario's folder, which SUMO drives
+    beside `flows` and `trips` (an extension)."""
+    additional_files: Sequence[str] = ()
+    """Additional files of SUMO, likewise."""
+    sumo_options: Mapping[str, str] = field(default_factory=dict)
+    """Options of SUMO: "begin" [s], before which no vehicle departs and from which `warm_up` counts, "scale",
+    "ignore-route-errors", "max-depart-delay" [s], "random-depart-offset" [s] (an extension)."""

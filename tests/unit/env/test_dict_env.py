@@ -262,6 +262,15 @@ def test_agents_without_an_interface_are_refused():
         gymnasium.make("smarts.env:hiway-v0", scenarios=["loop"], agent_specs={"a": AgentSpec()})
 
 
+def test_the_keyword_that_smarts_2_has(closing):
+    given = {"scenarios": ["loop"], "headless": True}
+    env = closing(gymnasium.make("smarts.env:hiway-v0", agent_interfaces={"a": LANER}, **given))
+    assert set(env.reset(seed=1)[0]) == {"a"}
+    for agents in ({}, {"agent_specs": {"a": LANER}, "agent_interfaces": {"a": LANER}}):
+        with raises(InterfaceError, "HiWayEnv", values=["agent_interfaces"]):
+            gymnasium.make("smarts.env:hiway-v0", **given, **agents)
+
+
 def test_an_environment_without_agents_is_refused():
     with raises(InterfaceError, "agents"):
         HiWayEnv(["loop"], {})

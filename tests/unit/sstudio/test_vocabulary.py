@@ -28,7 +28,8 @@ FIELDS = {
         "route=... rate=... begin=0 end=3600 actors={} randomly_spaced=False repeat_route=False stops=()"
     ),
     "Trip": "vehicle_name=... route=... vehicle_type='passenger' depart=0 actor=None stops=()",
-    "Traffic": "flows=... trips=None engine='SUMO' warm_up=0.0 seed=None",
+    "Traffic": "flows=... trips=None engine='SUMO' warm_up=0.0 seed=None route_files=() "
+    "additional_files=() sumo_options={}",
     "Mission": "route=... via=() start_time=MISSING entry_tactic=None task=None",
     "EndlessMission": "begin=... via=() start_time=MISSING entry_tactic=None",
     "LapMission": "route=... num_laps=... via=() start_time=MISSING entry_tactic=None",
