@@ -36,14 +36,22 @@ class SumoSignals:
         """Begin an episode on a map."""
         self.of_lanes = self._signals[: len(roads.lane_ids)]
         self.of_lanes[:] = Signal.NONE
+        lanes_of = [np.flatnonzero(roads.signal == number) for number in range(len(roads.signal_ids))]
         self._lights = [
             (signal, lanes, roads.signal_link[lanes])
-            for number, signal in enumerate(roads.signal_ids)
-            if len(lanes := np.flatnonzero(roads.signal == number))
+            for signal, lanes in zip(roads.signal_ids, lanes_of, strict=True)
+            if len(lanes)
         ]
+        self._names = [signal for signal, _, _ in self._lights]
+        self._shown: list[str] = [""] * len(self._names)
 
     def read(self) -> None:
         """Write SUMO's present signals."""
-        state_of = self._library.trafficlight.getRedYellowGreenState
-        for signal, lanes, links in self._lights:
-            self.of_lanes[lanes] = _LIGHTS[np.frombuffer(state_of(signal).encode(), np.uint8)[links]]
+        shown = [*map(self._library.trafficlight.getRedYellowGreenState, self._names)]
+        if shown == self._shown:
+            return
+        # A light's state changes once in some seconds, and to write it takes ten times as long as to read it.
+        for (_, lanes, links), light, last in zip(self._lights, shown, self._shown, strict=True):
+            if light != last:
+                self.of_lanes[lanes] = _LIGHTS[np.frombuffer(light.encode(), np.uint8)[links]]
+        self._shown = shown

@@ -238,12 +238,11 @@ def find_touchable(state: State, motion: Motion, groups: AgentGroups, boxed: Boo
                     is_other = False
             if not is_other:
                 continue
-            one = _mover(vehicles, b, v)
             for a in range(count):
                 if not in_bullet[b, a]:
                     continue
                 within = slack + motion.overhang[b * slot.shape[1] + a]
-                if may_meet(one, _mover(vehicles, b, slot[b, a]), state.dt, within):
+                if _may_touch(vehicles, b, v, slot[b, a], state.dt, within):
                     boxed[b, v] = any_found = True
                     break
     return any_found
@@ -256,6 +255,25 @@ def _end_of(chosen: Bools) -> int:
         if chosen[a]:
             return a + 1
     return 0
+
+
+@kernel
+def _may_touch(vehicles: VehicleStates, b: int, v: int, other: int, dt: float, slack: float) -> bool:
+    """Return whether two vehicles may touch within a step, as `may_meet` does."""
+    dx = vehicles.position[b, other, 0] - vehicles.position[b, v, 0]
+    dy = vehicles.position[b, other, 1] - vehicles.position[b, v, 1]
+    farthest = slack + _reach(vehicles, b, v, dt) + _reach(vehicles, b, other, dt)
+    # Nearly all are far away, and this bound needs no sines.
+    if dx * dx + dy * dy > farthest * farthest:
+        return False
+    return may_meet(_mover(vehicles, b, v), _mover(vehicles, b, other), dt, slack)
+
+
+@kernel
+def _reach(vehicles: VehicleStates, b: int, v: int, dt: float) -> float:
+    """Return a bound on how far from its centre any part of a vehicle comes within a step [m]."""
+    size = 0.5 * (vehicles.length[b, v] + vehicles.width[b, v])
+    return size + dt * (abs(vehicles.speed[b, v]) + abs(vehicles.lateral_speed[b, v]))
 
 
 @kernel

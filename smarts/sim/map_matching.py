@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Bools
+from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
@@ -35,11 +36,24 @@ _LATEST = 1e12
 """Beyond the end of every route [m]: picks the last time that a route uses a lane."""
 
 
+class Matched(NamedTuple):
+    """The poses for which the vehicles' places hold: a vehicle that has not moved keeps its place."""
+
+    generation: Ints
+    """The vehicle, -1 where the place is to be found again, shape (B, V)."""
+    pose: Floats
+    """x, y [m] and heading [rad], shape (B, V, 3)."""
+
+
 class MapMatcher:
     """Finds all vehicles' lanes, and the agents' progress along their routes."""
 
     def __init__(self, scene: Scene) -> None:
-        self._match = bind(match_vehicles, scene.world.state, scene.atlas.roads, scene.routes.current)
+        shape = scene.world.vehicles.alive.shape
+        matched = Matched(np.full(shape, -1, np.int32), np.zeros((*shape, 3)))
+        self._match = bind(
+            match_vehicles, scene.world.state, scene.atlas.roads, scene.routes.current, matched
+        )
 
     def match(self, env_mask: Bools) -> None:
         """Write the places of all vehicles, since when they stand, and where agents are on their routes.
@@ -53,28 +67,20 @@ class MapMatcher:
 
 
 @kernel
-def match_vehicles(state: State, roads: Roads, routes: RouteTable, env_mask: Bools) -> None:
+def match_vehicles(state: State, roads: Roads, routes: RouteTable, matched: Matched, env_mask: Bools) -> None:
     """Write the places of all vehicles, since when they stand, and the progress of all agents."""
-    vehicles, agents, maps, route = state.vehicles, state.agents, state.map, routes.number
+    vehicles, agents = state.vehicles, state.agents
     worlds, capacity = vehicles.alive.shape
     room = candidates()
     corridor = np.empty(capacity, np.int32)
     for b in range(worlds):
         if not env_mask[b]:
             continue
-        corridor[:] = -1
-        for a in range(agents.slot.shape[1]):
-            if agents.slot[b, a] >= 0 and route[b, a] >= 0:
-                corridor[agents.slot[b, a]] = routes.free + route[b, a]
+        _begin_matching(state, routes, matched, b, corridor)
         for v in range(capacity):
             if vehicles.alive[b, v]:
-                x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
-                place = place_on_map(
-                    roads, routes, maps[b], x, y, vehicles.heading[b, v], corridor[v], _ROAD, room
-                )
-                vehicles.lane[b, v] = place[0]
-                vehicles.lane_position[b, v] = place[1]
-                vehicles.lane_offset[b, v] = place[2]
+                if corridor[v] >= 0 or not _is_matched(vehicles, matched, b, v):
+                    _place(state, roads, routes, matched, b, v, corridor[v], room)
                 _note_standing(state, b, v)
         for a in range(agents.slot.shape[1]):
             if agents.slot[b, a] >= 0:
@@ -101,6 +107,53 @@ def _place_agent(state: State, roads: Roads, routes: RouteTable, corridor: int, 
         _measure(state, roads, routes, corridor, b, a, is_new, came_by_road)
     elif came_by_road:
         agents.route_progress[b, a] += _way_along_lane(state, roads, b, v)
+
+
+@kernel
+def _begin_matching(state: State, routes: RouteTable, matched: Matched, b: int, corridor: Ints) -> None:
+    """Write the corridor of each vehicle's route, -1 without one, shape (V,); forget the last episode."""
+    slot, route = state.agents.slot[b], routes.number[b]
+    if state.step[b] == 0:
+        # Generations begin again with the episode, and the map may be another.
+        matched.generation[b, :] = -1
+    corridor[:] = -1
+    for a in range(len(slot)):
+        if slot[a] >= 0 and route[a] >= 0:
+            corridor[slot[a]] = routes.free + route[a]
+
+
+@kernel
+def _is_matched(vehicles: VehicleStates, matched: Matched, b: int, slot: int) -> bool:
+    """Return whether a vehicle's place is that of its pose."""
+    pose = matched.pose[b, slot]
+    return (
+        matched.generation[b, slot] == vehicles.generation[b, slot]
+        and pose[0] == vehicles.position[b, slot, 0]
+        and pose[1] == vehicles.position[b, slot, 1]
+        and pose[2] == vehicles.heading[b, slot]
+    )
+
+
+@kernel
+def _place(
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    matched: Matched,
+    b: int,
+    slot: int,
+    corridor: int,
+    room: tuple[Ints, Ints, Floats],
+) -> None:
+    """Write a vehicle's place, and its pose if the place depends on nothing else, such as a route."""
+    vehicles = state.vehicles
+    x, y, heading = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1], vehicles.heading[b, slot]
+    place = place_on_map(roads, routes, state.map[b], x, y, heading, corridor, _ROAD, room)
+    vehicles.lane[b, slot] = place[0]
+    vehicles.lane_position[b, slot] = place[1]
+    vehicles.lane_offset[b, slot] = place[2]
+    matched.generation[b, slot] = vehicles.generation[b, slot] if corridor < 0 else -1
+    matched.pose[b, slot, 0], matched.pose[b, slot, 1], matched.pose[b, slot, 2] = x, y, heading
 
 
 @kernel

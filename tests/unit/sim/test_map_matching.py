@@ -176,6 +176,30 @@ def test_rows_that_rest_stay_as_they_are():
     assert vehicles.lane[:, 0].tolist() == [0, 1]
 
 
+def test_a_vehicle_that_stands_is_matched_again_when_its_route_map_or_episode_changes():
+    # Where the ways straight on and to the left begin, the route decides.
+    left = AgentMission(route=("west_in", "north_out"))
+    made = world_of([Car(-8.0, -1.6, mission=left)], maps=[crossing(), straight(lanes=1)])
+    vehicles, agents, world = made.world.vehicles, made.world.agents, made.world
+    matcher, rows = MapMatcher(Scene(world, made.atlas, made.routes)), np.ones(1, np.bool_)
+
+    def place():
+        made.advance()
+        matcher.match(rows)
+        found = vehicles.lane[0, 0], vehicles.lane_position[0, 0], vehicles.lane_offset[0, 0]
+        made.match()
+        assert found == (vehicles.lane[0, 0], vehicles.lane_position[0, 0], vehicles.lane_offset[0, 0])
+        return made.atlas.graphs[world.map[0]].lane_ids[found[0]]
+
+    assert place() == place() == ":junction_2_0"
+    agents.slot[0, 0] = -1
+    assert place() == place() == ":junction_1_0"
+    vehicles.heading[0, 0] = 0.4
+    assert place() == place() == ":junction_2_0"
+    world.map[0], world.step[0] = 1, -1
+    assert place() == "road_0"
+
+
 def test_laps_are_counted_at_the_goal_line():
     graph = ring()
     lap = ("south", "east", "north", "west")
