@@ -18,7 +18,7 @@ from typing import NamedTuple
 from smarts.errors import MapError
 from smarts.roads.children import TIME_LIMIT_VARIABLE, time_limit
 from smarts.roads.converter_messages import ConverterMessages
-from smarts.roads.dropped import dropped_parts
+from smarts.roads.dropped import dropped_parts, tapering_lanes
 from smarts.roads.foreign import check_sources, mended_opendrive
 from smarts.roads.net_repairs import mended_net
 from smarts.roads.osm_types import write_road_types
@@ -135,7 +135,8 @@ def compile_map(source: MapSource, out: Path) -> MapNotes:
         arguments = _arguments(source, _prepared(source, content, work))
         said = _convert(source, arguments, work / "compiled.net.xml")
         net = _GENERATED_COMMENT.sub(b"", _read_bytes(work / "compiled.net.xml"), count=1)
-    notes = MapNotes(said.remarks() + dropped_parts(source, net), warnings + said.left_out())
+    changes = dropped_parts(source, net) + tapering_lanes(source)
+    notes = MapNotes(said.remarks() + changes, warnings + said.left_out())
     _publish(net, notes, source, out)
     return notes
 

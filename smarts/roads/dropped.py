@@ -1,4 +1,4 @@
-"""Parts of a foreign map that the compiled network lacks."""
+"""Parts of a foreign map that the compiled network lacks, or shows otherwise."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from smarts.roads.sources import MapSource
+
+_FOR_CARS = {"driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "bidirectional", "bus"}
+"""OpenDRIVE's types of lanes on which cars or buses drive."""
 
 
 def dropped_parts(source: MapSource, net: bytes) -> tuple[str, ...]:
@@ -57,3 +60,21 @@ def _opendrive_lanes(path: Path) -> Iterator[tuple[str, str]]:
             if lane.get("id") != "0" and name not in seen:
                 seen.add(name)
                 yield name, lane.get("type", "none")
+
+
+def tapering_lanes(source: MapSource) -> tuple[str, ...]:
+    """Return a note on the lanes for cars of an OpenDRIVE map whose width changes along them."""
+    if source.kind != "opendrive":
+        return ()
+    sections = ElementTree.parse(source.files[0]).getroot().iterfind("road/lanes/laneSection")
+    lanes = [lane for section in sections for lane in section.iterfind("*/lane")]
+    widths = [_widths(lane) for lane in lanes if lane.get("id") != "0" and lane.get("type") in _FOR_CARS]
+    count = sum(any(map(any, (row[1:] for row in rows))) or len(set(rows)) > 1 for rows in widths)
+    if not count:
+        return ()
+    return (f"{count} of {len(widths)} lanes taper; on the map, each is a strip of constant width",)
+
+
+def _widths(lane: ElementTree.Element) -> list[tuple[float, ...]]:
+    """Return the coefficients of a lane's width, lowest power first, of each part."""
+    return [tuple(float(width.get(name, 0)) for name in "abcd") for width in lane.iterfind("width")]

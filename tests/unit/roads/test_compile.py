@@ -86,6 +86,12 @@ def test_opendrive(tmp_path):
     assert notes == MapNotes()
 
 
+def test_lanes_of_opendrive_that_taper_are_counted(tmp_path):
+    width = '<width sOffset="0" a="3.5" b="0" c="0" d="0"/>'
+    _, notes = compiled(opendrive(tmp_path, (width, width.replace('b="0"', 'b="-0.02"'))))
+    assert notes.remarks == ("1 of 3 lanes taper; on the map, each is a strip of constant width",)
+
+
 def test_another_installation_of_sumo_makes_no_difference(tmp_path, monkeypatch):
     """Where SUMO_HOME says so, netconvert takes the lanes and speeds of OpenStreetMap's roads from there."""
     nets = []
