@@ -12,6 +12,7 @@ from smarts.controllers.abilities import Abilities
 from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_path
 from smarts.controllers.lane_changes import is_changing, latch
+from smarts.controllers.lane_ends import merge_before_end, stop_before_end
 from smarts.controllers.lane_path import TRACKED_OFFSET, limit_speeds, write_reference
 from smarts.controllers.leaders import limit_by_leaders
 from smarts.controllers.stop_lines import limit_by_lights, limit_by_right_of_way
@@ -99,6 +100,9 @@ def follow_lanes(
             _stand_if_lost(state, commands, b, a, row)
             if row < 0:
                 continue
+            # The fallback's vehicle, whose agent is done, may leave the map.
+            may_leave = command_type == FALLBACK or is_manoeuvring
+            row, s, t, room, end = merge_before_end(state, roads, routes, b, a, row, s, t, change, may_leave)
             cap, desired = _speed_limits(
                 roads.lane_speed[routes.lane[row]],
                 speeds[state.map[b]],
@@ -124,6 +128,7 @@ def follow_lanes(
                 _slow_down(points, speed)
             elif command_type == FALLBACK:
                 _limit_fallback(state, roads, routes, performance, b, a, row, s, points)
+            stop_before_end(state, roads, routes, b, a, end, room, points)
             length[b, a] = len(points)
 
 
@@ -244,7 +249,8 @@ class LaneFollowing:
     """Keeps a lane at a target speed; a fresh command of -1 or 1 changes to the right or left lane.
 
     Values: target speed [m/s], lane change. Lateral acceleration limits the speed before and in curves
-    (`lane_path.CURVE_ACCELERATION`). The vehicle keeps its lane even where the lane leaves the route. A
+    (`lane_path.CURVE_ACCELERATION`). The vehicle keeps its lane even where the lane leaves the route. Where
+    the lane ends, it merges into one beside that leads on, or stops before the end (`lane_ends`). A
     mission's task (`smarts.types.guidance`) limits the speed; during its manoeuvre the vehicle follows the
     task's curve, and lane-change commands have no effect.
 

@@ -7,6 +7,7 @@ import pytest
 
 from smarts.types.actions import ActionSpaceType, CommandMode, LaneAction
 from smarts.types.agent_states import ChangePhase
+from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.vehicles import VehicleKind
 from tests import maps
 from tests.unit.controllers.rig import agent, winding
@@ -306,3 +307,61 @@ def test_a_vehicle_returns_to_its_lane(rig):
     y = driven.track(80)[:, 1]
     assert y.min() > -0.3
     assert y[-1] == pytest.approx(0.0, abs=0.15)
+
+
+def dropping(first=((0.0, 0.0), (150.0, 0.0)), after=((160.0, 0.0), (400.0, 0.0))):
+    """Return a road of two lanes of which only the left one leads on."""
+    return maps.graph_of(
+        {"road": maps.Road([*first], 2), "after": maps.Road([(x, y + 3.2) for x, y in after])},
+        [(("road", 1), ("after", 0))],
+    )
+
+
+@pytest.mark.parametrize("route", [("road", "after"), ()])
+@pytest.mark.parametrize("kind", [ActionSpaceType.Lane, ActionSpaceType.LaneWithContinuousSpeed])
+def test_merges_where_its_lane_ends_and_the_one_beside_leads_on(rig, route, kind):
+    driven = rig([agent(20.0, 0.0, speed=15.0, route=route)], graph=dropping(), kind=kind)
+    driven.act(KEEP) if kind == ActionSpaceType.Lane else driven.act(15.0, 0.0)
+    track = driven.track(140)
+    # Not before the front is 20 m and 4 s of travel from the end of the lane.
+    assert np.abs(track[track[:, 0] < 150.0 - 20.0 - 4.0 * 16.0 - 2.25, 1]).max() < 0.1
+    assert track[-1, 0] > 165.0
+    assert np.abs(track[track[:, 0] > 150.0, 1] - 3.2).max() < 0.5
+
+
+def test_waits_for_a_gap_before_its_lane_ends(rig):
+    queue = [Car(x, 3.2) for x in np.arange(60.0, 150.0, 6.0)]
+    driven = rig([agent(20.0, 0.0, speed=12.0, route=("road", "after")), *queue], graph=dropping())
+    driven.act(12.0, 0.0)
+    track = driven.track(200)
+    assert track[-1, 0] == pytest.approx(150.0 - 15.0 - 2.25, abs=1.0)
+    assert np.abs(track[:, 1]).max() < 0.2
+    driven.world.vehicles.alive[0, 1:] = False
+    assert driven.track(150)[-1, 0] > 165.0
+
+
+@pytest.mark.parametrize("kind", [ActionSpaceType.Lane, ActionSpaceType.LaneWithContinuousSpeed])
+def test_stops_before_the_end_of_a_road_that_is_not_its_way(rig, kind):
+    graph = maps.crossing(length=200.0)
+    mission = AgentMission(route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_lane=0, goal_s=20.0)
+    start = Car(60.0, 1.6 - 3.2, 0.0, 15.0, mission)
+    driven = rig([start], graph=graph, kind=kind)
+    # It has left its route: to the north.
+    driven.world.vehicles.position[0, 0] = 1.6, 60.0
+    driven.world.vehicles.heading[0, 0] = math.pi / 2
+    driven.vehicles.reset(driven.rows)
+    driven.made.match()
+    driven.act(KEEP) if kind == ActionSpaceType.Lane else driven.act(25.0, 0.0)
+    driven.step(300)
+    # The front stops two metres before the end.
+    assert driven.position[1] == pytest.approx(210.0 - 2.0 - 2.5, abs=1.0)
+    assert driven.world.vehicles.speed[0, 0] < 0.1
+
+
+@pytest.mark.parametrize("mission", [("west_in", "east_out"), ()])
+def test_drives_to_the_end_of_its_route_and_off_the_map_at_speed(rig, mission):
+    driven = rig([agent(150.0, -1.6, speed=15.0, route=mission)], graph=maps.crossing(length=200.0))
+    driven.act(15.0, 0.0)
+    track = driven.track(40)
+    assert track[-1, 0] > 205.0
+    assert driven.world.vehicles.speed[0, 0] > 14.0
