@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from benchmark.metrics import METRICS
@@ -12,6 +13,9 @@ from benchmark.report.figures import KINDS, note_of
 from benchmark.report.paper import algorithm_label, task_differences, task_label, traffic_label
 from benchmark.report.robustness import TITLE, Entry, Robustness
 from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, PROFILE, PROFILE_NOTE, Summaries
+
+HTML = re.compile(r"<(?!br>)(?=[A-Za-z/!?])|&(?=#?\w+;)")
+"""Begins a tag or an entity; `<br>` is the only tag of this page."""
 
 
 def report_text(
@@ -68,10 +72,16 @@ def report_text(
         parts += [f"## {wording.TASK_DIFFERENCES_TITLE}"]
         parts += [table([*wording.TASK_DIFFERENCES], task_differences(), left=3)]
     parts += ["## Definitions", _definitions(report)]
-    parts += ["## Runs and machine", "\n".join(f"    {command}" for command in provenance.commands(results))]
+    commands = "\n".join(provenance.commands(results)).replace("\n", "\n    ")
+    parts += ["## Runs and machine", code := f"    {commands}"]
     parts += ["\n".join(f"- {name}: {'; '.join(each)}" for name, each in provenance.circumstances(results))]
     parts += [table([*provenance.RUN_COLUMNS], provenance.run_rows(results), left=5)]
-    return "\n\n".join(filter(None, parts)) + "\n"
+    return "\n\n".join(part if part is code else _inert(part) for part in parts if part) + "\n"
+
+
+def _inert(text: str) -> str:
+    """Return a text without HTML, which names and descriptions may hold."""
+    return HTML.sub(lambda found: {"<": "&lt;", "&": "&amp;"}[found[0]], text)
 
 
 def table(titles: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:

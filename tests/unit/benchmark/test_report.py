@@ -648,6 +648,19 @@ def test_differences_from_the_papers_tasks_are_the_table_of_the_documents(tmp_pa
         assert ('id="task-differences"' in page.read_text()) == (name == "versioned")
 
 
+@pytest.mark.parametrize("name", ["report.html", "report.md"])
+def test_a_report_holds_no_html_of_names_and_descriptions(tmp_path, name):
+    html = "<script>alert(1)</script> <img src=x> <!-- &lt;b&gt;"
+    write_experiment(tmp_path, description=html)
+    write_run(tmp_path, "ppo", [agent_episodes(PERFECT, mode="greedy")])
+    text = (write_report(tmp_path).parent / name).read_text()
+    assert "&lt;script>alert(1)&lt;/script> &lt;img src=x> &lt;!-- &amp;lt;b&amp;gt;" in text.replace(
+        "&gt;", ">"
+    )
+    for tag in ("<script>alert", "<img src=x", "<!-- "):
+        assert tag not in text
+
+
 def test_an_own_experiment_is_reported_without_a_word_on_the_paper(tmp_path):
     write_experiment(
         tmp_path, algorithms=["ppo"], tasks=["roundabout"], traffic=[SOCIAL], scripted=["keep_lane"]
