@@ -275,6 +275,8 @@ class Result:
             f"{1e6 / ours * self.egos:.0f}",
             f"{1e6 / bare:.0f}",
             f"{ours / bare:.2f}",
+            f"{1e6 / ours * DT:.0f}",
+            f"{1e6 / ours / (PERIOD * self.worlds):.0f}",
             f"{self.reset * 1e3:.0f}",
             f"{100 * self.processor / self.wall:.0f}%",
         )
@@ -284,6 +286,7 @@ class Result:
 HEADER = (
     *("scenario", "B", "egos", "social vehicles", "in the bare loop", "slowest ego [m/s]"),
     *("counted env-steps", "env-steps/s", "agent-steps/s", "bare env-steps/s", "ratio"),
+    *("simulated s per processor s", "env.step calls/s"),
     *("a reset [ms]", "share of the core"),
 )
 

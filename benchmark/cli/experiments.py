@@ -53,7 +53,9 @@ def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Pat
     typer.echo(f"{experiment.name}: building scenarios, checking {root}", err=True)
     for place, budget in _budgets(experiment).items():
         until = f" or {budget.minutes:g} minutes, whichever comes first" if budget.minutes else ""
-        typer.echo(f"training budget of each run{place}: {budget.agent_steps:,} agent-steps{until}", err=True)
+        decisions = budget.agent_steps // experiment.environment.decision_interval
+        steps = f"{budget.agent_steps:,} agent-steps ({decisions:,} decisions)"
+        typer.echo(f"training budget of each run{place}: {steps}{until}", err=True)
     from benchmark.report.writing import write_report
     from benchmark.running.experiment import interruptible, resumable, run_experiment
 

@@ -185,7 +185,7 @@ def run(
     typer.echo(
         f"{steps} steps of 0.1 s; {vehicle_steps / steps:.1f} vehicles on average, {most} at most; "
         f"mean speed {speed_sum / max(vehicle_steps, 1):.1f} m/s"
-        + (f"; {steps / stepping:,.0f} steps/s" if most else "; no traffic")
+        + (f"; {seconds / stepping:,.0f} simulated seconds a second" if most else "; no traffic")
     )
     if out is not None:
         scenario_picture((built, chosen, Moment(traffic_now.states)), out)

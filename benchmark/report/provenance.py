@@ -21,7 +21,7 @@ RUN_COLUMNS = {
     "traffic": "Social vehicles on the road",
     "seed": "Of training",
     "status": "Only runs that are finished are in the tables",
-    "agent-steps": "Simulation steps of 0.1 s, counted once for each agent on the road",
+    "agent-steps": "Steps of 0.1 s, once for each agent on the road; a decision takes decision_interval",
     "training": "Wall-clock time of training",
     "steps/s": "Agent-steps per second of training, learning included",
     "test": "Wall-clock time of the test",

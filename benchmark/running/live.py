@@ -77,7 +77,7 @@ class LiveProgress:
             "phase",
             "done",
             "iteration",
-            "steps/s",
+            "agent-steps/s",
             "return",
             "completion",
             "collision",
@@ -108,7 +108,7 @@ def _line(state: JobState) -> str:
     if state.status == TESTING:
         return text
     _, _, _, iteration, speed, returns, completion, collision, left = _cells(state)
-    text += f", iteration {iteration}, {speed} steps/s"
+    text += f", iteration {iteration}, {speed} agent-steps/s"
     outcomes = {"return": returns, "completion": completion, "collision": collision}
     text += "".join(f", {name} {value}" for name, value in outcomes.items() if value)
     return f"{text}, {left} of training left" if left else text

@@ -8,6 +8,7 @@ import tomllib
 
 import pytest
 
+from algorithms.registry import ALGORITHMS
 from smarts.agents.sensors import SENSORS
 from smarts.types.traffic import TRAFFIC_ENGINES
 from tests.blocks import LANGUAGES, ROOT, SNIPPET, Page, blocks_of
@@ -54,6 +55,13 @@ def folder(tmp_path, monkeypatch):
 def test_the_blocks_of_a_page_run(page, folder):
     for block, _, seconds in Page(page, folder).run():
         print(f"{block.place}: {seconds:.1f} s")
+
+
+def test_pages_count_all_algorithms():
+    counted = re.compile(r"\b(\d+) (?:multi-agent )?algorithms\b")
+    found = [(page.name, int(count)) for page in PAGES for count in counted.findall(page.read_text())]
+    assert found
+    assert [(name, count) for name, count in found if count != len(ALGORITHMS)] == []
 
 
 def test_every_block_has_a_language_that_is_run():

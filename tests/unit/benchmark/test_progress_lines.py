@@ -41,8 +41,8 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     third = JobState("a third", iteration=12)  # type: ignore[arg-type]
     assert lines("starting", state=third) == ["a third: starting, continues after iteration 12"]
     expected = (
-        f"{NAME}: training 50%, iteration 6, 867 steps/s, return 1.41, completion 0.75, collision 0.25, "
-        "1.0 min of training left"
+        f"{NAME}: training 50%, iteration 6, 867 agent-steps/s, return 1.41, completion 0.75, "
+        "collision 0.25, 1.0 min of training left"
     )
     assert lines("training", training) == [expected]
     assert lines("training", training) == []
@@ -51,7 +51,7 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     assert lines("training", replace(training, iteration=7)) == [expected.replace("6", "7", 1)]
     begun = RunProgress("training", 0.25, 1, 750, 30.0, 25.0)
     assert lines("training", begun) == [
-        f"{NAME}: training 25%, iteration 1, 25 steps/s, 1.5 min of training left"
+        f"{NAME}: training 25%, iteration 1, 25 agent-steps/s, 1.5 min of training left"
     ]
     assert lines("testing", RunProgress("testing", 0.25)) == [f"{NAME}: testing 25%"]
     assert lines("failed", error="[red] no") == [f"{NAME}: failed: [red] no"]
