@@ -226,12 +226,18 @@ class ObjectDictEnv(DictEnv):
         return self.specs[name].observation_adapter(self._collector.seen[self.columns[name]])
 
     def _first_infos(self, agents: Collection[str]) -> dict[str, dict[str, Any]]:
-        return {name: {"env_obs": self._collector.seen[self.columns[name]]} for name in agents}
+        return {name: self._with_observation(name, {}) for name in agents}
 
     def _reward_and_info(self, name: str, acted: bool, info: dict[str, Any]) -> tuple[Any, Any]:
         column, spec = self.columns[name], self.specs[name]
         seen = self._collector.seen[column]
         metres = float(self._metres.values[0, column]) if acted else 0.0
         info["score"] = float(self.runner.world.agents.distance_travelled[0, column])
-        info["env_obs"] = seen
+        info = self._with_observation(name, info)
         return spec.reward_adapter(seen, metres), spec.info_adapter(seen, metres, info)
+
+    def _with_observation(self, name: str, info: dict[str, Any]) -> dict[str, Any]:
+        """Return an info with the agent's observation, and with what did not fit into it."""
+        seen = self._collector.seen[self.columns[name]]
+        left_out = {"left_out": seen.left_out} if seen.left_out else {}
+        return info | {"env_obs": seen} | left_out

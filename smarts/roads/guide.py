@@ -70,7 +70,7 @@ def write_led_path(
         first = table.onward_start[row]
         row = int(table.onward[first]) if table.onward_start[row + 1] > first else -1
     clear_waypoints(paths, 0, 0, i)
-    paths.waypoint_count[0, 0], paths.path_count[0] = i, 1
+    paths.waypoint_count[0, 0], paths.path_count[0], paths.left_out[0] = i, 1, 0
     for path in range(1, paths.heading.shape[1]):
         paths.waypoint_count[0, path] = 0
         clear_waypoints(paths, 0, path, 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.frames import FARTHEST
-from smarts.geometry.segments import project
+from smarts.geometry.segments import project, segment_at
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, find_row, lane_length
 
@@ -27,13 +28,16 @@ class WaypointPaths(NamedTuple):
       first waypoints;
     - ends, with a smaller count, where its lane leaves the route, at the end of the route's last road, and at
       a dead end;
-    - is left out where K paths are there already.
+    - is left out where there are more than K: first come the paths of the vehicle's own lane, then those of
+      the other lanes, the nearest first. Those that are kept stay in their order.
 
     A vehicle that is off its route gets the paths of its road without a route; one that is nowhere gets none.
     """
 
     path_count: Ints
     """Shape (E,)."""
+    left_out: Ints
+    """Paths that did not fit, not counting where they would fork, shape (E,)."""
     waypoint_count: Ints
     """Waypoints of each path, shape (E, K)."""
     position: Floats
@@ -57,6 +61,7 @@ class WaypointPaths(NamedTuple):
         shape = (vehicles, paths, lookahead)
         return cls(
             path_count=np.zeros(vehicles, np.int32),
+            left_out=np.zeros(vehicles, np.int32),
             waypoint_count=np.zeros((vehicles, paths), np.int32),
             position=np.zeros((*shape, 2)),
             heading=np.zeros(shape),
@@ -114,20 +119,23 @@ def _follow(
     base: int,
     e: int,
     first_path: int,
+    limit: int,
     paths: WaypointPaths,
     forks: Ints,
     fork_s: Floats,
-) -> int:
-    """Write the paths that begin at `s` of a row; return the number of paths after them.
+) -> tuple[int, int]:
+    """Write the paths that begin at `s` of a row as far as they fit.
+
+    Returns the number of paths after them, at most `limit`, and how many branches were left out.
 
     `forks` (rows, first waypoint, path that it copies) and `fork_s` are room for as many branches still to
     follow as a vehicle has paths. They are a stack that forgets its oldest branches where it is full: each
     branch followed is a path, so there is no room for what is forgotten.
     """
-    capacity, lookahead = paths.heading.shape[1], paths.heading.shape[2]
+    lookahead = paths.heading.shape[2]
     forks[0, 0], forks[0, 1], forks[0, 2], fork_s[0] = row, 0, -1, s
     open_forks, path = 1, first_path
-    while open_forks > 0 and path < capacity:
+    while open_forks > 0 and path < limit:
         open_forks -= 1
         place = open_forks % len(forks)
         row, i, parent, s = forks[place, 0], forks[place, 1], forks[place, 2], fork_s[place]
@@ -146,7 +154,81 @@ def _follow(
         paths.waypoint_count[e, path] = i
         clear_waypoints(paths, e, path, i)
         path += 1
-    return path
+    return path, open_forks
+
+
+@kernel
+def _follow_own_lane_first(
+    roads: Roads,
+    table: RouteTable,
+    group: tuple[int, int],
+    own: int,
+    x: float,
+    y: float,
+    mask: int,
+    spacing: float,
+    base: int,
+    e: int,
+    paths: WaypointPaths,
+    forks: Ints,
+    fork_s: Floats,
+) -> tuple[int, int]:
+    """Write the paths of a group of rows that has too many; see `WaypointPaths` for which are kept.
+
+    Args:
+        roads: The maps' lanes.
+        table: The routes.
+        group: The group's first row, and the one after its last.
+        own: The row that the vehicle is on.
+        x: Of the vehicle [m].
+        y: Of the vehicle [m].
+        mask: Bit k is set if lanes of kind k have paths.
+        spacing: Between waypoints [m].
+        base: The map's first lane.
+        e: The vehicle.
+        paths: Written.
+        forks: Room, see `_follow`.
+        fork_s: Room, see `_follow`.
+
+    Returns:
+        The number of paths, and how many branches were left out.
+    """
+    first, last = group
+    begin, away = np.full(last - first, -1.0), np.full(last - first, np.inf)
+    kept = np.zeros(last - first, np.int32)
+    for row in range(first, last):
+        lane = table.lane[row]
+        if mask >> roads.lane_kind[lane] & 1:
+            begin[row - first] = s = _start(roads, table, row, x, y)
+            if s >= 0.0:
+                point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+                at_x, at_y, _ = centre_at(roads, point, s)
+                away[row - first] = -1.0 if row == own else math.hypot(at_x - x, at_y - y)
+    room, left_out = paths.heading.shape[1], 0
+    for place in np.argsort(away, kind="mergesort"):
+        if begin[place] >= 0.0:
+            kept[place], missing = _follow(
+                roads, table, first + place, begin[place], spacing, base, e, 0, room, paths, forks, fork_s
+            )
+            room -= kept[place]
+            left_out += missing
+    count = 0
+    for place in range(last - first):
+        if kept[place] > 0:
+            row, s, limit = first + place, begin[place], count + kept[place]
+            count, _ = _follow(roads, table, row, s, spacing, base, e, count, limit, paths, forks, fork_s)
+    return count, left_out
+
+
+@kernel
+def _group_of(table: RouteTable, row: int) -> tuple[int, int]:
+    """Return the first row of a row's group, and the one after its last."""
+    first, last = row, row + 1
+    while first > 0 and table.group[first - 1] == table.group[row]:
+        first -= 1
+    while last < len(table.group) and table.group[last] == table.group[row]:
+        last += 1
+    return first, last
 
 
 @kernel
@@ -244,11 +326,12 @@ def write_waypoints(
         spacing: Between waypoints [m].
         paths: Written.
     """
-    most_forks = max(1, paths.heading.shape[1])
+    most = paths.heading.shape[1]
+    most_forks = max(1, most)
     forks = np.empty((most_forks, 3), np.int32)
     fork_s = np.empty(most_forks)
     for e in range(len(maps)):
-        count = 0
+        count, left_out = 0, 0
         x, y = position[e, 0], position[e, 1]
         if lane[e] >= 0 and abs(x) < FARTHEST and abs(y) < FARTHEST:
             base = roads.lane_base[maps[e]]
@@ -257,17 +340,21 @@ def write_waypoints(
                 row = find_row(table, table.free + route[e], base + lane[e], hint[e])
             if row < 0:
                 row = table.start[maps[e]] + lane[e]
-            group = table.group[row]
-            while row > 0 and table.group[row - 1] == group:
-                row -= 1
-            while row < len(table.group) and table.group[row] == group:
+            group = _group_of(table, row)
+            for each in range(group[0], group[1]):
                 s = -1.0
-                if mask >> roads.lane_kind[table.lane[row]] & 1:
-                    s = _start(roads, table, row, x, y)
+                if mask >> roads.lane_kind[table.lane[each]] & 1:
+                    s = _start(roads, table, each, x, y)
                 if s >= 0.0:
-                    count = _follow(roads, table, row, s, spacing, base, e, count, paths, forks, fork_s)
-                row += 1
-        paths.path_count[e] = count
+                    count, missing = _follow(
+                        roads, table, each, s, spacing, base, e, count, most, paths, forks, fork_s
+                    )
+                    left_out += missing
+            if left_out > 0:
+                count, left_out = _follow_own_lane_first(
+                    roads, table, group, row, x, y, mask, spacing, base, e, paths, forks, fork_s
+                )
+        paths.path_count[e], paths.left_out[e] = count, left_out
         for path in range(count, paths.heading.shape[1]):
             paths.waypoint_count[e, path] = 0
             clear_waypoints(paths, e, path, 0)

@@ -145,6 +145,12 @@ class Observation:
         values = ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
         return f"Observation(of {self.name!r}, {values}, sensors: {', '.join(self.readings)})"
 
+    @property
+    def left_out(self) -> dict[str, int]:
+        """How many paths or lanes did not fit into a sensor's readings, of those where some did not."""
+        counts = {name: int(self.readings[name]["left_out"]) for name in _LIMITED if name in self.readings}
+        return {name: count for name, count in counts.items() if count}
+
     def lane_ids(self, lane: int) -> tuple[str, str]:
         """Return the ids of a lane's road and of the lane, by its number in the map; empty for -1."""
         if lane < 0:
@@ -252,5 +258,7 @@ class ObservationMaker:
         return readings
 
 
+_LIMITED = ("waypoint_paths", "road_waypoints")
+"""Sensors that count what did not fit."""
 # A number: to compare with a member of an enumeration takes longer.
 _SHADOWING = int(AgentStatus.SHADOWING)

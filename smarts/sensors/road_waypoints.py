@@ -9,11 +9,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from smarts.agents.options import RoadWaypoints as RoadWaypointOption
-from smarts.arrays import Bytes, Floats, Ints, Singles
+from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length, project_on_lanes
+from smarts.roads.lane_ways import place_on_lane
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
 from smarts.sensors.protocol import KernelSensor, Readings, Seen
@@ -34,6 +35,7 @@ class _Out(NamedTuple):
     """Shape (B, G, ...), K lanes of W waypoints each."""
 
     lane_count: Ints
+    left_out: Ints
     oncoming: Bytes
     waypoint_count: Ints
     beside: Ints
@@ -52,7 +54,8 @@ class RoadWaypointsAround(KernelSensor):
 
     Lanes of its own direction come first, from the right to the left, then the oncoming ones, from their
     right to their left; each lane's waypoints are in the lane's own direction. Beyond the road's ends the
-    waypoints follow the way that turns least.
+    waypoints follow the way that turns least. Of more lanes than there is room for, those nearest to the
+    vehicle's own lane are kept, with it.
     """
 
     option: RoadWaypointOption = field(default_factory=RoadWaypointOption)
@@ -63,6 +66,7 @@ class RoadWaypointsAround(KernelSensor):
         k, w = self.option.lanes, 2 * self.option.horizon + 1
         return (
             Field("lane_count", (), np.int32, 0, k, "", "how many lanes there are; the others are 0"),
+            Field("left_out", (), np.int32, 0, MOST, "", "lanes that did not fit"),
             Field("oncoming", (k,), np.int8, 0, 1, "", "1 if the lane leads the other way"),
             Field("waypoint_count", (k,), np.int32, 0, w, "", "waypoints of each lane; those after are 0"),
             Field("beside", (k,), np.int32, 0, w, "", "which of them is beside the vehicle"),
@@ -101,10 +105,15 @@ class RoadWaypointsAround(KernelSensor):
         vehicles, most = state.vehicles, out.beside.shape[2]
         v, count = state.agents.slot[b, a], 0
         position = vehicles.position[b, v : v + 1]
+        out.left_out[b, g] = 0
         if vehicles.lane[b, v] >= 0:
             own = base + vehicles.lane[b, v]
             first, last = links.beside_start[own], links.beside_start[own + 1]
-            for entry in range(first, min(last, first + most)):
+            kept = _nearest_lanes(roads, links.beside[first:last], own, most, position)
+            out.left_out[b, g] = last - first - np.count_nonzero(kept)
+            for entry in range(first, last):
+                if not kept[entry - first]:
+                    continue
                 number[0] = links.beside[entry] - base
                 project_on_lanes(roads, state.map[b : b + 1], number, position, foot, offset)
                 out.oncoming[b, g, count] = entry - first >= links.own_count[own]
@@ -125,6 +134,19 @@ class RoadWaypointsAround(KernelSensor):
             points = waypoints_of(readings, seen, number, int(readings["waypoint_count"][number]))
             lanes.setdefault(points[int(readings["beside"][number])].lane_id, []).append(points)
         return RoadWaypoints(lanes)
+
+
+@kernel
+def _nearest_lanes(roads: Roads, lanes: Ints, own: int, most: int, position: Floats) -> Bools:
+    """Return which lanes there is room for: a vehicle's own one, and of the others the nearest."""
+    kept = np.ones(len(lanes), np.bool_)
+    if len(lanes) > most:
+        away = np.empty(len(lanes))
+        for place, lane in enumerate(lanes):
+            offset = place_on_lane(roads, lane, position[0, 0], position[0, 1])[1]
+            away[place] = -1.0 if lane == own else abs(offset)
+        kept[np.argsort(away, kind="mergesort")[most:]] = False
+    return kept
 
 
 @kernel

@@ -32,6 +32,7 @@ class _Out(NamedTuple):
     """Shape (B, G, ...), K paths of W waypoints each."""
 
     path_count: Ints
+    left_out: Ints
     waypoint_count: Ints
     position: Floats
     heading: Singles
@@ -59,6 +60,7 @@ class WaypointPathsAhead(KernelSensor):
         k, w = self.option.paths, self.option.lookahead
         return (
             Field("path_count", (), np.int32, 0, k, "", "how many paths there are; the others are 0"),
+            Field("left_out", (), np.int32, 0, MOST, "", "paths that did not fit, without where they fork"),
             Field(
                 "waypoint_count", (k,), np.int32, 0, w, "", "waypoints of each path; those after them are 0"
             ),
@@ -74,17 +76,7 @@ class WaypointPathsAhead(KernelSensor):
     def known(self, scene: Scene) -> tuple[Any, ...]:
         """Return what the kernel needs besides the state."""
         shape = (1, self.option.paths, self.option.lookahead)
-        paths = WaypointPaths(
-            np.zeros(1, np.int32),
-            np.zeros(shape[:2], np.int32),
-            np.zeros((*shape, 2)),
-            np.zeros(shape),
-            np.zeros(shape),
-            np.zeros(shape),
-            np.zeros(shape, np.int32),
-            np.zeros(shape, np.int32),
-            np.zeros(shape),
-        )
+        paths = WaypointPaths.allocate(*shape)
         return scene.routes.number, float(self.option.spacing), paths, np.empty(1)
 
     @staticmethod
@@ -151,7 +143,7 @@ class WaypointPathsAhead(KernelSensor):
 def _copy(paths: WaypointPaths, out: _Out, b: int, g: int) -> None:
     """Copy one vehicle's paths into its readings, within their bounds."""
     count = paths.path_count[0]
-    out.path_count[b, g] = count
+    out.path_count[b, g], out.left_out[b, g] = count, paths.left_out[0]
     for k in range(out.heading.shape[2]):
         length = paths.waypoint_count[0, k] if k < count else 0
         out.waypoint_count[b, g, k] = length

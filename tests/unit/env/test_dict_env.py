@@ -8,7 +8,7 @@ import pytest
 from ray.rllib.env.env_context import EnvContext
 
 from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec, AgentType, DoneCriteria
-from smarts.agents.options import InterfaceError
+from smarts.agents.options import InterfaceError, Waypoints
 from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ActionError, SmartsError
 from smarts.sim.assembly import Options
@@ -123,6 +123,20 @@ def test_adapters_of_the_spec(closing):
     for _ in range(80):
         observations, *_ = env.step({"a": "stop"})
     assert observations["a"] < 0.1
+
+
+def test_infos_count_the_paths_that_do_not_fit(closing):
+    for paths, is_short in ((8, False), (1, True)):
+        interface = LANER.replace(waypoint_paths=Waypoints(paths=paths))
+        env = closing(HiWayEnv(["intersection"], specs("a", interface=interface)))
+        seen, infos = env.reset()
+        stepped = env.step({})
+        for each, info in ((seen["a"], infos["a"]), (stepped[0]["a"], stepped[4]["a"])):
+            assert ("left_out" in info) == is_short
+            own = each.ego_vehicle_state.lane_index
+            assert own in [path[0].lane_index for path in each.waypoint_paths]
+        if is_short:
+            assert info["left_out"]["waypoint_paths"] >= 1
 
 
 def test_metres_of_the_route_add_up(closing):

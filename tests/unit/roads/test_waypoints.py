@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.roads.waypoints import WaypointPaths
+from tests.maps import straight
 from tests.road_queries import RoadQueries
 
 
@@ -25,7 +26,7 @@ def ahead(atlas, x, y, route=None, heading=0.0, hint=math.nan, **options):
         {
             name: getattr(paths, name)[0, k, : paths.waypoint_count[0, k]]
             for name in WaypointPaths._fields
-            if name not in ("path_count", "waypoint_count")
+            if name not in ("path_count", "waypoint_count", "left_out")
         }
         for k in range(paths.path_count[0])
     ]
@@ -115,8 +116,36 @@ def test_off_the_route_as_without_a_route(atlas):
 
 
 def test_more_paths_than_room(atlas):
-    paths = ahead(atlas, -15, -1.6, lookahead=40, paths=3)
-    assert [lane_names(atlas, path)[-1] for path in paths] == ["south_out_0", "east_out_0", "east_out_1"]
+    # The left lane leads on to the east and to the north, the right one to the south and to the east.
+    for room, ends in (
+        (3, ["south_out_0", "east_out_1", "north_out_1"]),
+        (2, ["east_out_1", "north_out_1"]),
+        (1, ["east_out_1"]),
+    ):
+        paths = ahead(atlas, -15, -1.6, lookahead=40, paths=room)
+        assert [lane_names(atlas, path)[-1] for path in paths] == ends
+        paths = ahead(atlas, -15, -4.8, lookahead=40, paths=room)
+        ends = [["south_out_0"], ["south_out_0", "east_out_0"], ["south_out_0", "east_out_0", "east_out_1"]]
+        assert [lane_names(atlas, path)[-1] for path in paths] == ends[room - 1]
+
+
+def test_what_does_not_fit_is_counted(atlas):
+    number, place = np.full(1, -1, np.int32), np.array([[-15.0, -1.6]])
+    lane = atlas.locate(np.zeros(1, np.int32), place).lane
+    for room, left_out in ((4, 0), (3, 1), (2, 1), (1, 2)):
+        found = atlas.waypoints(atlas.no_routes, np.zeros(1), place, lane, number, paths=room, lookahead=40)
+        # Of the right lane that does not fit at all, one: its fork is not looked at.
+        assert (found.path_count[0], found.left_out[0]) == (room, left_out)
+
+
+def test_of_many_lanes_those_beside_the_own_one_are_kept():
+    wide = RoadQueries([straight(lanes=12)])
+    for own, first in ((0, 0), (3, 0), (6, 3), (11, 4)):
+        # Left of the lane's middle, so that the neighbour on the left is the nearer one.
+        place = np.array([[50.0, 3.2 * own + 0.5]])
+        found = wide.waypoints(wide.no_routes, np.zeros(1), place, np.full(1, own), np.full(1, -1))
+        assert found.lane_index[0, :, 0].tolist() == [*range(first, first + 8)]
+        assert found.left_out[0] == 4
 
 
 def test_nowhere_means_no_paths(atlas):

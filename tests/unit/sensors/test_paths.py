@@ -12,7 +12,7 @@ from smarts.sensors.waypoint_paths import WaypointPathsAhead
 from smarts.types.guidance import GuidePhase
 from smarts.types.mission import AgentMission
 from smarts.types.vehicles import VehicleKind
-from tests.maps import Road, graph_of
+from tests.maps import Road, graph_of, straight
 from tests.unit.sensors.seeing import (
     BEND,
     RADIUS,
@@ -112,6 +112,17 @@ def test_the_whole_road_has_oncoming_lanes():
     assert set(road["position"][:2, :, 1].ravel().round(6).tolist()) == {-1.6, 1.6}
     names = [made.atlas.graphs[0].lane_ids[lane] for lane in road["lane"][:2, 0]]
     assert names == ["west_in_0", "west_out_0"]
+
+
+def test_of_a_wide_road_the_lanes_beside_the_own_one_are_kept():
+    for own, first in ((0, 0), (3, 0), (6, 3), (11, 4)):
+        # Left of the lane's middle, so that the neighbour on the left is the nearer one.
+        mission = AgentMission(route=("road",))
+        made = world_of([Car(50.0, 3.2 * own + 0.5, mission=mission)], maps=[straight(lanes=12)])
+        road = seen(around(horizon=2), made)
+        assert road["lane_index"][:, 0].tolist() == [*range(first, first + 8)]
+        assert (road["lane_count"], road["left_out"]) == (8, 4)
+        assert seen(ahead(lookahead=4), made)["left_out"] == 4
 
 
 def test_the_road_in_a_curve_and_at_its_end():
