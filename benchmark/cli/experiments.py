@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -40,6 +41,8 @@ Out = Annotated[Path, typer.Option(help="Parent folder of the experiment's resul
 
 MODES: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled")
 HEADER = ("name", "paradigm", "level", "communication", "actions", "recurrent", "description")
+RATES = ("collision_rate", "completion_rate")
+"""Metrics of each of several scenarios."""
 SHORT = {Paradigm.CTDE: "CTDE"}
 
 
@@ -51,11 +54,11 @@ def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Pat
     root = out / experiment.name
     # Printed first, since loading Ray, building scenarios and starting Ray take a while.
     typer.echo(f"{experiment.name}: building scenarios, checking {root}", err=True)
-    for place, budget in _budgets(experiment).items():
+    for budget, places in _budgets(experiment).items():
         until = f" or {budget.minutes:g} minutes, whichever comes first" if budget.minutes else ""
         decisions = budget.agent_steps // experiment.environment.decision_interval
         steps = f"{budget.agent_steps:,} agent-steps ({decisions:,} decisions)"
-        typer.echo(f"training budget of each run{place}: {steps}{until}", err=True)
+        typer.echo(f"training budget of each run in {'; '.join(places)}: {steps}{until}", err=True)
     from benchmark.report.writing import write_report
     from benchmark.running.experiment import interruptible, resumable, run_experiment
 
@@ -67,14 +70,14 @@ def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Pat
     raise typer.Exit(interruptible(work, resumable(root)))
 
 
-def _budgets(experiment: Experiment) -> dict[str, Budget]:
-    """Return the budgets of runs by place: "" if all are equal, else " in TASK, TRAFFIC"."""
+def _budgets(experiment: Experiment) -> dict[Budget, list[str]]:
+    """Return the budgets of runs, each with the columns of the table (TASK, TRAFFIC) that have it."""
     from benchmark.experiment.runs import task_settings_of
 
-    cells = {f" in {each}": each for each in task_settings_of(experiment)}
-    found = {name: experiment.budget_of(each.task.name, each.traffic) for name, each in cells.items()}
-    first, *others = found.values()
-    return found if any(each != first for each in others) else {"": first}
+    found: dict[Budget, list[str]] = {}
+    for each in task_settings_of(experiment):
+        found.setdefault(experiment.budget_of(each.task.name, each.traffic), []).append(str(each))
+    return found
 
 
 def sweep(config: Config, set_: Set = None, import_: Import = None, out: Out = Path("results")) -> None:
@@ -224,27 +227,40 @@ def _evaluate_exported(
 
 
 def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
-    """Print all metrics of a test, headed by each mode, or by the locator of the agent that drove."""
+    """Print all metrics of a test, headed by each mode, or by the locator of the agent that drove.
+
+    Of several scenarios there is a row for each, too.
+    """
     from benchmark.metrics import METRICS, compute
 
-    found = compute(table, ["mode"])
+    table = table.assign(played=_played(table))
+    found, by_scenario = compute(table, ["mode"]), compute(table, ["mode", "played"], RATES)
     for name, group in found.groupby("mode"):
         rows = group.to_dict("records")
-        typer.echo(
-            f"{agent or name}: {rows[0]['n']} agent-episodes of {_played(table.loc[table['mode'] == name])}"
-        )
+        places = [*table.loc[table["mode"] == name, "played"].unique()]
+        traffic = ", ".join(table.loc[table["mode"] == name, "traffic"].unique())
+        typer.echo(f"{agent or name}: {rows[0]['n']} agent-episodes of {', '.join([*places, traffic])}")
         for row in rows:
-            interval = f"[{row['low']:z.3f}, {row['high']:z.3f}]" if row["low"] == row["low"] else ""
-            value = f"{row['value']:z.3f}" if row["value"] == row["value"] else "n/a"
             unit = METRICS[row["metric"]].unit
             label = f"{row['metric']} [{unit}]" if unit else row["metric"]
-            typer.echo(f"  {label:<27} {value:>8}  {interval:<18} {row['note']}".rstrip())
+            typer.echo(f"  {label:<27} {_value(row)} {row['note']}".rstrip())
+        for place in places if len(places) > 1 else ():
+            own = by_scenario[(by_scenario["mode"] == name) & (by_scenario["played"] == place)]
+            rates = own.to_dict("records")
+            shown = (f"{rate['metric']} {_value(rate).strip()}, {rate['n']} agent-episodes" for rate in rates)
+            typer.echo(f"  {place}: {'; '.join(shown)}")
 
 
-def _played(table: pd.DataFrame) -> str:
-    """Return the scenarios, variations and traffic of a test."""
-    names = table["scenario"].where(table["variation"] == "", table["scenario"] + "@" + table["variation"])
-    return ", ".join([*names.unique(), *table["traffic"].unique()])
+def _value(row: Mapping[Hashable, Any]) -> str:
+    interval = f"[{row['low']:z.3f}, {row['high']:z.3f}]" if row["low"] == row["low"] else ""
+    value = f"{row['value']:z.3f}" if row["value"] == row["value"] else "n/a"
+    return f"{value:>8}  {interval:<18}"
+
+
+def _played(table: pd.DataFrame) -> pd.Series:
+    """Return the scenario of each row, with its variation."""
+    plain = table["variation"] == ""
+    return table["scenario"].where(plain, table["scenario"] + "@" + table["variation"])
 
 
 def _modes(given: list[str] | None) -> tuple[Literal["greedy", "sampled"], ...]:

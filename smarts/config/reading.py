@@ -56,7 +56,7 @@ def read_config(
 
     Args:
         file: The file, or the name of one in `PACKAGED`. Its `extends` names another one, whose values hold
-            where this one has none; sections are merged, everything else (lists too) is replaced.
+            where this one has none; sections are merged, everything else (lists and `{}` too) is replaced.
         model: The type of the content.
         overrides: Values that replace the file's, as in "budget.minutes=5"; the value is read as YAML.
         check: Finds mistakes that the model does not, in values which need not fit the model.
@@ -105,10 +105,10 @@ def _place(sources: Sequence[Source], key: Key) -> str:
 
 
 def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """Return values laid over others; sections are merged."""
+    """Return values laid over others; sections are merged, an empty one takes the place of what is below."""
     merged = dict(under)
     for name, value in over.items():
-        is_section = isinstance(value, dict) and isinstance(merged.get(name), dict)
+        is_section = value and isinstance(value, dict) and isinstance(merged.get(name), dict)
         merged[name] = _merged(merged[name], value) if is_section else value
     return merged
 

@@ -5,7 +5,7 @@ import signal
 import pytest
 import typer
 
-from benchmark.cli.experiments import run
+from benchmark.cli.experiments import _budgets, run
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.metrics import write_table
@@ -47,10 +47,25 @@ def test_a_finished_experiment_is_reported_again(file, tmp_path, capsys):
     said = capsys.readouterr()
     first, budget, *_ = said.err.splitlines()
     assert first == f"done: building scenarios, checking {page.parents[1]}"
-    assert "3,000 agent-steps" in budget
+    assert "in loop, no_social_vehicles: 3,000 agent-steps" in budget
     assert "2 minutes" in budget
     assert said.out.splitlines() == [f"results: {page.parents[1]}", f"report: {page}"]
     assert "PPO: 2 of 2 runs finished, 4 test episodes measured." in page.read_text()
+
+
+def test_the_plan_names_the_budget_of_each_task(tmp_path):
+    """A copy that clears the cells of the file that it extends trains as long as it says."""
+    (tmp_path / "base.yaml").write_text(
+        f"{CONFIG}cells: {{loop: {{budget: {{agent_steps: 9000}}}}}}\n".replace("[loop]", "[loop, u_turn]")
+    )
+    base = read_experiment(tmp_path / "base.yaml")
+    steps = {budget.agent_steps: places for budget, places in _budgets(base).items()}
+    assert steps == {9000: [f"loop, {ALONE}"], 3000: [f"u_turn, {ALONE}"]}
+    (tmp_path / "copy.yaml").write_text("extends: base.yaml\nbudget: {agent_steps: 400}\ncells: {}\n")
+    copy = read_experiment(tmp_path / "copy.yaml")
+    assert copy.cells == {}
+    (budget,) = _budgets(copy)
+    assert (budget.agent_steps, budget.minutes) == (400, 2)
 
 
 def test_sigterm_while_the_report_is_written_says_how_to_go_on(file, tmp_path, capsys, monkeypatch):
