@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import ray
+from ray._private import worker
 from ray._private.services import canonicalize_bootstrap_address
 from ray.experimental.internal_kv import _internal_kv_del, _internal_kv_exists, _internal_kv_put
 
@@ -75,6 +76,21 @@ def start_ray(resources: Resources, runtime_env: Mapping[str, Any] | None = None
 def living_nodes() -> list[Mapping[str, float]]:
     """Return Ray's resources of each of its machines."""
     return [node["Resources"] for node in ray.nodes() if node["Alive"]]
+
+
+def check_ray() -> None:
+    """Raise if this machine's own processes of Ray have ended, which else ends this one after a minute.
+
+    Raises:
+        ResultsError: One has, killed by a user or for want of memory.
+    """
+    node: Any = worker._global_node
+    dead = {name for name, _ in node.dead_processes()} if node is not None else set()
+    if lost := sorted(dead & {"gcs_server", "raylet"}):
+        raise ResultsError(
+            f"Ray's own process {lost[0]} is lost, killed by a user or for want of memory",
+            remedy="give the same command again: it continues from the last checkpoints",
+        )
 
 
 @contextmanager

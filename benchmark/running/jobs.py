@@ -21,7 +21,14 @@ from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_of
 from benchmark.results.files import write_files
 from benchmark.results.run_folder import CHECKPOINT, FINISHED, TRAINING, RunFolder
-from benchmark.running.cluster import check_room, is_stopping, learners_on, living_nodes, stopping
+from benchmark.running.cluster import (
+    check_ray,
+    check_room,
+    is_stopping,
+    learners_on,
+    living_nodes,
+    stopping,
+)
 from benchmark.running.importing import as_on_the_driver, named_own_code
 from benchmark.running.messages import BACKLOG, Kept, Message, Start
 from benchmark.running.progress import STARTING, WAITING, RunProgress
@@ -110,9 +117,14 @@ class JobScheduler:
         return not self._waiting
 
     def run(self) -> list[JobState]:
-        """Run all jobs; return their states, with the errors of failed jobs."""
+        """Run all jobs; return their states, with the errors of failed jobs.
+
+        Raises:
+            ResultsError: Ray's own processes are lost.
+        """
         self._show(self.states)
         while self._waiting or self._under_way:
+            check_ray()
             while self._waiting and len(self._under_way) < self._most_at_once():
                 self._begin(self._waiting.popleft())
             while self._free_rooms:  # another run may wait for what is in them

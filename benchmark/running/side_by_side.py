@@ -26,7 +26,7 @@ def side_by_side(
         The number of a call and what it has returned, as soon as it has.
 
     Raises:
-        ResultsError: The process of a call was lost.
+        ResultsError: The process of a call was lost, or one of Ray's own.
         Exception: What a call raises. The others under way are ended.
     """
     most = min(parallel or max(1, int(usable_cores())), len(calls))
@@ -39,7 +39,7 @@ def side_by_side(
     from ray.exceptions import RayError, RayTaskError
 
     from benchmark.experiment.config import Resources
-    from benchmark.running.cluster import start_ray
+    from benchmark.running.cluster import check_ray, start_ray
 
     is_callers = ray.is_initialized()
     start_ray(Resources())
@@ -47,6 +47,7 @@ def side_by_side(
     try:
         task = ray.remote(num_cpus=1, max_retries=0)(_call)
         while waiting or under_way:
+            check_ray()
             while waiting and len(under_way) < most:
                 number, call = waiting.popleft()
                 under_way[task.remote(function, *call)] = number

@@ -2,8 +2,10 @@
 
 import operator
 import os
+import time
 
 import pytest
+from ray._private import worker
 
 from benchmark.results.files import ResultsError
 from benchmark.running.side_by_side import side_by_side
@@ -43,6 +45,18 @@ def test_an_error_of_a_call_is_raised_as_it_is():
 def test_a_lost_process_is_named():
     with raises(ResultsError, values=["lost", "--parallel 1"]):
         [*side_by_side(os._exit, [(1,), (1,)], 2)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("process", ["gcs_server", "raylet"])
+def test_where_ray_itself_is_lost_the_same_command_continues(process):
+    calls = side_by_side(time.sleep, [(0,), (60,), (60,)], 2)
+    assert next(calls) == (0, None)
+    (lost,) = worker._global_node.all_processes[process]
+    lost.process.kill()
+    lost.process.wait()
+    with raises(ResultsError, values=[process, "same command"]):
+        next(calls)
 
 
 @pytest.mark.slow
