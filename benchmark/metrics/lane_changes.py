@@ -31,13 +31,18 @@ class FoundLaneChanges(NamedTuple):
     """Those after which the vehicle behind had a headway below 1 s, shape (A,)."""
     under_way: Bools
     """When an agent was between the two lanes of a completed change, shape (T, A)."""
+    settled: Bools
+    """When it was first wholly in the new lane, shape (T, A)."""
 
 
 def find_lane_changes(episode: EpisodeData) -> FoundLaneChanges:
     """Return the lane changes of all agents, whatever action led to them."""
-    count = episode.count
+    count, instants = episode.count, (episode.steps + 1, episode.count)
     found = FoundLaneChanges(
-        np.zeros(count, np.int32), np.zeros(count, np.int32), np.zeros((episode.steps + 1, count), np.bool_)
+        completed=np.zeros(count, np.int32),
+        cut_ins=np.zeros(count, np.int32),
+        under_way=np.zeros(instants, np.bool_),
+        settled=np.zeros(instants, np.bool_),
     )
     for agent in np.flatnonzero(episode.own >= 0).tolist():
         found.completed[agent], found.cut_ins[agent] = _changes(
@@ -47,13 +52,20 @@ def find_lane_changes(episode: EpisodeData) -> FoundLaneChanges:
             int(episode.own[agent]),
             episode.driving[:, agent],
             found.under_way[:, agent],
+            found.settled[:, agent],
         )
     return found
 
 
 @kernel
 def _changes(
-    motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, driving: Bools, under_way: Bools
+    motion: VehicleTracks,
+    paths: Paths,
+    lanes: Lanes,
+    own: int,
+    driving: Bools,
+    under_way: Bools,
+    settled: Bools,
 ) -> tuple[int, int]:
     completed, cut_ins = 0, 0
     # The lane that it was last wholly in, or the one that this has led into; when that was.
@@ -64,18 +76,19 @@ def _changes(
             continue
         if home >= 0 and lanes.edge[lane] != lanes.edge[home]:
             home = _beside(motion, paths, lanes, own, k, since, home, lane)
-        if not _is_within(motion, lanes, own, k):
+        if not is_within_lane(motion, lanes, own, k):
             continue
         if home >= 0 and home != lane and lanes.edge[home] == lanes.edge[lane]:
             completed += 1
             under_way[since + 1 : k] = True
+            settled[k] = True
             cut_ins += _is_cut_in(motion, paths, lanes, own, k)
         home, since = lane, k
     return completed, cut_ins
 
 
 @kernel
-def _is_within(motion: VehicleTracks, lanes: Lanes, own: int, k: int) -> bool:
+def is_within_lane(motion: VehicleTracks, lanes: Lanes, own: int, k: int) -> bool:
     """Return whether the footprint lies wholly in its lane, across."""
     turn = motion.turn[k, own]
     reach = abs(math.sin(turn)) * motion.length[own] / 2 + abs(math.cos(turn)) * motion.width[own] / 2

@@ -37,6 +37,7 @@ METRICS = Registry(
         "collaborative": "benchmark.metrics.collaborative:METRIC",
         "competitive": "benchmark.metrics.competitive:METRIC",
         "progress_speed": "benchmark.metrics.agility:PROGRESS_SPEED",
+        "at_fault_collision_rate": "benchmark.metrics.at_fault_collision_rate:METRIC",
         "ended_off_road": "benchmark.metrics.outcomes:OFF_ROAD",
         "ended_off_route": "benchmark.metrics.outcomes:OFF_ROUTE",
         "ended_missed_goal": "benchmark.metrics.outcomes:MISSED_GOAL",
