@@ -83,7 +83,8 @@ class SumoShadows:
         self._farthest = max(10.0, _FASTEST * step)
         self._lead = bind(lead, states)
         self._shadows: dict[int, Shadow] = {}
-        self._returned: dict[int, Shadow] = {}
+        self.returned: dict[int, Shadow] = {}
+        """The former shadows that SUMO drives and may not have on their centrelines yet."""
         self._types: set[str] = set()
         self._next_edges: dict[str, list[str]] = {}
         self._lane_headings: dict[str, tuple[list[float], list[float]]] = {}
@@ -106,7 +107,7 @@ class SumoShadows:
         """Clear all shadows; SUMO was restarted."""
         self._roads = roads
         self._half_widths = (roads.width / 2).tolist()
-        known = self._shadows, self._returned, self._types, self._next_edges, self._lane_headings
+        known = self._shadows, self.returned, self._types, self._next_edges, self._lane_headings
         for each in known:
             each.clear()
         self.proxies.reset(roads)
@@ -125,8 +126,8 @@ class SumoShadows:
         vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
         route, lane = self._library.route_ahead(name), vehicle.getLaneID(name)
         self._shadows[slot] = shadow = Shadow(name, route, lane, vehicle.getLanePosition(name))
-        if slot in self._returned:
-            shadow.noted_side = self._returned.pop(slot).noted_side
+        if slot in self.returned:
+            shadow.noted_side = self.returned.pop(slot).noted_side
 
     def replace(self, slot: int, name: str, new_name: str, arrival: Arrival) -> None:
         """Make a vehicle in SUMO a shadow, under a new name, from the next step on.
@@ -155,7 +156,7 @@ class SumoShadows:
             self._library.accepts(vehicle.setRoute, new_name, list(route))
         for stop in stops:
             self._library.copy_stop(new_name, stop)
-        self._returned.pop(slot, None)
+        self.returned.pop(slot, None)
         self._shadows[slot] = Shadow(new_name, route)
 
     def hand_back(self, slot: int) -> bool:
@@ -179,14 +180,14 @@ class SumoShadows:
                 self._library.accepts(vehicle.setRoute, shadow.id, list(shadow.way))
         else:
             self._restore_route(shadow)
-        self._returned[slot] = shadow
+        self.returned[slot] = shadow
         return True
 
     def forget(self, slot: int) -> None:
         """Drop the shadow of a slot, if there is one."""
         if shadow := self._shadows.pop(slot, None):
             self.proxies.remove(shadow.id)
-        self._returned.pop(slot, None)
+        self.returned.pop(slot, None)
 
     def set_route(self, slot: int, edges: Sequence[str]) -> None:
         """Set the planned route of a shadow."""
@@ -212,11 +213,11 @@ class SumoShadows:
                 along = self._heading_of(shadow.lane, shadow.position)
                 x, y = x - shadow.shift * math.sin(along), y + shadow.shift * math.cos(along)
             move(shadow.id, "", -1, x, y, angle, _MAY_LEAVE_NET, _MATCH_WITHIN)
-        for slot, shadow in [*self._returned.items()]:
+        for slot, shadow in [*self.returned.items()]:
             shadow.calm_steps -= 1
             if self._is_centred(shadow) and shadow.calm_steps < 0:
                 self._library.vehicle.setLaneChangeMode(shadow.id, _SUMO_LANE_CHANGES)
-                del self._returned[slot]
+                del self.returned[slot]
 
     def _jumps(self, shadow: Shadow, front: tuple[float, float]) -> bool:
         """Return whether a shadow on the net has been moved farther than it can drive; note its new front."""

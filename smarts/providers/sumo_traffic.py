@@ -204,7 +204,7 @@ class SumoTraffic:
             self._admit(departed)
         self._kept_clear = []
         self._rows.read(self._driven)
-        self._fading.apply()
+        self._fading.apply(self._shadows.returned)
         self._number_routes()
         # Entering vehicles are shadows in this step; SUMO drives them from the next step on.
         self._take_snapshot(entering)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from smarts.geometry.frames import wrap_angle
+from smarts.providers.sumo_fading import ASIDE, FadingPoses
 from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World as State
 
 from .conftest import front_of
 from .test_sumo_shadows import LEFT, RIGHT, begin, drive, drivers, from_arm, speed, x
@@ -344,3 +346,22 @@ def test_followers_keep_their_distance_across_hand_overs(world, country):
                 world.step(10)
             assert x(world, "s0") - x(world, "s1") > 7
     assert speed(world, "s1") > 10
+
+
+@pytest.mark.parametrize("at", [2, 7])
+def test_an_offset_that_sumo_drops_at_once_fades(at):
+    """As where a truck comes to the lane behind a junction, in the second step after its release."""
+    world = State(worlds=1, capacity=4, agents=0, lanes=1)
+    slot = world.registry.admit(0, "truck", Owner.AGENT, VehicleKind.TRUCK, 8.0, 2.5)
+    states, fading = world.vehicles.of(0), FadingPoses(world, 0)
+    states.position[slot], states.speed[slot] = (0.0, 0.31), 10.0
+    fading.begin(slot)
+    track = [0.31]
+    for step in range(1, 21):
+        # SUMO's pose.
+        states.position[slot], states.heading[slot] = (float(step), 0.31 if step < at else 0.0), 0.0
+        fading.apply({slot} if step <= at else {})
+        track.append(float(states.position[slot, 1]))
+    assert np.abs(np.diff(track)).max() < ASIDE + 1e-9
+    assert track[at] == pytest.approx(0.31 - ASIDE)
+    assert track[-1] == 0.0
