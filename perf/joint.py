@@ -3,9 +3,9 @@
     python perf/joint.py [--seconds 5] [--epochs 1]
 
 4 agents, observations of 200 floats, 5 actions, 8 environments, networks [64, 64], fragments of 64 steps.
-Prints agent-steps per second of this process' processor time, of sampling and of whole training iterations
+Prints agents' decisions per second of this process' processor time, of sampling and of whole iterations
 (independent PPO), the ratios to RLlib's PPO measured in the same run, and the time of an iteration without
-its sampling, in us for each agent-step and epoch.
+its sampling, in us for each decision and epoch.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def local_runner(algo: Algorithm) -> Any:
 
 
 def joint(env, sharing: str, epochs: int, seconds: float) -> tuple[float, float]:
-    """Return (sampling, training) agent-steps/s of the joint core."""
+    """Return (sampling, training) decisions/s of the joint core."""
     config = algorithms.config("ppo").environment(env)
     config.env_runners(num_env_runners=0, num_envs_per_env_runner=ENVS, rollout_fragment_length=FRAGMENT)
     algo = config.training(sharing=sharing, epochs=epochs, minibatch_size=128).build_algo()
@@ -129,7 +129,7 @@ def joint(env, sharing: str, epochs: int, seconds: float) -> tuple[float, float]
 
 
 def stock(sharing: str, epochs: int, seconds: float) -> tuple[float, float]:
-    """Return (sampling, training) agent-steps/s of RLlib's PPO with the same networks and batches."""
+    """Return (sampling, training) decisions/s of RLlib's PPO with the same networks and batches."""
     modules = {"shared"} if sharing == "all" else set(NAMES)
     model = DefaultModelConfig(fcnet_hiddens=[64, 64], vf_share_layers=False)
     config = (
@@ -179,7 +179,7 @@ def main() -> None:
     # One thread for both sides: with more, either is slowed tenfold by whatever else runs on the machine.
     torch.set_num_threads(1)
     ray.init(address="local", num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
-    print(f"agent-steps/CPU s, {arguments.epochs} epoch(s)  sampling   ratio   training   ratio  update [us]")
+    print(f"decisions/CPU s, {arguments.epochs} epoch(s)    sampling   ratio   training   ratio  update [us]")
     for sharing in ("all", "none"):
         base = stock(sharing, arguments.epochs, arguments.seconds)
         rows = {

@@ -4,8 +4,9 @@
 
 Trains the algorithms of the paper's table at the intersection with traffic, with the table's settings, in one
 process: with exact traffic and with `environment: {traffic_step: ...}` in turn, iteration by iteration, until
-each has had its time. Prints agent-steps (simulation steps of 0.1 s x agents on the road) for each second of
-this process' processor time, the share of sampling (simulation and policy) in it, and the ratio. With
+each has had its time. Prints agent-steps (simulation steps of 0.1 s x agents on the road) and agents'
+decisions for each second of this process' processor time, the share of sampling (simulation and policy) in
+it, and the ratio of agent-steps. With
 `--stages`, a second table has the time of each stage for a step of one simulation; the clocks take some, too.
 """
 
@@ -56,7 +57,7 @@ class Timed:
     """
 
     def __init__(self, algo: Any, interval: int) -> None:
-        self._algo, self._interval = algo, interval
+        self._algo, self.interval = algo, interval
         self._runner = algo.env_runner_group.local_env_runner
         self._sample, self._runner._sample_fragment = self._runner._sample_fragment, self._watched
         self.steps, self.seconds, self.sampling = 0, 0.0, 0.0
@@ -94,8 +95,8 @@ class Timed:
         begin = time.process_time()
         rollout = self._sample(steps)
         self.sampling += time.process_time() - begin
-        self.steps += self._interval * rollout.agent_steps()
-        self.env_steps += self._interval * rollout.env_steps()
+        self.steps += self.interval * rollout.agent_steps()
+        self.env_steps += self.interval * rollout.env_steps()
         return rollout
 
     def stages(self) -> dict[str, float]:
@@ -124,7 +125,8 @@ def measure(algorithm: str, options: argparse.Namespace) -> None:
         base = ways["exact"].rate
         for name, way in ways.items():
             share = f"{100 * way.sampling / way.seconds:.0f}%"
-            cells = algorithm, name, f"{way.rate:,.0f}", share, f"{way.rate / base:.2f}"
+            rates = f"{way.rate:,.0f}", f"{way.rate / way.interval:,.0f}"
+            cells = algorithm, name, *rates, share, f"{way.rate / base:.2f}"
             print("| " + " | ".join(cells) + " |", flush=True)
         if options.stages:
             print(stage_table({name: way.stages() for name, way in ways.items()}), flush=True)
@@ -155,7 +157,7 @@ def main() -> None:
     options = parser.parse_args()
     logging.getLogger("ray").setLevel(logging.ERROR)
     ray.init(address="local", num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
-    header = "algorithm", "traffic", "agent-steps per CPU second", "sampling", "ratio"
+    header = "algorithm", "traffic", "agent-steps per CPU second", "decisions", "sampling", "ratio"
     print("| " + " | ".join(header) + " |", "|---" * len(header) + "|", sep="\n")
     for algorithm in options.algorithms:
         measure(algorithm, options)
