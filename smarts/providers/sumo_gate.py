@@ -159,14 +159,14 @@ class SumoGate:
         """Return the length of a lane, or from one inside a junction to the end of the next road [m]."""
         roads, length = self._roads, 0.0
         while roads.is_internal[lane] and len(following := roads.successors(lane)):
-            length += float(roads.sumo_length[lane])
+            length += float(roads.driven_length[lane])
             lane = int(following[0])
-        return length + float(roads.sumo_length[lane])
+        return length + float(roads.driven_length[lane])
 
     def _lean(self, slot: int, lane: int, position: float) -> float:
         """Return the angle of a vehicle to a lane on which its front is at SUMO's `position` [m] [rad]."""
         roads = self._roads
-        front = position * float(roads.length[lane] / max(roads.sumo_length[lane], 1e-9))
+        front = position * float(roads.length[lane] / max(roads.driven_length[lane], 1e-9))
         return self._compare(slot, self._starts[lane], self._starts[lane + 1], front, 0.0, 0.0)[0]
 
     def _is_tight(self, lane: int, radius: float) -> bool:
@@ -226,7 +226,7 @@ class SumoGate:
         """Return what is wrong with a vehicle's pose on SUMO's lane."""
         states, roads = self._states, self._roads
         lane, length = roads.lane_of_id(shadow.lane), float(states.length[slot])
-        scale = float(roads.length[lane] / max(roads.sumo_length[lane], 1e-9))
+        scale = float(roads.length[lane] / max(roads.driven_length[lane], 1e-9))
         front = shadow.position * scale
         ahead = front + STEPS_BEFORE * self._dt * float(states.speed[slot])
         if roads.is_internal[lane] or front - length < -LEAST_TAIL or ahead > roads.length[lane]:

@@ -289,7 +289,7 @@ class SumoShadows:
             roads, number = self._roads, self._roads.lane_of_id(lane)
             rows = slice(int(roads.point_start[number]), int(roads.point_start[number + 1]))
             positions = roads.point_s[rows] * float(
-                roads.sumo_length[number] / max(roads.length[number], 1e-9)
+                roads.driven_length[number] / max(roads.length[number], 1e-9)
             )
             self._lane_headings[lane] = positions.tolist(), roads.point_heading[rows].tolist()
         positions, headings = self._lane_headings[lane]

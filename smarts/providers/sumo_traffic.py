@@ -59,6 +59,11 @@ def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
     if files.additional:
         options += ["--additional-files", ",".join(map(str, files.additional))]
     options += [text for name, value in files.options for text in (f"--{name}", value)]
+    # SUMO would change the integration for all vehicles by itself, once some type's drivers do not decide
+    # in every step; it rounds their reaction time down to whole steps.
+    if files.reaction_time is not None and "step-method.ballistic" not in dict(files.options):
+        decides_later = round(1000 * files.reaction_time) // round(1000 * dt) > 1
+        options += ["--step-method.ballistic", "true" if decides_later else "false"]
     # Lane changes take 3 s instead of one step; vehicles are not removed from jams and after collisions.
     options += ["--lanechange.duration", "3", "--time-to-teleport", "-1"]
     options += ["--collision.action", "none", "--collision.check-junctions", "true"]

@@ -25,6 +25,10 @@ from smarts.geometry.frames import wrap_angle
 
 FORMAT = 2
 """Format of the saved file; files of another format are rebuilt."""
+OTHER_LENGTH, SHORTEST_OTHER = 0.02, 0.5
+"""A road's given length is another than its lanes' if it differs by more than this share and this far [m]."""
+SHORTEST = 0.1
+"""Length of SUMO's shortest lanes [m]."""
 OPPOSITE = -0.7
 """Cosine of the angle between two lanes that lead in other directions, at most."""
 
@@ -74,7 +78,8 @@ class LaneGraph:
 
     Lanes inside junctions are lanes like others: a path from road to road is road lane, junction lane, in
     some left turns a second junction lane after the waiting point, road lane. Positions s along a lane are
-    arc lengths of its centreline as drawn; `sumo_length` converts to the positions that SUMO reports.
+    arc lengths of its centreline as drawn; `sumo_length` converts to the positions of the map's file,
+    `driven_length` to those of SUMO.
     """
 
     lane_ids: tuple[str, ...]
@@ -91,7 +96,8 @@ class LaneGraph:
     length: Floats
     """Arc length of the centreline [m], shape (L,)."""
     sumo_length: Floats
-    """Length by which SUMO reckons [m]: its position is s * sumo_length / length, shape (L,)."""
+    """Length that the map gives [m], by which scenarios' positions reckon: s * sumo_length / length, shape
+    (L,)."""
     width: Floats
     """[m], shape (L,)."""
     speed_limit: Floats
@@ -174,6 +180,18 @@ class LaneGraph:
     def _lane_numbers(self) -> dict[str, int]:
         return {name: number for number, name in enumerate(self.lane_ids)}
 
+    @cached_property
+    def driven_length(self) -> Floats:
+        """Length by which SUMO drives [m]: its position is s * driven_length / length, shape (L,).
+
+        It is the one that the map gives, but for roads where this is not that of their lanes as drawn, on
+        average: vehicles are as long as they are, so SUMO's gaps between them have to be those on the map.
+        """
+        count = np.maximum(self.edge_lane_count, 1)
+        drawn = (np.bincount(self.lane_edge, self.length, len(count)) / count)[self.lane_edge]
+        differs = np.abs(self.sumo_length - drawn) > np.maximum(OTHER_LENGTH * drawn, SHORTEST_OTHER)
+        return np.where(differs & ~self.is_internal, np.maximum(drawn, SHORTEST), self.sumo_length)
+
     @property
     def road_edges(self) -> tuple[str, ...]:
         """Ids of the edges that are not inside junctions."""
@@ -237,7 +255,7 @@ class LaneGraph:
         return self.point_xy[self.point_start[lane] : self.point_start[lane + 1]]
 
     def arc_length(self, lane: int, position: float) -> float:
-        """Return the arc length s [m] of SUMO's position [m] on a lane."""
+        """Return the arc length s [m] of a scenario's position [m] on a lane."""
         return position * float(self.length[lane] / self.sumo_length[lane])
 
     def junction_outline(self, junction: int) -> Floats:

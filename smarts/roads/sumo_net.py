@@ -25,6 +25,23 @@ DIRECTED = 0.1
 """A line shorter than this has no direction, since its points are rounded to 1 cm [m]."""
 
 
+def write_driven_lengths(net: Path, roads: LaneGraph) -> int:
+    """Write `LaneGraph.driven_length` into a network; return how many of its lanes had another length.
+
+    Args:
+        net: The file; only written if a lane has another length.
+        roads: What has been read from it.
+    """
+    other = np.flatnonzero(roads.driven_length != roads.sumo_length).tolist()
+    if other:
+        tree = ElementTree.parse(net)
+        lanes = [*tree.iterfind("edge/lane")]
+        for lane in other:
+            lanes[lane].set("length", f"{roads.driven_length[lane]:.10g}")
+        tree.write(net, encoding="UTF-8", xml_declaration=True)
+    return len(other)
+
+
 @dataclass(frozen=True)
 class _Edge:
     element: ElementTree.Element

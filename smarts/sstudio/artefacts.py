@@ -16,7 +16,7 @@ from urllib.parse import quote
 from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.sources import MapSource
-from smarts.roads.sumo_net import read_net
+from smarts.roads.sumo_net import read_net, write_driven_lengths
 from smarts.roads.sumo_tools import try_in_sumo
 from smarts.sstudio.built import LANES, NET, SCENARIO, WITHOUT_EFFECT
 from smarts.sstudio.cache import MANIFEST, damaged_file, file_table
@@ -75,8 +75,15 @@ def write_artefacts(
 
 def _compile(source: MapSource, folder: Path) -> dict[str, list[str]]:
     notes = compile_map(source, folder / NET)
-    read_net(folder / NET, place=str(source.files[0])).save(folder / LANES)
-    return {"map_notes": list(notes.remarks), "map_warnings": list(notes.warnings)}
+    roads = read_net(folder / NET, place=str(source.files[0]))
+    roads.save(folder / LANES)
+    remarks = list(notes.remarks)
+    if count := write_driven_lengths(folder / NET, roads):
+        remarks.append(
+            f"{count} lanes are given a length that is not that of their shape: traffic drives the shape's, "
+            "and positions on them in scenarios are scaled to it"
+        )
+    return {"map_notes": remarks, "map_warnings": list(notes.warnings)}
 
 
 def _share(like: Path, folder: Path) -> dict[str, list[str]]:
@@ -99,6 +106,7 @@ def _write_traffic(
     stem = f"traffic/{quote(name, safe='')}"
     files = {"routes": [f"{stem}.rou.xml"], "additional": [], "warm_up": traffic.warm_up}
     files["options"] = dict(traffic.sumo_options)
+    files["reaction_time"] = contents.reaction_time
     (folder / files["routes"][0]).write_text(contents.routes, encoding="utf-8")
     if contents.additional:
         files["additional"] = [f"{stem}.add.xml"]
@@ -115,6 +123,7 @@ def _add_sumo_files(
     count = len(traffic.additional_files)
     files["additional"] += copies[:count]
     files["routes"] += copies[count:]
+    files["reaction_time"] = None
     inputs = {"net-file": [NET], "route-files": files["routes"], "additional-files": files["additional"]}
     options = [text for option, value in files["options"].items() for text in (f"--{option}", value)]
     # All of the routes at once, so that every mistake in them is found.

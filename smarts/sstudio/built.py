@@ -105,6 +105,7 @@ class BuiltScenario:
                 additional=tuple(self.directory / file for file in files["additional"]),
                 warm_up=files["warm_up"],
                 options=tuple(files["options"].items()),
+                reaction_time=files["reaction_time"],
             )
             for name, files in self._manifest["traffic"].items()
         }

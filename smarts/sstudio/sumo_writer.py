@@ -38,6 +38,8 @@ class SumoDocuments:
     """Vehicle types, routes, flows and vehicles."""
     additional: str
     """Bus stops; empty without any."""
+    reaction_time: float
+    """The longest of any driver [s]."""
     notes: tuple[str, ...]
     """Parts of the scenario that SUMO does not support."""
 
@@ -144,6 +146,7 @@ class _Writer:
         return SumoDocuments(
             routes=_document("routes", elements),
             additional=_document("additional", self.stops.values()) if self.stops else "",
+            reaction_time=max((actor.reaction_time for actor in self.members), default=0.0),
             notes=tuple(self.notes),
         )
 
@@ -261,17 +264,24 @@ class _Writer:
             depart = float(self.roads.sumo_length[self.roads.lane_number(*route.begin[:2])])
         return {
             "departLane": depart_lane,
-            "departPos": depart,
+            "departPos": self._driven(*route.begin[:2], depart),
             "departSpeed": speed,
             "arrivalLane": arrival_lane,
-            "arrivalPos": 0 if arrival == BASE_OFFSET else arrival,
+            "arrivalPos": 0 if arrival == BASE_OFFSET else self._driven(*route.end[:2], arrival),
         }
 
+    def _driven(self, edge: str, index: int, position: Any) -> Any:
+        """Return SUMO's position for one that a scenario gives [m]; names of places stay."""
+        lane = self.roads.lane_number(edge, index)
+        given, driven = float(self.roads.sumo_length[lane]), float(self.roads.driven_length[lane])
+        return position if isinstance(position, str) or given == driven else position * driven / given
+
     def _stop(self, stop: t.Stop) -> _Element:
+        end = self._driven(stop.road_id, stop.lane_index, stop.offset)
         area = {
             "lane": f"{stop.road_id}_{stop.lane_index}",
-            "startPos": max(stop.offset - stop.length, 0.0),
-            "endPos": stop.offset,
+            "startPos": max(end - stop.length, 0.0),
+            "endPos": end,
         }
         if not stop.bus_stop:
             return _Element("stop", {**area, "duration": stop.duration})

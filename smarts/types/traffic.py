@@ -48,6 +48,8 @@ class TrafficFiles:
     """Simulated before an episode begins, so that it starts among traffic [s]."""
     options: tuple[tuple[str, str], ...] = ()
     """Further options of SUMO, such as "begin", from which `warm_up` counts [s]."""
+    reaction_time: float | None = 0.0
+    """The longest of any of its drivers [s]; 0: all decide in every step; None: unknown, as of own files."""
 
 
 class Signal(enum.IntEnum):

@@ -5,6 +5,7 @@ import math
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from pathlib import Path
 
 import libsumo
@@ -64,6 +65,31 @@ def test_equals_bare_libsumo_exactly(world, country, place, warm_up):
             seen += len(rows)
     libsumo.close()
     assert seen > 3000
+
+
+@pytest.mark.parametrize(
+    ("reaction_time", "dt", "is_ballistic"),
+    [(0.0, 0.1, "false"), (1.0, 0.1, "true"), (0.19, 0.1, "false"), (0.2, 0.1, "true"), (1.0, 1.0, "false")],
+)
+def test_the_integration_is_named_and_is_the_one_that_sumo_chooses(
+    country, tmp_path, reaction_time, dt, is_ballistic
+):
+    files = country.road()
+    late = f'<routes><vType id="late" actionStepLength="{reaction_time}"/>' if reaction_time else "<routes>"
+    routes = tmp_path / "late.rou.xml"
+    routes.write_text(files.routes[0].read_text().replace("<routes>", late))
+    options = sumo_options(replace(files, routes=(routes,), reaction_time=reaction_time), 7, dt)
+    place = options.index("--step-method.ballistic")
+    assert options[place + 1] == is_ballistic
+    found = []
+    for each in (options, [*options[:place], *options[place + 2 :]]):
+        libsumo.start(["sumo", *each])
+        for _ in range(round(30.0 / dt)):
+            libsumo.simulationStep()
+        found.append({name: libsumo.vehicle.getPosition(name) for name in libsumo.vehicle.getIDList()})
+        libsumo.close()
+    assert found[0] == found[1]
+    assert len(found[0]) > 1
 
 
 @pytest.mark.parametrize("place", ["road", "cross"])

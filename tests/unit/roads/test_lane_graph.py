@@ -54,6 +54,18 @@ def test_the_arc_length_of_a_position_by_which_the_lane_is_twice_as_long(cross):
     assert reckoned.arc_length(lane, 30.0) == pytest.approx(15.0)
 
 
+def test_sumo_drives_the_length_of_the_shape_where_another_is_given(cross):
+    lane = cross.lane_number("west_in", 0)
+    lanes = [*cross.edge_lanes(int(cross.lane_edge[lane]))]
+    given = cross.sumo_length.copy()
+    given[lanes] *= 3.0
+    reckoned = dataclasses.replace(cross, sumo_length=given)
+    assert reckoned.driven_length[lanes] == pytest.approx(cross.length[lanes].mean())
+    others = np.delete(np.arange(len(given)), lanes)
+    assert np.array_equal(reckoned.driven_length[others], given[others])
+    assert np.array_equal(cross.driven_length, cross.sumo_length)
+
+
 def test_saved_graph_is_the_same_graph(tmp_path, graphs):
     for name, graph in graphs.items():
         graph.save(tmp_path / name)

@@ -168,10 +168,10 @@ class TestFlows:
         assert (attributes["departLane"], attributes["arrivalLane"]) == ("1", "0")
 
     def test_departures_at_the_end_count_as_sumo_does(self, long_roads):
-        """The lane is drawn 100 m long and counts 200 m."""
+        """The lane is drawn 100 m long and is given 200 m: SUMO drives what is drawn."""
         described = flow(t.Route(("one", 0, "max"), ("two", 0, 75)))
         (element,) = elements(long_roads, described).iter("flow")
-        assert float(element.attrib["departPos"]) == pytest.approx(200)
+        assert float(element.attrib["departPos"]) == pytest.approx(100)
 
     def test_drivers_that_depart_differently_are_flows_of_their_own(self, roads):
         slow = t.TrafficActor("car", depart_speed=3)
