@@ -157,32 +157,32 @@ def report_kernels(graph: LaneGraph, count: int, repeats: int) -> None:
     print(f"kernels: {count} poses on one core, time per pose")
     row(
         "nearest lane, s, t",
-        lambda: locate(world, places, unknown, no_route, mask, *found),
+        lambda: locate(world, places, unknown, unknown, no_route, mask, *found),
         "shapely STRtree",
         lambda: plain.locate(places),
     )
     row(
         "nearest lane, s, t",
-        lambda: locate(world, places, unknown, no_route, mask, *found),
+        lambda: locate(world, places, unknown, unknown, no_route, mask, *found),
         "NumPy, all segments",
         lambda: plain.locate_with_numpy(few),
         50 / count,
     )
     row(
         "with heading and route",
-        lambda: locate(world, places, heading, number, mask, *found),
+        lambda: locate(world, places, unknown, heading, number, mask, *found),
         "shapely STRtree",
         lambda: plain.locate(places),
     )
     row(
         "on road",
-        lambda: [is_on_road(0, x, y, mask, True) for x, y in points],
+        lambda: [is_on_road(0, x, y, np.nan, mask, True) for x, y in points],
         "shapely, prepared union",
         lambda: plain.on_road(places),
     )
     row(
         f"waypoints, {paths.waypoint_count.shape[1]} x {LOOKAHEAD} along route",
-        lambda: write(world, places, lane, number, unknown, mask, 1.0, paths),
+        lambda: write(world, places, unknown, lane, number, unknown, mask, 1.0, paths),
         "np.interp, own lane only",
         lambda: plain.waypoints(lane[:50], s[:50], routes[:50]),
         50 / count,

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -92,6 +92,24 @@ def crossing(
     turns = [(begin, end) for begin in directions for end in directions if begin != end]
     rules = {turns.index(turn): [*map(turns.index, first)] for turn, first in gives_way.items()}
     return graph_of(roads, links, rules)
+
+
+def bridge(height: float = 8.0) -> LaneGraph:
+    """Return edge "below" along +x, and edge "above" along +y, `height` metres over it at the origin."""
+    ways = {"below": Road([(-100.0, 0.0), (100.0, 0.0)]), "above": Road([(0.0, -100.0), (0.0, 100.0)])}
+    graph = graph_of(ways)
+    return replace(graph, point_z=np.repeat([0.0, height], np.diff(graph.point_start)))
+
+
+def ramp(top: float = 12.0) -> LaneGraph:
+    """Return edge "ramp": east along y = 0, round a loop to the left, and south across itself at x = 60.
+
+    It climbs evenly to `top` metres: it crosses itself after 60 m, and after 328.5 of 428.5 m.
+    """
+    turns = np.linspace(-0.5 * math.pi, math.pi, 400)
+    loop = [(100.0 + 40.0 * math.cos(a), 40.0 + 40.0 * math.sin(a)) for a in turns]
+    graph = graph_of({"ramp": Road([(0.0, 0.0), *loop, (60.0, -100.0)])})
+    return replace(graph, point_z=top * graph.point_s / graph.length[0])
 
 
 def graph_of(
@@ -213,6 +231,7 @@ def _graph(
         signal_link=nowhere.copy(),
         point_start=_starts([len(lane.points) for lane in lanes]),
         point_xy=np.concatenate([lane.points for lane in lanes]),
+        point_z=np.zeros(sum(len(lane.points) for lane in lanes)),
         point_heading=np.concatenate([lane.headings for lane in lanes]),
         point_s=np.concatenate([lane.stations for lane in lanes]),
         successor_start=_starts([len(after) for after in following]),
@@ -233,6 +252,7 @@ def _graph(
         edge_to=np.where(internal_edge, -1, 0).astype(np.int32),
         junction_start=np.array([0, len(outline)], np.int32),
         junction_xy=outline,
+        junction_z=np.zeros(1),
     )
 
 

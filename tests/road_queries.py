@@ -13,17 +13,19 @@ from smarts.roads.waypoints import WaypointPaths, write_waypoints
 class RoadQueries(RoadAtlas):
     """A `RoadAtlas` with a method for each kernel over poses; arguments may be lists or have other dtypes."""
 
-    def locate(self, maps, position, heading=None, routes=None, table=None, *, kinds=ROAD_LANES):
+    def locate(self, maps, position, heading=None, routes=None, table=None, *, height=None, kinds=ROAD_LANES):
         found = NearestLanes.allocate(len(maps))
         heading = np.full(len(maps), np.nan) if heading is None else _floats(heading)
         routes = np.full(len(maps), -1, np.int32) if routes is None else _ints(routes)
         ask = bind(kernels.locate, self.roads, self.no_routes if table is None else table)
-        ask(_ints(maps), _floats(position), heading, routes, _mask(kinds), *found)
+        height = np.full(len(maps), np.nan) if height is None else _floats(height)
+        ask(_ints(maps), _floats(position), height, heading, routes, _mask(kinds), *found)
         return found
 
     def project(self, maps, lane, position):
         s, t = np.empty(len(maps)), np.empty(len(maps))
-        bind(kernels.project_on_lanes, self.roads)(_ints(maps), _ints(lane), _floats(position), s, t)
+        places = _ints(maps), _ints(lane), _floats(position), np.full(len(maps), np.nan)
+        bind(kernels.project_on_lanes, self.roads)(*places, s, t)
         return s, t
 
     def poses(self, maps, lane, s, t):
@@ -32,14 +34,14 @@ class RoadQueries(RoadAtlas):
         ask(_ints(maps), _ints(lane), _floats(s), _floats(t), position, heading)
         return position, heading
 
-    def on_road(self, maps, position, *, kinds=ROAD_LANES, junctions=True):
+    def on_road(self, maps, position, *, height=np.nan, kinds=ROAD_LANES, junctions=True):
         ask, mask = bind(footprints.is_on_road, self.roads), _mask(kinds)
         places = zip(maps, np.asarray(position).tolist(), strict=True)
-        return np.array([ask(int(m), x, y, mask, junctions) for m, (x, y) in places], np.bool_)
+        return np.array([ask(int(m), x, y, height, mask, junctions) for m, (x, y) in places], np.bool_)
 
     def corners_on_road(self, maps, position, heading, length, width):
         ask, mask = bind(footprints.count_corners_on_road, self.roads), _mask(ROAD_LANES)
-        rows = np.column_stack([position, heading, length, width]).tolist()
+        rows = np.column_stack([position, np.zeros(len(maps)), heading, length, width]).tolist()
         return np.array([ask(int(m), *row, mask, True) for m, row in zip(maps, rows, strict=True)])
 
     def route_distances(self, table, maps, routes, lane, s, hint=None):
@@ -61,7 +63,7 @@ class RoadQueries(RoadAtlas):
         found = WaypointPaths.allocate(len(maps), paths, lookahead) if out is None else out
         hint = np.full(len(maps), np.nan) if hint is None else _floats(hint)
         ask = bind(write_waypoints, self.roads, table)
-        places = _ints(maps), _floats(position), _ints(lane), _ints(routes), hint
+        places = _ints(maps), _floats(position), np.full(len(maps), np.nan), _ints(lane), _ints(routes), hint
         ask(*places, _mask(ROAD_LANES), float(spacing), found)
         return found
 

@@ -33,6 +33,7 @@ class Car:
     length: float = 5.0
     width: float = 1.8
     name: str = "car"
+    height: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def _place(made: HandMade, row: int, cars: Sequence[Car]) -> None:
             made.world.missions.write(row, agent_id, car.mission, route)
             pose = (car.x, car.y, car.heading)
             start = AgentStart(car.name, pose, car.speed, car.mission, car.kind, car.length, car.width)
-            made.ownership.admit(row, agent_id, start)
+            slot = made.ownership.admit(row, agent_id, start)
             made.world.agents.agent[row, agent_id] = agent_id
             made.pool.starts[row].append(start)
             made.pool.holds[row].append(Hold(agent_id, agent_id, 0))
@@ -107,3 +108,4 @@ def _place(made: HandMade, row: int, cars: Sequence[Car]) -> None:
             made.world.vehicles.position[row, slot] = car.x, car.y
             made.world.vehicles.heading[row, slot] = car.heading
             made.world.vehicles.speed[row, slot] = car.speed
+        made.world.vehicles.height[row, slot] = car.height

@@ -10,6 +10,8 @@ import numpy as np
 from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.bubbles.outlines import BubbleTable, Place, bubble_pose, deepest_on, distance_to, place_of
 from smarts.geometry.compiling import kernel
+from smarts.roads.lane_graph import HEIGHT_REACH
+from smarts.roads.levels import meets
 from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import BubbleStates
 from smarts.types.vehicles import Owner, VehicleStates
@@ -182,7 +184,9 @@ def _place_in_fixed(
         if membranes.generation[b, v] >= 0 and not _stays_clear(membranes, b, z, v, membranes.way[b, v]):
             x, y = membranes.front[b, v]
             old_x, old_y = membranes.old_front[b, v]
-            if _place(table, rows, membranes, b, z, v, old_x, old_y, x, y, state.step[b]):
+            height, (low, high) = state.vehicles.height[b, v], table.heights[rows.first[b] + z]
+            is_level = not (height < low - HEIGHT_REACH or height > high + HEIGHT_REACH)
+            if _place(table, rows, membranes, b, z, v, old_x, old_y, x, y, is_level, state.step[b]):
                 found += _judge_candidate(state, rows, membranes, states, b, z, v)
     return found
 
@@ -230,7 +234,8 @@ def _place_in_moving(
             membranes.clear[b, z, v] = 0.0
         if _stays_clear(membranes, b, z, v, math.hypot(x - from_x, y - from_y)):
             continue
-        if _place(table, rows, membranes, b, z, v, from_x, from_y, x, y, state.step[b]):
+        is_level = v == slot or meets(state.vehicles, b, slot, v)
+        if _place(table, rows, membranes, b, z, v, from_x, from_y, x, y, is_level, state.step[b]):
             found += _judge_candidate(state, rows, membranes, states, b, z, v)
     return found
 
@@ -256,11 +261,15 @@ def _place(
     from_y: float,
     x: float,
     y: float,
+    is_level: bool,
     step: int,
 ) -> bool:
-    """Write where a vehicle is, its way given in the bubble's coordinates; return whether it may be taken."""
+    """Write where a vehicle is, its way given in the bubble's coordinates; return whether it may be taken.
+
+    On another level than the bubble's, it is outside.
+    """
     n = rows.first[b] + z
-    reached = deepest_on(table, n, from_x, from_y, x, y)
+    reached = deepest_on(table, n, from_x, from_y, x, y) if is_level else _OUTSIDE
     here = place_of(table, n, x, y) if reached > _OUTSIDE else _OUTSIDE
     _write(membranes, b, z, v, here, reached, step)
     membranes.is_candidate[b, z, v] = False

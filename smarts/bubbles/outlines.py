@@ -45,6 +45,8 @@ class BubbleTable(NamedTuple):
     """First ring of each bubble's zone with its margin, shape (N,)."""
     box: Floats
     """Bounds of each bubble with its margin: least x and y, largest x and y [m], shape (N, 4)."""
+    heights: Floats
+    """Least and largest height of its road [m], shape (N, 2)."""
     moves: Bools
     """Whether the bubble follows a vehicle, shape (N,)."""
     anchor: Floats
@@ -65,6 +67,7 @@ def bubble_table(bubbles: Iterable[PlacedBubble]) -> BubbleTable:
         first_ring=first_ring,
         first_margin=first_ring[:-1] + np.array([len(bubble.zone) for bubble in bubbles], np.int32),
         box=np.array([_bounds(bubble.margin) for bubble in bubbles]).reshape(-1, 4),
+        heights=np.array([bubble.heights for bubble in bubbles]).reshape(-1, 2),
         moves=np.array([bool(bubble.followed) for bubble in bubbles], np.bool_),
         anchor=np.array(
             [np.subtract(bubble.centroid, bubble.follow_offset) for bubble in bubbles], np.float64

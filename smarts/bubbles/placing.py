@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from shapely import contains_xy
+from shapely.geometry.base import BaseGeometry
 
 from smarts.arrays import Floats
 from smarts.errors import ScenarioError
@@ -108,6 +111,7 @@ def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver, number: int, plac
         interface=driver.interface,
         zone=_rings(zone),
         margin=_rings(margin),
+        heights=_heights(bubble.zone, zone, roads),
         active_condition=_condition(bubble.active_condition),
         airlock_condition=_condition(bubble.airlock_condition),
         hijack_limit=hijack_limit,
@@ -123,6 +127,16 @@ def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver, number: int, plac
         number=number,
         names=_names(bubble),
     )
+
+
+def _heights(zone: t.Zone, area: BaseGeometry, roads: LaneGraph) -> tuple[float, float]:
+    """Return the least and largest height of the road that a zone is a part of [m]; all if it is of none."""
+    if not isinstance(zone, t.MapZone):
+        return -math.inf, math.inf
+    lanes = roads.edge_lanes(roads.edge_number(zone.start[0]))
+    rows = slice(int(roads.point_start[lanes[0]]), int(roads.point_start[lanes[-1] + 1]))
+    heights = roads.point_z[rows][contains_xy(area, roads.point_xy[rows])]
+    return (float(heights.min()), float(heights.max())) if len(heights) else (-math.inf, math.inf)
 
 
 def _condition(condition: t.Condition) -> BubbleCondition | None:

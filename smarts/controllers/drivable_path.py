@@ -92,6 +92,7 @@ def plan_drivable_path(
     map_id: int,
     reference: Floats,
     pose: tuple[float, float, float],
+    height: float,
     curvature: float,
     speed: float,
     kind: int,
@@ -104,6 +105,7 @@ def plan_drivable_path(
         map_id: The map.
         reference: Reference along the lane, written, shape (R, 4).
         pose: x, y [m] of the vehicle's centre and its heading [rad].
+        height: Of the road [m].
         curvature: Current curvature of the rear axle's path [1/m].
         speed: Speed of the vehicle [m/s].
         kind: The vehicle's `VehicleKind`.
@@ -125,7 +127,7 @@ def plan_drivable_path(
     for _ in range(ITERATIONS):
         _drive(rear, ahead, bends, path)
         _measure(reference, path, found)
-        _find_edges(roads, map_id, reference, room, found)
+        _find_edges(roads, map_id, reference, height, room, found)
         _improve(bends, curvature, sharpest, ahead, smoothness, found)
     _drive(rear, ahead, bends, path)
     last = _measure(reference, path, found)
@@ -196,13 +198,16 @@ def _measure(reference: Floats, path: Floats, found: Floats) -> int:
 
 
 @kernel
-def _find_edges(roads: Roads, map_id: int, reference: Floats, room: Floats, found: Floats) -> None:
+def _find_edges(
+    roads: Roads, map_id: int, reference: Floats, height: float, room: Floats, found: Floats
+) -> None:
     """Write by how much the offsets of a plan's points exceed the room beside the lane, else 0 [m].
 
     Args:
         roads: The maps' lanes.
         map_id: The map.
         reference: Reference along the lane, shape (R, 4).
+        height: Of the road [m].
         room: Room to the right and left of its points [m], shape (R, 2), -1 if unknown; written.
         found: See `_measure`; column 2 is written.
     """
@@ -213,18 +218,20 @@ def _find_edges(roads: Roads, map_id: int, reference: Floats, room: Floats, foun
             continue
         side = 1 if offset > 0.0 else 0
         if room[point, side] < 0.0:
-            room[point, side] = _room_beside(roads, map_id, reference[point], math.copysign(1.0, offset))
+            room[point, side] = _room_beside(
+                roads, map_id, reference[point], height, math.copysign(1.0, offset)
+            )
         found[i, 2] = math.copysign(max(abs(offset) - room[point, side], 0.0), offset)
 
 
 @kernel
-def _room_beside(roads: Roads, map_id: int, point: Floats, side: float) -> float:
+def _room_beside(roads: Roads, map_id: int, point: Floats, height: float, side: float) -> float:
     """Return how far a vehicle's centre may be from a lane's centreline on a side (1 left, -1 right) [m]."""
     room, aside = LEAST_ROOM, LEAST_ROOM + EDGE_MARGIN + ROOM_STEP
     while room < MOST_ROOM:
         x = point[0] - side * aside * math.sin(point[2])
         y = point[1] + side * aside * math.cos(point[2])
-        if not is_on_road(roads, map_id, x, y, _ROAD, True):
+        if not is_on_road(roads, map_id, x, y, height, _ROAD, True):
             break
         room += ROOM_STEP
         aside += ROOM_STEP

@@ -56,7 +56,7 @@ def steered_lane(state: State, roads: Roads, routes: RouteTable, b: int, a: int)
     vehicles, agents = state.vehicles, state.agents
     slot, map_id = agents.slot[b, a], state.map[b]
     first_lane = roads.lane_base[map_id]
-    x, y = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1]
+    x, y, height = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1], vehicles.height[b, slot]
     lane = int(agents.target_lane[b, a])
     here = int(vehicles.lane[b, slot])
     if lane < 0:
@@ -68,13 +68,13 @@ def steered_lane(state: State, roads: Roads, routes: RouteTable, b: int, a: int)
     if lane == here and 0.0 < vehicles.lane_position[b, slot] < lane_length(roads, routes.lane[row]):
         # Reuse the position from map matching.
         return row, vehicles.lane_position[b, slot], vehicles.lane_offset[b, slot]
-    s, t = place_on_lane(roads, routes.lane[row], x, y)
-    row, s, t = _onward(roads, routes, map_id, row, s, t, x, y)
+    s, t = place_on_lane(roads, routes.lane[row], x, y, height)
+    row, s, t = _onward(roads, routes, map_id, row, s, t, x, y, height)
     is_wide = is_changing(agents.change_phase[b, a]) or vehicles.length[b, slot] > LONG
     farthest = (LOST_WIDE if is_wide else LOST) * roads.lane_width[routes.lane[row]]
     if abs(t) > farthest and here >= 0 and _is_along(state, roads, b, slot, first_lane + here):
         row = row_of(routes, map_id, route, first_lane + here, first_lane, hint)
-        s, t = place_on_lane(roads, routes.lane[row], x, y)
+        s, t = place_on_lane(roads, routes.lane[row], x, y, height)
     return row, s, t
 
 
@@ -89,7 +89,15 @@ def _is_along(state: State, roads: Roads, b: int, slot: int, lane: int) -> bool:
 
 @kernel
 def _onward(
-    roads: Roads, routes: RouteTable, map_id: int, row: int, s: float, t: float, x: float, y: float
+    roads: Roads,
+    routes: RouteTable,
+    map_id: int,
+    row: int,
+    s: float,
+    t: float,
+    x: float,
+    y: float,
+    height: float,
 ) -> tuple[int, float, float]:
     """Return row, s, t of a point on a row's lane or, beyond its end, on the lanes after it."""
     for _ in range(8):
@@ -99,7 +107,7 @@ def _onward(
         if following < 0:
             break
         row = following
-        s, t = place_on_lane(roads, routes.lane[row], x, y)
+        s, t = place_on_lane(roads, routes.lane[row], x, y, height)
     return row, s, t
 
 
@@ -157,7 +165,8 @@ def latch(
             first_lane, route = roads.lane_base[map_id], routes.number[b, a]
             row = row_of(routes, map_id, route, target, first_lane, agents.route_progress[b, a])
             lane = target
-            s, t = place_on_lane(roads, lane, vehicles.position[b, slot, 0], vehicles.position[b, slot, 1])
+            x, y = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1]
+            s, t = place_on_lane(roads, lane, x, y, vehicles.height[b, slot])
     if phase == _REQUESTED and abs(t) < 0.5 * (width + vehicles.width[b, slot]):
         phase = _MOVING
     if is_changing(phase) and abs(t) < SETTLED_OFFSET:

@@ -11,6 +11,7 @@ from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
 from smarts.roads.lane_ways import next_row, place_on_lane, row_of
+from smarts.roads.levels import meets
 from smarts.types.agent_states import ChangePhase
 from smarts.types.mission import GoalKind
 from smarts.types.world import State
@@ -147,7 +148,7 @@ def _merge(
     agents.change_phase[b, a], agents.target_lane[b, a] = _REQUESTED, other - roads.lane_base[m]
     x, y = state.vehicles.position[b, slot, 0], state.vehicles.position[b, slot, 1]
     route, hint = routes.number[b, a], agents.route_progress[b, a]
-    s, t = place_on_lane(roads, other, x, y)
+    s, t = place_on_lane(roads, other, x, y, state.vehicles.height[b, slot])
     return row_of(routes, m, route, other, roads.lane_base[m], hint), s, t
 
 
@@ -156,17 +157,17 @@ def _has_gap(state: State, roads: Roads, b: int, slot: int, lane: int) -> bool:
     """Return whether a vehicle has room between those in a lane and behind its begin."""
     vehicles = state.vehicles
     x, y = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1]
-    own, _ = place_on_lane(roads, lane, x, y)
+    own, _ = place_on_lane(roads, lane, x, y, vehicles.height[b, slot])
     speed, width = vehicles.speed[b, slot], roads.lane_width[lane]
     for v in range(vehicles.alive.shape[1]):
-        if v == slot or not vehicles.alive[b, v]:
+        if not meets(vehicles, b, slot, v):
             continue
         x2, y2 = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
         half = 0.5 * (vehicles.length[b, slot] + vehicles.length[b, v])
         closing = abs(speed - vehicles.speed[b, v])
         if math.hypot(x2 - x, y2 - y) > half + SPARE_GAP + SPARE_TIME * closing + width:
             continue
-        place, offset = place_on_lane(roads, lane, x2, y2)
+        place, offset = place_on_lane(roads, lane, x2, y2, vehicles.height[b, v])
         if abs(offset) > 0.5 * (width + vehicles.width[b, v]):
             continue
         ahead = place - own

@@ -191,7 +191,8 @@ def _write_lane_reference(
         # The plan itself leads back to the lane.
         write_reference(roads, routes, map_id, row, s, 0.0, speed, cap, obey_limit, agility, points)
     pose = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1], vehicles.heading[b, slot]
-    plan_drivable_path(roads, map_id, points, pose, curvature, speed, kind, abilities)
+    height = vehicles.height[b, slot]
+    plan_drivable_path(roads, map_id, points, pose, height, curvature, speed, kind, abilities)
     limit_speeds(points, len(points), agility)
     return True
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
+from smarts.roads.levels import meets
 from smarts.types.world import State
 
 STANDSTILL_GAP = 2.5
@@ -36,7 +37,7 @@ def limit_by_leaders(state: State, b: int, slot: int, points: Floats) -> None:
         reach = max(reach, math.hypot(points[i, 0] - points[0, 0], points[i, 1] - points[0, 1]))
     reach += 10.0
     for other in range(vehicles.alive.shape[1]):
-        if other == slot or not vehicles.alive[b, other]:
+        if not meets(vehicles, b, slot, other):
             continue
         x, y = vehicles.position[b, other, 0], vehicles.position[b, other, 1]
         if abs(x - points[0, 0]) > reach or abs(y - points[0, 1]) > reach:

@@ -190,6 +190,11 @@ class Fleet:
         self._model[row] = -1
         self._arrays.active[row], self._is_changed = False, True
 
+    def lift(self, row: int, height: float) -> None:
+        """Move a vehicle with the road under it to a height [m], without its feeling any of it."""
+        self._bodies[row, 2] += height - self.road.offset[row]
+        self.road.offset[row] = height
+
     def set_fault(self, row: int, wheel: int, fault: TyreFault = FLAT_TYRE) -> None:
         """Set the fault of one tyre until the vehicle despawns; `SOUND_TYRE` removes it.
 

@@ -83,7 +83,8 @@ def _write_lane(
     """Write the way along a lane, numbered across all maps."""
     vehicles, m, slot = state.vehicles, state.map[b], state.agents.slot[b, a]
     first_lane, route = roads.lane_base[m], routes.number[b, a]
-    s, _ = place_on_lane(roads, lane, vehicles.position[b, slot, 0], vehicles.position[b, slot, 1])
+    x, y = vehicles.position[b, slot]
+    s, _ = place_on_lane(roads, lane, x, y, vehicles.height[b, slot])
     row = row_of(routes, m, route, lane, first_lane, state.agents.route_progress[b, a])
     count = write_way(state, roads, routes, b, row, s - BEHIND * SPACING, route, out).points
     _extend(out, count)

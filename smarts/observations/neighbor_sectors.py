@@ -11,6 +11,7 @@ from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
 from smarts.observations.scales import LONGEST_TIME, RADIUS, SPEED_SCALE, compressed
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.levels import meets
 from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State
 
@@ -67,7 +68,7 @@ class NeighborSectors(Feature):
         nearest = np.full(SECTORS, RADIUS)
         out[:] = 0.0
         for v in range(vehicles.alive.shape[1]):
-            if not vehicles.alive[b, v] or v == own:
+            if not meets(vehicles, b, own, v):
                 continue
             distance, time = distance_and_time(vehicles, b, own, v)
             dx = vehicles.position[b, v, 0] - vehicles.position[b, own, 0]

@@ -190,13 +190,14 @@ def _write(
         return
     target = agents.target_lane[b, a]
     x, y = vehicles.position[b, slot]
+    height = vehicles.height[b, slot]
     route, hint = routes.number[b, a], agents.route_progress[b, a]
     row = row_of(routes, m, route, first_lane + (target if target >= 0 else here), first_lane, hint)
-    s, t = place_on_lane(roads, routes.lane[row], x, y)
+    s, t = place_on_lane(roads, routes.lane[row], x, y, height)
     if s > lane_length(roads, routes.lane[row]):
         # The vehicle has left the lane that it steered for: the next one is settled with its next command.
         row = row_of(routes, m, route, first_lane + here, first_lane, hint)
-        s, t = place_on_lane(roads, routes.lane[row], x, y)
+        s, t = place_on_lane(roads, routes.lane[row], x, y, height)
     lane = int(routes.lane[row])
     point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
     turn = vehicles.heading[b, slot] - centre_at(roads, point, s)[2]
@@ -210,7 +211,7 @@ def _write(
         if other < 0 or roads.lane_kind[other] != roads.lane_kind[lane] or roads.lane_inside[lane]:
             continue
         other_row = row_of(routes, m, route, other, first_lane, hint)
-        place, _ = place_on_lane(roads, other, x, y)
+        place, _ = place_on_lane(roads, other, x, y, height)
         _write_lane(state, roads, routes, b, slot, other_row, place, route, goal, lanes[side])
     if own[_CHANGING] > 0.0 and here + first_lane != lane and not roads.lane_inside[here + first_lane]:
         # Until the change is complete, the leader in the lane that it leaves counts too.
@@ -264,7 +265,7 @@ def _write_lane(
     out: Floats,
 ) -> tuple[int, float]:
     """Write a lane's numbers; return the next light on it and the gap to its line."""
-    points = np.empty((SIGHT, 3))
+    points = np.empty((SIGHT, 4))
     half = 0.5 * state.vehicles.length[b, slot]
     way = write_way(state, roads, routes, b, row, s, route, points)
     out[_OPEN] = 1.0
@@ -286,8 +287,8 @@ def _keep_nearer(
     m, hint = state.map[b], state.agents.route_progress[b, a]
     x, y = state.vehicles.position[b, slot]
     row = row_of(routes, m, routes.number[b, a], lane, roads.lane_base[m], hint)
-    points = np.empty((SIGHT, 3))
-    s, _ = place_on_lane(roads, lane, x, y)
+    points = np.empty((SIGHT, 4))
+    s, _ = place_on_lane(roads, lane, x, y, state.vehicles.height[b, slot])
     way = write_way(state, roads, routes, b, row, s, routes.number[b, a], points)
     gap, speed = leader_on(state.vehicles, b, slot, points[: way.points])
     if gap < out[_AHEAD]:

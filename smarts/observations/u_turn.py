@@ -80,16 +80,16 @@ def _write_turn(state: State, roads: Roads, b: int, a: int, way: Floats, turn: F
         return
     begin = np.empty(3)
     begin[0], begin[1] = vehicles.position[b, slot]
-    begin[2] = vehicles.heading[b, slot]
+    begin[2], height = vehicles.heading[b, slot], vehicles.height[b, slot]
     back = int(roads.lane_twin[roads.lane_base[m] + lane])
     while back >= 0:
-        s, _ = place_on_lane(roads, back, begin[0], begin[1])
+        s, _ = place_on_lane(roads, back, begin[0], begin[1], height)
         room = lane_length(roads, back) - s
         if s > 0.0 and room > SPACING and is_opposite(roads, begin[2], back, s):
             control = curve_into(roads, begin, back, s)
             bend = sharpest_bend(control, stations_of(control))
             length, width = vehicles.length[b, slot], vehicles.width[b, slot] + SPARE
-            if bend <= SHARPEST and is_footprint_over_road(roads, m, control, length, width):
+            if bend <= SHARPEST and is_footprint_over_road(roads, m, control, height, length, width):
                 turn[0] = math.sqrt(LATERAL / bend)
                 _write_lane(roads, back, s, way)
                 turn[1], turn[2], _ = gap_behind(vehicles, roads, b, slot, back, s, way[0, 2])

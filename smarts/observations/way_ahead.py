@@ -11,7 +11,7 @@ from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at, wrapped
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.kernels import centre_at, height_at, is_level, lane_length
 from smarts.roads.lane_ways import next_row
 from smarts.roads.lights import light_ahead
 from smarts.types.traffic import Signal
@@ -67,7 +67,7 @@ class Way(NamedTuple):
 def write_way(
     state: State, roads: Roads, routes: RouteTable, b: int, row: int, s: float, route: int, points: Floats
 ) -> Way:
-    """Write x, y, heading every 2 m along the lanes from arc length `s` of the lane of `row` on.
+    """Write x, y, heading, and height if asked, every 2 m along the lanes from arc length `s` of a lane on.
 
     Where the road ends, the points stop.
 
@@ -79,7 +79,7 @@ def write_way(
         row: The first lane's row in `routes`.
         s: Where the way begins on it [m].
         route: The agent's route, -1 for none.
-        points: Written, shape (P, 3).
+        points: Written, shape (P, 3), or (P, 4) with heights.
     """
     m = state.map[b]
     base, free = roads.lane_base[m], routes.start[m]
@@ -110,6 +110,8 @@ def write_way(
         while point < last and roads.point_s[point + 1] <= place - begin:
             point += 1
         points[i, 0], points[i, 1], points[i, 2] = centre_at(roads, point, place - begin)
+        if points.shape[1] > 3:
+            points[i, 3] = height_at(roads, point, place - begin)
     return Way(len(points), left, end, allowed, light, light_distance, np.inf)
 
 
@@ -240,7 +242,7 @@ def gap_behind(
         s: The place on it [m].
         heading: Of the lane there [rad]; only vehicles that drive this way count.
     """
-    points = np.empty((BACK, 3))
+    points = np.empty((BACK, 4))
     _write_back(roads, lane, s, points)
     nearest, speed, desired = np.inf, 0.0, 0.0
     for other in range(vehicles.alive.shape[1]):
@@ -264,7 +266,7 @@ def gap_behind(
 
 @kernel
 def _write_back(roads: Roads, lane: int, s: float, points: Floats) -> None:
-    """Write x, y, reversed heading every 2 m back along a lane from arc length `s`."""
+    """Write x, y, reversed heading and height every 2 m back along a lane from arc length `s`."""
     first, end = roads.point_start[lane], roads.point_start[lane + 1]
     for i in range(len(points)):
         place = s - i * SPACING
@@ -272,13 +274,17 @@ def _write_back(roads: Roads, lane: int, s: float, points: Floats) -> None:
         point = segment_at(roads.point_s, first, end, place)
         x, y, heading = centre_at(roads, point, place)
         points[i, 0], points[i, 1], points[i, 2] = x, y, heading + math.pi
+        points[i, 3] = height_at(roads, point, place)
 
 
 @kernel
 def _place_on(
     vehicles: VehicleStates, b: int, other: int, points: Floats, reach: float
 ) -> tuple[float, float, float]:
-    """Return station and offset [m] of a vehicle on a way, and its relative heading; station -1 if far."""
+    """Return station and offset [m] of a vehicle on a way, and its relative heading.
+
+    The station is -1 if the vehicle is far, or above or below the way.
+    """
     x, y = vehicles.position[b, other, 0], vehicles.position[b, other, 1]
     if abs(x - points[0, 0]) > reach or abs(y - points[0, 1]) > reach:
         return -1.0, 0.0, 0.0
@@ -287,6 +293,8 @@ def _place_on(
         square = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
         if square < best_square:
             best, best_square = i, square
+    if not is_level(points[best, 3], vehicles.height[b, other]):
+        return -1.0, 0.0, 0.0
     cos, sin = math.cos(points[best, 2]), math.sin(points[best, 2])
     dx, dy = x - points[best, 0], y - points[best, 1]
     station = best * SPACING + dx * cos + dy * sin

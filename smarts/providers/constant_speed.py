@@ -229,6 +229,7 @@ class ConstantSpeed(TrafficEngine):
         vehicles, path = self._world.vehicles, self._path[b, v]
         poses = self._paths.poses(path, self._s[b, v], self._t[b, v])
         vehicles.position[b, v], vehicles.heading[b, v] = poses[:, :2], poses[:, 2]
+        vehicles.height[b, v] = self._paths.heights(path, self._s[b, v])
         vehicles.desired_speed[b, v] = self._paths.speed[path]
         unplanned = vehicles.route[b, v] < 0
         for row, slot, number in np.column_stack([b, v, path])[unplanned].tolist():

@@ -8,6 +8,7 @@ from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.boxes import box_gaps
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped
+from smarts.roads.levels import meets
 from smarts.types.vehicles import VehicleStates
 
 NEAR = 0.3
@@ -34,7 +35,7 @@ def find_too_close(
         b, slot = rows[number], slots[number]
         found[number] = False
         for other in range(vehicles.alive.shape[1]):
-            if other == slot or not vehicles.alive[b, other]:
+            if not meets(vehicles, b, slot, other):
                 continue
             dx = vehicles.position[b, other, 0] - vehicles.position[b, slot, 0]
             dy = vehicles.position[b, other, 1] - vehicles.position[b, slot, 1]

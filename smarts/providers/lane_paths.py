@@ -38,8 +38,8 @@ class LanePaths:
         self._maps = tuple(maps)
         self._numbers: dict[tuple[int, tuple[int, ...], bool], int] = {}
         self._start = np.zeros(0)
-        self._points = np.zeros((4, 0))
-        """Rows: station along all paths in succession [m], x, y [m], unwrapped heading [rad]."""
+        self._points = np.zeros((5, 0))
+        """Rows: station along all paths in succession [m], x, y [m], unwrapped heading [rad], height [m]."""
         self._rows: list[NDArray[np.intp]] = []
         """Columns of `_points` of each path."""
 
@@ -64,12 +64,13 @@ class LanePaths:
         xy = np.concatenate([graph.centreline(lane) for lane in lanes])
         rows = [np.arange(graph.point_start[lane], graph.point_start[lane + 1]) for lane in lanes]
         heading = np.unwrap(graph.point_heading[np.concatenate(rows)])
+        height = graph.point_z[np.concatenate(rows)]
         s = _on_grid(np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]))
         # Leave a gap of 1 m or more, so that a station identifies the path.
         before = self._points.shape[1]
         start = np.ceil(self._points[0, -1]) + 1.0 if before else 0.0
         self._rows.append(before + np.arange(len(s)))
-        self._points = np.concatenate([self._points, [start + s, *xy.T, heading]], axis=1)
+        self._points = np.concatenate([self._points, [start + s, *xy.T, heading, height]], axis=1)
         self._start, self.length = np.append(self._start, start), np.append(self.length, s[-1])
         self.speed = np.append(self.speed, graph.speed_limit[lanes].min())
         self.period = np.append(self.period, s[-len(rows[-1])] if repeats else np.inf)
@@ -86,8 +87,13 @@ class LanePaths:
         if not len(path):
             return np.zeros((0, 3))
         station = self._start[path] + np.clip(_on_grid(s), 0.0, self.length[path])
-        x, y, heading = (np.interp(station, self._points[0], column) for column in self._points[1:])
+        x, y, heading = (np.interp(station, self._points[0], column) for column in self._points[1:4])
         return np.column_stack([x - t * np.sin(heading), y + t * np.cos(heading), wrap_angle(heading)])
+
+    def heights(self, path: Ints, s: Floats) -> Floats:
+        """Return the heights at `s` along paths [m], shape (N,)."""
+        station = self._start[path] + np.clip(_on_grid(s), 0.0, self.length[path])
+        return np.interp(station, self._points[0], self._points[4]) if len(path) else np.zeros(0)
 
     def nearest(self, paths: Sequence[int], x: float, y: float, heading: float) -> tuple[int, float, float]:
         """Return path, s and t [m] of a pose on the nearest of `paths`; -1, 0, 0 if none is near and aligned.
@@ -97,7 +103,7 @@ class LanePaths:
         if not len(paths):
             return -1, 0.0, 0.0
         rows = np.concatenate([self._rows[path] for path in paths])
-        station, xs, ys, along = self._points[:, rows]
+        station, xs, ys, along = self._points[:4, rows]
         dx, dy = x - xs, y - ys
         distance = np.hypot(dx, dy)
         distance[np.abs(wrap_angle(along - heading)) >= ALIGNED] = np.inf

@@ -11,6 +11,7 @@ from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_rows import centre_of
+from smarts.roads.lane_graph import HEIGHT_REACH
 from smarts.types.vehicles import VehicleStates
 
 SPAWN_MARGIN = (10.0, 1.0)
@@ -59,6 +60,8 @@ def find_blocking(
         states.heading[slots],
         kept,
     )
+    height = np.array([vehicle.getPosition3D(name)[2] for name in names])
+    overlap &= ~(np.abs(height[:, None] - states.height[slots]) > HEIGHT_REACH)
     return [names[row] for row in np.flatnonzero(overlap.any(axis=1)).tolist()]
 
 

@@ -205,7 +205,8 @@ class SumoShadows:
             # A proxy that is not placed drives on by itself, and may arrive.
             if self.proxies.has_one(shadow.id):
                 self._place_proxy(slot, shadow)
-            if self._jumps(shadow, (x, y)) or (shadow.reinsertion and not self._reinsert(shadow)):
+            is_astray = self._jumps(shadow, (x, y)) or self._is_beside_level(slot)
+            if is_astray or (shadow.reinsertion and not self._reinsert(shadow)):
                 shadow.reinsertion = Reinsertion.OFF_THE_NET
                 move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
@@ -223,6 +224,10 @@ class SumoShadows:
         """Return whether a shadow on the net has been moved farther than it can drive; note its new front."""
         last, shadow.front = shadow.front, front
         return bool(shadow.lane) and math.dist(last, front) > self._farthest
+
+    def _is_beside_level(self, slot: int) -> bool:
+        """Return whether a vehicle is so far beside the road that SUMO may find one of another level."""
+        return self._roads.has_levels and abs(self._states.lane_offset[slot]) > _MATCH_WITHIN
 
     def settle(self) -> None:
         """Read the shadows' positions in SUMO, correct their speeds, and find the shadows to re-insert."""

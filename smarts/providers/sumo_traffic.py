@@ -389,6 +389,7 @@ class SumoTraffic:
             kind = _KINDS.get(vehicle.getVehicleClass(name), VehicleKind.PASSENGER)
             size = vehicle.getLength(name), vehicle.getWidth(name)
             slot = self._world.registry.admit(self._row, name, self._owner, kind, *size)
+            self._states.height[slot] = vehicle.getPosition3D(name)[2]
             self._driven[name] = slot
             self._ids[slot] = name
             self._rows.note_new(slot)

@@ -96,7 +96,13 @@ class FleetVehicles:
         self._find_bad = LateBound(tracking.first_bad_command)
         self._find_changes = bind(find_changes, state, self._groups, self._fleet_slots)
         self._write_motion = bind(
-            write_motion, state, motion, self._applied_controls, self._tracks, self._groups
+            write_motion,
+            state,
+            motion,
+            self._applied_controls,
+            self._tracks,
+            self._groups,
+            self.fleet.road.offset,
         )
         self._place = LateBound(place_vehicles, state, self._tracks, self._groups)
         self._find_touchable = bind(find_touchable, state, motion, self._groups, self._boxed)
@@ -216,7 +222,10 @@ class FleetVehicles:
                 row = number // self._fleet_slots.slot.shape[1]
                 self.failures.setdefault(row, self.fleet.motion_error(number))
                 self._groups.driven[row] = False
-        self._write_motion()
+        if self._write_motion():
+            for row, agent_id in np.argwhere(self._groups.driven).tolist():
+                height = self._world.vehicles.height[row, self._fleet_slots.slot[row, agent_id]]
+                self.fleet.lift(row * self._fleet_slots.slot.shape[1] + agent_id, float(height))
         if self.fleet.contacts:
             self._record_contacts()
 
@@ -284,6 +293,7 @@ class FleetVehicles:
         self._memory[number] = 0.0
         self._memory[number, tracking.CURVATURE] = math.tan(steering) / wheelbase
         self.fleet.road.friction[number] = DRY
+        self.fleet.lift(number, float(vehicles.height[row, slot]))
 
     def _place_boxes(self, env_mask: Bools) -> None:
         """Place the road users that Bullet's vehicles may touch as boxes in Bullet."""
@@ -313,7 +323,7 @@ class FleetVehicles:
         ahead = 0.5 * self._world.dt * yaw_rate
         cos, sin = math.cos(ahead), math.sin(ahead)
         return Box(
-            (x, y, 0.5 * height),
+            (x, y, float(vehicles.height[row, slot]) + 0.5 * height),
             float(vehicles.heading[row, slot]),
             speed * cos - sideways * sin,
             float(vehicles.length[row, slot]),

@@ -11,6 +11,7 @@ from smarts.dynamics.free_motion import SLACK
 from smarts.geometry.boxes import Mover, may_meet
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import inside_outline, wrapped
+from smarts.roads.levels import meets
 from smarts.types.actions import CommandMode, Commands
 from smarts.types.agent_states import AgentStatus
 from smarts.types.tracks import Tracks
@@ -127,7 +128,9 @@ def find_changes(state: State, groups: AgentGroups, fleet_slots: FleetSlots, env
 
 
 @kernel
-def write_motion(state: State, motion: Motion, controls: Floats, tracks: Tracks, groups: AgentGroups) -> None:
+def write_motion(
+    state: State, motion: Motion, controls: Floats, tracks: Tracks, groups: AgentGroups, ground: Floats
+) -> bool:
     """Write the motion of the driven agents' vehicles into the world and into `tracks`.
 
     Args:
@@ -137,9 +140,13 @@ def write_motion(state: State, motion: Motion, controls: Floats, tracks: Tracks,
         controls: Throttle, brake, steering of the last sub-step, shape (E, 3).
         tracks: Poses are written.
         groups: The agents by group.
+        ground: Height at which each vehicle of the fleet drives [m], shape (E,).
+
+    Returns:
+        Whether the road under one of them has another height.
     """
     vehicles, agents, poses = state.vehicles, state.agents, motion.substeps
-    egos, last = groups.driven.shape[1], poses.shape[1] - 1
+    egos, last, is_lifted = groups.driven.shape[1], poses.shape[1] - 1, False
     for b in range(groups.driven.shape[0]):
         for a in range(egos):
             if not groups.driven[b, a]:
@@ -162,6 +169,8 @@ def write_motion(state: State, motion: Motion, controls: Floats, tracks: Tracks,
             agents.throttle[b, a], agents.brake[b, a] = max(controls[e, 0], 0.0), controls[e, 1]
             agents.steering[b, a] = motion.steering[e]
             agents.distance_travelled[b, a] += way
+            is_lifted |= vehicles.height[b, v] != ground[e]
+    return is_lifted
 
 
 @kernel
@@ -264,7 +273,7 @@ def _may_touch(vehicles: VehicleStates, b: int, v: int, other: int, dt: float, s
     dy = vehicles.position[b, other, 1] - vehicles.position[b, v, 1]
     farthest = slack + _reach(vehicles, b, v, dt) + _reach(vehicles, b, other, dt)
     # Nearly all are far away, and this bound needs no sines.
-    if dx * dx + dy * dy > farthest * farthest:
+    if dx * dx + dy * dy > farthest * farthest or not meets(vehicles, b, other, v):
         return False
     return may_meet(_mover(vehicles, b, v), _mover(vehicles, b, other), dt, slack)
 

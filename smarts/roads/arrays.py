@@ -59,6 +59,8 @@ class Roads(NamedTuple):
     """CSR of the centrelines, shape (L + 1,)."""
     point_xy: Floats
     """[m], shape (P, 2)."""
+    point_z: Floats
+    """Height [m], shape (P,)."""
     point_heading: Floats
     """[rad], shape (P,)."""
     point_s: Floats
@@ -83,6 +85,8 @@ class Roads(NamedTuple):
     """CSR of the junctions' outlines."""
     vertex: Floats
     """[m]."""
+    outline_z: Floats
+    """Height of each junction [m]."""
 
 
 class RouteTable(NamedTuple):

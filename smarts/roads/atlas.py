@@ -88,16 +88,17 @@ class RoadAtlas:
             own.append((world, route_corridor(self.graphs[world], tuple(route), kinds)))
         return pack_routes(free, own, self.roads.lane_base)
 
-    def locate(self, maps: Ints, position: Floats, heading: Floats) -> NearestLanes:
+    def locate(self, maps: Ints, position: Floats, heading: Floats, *, height: Floats) -> NearestLanes:
         """Return the road lane that each pose is on, else the nearest one; `kernels.locate` gives the rule.
 
         Args:
             maps: Map numbers, shape (E,).
             position: [m], shape (E, 2).
             heading: [rad], shape (E,): of overlapping lanes, prefer those that fit it.
+            height: Of the road [m], NaN where it is unknown, shape (E,).
         """
         found = NearestLanes.allocate(len(maps))
-        self._locate(maps, position, heading, np.full(len(maps), -1, np.int32), _ROAD_MASK, *found)
+        self._locate(maps, position, height, heading, np.full(len(maps), -1, np.int32), _ROAD_MASK, *found)
         return found
 
     def paces(self, agility: Floats) -> Floats:
@@ -124,9 +125,10 @@ class RoadAtlas:
         poses_at = bind(kernels.poses_at, roads)
         zeros, position, heading = np.zeros(len(lane)), np.empty((len(lane), 2)), np.empty(len(lane))
         poses_at(maps, lane, length / 2, width / 2 + _BESIDE, position, heading)
-        found = self.locate(maps, position, heading + np.pi)
+        height = roads.point_z[(roads.point_start[:-1] + roads.point_start[1:]) // 2]
+        found = self.locate(maps, position, heading + np.pi, height=height)
         s, other_heading = np.empty(len(lane)), np.empty(len(lane))
-        bind(kernels.project_on_lanes, roads)(maps, found.lane, position, s, np.empty(len(lane)))
+        bind(kernels.project_on_lanes, roads)(maps, found.lane, position, height, s, np.empty(len(lane)))
         poses_at(maps, found.lane, s, zeros, position, other_heading)
         across = found.lane + roads.lane_base[maps]
         is_twin = (

@@ -70,6 +70,8 @@ _DEFAULTS: dict[MapKind, dict[str, str]] = {
         "remove-edges.isolated": "true",
         "osm.turn-lanes": "true",
         "osm.lane-access": "true",
+        # Bridges and tunnels have layers; of two that cross, only one is raised where the grade allows it.
+        "osm.layer-elevation": "8",
         # A dead end must be left again, else most of a town cannot be reached from its edge.
         "no-turnarounds.except-deadend": "true",
         "output.original-names": "true",

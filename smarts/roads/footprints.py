@@ -7,7 +7,7 @@ import math
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import inside_outline
 from smarts.roads.arrays import Roads
-from smarts.roads.kernels import END_TOLERANCE, cell_at, is_somewhere, nearest_in_run, place_on
+from smarts.roads.kernels import END_TOLERANCE, cell_at, is_level, is_somewhere, nearest_in_run, place_on
 
 JOINT = 0.3
 """A point this far beyond the ends of two lanes is between them [m]: 10 degrees at 1.6 m from the middle."""
@@ -20,8 +20,12 @@ junctions [m]: until 2016, netconvert left 0.1 m between lanes (`SUMO_const_lane
 
 
 @kernel
-def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junctions: bool) -> bool:
+def is_on_road(
+    roads: Roads, world: int, x: float, y: float, height: float, mask: int, junctions: bool
+) -> bool:
     """Return whether a point lies on a lane of the masked kinds or, with `junctions`, in a junction.
+
+    Only roads near `height` [m] count.
 
     Where two consecutive lanes meet at an angle, the wedge between their ends is road, too, and so is the
     crack between two lanes side by side in a bend, or between any two lanes of an old map.
@@ -33,7 +37,7 @@ def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junction
     for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
         lane = roads.run[run, 0]
         if mask >> roads.lane_kind[lane] & 1:
-            point, square = nearest_in_run(roads, run, x, y)
+            point, square = nearest_in_run(roads, run, x, y, height)
             half = 0.5 * roads.lane_width[lane]
             if square <= half * half:
                 overshoot = place_on(roads, lane, point, x, y)[2]
@@ -44,28 +48,31 @@ def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junction
                 if beside >= 0 and (roads.lane_left[lane] == beside or roads.lane_right[lane] == beside):
                     return True
                 beside = lane
-    return (junctions and _is_in_junction(roads, cell, x, y)) or _is_in_gap(roads, cell, x, y, mask)
+    if junctions and _is_in_junction(roads, cell, x, y, height):
+        return True
+    return _is_in_gap(roads, cell, x, y, height, mask)
 
 
 @kernel
-def _is_in_junction(roads: Roads, cell: int, x: float, y: float) -> bool:
+def _is_in_junction(roads: Roads, cell: int, x: float, y: float, height: float) -> bool:
     for entry in range(roads.outline_start[cell], roads.outline_start[cell + 1]):
         outline = roads.outline[entry]
         first, last = roads.vertex_start[outline], roads.vertex_start[outline + 1]
-        if inside_outline(x, y, roads.vertex, first, last):
+        is_near = is_level(roads.outline_z[outline], height)
+        if is_near and inside_outline(x, y, roads.vertex, first, last):
             return True
     return False
 
 
 @kernel
-def _is_in_gap(roads: Roads, cell: int, x: float, y: float, mask: int) -> bool:
+def _is_in_gap(roads: Roads, cell: int, x: float, y: float, height: float, mask: int) -> bool:
     """Return whether a point off all lanes is between two of one road, or of its two directions."""
     beside = -1
     for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
         lane = roads.run[run, 0]
         if roads.lane_inside[lane] or not mask >> roads.lane_kind[lane] & 1:
             continue
-        point, square = nearest_in_run(roads, run, x, y)
+        point, square = nearest_in_run(roads, run, x, y, height)
         is_near = square <= (0.5 * roads.lane_width[lane] + LANE_GAP) ** 2
         if is_near and place_on(roads, lane, point, x, y)[2] <= END_TOLERANCE:
             if beside >= 0 and _are_neighbors(roads, lane, beside):
@@ -88,6 +95,7 @@ def count_corners_on_road(
     world: int,
     x: float,
     y: float,
+    height: float,
     heading: float,
     length: float,
     width: float,
@@ -102,5 +110,5 @@ def count_corners_on_road(
         aside = width * (0.5 if corner % 2 else -0.5)
         corner_x = x + ahead * forward_x - aside * forward_y
         corner_y = y + ahead * forward_y + aside * forward_x
-        count += is_on_road(roads, world, corner_x, corner_y, mask, junctions)
+        count += is_on_road(roads, world, corner_x, corner_y, height, mask, junctions)
     return count

@@ -27,7 +27,7 @@ def write_led_path(
     b: int,
     a: int,
     world: int,
-    place: tuple[float, float, int],
+    place: tuple[float, float, float, int],
     route: int,
     hint: float,
     mask: int,
@@ -46,22 +46,22 @@ def write_led_path(
         b: Simulation.
         a: Agent.
         world: Map number.
-        place: The vehicle's x, y [m] and lane within the map.
+        place: The vehicle's x, y, height [m] and lane within the map.
         route: Number of the agent's route, -1 without one.
         hint: Distance gone along it [m].
         mask: Bit k is set if lanes of kind k count.
         spacing: Between waypoints [m].
         paths: Written.
     """
-    x, y, lane = place
+    x, y, height, lane = place
     base, i = int(roads.lane_base[world]), 0
     if guidance.phase[b, a] == _MANOEUVRE:
         lane = int(guidance.lane[b, a])
         control = curve_into(roads, guidance.begin[b, a], base + lane, guidance.s[b, a])
-        i, s = _write_curve(roads, table, world, control, x, y, mask, spacing, paths)
+        i, s = _write_curve(roads, table, world, control, x, y, height, mask, spacing, paths)
         s += guidance.s[b, a]
     else:
-        s = foot(roads, base + lane, x, y)
+        s = foot(roads, base + lane, x, y, height)
     row = find_row(table, table.free + route, base + lane, hint) if route >= 0 else -1
     if row < 0:
         row = table.start[world] + lane
@@ -84,6 +84,7 @@ def _write_curve(
     control: Floats,
     x: float,
     y: float,
+    height: float,
     mask: int,
     spacing: float,
     paths: WaypointPaths,
@@ -95,7 +96,7 @@ def _write_curve(
     room = candidates()
     while i < paths.heading.shape[2] and station < stations[-1]:
         x, y, heading = pose_along(control, stations, station)
-        lane, s, _, _ = place_on_map(roads, table, world, x, y, heading, -1, mask, room)
+        lane, s, _, _, _ = place_on_map(roads, table, world, x, y, height, heading, -1, mask, room)
         write_waypoint(roads, base, base + lane, s, (x, y, heading), 0, 0, i, paths)
         station += spacing
         i += 1

@@ -15,6 +15,7 @@ from smarts.geometry.compiling import kernel
 from smarts.geometry.frames import FARTHEST
 from smarts.geometry.segments import cell_number, interpolate_angle, project, segment_at
 from smarts.roads.arrays import MOST_CANDIDATES, Roads, RouteTable
+from smarts.roads.lane_graph import HEIGHT_REACH
 
 HEADING_COST = 10.0
 """Cost of a lane of the opposite direction among lanes that overlap [m of distance]."""
@@ -22,6 +23,8 @@ OFF_ROUTE_COST = 3.0
 """Cost of a lane off the route among lanes that overlap [m of distance]."""
 END_TOLERANCE = 1e-6
 """Tolerance beyond a lane's end, against rounding where two lanes meet [m]."""
+_OTHER_LEVEL = 1e12
+"""Cost of a segment at another height, beside its squared distance [m^2]."""
 
 
 @kernel
@@ -73,15 +76,38 @@ def cell_at(roads: Roads, world: int, x: float, y: float) -> int:
 
 
 @kernel
-def nearest_in_run(roads: Roads, run: int, x: float, y: float) -> tuple[int, float]:
-    """Return the segment of a run nearest to a point, and the square of its distance [m^2]."""
-    best, best_square = -1, np.inf
-    for point in range(roads.run[run, 1], roads.run[run, 2]):
+def is_level(height: float, other: float) -> bool:
+    """Return whether two heights [m] are near enough to meet; NaN, unknown, is near all."""
+    return not abs(height - other) > HEIGHT_REACH
+
+
+@kernel
+def nearest_segment(
+    roads: Roads, first: int, last: int, x: float, y: float, height: float
+) -> tuple[int, float, float, float]:
+    """Return the nearest of the segments that begin at points `first` to `last`, and `project` onto it.
+
+    Those near `height` [m] come before all others: a ramp may lead over itself.
+    """
+    best, best_share, best_square, best_cross, least = first, 0.0, np.inf, 0.0, np.inf
+    for point in range(first, last + 1):
         a, b = roads.point_xy[point], roads.point_xy[point + 1]
-        square = project(x, y, a[0], a[1], b[0], b[1])[1]
-        if square < best_square:
-            best, best_square = point, square
-    return best, best_square
+        share, square, cross = project(x, y, a[0], a[1], b[0], b[1])
+        if square < least:
+            cost = square if is_level(roads.point_z[point], height) else square + _OTHER_LEVEL
+            if cost < least:
+                best, best_share, best_square, best_cross, least = point, share, square, cross, cost
+    return best, best_share, best_square, best_cross
+
+
+@kernel
+def nearest_in_run(roads: Roads, run: int, x: float, y: float, height: float) -> tuple[int, float]:
+    """Return the segment of a run nearest to a point, and the square of its distance [m^2].
+
+    The distance is infinite if the segment is not near `height` [m].
+    """
+    point, _, square, _ = nearest_segment(roads, roads.run[run, 1], roads.run[run, 2] - 1, x, y, height)
+    return point, square if is_level(roads.point_z[point], height) else np.inf
 
 
 @kernel
@@ -113,7 +139,15 @@ def _heading_at(roads: Roads, point: int, s: float) -> float:
 
 @kernel
 def _gather(
-    roads: Roads, cell: int, x: float, y: float, mask: int, lanes: Ints, points: Ints, squares: Floats
+    roads: Roads,
+    cell: int,
+    x: float,
+    y: float,
+    height: float,
+    mask: int,
+    lanes: Ints,
+    points: Ints,
+    squares: Floats,
 ) -> int:
     """List the lanes near a cell, each with its segment nearest to the point; return how many."""
     count = 0
@@ -121,7 +155,7 @@ def _gather(
         lane = roads.run[run, 0]
         if not mask >> roads.lane_kind[lane] & 1:
             continue
-        point, square = nearest_in_run(roads, run, x, y)
+        point, square = nearest_in_run(roads, run, x, y, height)
         # Runs are ordered by lane, so a lane's runs follow each other.
         if count and lanes[count - 1] == lane:
             if square < squares[count - 1]:
@@ -176,7 +210,9 @@ def _choose(
 
 
 @kernel
-def _nearest_anywhere(roads: Roads, world: int, x: float, y: float, mask: int) -> tuple[int, int]:
+def _nearest_anywhere(
+    roads: Roads, world: int, x: float, y: float, height: float, mask: int
+) -> tuple[int, int]:
     """Return the lane and the segment nearest to a point however far it is, (-1, -1) if there is no lane."""
     origin, size = roads.grid_origin[world], roads.grid_size[world]
     columns, rows = roads.grid_shape[world]
@@ -201,7 +237,7 @@ def _nearest_anywhere(roads: Roads, world: int, x: float, y: float, mask: int) -
                 for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
                     lane = roads.run[run, 0]
                     if mask >> roads.lane_kind[lane] & 1:
-                        point, square = nearest_in_run(roads, run, x, y)
+                        point, square = nearest_in_run(roads, run, x, y, height)
                         if square < best:
                             best_lane, best_point, best = lane, point, square
         # All lanes outside the rings so far are at least this far away.
@@ -228,32 +264,35 @@ def place_on_map(
     world: int,
     x: float,
     y: float,
+    height: float,
     heading: float,
     corridor: int,
     mask: int,
     room: tuple[Ints, Ints, Floats],
-) -> tuple[int, float, float, float]:
-    """Return the lane of one pose, s, t and the distance from the centreline [m]; see `locate`.
+) -> tuple[int, float, float, float, float]:
+    """Return the lane of one pose, s, t, the distance from the centreline and the road's height there [m].
+
+    See `locate`.
 
     `corridor` is the row of `table` of its route, -1 without one; `room` is from `candidates`.
     """
     if not is_somewhere(x, y):
-        return -1, np.nan, np.nan, np.nan
+        return -1, np.nan, np.nan, np.nan, height
     lanes, points, squares = room
     cell = cell_at(roads, world, x, y)
     chosen = -1
     if cell >= 0:
-        count = _gather(roads, cell, x, y, mask, lanes, points, squares)
+        count = _gather(roads, cell, x, y, height, mask, lanes, points, squares)
         chosen = _choose(roads, table, corridor, heading, x, y, count, lanes, points, squares)
     if chosen >= 0:
         found, point = int(lanes[chosen]), int(points[chosen])
     else:
-        found, point = _nearest_anywhere(roads, world, x, y, mask)
+        found, point = _nearest_anywhere(roads, world, x, y, height, mask)
     if found < 0:
-        return -1, np.nan, np.nan, np.nan
+        return -1, np.nan, np.nan, np.nan, height
     s, t, overshoot = place_on(roads, found, point, x, y)
     distance = math.hypot(t, overshoot) if overshoot > 0.0 else abs(t)
-    return found - int(roads.lane_base[world]), s, t, distance
+    return found - int(roads.lane_base[world]), s, t, distance, height_at(roads, point, s)
 
 
 @kernel
@@ -262,6 +301,7 @@ def locate(
     table: RouteTable,
     maps: Ints,
     position: Floats,
+    height: Floats,
     heading: Floats,
     route: Ints,
     mask: int,
@@ -281,6 +321,7 @@ def locate(
         table: The routes.
         maps: Map of each pose, shape (E,).
         position: [m], shape (E, 2); where it is not finite, the lane is -1.
+        height: Of the road [m], NaN where it is unknown, shape (E,); only lanes near it count.
         heading: [rad], NaN where it is not to matter, shape (E,).
         route: Number in the table counted after the free corridors, -1 where it is not to matter, shape (E,).
         mask: Bit k is set if lanes of kind k count.
@@ -292,28 +333,26 @@ def locate(
     room = candidates()
     for i in range(len(maps)):
         corridor = table.free + route[i] if route[i] >= 0 else -1
-        lane[i], s[i], t[i], distance[i] = place_on_map(
-            roads, table, maps[i], position[i, 0], position[i, 1], heading[i], corridor, mask, room
-        )
+        x, y = position[i, 0], position[i, 1]
+        place = place_on_map(roads, table, maps[i], x, y, height[i], heading[i], corridor, mask, room)
+        lane[i], s[i], t[i], distance[i], _ = place
 
 
 @kernel
-def project_on_lanes(roads: Roads, maps: Ints, lane: Ints, position: Floats, s: Floats, t: Floats) -> None:
+def project_on_lanes(
+    roads: Roads, maps: Ints, lane: Ints, position: Floats, height: Floats, s: Floats, t: Floats
+) -> None:
     """Write s and t [m] of positions with respect to given lanes, NaN where the lane is -1; shapes (E,)."""
     for i in range(len(maps)):
         s[i], t[i] = np.nan, np.nan
         if lane[i] < 0:
             continue
         number = roads.lane_base[maps[i]] + lane[i]
-        best, best_square = -1, np.inf
+        first, last = roads.point_start[number], roads.point_start[number + 1] - 2
         x, y = position[i, 0], position[i, 1]
-        for point in range(roads.point_start[number], roads.point_start[number + 1] - 1):
-            a, b = roads.point_xy[point], roads.point_xy[point + 1]
-            square = project(x, y, a[0], a[1], b[0], b[1])[1]
-            if square < best_square:
-                best, best_square = point, square
-        if best >= 0:
-            s[i], t[i], _ = place_on(roads, number, best, x, y)
+        point, _, square, _ = nearest_segment(roads, first, last, x, y, height[i])
+        if square < np.inf:
+            s[i], t[i], _ = place_on(roads, number, point, x, y)
 
 
 @kernel
@@ -341,6 +380,13 @@ def centre_at(roads: Roads, point: int, s: float) -> tuple[float, float, float]:
     a, b = roads.point_xy[point], roads.point_xy[point + 1]
     share = (s - roads.point_s[point]) / (roads.point_s[point + 1] - roads.point_s[point])
     return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), _heading_at(roads, point, s)
+
+
+@kernel
+def height_at(roads: Roads, point: int, s: float) -> float:
+    """Return the height [m] at arc length s on the line of the segment that begins at `point`."""
+    share = (s - roads.point_s[point]) / (roads.point_s[point + 1] - roads.point_s[point])
+    return roads.point_z[point] + share * (roads.point_z[point + 1] - roads.point_z[point])
 
 
 @kernel

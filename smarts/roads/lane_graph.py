@@ -23,12 +23,14 @@ from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import MapError, nearest_names
 from smarts.geometry.frames import wrap_angle
 
-FORMAT = 2
+FORMAT = 3
 """Format of the saved file; files of another format are rebuilt."""
 OTHER_LENGTH, SHORTEST_OTHER = 0.02, 0.5
 """A road's given length is another than its lanes' if it differs by more than this share and this far [m]."""
 SHORTEST = 0.1
 """Length of SUMO's shortest lanes [m]."""
+HEIGHT_REACH = 3.0
+"""Roads and vehicles that differ by more in height do not meet [m]."""
 OPPOSITE = -0.7
 """Cosine of the angle between two lanes that lead in other directions, at most."""
 
@@ -121,10 +123,12 @@ class LaneGraph:
     """CSR of the centreline's points, shape (L + 1,)."""
     point_xy: Floats
     """[m], at most a metre apart, every vertex of the map's own centreline among them, shape (P, 2)."""
+    point_z: Floats
+    """Height above the map's origin [m], shape (P,)."""
     point_heading: Floats
     """Smoothed direction of the centreline [rad], shape (P,)."""
     point_s: Floats
-    """Arc length from the lane's begin [m], shape (P,)."""
+    """Arc length from the lane's begin, in the plane [m], shape (P,)."""
 
     successor_start: Ints
     """CSR of the lanes that a lane leads into, shape (L + 1,)."""
@@ -165,6 +169,8 @@ class LaneGraph:
     """CSR of the junctions' outlines, shape (J + 1,)."""
     junction_xy: Floats
     """Vertices of the outlines [m]; a junction without area has none, shape (., 2)."""
+    junction_z: Floats
+    """Height [m], shape (J,)."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -249,6 +255,16 @@ class LaneGraph:
     def predecessors(self, lane: int) -> Ints:
         """Return the lanes that lead into a lane."""
         return self.predecessor[self.predecessor_start[lane] : self.predecessor_start[lane + 1]]
+
+    @cached_property
+    def has_levels(self) -> bool:
+        """Whether roads may lead over others: heights differ by more than `HEIGHT_REACH`."""
+        return bool(np.ptp(self.point_z) > HEIGHT_REACH)
+
+    def height_at(self, lane: int, s: float) -> float:
+        """Return the height of a lane at arc length `s` [m]."""
+        rows = slice(int(self.point_start[lane]), int(self.point_start[lane + 1]))
+        return float(np.interp(s, self.point_s[rows], self.point_z[rows]))
 
     def centreline(self, lane: int) -> Floats:
         """Return a lane's points [m], shape (., 2)."""

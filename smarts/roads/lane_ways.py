@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import project, wrapped
+from smarts.geometry.segments import wrapped
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import find_row
+from smarts.roads.kernels import find_row, nearest_segment
 from smarts.roads.lane_graph import LaneKind
 
 _REACH_ROWS = 48
@@ -17,15 +17,10 @@ _CAR = int(LaneKind.CAR)
 
 
 @kernel
-def place_on_lane(roads: Roads, lane: int, x: float, y: float) -> tuple[float, float]:
+def place_on_lane(roads: Roads, lane: int, x: float, y: float, height: float) -> tuple[float, float]:
     """Return s and t [m] of a point on a lane; beyond the lane's ends, s is negative or above its length."""
     first, last = roads.point_start[lane], roads.point_start[lane + 1] - 2
-    best, best_square, best_share, best_cross = first, np.inf, 0.0, 0.0
-    for point in range(first, last + 1):
-        a, b = roads.point_xy[point], roads.point_xy[point + 1]
-        share, square, cross = project(x, y, a[0], a[1], b[0], b[1])
-        if square < best_square:
-            best, best_square, best_share, best_cross = point, square, share, cross
+    best, best_share, best_square, best_cross = nearest_segment(roads, first, last, x, y, height)
     a, b = roads.point_xy[best], roads.point_xy[best + 1]
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     if (best_share < 0.0 and best == first) or (best_share > 1.0 and best == last):
@@ -33,7 +28,7 @@ def place_on_lane(roads: Roads, lane: int, x: float, y: float) -> tuple[float, f
     else:
         offset = math.copysign(math.sqrt(best_square), best_cross)
         best_share = min(1.0, max(0.0, best_share))
-    return roads.point_s[best] + best_share * (roads.point_s[best + 1] - roads.point_s[best]), offset
+    return float(roads.point_s[best] + best_share * (roads.point_s[best + 1] - roads.point_s[best])), offset
 
 
 @kernel

@@ -69,6 +69,7 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
         conflict_other_extent=joined("conflict_other_extent"),
         point_start=stacked("point_start"),
         point_xy=joined("point_xy"),
+        point_z=joined("point_z"),
         point_heading=joined("point_heading"),
         point_s=joined("point_s"),
         grid_origin=np.array([grid.origin for grid in grids]),
@@ -81,6 +82,7 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
         outline=raised("outline", _bases(len(graph.junction_ids) for graph in graphs), grids),
         vertex_start=stacked("junction_start"),
         vertex=joined("junction_xy"),
+        outline_z=joined("junction_z"),
     )
 
 

@@ -322,7 +322,7 @@ def _gap_inside(
     is_on_route = _row_of(state, roads, routes, b, other, here) >= routes.start[routes.free]
     for i in range(len(places)):
         lane = int(roads.conflict_lane[places[i]])
-        centre, aside = place_on_lane(roads, lane, x, y)
+        centre, aside = place_on_lane(roads, lane, x, y, vehicles.height[b, other])
         if centre <= 0.0 or centre > lane_length(roads, lane) + half:
             continue
         point = roads.point_start[lane] + int(

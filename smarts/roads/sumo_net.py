@@ -141,6 +141,7 @@ class _NetReader:
             signal_link=signal_link,
             point_start=_starts(lines),
             point_xy=np.concatenate(lines),
+            point_z=np.concatenate([*map(_heights, self.lanes, stations)]),
             point_heading=np.concatenate([*map(polylines.headings, lines)]),
             point_s=np.concatenate(stations),
             successor_start=successor_start,
@@ -161,6 +162,7 @@ class _NetReader:
             edge_to=self._edge_ends("to"),
             junction_start=_starts(outlines),
             junction_xy=np.concatenate(outlines) if outlines else np.empty((0, 2)),
+            junction_z=_numbers(self.junctions, "z", 0.0),
         )
 
     def _links(self) -> tuple[list[tuple[int, int]], Ints, Ints, tuple[str, ...]]:
@@ -294,6 +296,15 @@ def _numbers(elements: Iterable[ElementTree.Element], name: str, default: float 
 
 def _points(shape: str) -> Floats:
     return np.array([[float(value) for value in point.split(",")[:2]] for point in shape.split()])
+
+
+def _heights(lane: ElementTree.Element, stations: Floats) -> Floats:
+    """Return the heights of a lane at arc lengths in the plane [m]; points of two numbers are at height 0."""
+    points = [point.split(",") for point in lane.attrib["shape"].split()]
+    heights = [float(point[2]) if len(point) > 2 else 0.0 for point in points]
+    if not any(heights):
+        return np.zeros(len(stations))
+    return np.interp(stations, polylines.arc_lengths(_points(lane.attrib["shape"])), heights)
 
 
 def _stub(point: Floats, line_before: Floats) -> Floats:

@@ -13,7 +13,7 @@ from smarts.roads.arrays import Roads
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.curves import PIECES, curve_into, pose_on
 from smarts.roads.footprints import count_corners_on_road, is_on_road
-from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.kernels import centre_at, height_at, lane_length
 from smarts.roads.lane_graph import OPPOSITE
 from smarts.roads.waypoints import foot
 
@@ -30,21 +30,23 @@ def is_opposite(roads: Roads, heading: float, lane: int, s: float) -> bool:
 
 
 @kernel
-def is_over_road(roads: Roads, world: int, control: Floats) -> bool:
-    """Return whether a curve with these control points stays on lanes and junctions of a map."""
+def is_over_road(roads: Roads, world: int, control: Floats, height: float) -> bool:
+    """Return whether a curve with these control points stays on a map's lanes and junctions near a height."""
     for i in range(PIECES + 1):
         x, y, _ = pose_on(control, i / PIECES)
-        if not is_on_road(roads, world, x, y, _ROAD, True):
+        if not is_on_road(roads, world, x, y, height, _ROAD, True):
             return False
     return True
 
 
 @kernel
-def is_footprint_over_road(roads: Roads, world: int, control: Floats, length: float, width: float) -> bool:
-    """Return whether a footprint whose centre follows a curve stays on lanes and junctions of a map."""
+def is_footprint_over_road(
+    roads: Roads, world: int, control: Floats, height: float, length: float, width: float
+) -> bool:
+    """Return whether a footprint whose centre follows a curve stays on lanes and junctions near a height."""
     for i in range(PIECES + 1):
         x, y, heading = pose_on(control, i / PIECES)
-        if count_corners_on_road(roads, world, x, y, heading, length, width, _ROAD, True) < 4:
+        if count_corners_on_road(roads, world, x, y, height, heading, length, width, _ROAD, True) < 4:
             return False
     return True
 
@@ -73,9 +75,10 @@ def place_to_turn(roads: Roads, world: int, lane: int, back: int, begin: float, 
         s = begin + i * SPACING
         point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
         pose[0], pose[1], pose[2] = centre_at(roads, point, s)
-        beside = foot(roads, back, pose[0], pose[1])
+        height = height_at(roads, point, s)
+        beside = foot(roads, back, pose[0], pose[1], height)
         if not 0.0 < beside < lane_length(roads, back) or not is_opposite(roads, pose[2], back, beside):
             continue
-        if is_over_road(roads, world, curve_into(roads, pose, back, beside)):
+        if is_over_road(roads, world, curve_into(roads, pose, back, beside), height):
             return s
     return -1.0

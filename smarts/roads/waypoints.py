@@ -10,9 +10,9 @@ import numpy as np
 from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.frames import FARTHEST
-from smarts.geometry.segments import project, segment_at
+from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at, find_row, lane_length
+from smarts.roads.kernels import centre_at, find_row, lane_length, nearest_segment
 
 
 class WaypointPaths(NamedTuple):
@@ -74,37 +74,32 @@ class WaypointPaths(NamedTuple):
 
 
 @kernel
-def foot(roads: Roads, lane: int, x: float, y: float) -> float:
+def foot(roads: Roads, lane: int, x: float, y: float, height: float) -> float:
     """Return the arc length of the point of a lane's centreline that is nearest to a position [m]."""
-    return foot_between(roads, roads.point_start[lane], roads.point_start[lane + 1] - 2, x, y)
+    return foot_between(roads, roads.point_start[lane], roads.point_start[lane + 1] - 2, x, y, height)
 
 
 @kernel
-def foot_between(roads: Roads, first: int, last: int, x: float, y: float) -> float:
+def foot_between(roads: Roads, first: int, last: int, x: float, y: float, height: float) -> float:
     """Return `foot` of a position on those segments of a lane that begin at points `first` to `last`."""
-    best, best_square, best_share = first, np.inf, 0.0
-    for point in range(first, last + 1):
-        a, b = roads.point_xy[point], roads.point_xy[point + 1]
-        share, square, _ = project(x, y, a[0], a[1], b[0], b[1])
-        if square < best_square:
-            best, best_square, best_share = point, square, share
+    best, best_share, _, _ = nearest_segment(roads, first, last, x, y, height)
     span = roads.point_s[best + 1] - roads.point_s[best]
-    return roads.point_s[best] + min(1.0, max(0.0, best_share)) * span
+    return float(roads.point_s[best] + min(1.0, max(0.0, best_share)) * span)
 
 
 @kernel
-def _start(roads: Roads, table: RouteTable, row: int, x: float, y: float) -> float:
+def _start(roads: Roads, table: RouteTable, row: int, x: float, y: float, height: float) -> float:
     """Return where on a row's lane a path beside the vehicle begins [m], or -1 if it begins on another row.
 
     A way through a junction may have two lanes, one after the other; the path begins on the second as soon as
     the vehicle is past its first point.
     """
-    s = foot(roads, table.lane[row], x, y)
+    s = foot(roads, table.lane[row], x, y, height)
     if table.before[row] >= 0 and s == 0.0:
         return -1.0
     for entry in range(table.onward_start[row], table.onward_start[row + 1]):
         following = table.onward[entry]
-        if table.before[following] == row and foot(roads, table.lane[following], x, y) > 0.0:
+        if table.before[following] == row and foot(roads, table.lane[following], x, y, height) > 0.0:
             return -1.0
     return s
 
@@ -165,6 +160,7 @@ def _follow_own_lane_first(
     own: int,
     x: float,
     y: float,
+    height: float,
     mask: int,
     spacing: float,
     base: int,
@@ -182,6 +178,7 @@ def _follow_own_lane_first(
         own: The row that the vehicle is on.
         x: Of the vehicle [m].
         y: Of the vehicle [m].
+        height: Of the road under it [m].
         mask: Bit k is set if lanes of kind k have paths.
         spacing: Between waypoints [m].
         base: The map's first lane.
@@ -199,7 +196,7 @@ def _follow_own_lane_first(
     for row in range(first, last):
         lane = table.lane[row]
         if mask >> roads.lane_kind[lane] & 1:
-            begin[row - first] = s = _start(roads, table, row, x, y)
+            begin[row - first] = s = _start(roads, table, row, x, y, height)
             if s >= 0.0:
                 point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
                 at_x, at_y, _ = centre_at(roads, point, s)
@@ -305,6 +302,7 @@ def write_waypoints(
     table: RouteTable,
     maps: Ints,
     position: Floats,
+    height: Floats,
     lane: Ints,
     route: Ints,
     hint: Floats,
@@ -319,6 +317,7 @@ def write_waypoints(
         table: The routes.
         maps: Map of each vehicle, shape (E,).
         position: [m], shape (E, 2); where it is not finite, there are no paths.
+        height: Of the road under it [m], shape (E,).
         lane: Lane within its map that the vehicle is on, -1 for none, shape (E,).
         route: Number of its route, -1 for none, shape (E,).
         hint: Distance gone along the route before [m], NaN if unknown; for routes that use a lane twice.
@@ -344,7 +343,7 @@ def write_waypoints(
             for each in range(group[0], group[1]):
                 s = -1.0
                 if mask >> roads.lane_kind[table.lane[each]] & 1:
-                    s = _start(roads, table, each, x, y)
+                    s = _start(roads, table, each, x, y, height[e])
                 if s >= 0.0:
                     count, missing = _follow(
                         roads, table, each, s, spacing, base, e, count, most, paths, forks, fork_s
@@ -352,7 +351,7 @@ def write_waypoints(
                     left_out += missing
             if left_out > 0:
                 count, left_out = _follow_own_lane_first(
-                    roads, table, group, row, x, y, mask, spacing, base, e, paths, forks, fork_s
+                    roads, table, group, row, x, y, height[e], mask, spacing, base, e, paths, forks, fork_s
                 )
         paths.path_count[e], paths.left_out[e] = count, left_out
         for path in range(count, paths.heading.shape[1]):

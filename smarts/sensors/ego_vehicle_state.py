@@ -111,7 +111,7 @@ class EgoVehicleState(KernelSensor):
         v = agents.slot[b, a]
         out.position[b, g, 0] = clipped(vehicles.position[b, v, 0], FARTHEST)
         out.position[b, g, 1] = clipped(vehicles.position[b, v, 1], FARTHEST)
-        out.position[b, g, 2] = 0.0
+        out.position[b, g, 2] = clipped(vehicles.height[b, v], FARTHEST)
         out.bounding_box[b, g, 0] = clipped_above(vehicles.length[b, v], LARGEST_BOX)
         out.bounding_box[b, g, 1] = clipped_above(vehicles.width[b, v], LARGEST_BOX)
         out.bounding_box[b, g, 2] = vehicle_height(vehicles.kind[b, v])

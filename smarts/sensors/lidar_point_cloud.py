@@ -12,6 +12,7 @@ from smarts.agents.options import Lidar
 from smarts.arrays import Bytes, Floats, Singles
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.levels import meets
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, LARGEST_BOX, clipped, clipped_above
 from smarts.sensors.heights import vehicle_height
@@ -88,7 +89,7 @@ class LidarPoints(KernelSensor):
         count = _boxes_within(vehicles, b, own, reach, boxes)
         x = clipped(vehicles.position[b, own, 0], FARTHEST)
         y = clipped(vehicles.position[b, own, 1], FARTHEST)
-        z = vehicle_height(vehicles.kind[b, own]) + ABOVE_ROOF
+        z, ground = vehicle_height(vehicles.kind[b, own]) + ABOVE_ROOF, vehicles.height[b, own]
         direction = clipped(vehicles.heading[b, own], math.pi)
         cosine, sine = math.cos(direction), math.sin(direction)
         for ray in range(len(directions)):
@@ -104,7 +105,7 @@ class LidarPoints(KernelSensor):
             out.hit[b, g, ray] = hit
             out.point[b, g, ray, 0] = clipped(x + nearest * dx, FARTHEST) if hit else 0.0
             out.point[b, g, ray, 1] = clipped(y + nearest * dy, FARTHEST) if hit else 0.0
-            out.point[b, g, ray, 2] = z + nearest * up if hit else 0.0
+            out.point[b, g, ray, 2] = clipped(ground + z + nearest * up, FARTHEST) if hit else 0.0
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> LidarPointCloud:
@@ -112,7 +113,8 @@ class LidarPoints(KernelSensor):
         hits = readings["hit"] != 0
         points = np.where(hits[:, None], readings["point"], np.inf)
         ego = seen.ego_vehicle_state
-        origin = np.array([*ego.position[:2], ego.bounding_box.height + ABOVE_ROOF])
+        x, y, ground = ego.position
+        origin = np.array([x, y, ground + ego.bounding_box.height + ABOVE_ROOF])
         return list(points), hits.tolist(), [(origin, ray) for ray in readings["ray"].astype(np.float64)]
 
 
@@ -148,7 +150,7 @@ def _boxes_within(vehicles: VehicleStates, b: int, own: int, reach: float, boxes
     """List the boxes of the other vehicles of one simulation within reach; return how many."""
     count = 0
     for v in range(vehicles.alive.shape[1]):
-        if not vehicles.alive[b, v] or v == own:
+        if not meets(vehicles, b, own, v):
             continue
         long = clipped_above(vehicles.length[b, v], LARGEST_BOX)
         wide = clipped_above(vehicles.width[b, v], LARGEST_BOX)

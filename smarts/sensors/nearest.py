@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
+from smarts.roads.levels import meets
 from smarts.types.vehicles import VehicleStates
 
 
@@ -47,7 +48,7 @@ def nearest_vehicles(
     count = 0
     x, y = vehicles.position[b, own, 0], vehicles.position[b, own, 1]
     for slot in range(vehicles.alive.shape[1]):
-        if not vehicles.alive[b, slot] or slot == own:
+        if not meets(vehicles, b, own, slot):
             continue
         dx, dy = vehicles.position[b, slot, 0] - x, vehicles.position[b, slot, 1] - y
         square = dx * dx + dy * dy

@@ -115,7 +115,7 @@ class NeighborhoodVehicleStates(KernelSensor):
             out.generation[b, g, k] = vehicles.generation[b, v]
             out.position[b, g, k, 0] = clipped(vehicles.position[b, v, 0], FARTHEST)
             out.position[b, g, k, 1] = clipped(vehicles.position[b, v, 1], FARTHEST)
-            out.position[b, g, k, 2] = 0.0
+            out.position[b, g, k, 2] = clipped(vehicles.height[b, v], FARTHEST)
             out.bounding_box[b, g, k, 0] = clipped_above(vehicles.length[b, v], LARGEST_BOX)
             out.bounding_box[b, g, k, 1] = clipped_above(vehicles.width[b, v], LARGEST_BOX)
             out.bounding_box[b, g, k, 2] = vehicle_height(vehicles.kind[b, v])

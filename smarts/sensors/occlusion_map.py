@@ -14,6 +14,7 @@ from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.raster import place_in_view
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.levels import meets
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import LARGEST_BOX, clipped, clipped_above
 from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, viewer
@@ -65,7 +66,7 @@ class VisibleArea(KernelSensor):
         x, y, heading = viewer(vehicles, b, own)
         reach[:] = np.inf
         for v in range(vehicles.alive.shape[1]):
-            if not vehicles.alive[b, v] or v == own:
+            if not meets(vehicles, b, own, v):
                 continue
             long = clipped_above(vehicles.length[b, v], LARGEST_BOX)
             wide = clipped_above(vehicles.width[b, v], LARGEST_BOX)

@@ -11,6 +11,7 @@ from smarts.agents.options import OGM
 from smarts.arrays import Pixels
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.levels import meets
 from smarts.roads.scene import Scene
 from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, paint_vehicle, viewer
 from smarts.sensors.protocol import KernelSensor, Readings, Seen
@@ -48,11 +49,11 @@ class OccupancyGrid(KernelSensor):
         occupied: Pixels,
     ) -> None:
         """Write an agent's readings; see `KernelSensor`."""
-        vehicles = state.vehicles
-        x, y, heading = viewer(vehicles, b, state.agents.slot[b, a])
+        vehicles, own = state.vehicles, state.agents.slot[b, a]
+        x, y, heading = viewer(vehicles, b, own)
         out.data[b, g] = 0
         for v in range(vehicles.alive.shape[1]):
-            if vehicles.alive[b, v]:
+            if v == own or meets(vehicles, b, own, v):
                 paint_vehicle(vehicles, b, v, x, y, heading, resolution, occupied, out.data[b, g])
         out.resolution[b, g] = resolution
 

@@ -104,18 +104,18 @@ class RoadWaypointsAround(KernelSensor):
         base = roads.lane_base[state.map[b]]
         vehicles, most = state.vehicles, out.beside.shape[2]
         v, count = state.agents.slot[b, a], 0
-        position = vehicles.position[b, v : v + 1]
+        position, height = vehicles.position[b, v : v + 1], vehicles.height[b, v : v + 1]
         out.left_out[b, g] = 0
         if vehicles.lane[b, v] >= 0:
             own = base + vehicles.lane[b, v]
             first, last = links.beside_start[own], links.beside_start[own + 1]
-            kept = _nearest_lanes(roads, links.beside[first:last], own, most, position)
+            kept = _nearest_lanes(roads, links.beside[first:last], own, most, position, height)
             out.left_out[b, g] = last - first - np.count_nonzero(kept)
             for entry in range(first, last):
                 if not kept[entry - first]:
                     continue
                 number[0] = links.beside[entry] - base
-                project_on_lanes(roads, state.map[b : b + 1], number, position, foot, offset)
+                project_on_lanes(roads, state.map[b : b + 1], number, position, height, foot, offset)
                 out.oncoming[b, g, count] = entry - first >= links.own_count[own]
                 _write_lane(roads, links, base, links.beside[entry], foot[0], horizon, b, g, count, out)
                 clear_waypoints(out, b, g, count, out.waypoint_count[b, g, count])
@@ -137,13 +137,13 @@ class RoadWaypointsAround(KernelSensor):
 
 
 @kernel
-def _nearest_lanes(roads: Roads, lanes: Ints, own: int, most: int, position: Floats) -> Bools:
+def _nearest_lanes(roads: Roads, lanes: Ints, own: int, most: int, position: Floats, height: Floats) -> Bools:
     """Return which lanes there is room for: a vehicle's own one, and of the others the nearest."""
     kept = np.ones(len(lanes), np.bool_)
     if len(lanes) > most:
         away = np.empty(len(lanes))
         for place, lane in enumerate(lanes):
-            offset = place_on_lane(roads, lane, position[0, 0], position[0, 1])[1]
+            offset = place_on_lane(roads, lane, position[0, 0], position[0, 1], height[0])[1]
             away[place] = -1.0 if lane == own else abs(offset)
         kept[np.argsort(away, kind="mergesort")[most:]] = False
     return kept

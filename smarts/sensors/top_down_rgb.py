@@ -12,6 +12,7 @@ from smarts.agents.options import RGB
 from smarts.arrays import Pixels
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.levels import meets
 from smarts.roads.scene import Scene
 from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, paint_vehicle, viewer
 from smarts.sensors.protocol import KernelSensor, Readings, Seen
@@ -115,7 +116,7 @@ class TopDownRgb(KernelSensor):
         view = out.data[b, g]
         paint_road(raster, state.map[b], x, y, heading, resolution, road, view)
         for v in range(vehicles.alive.shape[1]):
-            if vehicles.alive[b, v]:
+            if v == own or meets(vehicles, b, own, v):
                 kind = 2 if v == own else 1 if vehicles.owner[b, v] == _AGENT else 0
                 paint_vehicle(vehicles, b, v, x, y, heading, resolution, boxes[kind], view)
         out.resolution[b, g] = resolution

@@ -277,6 +277,7 @@ class BubbleRules:
         return AgentStart(
             name=f"{bubble.actor}-{world.registry.name(row, slot)}",
             pose=(x, y, float(vehicles.heading[row, slot])),
+            height=float(vehicles.height[row, slot]),
             speed=float(vehicles.speed[row, slot]),
             mission=self._missions.mission(row, slot),
             kind=VehicleKind(int(vehicles.kind[row, slot])),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.boxes import boxes_overlap
-from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.lane_graph import HEIGHT_REACH, LaneGraph
 from smarts.types.vehicles import Owner, VehicleStates
 
 BRAKING = 3.0
@@ -37,7 +37,8 @@ def vehicles_in_the_way(
         slot: The vehicle's.
         leads_here: Returns whether the vehicle in a slot, behind on another lane, is going to this lane.
     """
-    others = np.flatnonzero(states.alive & (states.owner != Owner.AGENT))
+    is_level = ~(np.abs(states.height - states.height[slot]) > HEIGHT_REACH)
+    others = np.flatnonzero(states.alive & (states.owner != Owner.AGENT) & is_level)
     others = others[others != slot]
     if not len(others):
         return []

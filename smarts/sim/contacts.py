@@ -11,6 +11,7 @@ from smarts.geometry.binding import LateBound
 from smarts.geometry.boxes import Pose, box_gaps, contact_direction, facing
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, wrapped
+from smarts.roads.levels import meets
 from smarts.types.agent_states import AgentStates, AgentStatus
 from smarts.types.events import Contacts
 from smarts.types.tracks import Tracks
@@ -98,7 +99,7 @@ def find_contacts(state: State, out: Contacts, tracks: Tracks, env_mask: Bools) 
                 dy = position[row, other, 1] - position[row, slot, 1]
                 far = reach[slot] + reach[other]
                 held, held_speed = _held_apart(now, before, tracks, row, agent_id, other)
-                if other == slot or (held < 0 and dx * dx + dy * dy > far * far):
+                if not meets(now, row, slot, other) or (held < 0 and dx * dx + dy * dy > far * far):
                     continue
                 _follow(now, before, poses, row, other, agent_id_of[other], path2)
                 size = 0.5 * length[row, slot], 0.5 * width[row, slot]

@@ -11,7 +11,7 @@ from smarts.arrays import Bools
 from smarts.errors import MapError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.roads.agent_routes import AgentRoutes
-from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.lane_graph import HEIGHT_REACH, LaneGraph
 from smarts.roads.routes import shortest_route
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.clearing import vehicles_in_the_way
@@ -114,10 +114,11 @@ class Entries:
         if slot is None:
             return False
         vehicles = world.vehicles
-        found = self._routes.atlas.locate(
-            world.map[[row]], vehicles.position[row, [slot]], vehicles.heading[row, [slot]]
-        )
+        pose = vehicles.position[row, [slot]], vehicles.heading[row, [slot]]
+        height = vehicles.height[row, [slot]]
+        found = self._routes.atlas.locate(world.map[[row]], *pose, height=height)
         vehicles.lane[row, slot], vehicles.lane_position[row, slot] = found.lane[0], found.s[0]
+        vehicles.height[row, slot] = self.roads(row).height_at(found.lane[0], found.s[0])
         self._clear_around(row, slot)
         return True
 
@@ -153,7 +154,8 @@ class Entries:
     def _is_occupied(self, row: int, start: AgentStart) -> bool:
         """Return whether another agent's vehicle is at the start."""
         vehicles = self._world.vehicles.of(row)
-        others = np.flatnonzero(vehicles.owner == Owner.AGENT)
+        is_level = ~(np.abs(vehicles.height - start.height) > HEIGHT_REACH)
+        others = np.flatnonzero((vehicles.owner == Owner.AGENT) & is_level)
         x, y, heading = start.pose
         return bool(
             boxes_overlap(

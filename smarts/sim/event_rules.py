@@ -11,8 +11,9 @@ from smarts.geometry.segments import project, segment_at
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.footprints import is_on_road
-from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.kernels import centre_at, is_level, lane_length, nearest_segment
 from smarts.roads.lane_ways import place_on_lane
+from smarts.roads.levels import meets
 from smarts.roads.lights import light_ahead
 from smarts.sim.places import STANDING, corridor_row, lane_of, line_on
 from smarts.sim.yielding import yields_to_stream
@@ -80,7 +81,7 @@ def judge(
     bits = _REACHED if has_left else _road_events(state, roads, routes, patience, row, agent_id)
     if state.agents.on_road[row, agent_id]:
         # Off the road the lane is only the nearest one, however far away.
-        bits |= _goal_events(state, roads, routes, row, agent_id) | _via_events(state, row, agent_id)
+        bits |= _goal_events(state, roads, routes, row, agent_id) | _via_events(state, roads, row, agent_id)
     if _rests(state, roads, routes, rules, row, agent_id):
         bits |= _NOT_MOVING
     limit = rules.max_steps[agent_id]
@@ -105,10 +106,19 @@ def _way(state: State, row: int, slot: int) -> tuple[float, float, float, float]
 
 
 @kernel
-def _passes(state: State, row: int, slot: int, x: float, y: float, radius: float) -> bool:
-    """Return whether a vehicle's centre has come within a radius of a point on its way since a step ago."""
+def _passes(
+    state: State, roads: Roads, row: int, slot: int, lane: int, x: float, y: float, radius: float
+) -> bool:
+    """Return whether a vehicle's centre has come within a radius of a point of a lane since a step ago."""
     begin_x, begin_y, end_x, end_y = _way(state, row, slot)
-    return project(x, y, begin_x, begin_y, end_x, end_y)[1] <= radius * radius
+    if project(x, y, begin_x, begin_y, end_x, end_y)[1] > radius * radius:
+        return False
+    if lane < 0:
+        return True
+    number = roads.lane_base[state.map[row]] + lane
+    first, last = roads.point_start[number], roads.point_start[number + 1] - 2
+    point, _, _, _ = nearest_segment(roads, first, last, x, y, np.nan)
+    return is_level(roads.point_z[point], state.vehicles.height[row, slot])
 
 
 @kernel
@@ -123,7 +133,7 @@ def _has_left_map(state: State, roads: Roads, row: int, agent_id: int) -> bool:
     if not (roads.lane_dead_end[lane] and is_at_end and is_ahead):
         return False
     x, y, _, _ = _way(state, row, slot)
-    return is_on_road(roads, state.map[row], x, y, _ROAD, True)
+    return is_on_road(roads, state.map[row], x, y, state.vehicles.height[row, slot], _ROAD, True)
 
 
 @kernel
@@ -174,7 +184,7 @@ def _is_off_route(state: State, roads: Roads, routes: RouteTable, row: int, agen
 
 
 @kernel
-def _via_events(state: State, row: int, agent_id: int) -> int:
+def _via_events(state: State, roads: Roads, row: int, agent_id: int) -> int:
     """Mark the via points that were passed, each once, or once in every lap."""
     missions, slot = state.missions, state.agents.slot[row, agent_id]
     lap, bits = state.agents.lap[row, agent_id], 0
@@ -184,7 +194,8 @@ def _via_events(state: State, row: int, agent_id: int) -> int:
             state.agents.via_hit[row, agent_id, via] = False
         x, y = missions.via_position[row, agent_id, via]
         is_new = not state.agents.via_hit[row, agent_id, via]
-        if is_new and _passes(state, row, slot, x, y, missions.via_radius[row, agent_id, via]):
+        lane, radius = missions.via_lane[row, agent_id, via], missions.via_radius[row, agent_id, via]
+        if is_new and _passes(state, roads, row, slot, lane, x, y, radius):
             state.agents.via_hit[row, agent_id, via] = True
             bits = _VIA_HIT
     return bits
@@ -227,7 +238,7 @@ def _has_to_wait(state: State, roads: Roads, routes: RouteTable, row: int, agent
     x, y = now.position[row, slot]
     cos, sin = math.cos(now.heading[row, slot]), math.sin(now.heading[row, slot])
     for other in range(now.alive.shape[1]):
-        if other == slot or not now.alive[row, other] or abs(now.speed[row, other]) >= STANDING:
+        if not meets(now, row, slot, other) or abs(now.speed[row, other]) >= STANDING:
             continue
         dx, dy = now.position[row, other, 0] - x, now.position[row, other, 1] - y
         ahead, aside = dx * cos + dy * sin, abs(dy * cos - dx * sin)
@@ -273,7 +284,8 @@ def _is_at_goal(state: State, roads: Roads, routes: RouteTable, row: int, agent_
     """Return whether the centre is within the goal's radius, on routes that pass it again the last time."""
     missions, slot = state.missions, state.agents.slot[row, agent_id]
     x, y = missions.goal_position[row, agent_id]
-    if not _passes(state, row, slot, x, y, missions.goal_radius[row, agent_id]):
+    lane, radius = missions.goal_lane[row, agent_id], missions.goal_radius[row, agent_id]
+    if not _passes(state, roads, row, slot, lane, x, y, radius):
         return False
     lane = lane_of(state, roads, state.vehicles, row, slot)
     is_on_route = corridor_row(state, routes, row, agent_id, lane) >= 0
@@ -327,7 +339,7 @@ def _at_line(
         return behind, crossed, _is_last_time(state, roads, routes, row, agent_id, lane)
     if was_there:
         end = lane_length(roads, old) - line
-        behind = place_on_lane(roads, old, end_x, end_y)[0] - line
+        behind = place_on_lane(roads, old, end_x, end_y, state.vehicles.height[row, slot])[0] - line
         if behind >= end - AT_JOINT:
             behind = max(behind, end)
         crossed = int(old - base + 1 if before < 0.0 <= behind else 0)

@@ -16,6 +16,7 @@ import numpy as np
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads
 from smarts.roads.lane_ways import place_on_lane
+from smarts.roads.levels import meets
 from smarts.sim.places import distance_between
 from smarts.types.world import State
 
@@ -55,19 +56,15 @@ def gaps_in(state: State, roads: Roads, b: int, slot: int, lane: int) -> Gaps:
     """
     vehicles = state.vehicles
     x, y = vehicles.position[b, slot]
-    own = place_on_lane(roads, lane, x, y)[0]
+    own = place_on_lane(roads, lane, x, y, vehicles.height[b, slot])[0]
     ahead, behind, speed_ahead, speed_behind = np.inf, np.inf, 0.0, 0.0
     for other in range(vehicles.alive.shape[1]):
-        if (
-            other == slot
-            or not vehicles.alive[b, other]
-            or distance_between(vehicles, b, slot, other) > FARTHEST
-        ):
+        if not meets(vehicles, b, slot, other) or distance_between(vehicles, b, slot, other) > FARTHEST:
             continue
         if math.cos(vehicles.heading[b, other] - vehicles.heading[b, slot]) < ALONG:
             continue
         x, y = vehicles.position[b, other]
-        s, t = place_on_lane(roads, lane, x, y)
+        s, t = place_on_lane(roads, lane, x, y, vehicles.height[b, other])
         if abs(t) >= 0.5 * (roads.lane_width[lane] + vehicles.width[b, other]):
             continue
         gap = abs(s - own) - 0.5 * (vehicles.length[b, slot] + vehicles.length[b, other])

@@ -93,12 +93,12 @@ def _place_agent(state: State, roads: Roads, routes: RouteTable, corridor: int, 
     vehicles, agents = state.vehicles, state.agents
     v, world = agents.slot[b, a], state.map[b]
     x, y, heading = vehicles.position[b, v, 0], vehicles.position[b, v, 1], vehicles.heading[b, v]
-    length, width = vehicles.length[b, v], vehicles.width[b, v]
+    length, width, height = vehicles.length[b, v], vehicles.width[b, v], vehicles.height[b, v]
     is_new = agents.entry_step[b, a] == state.step[b]
     came_by_road = agents.on_road[b, a] and not is_new
-    agents.on_road[b, a] = is_on_road(roads, world, x, y, _ROAD, True)
+    agents.on_road[b, a] = is_on_road(roads, world, x, y, height, _ROAD, True)
     agents.corners_on_road[b, a] = count_corners_on_road(
-        roads, world, x, y, heading, length, width, _ROAD, True
+        roads, world, x, y, height, heading, length, width, _ROAD, True
     )
     agents.on_route[b, a] = corridor < 0
     if not agents.on_road[b, a] and not is_new:
@@ -148,10 +148,12 @@ def _place(
     """Write a vehicle's place, and its pose if the place depends on nothing else, such as a route."""
     vehicles = state.vehicles
     x, y, heading = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1], vehicles.heading[b, slot]
-    place = place_on_map(roads, routes, state.map[b], x, y, heading, corridor, _ROAD, room)
+    height = vehicles.height[b, slot]
+    place = place_on_map(roads, routes, state.map[b], x, y, height, heading, corridor, _ROAD, room)
     vehicles.lane[b, slot] = place[0]
     vehicles.lane_position[b, slot] = place[1]
     vehicles.lane_offset[b, slot] = place[2]
+    vehicles.height[b, slot] = place[4]
     matched.generation[b, slot] = vehicles.generation[b, slot] if corridor < 0 else -1
     matched.pose[b, slot, 0], matched.pose[b, slot, 1], matched.pose[b, slot, 2] = x, y, heading
 

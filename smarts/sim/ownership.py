@@ -122,6 +122,7 @@ class Ownership:
         vehicles = self._world.vehicles
         x, y, vehicles.heading[row, slot] = start.pose
         vehicles.position[row, slot] = x, y
+        vehicles.height[row, slot] = start.height
         vehicles.speed[row, slot] = start.speed
         vehicles.route[row, slot] = self._world.missions.route[row, agent_id]
         self._give(row, agent_id, slot, AgentStatus.ACTIVE)

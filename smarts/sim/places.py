@@ -47,7 +47,7 @@ def distance_between(vehicles: VehicleStates, b: int, slot: int, other: int) -> 
 def beside(vehicles: VehicleStates, roads: Roads, b: int, slot: int, lane: int) -> tuple[float, float]:
     """Return where on a lane a vehicle's centre is and how much of it is left [m]; < 0 beyond the ends."""
     x, y = vehicles.position[b, slot]
-    s, _ = place_on_lane(roads, lane, x, y)
+    s, _ = place_on_lane(roads, lane, x, y, vehicles.height[b, slot])
     return s, lane_length(roads, lane) - s
 
 
@@ -79,4 +79,5 @@ def line_on(roads: Roads, goal_lane: int, goal_s: float, lane: int) -> float:
         segment_at(roads.point_s, first, last, near + reach),
         x,
         y,
+        math.nan,
     )

@@ -18,7 +18,7 @@ from smarts.errors import MapError, ScenarioError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.corridors import Corridor, route_corridor
-from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.lane_graph import HEIGHT_REACH, LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.missions import PlacedMission, PlacedVia, place_missions
 from smarts.sstudio.placement import target_lane
@@ -143,6 +143,7 @@ def overlap(first: AgentStart, second: AgentStart) -> bool:
     """Return whether two agents' vehicles overlap when the episode begins."""
     are_there = all(start.entry_time <= 0 and not start.take_over for start in (first, second))
     reach = 0.5 * (math.hypot(first.length, first.width) + math.hypot(second.length, second.width))
+    are_there = are_there and not abs(first.height - second.height) > HEIGHT_REACH
     if not are_there or math.dist(first.pose[:2], second.pose[:2]) > reach:
         return False
     return bool(boxes_overlap(*_box(first), *_box(second)).any())
@@ -172,6 +173,7 @@ def agent_start(
     return AgentStart(
         name=name,
         pose=placed.start.pose(roads, behind=shape.length / 2),
+        height=roads.height_at(placed.start.lane, placed.start.s),
         speed=placed.speed,
         mission=_agent_mission(placed, roads, shape),
         kind=shape.kind,

@@ -44,7 +44,7 @@ def plan_u_turn(state: State, roads: Roads, b: int, a: int) -> None:
     if not is_opposite(roads, begin[2], back, s):
         return
     pace = math.sqrt(LATERAL / sharpest_bend(control, stations_of(control)))
-    if not is_over_road(roads, state.map[b], control):
+    if not is_over_road(roads, state.map[b], control, vehicles.height[b, slot]):
         ahead = _way_to_turn(state, roads, b, slot, back)
         if ahead >= 0.0:
             guidance.phase[b, a] = _APPROACH

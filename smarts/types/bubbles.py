@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
@@ -47,6 +48,8 @@ class PlacedBubble:
     """Outline of the zone, in which agents drive."""
     margin: tuple[Floats, ...]
     """Outline of the zone with its margin, in which agents observe."""
+    heights: tuple[float, float] = (-math.inf, math.inf)
+    """Least and largest height of the zone's road [m]; infinite for a zone that is given without a road."""
     active_condition: BubbleCondition | None = None
     """Holds while the bubble takes vehicles; None: always."""
     airlock_condition: BubbleCondition | None = None

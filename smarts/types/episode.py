@@ -67,6 +67,8 @@ class AgentStart:
     """Steps from one decision of a further agent to the next."""
     collision_time: float = 0.0
     """How long a vehicle that came from traffic stays as an obstacle after a collision [s]."""
+    height: float = math.nan
+    """Of the road at the start [m], NaN where it is unknown."""
 
 
 @dataclass(frozen=True)

@@ -120,6 +120,7 @@ class VehicleRegistry:
         states.owner[row, slot] = owner
         states.home[row, slot] = Owner.NOBODY if owner == Owner.AGENT else owner
         states.kind[row, slot] = kind
+        states.height[row, slot] = np.nan
         states.length[row, slot] = length
         states.width[row, slot] = width
 

@@ -60,6 +60,9 @@ class VehicleStates(NamedTuple):
     """A `VehicleKind`."""
     position: Floats
     """Centre of the footprint in the map frame [m], shape (..., V, 2)."""
+    height: Floats
+    """Of the road under the centre [m]. NaN, unknown, until a new vehicle is matched, unless its provider
+    knows it."""
     heading: Floats
     """Counter-clockwise from +x, in (-pi, pi] [rad]."""
     speed: Floats
@@ -109,6 +112,7 @@ class VehicleStates(NamedTuple):
             owner=zeros(np.int8),
             kind=zeros(np.int8),
             position=np.zeros((*shape, 2)),
+            height=zeros(np.float64),
             heading=zeros(np.float64),
             speed=zeros(np.float64),
             acceleration=zeros(np.float64),

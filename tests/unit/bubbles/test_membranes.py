@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from shapely import affinity
 from shapely.geometry import LineString, Point, box
@@ -123,6 +124,19 @@ def test_a_thin_zone_is_entered_by_a_vehicle_that_jumps_it():
     assert (ground.read("here"), ground.read("reached"), ground.read("entered")) == (0, Place.ZONE, 1)
     ground.step({0: (20.0, 0.0)})
     assert (ground.read("reached"), ground.read("entered")) == (Place.OUTSIDE, 1)
+
+
+@pytest.mark.parametrize(
+    ("heights", "place"),
+    [((8.0, 9.0), Place.ZONE), ((0.0, 0.0), Place.OUTSIDE), ((-math.inf, math.inf), Place.ZONE)],
+)
+def test_a_zone_on_a_road_is_at_that_road_s_height(heights, place):
+    ground = Ground(bubble(box(10, -5, 20, 5), heights=heights))
+    ground.put(0, 5.0, 0.0)
+    ground.begin()
+    ground.world.vehicles.height[0, 0] = 11.5
+    ground.step({0: (15.0, 0.0)})
+    assert ground.read("here") == place
 
 
 def test_leaving_the_zone_is_not_entering_it():

@@ -89,7 +89,7 @@ def test_a_plan_is_nearly_as_close_to_a_corner_as_possible(wide_road, kind, degr
     turn = math.radians(degrees)
     points = corner(turn, before=14.0)
     pose = points[0, 0], 0.0, 0.0
-    plan_drivable_path(wide_road, 0, points, pose, 0.0, 2.0, int(kind), ABILITIES)
+    plan_drivable_path(wide_road, 0, points, pose, 0.0, 0.0, 2.0, int(kind), ABILITIES)
     planned = points[: min(int(6.0 * circle(kind)), 46) - 4]
     offsets = offsets_from_corner(planned[:, :2], turn)
     bound = circle(kind) * math.tan(turn / 4.0) ** 2
@@ -103,7 +103,7 @@ def test_a_plan_is_nearly_as_close_to_a_corner_as_possible(wide_road, kind, degr
 @pytest.mark.parametrize("kind", [CAR, TRUCK, BUS])
 def test_a_plan_can_be_driven(wide_road, kind):
     points = corner(math.pi / 3, before=14.0)
-    plan_drivable_path(wide_road, 0, points, (points[0, 0], 0.3, 0.05), 0.02, 4.0, int(kind), ABILITIES)
+    plan_drivable_path(wide_road, 0, points, (points[0, 0], 0.3, 0.05), 0.0, 0.02, 4.0, int(kind), ABILITIES)
     count = min(int(6.0 / (0.92 * ABILITIES.sharpest[kind])), 46)
     # The rear axle's headings: the path's less the side slip of the centre.
     steps = np.diff(points[: count + 1, :2], axis=0)

@@ -44,6 +44,6 @@ def test_the_whole_footprint_has_to_be_over_road(lanes, fits):
     graph = graph_of({"there": Road([(0, 0), (200, 0)], lanes), "back": Road([(200, back), (0, back)])})
     roads = RoadAtlas([graph]).roads
     control = curve_into(roads, np.array([100.0, 0.0, 0.0]), lanes, 100.0)
-    assert is_over_road(roads, 0, control)
-    assert is_footprint_over_road(roads, 0, control, 1.0, 0.5)
-    assert is_footprint_over_road(roads, 0, control, 4.5, 1.8) is fits
+    assert is_over_road(roads, 0, control, 0.0)
+    assert is_footprint_over_road(roads, 0, control, 0.0, 1.0, 0.5)
+    assert is_footprint_over_road(roads, 0, control, 0.0, 4.5, 1.8) is fits
