@@ -245,8 +245,8 @@ def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
             label = f"{row['metric']} [{unit}]" if unit else row["metric"]
             typer.echo(f"  {label:<27} {_value(row)} {row['note']}".rstrip())
         for place in places if len(places) > 1 else ():
-            own = by_scenario[(by_scenario["mode"] == name) & (by_scenario["played"] == place)]
-            rates = own.to_dict("records")
+            own = (by_scenario["mode"] == name) & (by_scenario["played"] == place)
+            rates = by_scenario.loc[own].to_dict("records")
             shown = (f"{rate['metric']} {_value(rate).strip()}, {rate['n']} agent-episodes" for rate in rates)
             typer.echo(f"  {place}: {'; '.join(shown)}")
 
@@ -259,8 +259,8 @@ def _value(row: Mapping[Hashable, Any]) -> str:
 
 def _played(table: pd.DataFrame) -> pd.Series:
     """Return the scenario of each row, with its variation."""
-    plain = table["variation"] == ""
-    return table["scenario"].where(plain, table["scenario"] + "@" + table["variation"])
+    variation = table["variation"].where(table["variation"] == "", "@" + table["variation"])
+    return table["scenario"].str.cat(variation)
 
 
 def _modes(given: list[str] | None) -> tuple[Literal["greedy", "sampled"], ...]:
