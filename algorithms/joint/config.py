@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import logging
 import secrets
-from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -20,25 +19,17 @@ from ray.util.debug import log_once
 
 from algorithms.errors import SpaceError
 from algorithms.joint.env import MEMORY, AgentBlock, VectorJointEnv, name_of
-from algorithms.joint.learner_settings import learner_faults
 from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
 from algorithms.joint.module import JointModule, LearnerModule
-from algorithms.joint.rllib_names import (
+from algorithms.joint.rllib_settings import (
     DEFAULT_POLICIES,
     OTHER_NAMES,
     MappedPolicies,
-    OtherName,
-    check_attributes,
     check_known,
-    check_names,
-    is_seed,
+    check_policies,
+    check_settings,
     network_settings,
-    policy_faults,
-    same_value,
-    unknown_attributes,
 )
-from algorithms.joint.rllib_settings import ignored_settings
-from algorithms.joint.sampling_settings import evaluation_faults, sampling_faults
 from algorithms.joint.spec import SPEC, Group, JointSpec, agent_spaces, check_spaces
 from algorithms.parts.distributions import Exploration
 from algorithms.registry import ALGORITHMS, ActionKind, Entry
@@ -64,8 +55,6 @@ class JointConfig(AlgorithmConfig):
     """Settings of networks that a checkpoint may be restored under another value of."""
     exploration_settings: ClassVar[frozenset[str]] = frozenset()
     """Settings that `exploration` reads, which may be others in evaluation."""
-    num_epochs = OtherName("epochs")
-    _train_batch_size_per_learner = OtherName("batch_size")  # type: ignore[assignment]
 
     def __init__(self, algo_class: type | None = None) -> None:
         algorithm = self.algorithm_class()
@@ -83,7 +72,6 @@ class JointConfig(AlgorithmConfig):
         self.explore = True
         for name, value in self.entry.settings():
             setattr(self, name, value)
-        self._given_by: Mapping[str, str] = {}  # setting -> the method that it was given to
 
     if TYPE_CHECKING:
         entry: Entry  # a class attribute of a subclass that no registry has
@@ -108,47 +96,21 @@ class JointConfig(AlgorithmConfig):
 
         Raises:
             UnknownSettingError: Neither has a setting of this name.
-            ValueError: `rl_module` or `multi_agent` were given another value of it.
         """
         general = [*inspect.signature(AlgorithmConfig.training).parameters][1:]
         check_known(self, settings, [*self.setting_names, *general], "training()")
-        for other, name in OTHER_NAMES.items():
-            if settings.keys() >= {other, name} and name in self.setting_names:
-                self._value_error(
-                    f"{other}={settings[other]!r} and {name}={settings[name]!r}: give one of them"
-                )
+        ours = {other: own for other, own in OTHER_NAMES.items() if own in self.setting_names}
+        settings = {ours.get(name, name): value for name, value in settings.items()}
         own = settings.keys() & self.setting_names
         super().training(**{name: value for name, value in settings.items() if name not in own})
-        return self._give({name: settings[name] for name in own}, "training()")
-
-    def _give(self, settings: Mapping[str, Any], method: str) -> Self:
-        """Change settings, unless another method was given another value of them."""
-        for name, value in settings.items():
-            other, present = self._given_by.get(name, method), getattr(self, name)
-            if other != method and not same_value(present, value):
-                self._value_error(
-                    f"{name}={present!r} in {other} and {value!r} in {method}: give one of them"
-                )
-            setattr(self, name, value)
-        self._given_by = {**self._given_by, **dict.fromkeys(settings, method)}
-        return self
-
-    def update_from_dict(self, config_dict: Any) -> Self:
-        """Change settings by the names of their attributes (RLlib).
-
-        Raises:
-            UnknownSettingError: There is no such attribute.
-        """
-        check_attributes(self, config_dict.keys(), "update_from_dict()")
-        return super().update_from_dict(config_dict)
+        return self._set({name: settings[name] for name in own})
 
     def multi_agent(self, **settings: Any) -> Self:  # type: ignore[override]
         """Change RLlib's settings of several agents; a `policy_mapping_fn` becomes `sharing`."""
         super().multi_agent(**settings)
         if self.policy_mapping_fn not in (_unused_mapping, AlgorithmConfig.DEFAULT_POLICY_MAPPING_FN):
-            mapped = MappedPolicies(self.policy_mapping_fn)  # type: ignore[arg-type]
+            self.sharing = MappedPolicies(self.policy_mapping_fn)  # type: ignore[arg-type]
             self.policy_mapping_fn = _unused_mapping
-            self._give({"sharing": mapped}, mapped.place)
         return self
 
     def rl_module(self, *, model_config: Any = NotProvided, **settings: Any) -> Self:  # type: ignore[override]
@@ -158,22 +120,17 @@ class JointConfig(AlgorithmConfig):
             UnknownSettingError: It holds something else.
         """
         super().rl_module(**settings)
-        if model_config is not NotProvided:
-            self._give(network_settings(model_config), "rl_module(model_config=...)")
+        return self._set({} if model_config is NotProvided else network_settings(model_config))
+
+    def _set(self, settings: Mapping[str, Any]) -> Self:
+        for name, value in settings.items():
+            setattr(self, name, value)
         return self
 
     def get_state(self) -> dict[str, Any]:
         """Return all settings as they are; RLlib leaves out those of -1 and opens `PolicySpec`s."""
         names = vars(self).keys() - {"algo_class", "_is_frozen"}
         return {**super().get_state(), **{name: vars(self)[name] for name in names}}
-
-    @classmethod
-    def from_state(cls, state: dict[str, Any]) -> Any:
-        """Return the config of a state, without attributes that configs do not have any more (RLlib)."""
-        config = super().from_state(state)
-        for name in unknown_attributes(config, type(config)()):
-            del vars(config)[name]
-        return config
 
     def modules(self, spec: JointSpec) -> dict[str, RLModuleSpec]:
         """Return the networks by module id: one policy per group, under the group's id, and critics.
@@ -277,16 +234,10 @@ class JointConfig(AlgorithmConfig):
         **kwargs: Any,
     ) -> MultiRLModuleSpec:
         """Return all networks, or those that runners need (RLlib)."""
-        if not spaces or SPEC not in spaces:
-            raise SpaceError(
-                "the spaces of the environment are unknown",
-                place=f"config of {self.algorithm!r}",
-                remedy="give the environment: .environment(...)",
-            )
-        spec: JointSpec = spaces[SPEC][0]
+        spec: JointSpec = spaces[SPEC][0]  # type: ignore[index] - the algorithm has an environment
         self.check(spec)
         modules = self.modules(spec)
-        check_names(self, {group.id for group in spec.groups}, set(modules))
+        check_policies(self, {group.id for group in spec.groups}, set(modules))
         if inference_only:
             modules = {name: module for name, module in modules.items() if not module.learner_only}
             for module in modules.values():
@@ -305,33 +256,22 @@ class JointConfig(AlgorithmConfig):
         """Check the settings, and draw a seed where none is given (RLlib).
 
         Raises:
-            ValueError: A setting is out of its range; settings do not fit each other; evaluation by time, a
-                GPU that is not there, or a memory where the algorithm has none are asked for.
-            UnknownSettingError: `evaluation_config` holds an unknown setting, or an attribute is unknown.
+            ValueError: A setting is out of its range or has no effect; settings do not fit each other or the
+                machine.
+            UnknownSettingError: There is no setting of a name.
         """
         log_once(
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
         )  # there is no other stack to warn about
-        for name in self.setting_names:
-            value = getattr(self, name)
-            if (plain := _plain(value)) is not value:  # a frozen config, already plain, can be checked again
-                setattr(self, name, plain)
-        fresh = type(self)(self.algo_class)
-        check_known(self, unknown_attributes(self, fresh), vars(fresh).keys(), "an attribute of the config")
-        for fault in ignored_settings(self, fresh):
-            self._value_error(fault)
+        check_settings(self)
         self._fit_fragment()
         if EPISODE_MEAN not in (self.stats_cls_lookup or {}):  # the user's own beside what runners need
             self.stats_cls_lookup = {**(self.stats_cls_lookup or {}), EPISODE_MEAN: EpisodeMean}
-        for fault in (*sampling_faults(self), *evaluation_faults(self)):
-            self._value_error(fault)
         super().validate()
-        self._check_settings()
+        self._check_own_settings()
         if self.seed is None:  # drawn once here, so that checkpoints and results hold it
             self.seed = secrets.randbits(31)
             logger.info("seed %d was drawn, since none was given", self.seed)
-        for fault in learner_faults(self):
-            self._value_error(fault)
 
     def trains(self, policy: str) -> bool:
         """Return whether RLlib's `policies_to_train` has the policy learn; a frozen one only acts."""
@@ -342,61 +282,31 @@ class JointConfig(AlgorithmConfig):
 
     def _fit_fragment(self) -> None:
         """Set the rollout's length to what RLlib's `train_batch_size_per_learner` asks for."""
-        size = vars(self).get("_train_batch_size_per_learner")
+        size = self._train_batch_size_per_learner
         if size is None or self.in_evaluation:
             return
-        count = int(self.num_envs_per_env_runner or 1) * max(int(self.num_env_runners or 0), 1)
-        default = type(self)(self.algo_class).rollout_fragment_length
-        given = self.rollout_fragment_length
-        if size % count or given not in ("auto", default, size // count):
+        count = self.num_envs_per_env_runner * max(self.num_env_runners or 0, 1)
+        default = self.entry.settings.model_fields["rollout_fragment_length"].default
+        if size % count or self.rollout_fragment_length not in ("auto", default, size // count):
             self._value_error(
-                f"train_batch_size_per_learner={size} is not {count} environments times a whole number"
-                if size % count
-                else f"train_batch_size_per_learner={size} over {count} environments is not "
-                f"rollout_fragment_length={given}: leave one out"
+                f"train_batch_size_per_learner={size} is not rollout_fragment_length="
+                f"{self.rollout_fragment_length} times the {count} environments: leave one of them out"
             )
-        if given != size // count:
+        if self.rollout_fragment_length != size // count:
             self.rollout_fragment_length = size // count
 
-    def _check_groups(self) -> None:
-        """Check that no agent is in two groups."""
-        if not isinstance(self.sharing, Mapping):
-            return
-        counts = Counter(agent for members in self.sharing.values() for agent in members)
-        if twice := sorted(agent for agent, count in counts.items() if count > 1):
-            self._value_error(f"sharing={self.sharing!r}: {twice[0]!r} is in {counts[twice[0]]} groups")
-
-    def _check_settings(self) -> None:
-        if self.seed is not None and not is_seed(self.seed):
-            self._value_error(f"seed={self.seed!r} in debugging(): give a whole number from 0 to 2**32 - 1")
+    def _check_own_settings(self) -> None:
         values = {name: getattr(self, name) for name in self.setting_names}
         if self.in_evaluation:  # RLlib's copy for evaluation has fragments of one step
             values["rollout_fragment_length"] = values["sequence_length"]
         for fault in faults(self.entry.settings, values):
             self._value_error(str(fault))
-        self._check_groups()
         if self.gru and not self.entry.recurrent:
             fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.recurrent)
             self._value_error(f"gru={self.gru}: {self.algorithm!r} has no memory; use one of: {fitting}")
 
     def _validate_multi_agent_settings(self) -> None:
-        """Check names of policies as far as they are known without the environment (RLlib)."""
-        for fault in policy_faults(self):
-            self._value_error(fault)
-
-
-def _plain(value: Any) -> Any:
-    """Return a setting with Python's numbers in place of NumPy's, which RLlib and schedules do not take.
-
-    A value without NumPy's numbers is returned as it is, not as a copy.
-    """
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, list | tuple):
-        parts = [_plain(each) for each in value]
-        if any(part is not each for part, each in zip(parts, value, strict=True)):
-            return getattr(value, "_make", type(value))(parts)  # the former of a NamedTuple
-    return value
+        """Leave the names of policies to `check_policies`, which knows the environment (RLlib)."""
 
 
 def _unused_mapping(agent_id: str, episode: Any = None, **kwargs: Any) -> str:

@@ -1,170 +1,291 @@
-"""RLlib's own settings that joint algorithms do not honour, and what to use instead of each."""
+"""RLlib's own settings: those that joint algorithms read, and those that are other names of ours."""
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Iterable, Iterator
-from typing import Any
+import difflib
+import reprlib
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import asdict, dataclass
+from itertools import chain
+from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict, Field
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.callbacks.callbacks import RLlibCallback
+from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
+from ray.rllib.policy.policy import PolicySpec
 
-_CONNECTOR = "there are no connectors: wrap the environment, or override `adapt` of the config"
-_OLD = "it belongs to RLlib's old API stack: leave it out"
-_SPACES = "the environment's own spaces count: leave it out"
-_SYNCHRONOUS = "requests are synchronous and weights travel with each: leave it out"
-_RECORDED = "joint algorithms learn from environments only: leave it out"
-_COMPILED = "networks are stacked, not compiled: leave it out"
-_COUNTED = "an iteration is one rollout: use `rollout_fragment_length`, or `stop` of Tune"
-_HOOK = "it is never called: use `on_episode_start`, `on_episode_step` or `on_episode_end`"
-_AUTO = "evaluations are a number of episodes: use `evaluation_duration`"
-_CHECKPOINT = "checkpoints hold all networks: use `algo.get_module(name)` for one of them"
-_VARIABLES = "use `ray.init(runtime_env={'env_vars': {...}})`"
+from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
+from algorithms.settings import Count, NotNegative, Number, Positive, faults
 
-REFUSED: dict[str, str] = {
-    "extra_python_environs_for_driver": _VARIABLES,
-    "extra_python_environs_for_worker": _VARIABLES,
-    "num_gpus": "use `learners(num_gpus_per_learner=...)`",
-    "_fake_gpus": _OLD,
-    "framework": "networks are PyTorch's: leave it out",
-    "eager_tracing": _OLD,
-    "eager_max_retraces": _OLD,
-    "tf_session_args": _OLD,
-    "local_tf_session_args": _OLD,
-    "torch_compile_learner": _COMPILED,
-    "torch_compile_learner_what_to_compile": _COMPILED,
-    "torch_compile_learner_dynamo_mode": _COMPILED,
-    "torch_compile_learner_dynamo_backend": _COMPILED,
-    "torch_compile_worker": _COMPILED,
-    "torch_compile_worker_dynamo_backend": _COMPILED,
-    "torch_compile_worker_dynamo_mode": _COMPILED,
-    "torch_ddp_kwargs": "learners average gradients themselves: leave it out",
-    "torch_skip_nan_gradients": "environments that give NaN are replaced: use `max_env_failures`",
-    "enable_rl_module_and_learner": "joint algorithms exist on the new API stack only: leave it out",
-    "enable_env_runner_and_connector_v2": "joint algorithms exist on the new API stack only: leave it out",
-    "observation_space": _SPACES,
-    "action_space": _SPACES,
-    "render_env": _OLD,
-    "clip_rewards": "clip in the environment, or use `training(reward_scale=...)`",
-    "normalize_actions": "policies act in [-1, 1], scaled to the bounds of the action space: leave it out",
-    "clip_actions": "actions are always clipped to the bounds of the action space: leave it out",
-    "disable_env_checking": "use `algorithms.joint.conformance.check_vector_env`",
-    "is_atari": _OLD,
-    "action_mask_key": "name the mask 'action_mask' in the environment's observation",
-    "create_local_env_runner": "the local runner tells the spaces: leave it out",
-    "create_env_on_local_worker": "the local runner samples where `num_env_runners` is 0",
-    "gym_env_vectorize_mode": "use `num_env_runners` for processes, or a vector environment",
-    "max_requests_in_flight_per_env_runner": _SYNCHRONOUS,
-    "env_to_module_connector": _CONNECTOR,
-    "module_to_env_connector": _CONNECTOR,
-    "add_default_connectors_to_env_to_module_pipeline": _CONNECTOR,
-    "add_default_connectors_to_module_to_env_pipeline": _CONNECTOR,
-    "episode_lookback_horizon": "stack observations in the environment, or use `training(gru=...)`",
-    "merge_env_runner_states": _SYNCHRONOUS,
-    "broadcast_env_runner_states": _SYNCHRONOUS,
-    "use_env_runner_state_server": _SYNCHRONOUS,
-    "env_runner_state_server_max_concurrency": _SYNCHRONOUS,
-    "compress_observations": "rollouts are arrays in shared memory: leave it out",
-    "batch_mode": "rollouts end within episodes, which are bootstrapped; 'pg' learns from whole ones",
-    "episodes_to_numpy": "rollouts are arrays: leave it out",
-    "use_worker_filter_stats": _OLD,
-    "update_worker_filter_stats": _OLD,
-    "exploration_config": "use the algorithm's own settings, such as `training(epsilon=...)`",
-    "sample_collector": _OLD,
-    "remote_worker_envs": _OLD,
-    "remote_env_batch_wait_ms": _OLD,
-    "preprocessor_pref": _OLD,
-    "observation_filter": "scale observations in the environment",
-    "enable_tf1_exec_eagerly": _OLD,
-    "sampler_perf_stats_ema_coef": _OLD,
-    "num_aggregator_actors_per_learner": _SYNCHRONOUS,
-    "max_requests_in_flight_per_aggregator_actor": _SYNCHRONOUS,
-    "max_requests_in_flight_per_learner": _SYNCHRONOUS,
-    "learner_connector": "override `prepare` of the learner, and give it to `learners(learner_class=...)`",
-    "add_default_connectors_to_learner_pipeline": "override `prepare` of the learner",
+_HONOURED = """
+    num_cpus_for_main_process custom_resources_for_main_process placement_strategy local_gpu_idx
+    env env_config env_runner_cls num_env_runners num_envs_per_env_runner num_cpus_per_env_runner
+    num_gpus_per_env_runner custom_resources_per_env_runner validate_env_runners_after_construction
+    sample_timeout_s explore
+    num_learners num_cpus_per_learner num_gpus_per_learner custom_resources_per_learner _learner_class
+    learner_config_dict grad_clip_by _train_batch_size_per_learner
+    callbacks_class callbacks_on_algorithm_init callbacks_on_train_result callbacks_on_evaluate_start
+    callbacks_on_evaluate_end callbacks_on_env_runners_recreated callbacks_on_checkpoint_loaded
+    callbacks_on_episode_start callbacks_on_episode_step callbacks_on_episode_end
+    evaluation_interval evaluation_duration evaluation_duration_unit evaluation_sample_timeout_s
+    evaluation_parallel_to_training evaluation_unhealthy_workers_timeout_s
+    evaluation_error_after_n_consecutive_skips evaluation_force_reset_envs_before_iteration evaluation_config
+    evaluation_num_env_runners custom_evaluation_function
+    policies policies_to_train policy_mapping_fn
+    metrics_num_episodes_for_smoothing stats_cls_lookup log_level log_sys_usage seed
+    restart_failed_env_runners ignore_env_runner_failures max_num_env_runner_restarts
+    delay_between_env_runner_restarts_s env_runner_health_probe_timeout_s env_runner_restore_timeout_s
+    algorithm_config_overrides_per_module _per_module_overrides
+    _validate_config _use_msgpack_checkpoints
+    algo_class in_evaluation _is_frozen _is_online _prior_exploration_config simple_optimizer
+"""
+HONOURED = frozenset(_HONOURED.split())
+"""RLlib's settings that have an effect, and what its configs note for themselves, as attributes."""
+INSTEAD = {
     "train_batch_size": "use `train_batch_size_per_learner`, or `rollout_fragment_length`",
-    "num_epochs": "replay has no epochs: use `training(updates_per_step=...)`",
     "minibatch_size": "use `training(batch_size=...)`",
-    "shuffle_batch_per_epoch": "minibatches are always shuffled: leave it out",
+    "num_epochs": "use `training(epochs=...)`; replay has `updates_per_step`",
     "model": "use `training(hidden=..., gru=...)`",
+    "_rl_module_spec": "override `modules` of the config, see docs/algorithms_inside.md",
     "optimizer": "networks have Adam: use `training(lr=...)`",
-    "evaluation_auto_duration_min_env_steps_per_sample": _AUTO,
-    "evaluation_auto_duration_max_env_steps_per_sample": _AUTO,
-    "off_policy_estimation_methods": _RECORDED,
-    "ope_split_batch_by_episode": _RECORDED,
-    "policy_map_capacity": _OLD,
-    "policy_states_are_swappable": _OLD,
-    "policy_mapping_fn": "give it to `multi_agent(policy_mapping_fn=...)`, or use `training(sharing=...)`",
-    "observation_fn": "wrap the environment",
-    "count_steps_by": "settings count steps of environments: leave it out",
-    "keep_per_episode_custom_metrics": "use the callback `on_episode_end`",
-    "metrics_episode_collection_timeout_s": "use `env_runners(sample_timeout_s=...)`",
-    "min_time_s_per_iteration": _COUNTED,
-    "min_train_timesteps_per_iteration": _COUNTED,
-    "min_sample_timesteps_per_iteration": _COUNTED,
-    "log_gradients": "`gradient_norm` is always among the learner's results: leave it out",
-    "export_native_model_files": _CHECKPOINT,
-    "checkpoint_trainable_policies_only": _CHECKPOINT,
-    "fake_sampler": _OLD,
-    "restart_failed_sub_environments": "they always are: use `training(max_env_failures=...)`",
-    "num_consecutive_env_runner_failures_tolerance": "use `training(max_silent_iterations=...)`",
-    "model_config": "give it to `rl_module(model_config=...)`, or use `training(hidden=..., gru=...)`",
-    "rl_module_spec": "override `modules` of the config, see docs/algorithms_inside.md",
-    "on_environment_created": _HOOK,
-    "on_episode_created": _HOOK,
-    "on_sample_end": _HOOK,
-    "_tf_policy_handles_more_than_one_loss": _OLD,
-    "_disable_preprocessor_api": _OLD,
-    "_disable_action_flattening": _OLD,
-    "_disable_initialize_loss_from_dummy_batch": _OLD,
-    "_torch_grad_scaler_class": "networks are float32: leave it out",
     "_torch_lr_scheduler_classes": "use a schedule: `training(lr=[[0, 0.001], [10000, 0.0001]])`",
+    "num_gpus": "use `learners(num_gpus_per_learner=...)`",
+    "framework_str": "networks are PyTorch's",
+    "exploration_config": "use the algorithm's own settings, such as `training(epsilon=...)`",
+    "clip_rewards": "clip in the environment, or use `training(reward_scale=...)`",
+    "observation_filter": "scale observations in the environment",
+    "_env_to_module_connector": "wrap the environment, or override `adapt` of the config",
+    "_module_to_env_connector": "wrap the environment, or override `adapt` of the config",
+    "_learner_connector": "override `prepare` of the learner, and give it to `learners(learner_class=...)`",
+    "episode_lookback_horizon": "stack observations in the environment, or use `training(gru=...)`",
+    "action_mask_key": "name the mask 'action_mask' in the environment's observation",
+    "min_time_s_per_iteration": "an iteration is one rollout: use `rollout_fragment_length`",
+    "min_sample_timesteps_per_iteration": "an iteration is one rollout: use `rollout_fragment_length`",
+    "num_consecutive_env_runner_failures_tolerance": "use `training(max_silent_iterations=...)`",
 }
-"""Keywords of `AlgorithmConfig`'s methods that would be ignored, and the remedy."""
-
-REFUSED |= {
-    name: _RECORDED
-    for method in (AlgorithmConfig.offline_data, AlgorithmConfig.evaluation, AlgorithmConfig.callbacks)
-    for name in inspect.signature(method).parameters
-    if name != "self" and (method is AlgorithmConfig.offline_data or "offline" in name)
+"""What to use instead of some of the others."""
+OTHER_NAMES = {"num_epochs": "epochs", "num_sgd_iter": "epochs", "train_batch_size_per_learner": "batch_size"}
+"""Our names of RLlib's settings that mean the same, in algorithms that have ours."""
+USUAL_NAMES = {
+    "learning_rate": "lr",
+    "vf_loss_coeff": "value_coeff",
+    "clip_param": "clip",
+    "lambda": "lambda_",
+    "gae_lambda": "lambda_",
+    "discount": "gamma",
+    "ent_coef": "entropy_coeff",
+    "buffer_size": "capacity",
 }
-
-_ATTRIBUTES = {
-    "framework": "framework_str",
-    "custom_stats_cls_lookup": "stats_cls_lookup",
-    "dataset_num_iters_per_offline_eval_runner": "dataset_num_iters_per_eval_runner",
-}
-_HOOKS = [name for name in REFUSED if name.startswith("on_")]
-_BY_RLLIB = {"batch_mode"}
-"""What RLlib changes itself in its copy of a config for evaluation."""
-
-
-def attribute_of(config: AlgorithmConfig, keyword: str) -> str:
-    """Return the attribute of a config in which RLlib keeps a keyword's value."""
-    if keyword in _ATTRIBUTES:
-        return _ATTRIBUTES[keyword]
-    if keyword.startswith("on_"):
-        return f"callbacks_{keyword}"
-    return f"_{keyword}" if f"_{keyword}" in vars(config) else keyword
+"""Our names of settings by what they are called elsewhere."""
+_READ_IN_EVALUATION = """
+    explore env env_config num_envs_per_env_runner num_cpus_per_env_runner num_gpus_per_env_runner
+    custom_resources_per_env_runner max_env_failures torch_threads evaluate_sampled seed log_level
+"""
+READ_IN_EVALUATION = frozenset(_READ_IN_EVALUATION.split())
+"""Settings that may be others in evaluation; those of how an algorithm explores come to these."""
+DEFAULT_POLICIES = {"shared"}
+"""Names of policies where the user gives none; they are never asked for."""
+_UNCALLED = ("on_environment_created", "on_episode_created", "on_sample_end")
+"""Callbacks that are never called."""
 
 
-def ignored_settings(config: Any, default: Any) -> Iterator[str]:
-    """Yield what is wrong with settings that differ from the default and would change nothing."""
-    own = {*config.setting_names, *(_BY_RLLIB if config.in_evaluation else ())}
-    for name in REFUSED.keys() - own:
-        attribute = attribute_of(default, name)
-        value = vars(config).get(attribute)
-        if _differ(value, vars(default).get(attribute)):
-            yield f"{name}={value!r} is not a setting of {config.algorithm!r}: {REFUSED[name]}"
-    for hooks in _listed(config.callbacks_class):
-        for name in _HOOKS:
+class _Values(BaseModel):
+    """Types and ranges of RLlib's settings that RLlib does not check."""
+
+    model_config = ConfigDict(strict=True)
+    num_env_runners: Number
+    num_envs_per_env_runner: Count
+    num_learners: Number
+    num_cpus_per_learner: NotNegative | Literal["auto"]
+    num_gpus_per_learner: NotNegative
+    sample_timeout_s: Positive | None
+    metrics_num_episodes_for_smoothing: Count
+    evaluation_duration: Count
+    evaluation_duration_unit: Literal["episodes"]
+    seed: Annotated[int, Field(ge=0, lt=2**32)] | None
+
+
+@dataclass(frozen=True)
+class MappedPolicies:
+    """`sharing` as RLlib's `policy_mapping_fn` says: a function from agent to group.
+
+    Args:
+        mapping: RLlib's function of agent and episode.
+    """
+
+    mapping: Callable[..., str]
+    place: ClassVar[str] = "multi_agent(policy_mapping_fn=...)"
+
+    def __call__(self, agent: str) -> str:
+        """Return the agent's policy.
+
+        Raises:
+            SpaceError: The mapping asks for the episode.
+        """
+        try:
+            return self.mapping(agent, None)
+        except (AttributeError, TypeError) as error:
+            raise SpaceError(
+                f"the mapping of agent {agent!r} without an episode fails: {error}",
+                place=self.place,
+                remedy="map agents by their names: a policy's agents are the same in all episodes",
+            ) from error
+
+
+def check_known(config: Any, names: Iterable[str], known: Collection[str], place: str) -> None:
+    """Raise if there is no setting of a name.
+
+    Args:
+        config: The config whose settings they are.
+        names: The names.
+        known: All names that there are.
+        place: Where they were given.
+
+    Raises:
+        UnknownSettingError: It offers the name of ours, or the nearest ones.
+    """
+    for name in sorted({*names} - {*known}):
+        close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+        raise UnknownSettingError(
+            f"{config.algorithm!r} has no setting {name!r}",
+            place=place,
+            remedy=f"use {USUAL_NAMES[name]!r}"
+            if USUAL_NAMES.get(name) in known
+            else nearest_names(name, known if close else config.setting_names),
+        )
+
+
+def check_settings(config: Any) -> None:
+    """Raise if settings of RLlib's are unknown, have no effect, are out of range or do not fit.
+
+    Raises:
+        UnknownSettingError: There is no setting of a name.
+        ValueError: A value is wrong.
+    """
+    fresh = vars(type(config)(config.algo_class))
+    public = [name for name in fresh if not name.startswith("_")]
+    known = {*fresh, *dir(type(config)), "class"}  # which RLlib's `from_state` leaves behind
+    given = {name for name in vars(config) if name not in known and not name.startswith("_")}
+    check_known(config, given, public, "config")
+    if not config.in_evaluation:
+        check_known(config, _changed_in_evaluation(config), fresh, "evaluation(evaluation_config=...)")
+    for name in (*config.setting_names, *_Values.model_fields):
+        if isinstance(value := getattr(config, name), np.generic):  # which RLlib's schedules do not take
+            setattr(config, name, value.item())
+    values = {name: getattr(config, name) for name in _Values.model_fields}
+    found = (_without_effect(config, fresh), faults(_Values, values), _policy_faults(config))
+    for each in chain(*found, _learner_faults(config)):
+        config._value_error(str(each))
+
+
+def _changed_in_evaluation(config: Any) -> dict[str, Any]:
+    changed = config.evaluation_config or {}
+    return {config._translate_special_keys(name, warn_deprecated=False): v for name, v in changed.items()}
+
+
+def _without_effect(config: Any, fresh: dict[str, Any]) -> Iterator[str]:
+    """Yield settings that differ from the default, but have no effect."""
+    read = HONOURED | {*config.setting_names, *(("batch_mode",) if config.in_evaluation else ())}
+    for name in vars(AlgorithmConfig()).keys() - read:
+        value, default = vars(config).get(name), fresh.get(name)
+        if value is not default and value != default:
+            remedy = INSTEAD.get(name, "leave it out")
+            yield f"{name.lstrip('_')}={reprlib.repr(value)} has no effect on {config.algorithm!r}: {remedy}"
+    classes = config.callbacks_class
+    for hooks in classes if isinstance(classes, list | tuple) else [classes]:
+        for name in _UNCALLED:
             if getattr(hooks, name, None) is not getattr(RLlibCallback, name):
-                yield f"{name} of callbacks_class={hooks.__name__}: {REFUSED[name]}"
+                yield f"{name} of callbacks_class={hooks.__name__} is never called: use `on_episode_start`"
+    readable = READ_IN_EVALUATION | config.exploration_settings
+    for name, value in {} if config.in_evaluation else _changed_in_evaluation(config).items():
+        if name not in readable and not name.startswith("_") and value != getattr(config, name):
+            yield (
+                f"evaluation_config: {name}={value!r} has no effect: evaluation plays with the trained "
+                f"networks, and reads {', '.join(sorted(readable))}"
+            )
 
 
-def _differ(one: Any, other: Any) -> bool:
-    return one is not other and bool(one != other)
+def _policy_faults(config: Any) -> Iterator[str]:
+    """Yield settings that single policies or networks do not have."""
+    for name, spec in config.policies.items() if isinstance(config.policies, dict) else ():
+        if isinstance(spec, PolicySpec) and any(vars(spec).values()):
+            yield f"policies[{name!r}] has settings of its own: use training(), for all policies"
+    for module_id, changes in config.algorithm_config_overrides_per_module.items():
+        for name in changes.keys() - {"lr"}:
+            yield (
+                f"algorithm_config_overrides_per_module of {module_id!r}: {name!r} has no effect, networks "
+                "have learning rates of their own only, 'lr'"
+            )
 
 
-def _listed(value: Any) -> Iterable[Any]:
-    return value if isinstance(value, list | tuple) else [value]
+def _learner_faults(config: Any) -> Iterator[str]:
+    """Yield what learners lack on their machines."""
+    gpus, learners = config.num_gpus_per_learner, config.num_learners
+    if learners > 1 and 0 < gpus < 1:
+        yield (
+            f"num_gpus_per_learner={gpus}: {learners} learners average gradients by NCCL, which needs one "
+            "GPU per learner: set it to 1, or num_learners to 1"
+        )
+    if gpus and not learners and not torch.cuda.is_available():
+        yield (
+            f"num_gpus_per_learner={gpus}: torch finds no GPU on this machine, on which num_learners=0 "
+            "learns; set it to 0, or num_learners to 1 for another machine's"
+        )
+
+
+def network_settings(model_config: Any) -> dict[str, Any]:
+    """Return the settings of ours that a model config, a dict or RLlib's dataclass, asks for.
+
+    Raises:
+        UnknownSettingError: It asks for something that networks do not have.
+    """
+    given = model_config
+    if isinstance(model_config, DefaultModelConfig):
+        unset = asdict(DefaultModelConfig())
+        given = {name: value for name, value in asdict(model_config).items() if value != unset[name]}
+    for name in given.keys() - {"fcnet_hiddens", "hidden", "gru"}:
+        raise UnknownSettingError(
+            f"networks have no setting {name!r}",
+            place="rl_module(model_config=...)",
+            remedy="use 'fcnet_hiddens', 'hidden' or 'gru'; own networks: docs/algorithms_inside.md",
+        )
+    return {{"fcnet_hiddens": "hidden"}.get(name, name): value for name, value in given.items()}
+
+
+def check_policies(config: Any, groups: set[str], modules: set[str]) -> None:
+    """Raise if settings name policies or networks that do not exist, or no policy learns.
+
+    Args:
+        config: The config.
+        groups: Names of the policies.
+        modules: Names of all networks.
+
+    Raises:
+        SpaceError: They do.
+    """
+    named = set(config.policies) if set(config.policies) != DEFAULT_POLICIES else groups
+    chosen: Any = config.policies_to_train or ()
+    for place, unknown, known in (
+        ("multi_agent(policies=...)", named ^ groups, groups),
+        ("multi_agent(policies_to_train=...)", set(() if callable(chosen) else chosen) - groups, groups),
+        (
+            "rl_module(algorithm_config_overrides_per_module=...)",
+            set(config.algorithm_config_overrides_per_module) - modules,
+            modules,
+        ),
+    ):
+        if unknown:
+            raise SpaceError(
+                f"{sorted(unknown)} is missing or too much: there are {sorted(known)}",
+                place=place,
+                remedy="name the policies that `training(sharing=...)` or the mapping makes",
+            )
+    if not any(map(config.trains, groups)):
+        raise SpaceError(
+            f"none of the policies {sorted(groups)} learns",
+            place="multi_agent(policies_to_train=...)",
+            remedy="choose by the names of policies: one that agents share learns or is frozen as a whole",
+        )

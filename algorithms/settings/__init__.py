@@ -26,7 +26,6 @@ from algorithms.settings.kinds import (
     ScheduledWeight,
     Sharing,
     SomeWidths,
-    Width,
     Widths,
 )
 from algorithms.settings.off_policy import (
@@ -106,7 +105,6 @@ __all__ = [
     "Sharing",
     "SomeWidths",
     "VDNSettings",
-    "Width",
     "Widths",
     "faults",
 ]

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from algorithms.settings.kinds import (
-    WIDEST,
     Count,
     FirstAndLast,
     Fraction,
@@ -40,7 +39,7 @@ class JointSettings(BaseModel):
     agent to group."""
     hidden: Widths = (64, 64)
     """Widths of hidden layers, of policies and critics alike; empty: linear, where algorithms can."""
-    set_width: Annotated[int, Field(ge=0, le=WIDEST)] = 0
+    set_width: Number = 0
     """Units of the networks for observations (K, F) that are sets of rows in any order, such as neighbors; 0:
     rows are read one after the other."""
     lr: ScheduledFraction = 3e-4
@@ -53,7 +52,7 @@ class JointSettings(BaseModel):
     """Factor on rewards before learning; metrics show unscaled returns."""
     rollout_fragment_length: Count = 64
     """Environment steps of each environment between two updates."""
-    gru: Annotated[int, Field(ge=0, le=WIDEST)] = 0
+    gru: Number = 0
     """Width of the policies' memory (gated recurrent units), for recurrent algorithms; 0: no memory."""
     sequence_length: Count = 16
     """Steps through which policies with `gru` are differentiated; divides `rollout_fragment_length`."""

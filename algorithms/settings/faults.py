@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
-from algorithms.settings.base import JointSettings
 from algorithms.settings.kinds import TAGS
 
 
@@ -32,8 +31,8 @@ class SettingFault(NamedTuple):
         return f"{where}={self.value!r}: {self.problem}" if self.key else self.problem
 
 
-def faults(settings: type[JointSettings], values: dict[str, Any]) -> list[SettingFault]:
-    """Return what is wrong with values of an algorithm's settings."""
+def faults(settings: type[BaseModel], values: dict[str, Any]) -> list[SettingFault]:
+    """Return what is wrong with values of settings."""
     try:
         settings.model_validate(values)
     except ValidationError as error:

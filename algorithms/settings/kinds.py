@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,19 +12,15 @@ from pydantic import AfterValidator, Discriminator, Field, InstanceOf, Tag
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import PydanticCustomError
 
-WIDEST, DEEPEST = 16_384, 100
-"""Largest width of a layer, and number of layers: more is a typing error, or out of memory."""
-
 Count = Annotated[int, Field(ge=1)]
 Number = Annotated[int, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
-Width = Annotated[int, Field(ge=1, le=WIDEST)]
 # YAML has lists only, which a strict tuple refuses.
 LIST = Field(strict=False)
-Widths = Annotated[tuple[Width, ...], Field(max_length=DEEPEST), LIST]
-SomeWidths = Annotated[tuple[Width, ...], Field(min_length=1, max_length=DEEPEST), LIST]
+Widths = Annotated[tuple[Count, ...], LIST]
+SomeWidths = Annotated[tuple[Count, ...], Field(min_length=1), LIST]
 FirstAndLast = Annotated[tuple[Fraction, Fraction], LIST]
 FirstAndLastPositive = Annotated[tuple[Positive, Positive], LIST]
 
@@ -81,10 +78,20 @@ ScheduledWeight = Annotated[
     Annotated[NotNegative, PLAIN] | Annotated[tuple[WeightPoint, ...], LIST, AfterValidator(_rising), POINTS],
     SCHEDULE,
 ]
+
+
+def _apart(groups: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+    counts = Counter(agent for members in groups.values() for agent in members)
+    for agent, count in counts.items():
+        if count > 1:
+            raise ValueError(f"{agent!r} is in {count} groups")
+    return groups
+
+
 Members = Annotated[tuple[str, ...], LIST]
 Sharing = Annotated[
     Annotated[Literal["none", "all"], PLAIN]
-    | Annotated[dict[str, Members], GROUPS]
+    | Annotated[dict[str, Members], AfterValidator(_apart), GROUPS]
     | SkipJsonSchema[Annotated[Callable[[str], str], FUNCTION]],
     _choose({GROUPS: dict, FUNCTION: Callable}),
 ]

@@ -8,7 +8,6 @@ from pydantic import Field, model_validator
 
 from algorithms.settings.base import EpsilonGreedySettings, OffPolicySettings, RandomActionSettings
 from algorithms.settings.kinds import (
-    WIDEST,
     Count,
     FirstAndLastPositive,
     Graph,
@@ -19,7 +18,6 @@ from algorithms.settings.kinds import (
     ScheduledWeight,
     Sharing,
     SomeWidths,
-    Width,
     check_heads,
 )
 
@@ -70,14 +68,14 @@ class VDNSettings(QLearningSettings, TeamSettings):
 class QMIXSettings(VDNSettings):
     """QMIX."""
 
-    mixer_width: Width = 32
+    mixer_width: Count = 32
     """Hidden units of the mixer."""
 
 
 class MAVENSettings(QMIXSettings):
     """MAVEN."""
 
-    latents: Annotated[int, Field(ge=2, le=WIDEST)] = 16
+    latents: Annotated[int, Field(ge=2)] = 16
     """Number of values of the latent that an episode commits to."""
     lambda_mi: NotNegative = 0.5
     """Weight of the mutual information between latent and behaviour."""
@@ -103,7 +101,7 @@ class QDPPSettings(TeamSettings):
     """Whether the online network chooses the next joint action."""
     duelling: bool = True
     """Whether value and advantage have separate streams."""
-    features: Width = 32
+    features: Count = 32
     """Numbers in a diversity vector."""
     own_share: Annotated[float, Field(ge=1e-5, le=1)] = 1e-3
     """Share of a squared diversity vector in a direction that no other agent has, which bounds the penalty of

@@ -8,7 +8,6 @@ from pydantic import Field, model_validator
 
 from algorithms.settings.base import ActorCriticSettings, JointSettings, OnPolicySettings
 from algorithms.settings.kinds import (
-    WIDEST,
     Count,
     FirstAndLast,
     Fraction,
@@ -45,7 +44,7 @@ class HAPPOSettings(CentralisedVSettings):
 class RecurrentIPPOSettings(PPOSettings):
     """Recurrent IPPO."""
 
-    gru: Annotated[int, Field(ge=1, le=WIDEST)] = 64
+    gru: Annotated[int, Field(ge=1)] = 64
     """Width of the memories of policies and critics."""
     sequence_length: Count = 8
     """Steps through which policies and critics are differentiated; divides `rollout_fragment_length`."""

@@ -22,31 +22,19 @@ from tests.games.games import Cues, Target
     ("name", "wrong"),
     [
         ("ppo", {"clip": -1}),
-        ("ppo", {"lambda_": 3}),
         ("ppo", {"hidden": 64}),
         ("ppo", {"epochs": True}),
         ("ppo", {"sharing": "everyone"}),
         ("ppo", {"lr": 3}),
         ("ppo", {"lr": float("nan")}),
-        ("ppo", {"gru": 10**9}),
-        ("ppo", {"reward_scale": -(10**400)}),
         ("ppo", {"rollout_fragment_length": "auto"}),
         ("a2c", {"epochs": 2}),
-        ("a2c", {"minibatch_size": 64}),
         ("mf_q", {"temperature": 0}),
         ("mf_q", {"graph": "star"}),
-        ("mf_ac", {"entropy_coeff": [[5, 0.1]]}),
         ("mf_ac", {"entropy_coeff": [[0, 0.1], [9, 0.2], [9, 0.1]]}),
         ("dqn", {"tau": 5}),
-        ("dqn", {"batch_size": 0}),
-        ("dqn", {"capacity": 0, "learning_starts": 0}),
-        ("dqn", {"hidden": (64,) * 1000}),
         ("dqn", {"epsilon": 0.1}),
         ("maac", {"hidden": ()}),
-        ("maac", {"alpha": -1}),
-        ("qmix", {"mixer_width": 10**9}),
-        ("networked_q", {"fit_steps": 0}),
-        ("commnet", {"communication_steps": -1}),
         ("vdn", {"team_reward": "avg"}),
     ],
 )
@@ -64,9 +52,9 @@ def test_a_setting_out_of_range_is_named_with_its_value(name, wrong):
     [
         ({"lr": [[0, 3.0], [10, 0.1]]}, ("lr", 0, 1)),
         ({"lr": [[0, 0.001]]}, ("lr",)),
-        ({"hidden": (10**9,)}, ("hidden", 0)),
-        ({"hidden": (64, 10**400)}, ("hidden", 1)),
+        ({"hidden": (64, 0)}, ("hidden", 1)),
         ({"sharing": {"team": ["a", 5]}}, ("sharing", "team", 1)),
+        ({"sharing": {"g": ["a", "b"], "h": ["b"]}}, ("sharing",)),
     ],
 )
 def test_a_wrong_part_of_a_setting_is_named_by_its_place(wrong, key):
@@ -79,12 +67,9 @@ def test_a_wrong_part_of_a_setting_is_named_by_its_place(wrong, key):
         ("dqn", {"learning_starts": 5000, "capacity": 1000}),
         # 992 rows in whole sequences of 16, and learning starts with 1,000.
         ("dqn", {"capacity": 1000, "gru": 8, "sequence_length": 16, "rollout_fragment_length": 16}),
-        ("dqn", {"capacity": 7, "learning_starts": 0, "gru": 8}),
         ("dqn", {"prioritised": True, "gru": 8}),
         ("dqn", {"priority_alpha": 0.9}),
-        ("dqn", {"priority_beta": 0.9}),
         ("ppo", {"sequence_length": 4}),
-        ("maddpg", {"sequence_length": 4}),
         ("pg", {"normalize_values": True, "baseline": False}),
         ("networked_q", {"agreement_rounds": 2, "consensus": False}),
         ("maac", {"attention_heads": 5}),
@@ -158,12 +143,9 @@ def handed_over(config):
     ("changes", "named"),
     [
         (lambda c: c.training(lr=-1), "^lr=-1"),
-        (lambda c: c.training(lr=-1.0), "^lr=-1.0"),
         (lambda c: c.learners(num_learners=-1), "^num_learners=-1"),
         (lambda c: c.env_runners(num_env_runners=-1), "num_env_runners"),
-        (lambda c: c.training(sharing={"g": ["a", "b"], "h": ["b"]}), "'b' is in 2 groups"),
         (lambda c: c.multi_agent(policies={"a": PolicySpec(config={"lr": 0.0})}), "'a'.*settings of its own"),
-        (lambda c: c.multi_agent(policies={"a": PolicySpec(policy_class=Near)}), "'a'.*settings of its own"),
     ],
 )
 def test_what_an_algorithm_is_handed_over_is_checked_as_it_was_given(changes, named):
@@ -180,13 +162,6 @@ def test_a_config_that_is_handed_over_keeps_its_settings():
     other.validate()
 
 
-def test_two_names_of_one_setting_are_refused():
-    with pytest.raises(ValueError, match=r"num_epochs=2 and epochs=5"):
-        algorithms.config("ppo").training(num_epochs=2, epochs=5)
-    with pytest.raises(ValueError, match=r"train_batch_size_per_learner=8 and batch_size=16"):
-        algorithms.config("dqn").training(train_batch_size_per_learner=8, batch_size=16)
-
-
 @pytest.mark.parametrize(
     ("other", "own"), [("learning_rate", "lr"), ("clip_param", "clip"), ("gae_lambda", "lambda_")]
 )
@@ -201,82 +176,16 @@ def test_a_setting_that_an_algorithm_lacks_under_any_name_is_not_offered():
     assert "value_coeff" not in str(caught.value)
 
 
-def alike(agent_id, episode, **kwargs):
-    return "one"
-
-
-@pytest.mark.parametrize("in_turn", [1, -1])
 @pytest.mark.parametrize(
-    ("first", "second", "named"),
-    [
-        (
-            lambda c: c.training(sharing="none"),
-            lambda c: c.multi_agent(policy_mapping_fn=alike),
-            r"sharing=.*'none'",
-        ),
-        (
-            lambda c: c.training(hidden=[3]),
-            lambda c: c.rl_module(model_config={"fcnet_hiddens": [9]}),
-            r"hidden=.*\[3\]",
-        ),
-    ],
+    ("name", "meant"), [("lrr", "lr"), ("epoch", "epochs"), ("num_env_runers", "num_env_")]
 )
-def test_a_setting_given_to_two_methods_is_refused_in_both_orders(first, second, named, in_turn):
-    config = algorithms.config("ppo")
-    one, other = [first, second][::in_turn]
-    one(config)
-    config = handed_over(config)
-    with pytest.raises(ValueError, match=named) as caught:
-        other(config)
-    assert "training()" in str(caught.value)
-    one(config)  # the same method may be called again
-
-
-@pytest.mark.parametrize(
-    ("method", "given", "named"),
-    [
-        ("rl_module", {"model_config": {"fcnet_hiddens": [32], "hidden": [64]}}, r"fcnet_hiddens=\[32\] and"),
-        ("training", {"num_sgd_iter": 3, "epochs": 4}, "num_sgd_iter=3 and epochs=4"),
-    ],
-)
-def test_two_names_of_a_setting_with_two_values_are_refused(method, given, named):
-    with pytest.raises((ValueError, UnknownSettingError), match=named):
-        getattr(algorithms.config("ppo"), method)(**given)
-
-
-def test_a_value_given_twice_is_taken():
-    config = algorithms.config("ppo").rl_module(model_config={"hidden": [9]}).training(hidden=(9,))
-    assert config.training(hidden=[9]).hidden == [9]
-
-
-@pytest.mark.parametrize(
-    ("name", "meant"), [("lrr", "lr"), ("gama", "gamma"), ("num_env_runers", "num_env_")]
-)
-def test_a_typing_error_in_a_dict_of_settings_is_named(name, meant):
-    config = algorithms.config("ppo")
-    with pytest.raises(UnknownSettingError, match=rf"update_from_dict.*'{name}'[\s\S]*did you mean '{meant}"):
-        config.update_from_dict({name: 1})
-    config.evaluation(evaluation_config={name: 1})
-    with pytest.raises(
-        UnknownSettingError, match=rf"evaluation_config.*'{name}'[\s\S]*did you mean '{meant}"
-    ):
-        config.validate()
-
-
-@pytest.mark.parametrize(("name", "meant"), [("lrr", "lr"), ("gama", "gamma"), ("epoch", "epochs")])
-def test_a_typing_error_in_an_attribute_is_named(name, meant):
-    config = algorithms.config("ppo")
-    setattr(config, name, 1)
-    with pytest.raises(UnknownSettingError, match=rf"'{name}'[\s\S]*did you mean '{meant}"):
-        config.validate()
-
-
-@pytest.mark.parametrize("name", ["num_workers", "lambda", "multiagent"])
-def test_an_old_name_is_no_attribute(name):
-    config = algorithms.config("ppo")
-    setattr(config, name, 4)
-    with pytest.raises(UnknownSettingError, match=f"'{name}'"):
-        config.validate()
+def test_a_typing_error_is_named_wherever_it_was_made(name, meant):
+    attribute = algorithms.config("ppo")
+    setattr(attribute, name, 1)
+    evaluation = algorithms.config("ppo").evaluation(evaluation_config={name: 1})
+    for config in (attribute, algorithms.config("ppo").update_from_dict({name: 1}), evaluation):
+        with pytest.raises(UnknownSettingError, match=rf"'{name}'[\s\S]*did you mean '{meant}"):
+            config.validate()
 
 
 def test_a_subclass_may_have_attributes_of_its_own():
@@ -293,27 +202,12 @@ def test_a_subclass_may_have_attributes_of_its_own():
     assert (config.bonus, config.malus) == (1.0, 0.2)
 
 
-def test_attributes_of_an_older_version_are_left_out():
-    config = algorithms.config("ppo").training(lr=0.5)
-    restored = type(config).from_state({**config.get_state(), "of_an_older_version": 1})
-    restored.validate()
-    assert restored.lr == 0.5
-    assert not hasattr(restored, "of_an_older_version")
-
-
 def test_dicts_of_settings_that_rllib_makes_are_taken():
     config = handed_over(algorithms.config("dqn").training(lr=0.5, epsilon=[1, 0]).debugging(seed=4))
     other = algorithms.config("dqn").update_from_dict({**config.to_dict(), "__trial_info__": None})
     other.update_from_dict({"num_workers": 3, "multiagent": {"policies": {"a"}}})
     assert (other.lr, other.epsilon, other.seed, other.num_env_runners) == (0.5, [1, 0], 4, 3)
     other.validate()
-
-
-@pytest.mark.parametrize("seed", ["abc", -1, 2**32, 1.5, True])
-def test_a_seed_that_is_none_is_named(seed):
-    with pytest.raises(ValueError, match=rf"seed={seed!r}"):
-        algorithms.config("ppo").debugging(seed=seed).validate()
-    algorithms.config("ppo").debugging(seed=np.int64(2**32 - 1)).validate()
 
 
 class Unstarted(Cues):
@@ -371,30 +265,6 @@ def test_an_environment_that_cannot_start_is_an_error_before_ray_starts_unless_o
         config.build_algo()
     assert not ray.is_initialized()
     check_environment(config.env_runners(num_env_runners=1), config.algo_class.runner_class)
-
-
-@pytest.mark.parametrize("part", ["reward", "observation"])
-def test_nan_in_every_first_step_is_an_error_before_ray_starts(part):
-    class Broken(Cues):
-        starts, broken = 0, 3
-
-        def reset(self, **kwargs):
-            Broken.starts += 1
-            return super().reset(**kwargs)
-
-        def step(self, action_dict):
-            seen, rewards, *rest = super().step(action_dict)
-            if Broken.starts <= 1 + Broken.broken:  # the first reset shows the spaces
-                of = {"reward": rewards, "observation": seen}[part]
-                of["agent_1"] = of["agent_1"] * np.float32(np.nan)
-            return seen, rewards, *rest
-
-    config = algorithms.config("ppo").environment(Broken).env_runners(num_env_runners=0)
-    with pytest.raises(EnvironmentFailure, match=rf"Broken.*NaN or infinity: {part} of agent 'agent_1'"):
-        config.build_algo()
-    assert not ray.is_initialized()
-    Broken.starts, Broken.broken = 0, 2
-    check_environment(config, config.algo_class.runner_class)
 
 
 def test_the_environment_that_is_made_to_be_checked_is_closed():
