@@ -29,11 +29,11 @@ run: $(INSTALLED)  ## train PPO at the intersection for two minutes, test it and
 traffic: $(INSTALLED)  ## build a scenario and run a minute of its traffic
 	$(BIN)/smarts-bench scenario run intersection --seconds 60 --out results/traffic/intersection.png
 
-test: $(INSTALLED)  ## run all tests
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal
+test: $(INSTALLED)  ## run all tests but the nightly ones
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not nightly"
 
 test-fast: $(INSTALLED)  ## run the tests that take seconds
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not slow"
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not slow and not nightly"
 
 check: $(INSTALLED)  ## format, lint, types and fast tests
 	$(BIN)/ruff format --check .
@@ -103,5 +103,5 @@ $(INSTALLED): $(PACKAGES)
 	@touch $@
 
 .PHONY: nightly
-nightly: $(INSTALLED)  ## run what trains: the pages' blocks, examples/nightly; the output is results/nightly.txt
+nightly: $(INSTALLED)  ## run the nightly tests and what trains; the output is results/nightly.txt
 	$(BIN)/python -m tests.nightly > results/nightly.txt

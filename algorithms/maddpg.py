@@ -140,8 +140,6 @@ class MADDPGCritic(LearnerModule):
 
     def make_networks(self) -> None:
         """Create the critic."""
-        if self.group is None:
-            raise TypeError("a MADDPG critic belongs to a group")
         self.q = JointQ(self.spec, self.group, self.settings["hidden"])
 
 

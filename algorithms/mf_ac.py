@@ -37,8 +37,6 @@ class MeanFieldCritic(LearnerModule):
 
     def make_networks(self) -> None:
         """Create the critic."""
-        if self.group is None:
-            raise TypeError("a mean-field critic belongs to a group")
         actions = common_actions(self.spec.spaces)
         seen = {**self.group.observation, MEAN_ACTION: Box(0.0, 1.0, (actions,))}
         self.q = MeanFieldQ(self.group, seen, self.settings["hidden"], actions)

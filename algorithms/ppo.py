@@ -34,8 +34,6 @@ class LocalValue(LearnerModule):
 
     def make_networks(self) -> None:
         """Create encoder and body."""
-        if self.group is None:
-            raise TypeError("a local value belongs to a group")
         self.encoder = Encoder(self.group.observation, self.group.size, self.group.set_width)
         self.moments = RunningMoments(enabled=self.settings["normalize_values"])
         self.body = orthogonal(

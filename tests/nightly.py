@@ -1,7 +1,7 @@
-"""Runs pages and examples that train, prints output: `python -m tests.nightly > results/nightly.txt`.
+"""Runs nightly tests, pages and examples, prints output: `python -m tests.nightly > results/nightly.txt`.
 
-These are all blocks of the pages with nightly blocks, and the examples in `examples/nightly/`. Each page and
-each example runs in its own process.
+Of pages with nightly blocks all blocks run; examples are those in `examples/nightly/`. Each page and each
+example runs in its own process.
 """
 
 import subprocess
@@ -16,6 +16,7 @@ from textwrap import indent
 from tests.blocks import ROOT, Page, blocks_of
 
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
+TESTS = [sys.executable, "-m", "pytest", "-q", "-n", "2", "--dist", "worksteal", "-m", "nightly"]
 EXAMPLES = sorted((ROOT / "examples" / "nightly").glob("*.py"))
 
 
@@ -46,11 +47,12 @@ def main() -> int:
     pages = [page for page in PAGES if any(block.note.startswith("nightly") for block in blocks_of(page))]
     commands = {page: [sys.executable, "-m", "tests.nightly", str(page)] for page in pages}
     commands |= {example: [sys.executable, str(example)] for example in EXAMPLES}
-    failed = 0
+    print("\n## Tests marked `nightly`\n", flush=True)
+    failed = subprocess.run(TESTS, cwd=ROOT, stdout=sys.stdout, check=False).returncode != 0
     for file, command in commands.items():
         print(f"\n## {file.relative_to(ROOT)}\n", flush=True)
         failed += subprocess.run(command, cwd=ROOT, stdout=sys.stdout, check=False).returncode != 0
-    print(f"\n{len(commands)} run, {failed} failed")
+    print(f"\n{len(commands) + 1} run, {failed} failed")
     return failed > 0
 
 

@@ -29,8 +29,6 @@ logger = logging.getLogger(__name__)
 
 COMMON = "__common__"
 """Key of `infos` for what belongs to no agent: `state`, `graph` (in the order of agents), `metrics`."""
-MAX_EMPTY_STEPS = 1000
-"""Steps in a row of one episode without an active agent, after which the episode counts as endless."""
 
 
 class JointVector:
@@ -81,7 +79,6 @@ class JointVector:
         self._view = View.empty(self.spaces, num_envs)
         self._away = np.zeros((num_envs, len(self._agents)), bool)  # left without a flag in this episode
         self._ended = np.zeros_like(self._away)  # terminated or truncated in this episode
-        self._empty = np.zeros(num_envs, int)  # steps in a row without an active agent
         self._warned = False
 
     def reset(self, seed: int, indices: Ints, *, stride: int = 0) -> JointStep:
@@ -170,32 +167,17 @@ class JointVector:
         self._indices, self._episodes = state["worlds"].copy(), state["episodes"].copy()
         self._seed, self._stride = state["seed"]
         self._view, self._away = cloudpickle.loads(state["view"])
-        self._ended = state.get("ended", np.zeros_like(self._away)).copy()
-        self._empty[:] = 0
+        self._ended = state["ended"].copy()
 
     def _is_deserted(self, b: int) -> bool:
-        """Return whether no agent is active in environment b, and none is expected in this episode.
-
-        Raises:
-            EnvironmentFailure: Agents are expected, and none has entered for `MAX_EMPTY_STEPS`.
-        """
+        """Return whether no agent is active in environment b, and none is expected in this episode."""
         if self._view.alive[b].any():
-            self._empty[b] = 0
             return False
         # RLlib's wrapper of PettingZoo's environments has the agents of the first reset.
         live = getattr(self._envs[b], "par_env", self._envs[b])
         named = set(getattr(live, "agents", None) or ())
         ended = {agent for agent, (column, _, _) in self._place.items() if self._ended[b, column]}
-        if not named or named & ended:  # a list that still names what has ended is fixed: it tells nothing
-            return True
-        self._empty[b] += 1
-        if self._empty[b] == MAX_EMPTY_STEPS:
-            raise EnvironmentFailure(
-                f"no agent has been active in environment {b} for {MAX_EMPTY_STEPS} steps",
-                place=f"environment {self.name}",
-                remedy='end the episode by "__all__", or by an empty `agents`',
-            )
-        return False
+        return not named or bool(named & ended)  # a list that names what has ended is fixed: it tells nothing
 
     def _account(self, b: int, alive, reward, ends, cuts, observations, out) -> None:
         """Write the outcomes of environment b, and which agents are active now."""
@@ -207,11 +189,18 @@ class JointVector:
             own = bool(ends.get(agent, False)), bool(cuts.get(agent, False))
             self._view.alive[b, column] = here and not any(own)
             if not alive[column]:
-                _check_return(agent, back=here and bool(self._away[b, column]))
+                if here and self._away[b, column]:
+                    raise _breach(
+                        f"agent {agent!r} was left out of a step without having ended, and is back",
+                        "observe all active agents in every step: no turns",
+                    )
                 continue
             end, cut = _outcome(*own, all_end, all_cut)
-            if not here:
-                _check_cut(agent, blind=cut and not all_end)
+            if cut and not here and not all_end:
+                raise _breach(
+                    f"agent {agent!r} was truncated without an observation to value what was cut off",
+                    "give every agent that is truncated its last observation in the same step",
+                )
             self._away[b, column] = left = not any((here, end, cut))
             if left:
                 self._warn_of(agent)
@@ -264,7 +253,11 @@ class JointVector:
             leaves[name][b, row] = part if exact else _converted(agent, name, part, shape, dtype)
         if mask is not None:
             if action_mask is None:
-                _check_mask(agent, missing=MASK not in info and bool(self._view.alive[b, column]))
+                if MASK not in info and self._view.alive[b, column]:
+                    raise _breach(
+                        f"the infos of agent {agent!r} have no {MASK!r}, as they had after the first reset",
+                        f"give {MASK!r} in the infos of every agent that acts next, in each step",
+                    )
                 action_mask = info.get(MASK, True)
             mask[b, row] = action_mask
 
@@ -273,7 +266,6 @@ class JointVector:
         observations, infos = self._envs[b].reset(seed=seed)
         _check_names(observations, self._place)
         self._away[b] = self._ended[b] = False
-        self._empty[b] = 0
         for agent, (column, _, _) in self._place.items():
             self._view.alive[b, column] = agent in observations
         self._write(b, observations, infos)
@@ -374,13 +366,17 @@ def _outcome(own_end: bool, own_cut: bool, all_end: bool, all_cut: bool) -> tupl
     return end, (own_cut or all_cut) and not end
 
 
+def _breach(problem: str, remedy: str) -> SpaceError:
+    """Return the error of an environment that breaks the contract."""
+    return SpaceError(problem, place="environment", remedy=remedy)
+
+
 def _check_names(seen: Mapping[str, Any], known: Mapping[str, Any]) -> None:
     """Raise if an agent observes that is not among the possible ones."""
     for agent in seen.keys() - known.keys():
-        raise SpaceError(
+        raise _breach(
             f"there is an observation of {agent!r}, which is not among the `possible_agents`",
-            place="environment",
-            remedy=nearest_names(str(agent), known),
+            nearest_names(str(agent), known),
         )
 
 
@@ -395,43 +391,12 @@ def _converted(agent: str, name: str, part: Any, shape: tuple[int, ...], dtype: 
     fits = given.dtype.kind in "biufO" and [n for n in given.shape if n > 1] == [n for n in shape if n > 1]
     array = given.astype(dtype) if fits else given
     if not fits or (dtype.kind != "f" and (array != given).any()):
-        raise SpaceError(
+        raise _breach(
             f"agent {agent!r} observes{where} {given.dtype} of shape {given.shape}, "
             f"its space has {dtype} of shape {shape}",
-            place="environment",
-            remedy="give observations of the shape of the observation space, with values that its type holds",
+            "give observations of the shape of the observation space, with values that its type holds",
         )
     return array.reshape(shape)
-
-
-def _check_return(agent: str, *, back: bool) -> None:
-    """Raise if an agent that was left out of a step acts again: environments in which agents take turns."""
-    if back:
-        raise SpaceError(
-            f"agent {agent!r} was left out of a step without having ended, and is back",
-            place="environment",
-            remedy="observe all active agents in every step: no turns",
-        )
-
-
-def _check_cut(agent: str, *, blind: bool) -> None:
-    """Raise if an agent was truncated without a last observation."""
-    if blind:
-        raise SpaceError(
-            f"agent {agent!r} was truncated without an observation to value what was cut off",
-            place="environment",
-            remedy="give every agent that is truncated its last observation in the same step",
-        )
-
-
-def _check_mask(agent: str, *, missing: bool) -> None:
-    """Raise if an agent that acts next has no mask, although it had one at the beginning."""
-    if missing:
-        raise SpaceError(
-            f"the infos of agent {agent!r} have no {MASK!r}, as they had after the first reset",
-            place="environment",
-            remedy=f"give {MASK!r} in the infos of every agent that acts next, in each step",
-        )
 
 
 def _spaces(

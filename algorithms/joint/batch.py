@@ -306,11 +306,8 @@ def shuffled_minibatches(
 def cut_sequences(batch: OnPolicyBatch, steps: int, length: int) -> OnPolicyBatch:
     """Return the rows of T steps of B environments, in order of time, as sequences of `length` steps.
 
-    Raises:
-        ValueError: T is not a multiple of the length.
+    T is a multiple of the length.
     """
-    if steps % length:
-        raise ValueError(f"a fragment of {steps} steps cannot be cut into sequences of {length}")
     rows = torch.arange(len(batch), device=batch.alive.device).unflatten(0, (steps // length, length, -1))
     return replace(batch[rows.transpose(0, 1).flatten()], length=length)
 

@@ -30,7 +30,6 @@ from algorithms.joint.replay import JointReplay
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.joint.threads import torch_threads
-from algorithms.joint.training_data import JointTrainingData
 from algorithms.parts.advantages import generalised_advantages
 from algorithms.parts.masking import standardised
 from algorithms.parts.noise import RowGenerator
@@ -175,14 +174,12 @@ class JointTorchLearner(TorchLearner):
             return self.parallel.failure(error)
 
     def _learn(self, training_data: TrainingData, timesteps: dict[str, Any]) -> dict[str, Any]:
-        if not isinstance(training_data, JointTrainingData):
-            raise TypeError(f"joint learners take JointTrainingData, not {type(training_data).__name__}")
         self.before_gradient_based_update(timesteps=timesteps)
         self.env_steps = int(timesteps[NUM_ENV_STEPS_SAMPLED_LIFETIME])
         training_data.solve_refs()
         self._weights_seq_no += 1
         with torch_threads(self.config.torch_threads):
-            self.update_joint(training_data.rollout)  # type: ignore[arg-type] - the reference is solved
+            self.update_joint(training_data.rollout)  # type: ignore[attr-defined] - JointTrainingData
         self.after_gradient_based_update(timesteps=timesteps)
         check_weights(self._parameters, self.env_steps)
         self._report()

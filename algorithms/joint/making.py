@@ -3,29 +3,20 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from ray.rllib.env.env_context import EnvContext
 from ray.rllib.env.utils import _gym_env_creator
 from ray.tune.registry import ENV_CREATOR, _global_registry
 
 from algorithms.errors import AlgorithmError, EnvironmentFailure, SpaceError
-from algorithms.joint.conformance import random_actions
-from algorithms.joint.env import VectorJointEnv, name_of
-from algorithms.joint.finite import non_finite
-from algorithms.joint.spaces import learned_step
 
 if TYPE_CHECKING:
     from algorithms.joint.config import JointConfig
 
 logger = logging.getLogger(__name__)
-
-
-TRIED_STARTS = 3
-"""Episodes that may begin with NaN or infinity before an environment is refused."""
 
 
 def creator_of(name: Any) -> Callable[[EnvContext], Any]:
@@ -65,7 +56,7 @@ def check_environment(config: JointConfig, runner: Callable[..., Any]) -> None:
 
     Raises:
         SpaceError: The algorithm, or names of policies in its settings, do not fit the environment.
-        EnvironmentFailure: It cannot be started, or begins with NaN or infinity.
+        EnvironmentFailure: It cannot be started.
     """
     alone = config.copy(copy_frozen=False)
     alone.num_env_runners, alone.num_envs_per_env_runner = 0, 1
@@ -79,23 +70,5 @@ def check_environment(config: JointConfig, runner: Callable[..., Any]) -> None:
         return
     try:
         config.get_multi_rl_module_spec(spaces=trial.get_spaces())
-        _try(trial.env, trial.spec.agents)
     finally:
         trial.stop()
-
-
-def _try(env: VectorJointEnv, agents: Sequence[str]) -> None:
-    """Raise if the first step of several episodes gives NaN or infinity, with allowed random actions."""
-    rng, found = np.random.Generator(np.random.Philox(0)), {}
-    for start in range(TRIED_STARTS):
-        step = learned_step(env.reset(start, np.zeros(env.num_envs, int)))
-        found = non_finite(step, agents) or non_finite(
-            learned_step(env.step(random_actions(env, step, rng))), agents
-        )
-        if not found:
-            return
-    raise EnvironmentFailure(
-        f"{found[0]}, in the first step of each of {TRIED_STARTS} episodes",
-        place=f"environment {name_of(env)}",
-        remedy="fix the environment: learning needs finite rewards, observations and states",
-    )

@@ -54,14 +54,8 @@ class ConfiguredModule(TorchRLModule):
         return None
 
     def read_config(self) -> None:
-        """Read the model config.
-
-        Raises:
-            TypeError: It is not one of a `JointConfig`.
-        """
-        config = self.model_config
-        if not isinstance(config, Mapping) or "spec" not in config:
-            raise TypeError(f"joint modules are built by JointConfig, not from the model config {config!r}")
+        """Read the model config, which a `JointConfig` has made."""
+        config: Any = self.model_config
         self.spec: JointSpec = config["spec"]
         self.group = next((g for g in self.spec.groups if g.id == config["group"]), None)
         self.settings: Mapping[str, Any] = config["settings"]

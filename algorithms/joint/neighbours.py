@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -45,24 +46,20 @@ class Neighbourhood:
         else:
             self.fixed = _fixed(graph, agents)
 
-    def __call__(
-        self, alive: Tensor, graph: Tensor | None, observations: Sequence[Mapping[str, Tensor]]
-    ) -> Tensor:
+    def __call__(self, alive: Tensor, graph: Any, observations: Sequence[Mapping[str, Tensor]]) -> Tensor:
         """Return the neighbours (..., N, N): `[i, j]` is True if j is an active neighbour of i.
 
         Args:
             alive: (..., N).
-            graph: The environment's graph (..., N, N), or None.
+            graph: The environment's graph (..., N, N), or None where another makes neighbours.
             observations: Per block, leaves (..., n, ...).
         """
         if self.fixed is not None:
             links = self.fixed.to(alive.device)
         elif self._near is not None:
             links = within(self._positions(self._near, observations, alive.dim()), self._near.radius)
-        elif graph is not None:
-            links = graph
         else:
-            raise ValueError("the environment's graph is asked for, but not given")
+            links = graph
         return links & others(alive) & alive.unsqueeze(-1)
 
     def of(self, view: JointView) -> Tensor:
@@ -92,12 +89,6 @@ def _fixed(graph: str | Sequence[tuple[str, str]], agents: tuple[str, ...]) -> T
         return complete(len(agents))
     if graph == "ring":
         return ring(len(agents))
-    if isinstance(graph, str):
-        raise SpaceError(
-            f"there is no graph {graph!r}",
-            place="training(graph=...)",
-            remedy=nearest_names(graph, ("auto", "environment", "all", "ring")),
-        )
     links = torch.zeros(len(agents), len(agents), dtype=torch.bool)
     for pair in graph:
         for agent in pair:
@@ -108,11 +99,5 @@ def _fixed(graph: str | Sequence[tuple[str, str]], agents: tuple[str, ...]) -> T
                     remedy=nearest_names(agent, agents),
                 )
         i, j = (agents.index(agent) for agent in pair)
-        if i == j:
-            raise SpaceError(
-                f"the graph links {pair[0]!r} to itself",
-                place="training(graph=...)",
-                remedy="give pairs of different agents",
-            )
         links[i, j] = links[j, i] = True
     return links

@@ -88,8 +88,6 @@ class JointReplay:
             t, b = np.nonzero(rollout.views.alive[:-1].any(-1))
             return t, b
         steps, num_envs = rollout.reset.shape
-        if steps % self.length:
-            raise ValueError(f"a fragment of {steps} steps cannot be cut into sequences of {self.length}")
         order = np.arange(steps * num_envs).reshape(steps // self.length, self.length, num_envs)
         return np.divmod(order.transpose(0, 2, 1).ravel(), num_envs)
 

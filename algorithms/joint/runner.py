@@ -6,7 +6,7 @@ import logging
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from math import ceil
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import numpy as np
 import ray
@@ -52,8 +52,6 @@ RECENT = "recent"
 GREEDY, SAMPLED = "greedy", "sampled"
 """Names of both modes of play in an evaluation of both."""
 FAILED_ENVS = "num_failed_envs_lifetime"
-LARGEST_RESTART_ID = 2**63 - 1
-"""Rollouts keep the number in an array of int64; steps never get there."""
 
 
 class SampleResult(NamedTuple):
@@ -143,25 +141,18 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         num_timesteps: int | None = None,
         num_episodes: int | None = None,
         explore: bool | None = None,
-        random_actions: bool = False,
         force_reset: bool = False,
     ) -> Sequence[JointRollout | Episode]:
         """Return a fragment, or exactly `num_episodes` episodes of the evaluation list (RLlib).
 
         Without numbers, an evaluation runner plays the next episodes of its list, one for each environment.
-
-        Raises:
-            AlgorithmError: Random actions, or the reset of a fragment, are asked for.
+        Fragments continue the episodes of the fragment before; `force_reset` is for evaluations.
         """
-        if random_actions:
-            _refuse("random_actions=True", "explore by settings of the algorithm, such as `epsilon`")
         num_envs = int(self.config.num_envs_per_env_runner or 1)
         if num_episodes is not None:
             return self._evaluate(num_episodes, explore, restart=force_reset or self.worker_index == 0)
         if num_timesteps is None and self.config.in_evaluation:
             return self._evaluate(num_envs, explore, restart=force_reset)
-        if force_reset:
-            _refuse("force_reset=True", "leave it out: episodes continue from fragment to fragment")
         steps = int(self.config.rollout_fragment_length)
         if num_timesteps is not None:
             steps = -(-num_timesteps // num_envs)
@@ -309,9 +300,10 @@ class JointEnvRunner(EnvRunner, Checkpointable):
                 self.env = self._new_env()
             # Ray restarts an actor with its first arguments, so only the steps made so far tell a restarted
             # runner from a new one; it must not replay its predecessor's episodes and noise.
-            restart_id = min(self.num_env_steps_sampled_lifetime, LARGEST_RESTART_ID)
             callbacks = EpisodeCallbacks(self)
-            self._sampler = self._new_sampler(self.env, restart_id, listener=callbacks or None)
+            self._sampler = self._new_sampler(
+                self.env, self.num_env_steps_sampled_lifetime, listener=callbacks or None
+            )
         return self._sampler
 
     def _new_sampler(
@@ -423,7 +415,3 @@ class JointEnvRunner(EnvRunner, Checkpointable):
 
     def _log_mean(self, key: str | tuple[str, ...], values: Floats | Sequence[float]) -> None:
         self.metrics.log_value(key, (float(np.mean(values)), len(values)), reduce=EPISODE_MEAN)
-
-
-def _refuse(given: str, remedy: str) -> NoReturn:
-    raise AlgorithmError(f"{given} is not honoured", place="sample() of an environment runner", remedy=remedy)

@@ -94,7 +94,7 @@ class Sampler:
         self._seed, self._source, self._max_failures = seed, source, max_failures
         self._generator = Generator().manual_seed(_mixed(seed, *source))
         self._has_latents = any(LATENT in block.observation for block in spec.spaces.blocks)
-        self._now: View | None = None
+        self._now: Any = None  # a `View` once it has begun
         self._memories: list[np.ndarray | None] = []
         self.progress = EpisodeProgress.begin(np.zeros(env.num_envs, int), len(spec.agents))
 
@@ -119,16 +119,17 @@ class Sampler:
             EnvironmentFailure: An environment failed too often in a row.
         """
         count = self.env.num_envs
-        if self._now is None:
+        spaces, now = self.spec.spaces, self._now
+        if now is None:
             self.begin(self._source[0] * count + np.arange(count))
-        spaces, now = self.spec.spaces, self._view()
+            now = self._now
         rollout = JointRollout.empty(spaces, steps, count, log_prob=self.policies.has_log_prob)
         rollout.source[:] = [(*self._source, b) for b in range(count)]
         rollout.start[:] = self.progress.steps
         rollout.views.write(0, now)
         rollout.views.alive[0] = now.alive
         for t in range(steps):
-            acting = self._act(self._view(), exploration)
+            acting = self._act(self._now, exploration)
             for k, chosen in enumerate(acting):
                 rollout.actions[k][t] = chosen.actions.numpy()
             if rollout.log_prob is not None:
@@ -171,7 +172,7 @@ class Sampler:
         self, last: int, exploration: Exploration, on_step: Callable[[EvaluatedStep], None] | None
     ) -> None:
         playing = np.where(self.progress.episode_index <= last, self.progress.episode_index, -1)
-        seen = self._view() if on_step is None else _copied(self._view())
+        seen = self._now if on_step is None else _copied(self._now)
         acting = self._act(seen, exploration)
         actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
         self._annotate(acting)
@@ -182,7 +183,7 @@ class Sampler:
 
     def choose(self, exploration: Exploration) -> tuple[np.ndarray, ...]:
         """Return actions for where the environments stand, per block, in the environment's units."""
-        return self._in_env_units([chosen.actions.numpy() for chosen in self._act(self._view(), exploration)])
+        return self._in_env_units([chosen.actions.numpy() for chosen in self._act(self._now, exploration)])
 
     def carry_out(self, actions: tuple[np.ndarray, ...]) -> None:
         """Step the environments by what `choose` returned."""
@@ -228,11 +229,6 @@ class Sampler:
         current = getattr(self.env, "worlds", None)
         return np.array(expected if current is None else current, int)
 
-    def _view(self) -> View:
-        if self._now is None:
-            raise RuntimeError("the sampler has not begun an episode")
-        return self._now
-
     def _in_env_units(self, actions: list[np.ndarray]) -> tuple[np.ndarray, ...]:
         return tuple(to_env(b.action, a) for b, a in zip(self.spec.spaces.blocks, actions, strict=True))
 
@@ -256,7 +252,7 @@ class Sampler:
                 annotate(name, given)
 
     def _step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
-        before = self._view()
+        before = self._now
         acted = before.alive.copy()
         step = self._with_leaves(
             self._fail_non_finite(learned_step(self.env.step(actions))), MEMORY, self._memories
@@ -269,7 +265,7 @@ class Sampler:
         self._forget(acted & same_trajectory(step.alive, step.terminated, step.truncated, over))
         if self._has_latents:
             self._draw_latents(np.flatnonzero(over), [leaves.get(LATENT) for leaves in before.observations])
-            latents = [leaves.get(LATENT) for leaves in self._view().observations]
+            latents = [leaves.get(LATENT) for leaves in self._now.observations]
             step = self._with_leaves(step, LATENT, latents)
         if self._listener is not None:
             self._listener.stepped(step, acted)
@@ -314,7 +310,7 @@ class Sampler:
 
         Each episode has a generator of its own: its latents do not depend on the number of environments.
         """
-        view, root = self._view(), _restarted(self._seed, self._source[1])
+        view, root = self._now, _restarted(self._seed, self._source[1])
         for leaves, part in zip(view.observations, latents, strict=True):
             if part is not None:
                 leaves[LATENT] = part.copy()
@@ -330,7 +326,7 @@ class Sampler:
     def _forget(self, continues: Bools) -> None:
         """Empty the memory of agents whose trajectory ended, (B, N); rows handed out before keep it."""
         column = 0
-        for leaves, block in zip(self._view().observations, self.spec.spaces.blocks, strict=True):
+        for leaves, block in zip(self._now.observations, self.spec.spaces.blocks, strict=True):
             if MEMORY in leaves:
                 own = continues[:, column : column + len(block.agents)]
                 leaves[MEMORY] = np.where(own[..., None], leaves[MEMORY], 0)

@@ -185,12 +185,6 @@ def _group_names(spaces: JointSpaces, agents: tuple[str, ...], sharing: Sharing)
         single = len(spaces.blocks) == 1
         named = {"shared" if single else f"shared_{k}": b.agents for k, b in enumerate(spaces.blocks)}
         return _named_groups(named, agents)
-    if isinstance(sharing, str):
-        raise SpaceError(
-            f"sharing {sharing!r} is unknown",
-            place="training(sharing=...)",
-            remedy='use "none", "all", {"group": ["agent", ...]} or a function from agent to group',
-        )
     if callable(sharing):
         return {agent: _mapped(sharing, agent) for agent in agents}
     return _named_groups(sharing, agents)
@@ -235,12 +229,6 @@ def _group(name: str, members: list[str], spaces: JointSpaces, agents: tuple[str
             f"the agents {members} of group {name!r} have different spaces",
             place="training(sharing=...)",
             remedy="share parameters only among agents with equal observation and action spaces",
-        )
-    if "__" in name:
-        raise SpaceError(
-            f"the group name {name!r} contains '__'",
-            place="training(sharing=...)",
-            remedy="rename it: '__' separates a group from its critic",
         )
     number = blocks.pop()
     block = spaces.blocks[number]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import torch
@@ -156,9 +157,8 @@ class PlacedPerceptron:
     """
 
     def __init__(self, encoder: Encoder, network: nn.Sequential) -> None:
-        self._see, first = encoder.see, network[0]
-        if not isinstance(first, nn.Linear):
-            raise TypeError(f"a perceptron begins with a linear layer, not with {first}")
+        self._see = encoder.see
+        first: Any = network[0]
         self._weight = first.weight[:, : -encoder.places].T.contiguous()
         self._bias = first.bias + first.weight[:, -encoder.places :].T
         self._rest = list(network)[1:]

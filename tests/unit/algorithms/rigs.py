@@ -16,13 +16,29 @@ from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration
 from algorithms.settings import ReplaySettings, faults
 
+FAMILIES = {
+    *("pg", "ppo", "recurrent_mappo", "coma", "commnet", "mat"),
+    *("maddpg", "dqn", "opponent_q", "mf_q", "qmix", "networked_q"),
+}
+"""One algorithm of each family."""
+
 
 def cases(names):
-    """Return names as cases of a test: PPO and DQN stand for the others among the fast tests."""
-    fast = ("ppo", "dqn")
-    return [name if name in fast else pytest.param(name, marks=pytest.mark.slow) for name in names]
+    """Return names as cases of a test.
+
+    PPO and DQN are among the fast tests, one algorithm of each family in `make test`, the others are nightly.
+    """
+    marks = {name: pytest.mark.slow if name in FAMILIES else pytest.mark.nightly for name in names}
+    return [name if name in ("ppo", "dqn") else pytest.param(name, marks=marks[name]) for name in names]
 
 
+def first(*values):
+    """Return values as cases of a test: the first in `make test`, the others nightly."""
+    several = (value if isinstance(value, tuple) else (value,) for value in values[1:])
+    return [values[0], *(pytest.param(*value, marks=pytest.mark.nightly) for value in several)]
+
+
+SEEDS = first(1, 2, 3)
 EVERY = cases(algorithms.names())
 OFF_POLICY = [
     name for name in algorithms.names() if issubclass(algorithms.entry(name).settings, ReplaySettings)

@@ -10,7 +10,7 @@ import pytest
 import torch
 from gymnasium.spaces import Box, Discrete
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
-from rigs import Rig
+from rigs import SEEDS, Rig
 
 from algorithms.joint.batch import JointView
 from algorithms.joint.masks import Masks
@@ -20,8 +20,6 @@ from algorithms.maddpg import JointQ
 from tests.games.games import Constant, Game, Product
 
 pytestmark = pytest.mark.slow
-
-SEEDS = (1, 2, 3)
 
 
 def value_of_a_constant_reward(seed, lambda_, updates=60):

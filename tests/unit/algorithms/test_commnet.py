@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from rigs import Rig
+from rigs import SEEDS, Rig
 
 from algorithms.commnet import CommNetModule
 from algorithms.joint.batch import GroupView
@@ -156,7 +156,7 @@ def test_agents_of_different_groups_and_spaces_hear_each_other_when_acting_as_wh
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_blind_agent_is_told_by_one_that_is_not_paid(seed):
     """1.0 for the listener, 0.5 without a channel: the gradient flows through the message."""
     scores = {}
@@ -177,14 +177,14 @@ def levers_score(seed, updates=500, **settings):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_agents_that_talk_pull_all_levers(seed):
     """1.0; without a channel 0.718 at most, without learning 0.672."""
     assert levers_score(seed) > (1 + 0.718) / 2
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_agents_without_a_channel_do_not_pull_all_levers(seed):
     """The ablation that must fail: no more than 0.718, plus three standard errors of 4,096 games."""
     assert levers_score(seed, 250, channel=False) < 0.718 + 3 * 0.13 / 64

@@ -274,7 +274,7 @@ def test_stacked_policies_act_like_separate_ones(name, sharing):
     rig = Rig(name, Cues, sharing=sharing, **settings_of(name))
     rig.learner.update_joint(rig.rollout(epsilon=1.0))
     rig.policies.refresh()
-    view = rig.sampler._view()
+    view = rig.sampler._now
     assert rig.policies._stacked[0] is not None
     stacked = rig.policies._act(0, view, *_greedy())
     rig.policies._stacked = [None]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, replayed
+from rigs import SEEDS, Rig, replayed
 
 import algorithms
 from algorithms.maac import CRITIC, counterfactual_advantage, of_actions
@@ -132,7 +132,7 @@ def product_score(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_the_product_of_hits_is_solved(seed):
     """1.0; misaligned agents 0.33, wrong action slot 0.22."""
     assert (product_score(seed) > (1 + 0.33) / 2).all()

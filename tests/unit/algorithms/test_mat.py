@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from rigs import Rig
+from rigs import SEEDS, Rig, first
 
 import algorithms
 from algorithms.errors import SpaceError
@@ -215,15 +215,15 @@ def doors_score(name, seed, updates=60):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_thieves_that_see_the_firsts_choice_are_random_and_equal(seed):
     """3/4; 1/4 where actions are independent."""
     assert doors_score("mat", seed) > 0.5
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("name", ["ppo", "centralised_v", "commnet"])
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", first("ppo", "centralised_v", "commnet"))
 def test_thieves_that_choose_independently_are_not(name, seed):
     """The baselines that must fail: 1/4 at most, plus three standard errors of 2,000 steps."""
     assert doors_score(name, seed) < 0.25 + 3 * 0.43 / 2000**0.5

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, moved, replayed
+from rigs import SEEDS, Rig, moved, replayed
 
 import algorithms
 from algorithms.errors import SpaceError
@@ -16,7 +16,6 @@ from algorithms.parts.graph import consensus_rate, metropolis, ring
 from tests.games.games import Cues, Game, Ragged, Target
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
-SEEDS = [1, 2, 3]
 
 
 @pytest.mark.parametrize("sharing", ["none", "all", {"odd": ["b"], "even": ["a", "c"]}])

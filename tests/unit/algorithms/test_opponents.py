@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, replayed
+from rigs import SEEDS, Rig, replayed
 
 from algorithms.errors import SpaceError
 from algorithms.joint.batch import GroupView
@@ -165,7 +165,7 @@ def known_rig(seed, steps=8_192):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_predictions_of_a_known_opponent_approach_its_probabilities(seed):
     """Hits of the best guess: 0.6, chance 1/3; within three standard errors of 1,024 steps."""
     rig = known_rig(seed)
@@ -189,14 +189,14 @@ def turncoat_score(name, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_leader_that_changes_is_followed(seed):
     """0.85 at best; 0.05 for staying with what it did before."""
     assert turncoat_score("opponent_q", seed) > (0.85 + 0.05) / 2
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_without_models_a_leader_that_changes_is_lost(seed):
     """The baseline that must fail: its replay holds what the leader did before."""
     assert turncoat_score("dqn", seed) < (0.85 + 0.05) / 2
@@ -223,7 +223,7 @@ def hills_score(name, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_agents_that_expect_an_answer_climb_and_find_the_narrow_hill(seed):
     """11 of 11, and 1 of 1."""
     assert (climbing_score("pr2", seed) > 9).all()
@@ -231,7 +231,7 @@ def test_agents_that_expect_an_answer_climb_and_find_the_narrow_hill(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", ["dqn", "opponent_q"])
 def test_agents_that_expect_no_answer_do_not_climb(name, seed):
     """The baselines that must fail: 5 to 7."""

@@ -5,15 +5,13 @@ from collections import defaultdict
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, moved
+from rigs import SEEDS, Rig, moved
 
 import algorithms
 from algorithms.errors import EnvironmentFailure
 from algorithms.joint.sampler import Sampler
 from tests.games.games import Constant, Game, Ragged, Target
 from tests.games.levers import Levers
-
-SEEDS = [1, 2, 3]
 
 
 def lives_of(rollout):

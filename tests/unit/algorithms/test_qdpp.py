@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, known, replayed
+from rigs import SEEDS, Rig, known, replayed
 from test_qtran import Matrix, matrix_score
 
 from algorithms.joint.batch import GroupView
@@ -213,13 +213,13 @@ def test_agents_explore_together_and_are_greedy_alone():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_qdpp_finds_the_optimum_of_a_matrix_that_is_not_monotonic(seed):
     assert matrix_score(seed, "qdpp", reward_scale=0.1) == 8
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_without_diversity_it_does_not(seed):
     """The ablation that must fail, as VDN does."""
     assert matrix_score(seed, "qdpp", reward_scale=0.1, own_share=1.0) == 0
@@ -292,7 +292,7 @@ def blocker_score(seed, name="qdpp", steps=8_000, **settings):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_qdpp_deceives_the_blockers(seed):
     """The best is -2.3, the mean of independent learners -6.1."""
     assert blocker_score(seed) > (-2.3 - 6.1) / 2

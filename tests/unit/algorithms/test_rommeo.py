@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, replayed
+from rigs import SEEDS, Rig, replayed
 from test_opponents import climbing_score, hills_score, turncoat_score
 
 from algorithms.joint.batch import GroupView
@@ -127,7 +127,7 @@ def test_the_temporal_difference_is_soft(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_agents_that_hope_climb_and_find_the_narrow_hill(seed):
     """11 of 11, and 1 of 1; `opponent_q`, which only expects, does not climb (`test_opponents.py`)."""
     assert (climbing_score("rommeo", seed) > 9).all()
@@ -135,14 +135,14 @@ def test_agents_that_hope_climb_and_find_the_narrow_hill(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_experience_keeps_hope_in_bounds(seed):
     """A leader that answers nobody is followed."""
     assert turncoat_score("rommeo", seed) > (0.85 + 0.05) / 2
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_optimism_without_experience_does_not(seed):
     """The baseline that must fail."""
     assert turncoat_score("pr2", seed) < (0.85 + 0.05) / 2

@@ -10,7 +10,6 @@ from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 from rigs import Rig, known
 
 from algorithms.errors import EnvironmentFailure, SpaceError
-from algorithms.joint import adapter
 from algorithms.joint.adapter import COMMON, JointVector
 from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.env import episode_seed
@@ -124,8 +123,6 @@ def test_groups_cover_all_agents_with_equal_spaces():
         JointSpec.build(spaces, {"x": ["bb", "a", "c"]})
     with pytest.raises(SpaceError, match=r"\['c'\]"):
         JointSpec.build(spaces, {"x": ["a", "b"]})
-    with pytest.raises(SpaceError, match="'some'"):
-        JointSpec.build(spaces, "some")
 
 
 class Leaver(Game):
@@ -369,23 +366,6 @@ def test_an_episode_ends_with_those_that_entered_where_agents_is_a_fixed_list(le
     env.reset(0, np.zeros(1, int))
     resets = [env.step((np.zeros((1, 4), int),)).reset[0] for _ in range(20)]
     assert np.flatnonzero(resets).tolist() == [4, 9, 14, 19]
-
-
-def test_an_episode_that_no_agent_enters_is_an_error(monkeypatch):
-    monkeypatch.setattr(adapter, "MAX_EMPTY_STEPS", 7)
-    env = JointVector(lambda b: type("Long", (Gaps,), {"length": 100, "observe": lambda self: {}})(), 2)
-    env.reset(0, np.arange(2))
-    for _ in range(6):
-        env.step((np.zeros((2, 2), int),))
-    with pytest.raises(EnvironmentFailure, match=r"Long: no agent .* environment 0 for 7 steps"):
-        env.step((np.zeros((2, 2), int),))
-
-
-def test_empty_steps_are_counted_in_a_row(monkeypatch):
-    monkeypatch.setattr(adapter, "MAX_EMPTY_STEPS", 4)
-    env = JointVector(lambda b: Gaps(), 1)
-    env.reset(0, np.zeros(1, int))
-    assert sum(env.step((np.zeros((1, 2), int),)).reset[0] for _ in range(80)) == 10
 
 
 def test_agents_that_are_not_possible_are_refused():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from rigs import Rig
+from rigs import SEEDS, Rig, first
 
 import algorithms
 from algorithms.errors import UnknownSettingError
@@ -148,15 +148,15 @@ def recalled(name, seed, steps=6_000, gru=16):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("name", ["dqn", "vdn", "qmix"])
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", first("dqn", "vdn", "qmix"))
 def test_a_cue_is_remembered_by_values(name, seed):
     """1.0; 0.5 without memory."""
     assert recalled(name, seed) > 0.75
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_values_without_memory_forget_the_cue(seed):
     """The ablation that must fail: 0.5, plus three standard errors of 100 answers."""
     assert recalled("dqn", seed, 2_000, gru=0) < 0.5 + 3 * 0.5 / 100**0.5

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from rigs import known, takes
+from rigs import FAMILIES, known, takes
 
 import algorithms
 from algorithms.errors import SpaceError
@@ -42,7 +42,12 @@ def policy_of(algo, agent):
 
 @pytest.mark.parametrize(
     ("name", "sharing"),
-    [(name, kind) for name in algorithms.names() for kind in ("all", "none") if takes(name, sharing=kind)],
+    [
+        pytest.param(name, kind, marks=() if name in FAMILIES else pytest.mark.nightly)
+        for name in algorithms.names()
+        for kind in ("all", "none")
+        if takes(name, sharing=kind)
+    ],
 )
 def test_every_algorithm_serves_observations_of_single_agents(build, name, sharing):
     algo = build(name, sharing=sharing, **known(name, {"consensus": sharing != "all"}))
@@ -68,7 +73,7 @@ def test_served_actions_are_those_that_the_runner_takes(build, name):
     algo.train()
     algo.get_module("odd")  # the runner acts with the newest weights from here on
     runner = algo.env_runner_group.local_env_runner
-    view = runner._training_sampler()._view()
+    view = runner._training_sampler()._now
     expected = runner._policies.act(view, Exploration(explore=False), torch.Generator())[0].actions
     for column, agent in enumerate(algo.spec.agents):
         module = policy_of(algo, agent)
@@ -105,7 +110,7 @@ def test_memory_goes_through_rllibs_states(build, name):
     assert torch.equal(whole["actions"], torch.stack(found, 1))
     torch.testing.assert_close(whole["state_out"]["memory"], state["memory"])
     assert (state["memory"] != 0).all()
-    view = algo.env_runner_group.local_env_runner._training_sampler()._view()
+    view = algo.env_runner_group.local_env_runner._training_sampler()._now
     runner = algo.env_runner_group.local_env_runner
     acting = runner._policies.act(view, Exploration(explore=False), torch.Generator())[0]
     leaves = {k: torch.from_numpy(x[:, 0]) for k, x in view.observations[0].items()}
