@@ -84,7 +84,7 @@ def _apart(groups: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
     counts = Counter(agent for members in groups.values() for agent in members)
     for agent, count in counts.items():
         if count > 1:
-            raise ValueError(f"{agent!r} is in {count} groups")
+            raise ValueError(f"{agent} is in {count} groups, instead of in one")
     return groups
 
 

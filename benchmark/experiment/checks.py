@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from itertools import chain
 from math import inf
@@ -209,15 +208,15 @@ def _unfit_groups(algorithms: Sequence[str], agents: Any, actions: Mapping[Any, 
 
 
 def _sharing_fault(sharing: Any, environment: Values) -> str:
-    """Return which agents are not in exactly one group; nothing where there are no groups."""
+    """Return which agents are in no group, or do not exist; nothing where there are no groups."""
     known = names_of_agents(environment)
     if not isinstance(sharing, dict) or not known:
         return ""
     groups = [members for members in sharing.values() if isinstance(members, list)]
-    named = Counter(map(str, chain(*groups)))
-    if wrong := [agent for agent in known if named[agent] != 1]:
-        return f"{wrong[0]} is in {named[wrong[0]] or 'no'} groups, instead of in one"
-    strange = sorted(named.keys() - {*known})
+    named = {*map(str, chain(*groups))}
+    if missing := [agent for agent in known if agent not in named]:
+        return f"{missing[0]} is in no groups, instead of in one"
+    strange = sorted(named - {*known})
     return f"there is no agent {strange[0]!r}, but {', '.join(known)}" if strange else ""
 
 
