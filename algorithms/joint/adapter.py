@@ -252,14 +252,8 @@ class JointVector:
             exact = type(part) is np.ndarray and part.dtype == dtype and part.shape == shape
             leaves[name][b, row] = part if exact else _converted(agent, name, part, shape, dtype)
         if mask is not None:
-            if action_mask is None:
-                if MASK not in info and self._view.alive[b, column]:
-                    raise _breach(
-                        f"the infos of agent {agent!r} have no {MASK!r}, as they had after the first reset",
-                        f"give {MASK!r} in the infos of every agent that acts next, in each step",
-                    )
-                action_mask = info.get(MASK, True)
-            mask[b, row] = action_mask
+            acts = bool(self._view.alive[b, column])
+            mask[b, row] = _mask_of(agent, info, acts=acts) if action_mask is None else action_mask
 
     def _start(self, b: int) -> None:
         seed = episode_seed(self._seed, int(self._indices[b]), int(self._episodes[b]))
@@ -369,6 +363,16 @@ def _outcome(own_end: bool, own_cut: bool, all_end: bool, all_cut: bool) -> tupl
 def _breach(problem: str, remedy: str) -> SpaceError:
     """Return the error of an environment that breaks the contract."""
     return SpaceError(problem, place="environment", remedy=remedy)
+
+
+def _mask_of(agent: str, info: Mapping[str, Any], *, acts: bool) -> Any:
+    """Return the mask in an agent's infos; an agent that acts next has one."""
+    if acts and MASK not in info:
+        raise _breach(
+            f"the infos of agent {agent!r} have no {MASK!r}, as they had after the first reset",
+            f"give {MASK!r} in the infos of every agent that acts next, in each step",
+        )
+    return info.get(MASK, True)
 
 
 def _check_names(seen: Mapping[str, Any], known: Mapping[str, Any]) -> None:

@@ -170,26 +170,19 @@ def check_settings(config: Any) -> None:
     known = {*fresh, *dir(type(config)), "class"}  # which RLlib's `from_state` leaves behind
     given = {name for name in vars(config) if name not in known and not name.startswith("_")}
     check_known(config, given, public, "config")
-    if not config.in_evaluation:
-        check_known(config, _changed_in_evaluation(config), fresh, "evaluation(evaluation_config=...)")
     for name in (*config.setting_names, *_Values.model_fields):
         if isinstance(value := getattr(config, name), np.generic):  # which RLlib's schedules do not take
             setattr(config, name, value.item())
     values = {name: getattr(config, name) for name in _Values.model_fields}
-    found = (_without_effect(config, fresh), faults(_Values, values), _policy_faults(config))
-    for each in chain(*found, _learner_faults(config)):
+    found = (_without_effect(config, fresh), faults(_Values, values), _evaluation_faults(config, fresh))
+    for each in chain(*found, _policy_faults(config), _learner_faults(config)):
         config._value_error(str(each))
-
-
-def _changed_in_evaluation(config: Any) -> dict[str, Any]:
-    changed = config.evaluation_config or {}
-    return {config._translate_special_keys(name, warn_deprecated=False): v for name, v in changed.items()}
 
 
 def _without_effect(config: Any, fresh: dict[str, Any]) -> Iterator[str]:
     """Yield settings that differ from the default, but have no effect."""
     read = HONOURED | {*config.setting_names, *(("batch_mode",) if config.in_evaluation else ())}
-    for name in vars(AlgorithmConfig()).keys() - read:
+    for name in sorted(vars(AlgorithmConfig()).keys() - read):
         value, default = vars(config).get(name), fresh.get(name)
         if value is not default and value != default:
             remedy = INSTEAD.get(name, "leave it out")
@@ -199,8 +192,14 @@ def _without_effect(config: Any, fresh: dict[str, Any]) -> Iterator[str]:
         for name in _UNCALLED:
             if getattr(hooks, name, None) is not getattr(RLlibCallback, name):
                 yield f"{name} of callbacks_class={hooks.__name__} is never called: use `on_episode_start`"
+
+
+def _evaluation_faults(config: Any, fresh: dict[str, Any]) -> Iterator[str]:
+    """Yield settings of `evaluation_config` that evaluation does not read."""
     readable = READ_IN_EVALUATION | config.exploration_settings
-    for name, value in {} if config.in_evaluation else _changed_in_evaluation(config).items():
+    for given, value in (config.evaluation_config or {}).items():
+        name = config._translate_special_keys(given, warn_deprecated=False)
+        check_known(config, [name], fresh, "evaluation(evaluation_config=...)")
         if name not in readable and not name.startswith("_") and value != getattr(config, name):
             yield (
                 f"evaluation_config: {name}={value!r} has no effect: evaluation plays with the trained "
