@@ -379,7 +379,7 @@ def pids_of(group):
     return group.foreach_env_runner(lambda runner: os.getpid(), local_env_runner=False)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_only_runner_is_awaited_without_a_limit_and_its_return_is_told(build):
     told = []
     config = small(runners=1).env_runners(sample_timeout_s=None)
@@ -392,7 +392,7 @@ def test_the_only_runner_is_awaited_without_a_limit_and_its_return_is_told(build
     assert told == [[1]]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_runner_that_ray_restarts_no_more_is_not_awaited(build, tmp_path):
     file = tmp_path / "crash"
 
@@ -411,7 +411,7 @@ def test_a_runner_that_ray_restarts_no_more_is_not_awaited(build, tmp_path):
         train(algo, 1)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_evaluation_runner_that_was_lost_comes_back(build):
     algo = build(
         small().evaluation(evaluation_interval=1, evaluation_num_env_runners=1, evaluation_duration=3)

@@ -182,7 +182,7 @@ def test_a_lost_learner_ends_the_training(build, number):
     assert_gone(pids)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "save", first(lambda algo, folder: algo.save_to_path(folder), lambda algo, _: algo.get_state())
 )
@@ -199,7 +199,7 @@ def test_the_state_of_a_lost_learner_is_refused_by_name(build, tmp_path, save):
     assert_gone(pids)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_is_not_finite_in_one_learner_ends_the_training_by_name(build):
     algo = build(small("ppo").learners(num_learners=2, num_cpus_per_learner=0))
     train(algo, 1)
