@@ -285,7 +285,7 @@ class JointConfig(AlgorithmConfig):
         size = self._train_batch_size_per_learner
         if size is None or self.in_evaluation:
             return
-        count = self.num_envs_per_env_runner * max(self.num_env_runners or 0, 1)
+        count = int(self.num_envs_per_env_runner or 1) * max(self.num_env_runners or 0, 1)
         default = self.entry.settings.model_fields["rollout_fragment_length"].default
         if size % count or self.rollout_fragment_length not in ("auto", default, size // count):
             self._value_error(

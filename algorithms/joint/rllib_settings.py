@@ -99,7 +99,6 @@ class _Values(BaseModel):
     num_env_runners: Number
     num_envs_per_env_runner: Count
     num_learners: Number
-    num_cpus_per_learner: NotNegative | Literal["auto"]
     num_gpus_per_learner: NotNegative
     sample_timeout_s: Positive | None
     metrics_num_episodes_for_smoothing: Count
