@@ -98,7 +98,7 @@ def record(
                 steps=steps,
                 is_complete=True,
             ),
-            **dict(is_invalid=False, remark="", limit=0, most_vehicles=0),
+            **dict(is_invalid=False, remark="", limit=0, most_vehicles=0, traffic_overlaps=0),
             **facts,
         }
     ]

@@ -275,7 +275,7 @@ class SimulationRunner:
         `kept_out` are the names of agents whose time has come and that cannot enter yet, `bubbles` the counts
         of the present episode by bubble, see `BubbleStates`; `late_decisions` counts the decisions of
         social agents in it that came after their deadline, or whose agent owed another then, by the policy's
-        name.
+        name; `traffic_overlaps` the pairs of vehicles of traffic that have come to overlap.
         """
         start, kept_out = self.starts[row], self._entries.kept_out(row)
         info: dict[str, Any] = {"kept_out": kept_out} if kept_out else {}
@@ -283,6 +283,8 @@ class SimulationRunner:
             info["bubbles"] = self.bubbles.counted(row, start.bubbles)
         if self._requests is not None and (late := self._requests.late_decisions(row)):
             info["late_decisions"] = late
+        if overlaps := int(self.world.traffic_overlaps[row]):
+            info["traffic_overlaps"] = overlaps
         return info
 
     def annotate(self, name: str, values: ArrayLike, egos: Bools) -> None:

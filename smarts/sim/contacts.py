@@ -7,11 +7,12 @@ import math
 import numpy as np
 
 from smarts.arrays import Bools, Floats, Ints
-from smarts.geometry.binding import LateBound
+from smarts.geometry.binding import LateBound, bind
 from smarts.geometry.boxes import Pose, box_gaps, contact_direction, facing
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, wrapped
 from smarts.roads.levels import meets
+from smarts.sim.traffic_overlaps import count_overlaps
 from smarts.types.agent_states import AgentStates, AgentStatus
 from smarts.types.events import Contacts
 from smarts.types.tracks import Tracks
@@ -47,15 +48,17 @@ class FootprintContacts:
         worlds, agents = world.agents.slot.shape
         self.contacts = Contacts.allocate(worlds, agents, world.vehicles.capacity)
         self._find = LateBound(find_contacts, world.state, self.contacts)
+        self._count_overlaps = bind(count_overlaps, world.state, world.traffic_overlaps)
 
     def find(self, tracks: Tracks, env_mask: Bools) -> Contacts:
-        """Return the first contact of each agent's vehicle during the step.
+        """Return the first contact of each agent's vehicle during the step; count overlaps among traffic.
 
         Args:
             tracks: How the agents' vehicles have moved. Where they have not yet, only the present counts.
             env_mask: Which simulations made the step, shape (B,).
         """
         self._find.to(tracks)(env_mask)
+        self._count_overlaps(env_mask)
         return self.contacts
 
 

@@ -85,6 +85,7 @@ class _Episode:
     graph: LaneGraph
     writer: EpisodeWriter
     steps: int = 0
+    overlaps: int = 0
     is_complete: bool = False
     invalid: str = ""
     """Why the episode is to be discarded, "" if it is not."""
@@ -258,6 +259,7 @@ class EpisodeRecorder:
     def _take_notes(self, row: int, episode: _Episode, is_busy: bool) -> None:
         """Note what is new in a simulation's step; `is_busy` if vehicles are new or a buffer is full."""
         episode.steps = int(self._scene.world.step[row])
+        episode.overlaps = int(self._scene.world.traffic_overlaps[row])
         self._take_routes(row, episode)
         self._take_agents(row, episode)
         if is_busy:
@@ -400,6 +402,7 @@ class EpisodeRecorder:
             "remark": episode.invalid or ("" if episode.is_complete else _CUT_SHORT),
             "limit": start.limit,
             "most_vehicles": most,
+            "traffic_overlaps": episode.overlaps,
         }
         return {name: [value] for name, value in facts.items()}
 

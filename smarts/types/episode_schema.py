@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-VERSION = 5
+VERSION = 6
 """Of the format that is written."""
-READABLE = (2, 3, 4, VERSION)
+READABLE = (2, 3, 4, 5, VERSION)
 """The formats that can be read; `Column.since` and `Table.is_optional` say what the older ones lack."""
 
 TEXT, NUMBERS, INTEGERS = "text", "list<float32>", "list<int32>"
@@ -88,6 +88,12 @@ EPISODE = Table(
             "most_vehicles",
             "int32",
             "the most that there were at a time; at the limit, traffic was held back",
+        ),
+        Column(
+            "traffic_overlaps",
+            "int32",
+            "pairs of vehicles of traffic that came to overlap, which is no agent's collision",
+            since=6,
         ),
     ),
 )

@@ -98,6 +98,8 @@ class World:
         self.route_place = np.zeros((worlds, capacity), np.int32)
         """Where `vehicles.next_edge` is on each vehicle's route, its length at its end: a route may use an
         edge twice. Not for vehicles without a route. Shape (B, V)."""
+        self.traffic_overlaps = np.zeros(worlds, np.int32)
+        """Pairs of vehicles of traffic that have come to overlap in the episode, shape (B,)."""
         self._pairs = list(zip(self.vehicles, self.before, strict=True))
 
     @property
@@ -130,6 +132,7 @@ class World:
         self.guidance.clear(row)
         self.signals[row] = 0
         self.step[row] = 0
+        self.traffic_overlaps[row] = 0
 
     def settle(self, row: int) -> None:
         """End the reset of one simulation: nothing has moved before its first step."""

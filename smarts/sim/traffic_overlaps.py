@@ -1,0 +1,61 @@
+"""Overlaps among traffic: SUMO's drivers may drive through each other, which is no agent's collision."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smarts.arrays import Bools, Ints
+from smarts.geometry.boxes import box_gaps
+from smarts.geometry.compiling import kernel
+from smarts.roads.levels import meets
+from smarts.types.vehicles import Owner, VehicleStates
+from smarts.types.world import State
+
+LEAST_DEPTH = 0.02
+"""Footprints that share less than this along some axis only touch [m]."""
+
+_AGENT = int(Owner.AGENT)
+
+
+@kernel
+def count_overlaps(state: State, overlaps: Ints, env_mask: Bools) -> None:
+    """Add the pairs of vehicles of traffic that have come to overlap in this step.
+
+    Args:
+        state: Of the world.
+        overlaps: Pairs since the episode began, shape (B,); written.
+        env_mask: Which simulations made the step, shape (B,).
+    """
+    now, before = state.vehicles, state.before
+    for b in range(len(env_mask)):
+        if not env_mask[b]:
+            continue
+        slots = np.flatnonzero(now.alive[b] & (now.owner[b] != _AGENT))
+        slots = slots[np.argsort(now.position[b, :, 0][slots])]
+        longest = now.length[b].max() + now.width[b].max()
+        for place, v in enumerate(slots):
+            for w in slots[place + 1 :]:
+                if now.position[b, w, 0] - now.position[b, v, 0] > longest:
+                    break
+                if abs(now.position[b, w, 1] - now.position[b, v, 1]) > longest or not meets(now, b, v, w):
+                    continue
+                if _overlap(now, b, v, w) and not (
+                    _is_same(now, before, b, v) and _is_same(now, before, b, w) and _overlap(before, b, v, w)
+                ):
+                    overlaps[b] += 1
+
+
+@kernel
+def _is_same(now: VehicleStates, before: VehicleStates, b: int, v: int) -> bool:
+    """Return whether a slot held the same vehicle a step ago."""
+    return before.alive[b, v] and before.generation[b, v] == now.generation[b, v]
+
+
+@kernel
+def _overlap(vehicles: VehicleStates, b: int, v: int, w: int) -> bool:
+    """Return whether the footprints of two vehicles overlap."""
+    one = vehicles.position[b, v, 0], vehicles.position[b, v, 1], vehicles.heading[b, v]
+    other = vehicles.position[b, w, 0], vehicles.position[b, w, 1], vehicles.heading[b, w]
+    half, half2 = 0.5 * vehicles.length[b, v], 0.5 * vehicles.length[b, w]
+    gaps = box_gaps(one, half, 0.5 * vehicles.width[b, v], other, half2, 0.5 * vehicles.width[b, w])
+    return max(gaps) < -LEAST_DEPTH
