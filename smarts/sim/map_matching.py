@@ -95,18 +95,21 @@ def _place_agent(state: State, roads: Roads, routes: RouteTable, corridor: int, 
     x, y, heading = vehicles.position[b, v, 0], vehicles.position[b, v, 1], vehicles.heading[b, v]
     length, width, height = vehicles.length[b, v], vehicles.width[b, v], vehicles.height[b, v]
     is_new = agents.entry_step[b, a] == state.step[b]
-    came_by_road = agents.on_road[b, a] and not is_new
+    came_by_road = not (agents.left_road[b, a] or is_new)
     agents.on_road[b, a] = is_on_road(roads, world, x, y, height, _ROAD, True)
     agents.corners_on_road[b, a] = count_corners_on_road(
         roads, world, x, y, height, heading, length, width, _ROAD, True
     )
     agents.on_route[b, a] = corridor < 0
+    agents.left_road[b, a] = not (agents.on_road[b, a] and (came_by_road or is_new))
     if not agents.on_road[b, a] and not is_new:
         return
     if corridor >= 0:
         _measure(state, roads, routes, corridor, b, a, is_new, came_by_road)
-    elif came_by_road:
-        agents.route_progress[b, a] += _way_along_lane(state, roads, b, v)
+    else:
+        if came_by_road:
+            agents.route_progress[b, a] += _way_along_lane(state, roads, b, v)
+        agents.left_road[b, a] = not agents.on_road[b, a]
 
 
 @kernel
@@ -228,6 +231,7 @@ def _measure(
         agents.skipped[b, a] += max(0.0, agents.remaining[b, a] - left)
     agents.route_progress[b, a] = done
     agents.remaining[b, a] = left
+    agents.left_road[b, a] = not agents.on_road[b, a]
 
 
 @kernel

@@ -103,7 +103,9 @@ class AgentStates(NamedTuple):
     remaining: Floats
     """Distance left on the route to the goal, all laps [m]; keeps its last value off route or road."""
     skipped: Floats
-    """How much nearer to the goal the agent came back to the road than it had left it, in all [m]."""
+    """How much nearer to the goal the agent came back than it had left the road, in all [m]."""
+    left_road: Bools
+    """Whether it was off the road since its progress was last written."""
     lane_changes: Bytes
     """How many the route to the goal's lane still demands, positive where the first is to the left; keeps its
     last value off the route or the road."""
@@ -166,6 +168,7 @@ class AgentStates(NamedTuple):
             route_progress=zeros(np.float64),
             remaining=zeros(np.float64),
             skipped=zeros(np.float64),
+            left_road=zeros(np.bool_),
             lane_changes=zeros(np.int8),
             distance_travelled=zeros(np.float64),
             lap=zeros(np.int16),

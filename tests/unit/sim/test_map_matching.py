@@ -139,6 +139,25 @@ def test_off_the_road_there_is_no_progress():
     assert move(made, 70.0, 0.0) == pytest.approx((70.0, 80.0, 48.0))
 
 
+def test_a_way_back_over_the_opposite_lane_leaves_out_as_much():
+    goal = crossing().lane_of_id("north_out_0")
+    mission = AgentMission(
+        route=("west_in", "north_out"), goal=GoalKind.POSITION, goal_lane=goal, goal_s=75.0
+    )
+    made = world_of([Car(-50.0, -1.6, mission=mission)], maps=[crossing()])
+    _, left, _ = move(made, -49.0, -1.6)
+    assert move(made, -40.0, 20.0)[1:] == (left, 0.0)
+    # Onto the road, but not yet onto the route.
+    for y in (45.0, 45.5):
+        assert move(made, -1.6, y, math.pi / 2)[1:] == (left, 0.0)
+    _, rest, skipped = move(made, 1.6, 46.0, math.pi / 2)
+    assert rest == pytest.approx(39.0)
+    assert skipped == pytest.approx(left - rest)
+    # From there on what it drives is progress, also by the opposite lane.
+    move(made, -1.6, 50.0, math.pi / 2)
+    assert move(made, 1.6, 54.0, math.pi / 2)[1:] == pytest.approx((31.0, skipped))
+
+
 def test_an_agent_that_enters_beside_the_road():
     mission = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=150.0)
     made = world_of([Car(40.0, 9.0, mission=mission)], maps=[straight(lanes=1)])
