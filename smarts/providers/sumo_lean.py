@@ -56,13 +56,14 @@ class Straightening:
 
     def __init__(self, library: SumoLibrary, states: VehicleStates, is_new: Bools) -> None:
         self._library = library
-        fronts, turned = np.zeros((states.capacity, 2)), np.zeros(states.capacity)
-        self._find = bind(find_slow, states, is_new, fronts, turned)
+        self._fronts, turned = np.zeros((states.capacity, 2)), np.zeros(states.capacity)
+        self._find = bind(find_slow, states, is_new, self._fronts, turned)
         self._straighten = LateBound(straighten, states, turned)
         self._roads: LaneGraph | None = None
 
     def reset(self, roads: LaneGraph) -> None:
         """Begin an episode on a map."""
+        self._fronts[:] = np.inf
         if roads is not self._roads:
             self._roads = roads
             parts = roads.point_xy, roads.point_s, roads.point_start
@@ -92,7 +93,8 @@ def find_slow(
     Args:
         states: Vehicles of one simulation.
         is_new: Whether SUMO had the vehicle in a row not a step ago, shape (V,).
-        fronts: Where SUMO had their fronts a step ago [m], shape (V, 2); written.
+        fronts: Where SUMO had their fronts a step ago [m], inf of those that it did not drive, shape (V, 2);
+            written.
         turned: By what SUMO's angles are changed [degrees], shape (V,); written.
         rows: The rows of A vehicles.
         values: SUMO's, see `fill_rows`; angles are written.
@@ -101,10 +103,12 @@ def find_slow(
         Indices of those of the A vehicles that are slow, but do not stand as a step ago.
     """
     count, found = len(rows), 0
-    slow = np.empty(count, np.intp)
+    slow, before = np.empty(count, np.intp), fronts.copy()
+    # An agent may take a vehicle over, and SUMO take it back or another one in its row.
+    fronts[:] = np.inf
     for index in range(count):
         row, x, y = rows[index], values[2 * index], values[2 * index + 1]
-        way = math.hypot(x - fronts[row, 0], y - fronts[row, 1])
+        way = math.hypot(x - before[row, 0], y - before[row, 1])
         # So swings in a tail that is pulled along.
         turned[row] *= 0.0 if is_new[row] else max(1.0 - way / states.length[row], 0.0)
         if turned[row] != 0.0:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from smarts.geometry.boxes import box_gaps
-from smarts.providers.sumo_lean import most_lean
+from smarts.providers.sumo_lean import find_slow, most_lean
 from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.build import build_scenario
 from smarts.types.vehicles import VehicleStates
@@ -58,3 +58,17 @@ def test_traffic_does_not_drive_through_a_vehicle_that_has_changed_lanes_while_i
     assert not found
     # It straightens by and by, no faster than SUMO turns a vehicle that begins to change lanes.
     assert max(turns) < 0.2
+
+
+@pytest.mark.parametrize("leaves", [False, True])
+def test_a_vehicle_that_comes_back_from_an_agent_is_not_turned_as_before(leaves):
+    states, is_new = VehicleStates.allocate(2), np.zeros(2, np.bool_)
+    states.length[:] = 5.0
+    fronts, turned = np.zeros((2, 2)), np.array([20.0, 0.0])
+    values = np.array([0.0, 0.0, 90.0, 0.0, 0.0, 0.0])
+    rows, other = np.array([0], np.intp), np.array([1], np.intp)
+    if leaves:
+        find_slow(states, is_new, fronts, turned, other, values.copy())
+    slow = find_slow(states, is_new, fronts, turned, rows, values)
+    assert values[2] == (90.0 if leaves else 110.0)
+    assert len(slow) == leaves
