@@ -234,7 +234,7 @@ class RecordedEpisode:
             read = self._read(name)
             columns = {column: _plain(read[column]) for column in read.column_names}
             for column in TABLE[name].columns:
-                if column.since > READABLE[0] and column.since > self.facts["version"]:
+                if column.since > READABLE[0] and column.name not in columns:
                     columns[column.name] = np.full(read.num_rows, -1, column.kind)
             if name == VEHICLES.name and (np.diff(columns["step"]) < 0).any():
                 order = np.lexsort([columns["slot"], columns["step"]])

@@ -109,14 +109,11 @@ def import_sumo(files: Sequence[Path], out: Path | None = None) -> tuple[Path, t
     for file in (*routes, *additional):
         plain = file.name if file.name not in taken.values() else f"{len(taken)}_{file.name}"
         taken.setdefault(file, plain)
+    if missing := [str(file) for file in taken if not file.is_file()]:
+        raise ScenarioError(f"there is no {', '.join(missing)}", place=str(files[0]), remedy="add the files")
     out.mkdir(parents=True, exist_ok=True)
     for file, copy in taken.items():
-        try:
-            shutil.copyfile(file, out / copy)
-        except OSError as error:
-            raise ScenarioError(
-                f"cannot copy: {error.strerror}", place=str(file), remedy="name a file that is there"
-            ) from error
+        shutil.copyfile(file, out / copy)
     known = {key: value for key, value in options.items() if key in OPTIONS}
     traffic = (
         f"    traffic={{\n        {name!r}: t.Traffic(\n            flows=[],\n"

@@ -318,13 +318,16 @@ class TestOutcomes:
         assert value("progress_speed", done) == pytest.approx(3.5)
         assert value("goal_distance", done) == pytest.approx(15.0)
 
-    def test_progress_off_the_road_is_none(self, tmp_path):
-        # 30 m on the road, 20 m beside it, where progress rests, and 50 m on it.
+    @pytest.mark.parametrize(("back", "metres"), [(51, 79.0), (61, 69.0)])
+    def test_progress_off_the_road_is_none(self, tmp_path, back, metres):
+        # 30 m on the road, 20 m beside it, where progress rests, then 0 or 10 m on a lane off it,
+        # and the rest on the route.
         off = np.repeat([0, int(Event.OFF_ROAD), 0], (31, 20, 50))
         along = at_speed(10.0, 100)
-        states = dict(events=off, route_progress=np.where(off > 0, 30.0, along))
+        rests = (np.arange(101) > 30) & (np.arange(101) < back)
+        states = dict(events=off, route_progress=np.where(rests, 30.0, along))
         drive = Drive(["road_0"], along, agent="a", outcome=Outcome.TIME_OUT, agents=states)
-        assert value("progress_speed", episode_of(tmp_path, ROAD, drive)) == pytest.approx(79.0 / 10.0)
+        assert value("progress_speed", episode_of(tmp_path, ROAD, drive)) == pytest.approx(metres / 10.0)
 
     def test_faster_than_free_flow_is_free_flow(self, tmp_path):
         early = episode_of(

@@ -104,3 +104,4 @@ def test_configurations_of_nothing(sumo, tmp_path, old, new, value):
     (sumo / "town.sumocfg").write_text(CONFIG.replace(old, new))
     with raises(SmartsError, values=[value]):
         import_sumo([sumo / "town.sumocfg"], tmp_path / "town")
+    assert not (tmp_path / "town").exists()
