@@ -165,7 +165,7 @@ def _array(archive: zipfile.ZipFile, name: str) -> NDArray:
     with archive.open(member) as packed:
         array = np.lib.format.read_array(io.BytesIO(packed.read(member.file_size)), allow_pickle=False)
     if array.dtype not in (np.float32, np.float64):
-        raise ValueError(f"{name} holds {array.dtype}, not numbers of 32 or 64 bits")
+        raise ValueError(f"{name} holds {array.dtype}, not floats of 32 or 64 bits")
     return np.ascontiguousarray(array.astype(np.float64))
 
 

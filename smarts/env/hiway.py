@@ -91,7 +91,8 @@ class HiWayEnv(NotCopied, gym.Env):
                 remedy="give agent_specs or agent_interfaces",
             )
         (agents,) = given
-        check_instance("agent_specs", agents, Mapping, "a dict of specs by the agents' names")
+        name = "agent_interfaces" if agent_specs is None else "agent_specs"
+        check_instance(name, agents, Mapping, "a dict of specs by the agents' names")
         settings = EnvSettings(
             scenarios,
             agents,

@@ -116,8 +116,9 @@ def _prepare(parent: int, memory: float | None):
 
     def prepare() -> None:
         if memory is not None:
+            _, hard = resource.getrlimit(resource.RLIMIT_AS)
             most = round(1e9 * memory)
-            resource.setrlimit(resource.RLIMIT_AS, (most, most))
+            resource.setrlimit(resource.RLIMIT_AS, (most if hard < 0 else min(most, hard), hard))
         if prctl is not None:
             prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
             if os.getppid() != parent:  # it died before the request

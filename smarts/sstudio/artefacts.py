@@ -24,7 +24,7 @@ from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.executing import Description
 from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.traffic import Traffic
-from smarts.sstudio.sumo_files import carried_files
+from smarts.sstudio.sumo_files import carried_files, seconds
 from smarts.sstudio.sumo_writer import sumo_traffic
 from smarts.sstudio.validation import validate
 from smarts.types.streams import Purpose, stream
@@ -106,6 +106,8 @@ def _write_traffic(
     stem = f"traffic/{quote(name, safe='')}"
     files = {"routes": [f"{stem}.rou.xml"], "additional": [], "warm_up": traffic.warm_up}
     files["options"] = dict(traffic.sumo_options)
+    if begin := files["options"].get("begin"):
+        files["options"]["begin"] = str(seconds(begin, f"{place}: traffic[{name!r}].sumo_options"))
     files["reaction_time"] = contents.reaction_time
     (folder / files["routes"][0]).write_text(contents.routes, encoding="utf-8")
     if contents.additional:

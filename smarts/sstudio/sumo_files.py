@@ -171,7 +171,7 @@ def _configured(file: Path) -> tuple[Path, list[Path], list[Path], dict[str, str
             "not a configuration of SUMO: it names no net-file", place=str(file), remedy="give a .sumocfg"
         )
     if "begin" in options:
-        options["begin"] = f"{_seconds(options['begin'], file):g}"
+        options["begin"] = f"{seconds(options['begin'], str(file)):g}"
     if "ignore-route-errors" in options:
         options["ignore-route-errors"] = str(options["ignore-route-errors"].lower() in _TRUE).lower()
     return found["net-file"][0], found["route-files"], found["additional-files"], options
@@ -182,11 +182,11 @@ _SHORT |= {"additional": "additional-files", "a": "additional-files", "b": "begi
 """Other names of options in SUMO."""
 
 
-def _seconds(text: str, file: Path) -> float:
+def seconds(text: str, place: str) -> float:
     """Return a time [s] given as seconds or as [days:]hours:minutes:seconds."""
     try:
         parts = [float(part) for part in text.split(":")]
     except ValueError as error:
-        raise ScenarioError(f"begin is {text!r}", place=str(file), remedy="give seconds") from error
+        raise ScenarioError(f"begin is {text!r}", place=place, remedy="give seconds") from error
     units = (1.0, 60.0, 3600.0, 86400.0)
     return sum(part * unit for part, unit in zip(reversed(parts), units, strict=False))
