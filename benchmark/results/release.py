@@ -17,7 +17,8 @@ from pydantic import BeforeValidator, Field, PlainSerializer
 
 from benchmark.experiment.values import FolderName
 from benchmark.metrics.results import Frame, compute
-from benchmark.results.files import ResultsError, check_files, read_mapping
+from benchmark.results.digests import check_files
+from benchmark.results.files import ResultsError, read_mapping
 from benchmark.results.run_tables import RATES
 from smarts.config import ConfigError, Section, fitted
 

@@ -22,7 +22,8 @@ from algorithms.joint.evaluation import evaluate
 from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
 from benchmark.experiment.own_code import PROGRAM
 from benchmark.experiment.runs import Run
-from benchmark.results.files import ResultsError, check_digests, files_in, with_digests, write_json
+from benchmark.results.digests import check_digests, with_digests
+from benchmark.results.files import ResultsError, files_in, write_json
 from benchmark.results.run_folder import (
     BEST,
     CHECKPOINT,

@@ -236,7 +236,7 @@ def test_vehicles_of_other_owners_are_not_written(case):
     row = {name: column[0, slot].copy() for name, column in one.vehicles._asdict().items()}
     one.step(50)
     for name, value in row.items():
-        assert (getattr(one.vehicles, name)[0, slot] == value).all(), name
+        assert np.array_equal(getattr(one.vehicles, name)[0, slot], value, equal_nan=True), name
 
 
 def test_arrivals_keep_clear_of_vehicles_present_at_the_reset(case):

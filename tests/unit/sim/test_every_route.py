@@ -87,9 +87,9 @@ def test_traffic_is_on_the_lane_that_sumo_says(name):
         made = world_of([], maps=[graph], capacity=1)
         for states in run.steps(10):
             alive = np.flatnonzero(states.alive)
-            located = made.atlas.locate(
-                np.zeros(len(alive), np.int32), states.position[alive], states.heading[alive]
-            )
+            maps = np.zeros(len(alive), np.int32)
+            poses = states.position[alive], states.heading[alive]
+            located = made.atlas.locate(maps, *poses, height=states.height[alive])
             driver = run.engine._simulations[0]
             vehicle = driver._library.vehicle
             for slot, lane in zip(alive.tolist(), located.lane.tolist(), strict=True):
