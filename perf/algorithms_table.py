@@ -4,21 +4,24 @@
 
 Its columns: paradigm and M-level of the registry; the number of tests that docs/algorithms.md names as
 oracles, each of which must exist; scores on the algorithm's own games, of the same page; the best greedy
-evaluations of results/yardsticks; the end of the curve at the intersection of results/all_algorithms, else of
-results/paper_table.
+evaluations of results/yardsticks; the end of the curve at the intersection of results/all_algorithms.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from statistics import fmean
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import EMPTY_ROADS
+from benchmark.metrics.results import Frame
+from benchmark.results.packed import PROGRESS
 from benchmark.results.plurals import counted
+from benchmark.results.progress import read_progress
+from benchmark.results.reading import packed_rows
 from perf.yardstick_games import results
 from perf.yardstick_games.recipes import AS_PUBLISHED, YARDSTICKS
 from perf.yardstick_games.results import RunFile
@@ -26,10 +29,10 @@ from perf.yardstick_games.results import RunFile
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE, TABLE = ROOT / "docs" / "algorithms.md", ROOT / "docs" / "algorithms_table.md"
 TESTS = ROOT / "tests" / "unit" / "algorithms"
-CURVES = ROOT / "results" / "all_algorithms", ROOT / "results" / "paper_table"
-"""Experiments with curves at the intersection; of an algorithm in both, the first is shown."""
+CURVES = ROOT / "results" / "all_algorithms"
+"""Experiment with curves at the intersection."""
 CONTINUATIONS = "continued.csv"
-"""Of the first of them: agent-steps of trainings that were killed and continued (`perf.learning_curves`)."""
+"""Of the experiment: agent-steps of trainings that were killed and continued (`perf.learning_curves`)."""
 CURVE_COLUMNS = ("completion", "collision", "agent_steps")
 
 HEAD = """# All algorithms
@@ -76,10 +79,10 @@ restored in another process, it trains one more iteration to the same values
 """
 
 
-def page(curves: Sequence[Path] = CURVES, yardsticks: Path = results.FOLDER) -> str:
+def page(experiment: Path = CURVES, yardsticks: Path = results.FOLDER) -> str:
     """Return the page."""
     sections, failing = sections_of(SOURCE.read_text()), failing_scores(SOURCE.read_text())
-    runs = results.runs_in(yardsticks)
+    runs, curves = results.runs_in(yardsticks), curves_in(experiment)
     head = ["algorithm", "paradigm", "M-level", "checks", "own games", *YARDSTICKS, "intersection"]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for name, entry in ALGORITHMS.items():
@@ -90,10 +93,10 @@ def page(curves: Sequence[Path] = CURVES, yardsticks: Path = results.FOLDER) -> 
             str(len(checks_of(sections[name]))),
             own_games(sections[name]["Score"], failing),
             *(yardstick(runs, game, name) for game in YARDSTICKS),
-            next(filter(None, (intersection(folder / name) for folder in curves)), ""),
+            intersection(curves, name),
         ]
         lines.append("| " + " | ".join(cells) + " |")
-    return HEAD + "\n".join(lines) + "\n" + continued(curves[0] / CONTINUATIONS)
+    return HEAD + "\n".join(lines) + "\n" + continued(experiment / CONTINUATIONS)
 
 
 def continued(file: Path) -> str:
@@ -170,13 +173,18 @@ def yardstick(runs: list[RunFile], game: str, name: str) -> str:
     return "; ".join(shown)
 
 
-def intersection(folder: Path) -> str:
+def curves_in(experiment: Path) -> dict[str, Frame]:
+    """Return the progress of each run by its place."""
+    files = experiment.glob("*/*/*/*/progress.csv")
+    found = {file.parent.relative_to(experiment).as_posix(): read_progress(file)[0] for file in files}
+    return packed_rows(experiment, PROGRESS) | found
+
+
+def intersection(curves: Mapping[str, Frame], name: str) -> str:
     """Return completion / collision at the end of an algorithm's curves, mean over seeds."""
-    ends = []
-    for path in sorted(folder.glob(f"intersection/{EMPTY_ROADS}/seed_*/progress.csv")):
-        with path.open() as file:
-            shown = [row for row in csv.DictReader(file) if row["completion"]]
-        ends += [[float(shown[-1][name]) for name in CURVE_COLUMNS]] if shown else []
+    cell = f"{name}/intersection/{EMPTY_ROADS}/"
+    shown = [lines.dropna(subset="completion") for place, lines in curves.items() if place.startswith(cell)]
+    ends = [lines.iloc[-1][[*CURVE_COLUMNS]].astype(float) for lines in shown if len(lines)]
     if not ends:
         return ""
     completion, collision, steps = (fmean(column) for column in zip(*ends, strict=True))

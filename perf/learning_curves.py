@@ -185,9 +185,10 @@ def draw(out: Path, names: Sequence[str], file: Path) -> None:
     figure = Figure(figsize=(4.2 * columns, 3.2 * rows), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).flat
+    curves = algorithms_table.curves_in(out / EXPERIMENT)
     for place, (title, own) in zip(axes, groups.items(), strict=False):
         for number, name in enumerate(own):
-            lines, _ = read_progress(run_folder(out, name) / "progress.csv")
+            lines = curves[run_folder(Path(), name).relative_to(EXPERIMENT).as_posix()]
             place.plot(
                 lines["agent_steps"] / 1000,
                 lines["completion"],

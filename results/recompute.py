@@ -2,10 +2,11 @@
 
     smarts-bench report results/benchmark_v1 && python results/recompute.py results/benchmark_v1
 
-Of every finished run's `episodes.parquet` it counts how agent-episodes ended: test episodes of the training's
-variations that are valid, by algorithm, cell and mode, over all training seeds. It prints how many rates it
-compared with `report/values.csv` and the largest difference, and exits with 1 if that is more than rounding
-(six digits) explains, if a rate is on one side only, or if there is nothing to compare.
+Of packed results, or of every finished run's `episodes.parquet`, it counts how agent-episodes ended: test
+episodes of the training's variations that are valid, by algorithm, cell and mode, over all training seeds. It
+prints how many rates it compared with `report/values.csv` and the largest difference, and exits with 1 if
+that is more than rounding (six digits) explains, if a rate is on one side only, or if there is nothing to
+compare.
 """
 
 import csv
@@ -22,16 +23,18 @@ ROUNDED = 1e-6
 COLUMNS = ("algorithm", "task", "task_traffic", "mode", "split", "outcome", "is_invalid", "agents")
 
 
-def is_finished(file: Path) -> bool:
-    """Return whether a run is finished; reports leave others out."""
-    return file.exists() and json.loads(file.read_text(encoding="utf-8")).get("status") == "finished"
+def is_finished(folder: Path) -> bool:
+    """Return whether a run is finished, or a folder holds packed ones; reports leave others out."""
+    file = folder / "run.json"
+    run = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    return (folder / "runs.json").exists() or run.get("status") == "finished"
 
 
 def counted(root: Path) -> dict[tuple[str, str, str, str], Counter]:
     """Return how often each outcome was there, by algorithm, task, traffic and mode."""
     found: dict[tuple[str, str, str, str], Counter] = {}
-    for file in sorted(root.glob("**/episodes.parquet")):
-        if not is_finished(file.with_name("run.json")):
+    for file in (root / "episodes.parquet", *sorted(root.glob("*/*/*/*/episodes.parquet"))):
+        if not is_finished(file.parent):
             continue
         for row in pq.read_table(file, columns=list(COLUMNS)).to_pylist():
             if row["split"] == "train" and not row["is_invalid"] and row["agents"] > 0:

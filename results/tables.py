@@ -13,8 +13,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import pyarrow.compute as pc
-import pyarrow.parquet as pq
+import pandas as pd
 
 from benchmark.report.paper import printed
 from benchmark.results.files import write_whole
@@ -118,21 +117,12 @@ def seeds_table(values: Values) -> Iterable[Sequence[str]]:
         yield (label, *("; ".join(_by_seed(name, cell)) for cell in CELLS))
 
 
-def tests_by_seed(folder: Path) -> list[Path]:
-    """Return the tests' tables in a cell's folder, by training seed."""
-    files = folder.glob("seed_*/episodes.parquet")
-    return sorted(files, key=lambda file: int(file.parent.name.removeprefix("seed_")))
-
-
 def _by_seed(algorithm: str, cell: tuple[str, str]) -> Iterable[str]:
-    for file in tests_by_seed(RESULTS.joinpath(algorithm, *cell)):
-        table = pq.read_table(file, columns=["mode", "split", "is_invalid", "agents", "outcome"])
-        kept = pc.field("mode").isin(["greedy"]) & pc.field("split").isin(["train"])
-        outcomes = table.filter(kept & ~pc.field("is_invalid") & (pc.field("agents") > 0))[
-            "outcome"
-        ].to_pylist()
-        shares = [outcomes.count(outcome) / len(outcomes) for outcome in ("collision", "goal")]
-        yield " / ".join(f"{share:.2f}" for share in shares)
+    own = dict(algorithm=algorithm, task=cell[0], task_traffic=cell[1], mode="greedy", split="train")
+    kept = [(name, "==", value) for name, value in own.items()]
+    table = pd.read_parquet(RESULTS / "episodes.parquet", filters=kept)
+    for _, rows in table[~table["is_invalid"] & (table["agents"] > 0)].groupby("training_seed"):
+        yield " / ".join(f"{(rows['outcome'] == end).mean():.2f}" for end in ("collision", "goal"))
 
 
 def partners_table(_: Values) -> Iterable[Sequence[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -171,3 +172,13 @@ def finish_runs(experiment, root: Path, columns=None, **facts) -> RunFolder:
         table = agent_episodes(outcomes, mode="greedy", task_traffic=run.task_setting.traffic, **labels)
         write_table(table.assign(**columns or {}), folder.table)
     return folder
+
+
+def pack(root: Path, out: Path) -> None:
+    """Pack an experiment's runs by `results/pack.py`."""
+    spec = importlib.util.spec_from_file_location("pack", Path(__file__).parents[1] / "results" / "pack.py")
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.pack(root, out)

@@ -202,7 +202,7 @@ def read_table(path: Path) -> pd.DataFrame:
         raise RecordError(
             f"written in format {found or 'unknown'}, this program reads format {FORMAT}",
             place=str(path),
-            remedy="convert the results: python results/convert_v1.py OLD NEW",
+            remedy="read it with the program that wrote it",
         )
     table = arrow.to_pandas()
     table.attrs[COUNTS] = _counts_of(metadata.get(_COUNTS, b""), path)

@@ -15,6 +15,7 @@ from benchmark.metrics.results import Frame
 from benchmark.report.protocol import described, differing_scenarios, differing_trainings, protocol_of
 from benchmark.report.ranking import CELL
 from benchmark.results.files import ResultsError
+from benchmark.results.packed import RUNS
 from benchmark.results.reading import Results, RunResult, holds_results, read_results
 from benchmark.results.versions import check_one_version
 
@@ -90,15 +91,15 @@ def read_side(path: Path) -> Side:
 def _root_of(path: Path) -> tuple[Path, str]:
     """Return an experiment's folder, and the algorithm whose folder is given, "" for the experiment's."""
     remedy = "give results/NAME[/ALGORITHM]"
-    if not path.is_dir():
-        raise ResultsError("there is no such folder", place=str(path), remedy=remedy)
     whole = path.resolve()
+    root = whole.parents[1] if whole.parent.name == SCRIPTED else whole.parent
+    if not path.is_dir() and not (root / RUNS).exists():
+        raise ResultsError("there is no such folder", place=str(path), remedy=remedy)
     if whole == whole.parent:
         raise ResultsError("no results of an experiment", place=str(path), remedy=remedy)
     if holds_results(path):
         return path, ""
-    root = whole.parent
-    return (root.parent if root.name == SCRIPTED else root), whole.name
+    return root, whole.name
 
 
 def with_distinct_names(first: Side, second: Side) -> tuple[Side, Side]:

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from benchmark.report.episode_pages import EPISODES, EpisodeLinks, names_of
 from benchmark.results.files import ResultsError, read_json, write_json
 from benchmark.results.reading import Results, RunResult
-from benchmark.results.run_folder import RunFolder
 
 LINKS = "links.json"
 """In the folder of the pages: what each run's links are."""
@@ -29,7 +30,7 @@ def note_links(results: Results, links: Sequence[EpisodeLinks], folder: Path) ->
     if not any(each.links for each in links):
         return
     content = [
-        {"run": run.place, "test": _digest(results, run), "links": each.links, "problem": each.problem}
+        {"run": run.place, "test": _digest(run), "links": each.links, "problem": each.problem}
         for run, each in zip(results.finished, links, strict=True)
     ]
     write_json(folder / EPISODES / LINKS, content)
@@ -49,7 +50,7 @@ def keep_pages(results: Results, before: Path, folder: Path) -> list[EpisodeLink
     found = []
     for run in results.finished:
         there = noted.get(run.place)
-        if there is None or there["test"] != _digest(results, run):
+        if there is None or there["test"] != _digest(run):
             found.append(EpisodeLinks(*names_of(run), (), OTHER_TEST))
             continue
         for name in _pages([there]):
@@ -86,6 +87,5 @@ def _noted(folder: Path) -> list[dict[str, Any]]:
     return content if is_whole else []
 
 
-def _digest(results: Results, run: RunResult) -> str:
-    table = RunFolder(results.root / run.place).table
-    return hashlib.blake2b(table.read_bytes(), digest_size=8).hexdigest()
+def _digest(run: RunResult) -> str:
+    return hashlib.blake2b(pd.DataFrame(run.table).to_csv().encode(), digest_size=8).hexdigest()

@@ -8,7 +8,6 @@ from benchmark.experiment.config import Experiment
 from benchmark.experiment.values import KEPT
 from benchmark.results.files import (
     LOST,
-    FormatError,
     ResultsError,
     read_versioned,
     write_versioned,
@@ -38,9 +37,6 @@ def read_commands(root: Path, problems: dict[str, str]) -> tuple[tuple[str, ...]
 
     What is missing, damaged or of another version is left out, and goes into `problems`; an experiment that
     cannot be read is None.
-
-    Raises:
-        FormatError: The results are of another format.
     """
     file = root / COMMAND
     if not file.exists():
@@ -48,8 +44,6 @@ def read_commands(root: Path, problems: dict[str, str]) -> tuple[tuple[str, ...]
         return (), []
     try:
         parts = [(str(each["command"]), dict(each["experiment"])) for each in read_versioned(file)[PARTS]]
-    except FormatError:
-        raise
     except ResultsError as error:
         problems[file.name] = f"{error.problem}; {REMEDY}"
         return (), []

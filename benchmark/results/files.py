@@ -19,16 +19,10 @@ LOST = "remove it, and what was lost is made again"
 """Remedy of a damaged file."""
 FORMAT = 2
 """Of results; key `format` of run.json and command.json."""
-CONVERT = "convert the results: python results/convert_v1.py OLD NEW"
-"""Remedy of results in format 1."""
 
 
 class ResultsError(SmartsError):
     """Results cannot be written or read, or are of another run."""
-
-
-class FormatError(ResultsError):
-    """Results are of another format; the remedy names the script that converts them."""
 
 
 def write_whole(file: Path, write: Callable[[Path], Any]) -> None:
@@ -108,13 +102,12 @@ def read_versioned(file: Path) -> dict[str, Any]:
     """Return the content of run.json or command.json without its format; see `read_mapping`.
 
     Raises:
-        ResultsError: It is missing or damaged.
-        FormatError: It is of another format.
+        ResultsError: It is missing, damaged, or of another format.
     """
     content = read_mapping(file)
     if content and (found := content.pop("format", 1)) != FORMAT:
         problem = f"written in format {found}, this version reads format {FORMAT}"
-        raise FormatError(problem, place=str(file), remedy=CONVERT if found == 1 else "update this program")
+        raise ResultsError(problem, place=str(file), remedy="read it with the program that wrote it")
     return content
 
 

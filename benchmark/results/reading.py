@@ -18,10 +18,11 @@ from benchmark.metrics import METRICS, join_tables
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
 from benchmark.results.commands import COMMAND, read_commands
-from benchmark.results.files import LOST, FormatError, ResultsError
+from benchmark.results.files import LOST, ResultsError
+from benchmark.results.packed import PLACE, PROGRESS, packed_contents
 from benchmark.results.progress import read_progress
 from benchmark.results.release import MANIFEST, SUBMISSION, VERDICTS
-from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, RunFolder
+from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, TABLE, RunFolder
 from benchmark.results.run_tables import LABELS, Names, names_of, read_run_table
 from smarts.config import ConfigError, Section, fitted
 from smarts.errors import OwnCodeError, SmartsError
@@ -126,7 +127,6 @@ def read_results(root: Path) -> Results:
 
     Raises:
         ResultsError: The folder does not exist, or holds neither an experiment nor runs.
-        FormatError: The results are of another format.
     """
     if not root.is_dir():
         raise ResultsError(
@@ -142,7 +142,7 @@ def read_results(root: Path) -> Results:
     for each in experiments:
         _load_metrics(each, problems)
         runs |= {run.place: run for run in _expected(each)}
-    found = {run.place: run for run in _found(root, problems)}
+    found = {run.place: run for run in (*_packed(root), *_found(root, problems))}
     if not experiments and not found:
         raise ResultsError(
             "no results of an experiment" + _reasons(problems),
@@ -189,6 +189,25 @@ def _expected(experiment: Experiment) -> Iterator[RunResult]:
         yield RunResult(
             each.label, task_setting.task.name, task_setting.traffic, SCRIPTED_SEED, place, NOT_BEGUN
         )
+
+
+def _packed(root: Path) -> Iterator[RunResult]:
+    """Yield the runs that are packed, which were checked before."""
+    tables, curves = packed_rows(root), packed_rows(root, PROGRESS)
+    for place, content in packed_contents(root).items():
+        if names := names_of(root.absolute() / place):
+            table = tables[place]
+            table.attrs[COUNTS] = content[COUNTS]
+            facts, config = content["run"], content["config"]
+            yield RunResult(*names, place, FINISHED, facts, config, curves.get(place), table=table)
+
+
+def packed_rows(root: Path, name: str = TABLE) -> dict[str, Frame]:
+    """Return place -> rows of a table that is packed in a folder."""
+    if not (root / name).exists():
+        return {}
+    groups = pd.read_parquet(root / name).groupby(PLACE, sort=False)
+    return {str(place): rows.drop(columns=PLACE).reset_index(drop=True) for place, rows in groups}
 
 
 def _found(root: Path, problems: dict[str, str]) -> Iterator[RunResult]:
@@ -273,8 +292,6 @@ def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) ->
     try:
         facts = checked_facts(folder)
         config = checked_config(folder)
-    except FormatError:
-        raise
     except ResultsError as error:
         problems[place] = f"{Path(error.place).name}: {error.problem}"
         return RunResult(*names, place, UNREADABLE)

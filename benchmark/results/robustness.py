@@ -8,8 +8,9 @@ robustness/TASK/TRAFFIC/CONDITION/seed_SEED/EVEN+ODD/
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED
 from benchmark.metrics import read_table
 from benchmark.metrics.results import Frame
 from benchmark.results.files import ResultsError, read_versioned
-from benchmark.results.reading import Results, RunResult
+from benchmark.results.packed import packed_contents
+from benchmark.results.reading import Results, RunResult, packed_rows
 from benchmark.results.run_tables import LABELS
 from smarts.errors import SmartsError
 
@@ -91,16 +93,13 @@ class Played:
 def read_played(results: Results) -> Played:
     """Return the plays of an experiment whose policies are still those of its finished runs."""
     tables, facts, problems = [], [], {}
-    for folder in sorted((results.root / ROBUSTNESS).glob("*/*/*/*/*")):
-        place = folder.relative_to(results.root).as_posix()
-        if not (folder / PLAY).exists():  # under way, or interrupted
-            continue
+    for place, (read_content, read_rows) in sorted(plays_of(results.root).items()):
         try:
-            content = read_versioned(folder / PLAY)
+            content = read_content()
             if problem := _outdated(content, results) or _elsewhere(content, place):
                 raise ResultsError(problem, place=place)
             _extent(content)  # raises if damaged
-            tables.append(read_play(folder))
+            tables.append(read_rows())
             facts.append(content)
         except SmartsError as error:
             problems[place] = f"{error.problem}; {AGAIN}"
@@ -108,6 +107,16 @@ def read_played(results: Results) -> Played:
             problems[place] = f"damaged: {PLAY}: {type(error).__name__}: {error}; {AGAIN}"
     kept = _alike(facts, problems)
     return Played(_joined([tables[k] for k in kept]), tuple(facts[k] for k in kept), problems)
+
+
+def plays_of(root: Path) -> dict[str, tuple[Callable[[], dict[str, Any]], Callable[[], Frame]]]:
+    """Return what reads play.json and rows of each finished play, by its place."""
+    contents, rows = packed_contents(root / ROBUSTNESS), packed_rows(root / ROBUSTNESS)
+    found = {place: (partial(dict, contents[place]), partial(rows.get, place)) for place in contents}
+    for file in (root / ROBUSTNESS).glob(f"*/*/*/*/*/{PLAY}"):
+        place = file.parent.relative_to(root).as_posix()
+        found[place] = partial(read_versioned, file), partial(read_play, file.parent)
+    return found
 
 
 def _alike(facts: Sequence[Mapping[str, Any]], problems: dict[str, str]) -> list[int]:

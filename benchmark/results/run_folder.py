@@ -87,7 +87,12 @@ class RunFolder:
     @property
     def has_episodes(self) -> bool:
         """Whether the test's episodes are there, or cannot be played again for want of a checkpoint."""
-        return self.episodes.exists() or (self.progress.exists() and not self.checkpoint.exists())
+        return self.episodes.exists() or self.has_lost_checkpoint
+
+    @property
+    def has_lost_checkpoint(self) -> bool:
+        """Whether it was trained, and cannot be tested again."""
+        return self.progress.exists() and not self.checkpoint.exists()
 
     def is_finished(self, tested: Mapping[str, Any]) -> bool:
         """Return whether the run is trained, tested in this way, and the test's table valid.
@@ -100,7 +105,7 @@ class RunFolder:
         before = self.facts().get("tested")
         is_same = _is_same_test(before, tested)
         problem = self._table_problem(tested) if is_same else "it was tested in another way"
-        if problem and self.progress.exists() and not self.checkpoint.exists():
+        if problem and self.has_lost_checkpoint:
             raise ResultsError(
                 f"{problem}; there is no checkpoint either that could be tested again",
                 place=str(self.table),

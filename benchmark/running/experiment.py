@@ -24,7 +24,7 @@ from benchmark.experiment.version import differences
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
 from benchmark.results.plurals import counted
-from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
+from benchmark.results.run_folder import ENDED_BY, FINISHED
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import given_hosts
 from benchmark.running.exit_codes import FAILED, INTERRUPTED
@@ -76,7 +76,7 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
     with locked(root):
         live = LiveProgress()
         scheduler = JobScheduler(jobs_of(experiment), root, experiment.resources, live.show)
-        check_scenarios(scheduler, root, scenarios)
+        check_scenarios(scheduler, scenarios)
         keep_command(root, experiment, command())
         if scheduler.is_done:
             return _summarize(scheduler.states, root)
@@ -204,19 +204,18 @@ def _check_spaces(experiment: Experiment) -> None:
         config.check(JointSpec.build(spaces, config.sharing, set_width=config.set_width))
 
 
-def check_scenarios(scheduler: JobScheduler, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:
+def check_scenarios(scheduler: JobScheduler, scenarios: Mapping[str, Mapping[str, str]]) -> None:
     """Check that finished and remaining runs are of the same scenarios; if all are finished, print a note.
 
     Args:
         scheduler: Of the experiment.
-        root: Of its results.
         scenarios: Task setting -> name -> present digest.
 
     Raises:
         ResultsError: Results of two versions of a scenario would be mixed.
     """
     for state in scheduler.states:
-        folder = RunFolder(root / state.job.folder)
+        folder = state.folder
         for name in folder.changed_scenarios(scenarios[str(state.job.task_setting)]):
             problem = f"the scenario {name!r} has changed since this run"
             if not scheduler.is_done:
@@ -248,18 +247,18 @@ def _summarize(states: Sequence[JobState], root: Path) -> int:
             f"{len(failed)} of {len(states)} runs failed; give the same command again to retry",
             file=sys.stderr,
         )
-    if ended_by := Counter(filter(None, (_ending_budget(state, root) for state in states))):
+    if ended_by := Counter(filter(None, (_ending_budget(state) for state in states))):
         counts = (f"{name} in {counted(count, 'run')}" for name, count in ended_by.items())
         print(f"training ended by: {', '.join(counts)}")
     print(f"results: {root}")
     return FAILED if failed else 0
 
 
-def _ending_budget(state: JobState, root: Path) -> str | None:
+def _ending_budget(state: JobState) -> str | None:
     """Return which budget of a run was used up first; None without a finished training."""
     if state.status != FINISHED or not isinstance(state.job, Run):
         return None
-    return RunFolder(root / state.job.folder).facts().get(ENDED_BY)
+    return state.folder.facts().get(ENDED_BY)
 
 
 @contextmanager

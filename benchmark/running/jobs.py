@@ -20,6 +20,7 @@ from ray.util.scheduling_strategies import PlacementGroupSchedulingStrategy
 from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_of
 from benchmark.results.files import write_files
+from benchmark.results.packed import packed_contents, run_folder
 from benchmark.results.run_folder import CHECKPOINT, FINISHED, TRAINING, RunFolder
 from benchmark.running.cluster import (
     check_ray,
@@ -62,6 +63,8 @@ class JobState:
     heard: float = 0.0
     """When its last message came, by the monotonic clock [s]."""
     error: str = ""
+    folder: Any = field(default=None, repr=False)
+    """Of the run, or what is packed of it."""
     updates: Any = field(default=None, repr=False)
     """The stream of its messages."""
     room: Any = field(default=None, repr=False)
@@ -95,12 +98,13 @@ class JobScheduler:
         show: Callable[[Sequence[JobState]], None] = lambda states: None,
     ) -> None:
         self.states = [JobState(job) for job in jobs]
+        packed = packed_contents(root)
         self._root, self._resources, self._show = root.absolute(), resources, show
         self._waiting: deque[JobState] = deque()
         self._under_way: dict[Any, JobState] = {}
         self._free_rooms: list[Any] = []
         for state in self.states:
-            folder = RunFolder(self._root / state.job.folder)
+            folder = state.folder = run_folder(self._root, state.job.folder, packed)
             content = state.job.content()
             folder.check(content)
             setting = state.job.task_setting
@@ -181,10 +185,9 @@ class JobScheduler:
         state.attempts += 1
         try:
             check_room(self._resources, living_nodes())  # machines may have gone since the start
-            folder = RunFolder(self._root / state.job.folder)
-            state.writer = RunWriter(state.job, folder)
+            state.writer = RunWriter(state.job, state.folder)
             start = state.writer.start()
-            state.iteration = int((folder.training_state() or {}).get("iteration", 0))
+            state.iteration = int((state.folder.training_state() or {}).get("iteration", 0))
         except SmartsError as error:
             state.status, state.error = "failed", _words(error)
             return

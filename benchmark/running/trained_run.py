@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmark.experiment.runs import Run, run_from
-from benchmark.results.files import FormatError, ResultsError
+from benchmark.results.files import ResultsError
 from benchmark.results.reading import checked_config, checked_facts
 from benchmark.results.run_folder import RunFolder
 from smarts.errors import nearest_names
@@ -43,8 +43,6 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
         own = tuple(str(Path(path).absolute()) for path in imports) or run.task_setting.imports
         import_own(own)
         return replace(run, task_setting=replace(run.task_setting, imports=own, metrics=metrics))
-    except FormatError:
-        raise
     except (ResultsError, ValueError) as error:
         reason = error.problem if isinstance(error, ResultsError) else error
         raise ResultsError(

@@ -217,7 +217,7 @@ class RecordedEpisode:
             raise RecordError(
                 f"written in format {found}, this program reads formats {READABLE}",
                 place=str(folder),
-                remedy="convert it with results/convert_v1.py, or record the episode again",
+                remedy="record the episode again",
             )
 
     @cached_property

@@ -1,10 +1,12 @@
 """The table of all algorithms is what its command writes, and its parts are read as they are meant."""
 
+import pandas as pd
 import pytest
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of
+from benchmark.results.progress import COLUMNS
 from perf import algorithms_table as table
 from tests.blocks import ROOT
 
@@ -33,23 +35,35 @@ def test_a_check_that_does_not_exist_is_refused():
 
 
 def write_curve(root, traffic, seed, *rows):
-    folder = root / "intersection" / traffic / f"seed_{seed}"
+    folder = root / "ppo" / "intersection" / traffic / f"seed_{seed}"
     folder.mkdir(parents=True)
-    (folder / "progress.csv").write_text("\n".join(("iteration,agent_steps,completion,collision", *rows)))
+    lines = pd.DataFrame(rows, columns=["iteration", "agent_steps", "completion", "collision"])
+    lines.reindex(columns=[*COLUMNS]).assign(seconds=0).to_csv(folder / "progress.csv", index=False)
+
+
+def end_of(root):
+    return table.intersection(table.curves_in(root), "ppo")
 
 
 def test_the_end_of_a_curve_is_its_last_row_with_finished_episodes(tmp_path):
-    write_curve(tmp_path, "no_social_vehicles", 1, "1,500,0.25,0.5", "2,200000,0.75,0.125", "3,300000,,")
-    assert table.intersection(tmp_path) == "0.75 / 0.12 (1 seed, 0.2M)"
+    write_curve(
+        tmp_path,
+        "no_social_vehicles",
+        1,
+        (1, 500, 0.25, 0.5),
+        (2, 200000, 0.75, 0.125),
+        (3, 300000, None, None),
+    )
+    assert end_of(tmp_path) == "0.75 / 0.12 (1 seed, 0.2M)"
 
 
 def test_the_end_of_curves_is_their_mean_over_all_seeds_without_traffic(tmp_path):
-    assert table.intersection(tmp_path) == ""
-    write_curve(tmp_path, "random_social_vehicles", 1, "1,1000000,0.1,0.9")
-    assert table.intersection(tmp_path) == ""
-    write_curve(tmp_path, "no_social_vehicles", 1, "1,1000000,0.9,0.1")
-    write_curve(tmp_path, "no_social_vehicles", 2, "1,1000000,0.5,0.3")
-    assert table.intersection(tmp_path) == "0.70 / 0.20 (2 seeds, 1M)"
+    assert end_of(tmp_path) == ""
+    write_curve(tmp_path, "random_social_vehicles", 1, (1, 1000000, 0.1, 0.9))
+    assert end_of(tmp_path) == ""
+    write_curve(tmp_path, "no_social_vehicles", 1, (1, 1000000, 0.9, 0.1))
+    write_curve(tmp_path, "no_social_vehicles", 2, (1, 1000000, 0.5, 0.3))
+    assert end_of(tmp_path) == "0.70 / 0.20 (2 seeds, 1M)"
 
 
 def test_the_experiment_trains_every_algorithm():

@@ -78,8 +78,8 @@ def test_worse_greedy_rates_are_refused(rates, is_worse):
 def test_rows_hold_the_rates_of_all_valid_agents():
     (run, *_) = (
         each
-        for each in read_results(ROOT / "results" / "paper_table").runs
-        if (each.algorithm, each.task, each.traffic) == ("ppo", "intersection", "random_social_vehicles")
+        for each in read_results(ROOT / "results" / "paper_track").runs
+        if (each.algorithm, each.task, each.traffic) == ("ppo", "intersection_v1", "random_social_vehicles")
     )
     greedy, sampled = comparison.rows_of(run, 0.1)
     played = run.table.query("mode == 'greedy' and split == 'train' and not is_invalid")

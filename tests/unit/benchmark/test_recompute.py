@@ -5,7 +5,7 @@ from pathlib import Path
 
 from benchmark.report.writing import write_report
 from benchmark.results.run_folder import TESTING, RunFolder
-from tests.hand_made_results import agent_episodes, write_experiment, write_run
+from tests.hand_made_results import agent_episodes, pack, write_experiment, write_run
 
 SCRIPT = Path(__file__).parents[3] / "results" / "recompute.py"
 
@@ -27,6 +27,10 @@ def test_rates_are_recomputed_and_a_wrong_one_is_found(tmp_path, capsys):
         write_run(tmp_path, "dqn", tables, seed=seed)
     write_report(tmp_path)
     assert recompute(tmp_path) == 0
+    assert capsys.readouterr().out.startswith("10 rates of 1 cells compared")
+    pack(tmp_path, tmp_path / "packed")
+    write_report(tmp_path / "packed")
+    assert recompute(tmp_path / "packed") == 0
     assert capsys.readouterr().out.startswith("10 rates of 1 cells compared")
     values = tmp_path / "report" / "values.csv"
     right = values.read_text()

@@ -54,11 +54,3 @@ def test_the_text_around_a_table_stays(tables):
     text = "\n".join(["Before.", START, "| old |", END, "Behind.", "<!-- table modes -->", "| x |", END, ""])
     found = tables.with_tables(text, ["paper"], {}, "page.md")
     assert found == text.replace("| old |", tables.lines_of("paper", {}))
-
-
-def test_seeds_are_in_the_order_of_their_numbers(tables, tmp_path):
-    for seed in (10, 2, 1):
-        (tmp_path / f"seed_{seed}").mkdir()
-        (tmp_path / f"seed_{seed}" / "episodes.parquet").touch()
-    found = [file.parent.name for file in tables.tests_by_seed(tmp_path)]
-    assert found == ["seed_1", "seed_2", "seed_10"]

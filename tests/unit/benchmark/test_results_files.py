@@ -291,13 +291,12 @@ def test_own_code_may_be_added_and_none_be_exchanged(tmp_path):
 @pytest.mark.slow
 def test_the_committed_results_are_finished(tmp_path):
     """Whatever keys with defaults configs have got since; on a copy, since nothing may be written there."""
-    shutil.copytree(ROOT / "results" / "paper_table", tmp_path / "table")
-    experiment = read_experiment(ROOT / "configs" / "paper_table.yaml", ["algorithms=[ppo, maddpg]"])
+    shutil.copytree(ROOT / "results" / "paper_track", tmp_path / "table")
+    config = ROOT / "configs" / "paper_track.yaml"
+    experiment = read_experiment(config)
     driver = JobScheduler(jobs_of(experiment), tmp_path / "table", experiment.resources)
     assert driver.is_done
-    larger = read_experiment(
-        ROOT / "configs" / "paper_table.yaml", ["algorithms=[ppo]", "budget.agent_steps=3000000"]
-    )
+    larger = read_experiment(config, ["algorithms=[ppo]", "budget.agent_steps=3000000"])
     with raises(ResultsError, "checkpoint", values=["budget.agent_steps (1000000, here 3000000)"]):
         JobScheduler(jobs_of(larger), tmp_path / "table", larger.resources)
 

@@ -62,9 +62,7 @@ def test_where_ray_itself_is_lost_the_same_command_continues(process):
 @pytest.mark.slow
 def test_policies_of_a_release_are_played_side_by_side(tmp_path):
     manifest, folder = submitted(str(ROOT / "results" / "release_v1"), number=None, scenarios=(), traffic=())
-    of_dqn = [
-        e for e in manifest.policies if e.agent.startswith("policies/dqn_two_way_v1_no_social_vehicles")
-    ]
+    of_dqn = [e for e in manifest.policies if e.agent.startswith("policies/dqn_two_way_v1")]
     manifest = manifest.model_copy(update={"policies": of_dqn})
     given = {"episodes": 2, "fresh": 1}
     one, two = (
