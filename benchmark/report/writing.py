@@ -130,7 +130,7 @@ def _check_free(folder: Path) -> None:
     if folder.is_dir() and any(folder.iterdir()):
         pictures = (f"{name}.png" for name in (*(kind.name for kind in KINDS), PROFILE))
         known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, ROBUSTNESS, "main_table_*.tex", *pictures]
-        if not (folder / TEXT).is_file():  # what has these names is not of a report
+        if not ((folder / TEXT).is_file() or (folder / PAGE).is_file()):  # these names are of others
             known = []
         elif are_pages(folder):
             known.append(EPISODES)

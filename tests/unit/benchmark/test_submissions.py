@@ -624,8 +624,8 @@ def layer(kind, *shapes):
         ([layer("conv")], "there is no layer 'conv'"),
         ([layer("tanh")], "its network has no weights"),
         ([("linear", np.ones((16_000_000, 1), np.float32), np.zeros(4))], "of at most"),
-        ([("linear", np.ones((1, 4), np.int8), np.zeros(4))], "holds int8, not numbers"),
-        ([("linear", np.array([["a"]]), np.zeros(1))], "holds <U1, not numbers"),
+        ([("linear", np.ones((1, 4), np.int8), np.zeros(4))], "holds int8, not floats"),
+        ([("linear", np.array([["a"]]), np.zeros(1))], "holds <U1, not floats"),
     ],
 )
 def test_weights_that_do_not_fit_together_are_refused(submission, tmp_path, layers, named):
