@@ -254,7 +254,7 @@ def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(held_out,
     short = ("evaluate", str(run), "--episodes", "1", "--mode", "greedy")
     code, _, err = finish(begin(*short))
     assert code == 2
-    assert f"{damaged}: the checkpoint is damaged" in err
+    assert f"{damaged}: is not as it was written" in err
     assert "--checkpoint" in err
     code, out, _ = finish(begin(*short, "--checkpoint", "best"))
     assert code == 0
