@@ -32,7 +32,7 @@ TESTS = ROOT / "tests" / "unit" / "algorithms"
 CURVES = ROOT / "results" / "all_algorithms"
 """Experiment with curves at the intersection."""
 CONTINUATIONS = "continued.csv"
-"""Of the experiment: agent-steps of trainings that were killed and continued (`perf.learning_curves`)."""
+"""File with the agent-steps of trainings that were killed and continued (`perf.learning_curves`)."""
 CURVE_COLUMNS = ("completion", "collision", "agent_steps")
 
 HEAD = """# All algorithms

@@ -28,7 +28,7 @@ from benchmark.results.run_folder import TABLE
 from benchmark.results.run_tables import LABELS, RATES
 
 BITS = 24
-"""Of the significand of a measure."""
+"""Bits of the significand of a packed measure."""
 
 
 def pack(root: Path, out: Path) -> None:

@@ -10,7 +10,7 @@ from benchmark.results.files import ResultsError, read_mapping
 from smarts_agent_kit.weights import file_digest
 
 DIGESTS = "digests.json"
-"""Of a checkpoint: path -> digest of each of its other files; those of earlier versions have none."""
+"""A checkpoint's file with path -> digest of each other file; earlier versions wrote none."""
 
 
 def with_digests(files: Mapping[str, bytes]) -> dict[str, bytes]:

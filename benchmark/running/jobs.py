@@ -64,7 +64,7 @@ class JobState:
     """When its last message came, by the monotonic clock [s]."""
     error: str = ""
     folder: Any = field(default=None, repr=False)
-    """Of the run, or what is packed of it."""
+    """The run's folder, or its packed results."""
     updates: Any = field(default=None, repr=False)
     """The stream of its messages."""
     room: Any = field(default=None, repr=False)

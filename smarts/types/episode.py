@@ -68,7 +68,7 @@ class AgentStart:
     collision_time: float = 0.0
     """How long a vehicle that came from traffic stays as an obstacle after a collision [s]."""
     height: float = math.nan
-    """Of the road at the start [m], NaN where it is unknown."""
+    """Height of the road at the start [m], NaN where it is unknown."""
 
 
 @dataclass(frozen=True)

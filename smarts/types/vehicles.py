@@ -61,8 +61,8 @@ class VehicleStates(NamedTuple):
     position: Floats
     """Centre of the footprint in the map frame [m], shape (..., V, 2)."""
     height: Floats
-    """Of the road under the centre [m]. NaN, unknown, until a new vehicle is matched, unless its provider
-    knows it."""
+    """Height of the road under the centre [m]. NaN, unknown, until a new vehicle is matched, unless its
+    provider knows it."""
     heading: Floats
     """Counter-clockwise from +x, in (-pi, pi] [rad]."""
     speed: Floats

@@ -11,7 +11,7 @@ from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
 SHAPE = 200.0
-"""Of the first road [m]."""
+"""Length of the first road [m]."""
 
 
 def build(folder, given: float):

@@ -134,7 +134,7 @@ def test_off_the_road_there_is_no_progress():
     # Back on the road it is where it is, and what it left out is known.
     assert move(made, 90.0, 0.0) == pytest.approx((90.0, 60.0, 48.0))
     assert move(made, 92.0, 0.0) == pytest.approx((92.0, 58.0, 48.0))
-    # Who comes back behind where it left has to drive that again.
+    # An agent that comes back behind the place where it left has to drive that part again.
     move(made, 92.0, -9.0)
     assert move(made, 70.0, 0.0) == pytest.approx((70.0, 80.0, 48.0))
 
