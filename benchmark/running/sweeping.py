@@ -178,8 +178,9 @@ def _tuner(run: Run, section: Tune, space: Mapping[str, Any], root: Path) -> tun
         tune.PlacementGroupFactory(run.resources.bundles),
     )
     trials = root / "trials"
-    # Tune has its own file long before its first state: restored in between, it would try no settings at all.
-    if tune.Tuner.can_restore(str(trials)) and any(trials.glob("experiment_state-*.json")):
+    # Tune writes its own file, then its state, then the searcher's: restored without the last, it would try
+    # no settings at all.
+    if tune.Tuner.can_restore(str(trials)) and any(trials.glob("basic-variant-state-*.json")):
         return tune.Tuner.restore(str(trials), trainable, resume_unfinished=True, restart_errored=True)
     return tune.Tuner(
         trainable,
