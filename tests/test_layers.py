@@ -103,14 +103,13 @@ def violations(file: Path, imports: set[str]) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ROOT)))
-def test_imports_only_lower_layers(file):
-    assert violations(file, imports_of(file)) == []
+def test_files_import_only_lower_layers():
+    assert {file: wrong for file in FILES if (wrong := violations(file, imports_of(file)))} == {}
 
 
-@pytest.mark.parametrize("file", sorted((ROOT / "smarts_agent_kit").glob("*.py")), ids=lambda file: file.name)
-def test_the_kit_needs_numpy_and_msgpack_only(file):
-    tops = {name.partition(".")[0] for name in imports_of(file)}
+def test_the_kit_needs_numpy_and_msgpack_only():
+    files = (ROOT / "smarts_agent_kit").glob("*.py")
+    tops = {name.partition(".")[0] for file in files for name in imports_of(file)}
     assert tops - sys.stdlib_module_names <= {"numpy", "msgpack", "smarts_agent_kit"}
 
 
@@ -123,17 +122,10 @@ def test_every_package_has_a_layer():
     ("place", "source"),
     [
         ("smarts/roads/a.py", "from smarts.sstudio import types"),
-        ("smarts/roads/a.py", "def f():\n    import smarts.sim.simulation"),
-        ("smarts/roads/a.py", "from ..sim import simulation"),
+        ("smarts/roads/a.py", "def f():\n    from ..sim import simulation"),
         ("smarts/roads/a.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import smarts.sim"),
-        ("smarts/sensors/a.py", "import smarts.dynamics"),
         ("smarts/__init__.py", "import smarts.errors"),
-        ("benchmark/results/a.py", "from benchmark import report"),
-        ("benchmark/report/a.py", "import benchmark.running.driver"),
         ("benchmark/running/a.py", "from benchmark.report.writing import write_report"),
-        ("benchmark/metrics/a.py", "from ..experiment import runs"),
-        ("benchmark/statistics/a.py", "import benchmark.metrics"),
-        ("smarts/sim/a.py", "import benchmark.statistics"),
         ("smarts/sstudio/a.py", "from smarts.core.colors import Colors"),
         ("smarts/providers/a.py", "import libsumo"),
         ("algorithms/a.py", "from smarts.errors import SmartsError"),

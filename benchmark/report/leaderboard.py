@@ -225,7 +225,7 @@ def _places(
     for (task, traffic), rows in sorted(found.items()):
         rates = {entry: row[: len(RANKED_BY)] for entry, row in rows.items()}
         known = {entry: marks.get(_key(entry, task, traffic)) for entry in rows}
-        apart = scripted | {entry for entry, mark in known.items() if mark and mark.knows_test}
+        apart = scripted | {entry for entry, mark in known.items() if mark and not mark.is_ranked}
         ranked = [entry for entry in rates if entry not in apart and all(x.is_known for x in rates[entry])]
         standings = ranks(of_cell(differing, task, traffic), ranked) if len(ranked) > 1 else {}
         for entry in sorted(rates, key=lambda each: _order(standings.get(each), rates[each])):

@@ -11,7 +11,7 @@ from algorithms.registry import ALGORITHMS
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.results.files import ResultsError, read_mapping
 from benchmark.results.reading import RunResult
-from benchmark.results.release import ADDRESS, CONFIRMED, MARKED, REFUSED, SUBMISSION, VERDICTS
+from benchmark.results.release import ADDRESS, CONFIRMED, MARKED, REFUSED, SEEDS, SUBMISSION, VERDICTS
 
 MAY_EXCHANGE = "its vehicles may tell each other what they see"
 """Of an address, and of an algorithm that is not known here: from outside it cannot be told."""
@@ -126,6 +126,13 @@ class Mark(NamedTuple):
     status: str
     """The worst of its seeds."""
     knows_test: bool
+    seeds: int
+    """Number of its policies."""
+
+    @property
+    def is_ranked(self) -> bool:
+        """Whether it can have a rank: seeds that were left out cannot be seen otherwise."""
+        return self.seeds >= SEEDS and not self.knows_test
 
 
 def marks_of(submitted: Sequence[Submitted]) -> dict[tuple[str, str, str, str], Mark]:
@@ -133,7 +140,7 @@ def marks_of(submitted: Sequence[Submitted]) -> dict[tuple[str, str, str, str], 
     order = (CONFIRMED, MARKED, REFUSED)
     found: dict[tuple[str, str, str, str], Mark] = {}
     for each in submitted:
-        before = found.get(each.key, Mark(CONFIRMED, knows_test=False))
+        before = found.get(each.key, Mark(CONFIRMED, knows_test=False, seeds=0))
         worst = max(before.status, each.status, key=order.index)
-        found[each.key] = Mark(worst, before.knows_test or each.knows_test)
+        found[each.key] = Mark(worst, before.knows_test or each.knows_test, before.seeds + 1)
     return found

@@ -29,7 +29,6 @@ from benchmark.results.release import (
     ADDRESS,
     LARGEST,
     MANIFEST,
-    SEEDS,
     SUBMISSION,
     VERDICTS,
     Entry,
@@ -165,8 +164,8 @@ def _name_of(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-._") or "agent"
 
 
-def check_manifest(manifest: Manifest, folder: Path) -> list[tuple[str, str]]:
-    """Return marks of a submission, each with the algorithm and cell that it concerns.
+def check_manifest(manifest: Manifest, folder: Path) -> None:
+    """Raise if a submission cannot be evaluated.
 
     Raises:
         ResultsError: The submission is refused; names each reason.
@@ -183,14 +182,6 @@ def check_manifest(manifest: Manifest, folder: Path) -> list[tuple[str, str]]:
             place=str(folder / MANIFEST),
             remedy="see docs/leaderboard.md for what a submission has to be",
         )
-    marks = [("", f"misses, by its own manifest: {each}") for each in manifest.missing]
-    seeds: dict[str, list[int]] = {}
-    for entry in manifest.policies:
-        seeds.setdefault(entry.cell, []).append(entry.seed)
-    for cell, found in seeds.items():
-        if len(found) < SEEDS:
-            marks.append((cell, f"missing seeds: {len(found)} of at least {SEEDS}"))
-    return marks
 
 
 def _wrong(manifest: Manifest, folder: Path) -> Iterator[str]:

@@ -133,7 +133,7 @@ def verify(
         ResultsError: The submission is refused as a whole; names each reason. Or `out` holds something else.
         SmartsError: The evaluation fails for a reason that is none of a policy.
     """
-    general = check_manifest(manifest, folder)
+    check_manifest(manifest, folder)
     if not (out / VERDICTS).exists():  # lest the right address find there the evaluation of a wrong one
         _check_addresses(manifest, folder)
     test = Evaluation(episodes=episodes, held_out_episodes=held_out_episodes, modes=("greedy",))
@@ -141,7 +141,7 @@ def verify(
         seed = open_evaluation(manifest, out)
         evaluated = _Evaluated(manifest, folder, out, test, episodes if fresh is None else fresh, seed)
         outcomes = evaluated.outcomes(parallel)
-        verdicts = [*_judged(outcomes, general, {"seed": seed, "episodes": evaluated.fresh})]
+        verdicts = [*_judged(outcomes, {"seed": seed, "episodes": evaluated.fresh})]
         for verdict in verdicts:
             if verdict.status != REFUSED:
                 evaluated.keep(verdict)
@@ -283,14 +283,11 @@ def _table(setting: TaskSetting, agent: BatchAgent, entry: Entry, folder: RunFol
     return read_table(folder.table)
 
 
-def _judged(
-    outcomes: Sequence[_Outcome], general: Sequence[tuple[str, str]], again: Mapping[str, Any]
-) -> Iterator[Verdict]:
+def _judged(outcomes: Sequence[_Outcome], again: Mapping[str, Any]) -> Iterator[Verdict]:
     """Yield the verdicts on the entries of a submission.
 
     Args:
         outcomes: All of them.
-        general: Marks, each with the cell that it concerns; "" for all.
         again: Seed and number of the fresh episodes.
     """
     pairs: dict[str, list[tuple[Frame, Frame]]] = {}
@@ -308,8 +305,7 @@ def _judged(
         if each.fresh is not None:
             fresh = {**again, "scores": scores_of(each.fresh)}
         known = learnt.get(entry.cell, [])
-        marks = [reason for cell, reason in general if cell in (entry.cell, "")]
-        reasons = (*marks, *differences(entry, each.table, scores, digests), *known)
+        reasons = (*differences(entry, each.table, scores, digests), *known)
         same = equal_digests(entry, digests).values()
         equal, compared = (sum(pair[part] for pair in same) for part in (0, 1))
         status = MARKED if reasons else CONFIRMED

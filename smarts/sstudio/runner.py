@@ -142,7 +142,7 @@ def _own_modules() -> set[str]:
 def _seed_global_generators(seed: int) -> None:
     # The one place that touches the process-wide generators: scenario files written for the original draw
     # from them directly, and must give the same scenario at every build. This process ends with the file.
-    import random
+    import random  # noqa: TID251
 
     import numpy
 

@@ -6,7 +6,6 @@ import sys
 
 import pytest
 
-from perf import curriculum
 from tests.blocks import ROOT
 
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
@@ -24,13 +23,8 @@ SMALLEST = {
         *("--set", "scripted=[parked, gap_acceptance]", "--set", "evaluation.episodes=1"),
         *("--set", "benchmark_version=null", "--set", "evaluation.held_out_episodes=0"),
     ],
-    "bubble_kinds": [PLACE, "--kinds", "position", "--seconds", "2"],
-    "bubbles": ["--scenarios", "loop", "--worlds", "1", "--bubbles", "1", "--steps", "5"],
-    "delays": ["keep-lane-v0", "--delays", "3", "--episodes", "1"],
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
-    "dynamics": ["--seconds", "0.01"],
     "energy": ["--sequences", "20", "--seconds", "0.1"],
-    "frames": [],
     "games": ["--games", "pg promise", "--seeds", "1"],
     "hosts": ["--rounds", "20", "--steps", "10"],
     "handovers": [
@@ -44,8 +38,6 @@ SMALLEST = {
         "fallback",
         "idm",
     ],
-    "junctions": ["--scenarios", "intersection", "--drivers", "idm-v0", "--takes", "1"],
-    "left_turn": ["keep-lane-v0", "--episodes", "1", "--seconds", "5"],
     "manoeuvres": [],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
     "planners": ["--scenes", "4"],
@@ -54,13 +46,13 @@ SMALLEST = {
     "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],
     "social_drivers": ["--kinds", "normal", "--encounters", "1"],
     "size": [],
-    "stopping": [],
-    "takeovers": ["--scenario", "intersection", "--agents", "8", "--vehicles", "20", "--steps", "10"],
     "traffic_step": ["--scenarios", "two_way", "--policies", "keep_lane", "--episodes", "8"],
     "traffic": ["--scenarios", "loop", "--steps", "50", "--repeats", "1"],
     "zoo_manoeuvres": ["u-turn-v0", "--episodes", "4", "--steps", "10", "--set", "after=1"],
 }
 """Arguments of the scripts that run in the tests' process."""
+OFTEN = ("step", "same_episodes", "size")
+"""Those that run in `make test`, too."""
 IN_OWN_PROCESS = {
     "envision": ["--seconds", "2"],
     "joint": ["--seconds", "0.01"],
@@ -68,20 +60,15 @@ IN_OWN_PROCESS = {
         *("--algorithms", "ppo", "--scenario", "two_way", "--seconds", "0.01", "--stages"),
         *("--set", "settings.ppo.rollout_fragment_length=32"),
     ],
-    "page": ["--vehicles", "10", "--seconds", "0.5"],
-    "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
 }
 """Arguments of scripts that start Ray, other processes or a browser."""
 ELSEWHERE = {
     "algorithms_table",
-    "bubble_maps",
     "checkpoints",
-    "curriculum",
     "endurance",
     "gpu_learner",
     "learning_curves",
     "real_maps",
-    "scenario_files",
     "scenario_traffic",
     "traffic_step_training",
     "yardsticks",
@@ -93,8 +80,12 @@ def test_every_script_is_tested():
     assert {*SMALLEST, *IN_OWN_PROCESS, *ELSEWHERE} == SCRIPTS
 
 
+def marked(script):
+    return script if script in OFTEN else pytest.param(script, marks=pytest.mark.nightly)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("script", SMALLEST)
+@pytest.mark.parametrize("script", map(marked, SMALLEST))
 def test_script(script, monkeypatch, capsys, tmp_path):
     arguments = [str(tmp_path) if each == PLACE else each for each in SMALLEST[script]]
     monkeypatch.setattr(sys, "argv", [script, *arguments])
@@ -107,6 +98,7 @@ def test_script(script, monkeypatch, capsys, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("script", IN_OWN_PROCESS)
 def test_script_in_its_own_process(script):
     command = [sys.executable, "-m", f"perf.{script}", *IN_OWN_PROCESS[script]]
@@ -120,11 +112,6 @@ def test_zoo_manoeuvres_takes_whole_batches(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         importlib.import_module("perf.zoo_manoeuvres").main()
     assert "multiple of 4" in capsys.readouterr().err
-
-
-def test_the_page_of_version_1_has_the_table_of_the_curriculum():
-    table = curriculum.page(curriculum.read(curriculum.CSV))
-    assert table in (ROOT / "docs" / "benchmark_v1.md").read_text()
 
 
 def test_gpu_learner_says_that_there_is_no_gpu(monkeypatch, capsys):

@@ -24,6 +24,7 @@ from benchmark.experiment.version import code_digests, frozen_text
 from benchmark.metrics import read_table
 from benchmark.report.leaderboard import make_leaderboard
 from benchmark.report.leaderboard_page import write_leaderboard
+from benchmark.report.submissions import Submitted, marks_of
 from benchmark.results.files import ResultsError, write_json
 from benchmark.results.release import (
     CONFIRMED,
@@ -188,15 +189,15 @@ def test_an_honest_submission_is_confirmed_and_listed(submission, tmp_path):
     assert "theirs, A. Author" in (tmp_path / "page.html").read_text()
 
 
-def test_an_exported_policy_without_claims_gets_a_submission_that_is_confirmed_but_for_its_seeds(tmp_path):
+def test_an_exported_policy_without_claims_gets_a_submission_that_is_confirmed(tmp_path):
     policy, out = write_policy(tmp_path / "mine"), tmp_path / "out"
     manifest, folder = submitted(str(policy), number=None, scenarios=(), traffic=())
     (verdict,) = verify(manifest, folder, out, episodes=EPISODES, fresh=1)
-    assert verdict.reasons == ("missing seeds: 1 of at least 3", "claims no episodes")
+    assert verdict.reasons == ("claims no episodes",)
     assert verdict.fresh["episodes"] == 1
     claims = write_claims(manifest, folder, out)
     (again,) = verified(claims, tmp_path / "again")
-    assert again.reasons == ("missing seeds: 1 of at least 3",)
+    assert again.status == CONFIRMED
     assert (again.equal, again.compared) == (EPISODES, EPISODES)
 
 
@@ -310,9 +311,20 @@ def test_files_that_the_manifest_does_not_describe_are_refused(submission, tmp_p
     assert "policy.json is not the file that its manifest describes" in problem
 
 
-def test_missing_seeds_are_marked(submission, tmp_path):
-    (verdict, _) = verified(submission(lambda manifest: manifest["policies"].pop()), tmp_path / "out")
-    assert (verdict.status, verdict.reasons) == (MARKED, ("missing seeds: 2 of at least 3",))
+def test_two_seeds_are_confirmed_and_have_no_rank():
+    def policies(algorithm, seeds, knows_test=False):
+        names = ("theirs", "theirs", "an author", algorithm, "loop", ALONE)
+        return [
+            Submitted(*names, seed, "", CONFIRMED, (), {}, {}, (4, 4), knows_test and seed == 1)
+            for seed in range(1, seeds + 1)
+        ]
+
+    marks = marks_of([*policies("few", 2), *policies("enough", 3), *policies("knowing", 3, True)])
+    assert {key[1]: mark.is_ranked for key, mark in marks.items()} == {
+        "few": False,
+        "enough": True,
+        "knowing": False,
+    }
 
 
 def test_the_results_of_missing_seeds_are_not_released(tmp_path):

@@ -337,11 +337,13 @@ def test_the_permutation_test_counts_what_enumeration_counts():
 def test_who_knows_the_test_has_no_rank(tmp_path, monkeypatch):
     """The others of three submissions are ranked; the first is marked, and stands in no summary."""
     names = ("first", "second", "third")
-    first, second, third = (write_submission(tmp_path / name, algorithm=name, name=name) for name in names)
+    first, second, third = (
+        write_submission(tmp_path / name, seeds=(1, 2, 3), algorithm=name, name=name) for name in names
+    )
     with monkeypatch.context() as patched:
         reason = "completion rate 1.000 in the public test: it knows the test"
         patched.setattr(verifying, "memorized", lambda cells: {cell: [reason] for cell in cells})
-        (verdict,) = verified(first, tmp_path / "one", fresh=1, episodes=2)
+        verdict, _, _ = verified(first, tmp_path / "one", fresh=1, episodes=2)
     assert (verdict.status, verdict.knows_test) == (MARKED, True)
     assert verdict.reasons[-1] == reason
     verified(second, tmp_path / "two", fresh=1, episodes=2)
@@ -376,7 +378,7 @@ def test_claims_hold_two_files_of_each_policy_and_nothing_else(tmp_path):
             given = root / f"{seed}" / "mine" / f"policy.{end}"
             assert (claims / name / f"policy.{end}").read_bytes() == given.read_bytes()
     again = verified(claims, tmp_path / "again")
-    assert {each.reasons for each in again} == {("missing seeds: 2 of at least 3",)}
+    assert {each.status for each in again} == {CONFIRMED}
     digest = file_digest((root / "1" / "mine" / "policy.npz").read_bytes())
     assert again[0].entry.files["policy.npz"] == digest
 
@@ -424,7 +426,7 @@ def test_a_failure_of_the_evaluator_is_no_refusal(tmp_path, monkeypatch, error):
         with pytest.raises(type(error), match=error.problem):
             verified(root, out)
     before = RunFolder(place_of(out)).table.stat().st_mtime_ns
-    assert [each.status for each in verified(root, out)] == [MARKED, MARKED]  # seeds are missing
+    assert [each.status for each in verified(root, out)] == [MARKED, MARKED]  # they claim nothing
     assert RunFolder(place_of(out)).table.stat().st_mtime_ns == before
 
 
