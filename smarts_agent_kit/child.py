@@ -1,8 +1,8 @@
 """The program of a child process: supervises a process that serves an agent.
 
-It is run as a script. The supervisor ends all that the agent has started, however it was started, when the
-agent's process ends or the simulator does, or when the agent has too many processes. The agent's process has
-limits. That keeps an agent's mistakes from the simulator; it is no sandbox.
+`processes.start_process` runs it as a script. The supervisor ends all that the agent has started, however it
+was started, when the agent's process ends or the simulator does. That keeps an agent's mistakes from the
+simulator; it is no sandbox.
 """
 
 from __future__ import annotations
@@ -16,56 +16,13 @@ import shutil
 import signal
 import socket
 import sys
+import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-_CAUSES = {
-    "SIGKILL": ", by a user or for want of memory",
-    "SIGXCPU": ": a request took more processor time than is allowed",
-}
 _SET_DEATH_SIGNAL, _SET_CHILD_SUBREAPER = 1, 36  # of <sys/prctl.h>
-_ENDED = os.WEXITED | os.WNOHANG | os.WNOWAIT
-MOST_PROCESSES = 256
-"""Of an agent at a time."""
-_TOO_MANY = f"its process was ended: it has started more than {MOST_PROCESSES} processes"
-CHECK_TIME = 0.2
-"""From one count of the agent's processes to the next [s]."""
-PRIORITY = -10
-"""Of the supervisor, where it may have one: it is heard beside hundreds of processes that compute."""
-
-
-def command(
-    python: Sequence[str],
-    fd: int,
-    module: str,
-    *,
-    folder: str,
-    memory: float,
-    paths: Sequence[str] | None = None,
-    **more: Any,
-) -> list[str]:
-    """Return the command that starts a child process with a lifeline as its standard input.
-
-    Args:
-        python: The interpreter, with its options.
-        fd: Its end of the connection to the simulator; when the simulator closes the other, it ends.
-        module: Has the function `load`, which makes the agent.
-        folder: For its temporary files; it is removed when the process ends.
-        memory: The most that it may write to [GB].
-        paths: Its `sys.path`; None: the interpreter's own.
-        more: `agent` and `options`, if they are fixed; else they come from the simulator.
-    """
-    given = {
-        "fd": fd,
-        "module": module,
-        "memory": int(memory * 1e9),
-        "paths": paths,
-        "folder": folder,
-        "values": more or None,
-    }
-    return [*python, str(Path(__file__).absolute()), json.dumps(given)]
 
 
 def main() -> NoReturn:
@@ -83,28 +40,27 @@ def main() -> NoReturn:
             _work(given, supervisor)
         except KeyboardInterrupt:
             os._exit(130)
+        except Exception:
+            traceback.print_exc()
         finally:
             sys.stderr.flush()
             os._exit(1)
-    with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
-    is_modest = _watch(worker, (lifeline, given["fd"]))
-    has_ended = os.waitid(os.P_PID, worker, _ENDED) is not None
+    has_ended = _watch(worker, (lifeline, given["fd"]))
     with suppress(ProcessLookupError):  # as a whole, however fast it forks
         os.killpg(worker, signal.SIGKILL)
     os.kill(worker, signal.SIGKILL)
     _, status = os.waitpid(worker, 0)
     end_children()
     with suppress(Exception):  # the simulator is gone
-        if has_ended or not is_modest:
-            _tell(given, ending(status) if is_modest else _TOO_MANY)
+        if has_ended:
+            _tell(given, ending(status))
     os.close(given["fd"])
     shutil.rmtree(given["folder"], ignore_errors=True)
     os._exit(0)
 
 
 def _watch(worker: int, simulator: Sequence[int]) -> bool:
-    """Wait until the agent's process or the simulator ends; return False if there are too many processes.
+    """Wait until the agent's process or the simulator ends; return whether the process has.
 
     Args:
         worker: The agent's process.
@@ -115,28 +71,8 @@ def _watch(worker: int, simulator: Sequence[int]) -> bool:
         poll.register(each, select.POLLIN | select.POLLHUP)
     # The agent may be busy or blocked, and read nothing; the simulator is heard here all the same.
     poll.register(connection, select.POLLRDHUP | select.POLLHUP)
-    while not poll.poll(1000.0 * CHECK_TIME):
-        while (pid := _ended()) not in (0, worker):  # what the agent has started, and left to itself
-            os.waitpid(pid, 0)
-        if _has_too_many():
-            return False
-    return True
-
-
-def _ended() -> int:
-    """Return a child that has ended, which is not waited for; 0: none."""
-    found = os.waitid(os.P_ALL, 0, _ENDED)
-    return found.si_pid if found else 0
-
-
-def _has_too_many() -> bool:
-    """Return whether this process has more descendants than an agent may have."""
-    found = children("self")
-    for pid in found:  # it grows meanwhile
-        found += children(pid)
-        if len(found) > MOST_PROCESSES:
-            return True
-    return False
+    poll.poll()
+    return os.waitid(os.P_PID, worker, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
 
 
 def ending(status: int) -> str:
@@ -144,7 +80,8 @@ def ending(status: int) -> str:
     if not os.WIFSIGNALED(status):
         return f"its process has ended with exit code {os.waitstatus_to_exitcode(status)}"
     name = signal.Signals(os.WTERMSIG(status)).name
-    return f"its process was killed by {name}{_CAUSES.get(name, '')}"
+    cause = ", by a user or for want of memory" if name == "SIGKILL" else ""
+    return f"its process was killed by {name}{cause}"
 
 
 def _tell(given: Mapping[str, Any], problem: str) -> None:
@@ -165,7 +102,7 @@ def end_children() -> None:
     """Kill all descendants of this process, which is their reaper."""
     with suppress(ChildProcessError):
         while True:
-            for pid in children("self"):
+            for pid in _children():
                 with suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGKILL)
             os.waitpid(-1, 0)
@@ -182,12 +119,11 @@ def _work(given: Mapping[str, Any], supervisor: int) -> None:
     importlib.import_module("smarts_agent_kit.worker").work(given)
 
 
-def children(pid: int | str) -> list[int]:
-    """Return the children of a process; none if it has ended."""
+def _children() -> list[int]:
+    """Return the children of this process."""
     found: list[int] = []
-    with suppress(OSError):
-        for task in os.listdir(f"/proc/{pid}/task"):
-            found += map(int, Path(f"/proc/{pid}/task/{task}/children").read_text().split())
+    for task in os.listdir("/proc/self/task"):
+        found += map(int, Path(f"/proc/self/task/{task}/children").read_text().split())
     return found
 
 

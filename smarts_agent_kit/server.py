@@ -5,9 +5,7 @@ from __future__ import annotations
 import ipaddress
 import os
 import socket
-import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -15,9 +13,8 @@ from contextlib import ExitStack, closing, suppress
 from typing import Any
 
 from smarts_agent_kit.channel import Channel, ClosedError
-from smarts_agent_kit.child import command
-from smarts_agent_kit.environment import clean_environment
 from smarts_agent_kit.handshake import SECRET, RefusedError, admit
+from smarts_agent_kit.processes import start_process
 from smarts_agent_kit.wire import WireError
 
 MOST_CONNECTIONS = 64
@@ -132,13 +129,7 @@ class _Server:
                 with suppress(OSError):
                     self._greeted.pop(0).shutdown(socket.SHUT_RDWR)
             self._greeted.append(connection)
-        try:
-            threading.Thread(target=self._serve, args=(connection,), daemon=True).start()
-        except RuntimeError as error:  # too many threads
-            self._end_greeting(connection)
-            connection.close()
-            print(f"cannot take a connection: {error}", file=sys.stderr)
-            time.sleep(PAUSE)
+        threading.Thread(target=self._serve, args=(connection,), daemon=True).start()
 
     def _serve(self, connection: socket.socket) -> None:
         """Greet a simulator, then serve it by a process until it is gone."""
@@ -157,7 +148,9 @@ class _Server:
                         admit(channel, self._secret, has_room)
                     finally:
                         self._end_greeting(connection)
-                    process = self._start(channel.fileno())
+                    process, _ = start_process(
+                        [sys.executable], channel.fileno(), self._module, **self._values
+                    )
             except (RefusedError, TimeoutError, WireError, ClosedError, OSError) as error:
                 print(f"refused a connection: {error}", file=sys.stderr)
             else:
@@ -166,21 +159,6 @@ class _Server:
     def _end_greeting(self, connection: socket.socket) -> None:
         with self._lock, suppress(ValueError):  # it has given way
             self._greeted.remove(connection)
-
-    def _start(self, fd: int) -> subprocess.Popen:
-        folder = tempfile.mkdtemp(prefix="smarts-agent-")
-        try:
-            return subprocess.Popen(
-                command([sys.executable], fd, self._module, folder=folder, **self._values),
-                env=clean_environment(),
-                stdin=subprocess.PIPE,
-                stdout=2,
-                pass_fds=[fd],
-                start_new_session=True,
-            )
-        except OSError:
-            os.rmdir(folder)
-            raise
 
 
 def keep_alive(connection: socket.socket) -> None:

@@ -19,7 +19,6 @@ FAILURES = (Exception, SystemExit)
 """What an agent may raise that lets it fail: `sys.exit` in an agent does not end the run."""
 LONGEST_PROBLEM = 1000
 """Characters of a failure that are shown."""
-MOST_CALLS = 1000
 _LIBRARIES = ("<frozen", *(sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib")))
 SEEN = "observations/"
 """Begins the names of observations among the arrays of a request."""
@@ -63,7 +62,7 @@ def _place_of(error: BaseException) -> str:
     """
     places = [
         f"{frame.filename}:{frame.lineno}"
-        for frame in traceback.extract_tb(error.__traceback__, limit=-MOST_CALLS)[1:]
+        for frame in traceback.extract_tb(error.__traceback__)[1:]
         if not frame.filename.startswith(_LIBRARIES)
     ]
     return places[-1] if places else ""

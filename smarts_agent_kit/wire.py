@@ -29,6 +29,7 @@ LARGEST_HEAD = 2**18
 LARGEST_KEPT = 2**12
 """The most bytes of a head that is kept for the next message like it."""
 MOST_KEPT = 64
+"""Heads."""
 MOST_ARRAYS = 256
 MOST_AXES = 8
 DEEPEST = 16
@@ -98,16 +99,12 @@ def _listed(layout: tuple) -> tuple[list[np.dtype | None], list[bytes], bytes]:
     """Return what arrays are converted to, the zeros behind each, and the list of the arrays in a head.
 
     Raises:
-        WireError: One is of a type or shape that is not sent, or they are too many.
+        WireError: One is of a type that is not sent.
     """
     dtypes, pads, listed = [], [], []
-    if len(layout) > MOST_ARRAYS:
-        raise WireError(f"the message has {len(layout)} arrays, more than {MOST_ARRAYS}")
     for name, dtype, shape in layout:
         if dtype not in _NAMES:
             raise WireError(f"the array {name!r} is of type {dtype}, not of {', '.join(DTYPES)}")
-        if len(shape) > MOST_AXES or math.prod(max(size, 1) for size in shape) > LARGEST:
-            raise WireError(f"the array {name!r} has the shape {shape}: too many axes, or too large")
         sent = DTYPES[_NAMES[dtype]]
         dtypes.append(None if dtype == sent else sent)
         pads.append(bytes(-math.prod(shape) * dtype.itemsize % ALIGNED))
@@ -117,12 +114,11 @@ def _listed(layout: tuple) -> tuple[list[np.dtype | None], list[bytes], bytes]:
 
 
 def _head(kind: str, values: Mapping[str, Any], listed: bytes) -> bytes:
-    for name, value in values.items():
-        if not (isinstance(name, str) and _is_plain(value, 1)):
-            raise WireError(f"{name!r:.100} is no plain value: texts, numbers, and lists and dicts of them")
+    if not _is_plain(values):
+        raise WireError("a value is not plain: give texts, numbers, and lists and dicts of them")
     try:
         head: Any = msgpack.packb([kind, values, listed])
-    except (TypeError, ValueError, OverflowError, RecursionError) as error:
+    except OverflowError as error:
         raise WireError(f"a value cannot be sent: {error}") from error
     return head
 
@@ -161,7 +157,8 @@ def decode(frame: bytes | bytearray) -> Message:
     body = LENGTHS.size + head_size + -head_size % ALIGNED
     if size != len(frame) - 4 or head_size > LARGEST_HEAD or body > len(frame):
         raise WireError("the lengths of a message do not agree")
-    kind, values, places, end = _read(bytes(frame[LENGTHS.size : LENGTHS.size + head_size]))
+    head = bytes(frame[LENGTHS.size : LENGTHS.size + head_size])
+    kind, values, places, end = _kept(head) if head_size <= LARGEST_KEPT else _parsed(head)
     if body + end != len(frame):
         raise WireError("the bytes of a message are not those of its arrays")
     if isinstance(frame, bytes):
@@ -190,27 +187,12 @@ class _Head(NamedTuple):
     """Of the arrays, behind the head."""
 
 
-_KEPT: dict[bytes, _Head] = {}
-"""Heads without values: they are the same from message to message, as long as the number of agents is."""
-
-
-def _read(head: bytes) -> _Head:
+def _parsed(head: bytes) -> _Head:
     """Return what a head says.
 
     Raises:
         WireError: It is none.
     """
-    found = _KEPT.get(head)
-    if found is None:
-        found = _parsed(head)
-        if not found.values and len(head) <= LARGEST_KEPT:
-            if len(_KEPT) >= MOST_KEPT:
-                _KEPT.clear()
-            _KEPT[head] = found
-    return found
-
-
-def _parsed(head: bytes) -> _Head:
     parts = _unpacked(head)
     if not (isinstance(parts, list) and len(parts) == 3 and parts[0] in KINDS):
         raise WireError("the head of a message is not [kind, values, arrays]")
@@ -218,6 +200,10 @@ def _parsed(head: bytes) -> _Head:
     if not isinstance(values, dict) or not _is_plain(values) or not isinstance(layout, bytes):
         raise WireError("the values of a message are no dict of plain values")
     return _Head(kind, values, *_places(layout))
+
+
+_kept = lru_cache(maxsize=MOST_KEPT)(_parsed)
+"""Heads are the same from message to message, as long as the number of agents is."""
 
 
 def _places(layout: bytes) -> tuple[tuple[_Place, ...], int]:

@@ -11,7 +11,7 @@ import numpy as np
 from smarts.agents import ActionSpaceType, AgentInterface, DoneCriteria
 from smarts.agents.policy import Agent, BatchAgent
 from smarts.zoo import register
-from smarts_agent_kit import uniform, worker
+from smarts_agent_kit import uniform
 from tests.easing import Easing
 
 LANER = AgentInterface(
@@ -78,34 +78,16 @@ class Misbehaving(BatchAgent):
         subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"], start_new_session=True)
         return np.zeros(count, int)
 
-    def bomb(self, count):
-        for _ in range(9):  # 512 processes, so that it ends if nothing bounds it
-            os.fork()
-        time.sleep(60)
-
-    def bomb_in_sessions(self, count):
-        for _ in range(9):
-            if os.fork() == 0:
-                os.setsid()
-        time.sleep(60)
-
     def print_much(self, count):
         for _ in range(1000):
             print("x" * 100, flush=True)
         return np.zeros(count, int)
 
-    def print_once(self, count):
-        print("a line that an agent prints")
+    def nothing(self, count):
         return np.zeros(count, int)
 
     def read_input(self, count):
         assert sys.stdin.read() == ""
-        return np.zeros(count, int)
-
-    def fill_the_disk(self, count):
-        with open(os.path.join(os.environ["TMPDIR"], "large"), "wb") as file:
-            for _ in range(400):
-                file.write(bytes(2**20))
         return np.zeros(count, int)
 
     def fill_the_memory(self, count):
@@ -121,24 +103,6 @@ class Misbehaving(BatchAgent):
 
     def answer_too_much(self, count):
         return np.zeros((count, 2**21))
-
-    def answer_objects(self, count):
-        return np.array([object()] * count)
-
-
-class Burning(BatchAgent):
-    """Computes for ever at its second request, of which a second is allowed on one core."""
-
-    interface = LANER
-    observation = ("speed",)
-    _asked = 0
-
-    def act(self, obs):
-        worker.TIME, worker.SPARE, os.cpu_count = 1, 0, lambda: 1
-        self._asked += 1
-        while self._asked == 2:
-            pass
-        return np.zeros(len(obs.env_id), int)
 
 
 class Large(Drawing):
@@ -170,6 +134,5 @@ register("easing-v0", Easing)
 register("sensing-v0", Sensing)
 register("drawing-v0", Drawing)
 register("misbehaving-v0", Misbehaving)
-register("burning-v0", Burning)
 register("large-v0", Large)
 register("describing-v0", Describing)

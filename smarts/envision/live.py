@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import hashlib
 import json
-import logging
 import time
 from collections import deque
 from dataclasses import dataclass, field
@@ -20,16 +19,10 @@ from smarts.errors import RecordError, SmartsError
 from smarts.stream.arrays import unpacked_array
 from smarts.stream.container import Message, pack, unpack
 from smarts.stream.live_encoder import LiveEncoder
-from smarts.stream.road_map import LANE_COLUMNS, MOST_MAPS
+from smarts.stream.road_map import LANE_COLUMNS
 
-MOST_SOURCES = 32
-"""Simulations that are known at a time."""
-MOST_REFUSED = 10_000
-"""Simulations of one process that are counted and not shown."""
 MOST_OBSERVED = 4
 """Agents of one simulation whose observations are asked for."""
-MOST_REQUESTS = 20
-"""That a viewer sends in a second."""
 KEPT = 60.0
 """A simulation that is gone stays in the list for so long [s]."""
 _LISTED = 0.5
@@ -74,8 +67,6 @@ class Publisher:
     maps: dict[int, Message] = field(default_factory=dict)
     sources: set[str] = field(default_factory=set)
     """Ids of its simulations that are shown."""
-    refused: set[str] = field(default_factory=set)
-    """And of those for which there was no room when their episodes began."""
     unsent: int = 0
     """Simulations that it does not send."""
     observed: dict[str, list[int]] = field(default_factory=dict)
@@ -118,11 +109,7 @@ class LiveHub:
             asking.cancel()
             self._publishers.discard(publisher)
             for number in publisher.sources & self._sources.keys():
-                # One that cannot be ended, or is forgotten, leaves the others what they are.
-                try:
-                    self._lose(self._sources[number])
-                except Exception:
-                    logging.getLogger("smarts").exception("envision: simulation %s cannot be ended", number)
+                self._lose(self._sources[number])
 
     async def watch(self, socket: WebSocket) -> None:
         """Send one viewer what it watches until it is gone."""
@@ -144,19 +131,16 @@ class LiveHub:
                 task.cancel()
 
     async def _listen(self, viewer: Viewer) -> None:
-        times: deque[float] = deque(maxlen=MOST_REQUESTS)
         while True:
             received = await viewer.socket.receive()
             if received["type"] == "websocket.disconnect":
                 return
-            text, now = received.get("text"), time.monotonic()
+            text = received.get("text")
             size = len(text or "") + len(received.get("bytes") or b"")
-            is_too_often = len(times) == MOST_REQUESTS and now - times[0] < 1.0
-            times.append(now)
             request = None if text is None or size > MOST_REQUEST else Request.parse(text)
-            if size > MOST_REQUEST or is_too_often or request is None:
-                reason = "too large" if size > MOST_REQUEST else "too often" if is_too_often else "no request"
-                await viewer.socket.close(_TOO_BIG if size > MOST_REQUEST else _POLICY, reason)
+            if request is None:
+                is_large = size > MOST_REQUEST
+                await viewer.socket.close(*((_TOO_BIG, "too large") if is_large else (_POLICY, "no request")))
                 return
             new = [number for number in request.watched if number not in viewer.request.watched]
             viewer.request = request
@@ -216,16 +200,14 @@ class LiveHub:
         """Take one message of a publisher: the map first, then episodes, each with frames."""
         if message["type"] == "map":
             publisher.maps[int(message["map"])] = checked_map(message["message"], message["origin"])
-            if len(publisher.maps) > MOST_MAPS:
-                raise RecordError(f"more than {MOST_MAPS} maps", place="a publisher")
             return
         if message["type"] == "unsent":
-            publisher.unsent = min(max(0, int(message["count"])), MOST_REFUSED)
+            publisher.unsent = _whole(message["count"])
             return
         number = _text(message["source"])
         if message["type"] == "begin":
             self._begin(number, message, publisher)
-        elif number not in publisher.refused:
+        else:
             self._continue(number, message, publisher)
 
     def _continue(self, number: str, message: dict[str, Any], publisher: Publisher) -> None:
@@ -244,23 +226,8 @@ class LiveHub:
         for made in source.encoder.take(message, is_watched=is_watched):
             self._relay(number, made)
 
-    def _has_room(self, number: str, publisher: Publisher) -> bool:
-        """Return whether a simulation is shown; the first ones are, and others when these are gone."""
-        if number not in self._sources and len(self._sources) >= MOST_SOURCES:
-            gone = [each for each in self._sources.values() if each.gone]
-            if not gone:
-                if len(publisher.refused) < MOST_REFUSED:
-                    publisher.refused.add(number)
-                return False
-            # Programs that make one environment after another.
-            del self._sources[min(gone, key=lambda each: each.gone).id]
-        publisher.refused.discard(number)
-        return True
-
     def _begin(self, number: str, message: dict[str, Any], publisher: Publisher) -> None:
         maps, mine = publisher.maps, publisher.sources
-        if not self._has_room(number, publisher):
-            return
         if number in self._sources and number not in mine and not self._sources[number].gone:
             raise RecordError("a simulation of another process has the same id", place=number)
         facts = {str(name): value for name, value in message["facts"].items()}
@@ -324,7 +291,7 @@ class LiveHub:
                     viewer.put(packed)
 
     def _list(self) -> bytes:
-        hidden = sum(len(each.refused) + each.unsent for each in self._publishers)
+        hidden = sum(each.unsent for each in self._publishers)
         rows = [source.row() for source in self._sources.values()]
         return pack({"type": "sources", "sources": rows, "hidden": hidden})
 

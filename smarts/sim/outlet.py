@@ -9,12 +9,11 @@ import os
 import re
 import select
 import socket
-import struct
 import threading
 import time
 import weakref
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -35,7 +34,7 @@ _LAST_WORDS = 0.5
 """How long `close` waits for what is still to be sent [s]."""
 _STANDSTILL = 30_000
 """A server that takes nothing for so long is given up [ms]."""
-_LOOK = 0.05
+_LOOK = 0.01
 """From one look of an outlet that ends at what is still to be sent to the next [s]."""
 _AT_ONCE = 64
 """The most frames of one call of the system."""
@@ -97,13 +96,12 @@ class Outlet:
         self._protocol: ClientProtocol | None = None
         self._begun = memoryview(b"")
         """The rest of a frame whose beginning has been sent."""
-        self._answers: deque[bytes] = deque()
-        """To the server's pings."""
         self._waiting: deque[bytes] = deque()
+        """Frames."""
         self._to_make: deque[Callable[[], Content] | bytes] = deque()
         """Messages that the thread makes, and those that came after them."""
         self._bytes = 0
-        """Of the messages that wait; those that are still to be made have none."""
+        """Of what waits; messages that are still to be made have none."""
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._bell, self._ringing = socket.socketpair()
@@ -158,13 +156,20 @@ class Outlet:
             self._wake()
             if threading.current_thread() is self._thread:
                 return
-            self._thread.join(_LAST_WORDS + 4 * _LOOK)
+            self._thread.join(_LAST_WORDS + 0.2)
 
     def _queue(self, packed: bytes) -> None:
         """Queue a message as a WebSocket frame."""
-        frame = _header(len(packed)) + packed
-        self._waiting.append(frame)
-        self._bytes += len(frame)
+        assert self._protocol is not None
+        self._protocol.send_binary(packed)
+        self._take_frames()
+
+    def _take_frames(self) -> None:
+        """Queue the frames that the protocol has made."""
+        assert self._protocol is not None
+        for frame in self._protocol.data_to_send():
+            self._waiting.append(frame)
+            self._bytes += len(frame)
 
     def _flush_or_wake(self) -> None:
         """Send what the socket takes; leave the rest to the thread."""
@@ -180,10 +185,10 @@ class Outlet:
     def _flush(self) -> None:
         """Send what waits, as far as the socket takes it."""
         connection = self._connection
-        while connection is not None and (self._begun or self._answers or self._waiting):
+        while connection is not None and (self._begun or self._waiting):
             # A frame is sent to its end, whatever is dropped behind it.
             parts = [self._begun] if self._begun else []
-            parts += [*self._answers, *islice(self._waiting, _AT_ONCE)]
+            parts += islice(self._waiting, _AT_ONCE)
             try:
                 sent = connection.sendmsg(parts)
             except (BlockingIOError, InterruptedError):
@@ -198,11 +203,8 @@ class Outlet:
         """Take off the queues what has been sent [bytes]."""
         while sent:
             if not self._begun:
-                if self._answers:
-                    self._begun = memoryview(self._answers.popleft())
-                else:
-                    self._begun = memoryview(self._waiting.popleft())
-                    self._bytes -= len(self._begun)
+                self._begun = memoryview(self._waiting.popleft())
+                self._bytes -= len(self._begun)
             whole = min(sent, len(self._begun))
             self._begun, sent = self._begun[whole:], sent - whole
 
@@ -242,13 +244,10 @@ class Outlet:
         connection.setblocking(False)
         with self._lock:
             self._protocol, self._begun = protocol, memoryview(b"")
-            self._answers.clear()
             self._drop()
             self.is_open = True
         while not self._closing.is_set() and self.is_open:
-            has_rest = bool(self._begun or self._waiting or self._answers)
-            awaited = connection, self._ringing
-            readable = _ready(awaited, [connection] if has_rest else [])
+            readable = _ready(connection, self._ringing, has_rest=bool(self._begun or self._waiting))
             if self._ringing in readable:
                 with contextlib.suppress(BlockingIOError):
                     self._ringing.recv(4096)
@@ -257,7 +256,7 @@ class Outlet:
                     self._listen(connection, protocol)
                 self._flush()
             self._make()
-        self._say_last(connection, protocol)
+        self._say_last(protocol)
 
     def _listen(self, connection: socket.socket, protocol: ClientProtocol) -> None:
         """Take what the server says: pings, which are answered, what viewers look at, or its end."""
@@ -270,7 +269,7 @@ class Outlet:
             observed = _observed(event)
             if observed is not None:
                 self.observed = observed
-        self._answers.extend(protocol.data_to_send())
+        self._take_frames()
         if not data or protocol.close_expected():
             self.is_open = False
 
@@ -296,42 +295,36 @@ class Outlet:
                     self._queue(packed)
                     self._flush()
 
-    def _say_last(self, connection: socket.socket, protocol: ClientProtocol) -> None:
+    def _say_last(self, protocol: ClientProtocol) -> None:
         """Send what is still to be sent, for half a second at most, and part."""
         until = time.monotonic() + _LAST_WORDS
-        self._send_rest(connection, until)
+        self._send_rest(until)
         with self._lock:
             self.is_open = False
             self._to_make.clear()
             protocol.send_close(1000)
-            self._waiting.extend(protocol.data_to_send())
-        self._send_rest(connection, until)
+            self._take_frames()
+        self._send_rest(until)
 
-    def _send_rest(self, connection: socket.socket, until: float) -> None:
+    def _send_rest(self, until: float) -> None:
         self._make()
         while (self._begun or self._waiting) and time.monotonic() < until:
-            _ready([], [connection], _LOOK)
+            time.sleep(_LOOK)
             with self._lock:
                 self._flush()
             self._make()
 
 
-def _ready(
-    reading: Iterable[socket.socket], writing: Iterable[socket.socket], seconds: float | None = None
-) -> list[socket.socket]:
-    """Wait until a socket can be read or written, and return those that can be read or are closed.
+def _ready(connection: socket.socket, ringing: socket.socket, *, has_rest: bool) -> list[socket.socket]:
+    """Wait until one of two sockets can be read, or the connection written; return those that can be read.
 
     `select.select` would refuse those of processes with more than 1,024 files.
     """
-    wanted = dict.fromkeys((each.fileno() for each in writing), select.POLLOUT)
-    by_number = {each.fileno(): each for each in reading}
-    for number in by_number:
-        wanted[number] = wanted.get(number, 0) | select.POLLIN
     poll = select.poll()
-    for number, events in wanted.items():
-        poll.register(number, events)
-    found = poll.poll(None if seconds is None else 1000.0 * seconds)
-    return [by_number[number] for number, event in found if number in by_number and event != select.POLLOUT]
+    poll.register(connection, select.POLLIN | (select.POLLOUT if has_rest else 0))
+    poll.register(ringing, select.POLLIN)
+    found = dict(poll.poll())
+    return [each for each in (connection, ringing) if found.get(each.fileno(), 0) & ~select.POLLOUT]
 
 
 def process_now() -> int:
@@ -408,19 +401,6 @@ def _observed(event: Any) -> dict[str, list[int]] | None:
         return {str(source): [*map(int, agents)] for source, agents in given.items()}
     except (AttributeError, ValueError, TypeError, KeyError, RecursionError):
         return None
-
-
-def _header(length: int) -> bytes:
-    """Return the header of a binary frame of a client.
-
-    Clients have to mask what they send, lest a web page chooses the bytes that a proxy sees. No page chooses
-    these, so the key is 0, which leaves them as they are and costs nothing.
-    """
-    if length < 126:
-        return struct.pack("!BBI", 0x82, 0x80 | length, 0)
-    if length < 1 << 16:
-        return struct.pack("!BBHI", 0x82, 0x80 | 126, length, 0)
-    return struct.pack("!BBQI", 0x82, 0x80 | 127, length, 0)
 
 
 def _packed(message: Content) -> bytes | None:

@@ -32,7 +32,7 @@ from smarts.sim.publisher_pace import Pace
 from smarts.sim.publisher_sight import PublishedSight
 from smarts.sim.publisher_tables import static_tables
 from smarts.sim.recorder import OBSERVED
-from smarts.stream.road_map import MOST_MAPS, origin_of
+from smarts.stream.road_map import origin_of
 from smarts.types.actions import Actions
 from smarts.types.agent_states import UNSET
 from smarts.types.episode import EpisodeStart
@@ -227,8 +227,7 @@ class EpisodePublisher:
         if shown.epoch != epoch:
             shown.epoch, shown.known = epoch, (0, 0, 0)
             self._buffers.named[row] = 0
-            if not self._open(row, shown, epoch):
-                return
+            self._open(row, shown, epoch)
         known = len(self._pool.starts[row]), len(self._pool.holds[row]), len(shown.outcomes)
         if known != shown.known:
             shown.known = known
@@ -277,16 +276,13 @@ class EpisodePublisher:
             self._origins[number] = np.array(origin_of(self._scene.atlas.graphs[number]))
         return shown.sight.take(frame, row, self._origins[number], time.monotonic())
 
-    def _open(self, row: int, shown: _Row, epoch: int) -> bool:
-        """Send the map if the server has none, and which episode it is; return whether it is shown."""
+    def _open(self, row: int, shown: _Row, epoch: int) -> None:
+        """Send the map if the server has none, and which episode it is."""
         start = shown.start
         assert start is not None
         if self._maps_sent[0] != epoch:
             self._maps_sent = epoch, set()
         if start.map not in self._maps_sent[1]:
-            if len(self._maps_sent[1]) >= MOST_MAPS:
-                self._maps.refuse(start.map, f"more than {MOST_MAPS} maps of one process")
-                return False
             self._maps_sent[1].add(start.map)
             self._outlet.put(partial(self._maps.message, start.map), epoch, is_last=False)
         facts = {
@@ -302,7 +298,6 @@ class EpisodePublisher:
         }
         who = {"host": socket.gethostname(), "pid": os.getpid(), "world": row}
         self._put(shown, {"type": "begin", "facts": facts, "map": start.map, **who})
-        return True
 
     def _names(self, row: int, slots: Ints) -> list[tuple[int, int, str]]:
         """Return slot, generation and name of vehicles."""

@@ -40,16 +40,11 @@ class PublishedMaps:
             try:
                 pack(self._kept[number])
             except SmartsError as error:
-                self.refuse(number, error.problem)
+                self.refused.add(number)
+                logging.getLogger("smarts").warning(
+                    "envision: simulations on map %d are not shown: %s; use a smaller map, or record the "
+                    "episodes and open them with `smarts-bench view`",
+                    number,
+                    error.problem,
+                )
         return self._kept[number]
-
-    def refuse(self, number: int, problem: str) -> None:
-        """Show no simulation on a map from now on, and say so once."""
-        if number not in self.refused:
-            self.refused.add(number)
-            logging.getLogger("smarts").warning(
-                "envision: simulations on map %d are not shown: %s; use a smaller map or fewer maps, or "
-                "record the episodes and open them with `smarts-bench view`",
-                number,
-                problem,
-            )

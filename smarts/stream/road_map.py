@@ -18,8 +18,6 @@ NO_LINE, DASHED, EDGE, CENTRE = range(4)
 direction."""
 NO_STOP, AT_LIGHTS, GIVES_WAY = range(3)
 """Why there is a stop line at a lane's end."""
-MOST_MAPS = 256
-"""Of one process that shows its simulations."""
 LANE_COLUMNS = (
     *("start", "x", "y", "width", "kind", "junction", "left", "right", "stop", "signal"),
     *("speed_limit", "edge"),

@@ -15,19 +15,18 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from packaging.specifiers import InvalidSpecifier, SpecifierSet
+from packaging.specifiers import SpecifierSet
 
 from smarts.agents.hosting.links import InChildProcess
 from smarts.agents.hosting.options import HERE, HostError
 from smarts.agents.hosting.remote import remote_spec
 from smarts.agents.spec import AgentSpec
-from smarts.errors import SmartsError, shown
-from smarts.registry import is_own_name
+from smarts.errors import SmartsError
 from smarts.zoo.entry import ZooEntry, check_name
 from smarts.zoo.kit_wheel import build_wheel, kit_digest
 
@@ -38,6 +37,7 @@ COMPLETE = ".complete"
 """The file that is written last into an environment."""
 ENVIRONMENT = re.compile(r"(.+)-[0-9a-f]{16}-py[\d.]+\w*")
 """The form of an environment's name: its agent, a digest, the version of Python."""
+OTHER_PYTHON = "name another interpreter: zoo install NAME --python PATH"
 LAST_WORDS = 800
 """Characters of an installer's output that an error repeats."""
 
@@ -87,11 +87,11 @@ def read_entries(folder: str | Path) -> list[SeparateEntry]:
     """Return the agents that a folder's project names as entry points; nothing is imported.
 
     Raises:
-        SmartsError: It names none, or a name or place is wrong.
+        SmartsError: It names none, or a name is wrong.
     """
     project, place = read_project(folder), str(Path(folder).absolute())
     points = project.get("entry-points", {}).get(GROUP, {})
-    if not isinstance(points, Mapping) or not points:
+    if not points:
         raise SmartsError(
             "the project names no agent",
             place=f"{place}/{PROJECT}",
@@ -100,12 +100,6 @@ def read_entries(folder: str | Path) -> list[SeparateEntry]:
     found = []
     for name, point in points.items():
         check_name(name)
-        if not isinstance(point, str) or not is_own_name(point):
-            raise SmartsError(
-                f"{shown(point)} is no 'module:Class'",
-                place=f"{place}/{PROJECT}, {name!r}",
-                remedy='name the class of the agent: "my_module:MyAgent"',
-            )
         found.append(SeparateEntry(name, point, folder=place, provenance=f"project {project.get('name')}"))
     return found
 
@@ -118,16 +112,15 @@ def read_project(folder: str | Path) -> Mapping[str, Any]:
     """
     file = Path(folder) / PROJECT
     try:
-        project = tomllib.loads(file.read_text(encoding="utf-8")).get("project")
+        return tomllib.loads(file.read_text(encoding="utf-8"))["project"]
     except (OSError, UnicodeError, tomllib.TOMLDecodeError) as error:
         raise SmartsError(
             f"is not readable: {error}", place=str(file), remedy="mend the file: it is TOML in UTF-8"
         ) from error
-    if not isinstance(project, Mapping):
+    except KeyError as error:
         raise SmartsError(
             "has no section [project]", place=str(file), remedy='add one, with a line name = "my-agent"'
-        )
-    return project
+        ) from error
 
 
 def python_of(entry: ZooEntry) -> Path:
@@ -136,17 +129,14 @@ def python_of(entry: ZooEntry) -> Path:
     Raises:
         HostError: The environment was not built, or of another state of the project.
     """
-    built = {}
-    for file in _root().glob(f"{_key(entry)}-py*/{COMPLETE}"):
-        with suppress(FileNotFoundError):  # another process may remove the environment now
-            built[file] = file.stat().st_mtime_ns
+    built = [*_root().glob(f"{_key(entry)}-py*/{COMPLETE}")]
     if not built:
         raise HostError(
             "the agent's environment was not built, or its project or the kit has changed since",
             place=f"agent {entry.name!r}",
             remedy=f"smarts-bench zoo install {entry.name}",
         )
-    return max(built, key=lambda file: built[file]).parent / "bin" / "python"
+    return max(built, key=lambda file: file.stat().st_mtime_ns).parent / "bin" / "python"
 
 
 def install(entry: ZooEntry, python: str = sys.executable) -> Path:
@@ -246,21 +236,16 @@ def _version_of(python: str, place: str) -> str:
     try:
         done = subprocess.run([python, "-I", "-c", show], capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError) as error:
-        _refuse(f"{python!r} is no Python: {error}", place)
+        raise HostError(f"{python!r} is no Python: {error}", place=place, remedy=OTHER_PYTHON) from error
     return done.stdout.strip()
 
 
 def _check_python(project: Mapping[str, Any], version: str, place: str) -> None:
-    try:
-        wanted = SpecifierSet(str(project.get("requires-python", "")))
-    except InvalidSpecifier as error:
-        _refuse(f"requires-python is wrong: {error}", place)
+    wanted = SpecifierSet(str(project.get("requires-python", "")))
     if not wanted.contains(version, prereleases=True):
-        _refuse(f"the agent needs Python {wanted}, and this one is {version}", place)
-
-
-def _refuse(problem: str, place: str) -> NoReturn:
-    raise HostError(problem, place=place, remedy="name another interpreter: zoo install NAME --python PATH")
+        raise HostError(
+            f"the agent needs Python {wanted}, and this one is {version}", place=place, remedy=OTHER_PYTHON
+        )
 
 
 def _key(entry: ZooEntry) -> str:

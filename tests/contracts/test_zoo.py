@@ -22,6 +22,10 @@ LIKE_DRIVERS = [
     if name not in ("gap-acceptance-v0", "trajectory-v0", "chase-via-points-v0", *PLANNED)
 ]
 
+ALWAYS = ("mobil-v0", "cut-in-v0", "chase-via-points-v0")
+"""One agent of each kind: by speed and lane, by paths, by objects."""
+FAMILY = [pytest.param(name, marks=() if name in ALWAYS else pytest.mark.nightly) for name in AGENTS]
+
 
 @pytest.mark.parametrize("name", AGENTS)
 def test_entries_say_what_they_are(name):
@@ -33,9 +37,9 @@ def test_entries_say_what_they_are(name):
     assert entry.licence == "MIT"
 
 
-@pytest.mark.parametrize("name", AGENTS)
+@pytest.mark.parametrize("name", FAMILY)
 def test_every_agent_keeps_the_contract(name):
-    found = [*check_entry(name, OPTIONS.get(name), steps=120)]
+    found = [*check_entry(name, OPTIONS.get(name), steps=60)]
     agent, _ = make_agent(name, **OPTIONS.get(name, {}))
     assert len(found) == (6 if isinstance(agent, BatchAgent) else 3), found
 
@@ -196,7 +200,7 @@ def test_the_page_lists_all_agents():
     assert listed == {name: entry.description() for name, entry in AGENTS.items()}
 
 
-@pytest.mark.parametrize("name", [name for name in AGENTS if name != "chase-via-points-v0"])
+@pytest.mark.parametrize("name", [each for each in FAMILY if "chase-via-points-v0" not in each.values])
 def test_nothing_begins_in_the_air_lock(name):
     """What an agent sees while traffic drives its vehicle changes nothing of what it does when it drives."""
     from benchmark.running.zoo_contract import ZooDrive

@@ -31,6 +31,7 @@ def end(serial):
     return {"type": "end", "is_complete": True, "remark": "", "source": "a", "serial": serial}
 
 
+@pytest.mark.nightly
 def test_episodes_that_ended_stay_in_the_list(open_page):
     with serving(page="", live=True) as server, publisher(server) as simulation:
         page = open_page(url=server.url)
@@ -51,6 +52,7 @@ def test_episodes_that_ended_stay_in_the_list(open_page):
         assert page.locator("img, b:text-is('bold')").count() == 0
 
 
+@pytest.mark.nightly
 def test_another_episode_waits_while_one_looks_at_the_past(open_page):
     with serving(page="", live=True) as server, publisher(server) as simulation:
         page = open_page(url=server.url)
@@ -72,6 +74,7 @@ def test_another_episode_waits_while_one_looks_at_the_past(open_page):
         page.wait_for_function("() => document.querySelector('.time').textContent.endsWith('/ 2.9 s')")
 
 
+@pytest.mark.nightly
 def test_the_last_frame_and_the_end_are_shown_though_nothing_follows(open_page):
     with serving(page="", live=True) as server, publisher(server) as simulation:
         page = open_page(url=server.url)

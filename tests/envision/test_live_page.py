@@ -60,6 +60,7 @@ def test_what_runs_appears_moves_and_can_be_joined_late(open_page):
         expect(page.locator(".live-state")).to_have_text("live")
 
 
+@pytest.mark.nightly
 def test_the_page_comes_back_when_the_server_does(open_page):
     with serving(page="", live=True) as server:
         port = server.port
@@ -75,6 +76,7 @@ def test_the_page_comes_back_when_the_server_does(open_page):
                 wait_for_time(page, 1.0)
 
 
+@pytest.mark.nightly
 def test_one_goes_back_in_what_runs_and_returns(open_page):
     with serving(page="", live=True) as server:
         page = open_page(url=server.url)

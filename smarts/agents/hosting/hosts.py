@@ -142,7 +142,7 @@ class _Asked:
 
 
 class _Opening(threading.Thread):
-    """Opens a link again; in a thread where that may take longer than a step, as at an address.
+    """Opens a link again; in a thread where there is a deadline, as an address may keep a step waiting.
 
     A connection that comes when its run is over is closed at once.
     """
@@ -405,7 +405,7 @@ class _Away:
                 self._skipped += 1
                 return False
             opening = self._opening = _Opening(self._starter)
-            if deadline is None or not self._starter.opens_slowly:
+            if deadline is None:
                 opening.run()
             else:
                 # Without waiting: several addresses may be silent, and other agents are still to be asked.

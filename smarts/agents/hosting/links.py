@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -18,9 +16,8 @@ from weakref import WeakSet
 
 from smarts.agents.hosting.options import ADDRESS, HostError
 from smarts_agent_kit.channel import Channel, ClosedError
-from smarts_agent_kit.child import children, command, ending
-from smarts_agent_kit.environment import clean_environment
-from smarts_agent_kit.handshake import SECRET, BusyError, RefusedError, greet
+from smarts_agent_kit.handshake import SECRET, RefusedError, greet
+from smarts_agent_kit.processes import start_process
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
 from smarts_agent_kit.service import is_ending, one_line
 from smarts_agent_kit.wire import Message, WireError
@@ -30,7 +27,7 @@ CONNECT_TIME = 5.0
 END_TIME = 5.0
 """How long a child process may take to end [s]."""
 BROKEN = (ClosedError, WireError, RefusedError, TimeoutError, OSError)
-"""What a link raises when there is no agent behind it any more."""
+"""What a connection raises that does not come about."""
 
 
 class SocketLink:
@@ -81,11 +78,6 @@ class SocketLink:
             while (message := self.channel.receive()) is not None:
                 if is_ending(message):
                     return ClosedError(one_line(str(message.values.get("problem"))))
-        if self._process is not None and self._owner == os.getpid():
-            with suppress(subprocess.TimeoutExpired):
-                code = self._process.wait(END_TIME)
-                if code < 0:  # it could not tell
-                    return ClosedError(f"its supervisor has ended: {ending(-code)}")
         return error
 
     def close(self) -> None:
@@ -102,14 +94,10 @@ class SocketLink:
         process.stdin.close()  # the supervisor ends all that is there, and itself
         if not is_owner:
             return
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGCONT)  # it may be stopped
         try:
             process.wait(END_TIME)
-        except subprocess.TimeoutExpired:  # it was stopped again
-            for group in (*children(process.pid), process.pid):
-                with suppress(ProcessLookupError):
-                    os.killpg(group, signal.SIGKILL)
+        except subprocess.TimeoutExpired:  # it was stopped
+            process.kill()
             process.wait()
         # The supervisor has done so, unless it was killed.
         shutil.rmtree(self._folder, ignore_errors=True)
@@ -151,11 +139,6 @@ class AtAddress:
         """For errors."""
         return f"agent {self.locator!r}"
 
-    @property
-    def opens_slowly(self) -> bool:
-        """Return True; see `Starter`."""
-        return True
-
     def open(self) -> SocketLink:
         """Return a new connection; see `Starter`."""
         host, port = parse_address(self.locator)
@@ -169,24 +152,12 @@ class AtAddress:
             ) from error
         try:
             greet(channel, secret_for(host), time.monotonic() + CONNECT_TIME)
-        except BusyError as error:
-            channel.close()
-            raise HostError(
-                str(error), place=self.place, remedy="end other simulators, or serve the agent once more"
-            ) from error
-        except RefusedError as error:
-            channel.close()
-            raise HostError(
-                f"the connection is refused: {error}",
-                place=self.place,
-                remedy=f"both sides need the same version and the same {SECRET}",
-            ) from error
         except BROKEN as error:
             channel.close()
             raise HostError(
-                f"what answers there does not greet as an agent does: {error}",
+                f"the agent there does not take the connection: {error}",
                 place=self.place,
-                remedy="look whether another program has that port, or serve the agent again",
+                remedy=f"both sides need one version and one {SECRET}, and the server a free place",
             ) from error
         link = SocketLink(channel)
         link.send(Message("make"))
@@ -208,31 +179,18 @@ class InChildProcess:
     python: str = ""
     """Another interpreter, of an environment of its own; "": this one, with the modules of this process."""
 
-    @property
-    def opens_slowly(self) -> bool:
-        """Return False; see `Starter`."""
-        return False
-
     def open(self) -> SocketLink:
         """Start a process; see `Starter`."""
         python = [self.python, "-I"] if self.python else [sys.executable]
         paths = None if self.python else [os.path.abspath(path) for path in sys.path]
-        folder = tempfile.mkdtemp(prefix="smarts-agent-")
         near, far = socket.socketpair()
-        given = {"folder": folder, "memory": self.memory, "paths": paths}
         with far:
             try:
-                process = subprocess.Popen(
-                    command(python, far.fileno(), self.module, **given),
-                    env=clean_environment(),
-                    stdin=subprocess.PIPE,
-                    stdout=2,
-                    pass_fds=[far.fileno()],
-                    start_new_session=True,
+                process, folder = start_process(
+                    python, far.fileno(), self.module, memory=self.memory, paths=paths
                 )
             except OSError as error:
                 near.close()
-                os.rmdir(folder)
                 raise HostError(
                     f"the process does not start: {error}",
                     place=self.place,

@@ -8,7 +8,6 @@ episodes need a folder each: a folder with two answers to one question is refuse
 
 from __future__ import annotations
 
-import os
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -34,9 +33,6 @@ AGENT, OPTIONS, ABOUT = "agent", "options", "about"
 REMEDY = "name the folder of a `log` of this agent, of a run with the same version of this project"
 FILE_REMEDY = f"remove the file, or {REMEDY}"
 
-KEYS = ("iu", "ui", "ii", "uu")
-"""Kinds of numbers of seeds and steps."""
-
 Actions = NDArray | Sequence[Any]
 
 
@@ -61,8 +57,6 @@ class DecisionLog:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise self._error(error.strerror) from error
-        if not os.access(self._folder, os.W_OK | os.X_OK):
-            raise self._error("the folder is not this user's")
 
     def another(self) -> DecisionLog:
         """Return a log in the same folder, for a process that was forked off the one that writes this one.
@@ -80,16 +74,15 @@ class DecisionLog:
         """Make the file, and write what the agent has said about itself.
 
         Raises:
-            HostError: The file cannot be made, or the agent's options are too long.
+            HostError: The file cannot be made.
         """
         self._about = about
         values = {AGENT: self._agent, OPTIONS: self._options, ABOUT: dict(about)}
         try:
-            frame = encode(Message("about", values))
             self._file = (self._folder / f"{uuid.uuid4().hex}{SUFFIX}").open("xb")
-        except (OSError, WireError) as error:
+        except OSError as error:
             raise self._error(error) from error
-        self._append(frame)
+        self._append(encode(Message("about", values)))
 
     def write(self, request: Request, actions: Actions) -> None:
         """Write the answer to a request."""
@@ -141,7 +134,7 @@ class Replayed:
         options: The arguments of its policy, as `Wanted` has them.
 
     Raises:
-        HostError: It holds no decisions of the agent, or two answers to one question, or a file is damaged.
+        HostError: It holds no decisions of the agent, or two answers to one question, or is no log.
     """
 
     link = None
@@ -156,7 +149,7 @@ class Replayed:
             raise not_recorded(folder, found, agent, options)
         for each in mine:
             for message in islice(messages_of(each.file), 1, None):
-                self._add(message, each.file)
+                self._add(message)
 
     def open(self) -> None:
         """Do nothing."""
@@ -179,9 +172,9 @@ class Replayed:
     def end(self) -> None:
         """Do nothing."""
 
-    def _add(self, message: Message, file: Path) -> None:
-        keys, results = _decisions(message, file)
-        for key, result in zip(keys, results, strict=True):
+    def _add(self, message: Message) -> None:
+        keys = zip(message.arrays["seed"].tolist(), message.arrays["step"].tolist(), strict=True)
+        for key, result in zip(keys, _decisions(message), strict=True):
             if not _is_same(self._found.setdefault(key, result), result):
                 raise HostError(
                     f"holds two decisions of the agent's seed {key[0]} at step {key[1]}",
@@ -197,22 +190,12 @@ def _is_same(one: Any, other: Any) -> bool:
     return type(one) is type(other) and one == other
 
 
-def _decisions(message: Message, file: Path) -> tuple[list[tuple[int, int]], list[Any]]:
-    """Return the seeds and steps of a message's agents, and their decisions.
-
-    Raises:
-        HostError: The message of the file holds none.
-    """
-    arrays, values = message.arrays, message.values
-    seed, step, actions = (arrays.get(name, np.zeros(())) for name in ("seed", "step", "actions"))
-    is_keyed = seed.ndim == 1 and seed.shape == step.shape and seed.dtype.kind + step.dtype.kind in KEYS
-    is_answer = message.kind == "failed" or (message.kind == "acted" and actions.shape[:1] == seed.shape)
-    if not (is_keyed and is_answer):
-        raise HostError("a message holds no decisions", place=str(file), remedy=FILE_REMEDY)
-    keys = [*zip(seed.tolist(), step.tolist(), strict=True)]
+def _decisions(message: Message) -> Sequence[Any]:
+    """Return the decisions of a message's agents."""
     if message.kind == "acted":
-        return keys, [*actions]
-    return keys, [Late() if values.get(LATE) else Failed(str(values.get("problem")))] * len(keys)
+        return [*message.arrays["actions"]]
+    failed = Late() if message.values.get(LATE) else Failed(str(message.values["problem"]))
+    return [failed] * len(message.arrays["seed"])
 
 
 class Recorded(NamedTuple):
@@ -231,7 +214,7 @@ def recorded(folder: str | Path) -> list[Recorded]:
     """Return whose decisions the files of a log hold; a file that ends in its first message is left out.
 
     Raises:
-        HostError: No file holds any, or a file is damaged.
+        HostError: No file holds any, or one is no log.
     """
     try:
         files = sorted(each for each in local(folder).iterdir() if each.suffix == SUFFIX)
@@ -247,11 +230,7 @@ def _recorded(file: Path) -> Recorded | None:
     first = next(messages_of(file), None)
     if first is None:
         return None
-    agent, options, about = (first.values.get(name) for name in (AGENT, OPTIONS, ABOUT))
-    is_named = first.kind == "about" and isinstance(agent, str) and isinstance(options, str)
-    if is_named and isinstance(about, Mapping):
-        return Recorded(file, str(agent), str(options), about)
-    raise HostError("does not begin with an agent", place=str(file), remedy=FILE_REMEDY)
+    return Recorded(file, *(first.values[name] for name in (AGENT, OPTIONS, ABOUT)))
 
 
 def not_recorded(folder: str | Path, found: Sequence[Recorded], agent: str, options: str) -> HostError:

@@ -66,11 +66,6 @@ class Starter(Protocol):
         """What is started, for errors."""
         ...
 
-    @property
-    def opens_slowly(self) -> bool:
-        """Whether `open` may wait for another machine, longer than a step takes."""
-        ...
-
     def open(self) -> Link:
         """Return a link to an agent of this link's own; the first message from it is `about`, or `failed`.
 

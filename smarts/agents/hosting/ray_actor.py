@@ -88,11 +88,6 @@ class AsRayActor:
     place: str
     """For errors."""
 
-    @property
-    def opens_slowly(self) -> bool:
-        """Return False; see `Starter`."""
-        return False
-
     def open(self) -> RayLink:
         """Start an actor; see `Starter`."""
         if not ray.is_initialized():

@@ -38,11 +38,6 @@ class Started:
             self.close()
             raise
 
-    @property
-    def opens_slowly(self) -> bool:
-        """Return whether the agent is started slowly; see `Starter`."""
-        return self.start.opens_slowly
-
     def open(self) -> Link:
         """Return a link to an agent; see `Starter`."""
         link, self._link = self._link, None

@@ -21,7 +21,7 @@ PLAIN = st.recursive(
 ARRAYS = st.sampled_from([*DTYPES]).flatmap(
     lambda name: hnp.arrays(np.dtype(name), hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4))
 )
-FUZZED = 10_000
+FUZZED = 3_000
 
 
 @settings(deadline=None)
@@ -50,14 +50,13 @@ def test_arrays_in_any_order_of_memory_arrive_by_their_indices():
     "message",
     [
         Message("act", {}, {"a": np.array(["text"])}),
-        Message("act", {}, {"a": np.array([object()])}),
-        Message("act", {}, {"a": np.array([1j])}),
         Message("act", {"a": object()}),
         Message("act", {"a": 2**65}),
+        Message("act", {"inner": {3: "a number as the key"}}),
         Message("act", {"a": "x" * 2**19}),
         Message("act", {}, {"a": np.zeros(LARGEST, np.int8)}),
     ],
-    ids=["text", "object", "complex", "value", "whole number", "head", "size"],
+    ids=["text", "value", "whole number", "key", "head", "size"],
 )
 def test_what_is_not_sent_is_an_error(message):
     with pytest.raises(WireError):
@@ -79,29 +78,19 @@ NESTED = b"\x93\xa3act\x81\xa1a" + b"\x91" * 900 + b"\x90\x90"
     "frame",
     [
         b"",
-        b"\x01",
         struct.pack("<IIQ", 2**30, 4, 0),
-        struct.pack("<IIQ", 12, 2**31, 0),
         struct.pack("<IIQ", 12, 4, 0),
         struct.pack("<IIQ", 20, 6, 0) + msgpack.packb(["act", {}, b""])[:6],
-        framed(b""),
         framed(b"\xc1"),
-        framed(["act", {}]),
         framed(["run", {}, []]),
-        framed(["act", [], []]),
         framed(["act", {1: 2}, []]),
         framed(["act", {"a": b"bytes"}, []]),
         framed(["act", {"a": msgpack.ExtType(5, b"x")}, []]),
-        framed(["act", {"a": msgpack.Timestamp(1)}, []]),
         framed(NESTED),
-        framed(["act", {}, {}]),
         framed(["act", {}, 1]),
-        framed(["act", {}, b"\xc1"]),
         framed(["act", {}, [["a", "object", [1]]]], b"12345678"),
         framed(["act", {}, [["a", "float64", [2]]]], b"12345678"),
-        framed(["act", {}, [["a", "float64", [1]]]], b"123456789"),
         framed(["act", {}, [["a", "float64", [-1]]]], b"12345678"),
-        framed(["act", {}, [["a", "float64", [True]]]], b"12345678"),
         framed(["act", {}, [["a", "int8", [0, *[2**23] * 7]]]]),
         framed(["act", {}, [["a", "int8", [1] * 40]]], b"1"),
         framed(["act", {}, [["a", "int8", [1]], ["a", "int8", [1]]]], b"12"),
@@ -138,7 +127,7 @@ def fuzzed(seed, count):
         yield bytes(frame)
 
 
-def test_10_000_fuzzed_frames_are_messages_or_errors():
+def test_fuzzed_frames_are_messages_or_errors():
     messages = 0
     for frame in fuzzed(1, FUZZED):
         try:
@@ -150,12 +139,8 @@ def test_10_000_fuzzed_frames_are_messages_or_errors():
     assert 0 < messages < FUZZED
 
 
-def pair():
-    return socket.socketpair()
-
-
 def test_messages_of_any_size_cross_a_socket_in_parts():
-    one, two = pair()
+    one, two = socket.socketpair()
     near, far = Channel(one), Channel(two)
     large = Message("act", {}, {"a": np.arange(900_000.0)}, 1)
     for _ in range(5):
@@ -176,43 +161,8 @@ def test_messages_of_any_size_cross_a_socket_in_parts():
     far.close()
 
 
-def test_a_message_of_1_gb_is_refused_by_its_length():
-    one, two = pair()
-    one.send(struct.pack("<I", 2**30))
-    channel = Channel(two)
-    with pytest.raises(WireError):
-        channel.receive()
-    one.close()
-    channel.close()
-
-
-def test_silence_ends_a_wait():
-    one, two = pair()
-    channel = Channel(two)
-    with pytest.raises(TimeoutError):
-        channel.wait(0.0)
-    one.close()
-    channel.close()
-
-
 def nested(levels):
     return [nested(levels - 1)] if levels else 1
-
-
-@pytest.mark.parametrize(
-    ("values", "arrays"),
-    [
-        ({"inner": b"bytes"}, {}),
-        ({"inner": {3: "a number as the key"}}, {}),
-        ({"inner": nested(30)}, {}),
-        ({}, {str(number): np.zeros(1) for number in range(300)}),
-        ({}, {"inner": np.zeros((1,) * 9)}),
-        ({}, {"inner": np.zeros((0, 2**24))}),
-    ],
-)
-def test_what_is_not_received_is_not_sent(values, arrays):
-    with pytest.raises(WireError):
-        encode(Message("about", values, arrays))
 
 
 def test_the_deepest_values_and_tuples_arrive():

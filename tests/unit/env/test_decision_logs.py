@@ -3,7 +3,7 @@
 import subprocess
 import sys
 import time
-from contextlib import closing, suppress
+from contextlib import closing
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +14,6 @@ from smarts.agents.hosting.links import AtAddress
 from smarts.agents.hosting.log import DecisionLog, Replayed, messages_of
 from smarts.agents.hosting.options import HostError
 from smarts.agents.policy import ActionBatch
-from smarts_agent_kit.wire import Message, encode
 from tests.hosting import DRAWING, MISBEHAVING, decided, environment, host_of, hosted, played, state, steps
 from tests.served_agents import kit_agent
 
@@ -58,10 +57,11 @@ def test_a_replay_is_of_the_same_agent_and_options(tmp_path):
     social, hosts = hosted("raise_error", log=str(tmp_path))
     played(social, hosts, count=3)
     social[0]["options"] = {"how": "loop"}
-    with pytest.raises(HostError) as raised:
-        environment(social, {MISBEHAVING: {"replay": str(tmp_path)}})
-    assert "loop" in raised.value.problem
-    assert str(tmp_path) in raised.value.place
+    for locator in (MISBEHAVING, "*"):
+        with pytest.raises(HostError) as raised:
+            environment(social, {locator: {"replay": str(tmp_path)}})
+        assert "loop" in raised.value.problem
+        assert str(tmp_path) in raised.value.place
 
 
 @pytest.fixture(scope="module")
@@ -73,71 +73,23 @@ def drawing_log(tmp_path_factory):
     return file.read_bytes()
 
 
-@pytest.mark.parametrize("name", ["000.decisions", "zzz.decisions"])
-@pytest.mark.parametrize("length", [0, 3, 10])
-def test_a_file_that_ends_before_its_first_whole_message_is_left_out(tmp_path, drawing_log, name, length):
+@pytest.mark.parametrize("length", [0, 10])
+def test_a_file_that_ends_before_its_first_whole_message_is_left_out(tmp_path, drawing_log, length):
     (tmp_path / "good.decisions").write_bytes(drawing_log)
-    (tmp_path / name).write_bytes(drawing_log[:length])
-    for hosts in ({DRAWING: {"replay": str(tmp_path)}}, {"*": {"replay": str(tmp_path)}}):
-        _, failures = played([{"agent": DRAWING}], hosts, count=5)
-        assert not failures
+    (tmp_path / "000.decisions").write_bytes(drawing_log[:length])
+    _, failures = played([{"agent": DRAWING}], {DRAWING: {"replay": str(tmp_path)}}, count=5)
+    assert not failures
 
 
-def damaged(log):
-    """Yield logs that no version has written, and one of an older version."""
-    values = {"agent": DRAWING, "options": "{}", "about": {}}
-    keys = {"seed": np.zeros(2, np.uint64), "step": np.zeros(2, np.int32)}
-    yield bytes(100)
-    yield b"no log at all, but a text"
-    yield log + bytes(40)
-    yield encode(Message("acted", {}, {**keys, "actions": np.zeros(2)}))
-    yield encode(Message("about", {"agent": DRAWING}))
-    yield encode(Message("about", {**values, "options": 3}))
-    yield encode(Message("about", values))
-    for wrong in ({"observation": ["no_such_feature"]}, {"period": "x"}, {"interface": {"action": None}}):
-        whole = {"interface": {"action": "Lane"}, "observation": ["speed"], "period": 1, **wrong}
-        yield encode(Message("about", {**values, "about": whole}))
-    for arrays in (
-        {},
-        {"seed": keys["seed"], "actions": np.zeros(2)},
-        keys,
-        {**keys, "actions": np.zeros(3)},
-        {**keys, "step": np.zeros(3, np.int32), "actions": np.zeros(2)},
-        {"seed": np.uint64(1), "step": np.int32(1), "actions": np.zeros(())},
-        {**keys, "seed": np.zeros(2), "actions": np.zeros(2)},
-    ):
-        yield log + encode(Message("acted", {}, {name: np.asarray(each) for name, each in arrays.items()}))
-    yield log + log
-    yield log + encode(Message("failed", {"problem": "x"}))
-
-
-def test_damaged_logs_are_errors_that_name_the_file(tmp_path, drawing_log):
-    for number, content in enumerate(damaged(drawing_log)):
+def test_what_is_no_log_is_an_error_that_names_the_file(tmp_path, drawing_log):
+    for number, content in enumerate((b"no log at all, but a text", drawing_log + bytes(40))):
         folder = tmp_path / str(number)
         folder.mkdir()
         (folder / "bad.decisions").write_bytes(content)
-        for locator in (DRAWING, "*"):
-            with pytest.raises(HostError) as raised:
-                environment([{"agent": DRAWING}], {locator: {"replay": str(folder)}})
-            assert "bad.decisions" in raised.value.place, content
-            assert raised.value.remedy
-
-
-def test_a_log_with_any_byte_changed_raises_no_other_error(tmp_path, drawing_log):
-    draws, file = np.random.default_rng(5), tmp_path / "bad.decisions"
-    for _ in range(500):
-        content = bytearray(drawing_log)
-        content[draws.integers(len(content))] = draws.integers(256)
-        file.write_bytes(content[: draws.integers(len(content))] if draws.random() < 0.2 else content)
-        with suppress(HostError):
-            Replayed(tmp_path, DRAWING, "{}")
-
-
-def test_a_folder_in_place_of_a_file_is_an_error(tmp_path):
-    (tmp_path / "x.decisions").mkdir()
-    with pytest.raises(HostError) as raised:
-        environment([{"agent": DRAWING}], {DRAWING: {"replay": str(tmp_path)}})
-    assert "x.decisions" in raised.value.place
+        with pytest.raises(HostError) as raised:
+            environment([{"agent": DRAWING}], {DRAWING: {"replay": str(folder)}})
+        assert "bad.decisions" in raised.value.place
+        assert raised.value.remedy
 
 
 def test_a_folder_that_cannot_be_made_is_an_error_before_the_first_step(tmp_path):
@@ -160,19 +112,7 @@ def test_an_agent_that_is_not_in_the_log_acts_in_this_process_or_is_an_error(tmp
         assert not played(social, hosts, count=5)[1]
 
 
-def test_a_log_of_an_agent_with_other_options_is_an_error_under_others_too(tmp_path):
-    social, hosts = hosted("raise_error", log=str(tmp_path))
-    played(social, hosts, count=3)
-    social[0]["options"] = {"how": "print_once"}
-    with pytest.raises(HostError) as raised:
-        environment(social, {"*": {"replay": str(tmp_path)}})
-    assert "print_once" in raised.value.problem
-
-
 def test_a_replay_without_a_log_is_an_error(tmp_path):
-    with pytest.raises(HostError):
-        environment([{"agent": DRAWING}], {DRAWING: {"replay": str(tmp_path)}})
-    (tmp_path / "x.decisions").write_bytes(bytes([8, 0, 0, 0, 4, 0, 0, 0, 1, 2, 3, 4]))
     with pytest.raises(HostError):
         environment([{"agent": DRAWING}], {DRAWING: {"replay": str(tmp_path)}})
 
@@ -194,9 +134,7 @@ def logged(folder, *answers):
     return Request(batch)
 
 
-@pytest.mark.parametrize(
-    "other", [np.array([2]), np.array([1.0]), np.array([[1]]), [Failed("raised ValueError")], None]
-)
+@pytest.mark.parametrize("other", [np.array([2]), [Failed("raised ValueError")], None])
 def test_a_log_with_two_answers_to_one_question_is_no_replay(tmp_path, other):
     request = logged(tmp_path / "once", np.array([1]), np.array([1]))
     replayed = Replayed(tmp_path / "once")

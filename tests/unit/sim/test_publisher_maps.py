@@ -2,22 +2,9 @@
 
 import logging
 
-from smarts.sim import publisher_maps
 from smarts.sim.publisher_maps import PublishedMaps
 from smarts.stream import container
-from smarts.stream.container import pack, unpack
-from tests.maps import crossing, straight
-
-
-def test_maps_are_made_once(monkeypatch):
-    made, make = [], publisher_maps.map_message
-    monkeypatch.setattr(publisher_maps, "map_message", lambda *given: made.append(given) or make(*given))
-    maps = PublishedMaps([straight(), crossing()])
-    for number in (0, 1, 0, 1):
-        message = unpack(pack(maps.message(number)))
-        assert (message["type"], message["map"], message["message"]["type"]) == ("map", number, "map")
-    assert len(made) == 2
-    assert not maps.refused
+from tests.maps import straight
 
 
 def test_a_map_that_is_too_large_is_refused_and_said_once(monkeypatch, caplog):

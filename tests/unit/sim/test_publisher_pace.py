@@ -17,7 +17,7 @@ def play(cost, step, seconds=60.0):
     return np.array(sent)
 
 
-@pytest.mark.parametrize("step", [0.0005, 0.01, 0.1])
+@pytest.mark.parametrize("step", [0.01, 0.1])
 def test_cheap_frames_are_sent_sixty_times_a_second_or_at_each_step(step):
     gaps = np.diff(play(1e-4, step))
     assert gaps.min() >= SHORTEST - 1e-9

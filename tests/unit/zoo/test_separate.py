@@ -4,7 +4,6 @@ import os
 import shutil
 import subprocess
 import sys
-import threading
 import zipfile
 from contextlib import closing
 from pathlib import Path
@@ -58,7 +57,7 @@ def write_wheel(folder, name, version, files):
             archive.writestr(file, text)
 
 
-@pytest.fixture(params=["venv"])
+@pytest.fixture(params=["uv"])
 def zoo(tmp_path, monkeypatch, request):
     """An empty zoo, an index of packages without a network, and uv or not."""
     index = tmp_path / "index"
@@ -100,14 +99,15 @@ def built(zoo):
     return {each.name for each in root.glob("*") if each.is_dir()}
 
 
-BY_BOTH = pytest.mark.parametrize("zoo", ["venv", "uv"], indirect=True)
-"""By pip and venv, and by uv."""
+BY_PIP = pytest.param("venv", marks=pytest.mark.nightly)
+"""By pip and venv, where there is no uv, it takes ten times as long."""
+BY_BOTH = pytest.mark.parametrize("zoo", ["uv", BY_PIP], indirect=True)
 
 
 @pytest.mark.slow
 @BY_BOTH
-def test_three_agents_with_conflicting_dependencies_drive_in_one_scene(zoo):
-    names = [project(zoo, version) for version in "123"]
+def test_agents_with_conflicting_dependencies_drive_in_one_scene(zoo):
+    names = [project(zoo, version) for version in "12"]
     for name in names:
         with pytest.raises(HostError):
             make_spec(name)
@@ -120,9 +120,9 @@ def test_three_agents_with_conflicting_dependencies_drive_in_one_scene(zoo):
     social = [{"agent": name} for name in names]
     with closing(environment(social, {})) as env:
         env.reset()
-        assert len(host_of(env).links) == 3
-        states = [state(env), *(state(env) for result in steps(env, 60) if not result.social_failures)]
-    assert (states, {}) == played(3 * [{"agent": "tests.hosted_agents:easing-v0"}], {})
+        assert len(host_of(env).links) == 2
+        states = [state(env), *(state(env) for result in steps(env, 20) if not result.social_failures)]
+    assert (states, {}) == played(2 * [{"agent": "tests.hosted_agents:easing-v0"}], {}, count=20)
     with pytest.raises(HostError):
         make_spec(names[0], wanted="2")
     agent, _ = make_agent(names[0], wanted="1")
@@ -151,7 +151,6 @@ def test_equal_kits_are_equal_wheels(tmp_path):
 
 
 @pytest.mark.slow
-@BY_BOTH
 def test_dependencies_that_cannot_be_had_leave_nothing(zoo):
     name = project(zoo, "1", dependency="no-such-package==")
     with pytest.raises(HostError) as raised:
@@ -197,30 +196,6 @@ def test_of_several_environments_the_last_one_is_used(zoo):
         assert python_of(entry) == folder / "bin" / "python"
 
 
-def test_an_environment_that_is_removed_meanwhile_is_not_used(zoo):
-    entry = find_entry(project(zoo, "1"))
-    root = zoo / "cache" / "smarts-bench" / "agents"
-    kept, passing = (root / f"{_key(entry)}-py{version}" / COMPLETE for version in ("3.11.7", "3.12.1"))
-    for file in (kept, passing):
-        file.parent.mkdir(parents=True)
-    kept.touch()
-    ended = threading.Event()
-
-    def come_and_go():
-        while not ended.is_set():
-            passing.touch()
-            passing.unlink()
-
-    thread = threading.Thread(target=come_and_go)
-    thread.start()
-    try:
-        found = {python_of(entry).parents[1] for _ in range(1000)}
-    finally:
-        ended.set()
-        thread.join()
-    assert kept.parent in found
-
-
 def test_an_agent_without_a_project_has_no_environment(zoo):
     with pytest.raises(HostError):
         install(find_entry("idm-v0"))
@@ -233,7 +208,6 @@ def test_an_agent_without_a_project_has_no_environment(zoo):
         "[project",
         "[project]\nname = 'x'",
         "[project]\nname = 'x'\n[project.entry-points.'smarts.zoo']\n'x' = 'a:B'",
-        "[project]\nname = 'x'\n[project.entry-points.'smarts.zoo']\n'x-v0' = 'no place'",
     ],
 )
 def test_projects_that_name_no_agent_are_errors(zoo, text):

@@ -58,10 +58,10 @@ beforeAll(async () => {
   map = await decode(all[1]);
 });
 
-describe("10,000 damaged inputs", () => {
-  it("3,000 of random bytes are msgpack or refused", () => {
+describe("damaged inputs", () => {
+  it("random bytes are msgpack or refused", () => {
     const draw = random(11);
-    for (let trial = 0; trial < 3000; trial++) {
+    for (let trial = 0; trial < 500; trial++) {
       const bytes = Uint8Array.from({ length: 1 + Math.floor(64 * draw()) }, () => Math.floor(256 * draw()));
       try {
         unpack(bytes);
@@ -71,10 +71,10 @@ describe("10,000 damaged inputs", () => {
     }
   });
 
-  it("6,000 damaged messages are decoded or refused, with a reason", async () => {
+  it("damaged messages are decoded or refused, with a reason", async () => {
     const draw = random(12);
     let refused = 0;
-    for (let trial = 0; trial < 6000; trial++) {
+    for (let trial = 0; trial < 1000; trial++) {
       const seed = seeds[Math.floor(draw() * seeds.length)];
       try {
         await decode(mutate(seed, draw));
@@ -84,14 +84,14 @@ describe("10,000 damaged inputs", () => {
         refused++;
       }
     }
-    expect(refused).toBeGreaterThan(1000);
-    expect(refused).toBeLessThan(5900);
+    expect(refused).toBeGreaterThan(150);
+    expect(refused).toBeLessThan(980);
   });
 
-  it("1,000 recordings with damaged messages are shown or refused", async () => {
+  it("recordings with damaged messages are shown or refused", async () => {
     const draw = random(13);
     let shown = 0;
-    for (let trial = 0; trial < 1000; trial++) {
+    for (let trial = 0; trial < 150; trial++) {
       const chosen = Array.from({ length: 6 }, () => seeds[Math.floor(draw() * seeds.length)]);
       const damaged = chosen.map((message) => (draw() < 0.5 ? mutate(message, draw) : message));
       const recording = new Recording(map ? [map] : []);
@@ -105,7 +105,7 @@ describe("10,000 damaged inputs", () => {
       }
       use(recording);
     }
-    expect(shown).toBeGreaterThan(900);
+    expect(shown).toBeGreaterThan(130);
   });
 });
 
