@@ -5,6 +5,8 @@ import threading
 from contextlib import contextmanager
 from socket import IPPROTO_TCP, TCP_INFO
 
+from websockets.sync.client import ClientConnection, connect
+
 from smarts.envision.server import ViewServer
 
 PAGE = (
@@ -25,6 +27,17 @@ def serving(library=None, **options):
         server.stop()
         thread.join(20)
         assert not thread.is_alive()
+
+
+def viewer(server, **options) -> ClientConnection:
+    """Return a connection as a browser's page has one; it may be closed with messages unread."""
+    own = {"origin": f"http://127.0.0.1:{server.port}", "max_size": None, "close_timeout": 0.2}
+    return connect(f"ws://127.0.0.1:{server.port}/live", **own | options)
+
+
+def publisher(server, **options) -> ClientConnection:
+    """Return a connection as a process with simulations has one."""
+    return connect(f"ws://127.0.0.1:{server.port}/publish", **{"close_timeout": 0.2} | options)
 
 
 def ask(server, path, *, method="GET", body=None, **headers):

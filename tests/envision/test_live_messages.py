@@ -6,8 +6,8 @@ import pytest
 from playwright.sync_api import expect
 
 from smarts.stream.container import pack
-from tests.unit.envision.test_live_stream import begin, frame, publisher, the_map
-from tests.viewers import serving
+from tests.unit.envision.test_live_stream import begin, frame, the_map
+from tests.viewers import publisher, serving
 
 pytestmark = pytest.mark.browser
 

@@ -18,13 +18,11 @@ from tests.unit.envision.test_live_stream import (
     frame,
     is_listed,
     is_steps,
-    publisher,
     the_map,
     until,
-    viewer,
     watch,
 )
-from tests.viewers import ask, serving
+from tests.viewers import ask, publisher, serving, viewer
 
 
 @pytest.fixture

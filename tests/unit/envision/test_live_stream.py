@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
 
 from smarts.envision import live, viewers
 from smarts.envision import server as server_module
@@ -20,7 +19,7 @@ from smarts.stream.road_map import map_message, origin_of
 from smarts.stream.tables import LIVE, columns_of, values_of
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, VEHICLES
 from tests.maps import straight
-from tests.viewers import ask, received_bytes, serving
+from tests.viewers import ask, publisher, received_bytes, serving, viewer
 
 LIMIT = 20.0
 
@@ -29,16 +28,6 @@ LIMIT = 20.0
 def server():
     with serving(live=True) as running:
         yield running
-
-
-def publisher(server, **options):
-    return connect(f"ws://127.0.0.1:{server.port}/publish", **options)
-
-
-def viewer(server, **options):
-    return connect(
-        f"ws://127.0.0.1:{server.port}/live", **{"origin": f"http://127.0.0.1:{server.port}"} | options
-    )
 
 
 def the_map(number=0):
@@ -359,7 +348,7 @@ def test_snapshots_that_are_together_larger_than_what_may_wait_all_arrive(server
     # 9 x 1 MB, above the 8 MB that may wait for one viewer.
     sources, size = "abcdefghi", 1 << 20
     assert len(sources) * size > viewers.MOST_WAITING
-    with publisher(server) as simulation, viewer(server, max_size=None) as browser:
+    with publisher(server) as simulation, viewer(server) as browser:
         simulation.send(pack(the_map()))
         for source in sources:
             simulation.send(pack(begin(source, remark="x" * size)))

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from websockets.sync.client import connect
 
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv
@@ -25,7 +24,7 @@ from smarts.stream.container import unpack
 from smarts.stream.motion import OWNER_BITS, motion_of
 from smarts.stream.tables import columns_of
 from smarts.types.vehicles import Owner
-from tests.viewers import serving
+from tests.viewers import serving, viewer
 
 KEEP = [np.zeros((2, 4), np.int64)]
 LIMIT = 60
@@ -48,9 +47,7 @@ def env(server, monkeypatch):
 
 def messages(server, agent=None):
     """Yield what a viewer of all simulations gets, which looks at one agent of each."""
-    with connect(
-        f"ws://127.0.0.1:{server.port}/live", origin=f"http://127.0.0.1:{server.port}", max_size=None
-    ) as browser:
+    with viewer(server) as browser:
         while True:
             message = unpack(browser.recv(timeout=LIMIT))
             if message["type"] == "sources" and message["sources"]:
@@ -196,7 +193,7 @@ def test_simulations_that_a_process_does_not_send_are_counted(server, monkeypatc
     monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
     env = VectorHiWayEnv(2, ["intersection"], 4, seed=1)
     env.reset()
-    with connect(f"ws://127.0.0.1:{server.port}/live", origin=f"http://127.0.0.1:{server.port}") as browser:
+    with viewer(server) as browser:
         while True:
             env.step(KEEP)
             message = unpack(browser.recv(timeout=LIMIT))
@@ -247,9 +244,7 @@ def test_a_refusal_is_named_once(caplog, monkeypatch):
 
 def listed(server, wanted, step):
     """Return the list of simulations for which `wanted` holds; `step` is called until then."""
-    with connect(
-        f"ws://127.0.0.1:{server.port}/live", origin=f"http://127.0.0.1:{server.port}", max_size=None
-    ) as browser:
+    with viewer(server) as browser:
         while True:
             message = unpack(browser.recv(timeout=LIMIT))
             step()
@@ -284,6 +279,7 @@ while True:
 """
 
 
+@pytest.mark.nightly
 def test_containers_of_one_host_name_and_process_number_are_shown_side_by_side(server, monkeypatch):
     namespace = ["unshare", "--user", "--pid", "--fork", "--kill-child", "--map-root-user", "--mount-proc"]
     if subprocess.run([*namespace, "true"], check=False).returncode:
