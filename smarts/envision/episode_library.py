@@ -221,19 +221,14 @@ def _changed(path: Path) -> int:
 
 
 def _label(path: Path) -> str:
-    return _shown(path.name.removesuffix(SUFFIX))
+    return path.name.removesuffix(SUFFIX)
 
 
 def _run(path: Path, root: Path) -> str:
     """Return the folders above an episode, from the one that was given."""
     place, above = path.resolve(), root.resolve().parent
     parts = place.parent.parts[len(above.parts) :] or (place.parent.name,)
-    return _shown("/".join(part for part in parts if part != _EPISODES))
-
-
-def _shown(text: str) -> str:
-    """Return a text without the bytes of names that are not UTF-8."""
-    return text.encode(errors="replace").decode()
+    return "/".join(part for part in parts if part != _EPISODES)
 
 
 def _entry_of(number: str, path: Path, root: Path) -> Entry:

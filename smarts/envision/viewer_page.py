@@ -37,19 +37,8 @@ class Embedded:
 
 @cache
 def viewer_page() -> str:
-    """Return the page.
-
-    Raises:
-        SmartsError: It was not built.
-    """
-    try:
-        return PAGE.read_text(encoding="utf-8")
-    except OSError as error:
-        raise SmartsError(
-            f"the page that shows episodes cannot be read: {error.strerror}",
-            place=str(PAGE),
-            remedy="install the package again; in a checkout, build the page with `make page`",
-        ) from error
+    """Return the page."""
+    return PAGE.read_text(encoding="utf-8")
 
 
 def policy_of(page: str) -> str:
@@ -67,15 +56,9 @@ def page_with(episodes: Sequence[Embedded], page: str | None = None) -> str:
     """Return the page with episodes inside, which needs neither server nor network.
 
     Raises:
-        SmartsError: The page is larger than `MOST_BYTES`, or was not built.
+        SmartsError: The page is larger than `MOST_BYTES`.
     """
     page = viewer_page() if page is None else page
-    if page.count(_PLACE) != 1:
-        raise SmartsError(
-            f"the page has {page.count(_PLACE)} places for episodes instead of one",
-            place=str(PAGE),
-            remedy="build the page again with `make page`",
-        )
     whole = _whole(page, episodes)
     size = len(whole.encode())
     if size > MOST_BYTES:

@@ -114,7 +114,6 @@ class LiveEncoder:
         if changed & {"agents", "holds"}:
             # They belong together.
             changed |= {"agents", "holds"} & self._static.keys()
-        self._indicators.take_routes(self._static.get("routes", {}))
         made = self._encoder.static({name: self._static[name] for name in changed})
         known = len(self._outcomes.get("agent", ()))
         self._outcomes = {name: [*tables["outcomes"][name]] for name in ("agent", *_OUTCOME)}

@@ -13,7 +13,7 @@ from smarts.agents.interface import OLD_NAMES, AgentInterface
 from smarts.agents.policy import Agent
 from smarts.agents.spec import AgentSpec
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names, shown
-from smarts.registry import is_own_name, load_own, own_error, place_of
+from smarts.registry import load_own, own_error, place_of
 
 VERSIONED = re.compile(r"[\w.-]+-v\d+")
 """The form of a name in the zoo: "idm-v0"."""
@@ -142,12 +142,11 @@ class ZooEntry:
 
 def check_name(name: Any) -> None:
     """Raise `UnknownNameError` unless a name has a version."""
-    if not isinstance(name, str) or VERSIONED.fullmatch(name) is None:
-        given = name if isinstance(name, str) and name else "my-agent"
+    if VERSIONED.fullmatch(str(name)) is None:
         raise UnknownNameError(
             f"{shown(name)} is no name of an agent",
             place="zoo",
-            remedy=f"a name ends in its version, such as {given.partition(':')[2] or given}-v0",
+            remedy="a name ends in its version: my-agent-v0",
         )
 
 
@@ -161,8 +160,7 @@ def entry_of(
     """Return an entry after a check of its values.
 
     Raises:
-        SmartsError: The name has no version, there is no such M-level, or the entry point is neither callable
-            nor a "module:attribute".
+        UnknownNameError: The name has no version, or there is no such M-level.
     """
     check_name(name)
     place = f"agent {name!r}"
@@ -170,19 +168,6 @@ def entry_of(
     if level and level not in M_LEVELS:
         raise UnknownNameError(
             f"there is no M-level {level!r}", place=place, remedy=nearest_names(level, M_LEVELS)
-        )
-    if isinstance(entry_point, str):
-        if not is_own_name(entry_point):
-            raise SmartsError(
-                f"the entry point {entry_point!r} is no 'module:attribute'",
-                place=place,
-                remedy='give a callable, or its place: "my_module:MyAgent"',
-            )
-    elif not callable(entry_point):
-        raise SmartsError(
-            f"the entry point {shown(entry_point)} cannot be called",
-            place=place,
-            remedy="give a subclass of Agent, or a function that returns an AgentSpec",
         )
     return replace(ZooEntry(name, entry_point, module, dict(defaults)), **metadata)
 

@@ -12,11 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
-from smarts.agents.policy import ActionBatch
 from smarts.agents.spec import AgentSpec
 from smarts.arrays import Floats
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
@@ -105,27 +103,14 @@ class ExportedPolicy(exported.ExportedPolicy):
         agent: Whose policy, of the agents of the training; by default the first one's. "*": all of them.
 
     Raises:
-        SmartsError: The folder does not hold an exported policy.
-        UnknownNameError: There was no such agent.
+        SmartsError: The folder does not hold an exported policy, or there was no such agent.
     """
 
     _linear, _tanh, _recurrent = staticmethod(linear), staticmethod(hyperbolic), staticmethod(recurrent)
 
     def __init__(self, folder: str | Path, agent: str = "") -> None:
-        _agent(_content(folder), agent)
         try:
             super().__init__(folder, agent)
-        except ExportError as error:
-            raise SmartsError(error.problem, place=error.place, remedy="export it again") from error
-
-    def act(self, obs: ActionBatch) -> NDArray:
-        """Return the actions of the training's action space, shape (N,) or (N, *shape).
-
-        Raises:
-            SmartsError: The networks read more or fewer numbers than there are.
-        """
-        try:
-            return super().act(obs)
         except ExportError as error:
             raise SmartsError(error.problem, place=error.place, remedy="export it again") from error
 

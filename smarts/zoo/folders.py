@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from smarts.errors import SmartsError, UnknownNameError, nearest_names, shown
+from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.registry import import_own, load_module
 from smarts.shipped import local
 from smarts.zoo.entry import ZooEntry
@@ -59,9 +59,13 @@ def remove_added(name: str) -> None:
     Raises:
         SmartsError: No such agent was added, or the file is not readable or cannot be written.
     """
-    _check_added(name, _content())  # before a folder and a lock are made
     with _changed() as content:
-        _check_added(name, content)
+        if name not in content:
+            raise UnknownNameError(
+                f"no added agent is called {name!r}",
+                place=str(zoo_file()),
+                remedy=nearest_names(name, content),
+            )
         del content[name]
 
 
@@ -75,13 +79,6 @@ def import_folder(folder: str | Path) -> str:
     import_own([path])
     load_module(path.stem, "folder")
     return path.stem
-
-
-def _check_added(name: str, content: Mapping[str, Any]) -> None:
-    if name not in content:
-        raise UnknownNameError(
-            f"no added agent is called {name!r}", place=str(zoo_file()), remedy=nearest_names(name, content)
-        )
 
 
 @contextmanager
@@ -109,17 +106,10 @@ def _content() -> Mapping[str, Any]:
         raise SmartsError(
             "the list of added agents is not readable", place=str(file), remedy="mend or remove it"
         ) from error
-    if not isinstance(content, dict):
-        raise SmartsError(f"is {shown(content)}", place=str(file), remedy="it is a dict by agents' names")
     return content
 
 
-def _entry(name: str, about: Any) -> ZooEntry:
-    is_valid = isinstance(about, dict) and isinstance(about.get("folder"), str)
-    if not is_valid or not all(key in ("folder", AGENT, *_METADATA) for key in about):
-        raise SmartsError(
-            f"{name!r} is {shown(about)}", place=str(zoo_file()), remedy="{folder: PATH}, or remove the line"
-        )
+def _entry(name: str, about: Mapping[str, Any]) -> ZooEntry:
     author, m_level, provenance, licence = (str(about.get(key, "")) for key in _METADATA)
     kind = SeparateEntry if AGENT in about else ZooEntry
     return kind(

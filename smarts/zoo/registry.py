@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import itertools
-import re
 import sys
 from dataclasses import replace
 from functools import cache
@@ -26,14 +25,11 @@ from smarts.registry import guarded, load_module, own_error
 from smarts.zoo import originals
 from smarts.zoo.agents import AGENTS
 from smarts.zoo.entry import EntryPoint, ZooEntry, check_name, entry_of
-from smarts.zoo.folders import added_agents, import_folder, write_added, zoo_file
+from smarts.zoo.folders import added_agents, import_folder, write_added
 from smarts.zoo.separate import SeparateEntry, has_project, read_entries
 
 GROUP = "smarts.zoo"
 """The group of a package's entry points that are agents."""
-
-MODULE = re.compile(r"\w+(\.\w+)*")
-"""The form of a module's name; folders of the original's scenarios begin with digits."""
 
 _SEARCHED: dict[Path, None] = {}
 """Folders of scenarios whose modules locators may name; ordered."""
@@ -140,18 +136,12 @@ def find_entry(locator: str) -> ZooEntry:
         UnknownNameError: There is no such agent.
         OwnCodeError: Its module cannot be imported or raises.
     """
-    module, _, name = locator.rpartition(":") if isinstance(locator, str) else ("", "", locator)
+    module, _, name = str(locator).rpartition(":")
     if module == originals.MODULE:
         return AGENTS[_original(name)]
     check_name(name)
     if module in ("", __package__):
         return _named(name)
-    if MODULE.fullmatch(module) is None:
-        raise UnknownNameError(
-            f"{module!r} cannot be a module's name",
-            place=f"agent {locator!r}",
-            remedy="a locator is 'name-v0' or 'my_package.my_module:name-v0'",
-        )
     _import(module, name)
     return _registered_by(module, name)
 
@@ -172,12 +162,6 @@ def add_folder(folder: str | Path) -> list[ZooEntry]:
         SmartsError: The folder is none, registers no agent, or takes a name of another.
         OwnCodeError: Its code cannot be imported or raises.
     """
-    if not Path(folder).exists():
-        raise OwnCodeError(
-            "there is no such folder",
-            place=str(folder),
-            remedy="give the path of a folder with agents, from where you are or absolute",
-        )
     found: list[ZooEntry] = [*(read_entries if has_project(folder) else _registered_in)(folder)]
     if not found:
         raise SmartsError(
@@ -259,7 +243,8 @@ def _named(name: str) -> ZooEntry:
     known = _known()
     if name in known:
         entry = known[name]
-        return _of_folder(entry) if entry.folder and not isinstance(entry, SeparateEntry) else entry
+        is_imported = entry.folder and not isinstance(entry, SeparateEntry)
+        return _registered_by(import_folder(entry.folder), name) if is_imported else entry
     of_process = [entry for (_, each), entry in _REGISTERED.items() if each == name]
     if len(of_process) == 1:
         return of_process[0]
@@ -275,17 +260,6 @@ def _named(name: str) -> ZooEntry:
         remedy=nearest_names(name, [entry.locator for entry in entries()])
         + "; `smarts-bench zoo list` lists them; an agent of your own is 'module:name-v0'",
     )
-
-
-def _of_folder(entry: ZooEntry) -> ZooEntry:
-    """Import an added folder and return the entry that it registers."""
-    if not Path(entry.folder).exists():
-        raise OwnCodeError(
-            f"the folder of the agent {entry.name!r} is gone: {entry.folder}",
-            place=str(zoo_file()),
-            remedy="`smarts-bench zoo add` it from its new place, or take it out of this file",
-        )
-    return _registered_by(import_folder(entry.folder), entry.name)
 
 
 def _registered_by(module: str, name: str) -> ZooEntry:
@@ -335,12 +309,5 @@ def _of_packages() -> dict[str, ZooEntry]:
             "licence": str(about.get("license_expression") or about.get("license") or ""),
             "provenance": f"package {point.dist.name} {point.dist.version}" if point.dist else "",
         }
-        try:
-            found[point.name] = entry_of(point.name, point.value, "", metadata, {})
-        except SmartsError as error:
-            raise OwnCodeError(
-                f"the package's entry point is wrong: {error.problem}",
-                place=metadata["provenance"],
-                remedy=error.remedy,
-            ) from error
+        found[point.name] = entry_of(point.name, point.value, "", metadata, {})
     return found

@@ -46,7 +46,8 @@ class Hosts:
     def __init__(self, policies: Sequence[SocialPolicy]) -> None:
         self._here = InProcess(policies)
         self._away = {number: _away(policy) for number, policy in enumerate(policies) if not policy.acts_here}
-        self._has_begun, self._owner = False, os.getpid()
+        self._owner: int | None = None
+        """The process that has started the agents; None: none has."""
 
     @property
     def links(self) -> dict[int, Link]:
@@ -60,7 +61,7 @@ class Hosts:
             HostError: One does not start.
         """
         self._check_owner()
-        if self._has_begun:
+        if self._owner is not None:
             return
         try:
             for away in self._away.values():
@@ -70,7 +71,7 @@ class Hosts:
         except BaseException:
             self.close()
             raise
-        self._has_begun = True
+        self._owner = os.getpid()
 
     def dispatch(self, requests: Mapping[int, Request]) -> None:
         """Send all requests, without waiting."""
@@ -111,16 +112,17 @@ class Hosts:
             ends.callback(self._here.close)
 
     def _check_owner(self) -> None:
-        """Start agents of its own in a process that was forked off the one with the agents.
+        """Raise in a process that was forked off the one with the agents.
 
         Raises:
-            HostError: One is an actor of Ray, which does not survive a fork.
+            HostError: It was.
         """
-        if self._owner != os.getpid():
-            self._owner = os.getpid()
-            for away in self._away.values():
-                if isinstance(away, _Away):
-                    away.ask_again()
+        if self.links and self._owner != os.getpid():
+            raise HostError(
+                "this process was forked off the one with the agents",
+                place="hosts",
+                remedy="make the environment in the process that steps it",
+            )
 
 
 def _away(policy: SocialPolicy) -> _Away | Replayed:
@@ -262,29 +264,6 @@ class _Away:
             self.link.send(frame)
         except Exception as error:  # of a socket or of Ray
             self._fail(error)
-
-    def ask_again(self) -> None:
-        """Ask another agent, which is started then, what is not answered; begin another log.
-
-        Raises:
-            HostError: It is an actor of Ray.
-        """
-        if self._log is not None:
-            self._log = self._log.another()
-        self._opening = None
-        if self.link is None:
-            return
-        if not isinstance(self.link, SocketLink):
-            raise HostError(
-                "this process was forked off the one with the agents, and actors of Ray do not survive it",
-                place=self._starter.place,
-                remedy="make the environment in the process that steps it",
-            )
-        asked = [each.request for each in self._asked if not each.is_late]
-        self._close_link()
-        self._failures = self._skipped = 0
-        for request in asked:
-            self.ask(request)
 
     def gives_up(self, begun: float) -> bool:
         """Give up what is awaited no longer, in a step that began to wait at a time; return whether it is."""

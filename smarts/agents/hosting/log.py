@@ -11,7 +11,6 @@ from __future__ import annotations
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from copy import copy
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -50,7 +49,6 @@ class DecisionLog:
 
     def __init__(self, folder: str | Path, agent: str = "", options: str = "") -> None:
         self._folder, self._agent, self._options = Path(folder), agent, options
-        self._about: Mapping[str, Any] | None = None
         self._file: BinaryIO | None = None
         """None: before `begin`, and when nothing is written any more."""
         try:
@@ -58,25 +56,12 @@ class DecisionLog:
         except OSError as error:
             raise self._error(error.strerror) from error
 
-    def another(self) -> DecisionLog:
-        """Return a log in the same folder, for a process that was forked off the one that writes this one.
-
-        It begins as this one; if no file can be made, nothing is written, as with a full disk.
-        """
-        other = copy(self)
-        other._file = None
-        if self._about is not None:
-            with suppress(HostError):
-                other.begin(self._about)
-        return other
-
     def begin(self, about: Mapping[str, Any]) -> None:
         """Make the file, and write what the agent has said about itself.
 
         Raises:
             HostError: The file cannot be made.
         """
-        self._about = about
         values = {AGENT: self._agent, OPTIONS: self._options, ABOUT: dict(about)}
         try:
             self._file = (self._folder / f"{uuid.uuid4().hex}{SUFFIX}").open("xb")

@@ -271,7 +271,7 @@ def hosts_at(*addresses):
             for k, start in enumerate(starts)
         ]
     )
-    hosts._has_begun = True
+    hosts._owner = os.getpid()
     return hosts
 
 

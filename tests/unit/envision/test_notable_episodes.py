@@ -167,10 +167,9 @@ def test_a_folder_with_one_episode_is_that_episode(run, tmp_path):
     assert (steps.min(), steps.max()) == (50, 70)
 
 
-@pytest.mark.parametrize("table", ["episode", "vehicles"])
-def test_damaged_episodes_are_left_out_and_named(run, tmp_path, table):
+def test_damaged_episodes_are_left_out_and_named(run, tmp_path):
     good, bad, other = copied(run, tmp_path, 0, 2, 1)
-    (bad / f"{table}.parquet").write_bytes(b"PAR1")
+    (bad / "vehicles.parquet").write_bytes(b"PAR1")
     out = tmp_path / "page.html"
     for paths, shown in (
         ((good, bad), [""]),
@@ -193,6 +192,7 @@ def test_damaged_episodes_are_left_out_and_named(run, tmp_path, table):
     assert not out.exists()
 
 
+@pytest.mark.nightly
 def test_a_report_names_the_damaged_episodes(run, tmp_path):
     results = shutil.copytree(run.parents[3], tmp_path / "results")
     sorted(results.rglob("vehicles.parquet"))[2].write_bytes(b"PAR1")
@@ -218,31 +218,25 @@ def test_the_address_says_how_many_episodes_there_are(run, tmp_path, monkeypatch
     assert view(run, "--no-browser", "--port", 0).output.startswith("3 episodes at http")
 
 
-def test_a_report_links_the_episodes(run):
-    page = write_report(run.parents[3], episodes=True)
-    links = re.findall(r'<a href="(episodes/[^"#]+)#e=(\w+)">([^<]+)</a>', page.read_text())
-    assert [text.partition(":")[0] for _, _, text in links] == ["best", "worst", "collision"]
-    for place, number, _ in links:
-        assert f'data-id="{number}"' in (page.parent / place).read_text()
-        assert f"]({place}#e={number})" in (page.parent / "report.md").read_text()
-
-
 def written(folder):
     """Return the files of a folder with their contents."""
     return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
-def test_a_later_report_keeps_the_pages_and_their_links(run, tmp_path):
+def test_a_report_links_the_episodes_and_a_later_one_keeps_them(run, tmp_path):
     results = shutil.copytree(run.parents[3], tmp_path / "results")
-    folder = write_report(results, episodes=True).parent
-    before = written(folder)
+    page = write_report(results, episodes=True)
+    links = re.findall(r'<a href="(episodes/[^"#]+)#e=(\w+)">([^<]+)</a>', page.read_text())
+    assert [text.partition(":")[0] for _, _, text in links] == ["best", "worst", "collision"]
+    for place, number, _ in links:
+        assert f'data-id="{number}"' in (page.parent / place).read_text()
+        assert f"]({place}#e={number})" in (page.parent / "report.md").read_text()
+    before = written(page.parent)
     assert sum(name.endswith(".html") for name in before) == 2
-    for _ in range(2):
-        assert written(write_report(results).parent) == before
-    # Elsewhere there are none.
-    assert not (write_report(results, tmp_path / "other").parent / "episodes").exists()
+    assert written(write_report(results).parent) == before
 
 
+@pytest.mark.nightly
 def test_pages_of_an_earlier_test_are_not_kept(run, tmp_path):
     results = shutil.copytree(run.parents[3], tmp_path / "results")
     folder = write_report(results, episodes=True).parent

@@ -186,7 +186,7 @@ def test_an_address_of_no_machine_is_named_with_its_option():
         assert "--port" not in caught.value.remedy
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+@pytest.mark.parametrize("host", ["127.0.0.1", pytest.param("0.0.0.0", marks=pytest.mark.nightly)])
 def test_the_browser_of_a_terminal_gets_the_page_but_no_token(episodes, tmp_path, host):
     shown, browser = tmp_path / "shown", tmp_path / "browser"
     load = f"import sys, urllib.request as u; open('{shown}', 'wb').write(u.urlopen(sys.argv[1]).read())"

@@ -51,8 +51,3 @@ def test_the_policy_names_the_code_and_the_style_that_were_built():
 def test_a_page_that_is_too_large_is_refused():
     with pytest.raises(SmartsError, match="long"):
         page_with([Embedded("1", "long", bytes(MOST_BYTES))], PAGE)
-
-
-def test_a_page_without_a_place_is_refused():
-    with pytest.raises(SmartsError):
-        page_with([], "<html></html>")
