@@ -187,7 +187,7 @@ class Outlet:
         connection = self._connection
         while connection is not None and (self._begun or self._waiting):
             # A frame is sent to its end, whatever is dropped behind it.
-            parts = [self._begun] if self._begun else []
+            parts: list[Any] = [self._begun] if self._begun else []
             parts += islice(self._waiting, _AT_ONCE)
             try:
                 sent = connection.sendmsg(parts)
