@@ -98,15 +98,12 @@ class Registry(Mapping[str, Any]):
             place: "module:attribute".
 
         Raises:
-            SmartsError: `place` is not a "module:attribute"; or the name is taken, in a registry that checks
-                users' parts.
+            SmartsError: The name is taken, in a registry that checks users' parts.
         """
         if self._adopt is not None and self._places.get(name, place) != place:
             raise SmartsError(
                 f"there is a {self.kind} {name!r} already, {self._places[name]}", remedy="choose another name"
             )
-        if not is_own_name(place):
-            raise SmartsError(f"{place!r} is not a 'module:attribute'", place=f"{self.kind} {name!r}")
         self._places[name] = place
         self._added.add(name)
 
@@ -129,14 +126,14 @@ def adopted(kind: str, name: str, adopt: Callable[[str, Any], Any]) -> Any:
     found = load_own(name, kind)
     try:
         return adopt(name, found)
-    except ValueError as error:
-        if place := place_of(error):
-            raise own_error(error, f"{kind} {name!r}", place) from error
-        raise OwnCodeError(f"{name!r} is no {kind}: it {error}", place=_defined_at(name, found)) from error
     except SmartsError:
         raise
     except FAILURES as error:  # whatever a constructor of the user's raises
-        raise own_error(error, f"{kind} {name!r}", place_of(error) or _defined_at(name, found)) from error
+        own = place_of(error)
+        place = own or definition_of(found) or str(sys.modules[name.partition(":")[0]].__file__)
+        if isinstance(error, ValueError) and not own:
+            raise OwnCodeError(f"{name!r} is no {kind}: it {error}", place=place) from error
+        raise own_error(error, f"{kind} {name!r}", place) from error
 
 
 def load_own(name: str, kind: str = "part") -> Any:
@@ -149,53 +146,45 @@ def load_own(name: str, kind: str = "part") -> Any:
     Raises:
         OwnCodeError: There is no such module or nothing of that name in it, or importing it raises.
     """
-    module_name, _, path = name.partition(":")
-    if module_name.partition(".")[0] == "__main__":
-        raise OwnCodeError(
-            f"{kind} {name!r} is in the script that runs, which other processes cannot import",
-            remedy="put it into a file of its own",
-        )
-    found: Any = _import(module_name, kind, name)
-    file = str(getattr(found, "__file__", None) or module_name)
+    module, _, path = name.partition(":")
+    found: Any = load_module(module, kind, name)
+    file = str(getattr(found, "__file__", None) or module)
     for attribute in path.split("."):
         if not hasattr(found, attribute):
-            known = [each for each in vars(found) if not each.startswith("_")] if path else []
             raise OwnCodeError(
                 f"there is no {attribute!r} for the {kind} {name!r}",
                 place=file,
-                remedy=nearest_names(attribute, known),
+                remedy=nearest_names(attribute, [each for each in vars(found) if not each.startswith("_")]),
             )
         found = getattr(found, attribute)
     return found
 
 
-def load_module(module: str, kind: str) -> ModuleType:
+def load_module(module: str, kind: str, name: str = "") -> ModuleType:
     """Import a module of the user's.
 
     Args:
         module: Its name.
         kind: What it holds, for errors.
+        name: Of what it holds, by default the module's.
 
     Raises:
         OwnCodeError: There is no such module, or importing it raises.
     """
-    return _import(module, kind, module)
-
-
-def _import(module: str, kind: str, name: str) -> ModuleType:
-    _remember_root(module)
+    part, top = f"{kind} {name or module!r}", module.partition(".")[0]
+    place = place_of_module(top)
+    if place is not None and top != __name__.partition(".")[0]:  # our zoo's modules are no own code
+        _OWN_ROOTS.setdefault(top, place)
     try:
         return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        if error.name is None or not f"{module}.".startswith(f"{error.name}."):
-            raise own_error(error, f"importing the {kind} {name!r}", place_of(error)) from error
-        raise OwnCodeError(
-            f"there is no module {error.name!r} for the {kind} {name!r}",
-            place=str(_OWN_ROOTS.get(module.partition(".")[0], "")),
-            remedy="install it, or give its file or folder: --import PATH, or `imports: [PATH]`",
-        ) from error
     except FAILURES as error:
-        raise own_error(error, f"importing the {kind} {name!r}", place_of(error)) from error
+        if isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}."):
+            raise OwnCodeError(
+                f"there is no module {error.name!r} for the {part}",
+                place=str(place or ""),
+                remedy="install it, or give its file or folder: --import PATH, or `imports: [PATH]`",
+            ) from error
+        raise own_error(error, f"importing the {part}", place_of(error)) from error
 
 
 def own_error(error: BaseException, doing: str, place: str) -> OwnCodeError:
@@ -207,18 +196,13 @@ def own_error(error: BaseException, doing: str, place: str) -> OwnCodeError:
         place: File and line.
     """
     text = str(error.msg if isinstance(error, SyntaxError) else error)
-    if type(error).__module__.startswith("numba."):
-        text, place = _while_compiling(text, place)
+    if type(error).__module__.startswith("numba."):  # of a kernel; the message has several lines, and colours
+        text = re.sub(r"\x1b\[\d*m", "", text)
+        if found := re.search(r" at (\S+\.py) \((\d+)\)", text):
+            place = f"{found[1]}:{found[2]}"
+        text = next(line for line in text.splitlines() if line and not line.startswith("Failed in "))
     said = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return OwnCodeError(f"{doing} raises {said}", place=place)
-
-
-def _while_compiling(text: str, place: str) -> tuple[str, str]:
-    """Return the first sentence of numba's message about a kernel, and the file and line that it names."""
-    lines = re.sub(r"\x1b\[\d*m", "", text).splitlines()
-    said = next((line for line in lines if line and not line.startswith("Failed in ")), text)
-    found = re.search(r" at (\S+\.py) \((\d+)\)", "\n".join(lines))
-    return said, f"{found[1]}:{found[2]}" if found else place
 
 
 def guarded(function: Called, doing: str) -> Called:
@@ -243,7 +227,10 @@ def guarded(function: Called, doing: str) -> Called:
         except FAILURES as error:
             if is_of_ray(error):
                 raise
-            raise own_error(error, doing, place_of(error) or _called_at(error, function, doing)) from error
+            lines = [*_lines(error.__traceback__)]
+            # One that cannot be called with these arguments has no line in the traceback.
+            last = ":".join(map(str, lines[-1])) if len(lines) > 1 else definition_of(function)
+            raise own_error(error, doing, place_of(error) or last) from error
 
     return call  # type: ignore[return-value]
 
@@ -251,13 +238,6 @@ def guarded(function: Called, doing: str) -> Called:
 def is_of_ray(error: BaseException) -> bool:
     """Return whether an exit is Ray's, which ends its process, whatever runs in it."""
     return hasattr(error, "ray_terminate_msg")
-
-
-def _called_at(error: BaseException, function: Any, doing: str) -> str:
-    """Return the innermost line of an error, or where a function is defined that could not be called."""
-    if len([*_lines(error.__traceback__)]) > 1:
-        return _last_line(error)
-    return definition_of(function) or _named_in(doing) or _last_line(error)
 
 
 def definition_of(part: Any) -> str:
@@ -342,45 +322,24 @@ def import_own(paths: Iterable[str | Path]) -> None:
                 place=str(given),
                 remedy="rename it: letters, digits and '_'",
             )
-        if _GIVEN.get(name) != path:
-            _check_free(name, path)
+        taken = None if _GIVEN.get(name) == path else place_of_module(name)
+        if taken is not None and taken.resolve() != path.resolve():
+            raise OwnCodeError(
+                f"the name {name!r} is taken by {taken}", place=str(given), remedy="rename the file or folder"
+            )
         _GIVEN[name] = _OWN_ROOTS[name] = path
     if _GIVEN and _FINDER not in sys.meta_path:
         sys.meta_path.insert(0, _FINDER)
 
 
-def _check_free(name: str, path: Path) -> None:
-    """Raise if a module of another place has the name already."""
+def place_of_module(name: str) -> Path | None:
+    """Return a module's file, or a package's folder; None of what is built in, or is not there."""
     try:
         spec = importlib.util.find_spec(name)
-    except ValueError:  # of modules without a spec, such as __main__
-        spec = getattr(sys.modules.get(name), "__spec__", None)
+    except ValueError:  # of __main__
+        return None
     if spec is None:
-        return
-    there = _place_of_spec(spec)
-    if there is None or there.resolve() != path.resolve():
-        raise OwnCodeError(
-            f"the name {name!r} is taken by {there or 'a module of Python'}",
-            place=str(path),
-            remedy="rename the file or folder",
-        )
-
-
-def _remember_root(module: str) -> None:
-    top = module.partition(".")[0]
-    if top == __name__.partition(".")[0]:
-        return  # Of this package, such as a module of its zoo.
-    try:
-        spec = importlib.util.find_spec(top)
-    except (ValueError, ImportError):
-        spec = None
-    place = None if spec is None else _place_of_spec(spec)
-    if place is not None:
-        _OWN_ROOTS.setdefault(top, place)
-
-
-def _place_of_spec(spec: ModuleSpec) -> Path | None:
-    """Return a module's file, or a package's folder; None of what is built in."""
+        return None
     if spec.submodule_search_locations:
         return Path(next(iter(spec.submodule_search_locations)))
     return Path(spec.origin) if spec.has_location and spec.origin else None
@@ -401,21 +360,7 @@ def place_of(error: BaseException) -> str:
     return places[-1] if places else ""
 
 
-def _last_line(error: BaseException) -> str:
-    lines = [*_lines(error.__traceback__)]
-    return ":".join(map(str, lines[-1])) if lines else ""
-
-
 def _lines(traceback: TracebackType | None) -> Iterator[tuple[str, int]]:
     while traceback is not None:
         yield traceback.tb_frame.f_code.co_filename, traceback.tb_lineno
         traceback = traceback.tb_next
-
-
-def _defined_at(name: str, found: Any) -> str:
-    """Return the file and line that define a part, or its module."""
-    code = getattr(found, "__code__", None)
-    if code is not None:
-        return f"{code.co_filename}:{code.co_firstlineno}"
-    module = sys.modules.get(name.partition(":")[0])
-    return f"{getattr(module, '__file__', None) or module}: {shown(found)}"

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import errno
-import io
-import os
-import signal
 import sys
-from types import FrameType
-from typing import Any, NoReturn
+from typing import Any
 
 import typer
 from typer.core import TyperGroup
@@ -36,29 +31,11 @@ class Interruptible(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
-        is_interrupted = False
-
-        def interrupt(number: int, frame: FrameType | None) -> None:
-            nonlocal is_interrupted
-            is_interrupted = True
-            raise KeyboardInterrupt
-
-        is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-        if is_ours:
-            signal.signal(signal.SIGINT, interrupt)
         try:
             return super().invoke(ctx)
-        except typer.Exit:  # a RuntimeError of a command that has printed its message
-            raise
-        except BaseException as error:
-            # LLVM swallows a Ctrl-C while it compiles a kernel; numba then raises that the kernel is missing.
-            if isinstance(error, KeyboardInterrupt) or (is_interrupted and isinstance(error, RuntimeError)):
-                print("interrupted", file=sys.stderr)
-                raise typer.Exit(INTERRUPTED) from None
-            raise
-        finally:
-            if is_ours:
-                signal.signal(signal.SIGINT, signal.default_int_handler)
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            raise typer.Exit(INTERRUPTED) from None
 
 
 app = typer.Typer(
@@ -94,26 +71,8 @@ app.command("compile")(doctor.compile_kernels)
 
 def main() -> None:
     """Run the command line; a user's mistake is one message and exit code 2."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            # File names may have letters that the terminal cannot show.
-            stream.reconfigure(errors="backslashreplace")
     try:
         app()
     except (SmartsError, AlgorithmError) as error:
-        _fail(str(error))
-    except OSError as error:
-        # Errors of named files are `ResultsError`s; one without a name is of an open file, such as stdout.
-        if error.errno != errno.ENOSPC or error.filename is not None:
-            raise
-        # Python flushes stdout when it ends, which would fail once more.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        _fail(
-            "the output cannot be written: there is no room left where it goes, or on the disk it writes to\n"
-            "  remedy: make room, or write it elsewhere"
-        )
-
-
-def _fail(message: str) -> NoReturn:
-    print(f"error: {message}", file=sys.stderr)
-    sys.exit(SmartsError.exit_code)
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(SmartsError.exit_code)

@@ -141,40 +141,40 @@ def evaluate(
 ) -> None:
     """Evaluate a trained policy, or an agent, and print all metrics with 95% intervals."""
     modes = _modes(mode)
+    is_exported = run is not None and (run / "policy.json").exists()
     if (run is None) == (agent is None):
         raise typer.BadParameter("give the folder of a run, or --agent", param_hint="RUN")
-    is_exported = run is not None and (run / "policy.json").exists()
-    _refuse(
-        "--agents", agents if agent is None else None, "is for --agent: a policy has those of its training"
-    )
-    _refuse("--checkpoint", checkpoint if is_exported or agent is not None else None, "is of a run's folder")
-    _refuse("--mode", mode if agent is not None else None, "is of a run's folder: an agent acts in one way")
-    if traffic == "":
-        raise typer.BadParameter("is empty", param_hint="--traffic")
-    from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
+    if agent is not None:
+        _refuse("--mode", mode, "is of a run's folder: an agent acts in one way")
+        if not scenario:
+            raise typer.BadParameter("give at least one scenario", param_hint="--scenario")
+    else:
+        _refuse("--agents", agents, "is for --agent: a policy has those of its training")
+    if agent is not None or is_exported:
+        _refuse("--checkpoint", checkpoint, "is of a run's folder")
+    if is_exported and mode and "sampled" in modes:
+        raise typer.BadParameter("an exported policy acts greedily", param_hint="--mode")
     from benchmark.running.experiment import interruptible
 
     table: pd.DataFrame | None = None
+    given: Any = {"traffic": traffic, "episodes": episodes, "out": out, "imports": import_ or ()}
 
     def work() -> int:
         nonlocal table
+        names = scenario or ()
         if agent is not None:
-            table = _evaluate_agent(agent, scenario, traffic, episodes, agents or 4, out, import_)
-            return 0
-        assert run is not None
-        if is_exported:
-            table = _evaluate_exported(run, scenario, traffic, episodes, modes if mode else (), out, import_)
-            return 0
-        table = evaluate_checkpoint(
-            run,
-            scenarios=scenario or (),
-            traffic=traffic,
-            episodes=episodes,
-            modes=modes,
-            checkpoint=checkpoint or "last",
-            out=out,
-            imports=import_ or (),
-        )
+            from benchmark.running.evaluate_agent import evaluate_agent
+
+            table = evaluate_agent(agent, scenarios=names, agents=agents or 4, **given)
+        elif run is not None and is_exported:
+            from benchmark.running.evaluate_agent import evaluate_exported
+
+            table = evaluate_exported(run, scenarios=names, **given)
+        elif run is not None:
+            from benchmark.running.evaluate_checkpoint import evaluate_checkpoint  # loads torch and Ray
+
+            chosen: Any = {"modes": modes, "checkpoint": checkpoint or "last"}
+            table = evaluate_checkpoint(run, scenarios=names, **chosen, **given)
         return 0
 
     left = "nothing was written" if out is None else f"no table was written to {out}"
@@ -188,42 +188,6 @@ def _refuse(option: str, given: object, why: str) -> None:
     """Raise if an option is given that would have no effect."""
     if given is not None:
         raise typer.BadParameter(why, param_hint=option)
-
-
-def _evaluate_agent(
-    agent: str,
-    scenario: list[str] | None,
-    traffic: str | None,
-    episodes: int,
-    agents: int,
-    out: Path | None,
-    import_: list[Path] | None,
-) -> pd.DataFrame:
-    """Return the table of a test of an agent; imported here, so that checkpoints do not wait for the zoo."""
-    from benchmark.running.evaluate_agent import evaluate_agent
-
-    if not scenario:
-        raise typer.BadParameter("give at least one scenario", param_hint="--scenario")
-    given = {"scenarios": scenario, "traffic": traffic, "episodes": episodes, "agents": agents}
-    return evaluate_agent(agent, **given, out=out, imports=import_ or ())
-
-
-def _evaluate_exported(
-    run: Path,
-    scenario: list[str] | None,
-    traffic: str | None,
-    episodes: int,
-    modes: tuple[str, ...],
-    out: Path | None,
-    import_: list[Path] | None,
-) -> pd.DataFrame:
-    """Return the table of a test of an exported policy."""
-    from benchmark.running.evaluate_agent import evaluate_exported
-
-    if "sampled" in modes:
-        raise typer.BadParameter("an exported policy acts greedily", param_hint="--mode")
-    given = {"scenarios": scenario or (), "traffic": traffic, "episodes": episodes}
-    return evaluate_exported(run, **given, out=out, imports=import_ or ())
 
 
 def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:

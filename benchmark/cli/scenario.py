@@ -235,7 +235,3 @@ def _check_picture(out: Path) -> None:
         raise SmartsError(
             f"unknown image format {out.suffix!r}", place=str(out), remedy=f"use {', '.join(FORMATS)}"
         )
-    if out.is_dir() or any(parent.is_file() for parent in out.parents):
-        raise SmartsError(
-            "there is a folder or a file in the way", place=str(out), remedy="choose another --out"
-        )

@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import itertools
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from benchmark.cli.experiments import Import
-from benchmark.results.files import ResultsError, try_writing, write_whole
+from benchmark.results.files import try_writing, write_whole
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def scripted(
         locate(name)
     _check_table(out)
     header: str | None = _line(COLUMNS[:3], COLUMNS[3], "s", SHOWN)
-    table = None if out is None else CsvTable(out)
+    lines = [COLUMNS]
     for policy, name in itertools.product(chosen, scenarios):
         folder = None if record is None else record / file_name(policy) / Path(name).name
         with named_own_code(f"the policy {policy!r}"):
@@ -80,10 +81,10 @@ def scripted(
                     typer.echo(header)
                     header = None
                 typer.echo(_shown(tally))
-                if table is not None:
-                    table.add(_row(tally))
-    if table is not None:
-        table.finish()
+                lines.append(_row(tally))
+                if out is not None:
+                    write_whole(out, partial(_write, lines))
+    if out is not None:
         typer.echo(f"wrote {out}")
 
 
@@ -101,48 +102,16 @@ def _check_policies(policies: Sequence[str]) -> None:
             raise UnknownNameError(f"there is no scripted policy {policy!r}", remedy=remedy)
 
 
-class CsvTable:
-    """A CSV file that is whole after each line, so that an interrupted command loses none.
-
-    Args:
-        file: Its path; an existing file is replaced when the first line is added.
-    """
-
-    def __init__(self, file: Path) -> None:
-        self._file = file
-        self._lines: list[Sequence[str]] = [COLUMNS]
-        self._failure: ResultsError | None = None
-
-    def add(self, line: Sequence[str]) -> None:
-        """Add a line. If it cannot be written, print a note once and try again with the next line."""
-        self._lines.append(line)
-        try:
-            write_whole(self._file, self._write)
-        except ResultsError as error:
-            if self._failure is None:
-                typer.echo(f"note: {error.place}: {error.problem}; will try again", err=True)
-            self._failure = error
-        else:
-            self._failure = None
-
-    def finish(self) -> None:
-        """Raise `ResultsError` unless all lines are written."""
-        if self._failure is not None:
-            raise ResultsError(
-                self._failure.problem,
-                place=self._failure.place,
-                remedy="all lines are above; make room, then give the command again",
-            )
-
-    def _write(self, file: Path) -> None:
-        with file.open("w", newline="") as out:
-            csv.writer(out, lineterminator="\n").writerows(self._lines)
+def _write(lines: Sequence[Sequence[str]], file: Path) -> None:
+    """Write all lines of the table again, so that an interrupted command loses none."""
+    with file.open("w", newline="") as out:
+        csv.writer(out, lineterminator="\n").writerows(lines)
 
 
-def _row(tally: Tally) -> list[str]:
+def _row(tally: Tally) -> tuple[str, ...]:
     """Return a line of the table, in the order of `COLUMNS`."""
     ends = [end for name in WITH_INTERVAL for end in tally.interval(name)]
-    return [
+    return (
         tally.policy,
         tally.scenario,
         tally.traffic,
@@ -150,7 +119,7 @@ def _row(tally: Tally) -> list[str]:
         str(tally.outcomes.total()),
         f"{tally.seconds:.1f}",
         *(f"{value:.3f}" for value in [*map(tally.share, SHOWN), *ends]),
-    ]
+    )
 
 
 def _shown(tally: Tally) -> str:
@@ -177,9 +146,5 @@ def _check_table(out: Path | None) -> None:
     if out.suffix != ".csv":
         raise SmartsError(
             f"the table {out.name!r} is no CSV file", place="--out", remedy="use the suffix .csv"
-        )
-    if out.is_dir() or any(parent.is_file() for parent in out.parents):
-        raise SmartsError(
-            "there is a folder or a file in the way", place=str(out), remedy="choose another --out"
         )
     try_writing(out)

@@ -7,7 +7,6 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Iterator
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -124,8 +123,6 @@ def _write(
         with written_whole(path) as partial:
             partial.write_bytes(content)
         typer.echo(f"{path}: {len(content) / 1e6:.2f} MB")
-    if html is not None:
-        _name_earlier(html, 1)
 
 
 def _write_notable(library: EpisodeLibrary, html: Path) -> None:
@@ -137,16 +134,6 @@ def _write_notable(library: EpisodeLibrary, html: Path) -> None:
         typer.echo(f"{page}: {notable.label}")
     for entry, why in written.left_out:
         _say_left_out(f"{entry.run}/{entry.label}", why)
-    _name_earlier(html, len({page for _, page in written.pages}))
-
-
-def _name_earlier(html: Path, pages: int) -> None:
-    """Name further pages that an earlier command has left behind these ones."""
-    for number in count(max(1, pages) + 1):
-        further = html.with_stem(f"{html.stem}-{number}")
-        if not further.exists():
-            return
-        typer.echo(f"{further} was there before, and is no page of these episodes", err=True)
 
 
 def _undamaged(paths: list[Path], begin: float | None, end: float | None) -> Iterator[Embedded]:

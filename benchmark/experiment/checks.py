@@ -1,10 +1,9 @@
-"""Checks beyond the pydantic models: own code, settings, actions, searches; then the environment's."""
+"""Checks of experiments where several keys meet, or own code is imported; the models check single keys."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping
 from itertools import chain
-from math import inf
 from typing import Any
 
 from algorithms.registry import ALGORITHMS, ActionKind
@@ -14,116 +13,21 @@ from benchmark.experiment.algorithm_settings import (
     remedy_for_one,
     setting_faults,
     setting_names,
+    settings_of,
 )
-from benchmark.experiment.cells import check_cells
-from benchmark.experiment.environment_checks import (
-    Values,
-    agents_of,
-    check_environment,
-    message_and_remedy,
-    names_of_agents,
-    section,
-    strings,
-)
+from benchmark.experiment.environment import Environment
+from benchmark.experiment.environment_checks import check_environment, driving_by_key, errors_of, faults_of
+from benchmark.experiment.models import CellSettings, Experiment
+from benchmark.experiment.search_spaces import ends
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import Fault, shown
 from smarts.errors import OwnCodeError, nearest_names
 from smarts.registry import Registry, import_own, is_own_name
+from smarts.sstudio.locating import suite
 
-DISTRIBUTIONS = ("uniform", "loguniform", "randint")
-"""What a search may draw from, with [low, high]; `randint` excludes high."""
-
-
-def check_experiment(values: Values) -> Iterator[Fault]:
-    """Yield what is wrong with an experiment's values, in addition to the model's errors.
-
-    Own code is imported: what is named as `module:Class` is there then, and is what it should be.
-    """
-    try:
-        import_own(strings(values.get("imports")))
-    except OwnCodeError as error:
-        yield Fault(("imports",), *message_and_remedy(error))
-        return
-    if values.get("algorithms") == [] and not values.get("scripted"):
-        yield Fault(("algorithms",), "there is nothing to run", "name an algorithm or a scripted policy")
-    broken = yield from _own_names(values)
-    sound = {**values, "algorithms": [n for n in strings(values.get("algorithms")) if n not in broken]}
-    yield from _settings(sound)
-    yield from check_cells(sound, _settings)
-    yield from _check_tune(sound)
-    yield from _actions(sound)
-    yield from check_environment(values)
-
-
-def _own_names(values: Values) -> Generator[Fault, None, set[str]]:
-    """Resolve the names of own code; yield a fault for each that cannot be, and return those."""
-    broken: set[str] = set()
-    for key in ("algorithms", "metrics", "scripted"):
-        given = values.get(key)
-        for number, name in enumerate(given if isinstance(given, list) else ()):
-            if not isinstance(name, str) or not is_own_name(name):
-                continue
-            try:
-                _registry_of(key)[name]
-            except OwnCodeError as error:
-                broken.add(name)
-                yield Fault((key, number), *message_and_remedy(error))
-    return broken
-
-
-def _registry_of(key: str) -> Registry:
-    if key != "metrics":
-        return {"algorithms": CONFIGS, "scripted": SCRIPTED_POLICIES}[key]
-    from benchmark.metrics.registry import METRICS  # here: loading pandas takes longer than most checks
-
-    return METRICS
-
-
-def _settings(values: Values) -> Iterator[Fault]:
-    """Yield settings that no algorithm takes, and each value that one of the algorithms cannot take."""
-    common, own = section(values, "training"), section(values, "settings")
-    algorithms = _known_algorithms(values)
-    yield from _unused(common, algorithms)
-    yield from _overridden(common, own, algorithms)
-    reported: set[tuple[Any, ...]] = set()
-    for algorithm in dict.fromkeys([*algorithms, *own]):
-        try:
-            given = common if algorithm in algorithms else {}
-            faults = _setting_faults(algorithm, given, section(own, algorithm), values)
-        except OwnCodeError as error:
-            yield Fault(("settings", algorithm), *message_and_remedy(error))
-            continue
-        for fault in faults:
-            if (fault.key, fault.text) not in reported:
-                reported.add((fault.key, fault.text))
-                yield fault
-
-
-def _setting_faults(algorithm: str, common: Values, own: Values, values: Values) -> list[Fault]:
-    """Return what is wrong with the settings that a file gives an algorithm, at their places in the file.
-
-    Raises:
-        OwnCodeError: A `module:Class` cannot be imported, or is no algorithm.
-    """
-    if algorithm not in ALGORITHMS and not is_own_name(algorithm):
-        text = f"there is no algorithm {algorithm!r}"
-        return [Fault(("settings", algorithm), text, nearest_names(algorithm, ALGORITHMS))]
-    given = {name: common[name] for name in common.keys() & setting_names(algorithm)} | {**own}
-
-    def place(name: str | int) -> tuple[str, ...]:
-        return ("settings", algorithm) if name in own or name not in common else ("training",)
-
-    found = []
-    for fault, text, remedy in setting_faults(algorithm, given):
-        key = (*place(fault.key[0]), *fault.key) if fault.key else ("settings", algorithm)
-        if key[0] == "training" and (own_value := remedy_for_one(algorithm, fault)):
-            text, remedy = f"{algorithm!r} cannot have {text}", own_value
-        found.append(Fault(key, text, remedy))
-    sharing = _sharing_fault(given.get("sharing"), section(values, "environment"))
-    return [*found, Fault((*place("sharing"), "sharing"), sharing)] if sharing else found
-
-
-_PROCESSES = {
+STANDARD = ("no_social_vehicles", "random_social_vehicles")
+"""Traffic variations of every scenario of the suite."""
+PROCESSES = {
     "num_env_runners": "resources.env_runners",
     "num_envs_per_env_runner": "resources.num_envs_per_env_runner",
     "num_learners": "resources.learners",
@@ -131,162 +35,201 @@ _PROCESSES = {
 }
 """RLlib's settings of processes, which the section `resources` has."""
 
+Layer = tuple[tuple[str, ...], Experiment | CellSettings]
+"""Key and content of a part of the file with `training` and `settings`."""
+Algorithms = Mapping[str, int]
+"""Algorithms of the experiment that exist, with their numbers in its list."""
 
-def _unused(common: Values, algorithms: Sequence[str]) -> Iterator[Fault]:
+
+def check_experiment(experiment: Experiment) -> Iterator[Fault]:
+    """Yield what does not fit together in an experiment; its own code is imported."""
+    if faults := [*errors_of(("imports",), import_own, experiment.imports)]:
+        yield from faults
+        return
+    if not experiment.algorithms and not experiment.scripted:
+        yield Fault(("algorithms",), "there is nothing to run", "name an algorithm or a scripted policy")
+    if not experiment.tasks:
+        yield Fault(("tasks",), "there is none", "name a scenario, as in [intersection]")
+    broken = yield from _own_names(experiment)
+    algorithms = {name: number for number, name in enumerate(experiment.algorithms) if name not in broken}
+    yield from _cells(experiment)
+    yield from _settings(experiment, algorithms)
+    yield from _search(experiment, algorithms)
+    yield from _actions(experiment, algorithms)
+    yield from check_environment(experiment)
+
+
+def _own_names(experiment: Experiment) -> Generator[Fault, None, set[str]]:
+    """Import own code by its names; yield a fault for each that cannot be, and return those."""
+    broken: set[str] = set()
+    for key in ("algorithms", "scripted", "metrics"):
+        for number, name in enumerate(getattr(experiment, key) or ()):
+            for fault in errors_of((key, number), _import, key, name) if is_own_name(name) else ():
+                broken.add(name)
+                yield fault
+    return broken
+
+
+def _import(key: str, name: str) -> None:
+    from benchmark.metrics.registry import METRICS  # here: loads pandas
+
+    registries: dict[str, Registry] = {"algorithms": CONFIGS, "scripted": SCRIPTED_POLICIES}
+    registries.get(key, METRICS)[name]
+
+
+def _cells(experiment: Experiment) -> Iterator[Fault]:
+    """Yield names of cells that neither experiment nor suite has: `--set tasks` may leave some out."""
+    tasks = dict.fromkeys([*(task.name for task in experiment.tasks), *suite()])
+    traffic = dict.fromkeys([*STANDARD, *experiment.traffic])
+    known = [*tasks, *(f"{task}/{each}" for task in tasks for each in traffic)]
+    for name in experiment.cells if experiment.tasks else ():
+        if name not in known:
+            yield Fault(("cells", name), "there is no such cell", nearest_names(name, known))
+
+
+def _settings(experiment: Experiment, algorithms: Algorithms) -> Iterator[Fault]:
+    """Yield settings that no algorithm takes, and each value that one of the algorithms cannot take."""
+    # What all cells have is told once.
+    found: dict[Fault, None] = {}
+    for layers in _layers(experiment):
+        found |= dict.fromkeys(_unused(layers, algorithms))
+        named = [name for _, part in layers for name in part.settings]
+        for algorithm in dict.fromkeys([*algorithms, *named]):
+            found |= dict.fromkeys(_settings_of(algorithm, layers, algorithms, experiment.environment))
+    yield from found
+
+
+def _layers(experiment: Experiment) -> Iterator[list[Layer]]:
+    """Yield the parts of the file for all cells, then for each that has its own; later parts override."""
+    base: Layer = ((), experiment)
+    yield [base]
+    for name, cell in experiment.cells.items():
+        task = name.partition("/")[0]
+        around = [(("cells", task), experiment.cells[task])] if task in {*experiment.cells} - {name} else []
+        yield [base, *around, (("cells", name), cell)]
+
+
+def _unused(layers: list[Layer], algorithms: Algorithms) -> Iterator[Fault]:
     """Yield settings of all algorithms that none of them has."""
     used = {name for algorithm in algorithms for name in setting_names(algorithm)}
     every = used | {name for algorithm in ALGORITHMS for name in setting_names(algorithm)}
-    for name in sorted(common.keys() - every):
-        place = _PROCESSES.get(name)
-        remedy = f"use {place}" if place else nearest_names(name, every)
-        yield Fault(("training", name), "no algorithm has such a setting", remedy)
-    for name in sorted((common.keys() & every) - used) if algorithms else ():
-        yield Fault(("training", name), f"none of the algorithms has {name}", "remove it")
+    for key, part in layers:
+        for name in part.training:
+            place = (*key, "training", name)
+            if name not in every:
+                remedy = f"use {PROCESSES[name]}" if name in PROCESSES else nearest_names(name, every)
+                yield Fault(place, "no algorithm has such a setting", remedy)
+            elif algorithms and name not in used:
+                yield Fault(place, f"none of the algorithms has {name}", "remove it")
 
 
-def _overridden(common: Values, own: Values, algorithms: Sequence[str]) -> Iterator[Fault]:
-    """Yield settings of all algorithms that each overrides, and that none could have."""
-    for name, value in common.items():
-        every = dict.fromkeys([*ALGORITHMS, *algorithms])
-        having = [algorithm for algorithm in every if name in setting_names(algorithm)]
-        taking = [algorithm for algorithm in algorithms if name in setting_names(algorithm)]
-        if not taking or any(name not in section(own, algorithm) for algorithm in taking):
-            continue
-        faults = [
-            next((fault for fault in setting_faults(algorithm, {name: value}) if fault[0].key), None)
-            for algorithm in having
-        ]
-        found = [fault for fault in faults if fault]
-        if found and len(found) == len(faults):
-            fault, text, remedy = found[0]
-            yield Fault(("training", *fault.key), text, remedy)
+def _settings_of(
+    algorithm: str, layers: list[Layer], algorithms: Algorithms, environment: Environment
+) -> Iterator[Fault]:
+    """Yield what is wrong with an algorithm's settings in a cell, at their places in the file."""
+    own_keys = [(*key, "settings", algorithm) for key, part in layers if algorithm in part.settings]
+    place = own_keys[-1] if own_keys else ("settings", algorithm)
+    if algorithm not in ALGORITHMS and not is_own_name(algorithm):
+        yield Fault(place, f"there is no algorithm {algorithm!r}", nearest_names(algorithm, ALGORITHMS))
+        return
+    try:
+        known = setting_names(algorithm)
+    except OwnCodeError as error:
+        yield from faults_of(place, error)
+        return
+    given: dict[str, Any] = {}
+    sections: dict[str, tuple[str, ...]] = {}
+    for key, part in layers if algorithm in algorithms else ():
+        common = {name: part.training[name] for name in part.training.keys() & {*known}}
+        given |= common
+        sections |= dict.fromkeys(common, (*key, "training"))
+    for key, part in layers:
+        own = part.settings.get(algorithm) or {}
+        given |= own
+        sections |= dict.fromkeys(own, (*key, "settings", algorithm))
+    is_sound = True
+    for fault, text, remedy in setting_faults(algorithm, given):
+        is_sound = False
+        section = sections[str(fault.key[0])] if fault.key else place
+        if section[-1] == "training" and (own_value := remedy_for_one(algorithm, fault)):
+            text, remedy = f"{algorithm!r} cannot have {text}", own_value
+        yield Fault((*section, *fault.key), text, remedy)
+    sharing = settings_of(algorithm).model_validate(given).sharing if is_sound else None
+    if text := _sharing_fault(sharing, environment):
+        yield Fault((*sections["sharing"], "sharing"), text)
 
 
-def _known_algorithms(values: Values) -> list[str]:
-    return [name for name in strings(values.get("algorithms")) if name in ALGORITHMS or is_own_name(name)]
-
-
-def _actions(values: Values) -> Iterator[Fault]:
-    """Yield algorithms and scripted policies that cannot act as the environment's agents do."""
-    environment = section(values, "environment")
-    actions = {
-        str(agent.get("action", "Lane")): shown((*key, "action")) for key, agent in agents_of(environment)
-    }
-    if environment.get("adapter") is None:  # actions of an own adapter are known when it is made
-        yield from _unfit_algorithms(_known_algorithms(values), actions)
-    yield from _unfit_groups(_known_algorithms(values), environment.get("agents", 4), actions)
-    other = next((action for action in actions if action != "Lane"), None)
-    for number, name in enumerate(strings(values.get("scripted"))):
-        if name in SCRIPTED_POLICIES and not is_own_name(name) and other:
-            text = f"{name!r} acts by lane actions, and {actions[other]} is {other!r}"
-            yield Fault(("scripted", number), text, "remove it, or give a scripted policy of your own")
-
-
-def _unfit_algorithms(algorithms: Sequence[str], actions: Mapping[Any, str]) -> Iterator[Fault]:
-    """Yield algorithms that cannot act as the agents do, whose actions have a key each."""
-    for number, name in enumerate(algorithms):
-        entry = entry_of(name)
-        for action, key in actions.items():
-            kind = ActionKind.DISCRETE if action == "Lane" else ActionKind.CONTINUOUS
-            if not entry.acts_in(kind):
-                fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
-                text = f"{name!r} needs {entry.actions} actions, and {key} is {action!r}"
-                yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
-
-
-def _unfit_groups(algorithms: Sequence[str], agents: Any, actions: Mapping[Any, str]) -> Iterator[Fault]:
-    """Yield algorithms that need more agents, or agents with equal actions."""
-    count = len(agents) if isinstance(agents, dict) else agents
-    for number, name in enumerate(algorithms):
-        entry, place = entry_of(name), ("algorithms", number)
-        if isinstance(count, int) and 0 < count < entry.least_agents:
-            text = f"{name!r} needs {entry.least_agents} agents, and there are {count}"
-            yield Fault(place, text, "use another algorithm, or more agents")
-        if entry.equal_spaces and len(actions) > 1:
-            text = f"{name!r} needs agents with equal actions, and they have {', '.join(actions)}"
-            yield Fault(place, text, "use another algorithm, or one action for all agents")
-
-
-def _sharing_fault(sharing: Any, environment: Values) -> str:
-    """Return which agents are in no group, or do not exist; nothing where there are no groups."""
-    known = names_of_agents(environment)
-    if not isinstance(sharing, dict) or not known:
+def _sharing_fault(sharing: Any, environment: Environment) -> str:
+    """Return which agents are in no group, or do not exist; "" where there are no groups."""
+    if not isinstance(sharing, dict):
         return ""
-    groups = [members for members in sharing.values() if isinstance(members, list)]
-    named = {*map(str, chain(*groups))}
+    known, named = environment.driving(), [*chain(*sharing.values())]
     if missing := [agent for agent in known if agent not in named]:
         return f"{missing[0]} is in no groups, instead of in one"
-    strange = sorted(named - {*known})
+    strange = sorted({*named} - {*known})
     return f"there is no agent {strange[0]!r}, but {', '.join(known)}" if strange else ""
 
 
-def _check_tune(values: Values) -> Iterator[Fault]:
+def _search(experiment: Experiment, algorithms: Algorithms) -> Iterator[Fault]:
     """Yield what a search cannot set, or cannot choose from."""
-    parameters = section(section(values, "tune"), "parameters")
-    having = {name: setting_names(name) for name in _known_algorithms(values)} if parameters else {}
+    if experiment.tune is None:
+        return
+    having = {name: setting_names(name) for name in algorithms}
+    parameters = experiment.tune.parameters
     for name, given in parameters.items():
         key = ("tune", "parameters", name)
-        algorithms = [algorithm for algorithm, known in having.items() if name in known]
-        if having and not algorithms:
-            first, known = next(iter(having.items()))
-            text = f"{first!r} has no such setting" if len(having) == 1 else "no algorithm has such a setting"
-            yield Fault(key, text, nearest_names(name, known))
-        elif fault := _draw_fault(given) if having else None:
+        searched = [algorithm for algorithm in having if name in having[algorithm]]
+        if having and not searched:
+            text = "none of the algorithms has such a setting"
+            yield Fault(key, text, nearest_names(name, {*chain(*having.values())}))
+        found = chain(*(_unfit_choices(each, name, given, experiment.environment) for each in searched))
+        for fault in dict.fromkeys(found):
             yield Fault((*key, *fault.key), fault.text, fault.remedy)
-        else:
-            faults = (fault for each in algorithms for fault in _chosen_faults(each, key, given, values))
-            yield from {fault.key: fault for fault in faults}.values()
     for algorithm, known in having.items():
-        if not parameters.keys() & set(known):
+        if not parameters.keys() & {*known}:
             text = f"{algorithm!r} has none of the settings"
             yield Fault(("tune", "parameters"), text, "give one that it has, or leave it out")
 
 
-def _chosen_faults(algorithm: str, key: tuple[str, ...], given: Any, values: Values) -> Iterator[Fault]:
-    """Yield what an algorithm cannot take of all that a search may choose from."""
-    name = key[-1]
-    for inner, value in _ends(given):
+def _unfit_choices(algorithm: str, name: str, given: Any, environment: Environment) -> Iterator[Fault]:
+    """Yield what an algorithm cannot take of all that a search may choose from for a setting."""
+    for place, value in ends(given):
         for fault, text, remedy in setting_faults(algorithm, {name: value}):
             if fault.key:  # how settings fit each other depends on what is drawn
-                yield Fault((*key, *inner, *fault.key[1:]), text, remedy)
-        if name == "sharing" and (text := _sharing_fault(value, section(values, "environment"))):
-            yield Fault((*key, *inner), text)
+                yield Fault((*place, *fault.key[1:]), text, remedy)
+        if name == "sharing" and (text := _sharing_fault(value, environment)):
+            yield Fault(place, text)
 
 
-def _draw_fault(given: Any) -> Fault | None:
-    """Return what is wrong with what a search is to choose from: values, or a draw with its bounds."""
-    if isinstance(given, list) and given:
-        return None
-    (kind, bounds), *more = given.items() if isinstance(given, dict) and given else [("", None)]
-    if kind == "choice" and not more and isinstance(bounds, list) and bounds:
-        return None
-    if kind not in DISTRIBUTIONS or more or not isinstance(bounds, list) or len(bounds) != 2:
-        draws = ", ".join(f"{{{draw}: [low, high]}}" for draw in DISTRIBUTIONS)
-        remedy = f"give a list of values, or one of {{choice: [value, ...]}}, {draws}"
-        return Fault((), f"{given!r} is not a search space", remedy)
-    return _bounds_fault(kind, bounds)
+def _actions(experiment: Experiment, algorithms: Algorithms) -> Iterator[Fault]:
+    """Yield algorithms and scripted policies that do not suit the number of agents and their actions."""
+    environment = experiment.environment
+    driving = driving_by_key(environment)
+    actions = {each.action: shown((*key, "action")) for key, each in driving.items()}
+    for name, number in algorithms.items():
+        for text, remedy in _unsuited(name, environment, actions):
+            yield Fault(("algorithms", number), text, remedy)
+    other = next((action for action in actions if action != "Lane"), None)
+    for number, name in enumerate(experiment.scripted):
+        if other and not is_own_name(name):
+            text = f"{name!r} acts by lane actions, and {actions[other]} is {other!r}"
+            yield Fault(("scripted", number), text, "remove it, or give a scripted policy of your own")
 
 
-def _bounds_fault(kind: str, bounds: list[Any]) -> Fault | None:
-    """Return what is wrong with the bounds of a draw."""
-    kinds, numbers = ((int,), "whole numbers") if kind == "randint" else ((int, float), "numbers")
-    if any(type(bound) not in kinds for bound in bounds):
-        return Fault((kind,), f"{bounds!r} are not {numbers}")
-    low, high = bounds
-    least, order = (0, "0 < low < high") if kind == "loguniform" else (-inf, "low < high")
-    if least < low < high < inf:
-        return None
-    return Fault((kind,), f"{bounds!r} are not bounds", f"give [low, high] with {order}, both finite")
-
-
-def _ends(given: Any) -> list[tuple[tuple[str | int, ...], Any]]:
-    """Return place and value of all that a search may choose from, of a draw within bounds its two ends."""
-    if isinstance(given, list):
-        return [((number,), value) for number, value in enumerate(given)]
-    ((kind, values),) = given.items()
-    if kind == "choice":
-        return [((kind, number), value) for number, value in enumerate(values)]
-    low, high = values
-    if kind == "randint":
-        return [((kind, 0), low), ((kind, 1), high - 1)]
-    return [((kind, 0), float(low)), ((kind, 1), float(high))]
+def _unsuited(
+    algorithm: str, environment: Environment, actions: Mapping[str, str]
+) -> Iterator[tuple[str, str]]:
+    """Yield why an algorithm does not suit agents, and remedies; `actions` have the key of an agent each."""
+    entry = entry_of(algorithm)
+    for action, key in actions.items():
+        kind = ActionKind.DISCRETE if action == "Lane" else ActionKind.CONTINUOUS
+        if environment.adapter is None and not entry.acts_in(kind):  # an adapter's actions are known later
+            fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
+            text = f"{algorithm!r} needs {entry.actions} actions, and {key} is {action!r}"
+            yield text, f"for {kind} actions use one of: {fitting}"
+    if environment.agent_count < entry.least_agents:
+        text = f"{algorithm!r} needs {entry.least_agents} agents, and there are {environment.agent_count}"
+        yield text, "use another algorithm, or more agents"
+    if entry.equal_spaces and len(actions) > 1:
+        text = f"{algorithm!r} needs agents with equal actions, and they have {', '.join(actions)}"
+        yield text, "use another algorithm, or one action for all agents"

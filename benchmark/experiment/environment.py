@@ -14,7 +14,6 @@ from pydantic import (
     model_validator,
 )
 
-from benchmark.experiment.environment_checks import MOST_AGENTS
 from benchmark.experiment.values import NAME, SEVERAL, ActionName, Engine, VehicleName, Wheels
 from smarts.config import Section, UnfitError
 from smarts.errors import SmartsError
@@ -44,18 +43,22 @@ class AgentChanges(Driving):
         return {name: value for name, value in serialize(self).items() if name in self.model_fields_set}
 
 
-def _agents(agents: Any) -> Any:
-    """Raise if agents by name are none or too many, or a name is not one."""
-    if not isinstance(agents, dict):
-        return agents
-    if not 1 <= len(agents) <= MOST_AGENTS:
-        raise UnfitError(f"there are {len(agents)} agents", f"give 1 to {MOST_AGENTS}")
+MOST_AGENTS = 64
+
+
+def _agent_names(agents: dict[str, AgentChanges]) -> dict[str, AgentChanges]:
+    """Raise if a name cannot be one of an agent."""
     for name in agents:
         if not NAME.fullmatch(name) or "__" in name:
             raise UnfitError(
                 f"{name!r} cannot name an agent", "use letters, digits, '.', '_' and '-', and no '__'"
             )
     return agents
+
+
+NamedAgents = Annotated[
+    dict[str, AgentChanges], Field(min_length=1, max_length=MOST_AGENTS), AfterValidator(_agent_names)
+]
 
 
 class SocialAgents(Section):
@@ -106,9 +109,8 @@ class Environment(Driving):
 
     agents: Annotated[
         Annotated[Annotated[int, Field(ge=1, le=MOST_AGENTS)], Tag("number")]
-        | Annotated[dict[str, AgentChanges], Tag("by name")],
+        | Annotated[NamedAgents, Tag("by name")],
         Discriminator(lambda given: "by name" if isinstance(given, dict) else "number"),
-        AfterValidator(_agents),
     ] = 4
     """Learning agents in each simulation: how many, or what differs for each by its name, such as
     `{car: {}, truck: {vehicle: truck}}`."""

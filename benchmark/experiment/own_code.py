@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from smarts.registry import import_own, is_own_name
+from smarts.registry import import_own, is_own_name, place_of_module
 from smarts.sstudio.encoding import digest
 
 PROGRAM = frozenset(("algorithms", "benchmark", "smarts"))
@@ -106,17 +105,9 @@ def _imported(tree: ast.AST, package: str) -> Iterator[str]:
 def _file_of(module: str) -> Path | None:
     """Return the source file of a module, which is not imported; None without one."""
     top, *inner = module.split(".")
-    try:
-        spec = importlib.util.find_spec(top)
-    except ValueError:  # of "", and of modules without a spec
-        spec = None
-    if spec is None:
+    place = place_of_module(top) if top else None
+    if place is None:
         return None
-    if not inner and spec.origin and spec.origin.endswith(".py"):
-        return Path(spec.origin)
-    for root in spec.submodule_search_locations or ():
-        path = Path(root, *inner)
-        for file in (path / "__init__.py", path.with_suffix(".py")):
-            if file.is_file():
-                return file
-    return None
+    path = place.joinpath(*inner)
+    files = (path, path / "__init__.py", path.with_suffix(".py"))
+    return next((file for file in files if file.suffix == ".py" and file.is_file()), None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -19,7 +19,7 @@ from smarts.types.actions import ActionSpaceType
 from smarts.types.traffic import TRAFFIC_ENGINES
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
-ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
+ADDRESS = re.compile(r"\S+:\d+")
 ACTION_NAMES = tuple(kind.name for kind in ActionSpaceType if kind != ActionSpaceType.Empty)
 
 KEPT = "kept"
@@ -36,27 +36,25 @@ def _name(text: str) -> str:
     return text
 
 
-def _named(kind: str, known: Iterable[str]) -> Callable[[str], str]:
-    """Return a check that a name is a registered one, or a `module:Class`, which later checks resolve."""
+def _named(kind: str, known: Iterable[str], *, own: bool = True) -> AfterValidator:
+    """Return a check that a name is registered or, with `own`, a `module:Class`, which is imported later."""
 
     def check(name: str) -> str:
-        if name not in [*known] and not is_own_name(name):
+        if name not in [*known] and not (own and is_own_name(name)):
             raise UnfitError(f"there is no {kind} {name!r}", nearest_names(name, known))
         return name
 
-    return check
-
-
-def _action(name: str) -> str:
-    if name not in ACTION_NAMES:
-        raise UnfitError(f"there is no action {name!r}", nearest_names(name, ACTION_NAMES))
-    return name
+    return AfterValidator(check)
 
 
 def _metric(name: str) -> str:
+    if is_own_name(name):
+        return name
     from benchmark.metrics.registry import METRICS  # here: loads pandas, and most files choose none
 
-    return _named("metric", METRICS)(name)
+    if name not in METRICS:
+        raise UnfitError(f"there is no metric {name!r}", nearest_names(name, METRICS))
+    return name
 
 
 def _scenario(name: str, info: ValidationInfo) -> str:
@@ -72,20 +70,11 @@ def _scenario(name: str, info: ValidationInfo) -> str:
 
 
 def _address(text: str) -> str:
-    found = ADDRESS.fullmatch(text)
-    if text != "auto" and not (found and 0 < int(found[1]) < 2**16):
+    if text != "auto" and not ADDRESS.fullmatch(text):
         raise UnfitError(
             f"{text!r} is not where a Ray cluster can be", "write auto, or HOST:PORT of its head"
         )
     return text
-
-
-def _gpus(count: float) -> float:
-    if count > 1 and count % 1:
-        raise UnfitError(
-            f"{count:g} is more than one GPU, but no whole number", "share one, or take whole ones"
-        )
-    return count
 
 
 def distinct(values: Iterable[Any]) -> Any:
@@ -102,13 +91,13 @@ def _sorted(values: tuple[str, ...]) -> tuple[str, ...]:
 
 
 FolderName = Annotated[str, AfterValidator(_name)]
-Algorithm = Annotated[str, AfterValidator(_named("algorithm", ALGORITHMS))]
-Policy = Annotated[str, AfterValidator(_named("scripted policy", SCRIPTED_POLICIES))]
+Algorithm = Annotated[str, _named("algorithm", ALGORITHMS)]
+Policy = Annotated[str, _named("scripted policy", SCRIPTED_POLICIES)]
 Metric = Annotated[str, AfterValidator(_metric)]
 Scenario = Annotated[str, AfterValidator(_scenario)]
 Address = Annotated[str, AfterValidator(_address)]
-Gpus = Annotated[float, Field(ge=0, allow_inf_nan=False), AfterValidator(_gpus)]
-Engine = Annotated[str, AfterValidator(_named("traffic engine", TRAFFIC_ENGINES))]
+Gpus = Annotated[float, Field(ge=0)]
+Engine = Annotated[str, _named("traffic engine", TRAFFIC_ENGINES)]
 
 
 DISTINCT = AfterValidator(distinct)
@@ -123,7 +112,7 @@ Imports = Annotated[tuple[str, ...], Field(strict=False), DISTINCT]
 Wheels = Annotated[tuple[Annotated[int, Field(ge=0, le=3)], ...], Field(strict=False), DISTINCT]
 VehicleName = Literal["generic_sedan", "sedan", "passenger", "bus", "coach", "truck", "motorcycle"]
 # All but Empty, by which agents do nothing.
-ActionName = Annotated[str, AfterValidator(_action)]
+ActionName = Annotated[str, _named("action", ACTION_NAMES, own=False)]
 
 
 def name_of(scenarios: Iterable[str]) -> str:

@@ -13,9 +13,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from benchmark.experiment.config import Evaluation, TrainingTask, name_of
+from benchmark.experiment.config import Evaluation, TrainingTask
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, TaskSetting
+from benchmark.experiment.values import name_of
 from benchmark.metrics import read_table
 from benchmark.results.release import check_released
 from benchmark.results.run_folder import RunFolder

@@ -10,8 +10,9 @@ from typing import Literal
 
 import pandas as pd
 
-from benchmark.experiment.config import Evaluation, TrainingTask, name_of
+from benchmark.experiment.config import Evaluation, TrainingTask
 from benchmark.experiment.runs import Run
+from benchmark.experiment.values import name_of
 from benchmark.metrics import read_table
 from benchmark.results.run_folder import RunFolder, changed_code
 from benchmark.running.evaluation_folder import check_free, evaluation_folder

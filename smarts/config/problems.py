@@ -8,10 +8,9 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from smarts.errors import SmartsError, nearest_names, shortened
+from smarts import errors
+from smarts.errors import SmartsError, nearest_names
 
-MOST_PROBLEMS = 25
-"""How many mistakes of a file are shown."""
 LONGEST_VALUE = 80
 SHOULD = "input should be "
 """First words of pydantic's messages about a value."""
@@ -58,21 +57,7 @@ class ConfigError(SmartsError):
         return ConfigError, (self.problems,)
 
     def __str__(self) -> str:
-        lines = [shortened(str(problem), 500) for problem in self.problems[:MOST_PROBLEMS]]
-        if len(self.problems) > MOST_PROBLEMS:
-            lines.append(f"and {len(self.problems) - MOST_PROBLEMS} more")
-        return "\n  ".join(lines)
-
-
-def in_order(problems: Sequence[Problem]) -> list[Problem]:
-    """Sort mistakes by their lines, file by file."""
-    files = list(dict.fromkeys(problem.place.rpartition(":")[0] for problem in problems))
-
-    def position(problem: Problem) -> tuple[int, int]:
-        file, _, line = problem.place.rpartition(":")
-        return files.index(file), int(line) if line.isdecimal() else 0
-
-    return sorted(problems, key=position)
+        return "\n  ".join(map(str, self.problems))
 
 
 def explained(
@@ -86,71 +71,70 @@ def explained(
         values: Its input.
         place: Returns the place of a key, or of the section around it.
     """
-    return _joined([_problem(dict(each), model, values, place) for each in _primary(error)])
+    remedies: dict[tuple[str, str], list[str]] = {}
+    for each in _primary(error):
+        problem = _problem(dict(each), model, values, place)
+        remedies.setdefault((problem.place, problem.text), []).append(problem.remedy)
+    # Pydantic reports a value once for each type that it does not fit.
+    return [
+        Problem(place, text, " or ".join([said[0], *(each.removeprefix(SHOULD) for each in said[1:])]))
+        for (place, text), said in ((at, [*dict.fromkeys(each)]) for at, each in remedies.items())
+    ]
+
+
+def mistaken_keys(error: ValidationError, values: Any) -> list[Key]:
+    """Return the keys of what a model finds wrong, or of the list members around it, the last first."""
+    found = set()
+    for each in error.errors(include_url=False):
+        key = _key(each["loc"], values)
+        numbers = [place for place, part in enumerate(key) if isinstance(part, int)]
+        found.add(key[: numbers[0] + 1] if numbers else key)
+    return sorted(found, reverse=True)
 
 
 def _problem(
     error: dict[str, Any], model: type[BaseModel], values: Any, place_of: Callable[[Key], str]
 ) -> Problem:
     """Return a validation error in words."""
-    key = tuple(_without_kinds(tuple(error["loc"]), values))
+    key = _key(error["loc"], values)
     place, kind = place_of(key), error["type"]
     if kind == "extra_forbidden":
         section = _section(model, key[:-1])
         known = list(section.model_fields) if section else []
         return Problem(place, f"there is no key {shown(key)}", nearest_names(str(key[-1]), known))
     if kind == "missing":
-        return Problem(place, f"{shown(key)} is missing", _meaning(model, key))
-    if kind in ("value_error", "assertion_error"):
-        cause = error.get("ctx", {}).get("error")
-        is_ours = isinstance(cause, UnfitError)
-        problem = cause.problem if is_ours else str(error["msg"]).removeprefix("Value error, ")
-        text = f"{shown(key)}: {problem}" if key else problem
-        return Problem(place, text, cause.remedy if is_ours else "")
-    return Problem(
-        place, f"{shown(key)} is {shortened(repr(error.get('input')), LONGEST_VALUE)}", _should(error)
-    )
+        return Problem(place, f"{shown(key)} is missing", "add it")
+    if kind == "value_error":
+        cause = error["ctx"]["error"]
+        problem, remedy = (cause.problem, cause.remedy) if isinstance(cause, UnfitError) else (str(cause), "")
+        return Problem(place, f"{shown(key)}: {problem}" if key else problem, remedy)
+    return Problem(place, f"{shown(key)} is {errors.shown(error['input'], LONGEST_VALUE)}", _should(error))
 
 
 def _should(error: Mapping[str, Any]) -> str:
     """Return what a value of a wrong type or range should be."""
-    kind, value = error["type"], error.get("input")
+    kind, value = error["type"], error["input"]
     if kind in ("tuple_type", "list_type"):
-        is_single = isinstance(value, str | int | float)
-        return f"{SHOULD}a list" + (f": [{shortened(str(value), LONGEST_VALUE)}]" if is_single else "")
+        return f"{SHOULD}a list" + (f": [{value}]" if isinstance(value, str | int | float) else "")
     if kind in ("model_type", "dict_type"):
         return f"{SHOULD}keys with values: {{key: value}}"
-    if kind == "too_short":
-        least = error["ctx"]["min_length"]
-        return f"{SHOULD}at least {least} {'entry' if least == 1 else 'entries'}"
-    message = str(error["msg"])
+    message = str(error["msg"]).replace("Tuple", "List")
     return message[:1].lower() + message[1:]
 
 
 def _primary(error: ValidationError) -> list[Any]:
     """Leave out "too short" of lists whose members have mistakes."""
     found = error.errors(include_url=False)
-    places = [each["loc"] for each in found]
-
-    def has_others_inside(place: tuple) -> bool:
-        return any(len(other) > len(place) and other[: len(place)] == place for other in places)
-
-    return [each for each in found if each["type"] != "too_short" or not has_others_inside(each["loc"])]
+    around = {each["loc"][:length] for each in found for length in range(len(each["loc"]))}
+    return [each for each in found if each["type"] != "too_short" or each["loc"] not in around]
 
 
-def _joined(problems: Sequence[Problem]) -> list[Problem]:
-    """Join the problems of each value: pydantic reports one for each type that it does not fit."""
-    remedies: dict[tuple[str, str], list[str]] = {}
-    for problem in problems:
-        remedies.setdefault((problem.place, problem.text), []).append(problem.remedy)
-    return [
-        Problem(place, text, " or ".join([said[0], *(each.removeprefix(SHOULD) for each in said[1:])]))
-        for (place, text), said in ((at, list(dict.fromkeys(each))) for at, each in remedies.items())
-    ]
+def _key(location: Key, content: Any) -> Key:
+    """Return the key in a file of an error's location, without the parts that name a type."""
+    return tuple(_without_kinds(location, content))
 
 
 def _without_kinds(key: Key, content: Any) -> Iterator[str | int]:
-    """Leave out parts of a key that name a type, not a place in the file."""
     for part in key:
         if isinstance(content, list) and isinstance(part, int) and part < len(content):
             content = content[part]
@@ -179,12 +163,6 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next((found for each in get_args(annotation) if (found := _model_in(each))), None)
-
-
-def _meaning(model: type[BaseModel], key: Key) -> str:
-    section = _section(model, key[:-1])
-    info = section.model_fields.get(str(key[-1])) if section else None
-    return f"it says: {info.description}" if info and info.description else "add it"
 
 
 def shown(key: Key) -> str:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from smarts.config.problems import ConfigError, Key, Problem, explained, in_order, shown
+from smarts.config.problems import ConfigError, Key, Problem, explained, mistaken_keys, shown
 from smarts.config.sources import COMMAND_LINE, Source, read_files, read_override
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -38,7 +38,7 @@ class Section(BaseModel):
 
 @dataclass(frozen=True)
 class Fault:
-    """A mistake that a check of a config's values finds; see `read_config`."""
+    """A mistake that a check of a config finds; see `read_config`."""
 
     key: Key
     """Of the value, or of a section around it."""
@@ -46,11 +46,11 @@ class Fault:
     remedy: str = ""
 
 
-Check = Callable[[Mapping[str, Any]], Iterable[Fault]]
-
-
 def read_config(
-    file: Path, model: type[Model], overrides: Sequence[str] = (), check: Check = lambda values: ()
+    file: Path,
+    model: type[Model],
+    overrides: Sequence[str] = (),
+    check: Callable[[Model], Iterable[Fault]] = lambda found: (),
 ) -> Model:
     """Return the content of a YAML file as a model.
 
@@ -59,42 +59,60 @@ def read_config(
             where this one has none; sections are merged, everything else (lists and `{}` too) is replaced.
         model: The type of the content.
         overrides: Values that replace the file's, as in "budget.minutes=5"; the value is read as YAML.
-        check: Finds mistakes that the model does not, in values which need not fit the model.
+        check: Finds mistakes in how values fit together. Values that the model finds wrong are left out for
+            it, so that all mistakes are told at once.
 
     Raises:
         ConfigError: With all mistakes: of syntax, names, types, ranges.
     """
-    problems: list[Problem] = []
-    files = read_files(file, str(file), problems.append)
-    given = [read_override(text, problems.append) for text in overrides]
-    if files is None:
-        raise ConfigError(problems)
-    sources = [*files, *(source for source in given if source is not None)]
+    sources = [*read_files(file, str(file)), *map(read_override, overrides)]
     values = reduce(_merged, (source.values for source in sources))
     place = partial(_place, sources)
-    found = None
+    problems = [problem for source in sources for problem in source.repeated()]
+    wrong: list[Key] = []
     try:
         found = model.model_validate(values)
     except ValidationError as error:
         problems += explained(error, model, values, place)
-    problems += _found_by(check(values), place, problems)
-    if found is None or problems:
-        raise ConfigError(in_order(problems))
-    return found
-
-
-def _found_by(
-    faults: Iterable[Fault], place: Callable[[Key], str], known: Sequence[Problem]
-) -> list[Problem]:
-    """Return faults as problems, without values whose type is a known problem."""
-    wrong = {problem.text.partition(" is ")[0] for problem in known}
-    return [
+        wrong = mistaken_keys(error, values)
+        found = _validated(model, reduce(_without, wrong, values))
+    problems += [
         Problem(
             place(fault.key), f"{shown(fault.key)}: {fault.text}" if fault.key else fault.text, fault.remedy
         )
-        for fault in faults
-        if not fault.key or shown(fault.key) not in wrong
+        for fault in (check(found) if found else ())
+        if not _is_of_any(fault.key, wrong)
     ]
+    if problems or not found:
+        raise ConfigError(problems)
+    return found
+
+
+def _validated(model: type[Model], values: dict[str, Any]) -> Model | None:
+    """Return values as a model, None if it needs others."""
+    try:
+        return model.model_validate(values)
+    except ValidationError:
+        return None
+
+
+def _without(values: Any, key: Key) -> Any:
+    """Return values without the one at a key, and without a list that has nothing else."""
+    if not key:  # of the whole
+        return {}
+    if isinstance(values, list):
+        return [each for number, each in enumerate(values) if number != key[0]]
+    kept = {name: value for name, value in values.items() if name != key[0]}
+    inner = values.get(key[0])
+    if len(key) > 1 and isinstance(inner, dict | list) and (rest := _without(inner, key[1:])) != []:
+        kept[key[0]] = rest
+    return kept
+
+
+def _is_of_any(key: Key, wrong: Iterable[Key]) -> bool:
+    """Return whether a key is around or inside a wrong one, or in a list whose numbers differ for one."""
+    lists = [each[:-1] if isinstance(each[-1], int) else each for each in wrong if each]
+    return any(key and key[: len(each)] == each[: len(key)] for each in lists)
 
 
 def _place(sources: Sequence[Source], key: Key) -> str:

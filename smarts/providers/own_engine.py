@@ -8,19 +8,18 @@ from typing import Any
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
-from smarts.errors import OwnCodeError, SmartsError, shown
+from smarts.errors import OwnCodeError, shown
 from smarts.providers.traffic_engine import Giver, TrafficEngine
 from smarts.registry import definition_of, guarded
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
-from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
 
 def make_own_engine(
     name: str, kind: Callable[..., Any], world: World, maps: Sequence[LaneGraph]
 ) -> TrafficEngine:
-    """Return a user's engine, with checks of what it raises, returns and writes.
+    """Return a user's engine, with checks of what it raises and returns.
 
     Raises:
         OwnCodeError: Its constructor raises, or `failures` or `is_full` is not as in `TrafficEngine`.
@@ -31,7 +30,7 @@ def make_own_engine(
 
 
 class OwnEngine(TrafficEngine):
-    """Calls a user's engine, and checks what it returns and the motion that it writes.
+    """Calls a user's engine, and checks what it returns.
 
     Args:
         engine: The user's.
@@ -54,15 +53,11 @@ class OwnEngine(TrafficEngine):
         """See `TrafficEngine`."""
         self._reset(starts)
         self._read()
-        begun = np.zeros(self._world.worlds, np.bool_)
-        begun[list(starts)] = True
-        self._check_motion(begun, "reset")
 
     def step(self, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
         self._step(env_mask)
         self._read()
-        self._check_motion(env_mask, "step")
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`."""
@@ -74,16 +69,12 @@ class OwnEngine(TrafficEngine):
 
     def _read(self) -> None:
         """Read `failures` and `is_full` of the last call."""
-        failures: Any = getattr(self._engine, "failures", None)
-        is_full: Any = getattr(self._engine, "is_full", None)
-        rows = range(self._world.worlds)
-        if not isinstance(failures, Mapping) or not all(
-            row in rows and isinstance(error, SmartsError) for row, error in failures.items()
-        ):
-            self._refuse("failures", failures, "a dict of a TrafficError by simulation, {} without")
-        if np.shape(is_full) != (self._world.worlds,):
-            self._refuse("is_full", is_full, f"an array of {self._world.worlds} truth values")
-        self.failures, self.is_full = failures, np.asarray(is_full, np.bool_)
+        self.failures = getattr(self._engine, "failures", None)
+        self.is_full = np.asarray(getattr(self._engine, "is_full", None), np.bool_)
+        if not isinstance(self.failures, Mapping):
+            self._refuse("failures", self.failures, "a dict of a TrafficError by simulation, {} without")
+        if self.is_full.shape != (self._world.worlds,):
+            self._refuse("is_full", self.is_full, f"an array of {self._world.worlds} truth values")
 
     def _refuse(self, name: str, value: Any, wanted: str) -> None:
         raise OwnCodeError(
@@ -105,34 +96,6 @@ class OwnEngine(TrafficEngine):
                 remedy="return an array of a Refusal for each vehicle",
             )
         return found
-
-    def _check_motion(self, env_mask: Bools, name: str) -> None:
-        """Raise if a position, a heading or a speed that the engine wrote is not finite."""
-        vehicles = self._world.vehicles
-        motion = vehicles.position, vehicles.heading, vehicles.speed
-        with np.errstate(invalid="ignore", over="ignore"):
-            # The sum of numbers is finite only if all are: one look at each step.
-            if np.isfinite(sum(column.sum() for column in motion)):
-                return
-        bad = ~(
-            np.isfinite(vehicles.position).all(-1)
-            & np.isfinite(vehicles.heading)
-            & np.isfinite(vehicles.speed)
-        )
-        bad &= vehicles.alive & (vehicles.owner == Owner.TRAFFIC) & env_mask[:, None]
-        bad[list(self.failures)] = False
-        for row, slot in np.argwhere(bad)[:1].tolist():
-            values = {
-                "position": vehicles.position[row, slot].tolist(),
-                "heading": vehicles.heading[row, slot].item(),
-                "speed": vehicles.speed[row, slot].item(),
-            }
-            written = ", ".join(f"{key} {value}" for key, value in values.items())
-            raise OwnCodeError(
-                f"{self._doing}: a vehicle in simulation {row} has {written}",
-                place=definition_of(getattr(self._engine, name)),
-                remedy="write finite numbers",
-            )
 
 
 class OwnGiver(OwnEngine):

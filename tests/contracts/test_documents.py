@@ -22,6 +22,8 @@ MODULES = [
 ]
 BLOCKS = [block for page in [*PAGES, *MODULES] for block in blocks_of(page)]
 WITH_CODE = sorted({block.page for block in BLOCKS if block.is_code})
+ALWAYS_RUN = ("README.md", "extending.md")
+"""Pages whose blocks `make test` runs."""
 NOT_RUN = 10
 """Blocks that are not run at most: those that install, need a cluster, or measure for minutes."""
 API = {
@@ -51,7 +53,11 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=() if page.name in ALWAYS_RUN else pytest.mark.nightly) for page in WITH_CODE],
+    ids=lambda page: str(page.relative_to(ROOT)),
+)
 def test_the_blocks_of_a_page_run(page, folder):
     for block, _, seconds in Page(page, folder).run():
         print(f"{block.place}: {seconds:.1f} s")
@@ -87,6 +93,7 @@ def test_the_reference_has_all_public_names(module):
     assert shown == {f"{module}.{name}" for name in importlib.import_module(module).__all__}
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_site_builds_without_a_warning_and_loads_nothing_from_the_network(tmp_path):
     build = [sys.executable, "-m", "mkdocs", "build", "--site-dir", tmp_path]

@@ -47,7 +47,7 @@ def test_the_papers_listing(tmp_path):
             # Newer versions of RLlib also pass the episode.
             "policy_mapping_fn": lambda agent_id, episode, **_: agent_id,
         },
-        "num_env_runners": 1,
+        "num_env_runners": 0,
         "train_batch_size": 100,
         "minibatch_size": 50,
         "num_epochs": 1,

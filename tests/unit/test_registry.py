@@ -88,10 +88,3 @@ def test_an_exit_in_own_code_is_an_error_and_an_exit_of_ray_ends_the_process(cal
 def test_own_code_that_cannot_be_called_is_named_where_it_is_defined(called, name, values, line):
     with raises(OwnCodeError, f"{called}:{line}", values=["TypeError"]):
         guarded(load_own(f"{called.stem}:{name}"), "the reward 'x'")(*values)
-
-
-def test_what_own_code_gives_in_place_of_a_function_is_named_at_its_class(called):
-    load_module(called.stem, "feature")
-    nothing: Any = None
-    with raises(OwnCodeError, f"{called}:10", values=["None"]):
-        guarded(nothing, f"the feature '{called.stem}:Needs'")

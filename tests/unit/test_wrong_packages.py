@@ -9,10 +9,11 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("name", ["algorithms", "smarts"])
-@pytest.mark.parametrize("file", ["{}/__init__.py", "{}.py"])
+@pytest.mark.parametrize(
+    ("name", "file"), [("algorithms", "algorithms/__init__.py"), ("smarts", "smarts.py")]
+)
 def test_a_package_of_the_users_that_hides_ours(tmp_path, name, file):
-    place = tmp_path / file.format(name)
+    place = tmp_path / file
     place.parent.mkdir(exist_ok=True)
     place.write_text("")
     script = tmp_path / "script.py"

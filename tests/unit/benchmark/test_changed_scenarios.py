@@ -15,7 +15,6 @@ from benchmark.report.markdown import report_text
 from benchmark.report.summary import Summaries
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
-from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running.experiment import run_experiment
 from benchmark.running.played import scenario_digests
 from smarts.sstudio.locating import SUITE
@@ -109,16 +108,6 @@ def test_results_of_a_scenario_that_has_changed_are_kept_and_not_mixed(loop, tmp
     change(loop, "(lane + 1) % lanes, 180", GOAL)
 
 
-def test_what_is_not_recorded_has_not_changed(tmp_path):
-    folder = RunFolder(tmp_path)
-    assert folder.changed_scenarios({"loop": "a"}) == []
-    folder.note(status=FINISHED)
-    assert folder.changed_scenarios({"loop": "a"}) == []
-    folder.note(scenarios={"loop": "a", "loop@two_lanes": "b"})
-    assert folder.changed_scenarios({"loop": "a", "other": "z"}) == []
-    assert folder.changed_scenarios({"loop": "c", "loop@two_lanes": "b"}) == ["loop"]
-
-
 def table(**labels):
     return [agent_episodes([["goal", "goal"], ["collision", "goal"]], mode="greedy", **labels)]
 
@@ -188,18 +177,6 @@ def test_seeds_that_were_not_trained_alike_are_named(tmp_path):
     assert make_leaderboard([tmp_path]).problems == tuple(f"{tmp_path.name}: {each}" for each in said)
     others = [f"{tmp_path.name}: {each}" for each in said]
     assert runs_apart(read_side(tmp_path / "ppo"), read_side(tmp_path / "dqn")) == others
-
-
-@pytest.mark.parametrize("is_same", [True, False])
-def test_a_scenario_that_has_moved_is_the_same_if_its_digest_is(tmp_path, is_same):
-    write_experiment(tmp_path, seeds=[1, 2])
-    for seed, place, digest in ((1, "/here/mine", "one"), (2, "/there/mine", "one" if is_same else "two")):
-        run = write_run(tmp_path, "ppo", table(), seed=seed, scenarios={place: digest})
-        config = yaml.safe_load((run / "config.yaml").read_text())
-        (run / "config.yaml").write_text(yaml.safe_dump(config | {"scenarios": [place]}))
-    text = text_of(tmp_path)
-    assert "was not trained like" not in text
-    assert ("The scenario mine was not the same in all runs" in text) is not is_same
 
 
 def test_seeds_of_other_own_code_are_named_and_such_experiments_are_ranked_apart(tmp_path):

@@ -16,37 +16,26 @@ def file(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("tune.parameters={lr: 3}", "tune.parameters.lr: 3 is not a search space; give a list"),
-        ("tune.parameters={lr: []}", "[] is not a search space"),
-        ("tune.parameters={lr: {normal: [0, 1]}}", "is not a search space"),
-        ("tune.parameters={lr: {uniform: [1]}}", "is not a search space"),
-        ("tune.parameters={lr: {uniform: [0, 1], randint: [0, 1]}}", "is not a search space"),
-        ("tune.parameters={lr: {uniform: [a, b]}}", "tune.parameters.lr.uniform: ['a', 'b'] are not numbers"),
-        (
-            "tune.parameters={lr: {loguniform: [0, 1]}}",
-            "[0, 1] are not bounds",
-        ),
-        ("tune.parameters={lr: {loguniform: [1, 0.1]}}", "[1, 0.1] are not bounds"),
-        ("tune.parameters={lr: {uniform: [0, .inf]}}", "are not bounds"),
-        ("tune.parameters={lr: {uniform: [1, 1]}}", "[1, 1] are not bounds"),
-        ("tune.parameters={epochs: {randint: [1.5, 2.5]}}", "[1.5, 2.5] are not whole numbers"),
-        ("tune.parameters={epochs: {uniform: [1, 5]}}", "epochs.uniform[0]: 1.0; "),
-        ("tune.parameters={epochs: {randint: [0, 5]}}", "epochs.randint[0]: 0; "),
-        ("tune.parameters={gamma: {uniform: [0.5, 1.5]}}", "gamma.uniform[1]: 1.5; "),
-        ("tune.parameters={lr: [0.1, -1, a]}", "tune.parameters.lr[1]: -1; "),
-        ("tune.parameters={lr: [0.1, -1, a]}", "tune.parameters.lr[2]: 'a'; "),
-        ("tune.parameters={sharing: [allz]}", "tune.parameters.sharing[0]: 'allz'; "),
-        ("tune.parameters={lr: {choice: []}}", "is not a search space"),
-        ("tune.parameters={lr: {choice: 0.1}}", "is not a search space"),
-        ("tune.parameters={lr: {choice: [0.1, 0.2], uniform: [0, 1]}}", "is not a search space"),
-        ("tune.parameters={lr: {choice: [0.1, 0.2, -1]}}", "tune.parameters.lr.choice[2]: -1; "),
-        ("tune.parameters={sharing: {choice: [allz]}}", "tune.parameters.sharing.choice[0]: 'allz'; "),
-        ("tune.parameters={lrr: [1]}", "tune.parameters.lrr: 'ppo' has no such setting; did you mean 'lr'?"),
+        ("{lr: 3}", "tune.parameters.lr: 3 is not a search space; give a list"),
+        ("{lr: {normal: [0, 1]}}", "is not a search space"),
+        ("{lr: {uniform: [0, 1], randint: [0, 1]}}", "is not a search space"),
+        ("{lr: {choice: 0.1}}", "is not a search space"),
+        ("{lr: {uniform: [1]}}", "[1] are not bounds of uniform"),
+        ("{lr: {uniform: [a, b]}}", "tune.parameters.lr: ['a', 'b'] are not bounds of uniform; give two"),
+        ("{lr: {loguniform: [0, 1]}}", "[0, 1] are not bounds of loguniform"),
+        ("{lr: {uniform: [1, 1]}}", "[1, 1] are not bounds of uniform"),
+        ("{epochs: {randint: [1.5, 2.5]}}", "[1.5, 2.5] are not bounds of randint; give two whole numbers"),
+        ("{epochs: {uniform: [1, 5]}}", "epochs.uniform[0]: 1.0; "),
+        ("{epochs: {randint: [0, 5]}}", "epochs.randint[0]: 0; "),
+        ("{gamma: {uniform: [0.5, 1.5]}}", "gamma.uniform[1]: 1.5; "),
+        ("{lr: [0.1, -1]}", "tune.parameters.lr[1]: -1; "),
+        ("{sharing: {choice: [allz]}}", "tune.parameters.sharing.choice[0]: 'allz'; "),
+        ("{lrr: [1]}", "tune.parameters.lrr: none of the algorithms has such a setting; did you mean 'lr'?"),
     ],
 )
 def test_mistakes_are_named(file, change, message):
     with pytest.raises(ConfigError) as caught:
-        read_experiment(file, [change])
+        read_experiment(file, [f"tune.parameters={change}"])
     assert message in str(caught.value)
 
 

@@ -180,14 +180,6 @@ def test_what_cannot_be_shipped_is_named(tmp_path, monkeypatch):
         pass
 
 
-def test_the_largest_file_is_named_where_none_is_the_users(tmp_path, monkeypatch):
-    monkeypatch.setattr(shipping, "MOST_BYTES", 10)
-    with zipfile.ZipFile(tmp_path / "code.zip", "w") as archive:
-        archive.writestr("scenarios/mine/map.net.xml", bytes(1000))
-    with raises(ResultsError, "scenarios/mine/map.net.xml"):
-        shipping._check_size(tmp_path / "code.zip")
-
-
 def test_paths_are_themselves_on_the_drivers_machine(tmp_path, monkeypatch):
     assert shipped.local(tmp_path) == tmp_path == shipped.original(tmp_path)
     monkeypatch.setattr(shipped, "SHIPPED", tmp_path / "shipped")

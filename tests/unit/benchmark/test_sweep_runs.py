@@ -11,7 +11,7 @@ import pytest
 from smarts.sstudio.locating import SUITE
 from tests.commands import begin, finish, wait_for
 
-# Three starts of Ray and four trainings, of which each has to load everything: minutes on a busy machine.
+# Starts of Ray and trainings, of which each has to load everything: minutes on a busy machine.
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3000)]
 
 SEARCH = """
@@ -21,8 +21,8 @@ traffic: [no_social_vehicles]
 seeds: [3]
 training: {sharing: all, rollout_fragment_length: 16}
 environment: {agents: 2, time_limit: 12}
-budget: {agent_steps: 3000}
-evaluation: {validations: 2, validation_episodes: 2}
+budget: {agent_steps: 1000}
+evaluation: {validations: 2, validation_episodes: 1}
 resources: {num_envs_per_env_runner: 2, parallel: 1}
 tune: {parameters: {lr: [0.001, 0.0001]}, metric: return}
 """
@@ -54,17 +54,13 @@ def test_a_search_that_is_interrupted_goes_on_and_ranks_its_trials(tmp_path):
     # A failure of Tune's copying would be told here.
     assert "ERROR" not in err
 
-    code, out, err = finish(begin(*command, "--set", "tune.metric=completion"))
-    assert code == 2
-    assert "a search with another config" in err
-
     code, out, err = finish(begin(*command))
     assert code == 0, err
     found = results_of(root)
     assert len(found) == 2
     assert [line["validation"] for line in found[interrupted]] == [1, 2]
     steps = [line["agent_steps"] for line in found[interrupted]]
-    assert steps[0] < 3000 <= steps[1]
+    assert steps[0] < 1000 <= steps[1]
     times = [
         (lines[0]["timestamp"] - lines[0]["time_this_iter_s"], lines[-1]["timestamp"])
         for lines in found.values()
@@ -80,8 +76,16 @@ def test_a_search_that_is_interrupted_goes_on_and_ranks_its_trials(tmp_path):
     assert [row["validation"] for row in rows] == ["2", "2"]
     assert str(root / "trials.csv") in out
 
+
+@pytest.mark.nightly
+def test_a_search_that_is_finished_is_shown_again(tmp_path):
+    file, root = tmp_path / "search.yaml", tmp_path / "results" / "search"
+    file.write_text(SEARCH.replace("{scenario}", "loop").replace("validations: 2", "validations: 1"))
+    command = ("sweep", str(file), "--out", str(tmp_path / "results"))
+    assert finish(begin(*command))[0] == 0
     written = (root / "trials.csv").read_text()
-    (root / "trials" / rows[0]["trial_id"] / "result.json").write_text("")  # as a kill may leave it
+    first, _ = sorted(root.glob("trials/*/result.json"))
+    first.write_text("")  # as a kill may leave it
     (root / "trials.csv").unlink()
     assert finish(begin(*command))[0] == 0
     assert (root / "trials.csv").read_text() == written
@@ -89,11 +93,12 @@ def test_a_search_that_is_interrupted_goes_on_and_ranks_its_trials(tmp_path):
     shutil.rmtree(root / "trials")
     code, out, err = finish(begin(*command))
     assert code == 0, err
-    assert str(root / "trials.csv") in out  # what is finished is shown again, from its table alone
+    assert str(root / "trials.csv") in out  # from its table alone
     assert (root / "trials.csv").read_text() == written
     assert not (root / "trials").exists()
 
 
+@pytest.mark.nightly
 def test_trials_have_environment_runners(tmp_path):
     file = tmp_path / "runners.yaml"
     text = SEARCH.replace("{scenario}", "loop").replace("[0.001, 0.0001]", "[0.001]")
@@ -143,12 +148,13 @@ class Faltering(PPO):
 '''
 
 
+@pytest.mark.nightly
 def test_a_search_of_two_algorithms_is_stopped_between_them_and_one_of_its_trials_fails(tmp_path):
     file, broken = tmp_path / "both.yaml", tmp_path / "broken"
     (tmp_path / "faltering.py").write_text(FALTERING.replace("{broken}", str(broken)))
     text = SEARCH.replace("[ppo]", '[ppo, "faltering:Config"]').replace("{scenario}", "loop")
     text = text.replace("{lr: [0.001, 0.0001]}", "{lr: [0.001], caution: [0.0, 0.5]}")
-    file.write_text(text.replace("3000", "1000").replace("validations: 2", "validations: 1"))
+    file.write_text(text.replace("validations: 2", "validations: 1"))
     root = tmp_path / "results" / "both"
     command = (
         "sweep",

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 import yaml
 from ray import tune
-from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.sample import Float, Integer
 
 from benchmark.experiment.config import Tune, read_experiment
@@ -40,22 +39,6 @@ def experiment(tmp_path):
     return read
 
 
-def test_a_search_of_an_earlier_version_is_gone_on_with(experiment, tmp_path):
-    """Its file lacks keys that have got defaults since."""
-    file, section = tmp_path / "search.json", Tune(parameters={"lr": [0.1, 0.2]})
-    (run,) = runs_of(experiment())
-    _check_same_search(file, run, section)
-    kept = json.loads(file.read_text())
-    del kept["run"]["environment"]["decision_interval"]
-    file.write_text(json.dumps(kept))
-    _check_same_search(file, run, section)
-    (other,) = runs_of(experiment("environment.decision_interval=3"))
-    for changed in ((other, section), (run, Tune(parameters={"lr": [0.1, 0.3]}))):
-        with pytest.raises(ResultsError) as caught:
-            _check_same_search(file, *changed)
-        assert caught.value.place == str(file)
-
-
 def test_no_trial_becomes_a_copy_of_another_when_its_training_is_over():
     section = Tune(parameters={"lr": {"uniform": [0.1, 0.2]}}, scheduler="pbt")
     scheduler = scheduler_of(section, "ppo", 4)
@@ -83,15 +66,6 @@ def test_lists_are_grids_and_draws_keep_their_bounds():
     assert 1e-4 <= min(draws) < 1e-3 < max(draws) <= 1e-2
 
 
-def test_schedulers():
-    parameters = {"lr": {"uniform": [0.1, 0.2]}}
-    assert scheduler_of(Tune(parameters=parameters), "ppo", 5) is None
-    assert isinstance(scheduler_of(Tune(parameters=parameters, scheduler="asha"), "ppo", 5), ASHAScheduler)
-    assert isinstance(
-        scheduler_of(Tune(parameters=parameters, scheduler="pbt"), "ppo", 5), PopulationBasedTraining
-    )
-
-
 def test_population_based_training_stays_within_bounds():
     parameters = {"gamma": {"uniform": [0.9, 0.99]}, "epochs": {"randint": [2, 5]}, "hidden": [[8], [16]]}
     parameters["sharing"] = {"choice": ["all", "none"]}
@@ -117,7 +91,7 @@ def test_population_based_training_explores_what_the_algorithm_has():
 
 @pytest.mark.parametrize(
     "setting",
-    [None, 128, 0.001, 1e-05, [[0, 0.001], [100000, 1e-05]], "all", "128", "null", True, {"a": [1]}],
+    [None, 128, 1e-05, [[0, 0.001], [100000, 1e-05]], "128"],
 )
 def test_tables_of_trials_hold_settings_as_they_are(experiment, tmp_path, setting):
     table = pd.DataFrame({"lr": [text_of(setting), text_of(7)], "completion": [0.9, 0.1], "trial_id": "a"})
@@ -179,15 +153,9 @@ def test_a_search_is_complete_when_its_table_has_all_trials(tmp_path):
         ([], "tune"),
         (["tune.parameters.lr=[0.1]", "seeds=[1, 2]"], "2 runs"),
         (["tune.parameters.lr=[0.1]", "evaluation.validations=0"], "evaluation.validations"),
-        (["tune.parameters.lrr=[0.1]"], "tune.parameters.lrr"),
-        (["tune.parameters.lr={normal: [0, 1]}"], "{'normal': [0, 1]}"),
-        (["tune.parameters.lr=[0.1]", "traffic=[rush_hour]"], "rush_hour"),
         (["tune={parameters: {lr: [0.1]}, scheduler: asha}", "tasks=[loop, city]"], "tune.scheduler"),
-        (["algorithms=[ppo, dqn]", "tune.parameters.lrr=[0.1]"], "tune.parameters.lrr"),
         (["algorithms=[ppo, dqn]", "tune.parameters.epochs=[2]"], "'dqn' has none of the settings"),
-        (["algorithms=[ppo, dqn]", "tune.parameters={lr: [0.1], epochs: [0]}"], "epochs[0]"),
         (["tune={parameters: {hidden: [[8], [16]]}, scheduler: pbt}"], "tune.parameters.hidden"),
-        (["tune={parameters: {sharing: [all, none]}, scheduler: pbt}"], "tune.parameters.sharing"),
         (["algorithms=[]", "scripted=[parked]", "tune.parameters={lr: [0.1]}"], "algorithms: [ppo]"),
     ],
 )
@@ -195,10 +163,6 @@ def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, na
     with raises(SmartsError, values=[named]):
         sweep(experiment(*overrides), tmp_path / "results")
     assert not (tmp_path / "results").exists()
-
-
-def test_one_run_is_searched(experiment):
-    assert [run.algorithm for run in searched_runs(experiment())] == ["ppo"]
 
 
 def test_a_search_continues_with_further_imports_only(experiment, tmp_path):

@@ -81,13 +81,6 @@ def test_bad_input_is_named(folder):
             run("zoo", *words)
 
 
-def test_the_removal_of_an_unknown_agent_makes_nothing(tmp_path, monkeypatch):
-    monkeypatch.setenv("SMARTS_ZOO", str(tmp_path / "config" / "zoo.yaml"))
-    with pytest.raises(UnknownNameError):
-        run("zoo", "remove", "idm-v0")
-    assert [*tmp_path.iterdir()] == []
-
-
 def test_options_are_yaml():
     given = ["tau=2", "poses=[[0, 0], [1, 0]]", "relative=true", "name=x=y"]
     wanted = {"tau": 2, "poses": [[0, 0], [1, 0]], "relative": True, "name": "x=y"}

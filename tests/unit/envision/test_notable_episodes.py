@@ -123,15 +123,6 @@ def test_a_run_as_one_page(run, tmp_path):
     assert "before" not in done.stderr
 
 
-def test_pages_of_an_earlier_command_are_named(run, tmp_path):
-    # They may be the user's own files, so they are not deleted.
-    (tmp_path / "run-2.html").write_text("mine")
-    done = view(run, "--html", tmp_path / "run.html")
-    assert done.exit_code == 0
-    assert f"{tmp_path / 'run-2.html'} was there before" in done.stderr
-    assert (tmp_path / "run-2.html").read_text() == "mine"
-
-
 def view(*arguments):
     return CliRunner().invoke(app, ["view", *map(str, arguments)])
 

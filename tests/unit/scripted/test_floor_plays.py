@@ -1,15 +1,12 @@
 """Scripted policies in a scenario of the benchmark."""
 
 import csv
-import resource
-from contextlib import contextmanager
 from pathlib import Path
 from typing import ClassVar
 
 import pytest
 
-from benchmark.cli.scripted import COLUMNS, CsvTable, scripted
-from benchmark.results.files import ResultsError
+from benchmark.cli.scripted import scripted
 from benchmark.scripted import SUMO_DRIVER
 from benchmark.scripted.play import play
 from smarts.errors import SmartsError, UnknownNameError
@@ -105,40 +102,3 @@ def test_a_policy_of_ones_own_sees_what_it_asks_for():
     for tally in play(f"{__name__}:Slowing", "loop", episodes=1, agents=1):
         assert tally.share("not_moving") == 1.0
     assert {*Slowing.seen} == {(1,)}
-
-
-@contextmanager
-def full_disk():
-    """Let no file grow beyond 100 bytes, which fails as a full disk does."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-def test_a_full_disk_loses_no_line_of_a_table(tmp_path, capsys):
-    file = tmp_path / "scripted.csv"
-    lines = [[f"{number}"] * len(COLUMNS) for number in range(4)]
-
-    def written():
-        with file.open(newline="") as opened:
-            return [*csv.reader(opened)]
-
-    table = CsvTable(file)
-    table.add(lines[0])
-    assert written() == [[*COLUMNS], lines[0]]
-    with full_disk():
-        table.add(lines[1])
-        table.add(lines[2])
-    assert written() == [[*COLUMNS], lines[0]]
-    assert capsys.readouterr().err.count("cannot be written") == 1
-    with raises(ResultsError, file) as caught:
-        table.finish()
-    assert caught.value.place == str(file)
-    assert "lines are above" in caught.value.remedy
-    table.add(lines[3])
-    table.finish()
-    assert written() == [[*COLUMNS], *lines]
-    assert [*tmp_path.iterdir()] == [file]

@@ -1,0 +1,218 @@
+"""The models of experiment files; what each key means is the docstring below it, and goes into the schema."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from benchmark.experiment.algorithm_settings import settings_of
+from benchmark.experiment.environment import Environment
+from benchmark.experiment.search_spaces import SearchSpace
+from benchmark.experiment.values import (
+    SEVERAL,
+    Address,
+    Algorithms,
+    FolderName,
+    Gpus,
+    Imports,
+    Metrics,
+    Modes,
+    Names,
+    Policies,
+    Positive,
+    Scenario,
+    Seeds,
+    distinct,
+    name_of,
+)
+from benchmark.experiment.version import versions
+from smarts.config import Section
+
+EMPTY_ROADS = "no_social_vehicles"
+"""The traffic variation that every scenario of the suite has, with no vehicles but the agents'."""
+
+
+class TrainingTask(Section):
+    """What a policy is trained and tested on: a scenario, or several of them in turns."""
+
+    name: FolderName
+    """Of its folder and of its column in the report."""
+    scenarios: Annotated[tuple[Scenario, ...], SEVERAL]
+    """Names of the suite or folders, each perhaps with "@variation"."""
+
+
+def _tasks(given: Any) -> Any:
+    """Make tasks of the names of scenarios."""
+    if not isinstance(given, list):
+        return given
+    return [
+        {"name": name_of([each]), "scenarios": [each]} if isinstance(each, str) else each for each in given
+    ]
+
+
+def _known_version(version: int) -> int:
+    if version not in versions():
+        raise ValueError(f"there is no version {version}; there is {', '.join(map(str, versions()))}")
+    return version
+
+
+def _differently_named(tasks: tuple[TrainingTask, ...]) -> tuple[TrainingTask, ...]:
+    distinct(task.name for task in tasks)
+    return tasks
+
+
+Tasks = Annotated[
+    tuple[TrainingTask, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)
+]
+
+
+class Budget(Section):
+    """How long each run trains: until the first is used up; `minutes: null` takes inherited ones out."""
+
+    agent_steps: Positive = 2_000_000
+    """Simulation steps of 0.1 s, counted once for each agent that is on the road."""
+    minutes: Annotated[float, Field(gt=0)] | None = None
+    """Wall-clock time of training, validations not counted. It makes results depend on the machine."""
+
+
+class Evaluation(Section):
+    """How trained policies are tested."""
+
+    episodes: Positive = 200
+    """Test episodes per run and mode."""
+    modes: Modes = ("greedy", "sampled")
+    """Action selection: greedy or sampled. Tables show greedy if both are given."""
+    held_out_episodes: Annotated[int, Field(ge=0)] = 0
+    """Episodes, of greedy acting where both modes are given, on each held-out variation of the scenarios
+    that differs from the training (many differ in traffic alone); 0: generalization is not measured."""
+    validations: Annotated[int, Field(ge=0)] = 10
+    """Number of validations during training, for the best checkpoint and the learning curve."""
+    validation_episodes: Positive = 20
+    """Episodes per validation, disjoint from test episodes."""
+    keep_episodes: bool = False
+    """Whether the recorded test episodes are kept (about 1 MB per 10 episodes); the measures always are."""
+
+
+class Resources(Section):
+    """What the runs may use."""
+
+    parallel: Positive | None = None
+    """Runs side by side; by default as many as Ray has CPUs and GPUs for."""
+    env_runners: Annotated[int, Field(ge=0)] = 0
+    """Processes that simulate for one run; 0: the run's own."""
+    num_envs_per_env_runner: Positive = 8
+    """Simulations in each of these processes."""
+    learners: Annotated[int, Field(ge=0)] = 0
+    """Processes that learn for one run, each from its rows of every minibatch; 0: the run's own."""
+    learner_gpus: Gpus = 0
+    """GPUs for each learner of one run."""
+    address: Address | None = None
+    """HOST:PORT of the Ray cluster to join ("auto" finds it); without it Ray is started on this machine.
+    A cluster's machines need third-party packages only: code goes there, results come from there."""
+
+    @property
+    def processes(self) -> int:
+        """Processes of one run, each with a CPU: its own, env runners and learners."""
+        return 1 + self.env_runners + self.learners
+
+    @property
+    def bundles(self) -> list[dict[str, float]]:
+        """What Ray sets aside for each process of one run: its own, env runners, learners, in this order."""
+        learner = {"CPU": 1.0} | ({"GPU": self.learner_gpus} if self.learner_gpus else {})
+        own = {"CPU": 1.0} if self.learners else learner
+        return [own, *[{"CPU": 1.0}] * self.env_runners, *[learner] * self.learners]
+
+
+class Tune(Section):
+    """A search for settings: `smarts-bench sweep`."""
+
+    parameters: dict[str, SearchSpace]
+    """Setting -> list of values (a grid), or what is drawn from: {uniform: [low, high]}, {loguniform: [...]},
+    {randint: [...]}, {choice: [value, ...]}."""
+    samples: Positive = 1
+    """Draws from the space, or repetitions of a grid."""
+    scheduler: Literal["none", "asha", "pbt"] = "none"
+    """What stops or changes runs early: nothing, asynchronous halving (ASHA), population-based training."""
+    metric: Literal["completion", "return", "safety"] = "completion"
+    """What is to be large in validation; "safety" is 1 - collisions."""
+
+
+class CellSettings(Section):
+    """What differs in the trainings of one cell of the table; what is not given is as in all cells."""
+
+    budget: Budget = Budget()
+    training: dict[str, Any] = Field(default_factory=dict)
+    settings: dict[str, dict[str, Any] | None] = Field(default_factory=dict)
+
+
+class Experiment(Section):
+    """An experiment: every algorithm x task x traffic x seed is a run of its own."""
+
+    name: FolderName = ""
+    """Name of the results folder; by default the file's."""
+    description: str = ""
+    """A line for the report."""
+    benchmark_version: Annotated[int, AfterValidator(_known_version)] | None = None
+    """Version of the benchmark that the results are of: runs are refused where scenarios, observation,
+    reward, metrics or environment settings differ from what it froze, or with changes that are not
+    committed. null: of no version."""
+    imports: Imports = ()
+    """Python files and folders in which module:Class below is found: x.py is module x, a folder x is package
+    x. Relative to this file, or else to the working directory."""
+    algorithms: Algorithms = ()
+    """Names, as `smarts-bench algorithms` lists them, or module:Class of an own algorithm's config."""
+    tasks: Tasks = ()
+    """What is driven: a scenario's name, or {name: ..., scenarios: [...]} for one policy on several."""
+    traffic: Names = (EMPTY_ROADS, "random_social_vehicles")
+    """Names of the scenarios' traffic variations: each is trained and tested on by itself."""
+    seeds: Seeds = (1, 2, 3)
+    """Training seeds; all are tested on the same episodes."""
+    training: dict[str, Any] = Field(default_factory=dict)
+    """Settings of all algorithms that have them, such as `sharing` and `gamma`."""
+    settings: dict[str, dict[str, Any] | None] = Field(default_factory=dict)
+    """Settings of single algorithms; they override those of all."""
+    environment: Environment = Environment()
+    budget: Budget = Budget()
+    evaluation: Evaluation = Evaluation()
+    metrics: Metrics | None = None
+    """What is measured and reported: names, or module:NAME of a Measure of one's own; null: all that are
+    registered. Collision and completion rate always are."""
+    scripted: Policies = ()
+    """Scripted policies that are tested in the same way and shown below the table: names, or module:Class."""
+    resources: Resources = Resources()
+    tune: Tune | None = None
+    cells: dict[str, CellSettings] = Field(default_factory=dict)
+    """TASK or TASK/TRAFFIC -> what differs in the trainings there. TASK/TRAFFIC overrides TASK, and values of
+    one algorithm override those of all, wherever they stand."""
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **values: Any) -> None:
+            """Take values as a file has them: lists, names and dicts; each is checked when it is given."""
+
+    def settings_of(self, algorithm: str, task: str = "", traffic: str = "") -> dict[str, Any]:
+        """Return the settings of an algorithm that the file gives for a cell, by default for any.
+
+        Raises:
+            OwnCodeError: A `module:Class` cannot be imported.
+        """
+        settings, cells = settings_of(algorithm), self._cells_of(task, traffic)
+        training: dict[str, Any] = self.training
+        own: dict[str, Any] = self.settings.get(algorithm) or {}
+        for cell in cells:
+            training, own = training | cell.training, own | (cell.settings.get(algorithm) or {})
+        common = {name: training[name] for name in training.keys() & settings.model_fields}
+        return settings.model_validate(common | own).model_dump(mode="json", exclude_unset=True)
+
+    def budget_of(self, task: str, traffic: str) -> Budget:
+        """Return the budget of each training in a cell."""
+        budget = self.budget
+        for cell in self._cells_of(task, traffic):
+            given = cell.budget
+            budget = budget.model_copy(update={name: getattr(given, name) for name in given.model_fields_set})
+        return budget
+
+    def _cells_of(self, task: str, traffic: str) -> list[CellSettings]:
+        """Return what differs in a cell, the more general first."""
+        return [self.cells[name] for name in (task, f"{task}/{traffic}") if name in self.cells]
