@@ -91,7 +91,9 @@ class EpisodeLibrary:
         self._paths: dict[str, Path] = {}
         self._entries: dict[Path, tuple[int, Entry]] = {}
         """Of episodes that were read, with the time of their last change."""
-        self._compact = _Cache()
+        self._making = threading.Lock()
+        self._made: OrderedDict[str, tuple[int, bytes]] = OrderedDict()
+        """Compact episodes by id, the last used ones up to `MOST_CACHED` bytes, with times of changes."""
         self._find()
 
     def entries(self, seconds: float = math.inf) -> list[Entry]:
@@ -138,7 +140,16 @@ class EpisodeLibrary:
             SmartsError: The episode is damaged.
         """
         path = self.path(number)
-        return None if path is None else self._compact.get(number, path)
+        if path is None:
+            return None
+        with self._making:
+            changed, found = _changed(path), self._made.get(number)
+            if found is None or found[0] != changed:
+                found = self._made[number] = changed, read_compact(path)
+            self._made.move_to_end(number)
+            while len(self._made) > 1 and sum(len(each) for _, each in self._made.values()) > MOST_CACHED:
+                self._made.popitem(last=False)
+            return found[1]
 
     def _known(self, number: str, root: Path) -> Entry:
         """Return what was read of an episode that has not changed since, or else its place."""
@@ -280,30 +291,3 @@ def _finite(value: float) -> float:
 def as_json(entries: Sequence[Entry]) -> list[dict[str, Any]]:
     """Return entries as JSON can hold them."""
     return [asdict(entry) for entry in entries]
-
-
-class _Cache:
-    """Compact episodes by id, the last used ones up to `MOST_CACHED` bytes; each is made once at a time."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._making: dict[str, threading.Lock] = {}
-        self._made: OrderedDict[str, tuple[int, bytes]] = OrderedDict()
-
-    def get(self, number: str, path: Path) -> bytes:
-        """Return an episode; make it if it is not there or has changed."""
-        with self._lock:
-            making = self._making.setdefault(number, threading.Lock())
-        with making:
-            changed = _changed(path)
-            with self._lock:
-                found = self._made.get(number)
-                if found is not None and found[0] == changed:
-                    self._made.move_to_end(number)
-                    return found[1]
-            data = read_compact(path)
-            with self._lock:
-                self._made[number] = changed, data
-                while len(self._made) > 1 and sum(len(each) for _, each in self._made.values()) > MOST_CACHED:
-                    self._made.popitem(last=False)
-            return data

@@ -237,9 +237,8 @@ class Outlet:
         connection = socket.create_connection((self._address.host, self._address.port), _CONNECTING)
         self._connection = connection
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        if hasattr(socket, "TCP_USER_TIMEOUT"):
-            # A server that stands still, or whose machine is gone, is given up.
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _STANDSTILL)
+        # A server that stands still, or whose machine is gone, is given up.
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _STANDSTILL)
         protocol = _shaken(connection, self._address)
         connection.setblocking(False)
         with self._lock:

@@ -69,10 +69,6 @@ class Right(BatchAgent):
     def act(self, batch):
         return np.zeros((len(batch.env_id), 2))
 
-class Shape(Right):
-    def act(self, batch):
-        return np.zeros(len(batch.env_id))
-
 class Nan(Right):
     def act(self, batch):
         return np.full((len(batch.env_id), 2), np.nan)
@@ -80,14 +76,6 @@ class Nan(Right):
 class Bounds(Right):
     def act(self, batch):
         return np.full((len(batch.env_id), 2), -5.0)
-
-class Raises(Right):
-    def act(self, batch):
-        return 1 / 0
-
-class Texts(Right):
-    def act(self, batch):
-        return ["fast"] * len(batch.env_id)
 
 COUNT = itertools.count()
 
@@ -99,12 +87,6 @@ class Rows(Right):
     def act(self, batch):
         return np.full((len(batch.env_id), 2), [float(len(batch.env_id)), 0.0])
 
-class Mixes(Right):
-    def act(self, batch):
-        actions = np.zeros((len(batch.env_id), 2))
-        actions[:, 0] = 30.0 * batch.observations["observation"].max()
-        return actions
-
 class Sticky(Right):
     def __init__(self):
         self.count = {}
@@ -115,31 +97,22 @@ class Sticky(Right):
             actions[row, 0] = self.count[key] % 50
         return actions
 
-class Init(Right):
-    def __init__(self):
-        raise RuntimeError("no weights")
-
 class Period(Right):
     period = 0
 
 class Observes(Right):
     observation = ["sped"]
 
-for kind in (Right, Shape, Nan, Bounds, Raises, Texts, Repeats, Rows, Mixes, Sticky, Init, Period, Observes):
+for kind in (Right, Nan, Bounds, Repeats, Rows, Sticky, Period, Observes):
     register(kind.__name__.lower() + "-v0", kind)
 """
 
 REASONS = {
-    "shape": r"shape \(4,\) and type float",
     "nan": "not finite",
     "bounds": "out of bounds",
-    "raises": "ZeroDivisionError",
-    "texts": "type <U4",
     "repeats": "the same requests get other actions",
     "rows": "a vehicle alone acts otherwise",
-    "mixes": "a vehicle alone acts otherwise",
     "sticky": "the next vehicle in a column",
-    "init": "RuntimeError: no weights",
     "period": "period is 0",
     "observes": "no feature 'sped'",
 }

@@ -65,31 +65,6 @@ def observing(data: bytes) -> bytes:
     return b"".join(framed([*messages[:end], table, *messages[end:]]))
 
 
-def rewarded(data: bytes, terms: Sequence[str]) -> bytes:
-    """Return a compact episode in which the first agent's reward has terms of 0, 1, 2, ..."""
-    messages = list(messages_in(data))
-    motions = [motion_of(message) for message in messages if message["type"] == "steps"]
-    steps = np.unique(np.concatenate([motion.step for motion in motions])).astype(np.int32)
-    rows = len(steps) * len(terms)
-    table = {
-        "type": "table",
-        "name": "extras",
-        "append": True,
-        "columns": {
-            "step": packed_array(np.repeat(steps, len(terms))),
-            "agent_id": packed_array(np.zeros(rows, np.int16)),
-            "agent": packed_array(np.zeros(rows, np.int32)),
-            "name": [f"reward/{term}" for _ in steps for term in terms],
-            "values": {
-                **packed_array(np.tile(np.arange(len(terms), dtype=np.float32), len(steps))),
-                "o": packed_array(np.arange(rows + 1, dtype=np.uint32)),
-            },
-        },
-    }
-    end = next(i for i, message in enumerate(messages) if message["type"] == "steps")
-    return b"".join(framed([*messages[:end], table, *messages[end:]]))
-
-
 def _first_vehicle(messages: list[dict[str, Any]]) -> int:
     """Return the number of the vehicle that the first agent has."""
     states = next(message["columns"] for message in messages if message.get("name") == "agent_states")

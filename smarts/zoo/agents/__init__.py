@@ -26,10 +26,19 @@ _PLACES = {
 }
 """Name -> ("file:Class", provenance)."""
 
+_DEFAULTS = {
+    "aggressive-v0": {
+        **{"tau": 0.6, "accel": 2.8, "decel": 4.5, "min_gap": 1.5, "speed_factor": 1.2},
+        **{"politeness": 0.0, "threshold": 0.1, "safe_braking": 6.0, "junction_margin": 0.4},
+    },
+}
+"""Name -> options that differ from those of the class."""
+
 AGENTS = {
     name: ZooEntry(
         name,
         f"{__name__}.{place}",
+        defaults=_DEFAULTS.get(name, {}),
         author="smarts-bench",
         m_level="M0",
         provenance=provenance,

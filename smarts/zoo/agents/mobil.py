@@ -109,46 +109,4 @@ class MobilDriver(Driver):
 
 
 class AggressiveDriver(MobilDriver):
-    """Drives 20% above the limit, close behind leaders, and takes small gaps, beside it and at junctions.
-
-    Args:
-        tau: As of `MobilDriver`, as are all others.
-        accel: See `tau`.
-        decel: See `tau`.
-        min_gap: See `tau`.
-        speed_factor: See `tau`.
-        max_speed: See `tau`.
-        politeness: See `tau`.
-        threshold: See `tau`.
-        bias_right: See `tau`.
-        safe_braking: See `tau`.
-        junction_margin: See `tau`.
-    """
-
-    def __init__(
-        self,
-        tau: float = 0.6,
-        accel: float = 2.8,
-        decel: float = 4.5,
-        min_gap: float = 1.5,
-        speed_factor: float = 1.2,
-        max_speed: float = math.inf,
-        politeness: float = 0.0,
-        threshold: float = 0.1,
-        bias_right: float = 0.0,
-        safe_braking: float = 6.0,
-        junction_margin: float = 0.4,
-    ) -> None:
-        super().__init__(
-            tau,
-            accel,
-            decel,
-            min_gap,
-            speed_factor,
-            max_speed,
-            politeness,
-            threshold,
-            bias_right,
-            safe_braking,
-            junction_margin,
-        )
+    """Drives 20% above the limit, close behind leaders, and takes small gaps, beside it and at junctions."""

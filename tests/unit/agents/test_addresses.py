@@ -1,7 +1,6 @@
 """Agents at addresses, and egos that they drive."""
 
 import os
-import signal
 import socket
 import struct
 import threading
@@ -22,7 +21,6 @@ from smarts.agents.interface import AgentInterface, DoneCriteria
 from smarts.agents.options import Waypoints
 from smarts.agents.social import SocialPolicy
 from smarts.agents.spec import AgentSpec
-from smarts.env.casting import check_agent
 from smarts.errors import SmartsError
 from smarts.types.actions import ActionSpaceType
 from smarts.zoo import make_agent, make_spec
@@ -30,11 +28,9 @@ from smarts_agent_kit import ActionBatch
 from smarts_agent_kit.channel import Channel
 from smarts_agent_kit.handshake import SECRET, BusyError, RefusedError, admit, greet
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
-from smarts_agent_kit.service import request_of
 from smarts_agent_kit.wire import VERSION, Message, WireError, encode
-from tests.leftovers import resources
 from tests.raising import raises
-from tests.served_agents import KIT_AGENT, kit_agent, served
+from tests.served_agents import kit_agent, served
 from tests.unit.agents.test_wire import fuzzed
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
@@ -106,42 +102,6 @@ def test_a_served_agent_sees_the_same_few_environment_variables(tmp_path, monkey
         agent = make_agent(address)[0]
         assert agent.act(batch(1)).tolist() == [[True, True, False, False, False]]
         agent.close()
-
-
-STUCK = """
-import os, time
-from smarts_agent_kit import BatchAgent
-
-class Stuck(BatchAgent):
-    interface = {"action": "Lane"}
-    observation = ["speed"]
-
-    def act(self, batch):
-        with open(os.path.join(os.path.dirname(__file__), "pid"), "w") as file:
-            file.write(f"{os.getpid()}\\n")
-        time.sleep(1000)
-"""
-
-
-def appeared(file):
-    """Return a line of a file that another process writes."""
-    while not (file.exists() and file.read_text().endswith("\n")):
-        time.sleep(0.01)
-    return file.read_text()
-
-
-def test_a_served_agent_that_blocks_ends_when_its_simulator_is_gone(tmp_path):
-    (tmp_path / "stuck.py").write_text(STUCK)
-    command = ("-m", "smarts_agent_kit", "stuck:Stuck", "--address", "127.0.0.1:0")
-    with served(*command, PYTHONPATH=str(tmp_path)) as address:
-        with closing(AtAddress(address).open()) as link:
-            assert link.wait(soon()).kind == "about"
-            link.send(request_of(batch(), 1))
-            agent = int(appeared(tmp_path / "pid"))
-        until = soon()
-        while os.path.exists(f"/proc/{agent}"):
-            assert time.monotonic() < until, "the agent's process is there still"
-            time.sleep(0.01)
 
 
 def test_what_simulators_send_to_an_address_names_no_code(tmp_path):
@@ -355,23 +315,19 @@ class Harming(BatchAgent):
     def act(self, batch):
         self.asked += 1
         if self.asked == 3:
-            os.kill(os.getpid(), int(os.environ["OMP_SIGNAL"]))
+            os.kill(os.getpid(), signal.SIGKILL)
         return batch.agent_id
 """
 
 
-@pytest.mark.parametrize(
-    ("number", "said"), [(signal.SIGKILL, "killed by SIGKILL"), (signal.SIGSTOP, "silent for 0.5 s")]
-)
-def test_a_served_agent_that_is_killed_or_stopped_names_signal_seconds_and_step(tmp_path, number, said):
+def test_a_served_agent_that_is_killed_names_signal_and_step(tmp_path):
     (tmp_path / "harming.py").write_text(HARMING)
     command = ("-m", "smarts_agent_kit", "harming:Harming", "--address", "127.0.0.1:0")
-    with served(*command, PYTHONPATH=str(tmp_path), OMP_SIGNAL=str(int(number))) as address:
+    with served(*command, PYTHONPATH=str(tmp_path)) as address:
         agent = RemoteAgent(AtAddress(address))
         for step in (10, 11):
             agent.act(batch(step=step))
-        agent.options = HostOptions(patience=0.5 if number == signal.SIGSTOP else 30.0)
-        with raises(HostError, "step 12", values=[said]):
+        with raises(HostError, "step 12", values=["killed by SIGKILL"]):
             agent.act(batch(step=12))
 
 
@@ -402,16 +358,3 @@ def test_connections_that_say_nothing_keep_no_simulator_out(tmp_path):
         agent = make_agent(address)[0]
         assert len(agent.act(batch())) == 3
         agent.close()
-
-
-def test_an_agent_at_an_address_that_cannot_be_cast_is_ended_with_the_error(tmp_path):
-    """The error holds the frames in which the agent was made."""
-    agent = KIT_AGENT.replace('["speed"]', '["no_such_feature"]')
-    (tmp_path / "blind.py").write_text(agent)
-    command = ("-m", "smarts_agent_kit", "blind:Drawing", "--address", "127.0.0.1:0")
-    with served(*command, PYTHONPATH=str(tmp_path)) as address:
-        before = resources()[2]
-        with pytest.raises(SmartsError) as raised:
-            check_agent(address, {})
-        assert resources()[2] == before
-        assert address in raised.value.place

@@ -3,21 +3,15 @@
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
 from contextlib import closing
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from smarts.agents.hosting.links import SocketLink
-from smarts.agents.hosting.options import HostError, about
-from smarts_agent_kit.channel import Channel
 from smarts_agent_kit.service import LONGEST_PROBLEM
-from smarts_agent_kit.wire import Message
 from tests.hosting import (
     DRAWING,
     environment,
@@ -70,16 +64,6 @@ def test_what_an_agent_raises_is_said_in_the_same_words_everywhere():
     assert all(re.search(r"hosted_agents\.py:\d+\)$", each) for each in named.values())
 
 
-def test_a_failure_that_an_address_sends_is_one_line():
-    near, far = socket.socketpair()
-    with closing(Channel(far)) as agent, closing(SocketLink(Channel(near))) as link:
-        agent.send(Message("failed", {"problem": "no\nagent \x1b[31m"}))
-        with pytest.raises(HostError) as raised:
-            about(link, "there")
-    assert raised.value.problem.isprintable()
-    assert "no agent" in raised.value.problem
-
-
 def test_a_host_that_is_stopped_is_ended_and_started_again():
     social, hosts = [{"agent": DRAWING, "count": 2}], {DRAWING: {"where": "process", "patience": 0.5}}
     with closing(environment(social, hosts)) as env:
@@ -129,18 +113,6 @@ def test_every_step_completes_whatever_is_killed():
             made += len([*steps(env, count)])
             env.reset()
     assert made == wanted
-
-
-def test_all_agents_are_ended_though_one_cannot_be():
-    social = [{"agent": DRAWING}, {"agent": "random-v0"}]
-    env = environment(social, {"*": "process"})
-    env.reset()
-    first, second = host_of(env).links.values()
-    process, other = first._process, second.pid
-    os.close(process.stdin.fileno())  # so `close` of this link raises, and its agent ends by itself
-    env.close()
-    assert not Path(f"/proc/{other}").exists()
-    process.wait(10)
 
 
 KILLED = """

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from contextlib import closing
 from itertools import pairwise
 
@@ -12,7 +11,6 @@ import pytest
 
 from smarts.agents.hosting.options import HostError, HostOptions
 from smarts.agents.options import InterfaceError
-from smarts_agent_kit.channel import wait_for
 from tests.hosting import (
     DRAWING,
     MISBEHAVING,
@@ -180,26 +178,3 @@ def test_hosts_start_with_the_first_episode_and_only_if_they_are_needed():
     with closing(environment([], {"*": "process"})) as env:
         env.reset()
         assert env._runner._requests is None
-
-
-def test_an_answer_that_came_while_another_agent_was_ended_is_in_time(monkeypatch):
-    """The first agent is stopped, and to end it takes longer than the second one's deadline."""
-    monkeypatch.setattr("smarts.agents.hosting.links.END_TIME", 3.0)
-    social = [{"agent": DRAWING}, {"agent": MISBEHAVING, "options": {"how": "sleep"}}]
-    hosts = {
-        DRAWING: {"where": "process", "patience": 0.1},
-        MISBEHAVING: {"where": "process", "deadline_ms": 2000.0},
-    }
-    with closing(environment(social, hosts)) as env:
-        env.reset()
-        [*steps(env, 1)]
-        link = host_of(env).links[0]
-        assert wait_for([link.channel], time.monotonic() + 10.0)  # the second answer; the third does not come
-        for pid in (*workers_of(link), link.pid):
-            os.kill(pid, signal.SIGSTOP)
-        infos, failures = [], {}
-        for result in steps(env, 3):
-            infos.append(result.social_infos.get(0, {}))
-            failures |= result.social_failures.get(0, {})
-    assert len(failures) == 1
-    assert not any("late_decisions" in info for info in infos)

@@ -13,7 +13,6 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
-from smarts.envision.animation import write_moving
 from smarts.envision.episode_picture import COLLISION, EpisodePicture
 from smarts.envision.scenario_picture import ASPHALT, CAR, EGOS
 from smarts.errors import SmartsError
@@ -84,13 +83,6 @@ def test_goal_and_lights(picture):
     ring = [colour_at(picture, image, x, 3.2) for x in np.linspace(158.0, 162.0, 81)]
     assert any(is_colour(found, EGOS[0]) for found in ring)
     assert not is_colour(colour_at(picture, image, 160.0, 3.2), EGOS[0])
-
-
-def test_pictures_do_not_depend_on_earlier_pictures(picture):
-    first = picture.image(5)
-    picture.image(12)
-    assert (picture.image(5) == first).all()
-    assert all(size % 2 == 0 for size in first.shape[:2])
 
 
 def test_the_window_contains_starts_paths_and_goals(picture):
@@ -194,14 +186,6 @@ def test_a_gif_has_ten_pictures_a_second(episode, tmp_path):
     assert shown == [100] * (STEPS // speed) + [2100]
 
 
-def test_a_gif_of_few_pictures_in_capitals(episode, tmp_path):
-    out = tmp_path / "FILM.GIF"
-    result = run(episode.folder, "--out", out, "--every", 100_000)
-    assert result.exit_code == 0, result.output
-    with PIL.Image.open(out) as film:
-        assert (film.format, film.n_frames, film.info["duration"]) == ("GIF", 2, 600_000)
-
-
 def test_damaged_and_missing_files_have_different_errors(episode, tmp_path):
     folder = tmp_path / "episode"
     shutil.copytree(episode.folder, folder)
@@ -246,17 +230,6 @@ def test_an_mp4_shows_all_frames(episode, tmp_path):
         # Colours have half of the resolution, so that thin lines are off.
         assert off.mean() < 4
         assert np.quantile(off, 0.9) <= 8
-
-
-def test_a_film_of_odd_size_lacks_a_row_and_a_column(tmp_path):
-    images = np.random.default_rng(1).integers(0, 255, (3, 1, 1, 3)).repeat(61, 1).repeat(81, 2)
-    out = tmp_path / "film.mp4"
-    assert write_moving(images.astype(np.uint8), out, 0.5) == 3
-    with av.open(str(out)) as film:
-        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
-    assert [frame.shape for frame in frames] == [(60, 80, 3)] * 3
-    for frame, image in zip(frames, images, strict=True):
-        assert np.abs(frame.astype(int) - image[:60, :80]).max() < 12
 
 
 def test_a_film_that_cannot_be_written_leaves_nothing(episode, tmp_path, monkeypatch):

@@ -2,7 +2,6 @@
 
 import json
 import random
-import socket
 import struct
 
 import pytest
@@ -182,38 +181,6 @@ def test_malformed_requests_are_told_from_requests():
         assert Request.parse(text) is None
 
 
-def raw_frames(fuzz):
-    """Return bytes that are no masked WebSocket frame of a client, or one that is not allowed."""
-    mask, body = b"\0\0\0\0", b'{"watch": []}'
-    return fuzz.choice(
-        [
-            fuzz.randbytes(fuzz.randrange(1, 60)),
-            # Not masked; a reserved bit; an unknown kind; a long ping; a part without a beginning.
-            bytes([0x81, len(body)]) + body,
-            bytes([0xF1, 0x80 | len(body)]) + mask + body,
-            bytes([0x83, 0x80 | len(body)]) + mask + body,
-            bytes([0x89, 0xFE]) + struct.pack("!H", 300) + mask + bytes(300),
-            bytes([0x80, 0x80 | len(body)]) + mask + body,
-            # No UTF-8; 2^63 bytes; a good-bye of one byte.
-            bytes([0x81, 0x82]) + mask + b"\xff\xfe",
-            bytes([0x82, 0xFF]) + struct.pack("!Q", 1 << 62) + mask,
-            bytes([0x88, 0x81]) + mask + b"\3",
-        ]
-    )
-
-
-def hand_shaken(server):
-    connection = socket.create_connection(("127.0.0.1", server.port), LIMIT)
-    host = f"127.0.0.1:{server.port}"
-    head = f"GET /live HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nUpgrade: websocket\r\n"
-    more = (
-        "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n"
-    )
-    connection.sendall(f"{head}{more}\r\n".encode())
-    assert connection.recv(12) == b"HTTP/1.1 101"
-    return connection
-
-
 def malformed(fuzz):
     """Return messages of which the last one is no request."""
     text = damaged(fuzz)
@@ -240,9 +207,6 @@ def test_the_server_survives_malformed_and_huge_requests(server):
         until(browser, is_steps(0))
         codes = [refused(server, *malformed(fuzz)) for _ in range(20)]
         assert {*codes} == {1008}
-        for _ in range(30):
-            with hand_shaken(server) as bad:
-                bad.sendall(raw_frames(fuzz))
         assert [refused(server, "x" * size) for size in (MOST_REQUEST + 1, 1 << 20)] == [1009] * 2
         # Refused before it has come: the sender may not read why.
         assert refused(server, "x" * (MOST_BYTES + 1)) in (1009, None)

@@ -15,7 +15,6 @@ from benchmark.results.files import ResultsError
 from smarts.envision import notable_episodes as notable
 from smarts.envision import viewer_page
 from smarts.envision.episode_library import Entry, EpisodeLibrary
-from smarts.envision.server import ViewServer
 from smarts.errors import SmartsError
 from smarts.stream.reading import CompactEpisode
 from smarts.types.events import Outcome
@@ -183,30 +182,12 @@ def test_damaged_episodes_are_left_out_and_named(run, tmp_path):
     assert not out.exists()
 
 
-@pytest.mark.nightly
-def test_a_report_names_the_damaged_episodes(run, tmp_path):
-    results = shutil.copytree(run.parents[3], tmp_path / "results")
-    sorted(results.rglob("vehicles.parquet"))[2].write_bytes(b"PAR1")
-    folder = write_report(results, episodes=True).parent
-    for name in ("report.html", "report.md"):
-        text = (folder / name).read_text()
-        assert len(re.findall(r"#e=\w+", text)) == 2
-        assert "is left out: " in text
-
-
 def test_the_same_test_episode_of_two_runs_is_shown_twice(run, tmp_path):
     (one,) = copied(run, tmp_path / "one", 0)
     (other,) = copied(run, tmp_path / "other", 0)
     out = tmp_path / "two.html"
     assert view(one, other, "--html", out).exit_code == 0
     assert len(set(re.findall(r'data-id="(\w+)"', out.read_text()))) == 2
-
-
-def test_the_address_says_how_many_episodes_there_are(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(ViewServer, "run", lambda self: None)
-    (only,) = copied(run, tmp_path, 0)
-    assert view(only, "--no-browser", "--port", 0).output.startswith("1 episode at http")
-    assert view(run, "--no-browser", "--port", 0).output.startswith("3 episodes at http")
 
 
 def written(folder):
@@ -225,19 +206,6 @@ def test_a_report_links_the_episodes_and_a_later_one_keeps_them(run, tmp_path):
     before = written(page.parent)
     assert sum(name.endswith(".html") for name in before) == 2
     assert written(write_report(results).parent) == before
-
-
-@pytest.mark.nightly
-def test_pages_of_an_earlier_test_are_not_kept(run, tmp_path):
-    results = shutil.copytree(run.parents[3], tmp_path / "results")
-    folder = write_report(results, episodes=True).parent
-    shutil.rmtree(run_folder := sorted(results.rglob("run.json"))[0].parent)
-    write_run(results, "ppo", [agent_episodes([["goal"]] * 4, mode="greedy")])
-    assert (run_folder / "episodes.parquet").is_file()
-    write_report(results)
-    assert "#e=" not in (folder / "report.html").read_text()
-    assert "smarts-bench report --episodes" in (folder / "report.html").read_text()
-    assert not (folder / "episodes").exists()
 
 
 def test_other_files_among_the_episodes_are_not_lost(run, tmp_path):

@@ -1,7 +1,6 @@
 """The connection to a viewer's server, against a real WebSocket server without our code."""
 
 import os
-import resource
 import threading
 import time
 from contextlib import contextmanager
@@ -166,23 +165,6 @@ def test_a_message_that_cannot_be_sent_is_left_out():
         wait(lambda: server.messages)
         sender.close()
         assert numbers(server) == [1]
-
-
-def test_a_process_with_more_than_1024_files_is_shown():
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (min(4096, hard), hard))
-    taken = [os.dup(0) for _ in range(1100)]
-    try:
-        with running() as server:
-            sender = opened(server)
-            sender.put(message(0), sender.epoch)
-            wait(lambda: server.messages)
-            sender.close()
-            assert numbers(server) == [0]
-    finally:
-        for each in taken:
-            os.close(each)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def test_a_connection_ends_with_its_process_though_a_fork_lives_on():

@@ -4,8 +4,6 @@ import json
 import os
 import signal
 import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -266,35 +264,6 @@ def test_a_server_that_comes_late_and_goes_shows_what_runs_then(monkeypatch):
             )
             assert {row["episode"] for row in found} <= {0, 1, 2, 3}
     env.close()
-
-
-IN_A_CONTAINER = """
-import numpy as np
-from smarts.env.vector import VectorHiWayEnv
-
-env = VectorHiWayEnv(1, ["loop"], 1, seed=1)
-env.reset()
-while True:
-    env.step([np.zeros((1, 1), np.int64)])
-"""
-
-
-@pytest.mark.nightly
-def test_containers_of_one_host_name_and_process_number_are_shown_side_by_side(server, monkeypatch):
-    namespace = ["unshare", "--user", "--pid", "--fork", "--kill-child", "--map-root-user", "--mount-proc"]
-    if subprocess.run([*namespace, "true"], check=False).returncode:
-        pytest.skip("this machine gives no namespaces")
-    monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
-    command = [*namespace, sys.executable, "-c", IN_A_CONTAINER]
-    processes = [subprocess.Popen(command, cwd=ROOT) for _ in range(2)]
-    try:
-        both = lambda rows: sum(row["running"] for row in rows) == 2  # noqa: E731
-        found = listed(server, both, lambda: None)
-        assert len({(row["host"], row["pid"]) for row in found}) == 1
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
 
 
 def test_a_process_that_was_forked_off_is_shown_beside_its_parent(server, env):

@@ -15,7 +15,7 @@ from smarts.types.traffic import Signal
 from smarts.zoo import make_agent, make_spec
 from smarts.zoo.agents.idm import IdmDriver
 from smarts.zoo.agents.keep_lane import NonInteractive
-from smarts.zoo.agents.mobil import AggressiveDriver, MobilDriver
+from smarts.zoo.agents.mobil import MobilDriver
 from smarts.zoo.driving import DRIVER, HARDEST, LINE_OVERLAP, Idm, Seen
 
 from .batches import batch_of, seen_of, two_lanes, with_ways
@@ -268,6 +268,6 @@ def test_boids_gather():
 
 def test_the_aggressive_driver_takes_small_gaps_at_junctions():
     """How small is shown in `tests/unit/roads/test_right_of_way.py`."""
-    assert AggressiveDriver().observation == [{"surroundings": {"margins": 0.4}}]
+    assert make_agent("aggressive-v0")[0].observation == [{"surroundings": {"margins": 0.4}}]
     assert MobilDriver().observation == IdmDriver().observation == ["surroundings"]
     assert IdmDriver(junction_margin=0.5).observation == [{"surroundings": {"margins": 0.5}}]
