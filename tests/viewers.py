@@ -4,6 +4,7 @@ import http.client
 import threading
 from contextlib import contextmanager
 from socket import IPPROTO_TCP, TCP_INFO
+from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
@@ -31,13 +32,13 @@ def serving(library=None, **options):
 
 def viewer(server, **options) -> ClientConnection:
     """Return a connection as a browser's page has one; it may be closed with messages unread."""
-    own = {"origin": f"http://127.0.0.1:{server.port}", "max_size": None, "close_timeout": 0.2}
-    return connect(f"ws://127.0.0.1:{server.port}/live", **own | options)
+    given: dict[str, Any] = {"origin": f"http://127.0.0.1:{server.port}", "max_size": None, **options}
+    return connect(f"ws://127.0.0.1:{server.port}/live", close_timeout=0.2, **given)
 
 
 def publisher(server, **options) -> ClientConnection:
     """Return a connection as a process with simulations has one."""
-    return connect(f"ws://127.0.0.1:{server.port}/publish", **{"close_timeout": 0.2} | options)
+    return connect(f"ws://127.0.0.1:{server.port}/publish", close_timeout=0.2, **options)
 
 
 def ask(server, path, *, method="GET", body=None, **headers):
