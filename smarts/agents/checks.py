@@ -2,16 +2,78 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from typing import Any
+from dataclasses import field, fields
+from typing import Annotated, Any, TypeVar, dataclass_transform
 
 import numpy as np
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.dataclasses import dataclass
 
-from smarts.errors import SmartsError, shown
+from smarts.errors import SmartsError, nearest_names, shown
+
+Made = TypeVar("Made")
 
 
 class InterfaceError(SmartsError):
     """An agent's interface, or another setting of an environment, has a value that is not allowed."""
+
+
+def _plain(value: Any) -> Any:
+    """Return a number of NumPy as one of Python: kernels do not take all types."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _members(value: Any) -> Any:
+    """Return the members of a sequence of any kind as a tuple; a text is not a list of letters."""
+    return value if isinstance(value, str) or not np.iterable(value) else tuple(value)
+
+
+Plain = BeforeValidator(_plain)
+Sequence = BeforeValidator(_members)
+"""Makes a field of a tuple take a sequence of any kind."""
+Count = Annotated[int, Plain, Field(ge=1)]
+WholeFrom0 = Annotated[int, Plain, Field(ge=0)]
+Number = Annotated[float, Plain, Field(allow_inf_nan=False)]
+NumberFrom0 = Annotated[float, Plain, Field(ge=0)]
+Positive = Annotated[float, Plain, Field(gt=0, allow_inf_nan=False)]
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def checked(kind: type[Made]) -> type[Made]:
+    """Make a class a frozen dataclass whose fields are checked, by pydantic, and not converted.
+
+    It raises an `InterfaceError` for the first field that is unknown, missing, or of a wrong type or range.
+    """
+    made: Any = dataclass(frozen=True, config=ConfigDict(strict=True, extra="forbid"))(kind)
+    construct = made.__init__
+
+    @functools.wraps(construct)
+    def initialise(self: Any, *values: Any, **named: Any) -> None:
+        try:
+            construct(self, *values, **named)
+        except ValidationError as error:
+            raise _first_of(error, made) from None
+
+    made.__init__ = initialise
+    return made
+
+
+def _first_of(error: ValidationError, kind: type) -> InterfaceError:
+    """Return the error of the first field; pydantic reports one for each type that a value does not fit."""
+    names = [each.name for each in fields(kind)]  # type: ignore[arg-type]
+    errors: list[Any] = sorted(error.errors(include_url=False), key=lambda each: each["type"] == "missing")
+    first, place = errors[0], errors[0]["loc"][0]
+    name = str(dict(enumerate(names)).get(place, place))  # values without a keyword are numbered
+    if first["type"] == "unexpected_keyword_argument":
+        remedy = nearest_names(name, names)
+        return InterfaceError(f"there is no field {name!r}", place=kind.__name__, remedy=remedy)
+    if first["type"] == "missing":
+        return InterfaceError(f"{name} is missing", place=kind.__name__, remedy="give it")
+    said = [each["msg"].removeprefix("Input should be ") for each in errors if each["loc"][0] == place]
+    remedy = f"it should be {' or '.join(said)}"
+    return InterfaceError(f"{name} is {shown(first['input'])}", place=kind.__name__, remedy=remedy)
 
 
 def check_whole(name: str, value: Any, least: int, most: int, place: str = "") -> None:
@@ -37,24 +99,9 @@ def check_number(
 ) -> None:
     """Raise unless a value is a number from `least` (with `above`: above it) to `most`; see `check_whole`."""
     is_number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    number = _as_float(value) if is_number else math.nan
-    if not least <= number <= most or (above and number == least):
+    if not is_number or not least <= value <= most or (above and value == least):
         bounds = f"above {least:g}" if above else f"from {least:g}"
         raise _refusal(name, value, place, f"give a number {bounds} to {most:g}")
-
-
-def keep_whole(owner: Any, name: str, least: int, most: int) -> None:
-    """Check a field as `check_whole` does, and store it as a Python int: NumPy's small ones overflow."""
-    check_whole(name, getattr(owner, name), least, most, type(owner).__name__)
-    object.__setattr__(owner, name, int(getattr(owner, name)))
-
-
-def keep_number(
-    owner: Any, name: str, *, least: float = 0.0, most: float = math.inf, above: bool = False
-) -> None:
-    """Check a field as `check_number` does, and store it as a Python float: kernels do not take all types."""
-    check_number(name, getattr(owner, name), least=least, most=most, above=above, place=type(owner).__name__)
-    object.__setattr__(owner, name, float(getattr(owner, name)))
 
 
 def check_instance(
@@ -82,14 +129,6 @@ def check_list(name: str, value: Any, kind: type | tuple[type, ...], example: st
 def check_truth(name: str, value: Any, place: str = "") -> None:
     """Raise unless a value is True or False."""
     check_instance(name, value, (bool, np.bool_), "True or False", place)
-
-
-def _as_float(value: Any) -> float:
-    """Return a number as a float, NaN if it is too large for one."""
-    try:
-        return float(value)
-    except OverflowError:
-        return math.nan
 
 
 def _refusal(name: str, value: Any, place: str, remedy: str) -> InterfaceError:

@@ -3,66 +3,41 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from typing import Annotated
 
-from smarts.agents.checks import (
-    InterfaceError,
-    check_instance,
-    check_list,
-    check_truth,
-    check_whole,
-    keep_number,
-)
+from smarts.agents.checks import InterfaceError, NumberFrom0, Sequence, WholeFrom0, checked
 from smarts.types.events import Event
 
 MOST_AGENTS = 10_000
 """The most agents of a simulation."""
-LARGEST_DISTANCE = 1e6
-"""[m]"""
 
 
-@dataclass(frozen=True)
+@checked
 class AgentsListAlive:
     """Some egos, and how many of them must be left."""
 
-    agents_list: tuple[str, ...]
+    agents_list: Annotated[tuple[str, ...], Sequence]
     """Their names; any sequence will do."""
-    minimum_agents_alive_in_list: int
-
-    def __post_init__(self) -> None:
-        place, least = "AgentsListAlive", self.minimum_agents_alive_in_list
-        check_list("agents_list", self.agents_list, str, "['ego-0', 'ego-1']", place)
-        check_whole("minimum_agents_alive_in_list", least, 0, MOST_AGENTS, place)
-        object.__setattr__(self, "agents_list", tuple(self.agents_list))
+    minimum_agents_alive_in_list: WholeFrom0
 
 
-@dataclass(frozen=True)
+@checked
 class AgentsAliveDoneCriteria:
     """The agent ends when too few others are left; None: no limit."""
 
-    minimum_ego_agents_alive: int | None = None
+    minimum_ego_agents_alive: WholeFrom0 | None = None
     """Least number of egos."""
-    minimum_total_agents_alive: int | None = None
+    minimum_total_agents_alive: WholeFrom0 | None = None
     """Least number of all agents."""
-    agent_lists_alive: tuple[AgentsListAlive, ...] | None = None
+    agent_lists_alive: Annotated[tuple[AgentsListAlive, ...] | None, Sequence] = None
     """Each is a condition of its own."""
 
-    def __post_init__(self) -> None:
-        place = "AgentsAliveDoneCriteria"
-        for name in ("minimum_ego_agents_alive", "minimum_total_agents_alive"):
-            if getattr(self, name) is not None:
-                check_whole(name, getattr(self, name), 0, MOST_AGENTS, place)
-        if self.agent_lists_alive is not None:
-            example = "[AgentsListAlive(['ego-0'], 1)]"
-            check_list("agent_lists_alive", self.agent_lists_alive, AgentsListAlive, example, place)
-            object.__setattr__(self, "agent_lists_alive", tuple(self.agent_lists_alive))
 
-
-@dataclass(frozen=True)
+@checked
 class InterestDoneCriteria:
     """The agent ends when the vehicles of interest are gone."""
 
-    actors_filter: tuple[str, ...] = ()
+    actors_filter: Annotated[tuple[str, ...], Sequence] = ()
     """Patterns (regular expressions) that names of vehicles of interest to this agent begin with."""
     include_scenario_marked: bool = True
     """Whether those that the scenario marks are of interest too."""
@@ -70,45 +45,32 @@ class InterestDoneCriteria:
     """Whether to end at once if there is none at the beginning."""
 
     def __post_init__(self) -> None:
-        place = "InterestDoneCriteria"
-        check_list("actors_filter", self.actors_filter, str, "['ego-.*']", place)
         for pattern in self.actors_filter:
-            _check_pattern(pattern, place)
-        check_truth("include_scenario_marked", self.include_scenario_marked, place)
-        check_truth("strict", self.strict, place)
-        object.__setattr__(self, "actors_filter", tuple(self.actors_filter))
+            try:
+                re.compile(pattern)
+            except re.error as error:
+                raise InterfaceError(
+                    f"{pattern!r} in actors_filter is not a pattern: {error}",
+                    place="InterestDoneCriteria",
+                    remedy="give regular expressions, such as 'ego-.*'",
+                ) from error
 
 
-def _check_pattern(pattern: str, place: str) -> None:
-    try:
-        re.compile(pattern)
-    except re.error as error:
-        raise InterfaceError(
-            f"{pattern!r} in actors_filter is not a pattern: {error}",
-            place=place,
-            remedy="give regular expressions, such as 'ego-.*'",
-        ) from error
-
-
-@dataclass(frozen=True)
+@checked
 class EventConfiguration:
     """When events happen."""
 
-    not_moving_time: float = 60
+    not_moving_time: NumberFrom0 = 60
     """How long a vehicle has to stay within `not_moving_distance` not to be moving [s]; may be infinite.
 
     Time does not count within 40 m of a red light, nor while another vehicle stands less than 10 m ahead,
     nor at a junction while moving vehicles are about to cross the way ahead.
     """
-    not_moving_distance: float = 1
+    not_moving_distance: NumberFrom0 = 1
     """[m]"""
 
-    def __post_init__(self) -> None:
-        keep_number(self, "not_moving_time")
-        keep_number(self, "not_moving_distance", most=LARGEST_DISTANCE)
 
-
-@dataclass(frozen=True)
+@checked
 class DoneCriteria:
     """Which events end the agent's episode. A goal reached or missed, and the limit of steps, always do."""
 
@@ -120,13 +82,6 @@ class DoneCriteria:
     not_moving: bool = False
     agents_alive: AgentsAliveDoneCriteria | None = None
     interest: InterestDoneCriteria | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("collision", "off_road", "off_route", "on_shoulder", "wrong_way", "not_moving"):
-            check_truth(name, getattr(self, name), "DoneCriteria")
-        for name, kind in (("agents_alive", AgentsAliveDoneCriteria), ("interest", InterestDoneCriteria)):
-            if getattr(self, name) is not None:
-                check_instance(name, getattr(self, name), kind, f"{kind.__name__}(...)", "DoneCriteria")
 
     @property
     def events(self) -> Event:

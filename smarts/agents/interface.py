@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import functools
-import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
-from enum import Enum
-from typing import Any, Literal, TypeVar
+from dataclasses import field, replace
+from typing import Annotated, Any, Literal, TypeVar
 
-import numpy as np
+from pydantic import Field
 
-from smarts.agents.checks import InterfaceError, check_instance, keep_whole
+from smarts.agents.checks import Count, InterfaceError, Plain, Sequence, checked
 from smarts.agents.criteria import DoneCriteria, EventConfiguration
 from smarts.agents.options import (
     OGM,
@@ -69,9 +66,7 @@ VEHICLE_CLASSES = {
 }
 """What `AgentInterface.vehicle_class` may be."""
 
-MOST_STEPS = 2**31 - 1
-"""The largest limit of steps."""
-
+Wheel = Annotated[int, Plain, Field(ge=0, le=3)]
 Made = TypeVar("Made")
 
 
@@ -80,7 +75,7 @@ def _understanding(old_names: Mapping[str, str]) -> Callable[[type[Made]], type[
 
     def decorate(cls: type[Made]) -> type[Made]:
         construct = cls.__init__
-        known = [*inspect.signature(construct).parameters][1:]
+        known = cls.__dataclass_fields__  # type: ignore[attr-defined]
 
         @functools.wraps(construct)
         def initialise(self: Made, *values: Any, **named: Any) -> None:
@@ -91,15 +86,8 @@ def _understanding(old_names: Mapping[str, str]) -> Callable[[type[Made]], type[
                     place=cls.__name__,
                     remedy=f"{twice[0]!r} is the old name of the same field: leave it out",
                 )
-            for name in named:
-                if name not in known and name not in old_names and name not in SENSORS:
-                    raise InterfaceError(
-                        f"there is no field {name!r}",
-                        place=cls.__name__,
-                        remedy=nearest_names(name, [*known, *old_names]),
-                    )
             fields = {old_names.get(name, name): value for name, value in named.items()}
-            further = {name: fields.pop(name) for name in [*fields] if name not in known}
+            further = {name: fields.pop(name) for name in [*fields] if name in SENSORS and name not in known}
             if further:
                 fields["further_sensors"] = tuple((dict(fields.get("further_sensors", ())) | further).items())
             construct(self, *values, **fields)
@@ -113,7 +101,7 @@ def _understanding(old_names: Mapping[str, str]) -> Callable[[type[Made]], type[
 
 
 @_understanding(OLD_NAMES)
-@dataclass(frozen=True)
+@checked
 class AgentInterface:
     """How an agent sees and acts. Names, order and defaults of the fields are the original's.
 
@@ -128,7 +116,7 @@ class AgentInterface:
     """Without effect; the original's interfaces have it."""
     event_configuration: EventConfiguration = field(default_factory=EventConfiguration)
     done_criteria: DoneCriteria = field(default_factory=DoneCriteria)
-    max_episode_steps: int | None = None
+    max_episode_steps: Count | None = None
     """Steps from entry to the time limit; None: as long as it takes."""
     neighborhood_vehicle_states: NeighborhoodVehicles | bool = False
     waypoint_paths: Waypoints | bool = False
@@ -155,7 +143,7 @@ class AgentInterface:
     original)."""
     tyre_model: Literal["pacejka", "linear"] = "pacejka"
     """What its tyres are like (not in the original)."""
-    flat_tyres: tuple[int, ...] = ()
+    flat_tyres: Annotated[tuple[Wheel, ...], Sequence] = ()
     """Which tyres are flat from the beginning: 0 front left, 1 front right, 2 rear left, 3 rear right (not in
     the original)."""
     further_sensors: tuple[tuple[str, Any], ...] = ()
@@ -164,21 +152,17 @@ class AgentInterface:
 
     def __post_init__(self) -> None:
         for name, kind in SENSOR_OPTIONS.items():
-            object.__setattr__(self, name, _option(name, getattr(self, name), kind))
+            if getattr(self, name) is True:
+                object.__setattr__(self, name, kind())
         object.__setattr__(self, "further_sensors", _switched_on(self.further_sensors))
         if self.vehicle_type:
             object.__setattr__(self, "vehicle_class", self.vehicle_type)
-        self._check_vehicle()
-        if self.action is not None and not isinstance(self.action, ActionSpaceType):
+        if self.vehicle_class not in VEHICLE_CLASSES:
             raise InterfaceError(
-                f"action is an ActionSpaceType, not {self.action!r}",
-                place="AgentInterface.action",
-                remedy=_member_like(self.action, ActionSpaceType),
+                f"there is no vehicle class {self.vehicle_class!r}",
+                place="AgentInterface.vehicle_class",
+                remedy=nearest_names(self.vehicle_class, VEHICLE_CLASSES),
             )
-        if self.max_episode_steps is not None:
-            keep_whole(self, "max_episode_steps", 1, MOST_STEPS)
-        for name, kind in (("event_configuration", EventConfiguration), ("done_criteria", DoneCriteria)):
-            check_instance(name, getattr(self, name), kind, f"{kind.__name__}(...)", "AgentInterface")
         if self.custom_renders:
             raise InterfaceError(
                 "custom_renders need OpenGL, which is not used here",
@@ -186,29 +170,6 @@ class AgentInterface:
                 remedy="draw from drivable_area_grid_map, occupancy_grid_map and top_down_rgb instead",
             )
         self._check_occlusion()
-
-    def _check_vehicle(self) -> None:
-        if self.vehicle_class not in [*VEHICLE_CLASSES]:
-            raise InterfaceError(
-                f"there is no vehicle class {self.vehicle_class!r}",
-                place="AgentInterface.vehicle_class",
-                remedy=nearest_names(str(self.vehicle_class), VEHICLE_CLASSES),
-            )
-        known = {"vehicle_model": ("bullet", "dynamic", "kinematic"), "tyre_model": ("pacejka", "linear")}
-        for name, models in known.items():
-            if getattr(self, name) not in models:
-                raise InterfaceError(
-                    f"there is no {name.replace('_', ' ')} {getattr(self, name)!r}",
-                    place=f"AgentInterface.{name}",
-                    remedy=nearest_names(str(getattr(self, name)), models),
-                )
-        tyres = self.flat_tyres
-        if not isinstance(tyres, list | tuple | set | frozenset) or not all(map(_is_wheel, tyres)):
-            raise InterfaceError(
-                f"flat_tyres is {shown(tyres)}",
-                place="AgentInterface.flat_tyres",
-                remedy="wheels are 0 (front left), 1 (front right), 2 (rear left) and 3 (rear right)",
-            )
 
     def _check_occlusion(self) -> None:
         grid, hidden = self.occupancy_grid_map, self.occlusion_map
@@ -228,11 +189,11 @@ class AgentInterface:
         Raises:
             InterfaceError: There is no such type, or a change is not possible.
         """
-        if requested_type not in [*_PRESETS]:
+        if not isinstance(requested_type, AgentType):
             raise InterfaceError(
                 f"there is no agent type {requested_type!r}",
                 place="AgentInterface.from_type",
-                remedy=_member_like(requested_type, AgentType),
+                remedy=f"give a member of AgentType: {nearest_names(str(requested_type), AgentType.__members__)}",
             )
         return AgentInterface(**_PRESETS[requested_type]).replace(**changes)
 
@@ -265,13 +226,6 @@ class AgentInterface:
         raise AttributeError(f"AgentInterface has no field {name!r}", name=name, obj=self)
 
 
-def _member_like(given: Any, kind: type[Enum]) -> str:
-    """Return the remedy for a value that is not a member: the member with the most similar name."""
-    names = [*kind.__members__]
-    nearest = [*get_close_matches(str(given), names, n=1), names[0]][0]
-    return f"give a member, such as {kind.__name__}.{nearest}"
-
-
 def _switched_on(sensors: tuple[tuple[str, Any], ...]) -> tuple[tuple[str, Any], ...]:
     """Return the further sensors that are not off."""
     for name, option in sensors:
@@ -282,25 +236,6 @@ def _switched_on(sensors: tuple[tuple[str, Any], ...]) -> tuple[tuple[str, Any],
                 remedy="leave it out: every agent has it" if name in ALWAYS_ON else "give True or the sensor",
             )
     return tuple((name, option) for name, option in sensors if option)
-
-
-def _is_wheel(value: object) -> bool:
-    return isinstance(value, int | np.integer) and value in range(4)
-
-
-def _option(name: str, value: object, kind: type) -> object:
-    """Return the option that a field stands for, False if the sensor is off."""
-    if value is True:
-        return kind()
-    if value is False or value is None:
-        return False
-    if isinstance(value, kind):
-        return value
-    raise InterfaceError(
-        f"{name} is {shown(value)}",
-        place=f"AgentInterface.{name}",
-        remedy=f"True, False or {kind.__name__}(...)",
-    )
 
 
 _WAYPOINTS: dict[str, Any] = {"waypoint_paths": True}

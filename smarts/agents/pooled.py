@@ -5,35 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from smarts.agents.checks import check_instance, check_list, keep_whole
-from smarts.agents.criteria import MOST_AGENTS
 from smarts.agents.interface import AgentInterface
 
 
 @dataclass(frozen=True)
 class PooledAgents:
-    """Room for agents of one interface beside the egos: social agents, and agents that take vehicles over.
-
-    Raises:
-        InterfaceError: `interface` is no `AgentInterface`, or `capacity` no whole number from 1.
-    """
+    """Room for agents of one interface beside the egos: social agents, and agents that take vehicles over."""
 
     interface: AgentInterface
     capacity: int
     """The most agents of the interface that a simulation has at a time."""
 
-    def __post_init__(self) -> None:
-        check_instance("interface", self.interface, AgentInterface, "AgentInterface(...)", "PooledAgents")
-        keep_whole(self, "capacity", 1, MOST_AGENTS)
-
 
 def merge_pools(pool: Sequence[PooledAgents]) -> tuple[PooledAgents, ...]:
-    """Return one entry per distinct interface, in order of appearance; capacities of equal ones are added.
-
-    Raises:
-        InterfaceError: `pool` is no list of `PooledAgents`, or an interface has too many agents in all.
-    """
-    check_list("pool", pool, PooledAgents, "[PooledAgents(AgentInterface(...), capacity=10)]")
+    """Return one entry per distinct interface, in order of appearance; capacities of equal ones are added."""
     merged: list[PooledAgents] = []
     for entry in pool:
         # By comparison: an interface with options of the user's own need not be hashable.

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from smarts.agents.checks import InterfaceError, check_instance, check_list, check_number, check_whole
-from smarts.agents.criteria import MOST_AGENTS
+from smarts.agents.checks import Count, InterfaceError, Positive, Sequence, check_instance, checked
 from smarts.agents.hosting.options import HERE, HostOptions, Starter
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
-from smarts.errors import nearest_names, shown
+from smarts.errors import shown
 
-LONGEST_EPISODE = 86_400.0
-"""[s]"""
 ALL_MISSIONS = "missions"
 """Of a count: as many agents as there are missions left."""
 
@@ -84,45 +81,26 @@ def _canonical(value: Any) -> str:
     return repr(value)
 
 
-@dataclass(frozen=True)
+@checked
 class SocialAgents:
-    """Social agents that an environment adds: they take the missions that its learning agents leave.
-
-    Raises:
-        InterfaceError: A value is not what it has to be.
-    """
+    """Social agents that an environment adds: they take the missions that its learning agents leave."""
 
     agent: str
     """Name of the agent in the zoo, as "module:name-v0"."""
-    count: int | str = 1
+    count: Count | Literal["missions"] = 1
     """How many; "missions": as many as there are missions left."""
     options: Mapping[str, Any] = field(default_factory=dict)
     """Arguments for the agent's policy, in place of the registered ones."""
 
-    def __post_init__(self) -> None:
-        check_instance("agent", self.agent, str, "a locator such as 'smarts.zoo:idm-v0'", "social_agents")
-        check_instance("options", self.options, Mapping, "a dict of the policy's arguments", "social_agents")
-        if self.count != ALL_MISSIONS:
-            check_whole("count", self.count, 1, MOST_AGENTS, "social_agents")
 
-
-@dataclass(frozen=True)
+@checked
 class BubbleLearning:
-    """Learning agents that drive the vehicles in bubbles: they have no missions, and come and go.
+    """Learning agents that drive the vehicles in bubbles: they have no missions, and come and go."""
 
-    Raises:
-        InterfaceError: A value is not what it has to be.
-    """
-
-    episode_time: float
+    episode_time: Positive
     """Length of episodes [s]."""
-    bubbles: tuple[str, ...] = ()
+    bubbles: Annotated[tuple[str, ...], Sequence] = ()
     """Ids of the bubbles; empty: all. In the others the scenario's actors drive."""
-
-    def __post_init__(self) -> None:
-        check_number("episode_time", self.episode_time, above=True, most=LONGEST_EPISODE)
-        check_list("learn_in_bubbles", self.bubbles, str, "['left-turn'], or True for all bubbles")
-        object.__setattr__(self, "bubbles", tuple(self.bubbles))
 
     def has(self, bubble: str) -> bool:
         """Return whether the learning agents drive in a bubble, given by its id."""
@@ -156,12 +134,11 @@ def bubble_learning(bubbles: Any, episode_time: Any) -> BubbleLearning | None:
         )
     if bubbles is True:
         return BubbleLearning(episode_time)
-    check_list("learn_in_bubbles", bubbles, str, "['left-turn'], or True for all bubbles")
     if not bubbles:
         raise InterfaceError(
             "learn_in_bubbles is empty", place="learn_in_bubbles", remedy="name bubbles, or give True for all"
         )
-    return BubbleLearning(episode_time, tuple(bubbles))
+    return BubbleLearning(episode_time, bubbles)
 
 
 def social_agents(given: Any) -> tuple[SocialAgents, ...]:
@@ -175,21 +152,7 @@ def social_agents(given: Any) -> tuple[SocialAgents, ...]:
 
 
 def _read(entry: Any) -> SocialAgents:
-    fields = [*SocialAgents.__dataclass_fields__]
     check_instance("an entry", entry, Mapping, "{'agent': 'smarts.zoo:idm-v0', 'count': 2}", "social_agents")
-    for name in entry:
-        if name not in fields:
-            raise InterfaceError(
-                f"there is no field {shown(name)}",
-                place="social_agents",
-                remedy=nearest_names(str(name), fields),
-            )
-    if "agent" not in entry:
-        raise InterfaceError(
-            f"{shown(dict(entry))} names no agent",
-            place="social_agents",
-            remedy="give a locator: {'agent': 'smarts.zoo:idm-v0'}",
-        )
     return SocialAgents(**entry)
 
 

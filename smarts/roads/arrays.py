@@ -10,8 +10,7 @@ from typing import NamedTuple
 from smarts.arrays import Bools, Bytes, Floats, Ints
 
 MOST_CANDIDATES = 1024
-"""Most runs in a cell of the grid. `packing.pack_roads` refuses maps with more, so that kernels
-drop none silently; the densest junction of the benchmark's maps has 17."""
+"""Most runs in a cell of the grid that kernels consider; the densest junction of the benchmark has 17."""
 
 
 class Roads(NamedTuple):

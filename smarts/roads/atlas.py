@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from smarts.arrays import Floats, Ints
-from smarts.errors import MapError
 from smarts.geometry.binding import bind
 from smarts.roads import kernels
 from smarts.roads.arrays import RouteTable
@@ -47,16 +46,10 @@ class RoadAtlas:
 
     Kernels read `roads`, the lanes of all maps, and a `RouteTable` of this atlas. They check nothing: map,
     lane and route numbers must exist.
-
-    Raises:
-        ValueError: There is no map.
-        MapError: A map has more lanes in one place than the kernels have room for.
     """
 
     def __init__(self, graphs: Sequence[LaneGraph]) -> None:
         self.graphs = tuple(graphs)
-        if not self.graphs:
-            raise ValueError("graphs is empty, but an atlas has at least one map")
         self.roads = pack_roads(self.graphs)
         self.no_routes = self.route_table(())
         self._locate = bind(kernels.locate, self.roads, self.no_routes)
@@ -69,23 +62,10 @@ class RoadAtlas:
         """Return a table of routes, each a map number and the ids of its road edges; route i is the i-th.
 
         Raises:
-            MapError: A route has no edge, an unknown one, one without lanes of these kinds, or a gap.
-            ValueError: There is no map of a route's number.
+            MapError: A route has an unknown edge, one without lanes of these kinds, or a gap.
         """
         free = [(world, free_corridor(graph, kinds)) for world, graph in enumerate(self.graphs)]
-        own = []
-        for number, (world, route) in enumerate(routes):
-            if not 0 <= world < len(self.graphs):
-                raise ValueError(
-                    f"route {number} is on map {world}, but maps go from 0 to {len(self.graphs) - 1}"
-                )
-            if not route:
-                raise MapError(
-                    "a route without edges",
-                    place=f"route {number} of the table",
-                    remedy="leave it out; agents without a route have route number -1",
-                )
-            own.append((world, route_corridor(self.graphs[world], tuple(route), kinds)))
+        own = [(world, route_corridor(self.graphs[world], tuple(route), kinds)) for world, route in routes]
         return pack_routes(free, own, self.roads.lane_base)
 
     def locate(self, maps: Ints, position: Floats, heading: Floats, *, height: Floats) -> NearestLanes:

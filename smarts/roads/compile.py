@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import gzip
 import itertools
 import os
 import re
-import signal
 import tempfile
 import xml.etree.ElementTree as ElementTree
-import zlib
 from pathlib import Path
 from typing import NamedTuple
 
 from smarts.errors import MapError
-from smarts.roads.children import TIME_LIMIT_VARIABLE, time_limit
 from smarts.roads.converter_messages import ConverterMessages
 from smarts.roads.dropped import dropped_parts, tapering_lanes
-from smarts.roads.foreign import check_sources, mended_opendrive
+from smarts.roads.foreign import mended_opendrive
 from smarts.roads.net_repairs import mended_net
 from smarts.roads.osm_types import write_road_types
 from smarts.roads.sources import MapKind, MapSource
@@ -123,16 +118,11 @@ def compile_map(source: MapSource, out: Path) -> MapNotes:
             _publish(net, MapNotes(), source, out)
             return MapNotes()
     else:
-        check_sources(source)
         content, warnings = mended_opendrive(source) if source.kind == "opendrive" else (None, ())
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        # Beside the map to be, where leftovers are cleared up; but SUMO mistakes commas in paths.
-        beside = None if "," in str(out.resolve()) else out.parent
-        folder = tempfile.TemporaryDirectory(prefix=".partial-map-", dir=beside, ignore_cleanup_errors=True)
-    except OSError as error:
-        raise _cannot_write(out, error) from error
-    with folder as name:
+    out.parent.mkdir(parents=True, exist_ok=True)
+    # Beside the map to be, where leftovers are cleared up; but SUMO mistakes commas in paths.
+    beside = None if "," in str(out.resolve()) else out.parent
+    with tempfile.TemporaryDirectory(prefix=".partial-map-", dir=beside, ignore_cleanup_errors=True) as name:
         work = Path(name).resolve()
         arguments = _arguments(source, _prepared(source, content, work))
         said = _convert(source, arguments, work / "compiled.net.xml")
@@ -158,15 +148,6 @@ def _prepared(source: MapSource, content: bytes | None, work: Path) -> dict[str,
     return prepared
 
 
-def _cannot_write(out: Path, error: OSError) -> MapError:
-    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-    return MapError(
-        f"cannot write the compiled map: {error.strerror}",
-        place=str(out.parent if full else out),
-        remedy="make room on that disk" if full else "make its folder writable",
-    )
-
-
 def _publish(net: bytes, notes: MapNotes, source: MapSource, out: Path) -> None:
     """Check the network, also by SUMO itself, and put it into place in one step."""
     try:
@@ -182,20 +163,13 @@ def _publish(net: bytes, notes: MapNotes, source: MapSource, out: Path) -> None:
         temporary.write_bytes(net)
         try_in_sumo(out.parent, {"net-file": [temporary.name]}, ("--end", "1"), str(source.files[0]), "map")
         os.replace(temporary, out)
-    except OSError as error:
-        raise _cannot_write(out, error) from error
     finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+        temporary.unlink(missing_ok=True)
 
 
 def _read_bytes(path: Path) -> bytes:
-    try:
-        content = path.read_bytes()
-        return gzip.decompress(content) if path.suffix == ".gz" else content
-    except (OSError, EOFError, zlib.error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise MapError(f"cannot read the map: {reason}", place=str(path)) from error
+    content = path.read_bytes()
+    return gzip.decompress(content) if path.suffix == ".gz" else content
 
 
 def _convert(source: MapSource, arguments: list[str], product: Path) -> ConverterMessages:
@@ -203,20 +177,8 @@ def _convert(source: MapSource, arguments: list[str], product: Path) -> Converte
     tool = "netgenerate" if source.kind == "netgenerate" else "netconvert"
     place = str(source.files[0])
     # In the map's folder file names are enough: SUMO splits paths at commas, and repeats them.
-    try:
-        code, messages = run_tool(tool, [*arguments, "--output-file", str(product)], source.files[0].parent)
-    except TimeoutError as error:
-        raise MapError(
-            f"{tool} was still at work after {time_limit():g} s",
-            place=place,
-            remedy=f"give a smaller map, or set {TIME_LIMIT_VARIABLE} to more seconds",
-        ) from error
-    if code == -signal.SIGXFSZ:
-        raise MapError(
-            f"{tool} may not write a file as large as the network",
-            place=place,
-            remedy="raise the limit on the size of files (ulimit -f)",
-        )
+    arguments = [*arguments, "--output-file", str(product)]
+    code, messages = run_tool(tool, arguments, source.files[0].parent, place)
     if code != 0 or not product.is_file():
         problem = " ".join(messages.errors) or f"exit code {code}"
         if "No edges loaded" in problem:
@@ -269,6 +231,6 @@ def _input_files(source: MapSource) -> dict[str, str]:
 def _configured_options(config: Path) -> set[str]:
     try:
         tree = ElementTree.parse(config)
-    except (OSError, ElementTree.ParseError) as error:
+    except ElementTree.ParseError as error:
         raise MapError(f"cannot read the options: {error}", place=str(config)) from error
     return {element.tag for element in tree.iter() if "value" in element.attrib or "v" in element.attrib}

@@ -5,8 +5,6 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from smarts.errors import MapError
-
 _ROAD = "highway.unclassified"
 OPENED = {
     # SUMO lets only "vip" vehicles on race tracks, at 300 km/h. Above 79 km/h netconvert takes pit lanes for
@@ -29,14 +27,7 @@ def write_road_types(sumo: Path, folder: Path) -> Path:
         folder: Where to.
     """
     table = sumo / "data" / "typemap" / "osmNetconvert.typ.xml"
-    try:
-        root = ElementTree.parse(table).getroot()
-    except (OSError, ElementTree.ParseError) as error:
-        raise MapError(
-            f"cannot read SUMO's table of road types: {error}",
-            place=str(table),
-            remedy="reinstall SUMO: pip install --force-reinstall eclipse-sumo",
-        ) from error
+    root = ElementTree.parse(table).getroot()
     known = {element.get("id", ""): element for element in root.iter("type")}
     for name, changes in OPENED.items():
         attributes = dict(known[_ROAD].attrib) | {"id": name} | changes

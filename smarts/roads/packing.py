@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Ints
-from smarts.errors import MapError
 from smarts.geometry.grid import Grid, build_grid
-from smarts.roads.arrays import MOST_CANDIDATES, Roads, RouteTable
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.corridors import Corridor
 from smarts.roads.lane_graph import LaneGraph
 
@@ -23,11 +22,7 @@ _MOST_CELLS_ACROSS = 8
 
 
 def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
-    """Return the lanes of all graphs in a row, and a grid over each; the atlas adds `lane_twin`.
-
-    Raises:
-        MapError: Too many lanes of a graph overlap.
-    """
+    """Return the lanes of all graphs in a row, and a grid over each; the atlas adds `lane_twin`."""
     grids = [_grid(graph) for graph in graphs]
     lane_base = _bases(len(graph.lane_ids) for graph in graphs)
     point_base = _bases(len(graph.point_s) for graph in graphs)
@@ -92,7 +87,7 @@ def _grid(graph: LaneGraph) -> Grid:
     reach = float(np.sqrt(np.square(np.repeat(graph.width, np.diff(graph.point_start))).mean()))
     size = max(_CELL, float(np.sqrt(extent[0] * extent[1] / _MOST_CELLS)), 2.0 * reach / _MOST_CELLS_ACROSS)
     # The graph's own arrays are read-only, which would be another signature to compile.
-    grid = build_grid(
+    return build_grid(
         np.array(graph.point_start),
         np.array(graph.point_xy),
         # A lane inside a junction counts up to its whole width to either side, see `kernels.locate`.
@@ -101,16 +96,6 @@ def _grid(graph: LaneGraph) -> Grid:
         np.array(graph.junction_xy),
         size,
     )
-    listed = np.diff(grid.run_start)
-    if listed.max() > MOST_CANDIDATES:
-        row, column = divmod(int(listed.argmax()), grid.columns)
-        x, y = grid.origin + (np.array((column, row)) + 0.5) * size
-        raise MapError(
-            f"{listed.max()} lanes overlap within {size:.0f} m; at most {MOST_CANDIDATES} may",
-            place=f"x = {x:.1f}, y = {y:.1f} on the map",
-            remedy="remove the duplicates from the map's source",
-        )
-    return grid
 
 
 def _bases(counts: Iterable[int]) -> Ints:

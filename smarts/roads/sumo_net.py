@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from smarts.arrays import Bools, Floats, Ints
-from smarts.errors import MapError
 from smarts.geometry import polylines
 from smarts.roads.conflicts import LaneAreas, find_conflicts
 from smarts.roads.lane_graph import LaneGraph, LaneKind
@@ -50,34 +49,9 @@ class _Edge:
     lanes: list[ElementTree.Element]
 
 
-def read_net(net: Path, place: str | None = None) -> LaneGraph:
-    """Return the lane graph of a compiled network.
-
-    Args:
-        net: The file.
-        place: What it was compiled from, for errors; unless given, the file itself.
-
-    Raises:
-        MapError: The file is missing or not a SUMO network.
-    """
-    place = place or str(net)
-    try:
-        root = ElementTree.parse(net).getroot()
-        if root.tag != "net":
-            raise MapError(f"not a SUMO network: its outermost element is <{root.tag}>", place=place)
-        return _NetReader(root).graph()
-    except OSError as error:
-        raise MapError(f"cannot read the network: {error.strerror}", place=place) from error
-    except (ElementTree.ParseError, ValueError, IndexError) as error:
-        raise MapError(
-            f"not a sound SUMO network: {error}", place=place, remedy="compile it again with netconvert"
-        ) from error
-    except KeyError as error:
-        raise MapError(
-            f"not a sound SUMO network: something needs {error}, which is missing",
-            place=place,
-            remedy="compile it again with netconvert",
-        ) from error
+def read_net(net: Path) -> LaneGraph:
+    """Return the lane graph of a compiled network."""
+    return _NetReader(ElementTree.parse(net).getroot()).graph()
 
 
 class _NetReader:

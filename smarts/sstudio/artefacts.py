@@ -75,7 +75,7 @@ def write_artefacts(
 
 def _compile(source: MapSource, folder: Path) -> dict[str, list[str]]:
     notes = compile_map(source, folder / NET)
-    roads = read_net(folder / NET, place=str(source.files[0]))
+    roads = read_net(folder / NET)
     roads.save(folder / LANES)
     remarks = list(notes.remarks)
     if count := write_driven_lengths(folder / NET, roads):

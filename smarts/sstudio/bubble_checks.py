@@ -12,15 +12,11 @@ from shapely.geometry.base import BaseGeometry
 from smarts.errors import nearest_names
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
-from smarts.sstudio.checks import Checks, shown
+from smarts.sstudio.checks import Checks
 from smarts.sstudio.sstypes.actor.traffic_engine_actor import LOCAL_TRAFFIC, SUMO_TRAFFIC
 from smarts.sstudio.sstypes.condition import parts
 from smarts.types.vehicles import VehicleKind
 
-WIDEST = 1000.0
-"""The widest margin [m]."""
-LONGEST = 1e9
-"""The longest time [s]."""
 _KINDS = [kind.name.lower() for kind in VehicleKind]
 SOCIAL_AGENT = "social-agent-"
 """How the names of a scenario's social agents begin; see `Bubble.to_actor_id`."""
@@ -42,15 +38,14 @@ class BubbleChecks(Checks):
     def bubble(self, bubble: t.Bubble, area: BaseGeometry, roads: LaneGraph, where: str) -> None:
         """Require a bubble that can be placed; `area` is that of its zone."""
         self._driver(bubble.actor, f"{where}.actor")
-        self.number(bubble.margin, f"{where}.margin", most=WIDEST)
-        self.number(bubble.collision_time, f"{where}.collision_time", most=LONGEST)
+        self.numbers(bubble, where, "margin", "collision_time")
         if bubble.limit is not None:
             self._bubble_limits(bubble.limit, f"{where}.limit")
         self._bubble_conditions(bubble, where)
         if bubble.follow_actor_id is None and bubble.follow_vehicle_id is None:
             self.zone_on_map(area, roads, f"{where}.zone")  # an offset alone has no effect
         else:
-            self._follow_offset(bubble.follow_offset, f"{where}.follow_offset")
+            self.pair(bubble.follow_offset, f"{where}.follow_offset", least=-np.inf)
 
     def followed_agent(self, bubble: t.Bubble, names: Collection[str], where: str) -> None:
         """Require that a bubble that follows a social agent, or looks for one, names one of the scenario's.
@@ -70,17 +65,16 @@ class BubbleChecks(Checks):
 
     def _driver(self, actor: t.Actor, where: str) -> None:
         self.type(actor, (t.SocialAgentActor, t.TrafficEngineActor), where)
-        self.name(actor.name, f"{where}.name")
         if isinstance(actor, t.TrafficEngineActor):
             self.choice(actor.traffic_provider, (LOCAL_TRAFFIC, SUMO_TRAFFIC), f"{where}.traffic_provider")
-            self.numbers(actor, where, above=0, tau=60.0, accel=20.0, decel=20.0, max_speed=100.0)
+            self.numbers(actor, where, "tau", "accel", "decel", "max_speed", above=0)
         if isinstance(actor, t.BoidAgentActor) and actor.capacity is not None:
             self._bubble_limits(actor.capacity, f"{where}.capacity")
 
     def _bubble_limits(self, limits: t.BubbleLimits, where: str) -> None:
         self.type(limits, t.BubbleLimits, where)
-        self.count(limits.hijack_limit, f"{where}.hijack_limit")
-        self.count(limits.shadow_limit, f"{where}.shadow_limit")
+        self.whole(limits.hijack_limit, f"{where}.hijack_limit")
+        self.whole(limits.shadow_limit, f"{where}.shadow_limit")
 
     def _bubble_conditions(self, bubble: t.Bubble, where: str) -> None:
         for name, known in (("active_condition", GENERAL), ("airlock_condition", GENERAL | _OF_VEHICLES)):
@@ -96,12 +90,6 @@ class BubbleChecks(Checks):
         unknown = condition.requires & ~known
         problem = f"the condition needs {unknown.name}, which {users} do not know"
         self.require(not unknown, where, problem, f"use conditions on {known.name}")
-
-    def _follow_offset(self, offset: object, where: str) -> None:
-        is_pair = isinstance(offset, list | tuple) and len(offset) >= 2
-        self.require(is_pair, where, f"not a pair of numbers: {shown(offset)}", "use (x, y)")
-        for number in offset[:2]:  # type: ignore[index]
-            self.number(number, where, least=-LONGEST, most=LONGEST)
 
     def zone_on_map(self, area: BaseGeometry, roads: LaneGraph, where: str) -> None:
         """Require an area that a lane leads through."""

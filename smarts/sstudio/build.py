@@ -7,11 +7,10 @@ folder. So a changed comment runs the scenario file again but writes nothing.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import logging
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
@@ -41,8 +40,6 @@ __all__ = ["build_described", "build_scenario", "suite"]
 
 DESCRIBED = "described"
 """The entry of the index with a scenario that was handed over by hand."""
-MAPS_OF_DATA_SETS = ("Argoverse", "Waymo")
-"""Recorded traffic with maps in formats of its own."""
 PACKAGE = Path(__file__).resolve().parents[1]
 CODE = ("arrays.py", "errors.py", "registry.py", "shipped.py", "types", "geometry", "roads", "sstudio")
 """The parts of the package that decide what artefacts look like: what the build imports."""
@@ -57,7 +54,7 @@ def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) 
         path: A scenario's folder, a map file, or a name of the suite; with "@variation" for one of the
             scenario's held-out variations.
         seed: For what is drawn when the scenario is built; unless given, what the scenario asks for, or 42.
-        egos: How many learning agents it is for; that it has missions for them is checked before it is built.
+        egos: How many learning agents it is for: if it has missions, at least that many.
 
     The logger "smarts" warns once of differences between the scenario's files and what is simulated.
 
@@ -70,12 +67,7 @@ def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) 
         _check_seed(seed, "seed")
         location = locate(path)
         inputs = _fingerprint_inputs(location, seed)
-        built = _find_built(location, inputs)
-        if built is None:
-            description = _describe(location, seed)
-            with contextlib.suppress(TypeError):  # of missions that are none: the build says so
-                check_egos(description.scenario.ego_missions or (), egos, location.label)
-            built = _build(location, description, inputs)
+        built = _find_built(location, inputs) or _build(location, _describe(location, seed), inputs)
         check_egos(built.scenario.ego_missions or (), egos, location.label)
         _warn(_place(location), built.warnings)
         return built
@@ -88,9 +80,8 @@ def read_scenario(path: str | Path) -> Scenario:
         SmartsError: As `build_scenario` does for what is found without building.
     """
     location = locate(path)
-    with named_failures("describing the scenario", _place(location)):
-        built = _find_built(location, _fingerprint_inputs(location, None))
-        return _describe(location, None).scenario if built is None else built.scenario
+    built = _find_built(location, _fingerprint_inputs(location, None))
+    return _describe(location, None).scenario if built is None else built.scenario
 
 
 def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEED) -> BuiltScenario:
@@ -146,17 +137,9 @@ def _up_to_date(cache: BuildCache, location: Location, inputs: str) -> BuiltScen
 
 def _build(location: Location, description: Description, inputs: str | None = None) -> BuiltScenario:
     """Build a scenario found by its inputs; without any it was handed over by hand, and is remembered."""
-    with named_failures("building the scenario", _place(location)):
-        return _built(location, description, inputs)
-
-
-def _built(location: Location, description: Description, inputs: str | None) -> BuiltScenario:
     directory, spec = location.directory, description.scenario.map_spec
     map_name = None if spec is None else spec.source
-    try:
-        source = find_map_source(directory, map_name)
-    except MapError as error:
-        raise _without_data_set(description.scenario, _place(location)) or error from error
+    source = find_map_source(directory, map_name)
     _check_seed(description.seed, f"{_place(location)}: seed")
     map_key = _fingerprint_map(source)
     content = encode(description.scenario)
@@ -184,25 +167,8 @@ def _built(location: Location, description: Description, inputs: str | None) -> 
 
 def _sumo_files(scenario: Scenario) -> list[str]:
     """Return SUMO's own files that a scenario's traffic names."""
-    variations = scenario.traffic.values() if isinstance(scenario.traffic, Mapping) else ()
-    return [
-        file
-        for traffic in variations
-        if isinstance(traffic, Traffic)
-        for file in (*traffic.route_files, *traffic.additional_files)
-    ]
-
-
-def _without_data_set(scenario: Scenario, place: str) -> ScenarioError | None:
-    """Return the error of a scenario whose map comes with recorded traffic, None for others."""
-    for number, history in enumerate(scenario.traffic_histories or ()):
-        if isinstance(history, TrafficHistoryDataset) and history.source_type in MAPS_OF_DATA_SETS:
-            return ScenarioError(
-                f"its map is part of the data set {history.source_type!r}, which cannot be read",
-                place=f"{place}: traffic_histories[{number}]",
-                remedy="convert the map with netconvert, and name that file as the source of map_spec",
-            )
-    return None
+    variations = (scenario.traffic or {}).values()
+    return [file for each in variations for file in (*each.route_files, *each.additional_files)]
 
 
 def _describe(location: Location, seed: int | None) -> Description:
@@ -210,7 +176,7 @@ def _describe(location: Location, seed: int | None) -> Description:
     scenario = _portable(description.scenario, location)
     description = replace(description, scenario=scenario)
     if location.variation is None:
-        return description if seed is None else _seeded(description, seed, location)
+        return description if seed is None else _seeded(description, seed)
     held_out = scenario.held_out or {}
     if location.variation not in held_out:
         raise ScenarioError(
@@ -219,18 +185,14 @@ def _describe(location: Location, seed: int | None) -> Description:
             remedy=nearest_names(location.variation, held_out) if held_out else "it has none: leave out @...",
         )
     varied = _varied(description, held_out[location.variation])
-    return varied if seed is None else _seeded(varied, seed, location)
+    return varied if seed is None else _seeded(varied, seed)
 
 
-def _seeded(description: Description, seed: int, location: Location) -> Description:
+def _seeded(description: Description, seed: int) -> Description:
     """Return a description of which all is drawn with one seed."""
-    scenario, checks = description.scenario, Checks(_place(location))
-    traffic = [
-        replace(each, seed=None) if isinstance(each, Traffic) else each
-        for _, each in checks.named(scenario.traffic, "traffic")
-    ]
-    named = dict(zip(scenario.traffic or (), traffic, strict=True))
-    return replace(description, scenario=replace(scenario, traffic=named or None), seed=seed)
+    scenario = description.scenario
+    traffic = {name: replace(each, seed=None) for name, each in (scenario.traffic or {}).items()}
+    return replace(description, scenario=replace(scenario, traffic=traffic or None), seed=seed)
 
 
 def _described_base(location: Location, seed: int) -> Description:
@@ -269,22 +231,27 @@ def _varied(description: Description, variation: Variation) -> Description:
 
 
 def _portable(scenario: Scenario, location: Location) -> Scenario:
-    """Return the scenario with its paths relative to its folder, so that it can be moved with it."""
+    """Return the scenario with its paths relative to its folder, so that it can be moved with it.
+
+    Raises:
+        ScenarioError: A part that is needed before the build's checks is of another type.
+    """
     checks = Checks(_place(replace(location, variation=None)))
+    checks.named(scenario.traffic, Traffic, "traffic")
     spec = _portable_spec(scenario.map_spec, location.directory, checks, "map_spec")
     histories = tuple(
         replace(history, input_path=_from_folder(history.input_path, location.directory))
         if isinstance(history, TrafficHistoryDataset)
         else history
-        for _, history in checks.listed(scenario.traffic_histories, "traffic_histories")
+        for history in scenario.traffic_histories or ()
     )
-    held_out = []
-    for where, variation in checks.named(scenario.held_out, "held_out"):
-        checks.type(variation, Variation, where)
+    held_out = {}
+    variations = checks.named(scenario.held_out, Variation, "held_out")
+    for name, (where, variation) in zip(scenario.held_out or (), variations, strict=True):
+        checks.named(variation.traffic, Traffic, f"{where}.traffic")
         varied = _portable_spec(variation.map_spec, location.directory, checks, f"{where}.map_spec")
-        held_out.append(replace(variation, map_spec=varied))
-    variations = dict(zip(scenario.held_out or (), held_out, strict=True))
-    return replace(scenario, map_spec=spec, traffic_histories=histories or None, held_out=variations or None)
+        held_out[name] = replace(variation, map_spec=varied)
+    return replace(scenario, map_spec=spec, traffic_histories=histories or None, held_out=held_out or None)
 
 
 def _portable_spec(spec: Any, directory: Path, checks: Checks, where: str) -> MapSpec | None:

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
-from smarts.errors import ScenarioError, SmartsError, nearest_names
+from smarts.errors import ScenarioError, nearest_names
 from smarts.roads.lane_graph import LaneGraph
-from smarts.sstudio.cache import MANIFEST, damaged_file, note_use
+from smarts.sstudio.cache import MANIFEST, note_use
 from smarts.sstudio.decoding import decode
 from smarts.sstudio.episodes import EpisodePlan, episode_plans
-from smarts.sstudio.failures import named_failures
 from smarts.sstudio.sstypes.scenario import Scenario
 from smarts.types.traffic import TrafficFiles
 
@@ -27,8 +25,6 @@ SCENARIO, NET, LANES = "scenario.json", "map.net.xml", "lanes.npz"
 
 WITHOUT_EFFECT = ("traffic_histories",)
 """Fields of scenarios that are read and checked, and have no effect yet."""
-
-Content = TypeVar("Content")
 
 
 @dataclass(frozen=True)
@@ -44,31 +40,14 @@ class BuiltScenario:
     chosen_traffic: tuple[str, ...] | None = None
     """The variations of the traffic that are played; None: all of them."""
 
-    def _read(self, name: str, read: Callable[[Path], Content]) -> Content:
-        """Read an artefact; if it is damaged, remove the manifest so that the next start rebuilds it."""
-        try:
-            with named_failures("reading the built scenario", str(self.directory / name)):
-                return read(self.directory / name)
-        except SmartsError as error:
-            damaged = damaged_file(self.directory)
-            if damaged is None:
-                raise
-            with contextlib.suppress(OSError):
-                (self.directory / MANIFEST).unlink(missing_ok=True)
-            raise ScenarioError(
-                f"the built scenario is damaged: {damaged} is not as it was built",
-                place=f"{self.source}, built in {self.directory}",
-                remedy="start again; the scenario is then rebuilt",
-            ) from error
-
     @cached_property
     def _manifest(self) -> dict[str, Any]:
-        return self._read(MANIFEST, _load_json)
+        return _load_json(self.directory / MANIFEST)
 
     @cached_property
     def scenario(self) -> Scenario:
         """The scenario, read from the artefacts."""
-        return decode(self._read(SCENARIO, _load_json))
+        return decode(_load_json(self.directory / SCENARIO))
 
     @property
     def net_file(self) -> Path:
@@ -124,7 +103,7 @@ class BuiltScenario:
 
     def roads(self) -> LaneGraph:
         """Return the map; equal artefacts share one in memory."""
-        return self._read(LANES, _load_roads)
+        return _load_roads(self.directory / LANES)
 
     def episodes(self, egos: int, generator: Generator | None = None) -> tuple[EpisodePlan, ...]:
         """Return what an environment with `egos` learning agents cycles through; see `episode_plans`."""

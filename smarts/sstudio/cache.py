@@ -49,11 +49,6 @@ class BuildCache:
         Raises:
             ScenarioError: None can.
         """
-        if not candidates:
-            raise ScenarioError(
-                "SUMO cannot read files below a folder with a comma in its name",
-                remedy="set XDG_CACHE_HOME to a folder without, and the scenario is built there",
-            )
         for root in candidates:
             try:
                 (root / "index").mkdir(parents=True, exist_ok=True)
@@ -64,7 +59,7 @@ class BuildCache:
         raise ScenarioError(
             "there is no place for the built scenario",
             place=", ".join(map(str, candidates)),
-            remedy="make one of these folders writable, or set XDG_CACHE_HOME to a folder that is",
+            remedy="make one of these folders writable, or set XDG_CACHE_HOME to one without a comma",
         )
 
     @contextmanager
@@ -88,20 +83,11 @@ class BuildCache:
         try:
             yield partial
             partial.chmod(0o755)
-            self._rename(partial, key)
+            if (self.root / key).exists():
+                self._discard(self.root / key)  # damaged
+            partial.rename(self.root / key)
         finally:
             shutil.rmtree(partial, ignore_errors=True)
-
-    def _rename(self, partial: Path, key: str) -> None:
-        complete = self.root / key
-        if complete.exists() and self.artefacts(key) is None:
-            self._discard(complete)  # damaged
-        try:
-            partial.rename(complete)
-        except OSError:
-            # On a file system without locks another process may have been faster, with the same artefacts.
-            if not complete.is_dir():
-                raise
 
     def artefacts(self, key: str) -> Path | None:
         """Return the folder of the artefacts under `key` if they are complete and undamaged."""

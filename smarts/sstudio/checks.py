@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import quote
 
 from smarts import errors
 from smarts.errors import ScenarioError, nearest_names
-
-LONGEST_NAME = 100
-"""Characters of a name, which becomes part of file names."""
 
 
 @dataclass(frozen=True)
@@ -42,51 +38,32 @@ class Checks:
             raise self.error(where, problem, remedy)
 
     def number(
-        self, value: Any, where: str, above: float | None = None, most: float = math.inf, least: float = 0.0
+        self, value: Any, where: str, above: float | None = None, least: float = 0.0, most: float = math.inf
     ) -> None:
         """Require a finite number from `least`, or greater than `above`, to `most`."""
         bound = f"{least:g} or more" if above is None else f"above {above:g}"
         bound += "" if most == math.inf else f" and at most {most:g}"
-        numeric = is_number(value) and math.isfinite(value)
-        holds = numeric and (value >= least if above is None else value > above) and value <= most
-        if not holds:
+        numeric = is_number(value) and math.isfinite(value) and value <= most
+        if not numeric or not (value >= least if above is None else value > above):
             raise self.error(where, f"{shown(value)} is not a number {bound}", f"use a number {bound}")
 
     def numbers(
-        self, owner: Any, where: str, above: float | None = None, least: float = 0.0, **most: float
+        self, owner: Any, where: str, *names: str, above: float | None = None, least: float = 0.0
     ) -> None:
-        """Require a number in each of some fields of `owner`; `most` gives their largest values."""
-        for name, limit in most.items():
-            self.number(getattr(owner, name), f"{where}.{name}", above, limit, least)
+        """Require a number in each of some fields of `owner`."""
+        for name in names:
+            self.number(getattr(owner, name), f"{where}.{name}", above, least)
 
-    def name(self, value: Any, where: str) -> None:
-        """Require a name that files can have too."""
-        self.type(value, str, where)
-        fits = (
-            1 <= len(value) <= LONGEST_NAME and value.isprintable() and len(quote(value)) <= 2 * LONGEST_NAME
-        )
-        if not fits:
-            remedy = f"use 1 to {LONGEST_NAME} letters, digits and signs"
-            raise self.error(where, f"{shown(value)} is not a name", remedy)
-
-    def count(self, value: Any, where: str) -> None:
-        """Require a whole number of at least 1."""
-        whole = isinstance(value, int) and not isinstance(value, bool) and value >= 1
-        self.require(whole, where, f"{shown(value)} is not a count", "use 1, 2, 3, ...")
-
-    def index(self, value: Any, where: str) -> None:
-        """Require a whole number of at least 0."""
-        whole = isinstance(value, int) and not isinstance(value, bool) and value >= 0
-        self.require(whole, where, f"{shown(value)} is not an index", "use 0, 1, 2, ...")
-
-    def order(self, first: float, last: float, where: str, name: str) -> None:
-        """Require that `last` is not less than `first`, which is the field `name`."""
-        self.require(last >= first, where, f"{last} is before {name}, {first}", "exchange the two")
+    def whole(self, value: Any, where: str, least: int = 1) -> None:
+        """Require a whole number of at least `least`."""
+        holds = isinstance(value, int) and not isinstance(value, bool) and value >= least
+        remedy = f"use {least}, {least + 1}, {least + 2}, ..."
+        self.require(holds, where, f"{shown(value)} is not a whole number from {least}", remedy)
 
     def choice(self, value: Any, known: Collection[str], where: str) -> None:
         """Require one of the known names."""
-        if not isinstance(value, str) or value not in known:
-            raise self.error(where, f"there is no {shown(value)}", nearest_names(str(value)[:99], known))
+        if value not in known:
+            raise self.error(where, f"there is no {shown(value)}", nearest_names(str(value), known))
 
     def type(self, value: Any, expected: type | tuple[type, ...], where: str) -> None:
         """Require a value of a type."""
@@ -95,23 +72,30 @@ class Checks:
             names = " or ".join(kind.__name__ for kind in kinds)
             raise self.error(where, f"a {type(value).__name__}: {shown(value)}", f"use a {names}")
 
-    def named(self, value: Any, where: str) -> Iterator[tuple[str, Any]]:
-        """Require a dict by name, or None; return the items with their places."""
-        if not isinstance(value, Mapping | None) or not all(isinstance(name, str) for name in value or ()):
-            raise self.error(where, f"not a dict by name: {shown(value)}", 'use {"name": ...}')
-        return ((f"{where}[{name!r}]", item) for name, item in (value or {}).items())
+    def pair(self, value: Any, where: str, above: float | None = None, least: float = 0.0) -> None:
+        """Require at least two items whose first two are numbers."""
+        is_pair = isinstance(value, list | tuple) and len(value) >= 2
+        self.require(is_pair, where, f"not a pair of numbers: {shown(value)}", "use (x, y)")
+        for number in value[:2]:
+            self.number(number, where, above, least)
 
-    def listed(self, value: Any, where: str) -> Iterator[tuple[str, Any]]:
-        """Require a list, or None; return the items with their places."""
+    def named(self, value: Any, kind: type, where: str) -> list[tuple[str, Any]]:
+        """Require a dict of values of a type by name, or None; return the values with their places."""
+        if not isinstance(value, Mapping | None):
+            raise self.error(where, f"not a dict by name: {shown(value)}", 'use {"name": ...}')
+        found = [(f"{where}[{name!r}]", item) for name, item in (value or {}).items()]
+        for at, item in found:
+            self.type(item, kind, at)
+        return found
+
+    def each(self, value: Any, kind: type | tuple[type, ...], where: str) -> list[tuple[str, Any]]:
+        """Require a list of values of a type, or None; return the values with their places."""
         if not isinstance(value, list | tuple | None):
             raise self.error(where, f"not a list: {shown(value)}", "use [...]")
-        return ((f"{where}[{number}]", item) for number, item in enumerate(value or ()))
-
-    def each(self, value: Any, kind: type, where: str) -> Iterator[tuple[str, Any]]:
-        """Require a list of values of a type, or None; yield the items with their places."""
-        for at, item in self.listed(value, where):
+        found = [(f"{where}[{number}]", item) for number, item in enumerate(value or ())]
+        for at, item in found:
             self.type(item, kind, at)
-            yield at, item
+        return found
 
     def unique(self, name: str, seen: dict[str, str], where: str) -> None:
         """Require a name that is not in `seen`, the names so far with their places; add it."""

@@ -21,30 +21,21 @@ class Collection:
     """None until the file calls the first `gen_*` function."""
     seed: int | None = None
     """The seed that the file names, if any."""
-    whole_from: str | None = None
-    """Line of the file that hands over a whole scenario, if any."""
+    is_whole: bool = False
+    """Whether the file has handed over a whole scenario."""
 
-    def add_whole(self, scenario: Scenario, seed: int | None, call: str) -> None:
-        """Join a whole scenario to what came before.
-
-        Args:
-            scenario: The scenario.
-            seed: The seed that it asks for, if it does.
-            call: Which line hands it over.
+    def add(self, part: Scenario, seed: int | None, is_whole: bool = False) -> None:
+        """Join the part given to one `gen_*` function to the earlier ones.
 
         Raises:
-            ScenarioError: It is the second one.
+            ScenarioError: It is the second whole scenario.
         """
-        if self.whole_from is not None:
+        if is_whole and self.is_whole:
             raise ScenarioError(
-                f"the file hands over two scenarios: gen_scenario is called at {self.whole_from} and {call}",
-                remedy="call it once, or hand over parts with gen_traffic, gen_missions, ...",
+                "the file hands over a second scenario",
+                remedy="call gen_scenario once, or hand over parts with gen_traffic, gen_missions, ...",
             )
-        self.whole_from = call
-        self.add(scenario, seed)
-
-    def add(self, part: Scenario, seed: int | None) -> None:
-        """Join the part given to one `gen_*` function to the earlier ones."""
+        self.is_whole = is_whole or self.is_whole
         self.scenario = part if self.scenario is None else join(self.scenario, part)
         self.seed = self.seed if seed is None else seed
 

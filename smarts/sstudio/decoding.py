@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from smarts.errors import ScenarioError
 from smarts.sstudio import sstypes
 from smarts.sstudio.encoding import CALLABLE, ENUM, MEMBERS, NUMBER, PAIRS, TYPE, Json
 from smarts.types.colors import Colors, SceneColors
@@ -36,11 +35,7 @@ _TYPES: dict[str, Any] = {name: kind for name, kind in vars(sstypes).items() if 
 
 
 def decode(data: Json) -> Any:
-    """Return the scenario object that `data` describes; lists become tuples.
-
-    Raises:
-        ScenarioError: The data comes from another version of the scenario language.
-    """
+    """Return the scenario object that `data` describes; lists become tuples."""
     if isinstance(data, list):
         return tuple(decode(item) for item in data)
     if not isinstance(data, dict):
@@ -53,29 +48,12 @@ def decode(data: Json) -> Any:
 
 def _decode_object(data: dict[str, Json]) -> Any:
     arguments = {key: decode(item) for key, item in data.items() if key != TYPE}
-    kind = _known(data[TYPE])
-    try:
-        return kind(**arguments)
-    except TypeError as error:
-        raise _foreign(f"{data[TYPE]}: {error}") from error
+    return _TYPES[data[TYPE]](**arguments)
 
 
 def _decode_enum(data: dict[str, Json]) -> Any:
-    kind, value = _known(data[ENUM]), data["value"]
+    kind, value = _TYPES[data[ENUM]], data["value"]
     return kind[value] if isinstance(value, str) else kind(value)
-
-
-def _known(name: str) -> Any:
-    if name not in _TYPES:
-        raise _foreign(f"there is no type {name!r}")
-    return _TYPES[name]
-
-
-def _foreign(problem: str) -> ScenarioError:
-    return ScenarioError(
-        f"the built scenario is of another version: {problem}",
-        remedy="delete its build folder; it is then rebuilt",
-    )
 
 
 _DECODERS: dict[str, Callable[[dict[str, Json]], Any]] = {

@@ -18,7 +18,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from smarts.errors import ScenarioError
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.collecting import Collection, current_collection
 from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
@@ -48,9 +47,7 @@ def gen_scenario(
     Raises:
         ScenarioError: A scenario file calls it twice.
     """
-    caller = sys._getframe(1)
-    call = f"{Path(caller.f_code.co_filename).name}, line {caller.f_lineno}"
-    _contribute(output_dir, "scenario", scenario, seed, whole_from=call)
+    _contribute(output_dir, "scenario", scenario, seed, is_whole=True)
 
 
 def gen_traffic(
@@ -74,13 +71,7 @@ def gen_traffic(
         map_spec: The map, if it is not the one in the folder.
     """
     name = name or DEFAULT_TRAFFIC_NAME
-    if name == "missions":
-        raise ScenarioError(
-            "traffic cannot be named 'missions'",
-            place="gen_traffic",
-            remedy="missions are gen_missions' own name",
-        )
-    if seed != DEFAULT_SEED and isinstance(traffic, t.Traffic):  # the build refuses others by place
+    if seed != DEFAULT_SEED:
         traffic = replace(traffic, seed=int(seed))
     _contribute(scenario, f"traffic {name}", t.Scenario(traffic={name: traffic}, map_spec=map_spec))
 
@@ -239,16 +230,13 @@ def _contribute(
     kind: str,
     part: t.Scenario,
     seed: int = DEFAULT_SEED,
-    whole_from: str | None = None,
+    is_whole: bool = False,
 ) -> None:
     collection = current_collection()
     # A file's own seed counts only where it differs from what it would get anyway.
     own_seed = None if seed == DEFAULT_SEED else int(seed)
     if collection is not None:
-        if whole_from is None:
-            collection.add(part, own_seed)
-        else:
-            collection.add_whole(part, own_seed, whole_from)
+        collection.add(part, own_seed, is_whole)
         return
     # Local: building needs the map's libraries, and a scenario file that is being built never gets here.
     from smarts.sstudio.build import build_described, build_scenario

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import yaml
 
-from smarts.errors import ScenarioError, SmartsError, UnknownNameError, nearest_names
+from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.shipped import local
 from smarts.sstudio.encoding import digest
 
@@ -63,7 +63,6 @@ def locate(path: str | Path) -> Location:
 
     Raises:
         UnknownNameError: It is neither; the remedy names the nearest scenarios of the suite.
-        ScenarioError: The folder holds neither a scenario file nor anything else to build from.
     """
     text, variation = os.fspath(local(path)), None
     if not Path(text).exists() and VARIATION_MARK in text:
@@ -76,10 +75,6 @@ def locate(path: str | Path) -> Location:
         found = SUITE / text
     if found.is_dir():
         folder = found.resolve()
-        if (folder / SCRIPT).is_dir():
-            raise ScenarioError(
-                f"{SCRIPT} is a folder", place=str(folder / SCRIPT), remedy="make it a Python file"
-            )
         return Location(folder.name, folder, variation)
     if found.is_file():
         file = found.resolve()
@@ -104,19 +99,8 @@ def resolved(name: str) -> str:
 
 
 def suite() -> dict[str, str]:
-    """Return the scenarios that come with the package: name and one line each.
-
-    Raises:
-        ScenarioError: The list of the suite is missing or broken.
-    """
-    file = SUITE / "suite.yaml"
-    try:
-        listed = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ScenarioError("the suite's list cannot be read", place=str(file), remedy="reinstall") from error
-    except yaml.YAMLError as error:
-        raise ScenarioError(f"the suite's list is broken: {error}", place=str(file)) from error
-    return {str(name): str(line) for name, line in (listed or {}).items()}
+    """Return the scenarios that come with the package: name and one line each."""
+    return yaml.safe_load((SUITE / "suite.yaml").read_text(encoding="utf-8"))
 
 
 def _holds_scenario(path: Path) -> bool:

@@ -23,7 +23,6 @@ from typing import Any
 from smarts.errors import ScenarioError, SmartsError
 from smarts.sstudio.collecting import Collection, collecting
 from smarts.sstudio.encoding import Json, encode
-from smarts.sstudio.failures import named
 from smarts.sstudio.sstypes.drawing import fresh_drawing
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -40,7 +39,7 @@ def main(arguments: list[str]) -> None:
         answer = json.dumps(_describe(script, seed))
     except BaseException as error:
         # Even exceptions that end a process: the answer is the only way to report them.
-        said = error if isinstance(error, SmartsError) else named(error, "writing it down", str(script))
+        said = error if isinstance(error, SmartsError) else _unexpected(error, script)
         reply = {"problem": said.problem, "place": said.place, "remedy": said.remedy}
         answer = json.dumps({"error": reply})
     with open(answer_file, "w", encoding="utf-8") as file:
@@ -48,6 +47,11 @@ def main(arguments: list[str]) -> None:
     with contextlib.suppress(OSError, ValueError):
         sys.stdout.flush()
     os._exit(0)  # at once, whatever threads the file has left running
+
+
+def _unexpected(error: BaseException, script: Path) -> ScenarioError:
+    """Return an exception, such as the recursion of a list in itself, as an error of the file."""
+    return ScenarioError(f"writing it down failed: {type(error).__name__}: {error}", place=str(script))
 
 
 def _describe(script: Path, seed: int) -> Json:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 from shapely.validation import explain_validity
 
@@ -31,17 +30,12 @@ from smarts.sstudio.placement import (
     target_lane,
     via_place,
 )
-from smarts.sstudio.sstypes.constants import MISSING
-from smarts.sstudio.traffic_checks import LARGEST, LATEST, TrafficChecks
+from smarts.sstudio.sstypes.constants import MAX_OFFSET, MISSING
+from smarts.sstudio.traffic_checks import TrafficChecks
 from smarts.sstudio.ways import is_on_way, leads_back_beside
 
-FARTHEST = 1e9
-"""The largest coordinate; those of whole countries are large [m]."""
-FASTEST_START = 100.0
-"""The highest speed at a start or a via point, which is the highest that vehicles have [m/s]."""
-LONGEST_SHIFT = 1000.0
-"""Largest variation of a start [m]."""
 HISTORY_SOURCES = ("NGSIM", "INTERACTION", "Waymo", "Argoverse")
+MISSIONS = (t.Mission, t.EndlessMission, t.LapMission, t.GroupedLapMission)
 
 _Place = tuple[str, int, Any]
 
@@ -68,44 +62,24 @@ class _Validation(TrafficChecks, BubbleChecks):
         remedy = "leave it out, and give the map as a SUMO, OpenDRIVE or OSM file"
         is_file = spec is None or spec.builder_fn is None
         self.require(is_file, "map_spec.builder_fn", "functions that build maps are not supported", remedy)
-        for where, traffic in self.named(scenario.traffic, "traffic"):
+        for where, traffic in self.named(scenario.traffic, t.Traffic, "traffic"):
             self.traffic(traffic, where)
-        for name in scenario.traffic or {}:
-            self.name(name, "traffic")
-        for where, mission in self.listed(scenario.ego_missions, "ego_missions"):
+        for where, mission in self.each(scenario.ego_missions, MISSIONS, "ego_missions"):
             self._mission(mission, where)
-        for where, group in self.named(scenario.social_agent_missions, "social_agent_missions"):
+        groups = self.named(scenario.social_agent_missions, (list, tuple), "social_agent_missions")
+        for where, group in groups:
             self._social_agents(group, where)
         self._bubbles(scenario)
         for where, patch in self.each(scenario.friction_maps, t.RoadSurfacePatch, "friction_maps"):
             self._patch(patch, where)
-        for where, history in self.listed(scenario.traffic_histories, "traffic_histories"):
-            self._history(history, where)
-        self._held_out(scenario.held_out)
+        histories = self.each(scenario.traffic_histories, (t.TrafficHistoryDataset, str), "traffic_histories")
+        for where, history in histories:
+            if isinstance(history, t.TrafficHistoryDataset):
+                self.choice(history.source_type, HISTORY_SOURCES, f"{where}.source_type")
         if scenario.start_variation is not None:
-            self._start_variation(scenario.start_variation, "start_variation")
-
-    def _held_out(self, variations: Any) -> None:
-        for where, variation in self.named(variations, "held_out"):
-            self.type(variation, t.Variation, where)
-        for name in variations or {}:
-            plain = bool(name) and not set(name) & set("@/\\")
-            self.require(plain, f"held_out[{name!r}]", f"{shown(name)} is not a name", "leave out @ and /")
-            self.name(name, "held_out")
-
-    def _start_variation(self, variation: Any, where: str) -> None:
-        self.type(variation, t.StartVariation, where)
-        self.numbers(variation, where, offset=LONGEST_SHIFT)
-        speeds = variation.speed
-        if not isinstance(speeds, list | tuple) or len(speeds) != 2:
-            raise self.error(f"{where}.speed", f"not two speeds: {shown(speeds)}", "use (least, largest)")
-        for speed in speeds:
-            self.number(speed, f"{where}.speed", most=FASTEST_START)
-        self.order(speeds[0], speeds[1], f"{where}.speed", "the least")
+            self.type(scenario.start_variation, t.StartVariation, "start_variation")
 
     def _mission(self, mission: t.AnyMission, where: str) -> None:
-        kinds = (t.Mission, t.EndlessMission, t.LapMission, t.GroupedLapMission)
-        self.type(mission, kinds, where)
         if isinstance(mission, t.GroupedLapMission):
             self._group(mission, where)
             return
@@ -125,7 +99,7 @@ class _Validation(TrafficChecks, BubbleChecks):
 
     def _time(self, owner: Any, where: str) -> None:
         if owner.start_time != MISSING:
-            self.numbers(owner, where, start_time=LATEST)
+            self.numbers(owner, where, "start_time")
 
     def _mission_route(
         self, mission: t.Mission | t.LapMission, where: str
@@ -134,7 +108,7 @@ class _Validation(TrafficChecks, BubbleChecks):
         route = mission.route
         self.own_map(route, f"{where}.route")
         if isinstance(mission, t.LapMission):
-            self.count(mission.num_laps, f"{where}.num_laps")
+            self.whole(mission.num_laps, f"{where}.num_laps")
             self.type(route, t.Route, f"{where}.route")
         if not isinstance(route, t.Route):
             return None, None
@@ -151,8 +125,8 @@ class _Validation(TrafficChecks, BubbleChecks):
         return route.begin, edges
 
     def _group(self, group: t.GroupedLapMission, where: str) -> None:
-        self.count(group.actor_count, f"{where}.actor_count")
-        self.count(group.lanes, f"{where}.lanes")
+        self.whole(group.actor_count, f"{where}.actor_count")
+        self.whole(group.lanes, f"{where}.lanes")
         self.type(group.route, t.Route, f"{where}.route")
         for end in ("begin", "end"):
             lane_of(self.roads, getattr(group.route, end), self.at(f"{where}.route.{end}"))
@@ -162,8 +136,8 @@ class _Validation(TrafficChecks, BubbleChecks):
             self._mission(mission, f"{where}, start {number}")
 
     def _via(self, via: t.Via, edges: tuple[str, ...] | None, where: str) -> None:
-        self.numbers(via, where, lane_offset=LARGEST, required_speed=FASTEST_START)
-        self.numbers(via, where, least=-LARGEST, hit_distance=LARGEST)
+        self.numbers(via, where, "lane_offset", "required_speed")
+        self.number(via.hit_distance, f"{where}.hit_distance", least=-math.inf)
         lane, _ = via_place(self.roads, via, self.at(where))
         if self.roads.kind[lane] not in BUSES:
             problem = f"lane '{self.roads.lane_ids[lane]}' is no lane of a road"
@@ -175,11 +149,11 @@ class _Validation(TrafficChecks, BubbleChecks):
 
     def _start_speed(self, speed: Any, where: str) -> None:
         if speed is not None:
-            self.number(speed, where, most=FASTEST_START)
+            self.number(speed, where)
 
     def _u_turn(self, task: t.UTurn, route: t.Route | t.RandomRoute, where: str) -> None:
         self._start_speed(task.initial_speed, f"{where}.initial_speed")
-        self.index(task.target_lane_index, f"{where}.target_lane_index")
+        self.whole(task.target_lane_index, f"{where}.target_lane_index", least=0)
         if not isinstance(route, t.Route):
             return
         lane = lane_of(self.roads, route.begin, self.at(where))
@@ -203,7 +177,7 @@ class _Validation(TrafficChecks, BubbleChecks):
 
     def _task(self, task: t.UTurn | t.CutIn, route: t.Route | t.RandomRoute, where: str) -> None:
         self.type(task, (t.UTurn, t.CutIn), where)
-        self.numbers(task, where, trigger_radius=math.inf)
+        self.numbers(task, where, "trigger_radius")
         if isinstance(task, t.UTurn):
             self._u_turn(task, route, where)
         if isinstance(task, t.CutIn) and task.complete_on_edge_id is not None:
@@ -220,9 +194,9 @@ class _Validation(TrafficChecks, BubbleChecks):
             self.condition(tactic.condition, GENERAL, f"{where}.condition", "entries")
         if not isinstance(tactic, t.TrapEntryTactic):
             return
-        self.numbers(tactic, where, wait_to_hijack_limit_s=LATEST)
+        self.numbers(tactic, where, "wait_to_hijack_limit_s")
         self._start_speed(tactic.default_entry_speed, f"{where}.default_entry_speed")
-        self.texts(tactic.exclusion_prefixes, f"{where}.exclusion_prefixes")
+        self.each(tactic.exclusion_prefixes, str, f"{where}.exclusion_prefixes")
         if tactic.zone is not None:
             self._zone(tactic.zone, f"{where}.zone")
             if isinstance(tactic.zone, t.MapZone) and begin is not None:
@@ -231,21 +205,19 @@ class _Validation(TrafficChecks, BubbleChecks):
                 self.require(edge == begin[0], at, problem, f"put the zone on edge '{begin[0]}'")
 
     def _social_agents(self, group: Any, where: str) -> None:
-        if not isinstance(group, list | tuple) or len(group) != 2:
+        if len(group) != 2:
             raise self.error(where, f"not two lists: {shown(group)}", "use ([actor, ...], [mission, ...])")
         actors, missions = group
         actors = [actors] if isinstance(actors, t.SocialAgentActor) else actors
-        self.type(actors, (list, tuple), f"{where}[0]")
-        self.require(len(actors) > 0, where, "the group has no actors", "give at least one SocialAgentActor")
+        self.require(bool(actors), where, "the group has no actors", "give at least one SocialAgentActor")
         seen: dict[str, str] = {}
         for at, actor in self.each(actors, t.SocialAgentActor, f"{where}[0]"):
             self._start_speed(actor.initial_speed, f"{at}.initial_speed")
-            self.name(actor.name, f"{at}.name")
             problem = f"{actor.name!r} is a BoidAgentActor, which drives several vehicles"
             is_boid = isinstance(actor, t.BoidAgentActor)
             self.require(not is_boid, at, problem, "let a bubble give it vehicles")
             self.unique(actor.name, seen, f"{at}.name")
-        for at, mission in self.listed(missions, f"{where}.missions"):
+        for at, mission in self.each(missions, MISSIONS, f"{where}.missions"):
             self._mission(mission, at)
 
     def _bubbles(self, scenario: t.Scenario) -> None:
@@ -257,10 +229,9 @@ class _Validation(TrafficChecks, BubbleChecks):
             for actor in ([actors] if isinstance(actors, t.SocialAgentActor) else actors)
         ]
         for where, bubble in self.each(scenario.bubbles, t.Bubble, "bubbles"):
-            self.name(bubble.id, f"{where}.id")
             self.unique(bubble.id, seen, f"{where}.id")
             try:
-                self.texts(bubble.exclusion_prefixes, f"{where}.exclusion_prefixes")
+                self.each(bubble.exclusion_prefixes, str, f"{where}.exclusion_prefixes")
                 self.bubble(bubble, self._zone(bubble.zone, f"{where}.zone"), self.roads, where)
                 self.followed_agent(bubble, agents, where)
             except SmartsError as error:
@@ -269,28 +240,27 @@ class _Validation(TrafficChecks, BubbleChecks):
 
     def _patch(self, patch: t.RoadSurfacePatch, where: str) -> None:
         self.zone_on_map(self._zone(patch.zone, f"{where}.zone"), self.roads, f"{where}.zone")
-        self.numbers(patch, where, above=0, friction_coefficient=math.inf)
-        self.numbers(patch, where, begin_time=math.inf, end_time=math.inf)
-        self.order(patch.begin_time, patch.end_time, f"{where}.end_time", "begin_time")
+        self.numbers(patch, where, "friction_coefficient", above=0)
+        self.numbers(patch, where, "begin_time", "end_time")
+        problem = f"{patch.end_time} is before begin_time, {patch.begin_time}"
+        self.require(patch.begin_time <= patch.end_time, f"{where}.end_time", problem, "exchange the two")
 
     def _zone(self, zone: t.Zone, where: str) -> BaseGeometry:
         """Require an area, and return it."""
         self.type(zone, t.Zone, where)
         if isinstance(zone, t.MapZone):
             lane_of(self.roads, zone.start, self.at(f"{where}.start"))
-            self.count(zone.n_lanes, f"{where}.n_lanes")
-            if not isinstance(zone.length, str):
+            self.whole(zone.n_lanes, f"{where}.n_lanes")
+            if zone.length != MAX_OFFSET:
                 self.number(zone.length, f"{where}.length", above=0)
         if isinstance(zone, t.PositionalZone):
-            self._pair(zone.pos, f"{where}.pos", least=-FARTHEST)
-            self._pair(zone.size, f"{where}.size", above=0)
+            self.pair(zone.pos, f"{where}.pos", least=-math.inf)
+            self.pair(zone.size, f"{where}.size", above=0)
         if isinstance(zone, t.ConfigurableZone):
-            for at, corner in self.listed(zone.ext_coordinates, f"{where}.ext_coordinates"):
-                self._pair(corner, at, least=-FARTHEST)
-        rotation = getattr(zone, "rotation", None)
-        if rotation is not None:
-            self.number(rotation, f"{where}.rotation", least=-LARGEST, most=LARGEST)
-        area = self._area(zone, where)
+            for number, corner in enumerate(zone.ext_coordinates):
+                self.pair(corner, f"{where}.ext_coordinates[{number}]", least=-math.inf)
+        with blame(self.at(where)):
+            area = zone.to_geometry(self.roads)
         if not area.is_valid or area.area == 0:
             raise self.error(
                 where,
@@ -298,22 +268,3 @@ class _Validation(TrafficChecks, BubbleChecks):
                 "list the corners in order round the area, so that no two sides cross",
             )
         return area
-
-    def _pair(self, value: Any, where: str, above: float | None = None, least: float = 0.0) -> None:
-        """Require at least two items whose first two are numbers."""
-        if not isinstance(value, list | tuple) or len(value) < 2:
-            raise self.error(where, f"not a pair of numbers: {shown(value)}", "use (x, y)")
-        for number in value[:2]:
-            self.number(number, where, above=above, least=least, most=FARTHEST)
-
-    def _area(self, zone: t.Zone, where: str) -> BaseGeometry:
-        try:
-            with blame(self.at(where)):
-                return zone.to_geometry(self.roads)
-        except (TypeError, ValueError, ShapelyError) as error:
-            raise self.error(where, f"not an area: {error}", "use pairs of numbers (x, y)") from error
-
-    def _history(self, history: t.TrafficHistoryDataset | str, where: str) -> None:
-        self.type(history, (t.TrafficHistoryDataset, str), where)
-        if isinstance(history, t.TrafficHistoryDataset):
-            self.choice(history.source_type, HISTORY_SOURCES, f"{where}.source_type")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from smarts.sstudio.encoding import digest
@@ -28,68 +27,21 @@ SPEED_FACTORS = (0.2, 2.0)
 """SUMO cuts off the wanted speeds of drivers below and above these multiples of the limit."""
 
 
-@dataclass(frozen=True)
-class ParameterRange:
-    """The numbers that SUMO 1.28 takes for an attribute."""
-
-    least: float = -1e6
-    most: float = 1e6
-    apart: float | str | None = None
-    """A further valid value, outside the range."""
-
-    def holds(self, value: Any) -> bool:
-        """Return whether a value is valid."""
-        if isinstance(value, str):
-            return value == self.apart
-        numeric = isinstance(value, int | float) and not isinstance(value, bool)
-        return numeric and (self.least <= value <= self.most or value == self.apart)
-
-    def __str__(self) -> str:
-        also = "" if self.apart is None else f", or {self.apart!r}"
-        return f"a number from {self.least:g} to {self.most:g}{also}"
-
-
-def _ranges(prefix: str, stems: str, allowed: ParameterRange) -> dict[str, ParameterRange]:
-    return {prefix + stem: allowed for stem in stems.split()}
-
-
-_ANY, _FROM_0, _FROM_0_OR_NEVER = (
-    ParameterRange(),
-    ParameterRange(least=0.0),
-    ParameterRange(least=0.0, apart=-1),
-)
-
-LANE_CHANGING = {
-    **_ranges(
-        "lc",
-        """ContRight Cooperative CooperativeHelpTime CooperativeRoundabout CooperativeSpeed KeepRight
-        KeepRightAcceptanceTime MaxDistLatStanding MaxSpeedLatFactor Opposite Pushy SpeedGain
-        SpeedGainLookahead SpeedGainRemainTime SpeedGainUrgency Strategic StrategicLookahead Sublane""",
-        _ANY,
-    ),
-    **_ranges(
-        "lc",
-        """Assertive Impatience LaneDiscipline LookaheadLeft MaxSpeedLatStanding OvertakeRight PushyGap Sigma
-        SpeedGainRight TimeToImpatience TurnAlignmentDistance""",
-        _FROM_0,
-    ),
-    "lcAccelLat": ParameterRange(least=1e-6),
-    "lcOvertakeDeltaSpeedFactor": ParameterRange(-1.0, 1.0),
-    "minGapLat": _FROM_0,
-}
+LANE_CHANGING = (
+    "minGapLat lcAccelLat lcAssertive lcContRight lcCooperative lcCooperativeHelpTime lcCooperativeRoundabout "
+    "lcCooperativeSpeed lcImpatience lcKeepRight lcKeepRightAcceptanceTime lcLaneDiscipline lcLookaheadLeft "
+    "lcMaxDistLatStanding lcMaxSpeedLatFactor lcMaxSpeedLatStanding lcOpposite lcOvertakeDeltaSpeedFactor "
+    "lcOvertakeRight lcPushy lcPushyGap lcSigma lcSpeedGain lcSpeedGainLookahead lcSpeedGainRemainTime "
+    "lcSpeedGainRight lcSpeedGainUrgency lcStrategic lcStrategicLookahead lcSublane lcTimeToImpatience "
+    "lcTurnAlignmentDistance"
+).split()
 """Lane-changing attributes of SUMO 1.28, which ignores all others silently."""
-JUNCTIONS = {
-    **_ranges("jm", "ExtraGap StoplineCrossingGap TimegapMinor", _ANY),
-    **_ranges(
-        "jm",
-        """Advance AllwayStopWait CrossingGap DriveRedSpeed IgnoreFoeProb IgnoreFoeSpeed IgnoreJunctionFoeProb
-        StopSignWait StoplineGap StoplineGapMinor""",
-        _FROM_0,
-    ),
-    **_ranges("jm", "DriveAfterRedTime DriveAfterYellowTime IgnoreKeepClearTime", _FROM_0_OR_NEVER),
-    "jmSigmaMinor": ParameterRange(0.0, 1.0),
-    "impatience": ParameterRange(apart="off"),
-}
+JUNCTIONS = (
+    "impatience jmAdvance jmAllwayStopWait jmCrossingGap jmDriveAfterRedTime jmDriveAfterYellowTime "
+    "jmDriveRedSpeed jmExtraGap jmIgnoreFoeProb jmIgnoreFoeSpeed jmIgnoreJunctionFoeProb "
+    "jmIgnoreKeepClearTime jmSigmaMinor jmStopSignWait jmStoplineCrossingGap jmStoplineGap "
+    "jmStoplineGapMinor jmTimegapMinor"
+).split()
 """Junction attributes of SUMO 1.28."""
 
 

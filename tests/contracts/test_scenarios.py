@@ -36,18 +36,15 @@ LONGEST_STAND = 180.0
 CLEAR = 15.0
 """Minimum distance between egos' starts and vehicles that depart during episodes [m]."""
 
-SLOW_ONES = [pytest.param(name, marks=pytest.mark.slow) for name in NAMES]
-ALL_HELD_OUT = "@*"
-WITH_VARIATIONS = [*NAMES, *(pytest.param(name + ALL_HELD_OUT, marks=pytest.mark.slow) for name in NAMES)]
-"""Building all variations takes a minute the first time."""
+
+def nightly_but(*names: str) -> list:
+    """Return the scenarios as parameters, of which all but some are for the nightly tests."""
+    return [name if name in names else pytest.param(name, marks=pytest.mark.nightly) for name in NAMES]
 
 
-def builds(case: str) -> list[BuiltScenario]:
-    """Return a scenario by its name, or its held-out variations by "name@*"."""
-    base = build_scenario(case.removesuffix(ALL_HELD_OUT))
-    if not case.endswith(ALL_HELD_OUT):
-        return [base]
-    return [build_scenario(f"{base.name}@{variation}") for variation in base.held_out]
+def variations(name: str) -> list[BuiltScenario]:
+    """Return the held-out variations of a scenario."""
+    return [build_scenario(f"{name}@{variation}") for variation in build_scenario(name).held_out]
 
 
 def test_the_suite_begins_with_the_papers():
@@ -55,99 +52,76 @@ def test_the_suite_begins_with_the_papers():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_has_both_traffics(name):
+def test_every_scenario_is_complete(name):
     built = build_scenario(name)
     assert list(built.traffic) == ["no_social_vehicles", FULL]
-    scenario_traffic = built.scenario.traffic
-    assert not scenario_traffic["no_social_vehicles"].flows
-    assert not scenario_traffic["no_social_vehicles"].trips
-    assert 10 <= scenario_traffic[FULL].warm_up <= 40
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_has_patient_and_impatient_drivers(name):
-    traffic = build_scenario(name).scenario.traffic[FULL]
-    factors = {actor.speed.mean for flow in traffic.flows for actor in flow.actors}
-    factors |= {trip.actor.speed.mean for trip in traffic.trips or ()}
-    assert {0.8, 1.0} <= factors
-
-
-@pytest.mark.parametrize("case", WITH_VARIATIONS)
-def test_every_mission_can_be_driven(case):
-    for built in builds(case):
-        roads = built.roads()
-        for mission in built.scenario.ego_missions:
-            line = route_line(roads, mission.route)
-            gaps = np.hypot(*np.diff(line, axis=0).T)
-            x, y, heading = start_pose(roads, mission)
-            bumper = x + CAR_LENGTH / 2 * np.cos(heading), y + CAR_LENGTH / 2 * np.sin(heading)
-            assert line[0] == pytest.approx(bumper, abs=0.5)
-            assert line[-1] == pytest.approx(pose_on_map(roads, mission.route.end)[:2], abs=0.5)
-            # The line follows all lanes between; only lane changes are long segments.
-            assert gaps.max() < 30.0
-
-
-@pytest.mark.parametrize("name", BENCHMARK)
-def test_the_benchmarks_scenarios_have_four_egos(name):
-    assert len(build_scenario(name).scenario.ego_missions) == 4
-
-
-@pytest.mark.parametrize("case", WITH_VARIATIONS)
-def test_starts_vary_and_stay_on_their_lane(case):
-    for built in builds(case):
-        roads, scenario = built.roads(), built.scenario
-        low, high = scenario.start_variation.speed
-        assert low < high
-        seen = set()
-        for seed in range(20):
-            placed = place_missions(
-                scenario.ego_missions, roads, stream(seed, Purpose.STARTS), scenario.start_variation
-            )
-            for ego in placed:
-                nominal = roads.arc_length(ego.start.lane, ego.mission.route.begin[2])
-                assert ego.start.s > 2.5
-                assert ego.start.s <= roads.length[ego.start.lane]
-                assert abs(ego.start.s - nominal) <= 5.0001
-                assert low <= ego.speed <= high
-            seen.add(tuple(round(ego.start.s, 6) for ego in placed))
-        assert len(seen) == 20
-
-
-@pytest.mark.parametrize("case", WITH_VARIATIONS)
-def test_traffic_does_not_depart_where_egos_start(case):
-    for built in builds(case):
-        traffic = built.scenario.traffic[FULL]
-        for ego in mission_routes(built):
-            for flow_ in traffic.flows:
-                if not isinstance(flow_.route, t.Route) or flow_.end <= traffic.warm_up:
-                    continue
-                road, lane, offset = flow_.route.begin
-                if (road, lane) == tuple(ego.begin[:2]):
-                    assert abs((0.0 if offset == "base" else offset) - ego.begin[2]) >= CLEAR
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_has_at_least_three_held_out_variations(name):
-    assert len(build_scenario(name).held_out) >= 3
-
-
-@pytest.mark.parametrize("name", SLOW_ONES)
-def test_held_out_variations_differ_from_the_scenario_and_each_other(name):
-    variations = [*builds(name), *builds(name + ALL_HELD_OUT)]
-    assert len({built.directory for built in variations}) == len(variations)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_has_a_page(name):
-    text = Path(build_scenario(name).source, "README.md").read_text()
-    assert len(text) > 500
+    empty, full = built.scenario.traffic.values()
+    assert not empty.flows
+    assert not empty.trips
+    assert 10 <= full.warm_up <= 40
+    factors = {actor.speed.mean for flow in full.flows for actor in flow.actors}
+    factors |= {trip.actor.speed.mean for trip in full.trips or ()}
+    assert {0.8, 1.0} <= factors, "patient and impatient drivers"
+    assert len(built.held_out) >= 3
+    if name in BENCHMARK:
+        assert len(built.scenario.ego_missions) == 4
+    text = Path(built.source, "README.md").read_text()
     assert "**How it fails.**" in text
     assert "**Numbers.**" in text
+    check_missions(built, seeds=5)
+    check_departures(built)
+
+
+@pytest.mark.parametrize("name", nightly_but("loop"))
+def test_held_out_variations_are_as_complete(name):
+    found = variations(name)
+    assert len({built.directory for built in [build_scenario(name), *found]}) == 1 + len(found)
+    for built in found:
+        check_missions(built, seeds=20)
+        check_departures(built)
+
+
+def check_missions(built: BuiltScenario, seeds: int) -> None:
+    """Check that every mission can be driven, and that starts vary and stay on their lane."""
+    roads, scenario = built.roads(), built.scenario
+    for mission in scenario.ego_missions:
+        line = route_line(roads, mission.route)
+        gaps = np.hypot(*np.diff(line, axis=0).T)
+        x, y, heading = start_pose(roads, mission)
+        bumper = x + CAR_LENGTH / 2 * np.cos(heading), y + CAR_LENGTH / 2 * np.sin(heading)
+        assert line[0] == pytest.approx(bumper, abs=0.5)
+        assert line[-1] == pytest.approx(pose_on_map(roads, mission.route.end)[:2], abs=0.5)
+        # The line follows all lanes between; only lane changes are long segments.
+        assert gaps.max() < 30.0
+    low, high = scenario.start_variation.speed
+    assert low < high
+    seen = set()
+    for seed in range(seeds):
+        generator = stream(seed, Purpose.STARTS)
+        placed = place_missions(scenario.ego_missions, roads, generator, scenario.start_variation)
+        for ego in placed:
+            nominal = roads.arc_length(ego.start.lane, ego.mission.route.begin[2])
+            assert 2.5 < ego.start.s <= roads.length[ego.start.lane]
+            assert abs(ego.start.s - nominal) <= 5.0001
+            assert low <= ego.speed <= high
+        seen.add(tuple(round(ego.start.s, 6) for ego in placed))
+    assert len(seen) == seeds
+
+
+def check_departures(built: BuiltScenario) -> None:
+    """Check that no traffic departs during episodes where egos start."""
+    traffic = built.scenario.traffic[FULL]
+    for ego in mission_routes(built):
+        for flow_ in traffic.flows:
+            if not isinstance(flow_.route, t.Route) or flow_.end <= traffic.warm_up:
+                continue
+            road, lane, offset = flow_.route.begin
+            if (road, lane) == tuple(ego.begin[:2]):
+                assert abs((0.0 if offset == "base" else offset) - ego.begin[2]) >= CLEAR
 
 
 @pytest.mark.parametrize(
-    "name",
-    [n if n == "loop" else pytest.param(n, marks=pytest.mark.slow) for n in NAMES if n != "city"],
+    "name", [each for each in nightly_but("loop") if getattr(each, "values", None) != ("city",)]
 )
 def test_has_dense_traffic_from_the_start(name):
     full = density(build_scenario(name), episodes=8)
@@ -156,14 +130,15 @@ def test_has_dense_traffic_from_the_start(name):
     assert full.at_start >= 0.75 * least
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_city_holds_three_hundred_vehicles():
     full = density(build_scenario("city"), episodes=3)
     assert full.fewest >= 300
     assert full.around_egos >= LEAST_ELSEWHERE
 
 
-@pytest.mark.parametrize("name", SLOW_ONES)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", nightly_but("roundabout"))
 def test_traffic_flows_and_does_not_collide(name):
     moving = flow(build_scenario(name))
     assert moving.speed > 4.0

@@ -43,11 +43,13 @@ def moments(files, end, output):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variation", ["no_social_vehicles", "random_social_vehicles"])
-@pytest.mark.parametrize("name", suite())
-def test_a_minute_of_traffic_equals_sumo(name, variation, tmp_path):
+@pytest.mark.parametrize(
+    "name",
+    [name if name == "bus_stop_merge" else pytest.param(name, marks=pytest.mark.nightly) for name in suite()],
+)
+def test_a_minute_of_traffic_equals_sumo(name, tmp_path):
     built = build_scenario(name)
-    files, roads = built.traffic[variation], built.roads()
+    files, roads = built.traffic["random_social_vehicles"], built.roads()
     world = World(worlds=1, capacity=1024, agents=0, lanes=len(roads.lane_ids), dt=DT)
     traffic = SumoTraffic(world, 0)
     traffic.reset(files, SEED, roads)
@@ -63,7 +65,7 @@ def test_a_minute_of_traffic_equals_sumo(name, variation, tmp_path):
     traffic.close()
     assert steps == round(SECONDS / DT)
     assert not traffic.is_full
-    assert (compared > 0) == (variation != "no_social_vehicles")
+    assert compared > 0
 
 
 def compare(vehicles, world):

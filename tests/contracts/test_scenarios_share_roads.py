@@ -42,8 +42,13 @@ class Wanderers:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [3, 101, 107, 110, 111, 121])
-@pytest.mark.parametrize("name", suite())
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [
+        ("intersection", 101),
+        *(pytest.param(name, seed, marks=pytest.mark.nightly) for name in suite() for seed in (3, 107)),
+    ],
+)
 def test_erratic_agents_and_hand_overs(name, seed):
     built = build_scenario(name)
     roads = built.roads()

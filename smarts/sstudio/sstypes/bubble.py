@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from smarts.errors import ContradictionError
-from smarts.sstudio.checks import is_number
 from smarts.sstudio.sstypes.actor import Actor
 from smarts.sstudio.sstypes.actor.social_agent_actor import BoidAgentActor, SocialAgentActor
 from smarts.sstudio.sstypes.actor.traffic_engine_actor import TrafficEngineActor
@@ -54,8 +53,6 @@ class Bubble(Described):
     extension)."""
 
     def __post_init__(self) -> None:
-        if is_number(self.margin) and self.margin < 0:
-            raise self._error("margin", f"{self.margin} is below 0", "give 0 or more metres")
         self._check_following()
         if self.keep_alive and not self.is_boid:
             problem = f"it is {self.keep_alive}, and the actor {self.actor.name!r} drives one vehicle"

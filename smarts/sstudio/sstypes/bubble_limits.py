@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from smarts.errors import ContradictionError
-from smarts.sstudio.checks import is_number
 from smarts.sstudio.sstypes.constants import MAX
 from smarts.sstudio.sstypes.identity import Described
 
@@ -20,12 +19,6 @@ class BubbleLimits(Described):
     """Most vehicles at a time that agents drive or observe; not below `hijack_limit`."""
 
     def __post_init__(self) -> None:
-        for name in ("hijack_limit", "shadow_limit"):
-            if not is_number(getattr(self, name)):
-                problem = f"{getattr(self, name)!r} is no number"
-                raise ContradictionError(
-                    problem, place=f"BubbleLimits.{name}", remedy="leave it out for no limit"
-                )
         if self.shadow_limit < self.hijack_limit:
             raise ContradictionError(
                 f"{self.shadow_limit} is below hijack_limit, {self.hijack_limit}:"

@@ -272,23 +272,12 @@ def _has_come(moment: float, time: float) -> bool:
     return time >= moment - 1e-9
 
 
-def _check_evaluable(*conditions: Condition) -> None:
-    for condition in conditions:
-        if not isinstance(condition, Condition):
-            raise TypeError(f"{condition!r} is no condition: combine conditions, such as TimeWindowCondition")
-        if type(condition) in (Condition, SubjectCondition):
-            raise TypeError(f"{type(condition).__name__} is abstract and cannot be combined or wrapped")
-
-
 @dataclass(frozen=True)
 class NegatedCondition(Condition):
     """Holds when the inner condition does not."""
 
     inner_condition: Condition
     """The condition to negate."""
-
-    def __post_init__(self) -> None:
-        _check_evaluable(self.inner_condition)
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Turn the inner result round."""
@@ -307,9 +296,6 @@ class CompoundCondition(Condition):
     first_condition: Condition
     second_condition: Condition
     operator: ConditionOperator
-
-    def __post_init__(self) -> None:
-        _check_evaluable(self.first_condition, self.second_condition)
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Combine both results. The second is not looked at (its triggers stay idle) if the first decides."""
@@ -366,11 +352,6 @@ class ExpireTrigger(Condition):
     own_memory: dict[Condition, float] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Used where `evaluate` gets no memory."""
 
-    def __post_init__(self) -> None:
-        _check_evaluable(self.inner_condition)
-        if not self.time >= 0:
-            raise ValueError(f"time must be 0 or more, got {self.time}")
-
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Compare `time`."""
         elapsed = facts["time"]
@@ -403,11 +384,6 @@ class ConditionTrigger(Condition):
     """Whether the inner condition must hold afterwards, too."""
     own_memory: dict[Condition, float] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Used where `evaluate` gets no memory."""
-
-    def __post_init__(self) -> None:
-        _check_evaluable(self.inner_condition)
-        if not self.delay_seconds >= 0:
-            raise ValueError(f"delay_seconds must be 0 or more, got {self.delay_seconds}")
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Start the clock when the inner condition is met, then wait for the delay.

@@ -61,8 +61,6 @@ class TruncatedDistribution(Described):
     scale: float = 1
 
     def __post_init__(self) -> None:
-        if self.a == self.b:
-            raise ValueError(f"TruncatedDistribution needs two different ends, got {self.a} twice")
         low, high = sorted((self.a, self.b))
         object.__setattr__(self, "a", low)
         object.__setattr__(self, "b", high)

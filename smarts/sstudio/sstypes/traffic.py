@@ -35,7 +35,7 @@ class Flow(Described):
     route: Route | RandomRoute
     """The way."""
     rate: float
-    """Vehicles per hour, at most 36,000."""
+    """Vehicles per hour."""
     begin: float = 0
     """Departure of the first vehicle, from the begin of `Traffic.warm_up` on [s]."""
     end: float = 1 * 60 * 60
@@ -101,8 +101,7 @@ class Traffic(Described):
     engine: str = "SUMO"
     """The traffic engine: "SUMO", "ConstantSpeed", or "SMARTS", for which SUMO stands in so far."""
     warm_up: float = 0.0
-    """Simulated before an episode begins [s], at most 3600 (an extension); times of flows and trips count
-    from its begin."""
+    """Simulated before an episode begins [s]; times of flows and trips count from its begin (an extension)."""
     seed: int | None = None
     """For its random routes and sampled drivers; without one, the scenario's (an extension)."""
     route_files: Sequence[str] = ()

@@ -85,14 +85,10 @@ class ConfigurableZone(Zone):
     """Counter-clockwise rotation about the centre of its bounding box [rad]."""
 
     def __post_init__(self) -> None:
-        place = "ConfigurableZone.ext_coordinates"
-        if len(self.ext_coordinates or ()) < 2:
+        if len(self.ext_coordinates) < 2:
             problem = f"{shown(self.ext_coordinates)} has fewer than two corners"
+            place = "ConfigurableZone.ext_coordinates"
             raise ContradictionError(problem, place=place, remedy="give two corners or more")
-        for axis, corners in zip("xy", zip(*self.ext_coordinates, strict=False), strict=False):
-            if len(set(corners)) == 1:
-                problem = f"the polygon has no area: every corner has {axis} = {corners[0]}"
-                raise ContradictionError(problem, place=place, remedy=f"give corners that differ in {axis}")
 
     def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
         """Return the polygon."""

@@ -59,7 +59,7 @@ def check(routes, atlas, given):
     assert sum(map(len, groups)) == len(set().union(*groups))
 
 
-@pytest.mark.parametrize("spare", [1, 30, 4096])
+@pytest.mark.parametrize("spare", [1, 4096])
 def test_a_table_that_grows_is_as_a_new_one(atlas, spare, monkeypatch):
     monkeypatch.setattr(agent_routes, "SPARE", spare)
     generator = stream(5, Purpose.STARTS, world=0, episode=0)
@@ -68,7 +68,7 @@ def test_a_table_that_grows_is_as_a_new_one(atlas, spare, monkeypatch):
     given = {(row, agent_id): (row, ()) for row in range(WORLDS) for agent_id in range(AGENTS)}
     for row in range(WORLDS):
         routes.assign(row, row, [])
-    for step in range(60):
+    for step in range(40):
         row, agent_id = int(generator.integers(WORLDS)), int(generator.integers(AGENTS))
         if step % 20 == 19:
             routes.assign(row, row, [])

@@ -34,8 +34,8 @@ def error_of(folder):
     return caught.value
 
 
-@pytest.mark.parametrize("name", ["cross", "city"])
-def test_same_sources_give_same_bytes_anywhere(tmp_path, name):
+def test_same_sources_give_same_bytes_anywhere(tmp_path):
+    name = "city"
     one, _ = compiled(maps.write(tmp_path / "one", **maps.MAPS[name]))
     two, _ = compiled(
         maps.write(tmp_path / "deeper" / "two", **maps.MAPS[name]), tmp_path / "new" / "net.xml"
@@ -122,7 +122,7 @@ def osm_of(folder, highway, more=""):
     return folder
 
 
-@pytest.mark.parametrize("highway", ["raceway", "road", "living_street", "unclassified"])
+@pytest.mark.parametrize("highway", ["raceway", "road"])
 def test_osm_roads_that_cars_use(tmp_path, highway):
     out, notes = compiled(osm_of(tmp_path, highway))
     graph = read_net(out)
@@ -131,7 +131,7 @@ def test_osm_roads_that_cars_use(tmp_path, highway):
     assert notes.warnings == ()
 
 
-@pytest.mark.parametrize("highway", ["service", "track", "busway", "ford"])
+@pytest.mark.parametrize("highway", ["service", "busway"])
 def test_osm_roads_that_are_closed_to_cars(tmp_path, highway):
     error = error_of(osm_of(tmp_path, highway))
     if highway == "busway":  # which buses use
@@ -145,15 +145,11 @@ def test_osm_roads_that_are_closed_to_cars(tmp_path, highway):
     ("files", "message"),
     [
         ({"xodr": "<OpenDRIVE><road"}, r"map\.xodr: netconvert refused the map: .*unexpected end of input"),
-        ({"osm": "<osm><node id='1' lat='x'"}, r"map\.osm: netconvert refused the map: "),
         ({"osm": "<osm></osm>"}, "No nodes loaded"),
-        ({"nod": "<nodes/>", "edg": "<edges/>"}, "No nodes loaded"),
-        ({"netgcfg": "<configuration/>"}, "netgenerate refused the map: "),
         ({"net": "<net></net>"}, "none of the map's 0 lanes is open to cars"),
         ({"net": "<routes></routes>"}, "outermost element is <routes>"),
         ({"net": '<net lefthand="true"></net>'}, "keeps to the left"),
         ({"net": "not xml"}, "not a SUMO network: syntax error"),
-        ({"net": ""}, "not a SUMO network: no element found"),
     ],
 )
 def test_broken_sources(tmp_path, files, message):
@@ -175,12 +171,6 @@ def test_broken_options(tmp_path):
     bad = '<configuration><no-such-option value="1"/></configuration>'
     error = error_of(maps.write(tmp_path, netccfg=bad, **maps.cross()))
     assert "no-such-option" in error.problem
-
-
-def test_a_map_for_pedestrians_only(tmp_path):
-    sources = maps.lane_kinds()
-    sources["edg"] = sources["edg"].replace("passenger bus", "tram").replace('"bus"', '"tram"')
-    assert "is open to cars" in error_of(maps.write(tmp_path, **sources)).problem
 
 
 KEPT = '<offset.disable-normalization value="true"/></configuration>'
@@ -211,18 +201,10 @@ def test_lanes_inside_junctions_are_built_where_a_net_has_none(tmp_path, cross):
     assert "'centre'" in warning
 
 
-def test_plain_sources_without_lanes_inside_junctions(tmp_path):
-    options = '<configuration><no-internal-links value="true"/></configuration>'
-    error = error_of(maps.write(tmp_path, netccfg=options, **maps.cross()))
-    assert "16 connections jump" in error.problem
-    assert "netconvert" in error.remedy
-
-
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
         ('to="north_out"', 'to="nowhere"', "no edge 'nowhere'"),
-        ('toLane="', 'toLane="7', "has no lane '7"),
         ('via="', 'via=":gone', "no lane ':gone"),
     ],
 )
@@ -369,12 +351,6 @@ def test_names_that_trouble_command_lines(tmp_path, monkeypatch):
     monkeypatch.chdir(folder.parent)
     again, _ = compiled(Path(folder.name), Path("again.net.xml"))
     assert again.read_bytes() == out.read_bytes()
-
-
-def test_an_output_that_cannot_be_written(tmp_path):
-    folder = maps.write(tmp_path, **maps.cross())
-    with raises(MapError, folder / "map.nod.xml" / "out.net.xml"):
-        compiled(folder, folder / "map.nod.xml" / "out.net.xml")
 
 
 def test_an_existing_output_survives_a_failure(tmp_path):

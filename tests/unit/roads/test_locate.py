@@ -87,7 +87,7 @@ def test_a_corner_cut_in_a_junction_keeps_the_lane(atlas):
     assert 1.6 < t < 3.2
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e300])
 def test_nowhere(atlas, value):
     found = atlas.locate(world(2), np.array([[value, 0.0], [-50, -4.8]]))
     assert found.lane.tolist() == [-1, atlas.graphs[0].lane_of_id("west_in_0")]

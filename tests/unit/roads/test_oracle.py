@@ -1,4 +1,4 @@
-"""The kernels against sumolib and shapely on 10,000 random places of each map."""
+"""The kernels against sumolib and shapely on 2,000 random places of each map."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from tests.road_queries import RoadQueries
 from . import maps
 from .oracle import Oracle
 
-PLACES = 10_000
+PLACES = 2_000
 
 
 def random_places(graph, generator):

@@ -96,7 +96,7 @@ def test_one_call_for_all_maps_equals_one_call_each(atlas, scene):
         np.testing.assert_array_equal(alone.t, together.t[rows])
 
 
-@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("with_route", [True, False])
 def test_waypoints(atlas, segments, scene, with_route, every):
     world, position, heading, routes, table = scene

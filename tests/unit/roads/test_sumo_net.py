@@ -4,7 +4,6 @@ import re
 import numpy as np
 import pytest
 
-from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.permissions import lane_kind
 from smarts.roads.sumo_net import read_net
@@ -157,16 +156,6 @@ def test_opposite_lane(compile_to):
         )
     )
     assert ids(graph, [graph.opposite[graph.lane_number("there", 0)]]) == ["back_0"]
-
-
-@pytest.mark.parametrize("content", [None, "", "<net", "<routes/>", "<net><edge/></net>"])
-def test_not_a_network(tmp_path, content):
-    path = tmp_path / "map.net.xml"
-    if content is not None:
-        path.write_text(content)
-    with pytest.raises(MapError) as caught:
-        read_net(path)
-    assert caught.value.place == str(path)
 
 
 def test_an_internal_lane_of_a_centimetre_points_where_the_lane_before_does(tmp_path, nets):

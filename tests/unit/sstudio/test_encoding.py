@@ -9,8 +9,7 @@ from smarts.core.colors import Colors
 from smarts.errors import ScenarioError
 from smarts.sstudio import types as t
 from smarts.sstudio.decoding import CallableReference, decode
-from smarts.sstudio.encoding import canonical, digest, encode
-from tests.raising import raises
+from smarts.sstudio.encoding import canonical, encode
 
 AGENT = t.SocialAgentActor("agent", "zoo:agent-v0", policy_kwargs={"speed": 3, "names": {"a", "b"}})
 ROUTE = t.Route(("a", 0, "base"), ("b", 1, 20.5), via=["c"])
@@ -99,30 +98,13 @@ def test_named_functions_become_references():
     assert reference["c"].load() is t.Route
 
 
-@pytest.mark.parametrize("value", [lambda: 0, object(), open])
-def test_what_cannot_be_written_down_is_named(value):
+def test_what_cannot_be_written_down_is_named():
+    value = object()
     scenario = t.Scenario(
         social_agent_missions={
             "all": ([t.SocialAgentActor("a", "zoo:a-v0", policy_kwargs={"x": value})], [t.Mission(ROUTE)])
         }
     )
-    if value is open:
-        assert encode(scenario)
-        return
     with pytest.raises(ScenarioError) as caught:
         encode(scenario)
     assert caught.value.place == "social_agent_missions['all'][0][0].policy_kwargs['x']"
-
-
-def test_other_versions_are_refused():
-    for data, value in (
-        ({"$type": "Helicopter"}, "Helicopter"),
-        ({"$type": "Route", "altitude": 3}, "altitude"),
-    ):
-        with raises(ScenarioError, values=[value]):
-            decode(data)
-
-
-def test_digests_have_the_size_asked_for():
-    assert len(digest("x", size=4)) == 8
-    assert digest("x") != digest("y")

@@ -5,12 +5,10 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
-from smarts.errors import MapError, ScenarioError
+from smarts.errors import ScenarioError
 from smarts.roads.children import TIME_LIMIT_VARIABLE
 from smarts.sstudio.build import build_scenario
-from smarts.sstudio.executing import run_scenario_file
 from tests.raising import raises
 
 from . import sources
@@ -23,15 +21,6 @@ def test_scenario_files_that_never_end(scenario_folder, monkeypatch):
         build_scenario(folder)
     assert caught.value.place == str(folder / "scenario.py")
     assert TIME_LIMIT_VARIABLE in caught.value.remedy
-
-
-def test_maps_that_take_too_long(scenario_folder, monkeypatch):
-    folder = scenario_folder(script=None)
-    monkeypatch.setenv(TIME_LIMIT_VARIABLE, "0.001")
-    with raises(MapError, values=["netconvert", "0.001 s"]) as caught:
-        build_scenario(folder)
-    assert str(folder / "map.nod.xml") in caught.value.place
-    assert not list((folder / "build").glob(".partial-*"))
 
 
 def test_what_scenario_files_leave_running_holds_nobody_up(scenario_folder):
@@ -64,10 +53,3 @@ def test_interrupted_builds_say_nothing_of_the_runner(scenario_folder):
     assert said.rstrip().endswith("KeyboardInterrupt")
     assert said.count("Traceback") == 1
     assert "runner.py" not in said
-
-
-def test_scenario_files_by_a_relative_path(scenario_folder, monkeypatch):
-    folder = scenario_folder()
-    monkeypatch.chdir(folder.parent)
-    described = run_scenario_file(Path(folder.name) / "scenario.py", 42)
-    assert list(described.scenario.traffic) == ["through"]

@@ -78,17 +78,6 @@ def test_a_changed_route_file_is_built_again(sumo, tmp_path):
     assert build_scenario(folder).directory != first.directory
 
 
-def test_files_without_a_configuration(sumo, tmp_path):
-    files = [sumo / "plain.net.xml", sumo / "sub" / "types.add.xml", sumo / "day.rou.xml"]
-    folder, unused = import_sumo(files, tmp_path / "town")
-    built = build_scenario(folder)
-    assert unused == ()
-    assert [len(part) for part in (built.traffic["plain"].routes, built.traffic["plain"].additional)] == [
-        2,
-        1,
-    ]
-
-
 def test_what_sumo_refuses_is_an_error_of_the_build(sumo, tmp_path):
     (sumo / "day.rou.xml").write_text(ROUTES.replace("north_out", "nowhere"))
     folder, _ = import_sumo([sumo / "town.sumocfg"], tmp_path / "town")

@@ -54,10 +54,6 @@ class TestVehicleTypes:
             "speedFactor": "normc(1,0.1,0.2,2)",
         }
 
-    def test_a_reaction_time_is_the_step_of_decisions(self, roads):
-        late = t.TrafficActor("late", reaction_time=1.5)
-        assert only(elements(roads, flow(actors={late: 1})), "vType")["actionStepLength"] == "1.5"
-
     def test_models_become_attributes(self, roads):
         actor = t.TrafficActor(
             "car",
@@ -256,12 +252,10 @@ def run_sumo(net, folder, traffic, seconds, *options):
 
 class TestWithSumo:
     def test_every_attribute_is_known(self, roads, cross_net, tmp_path):
-        lane_changing = {name.removeprefix("lc"): 1 for name in LANE_CHANGING}
-        junctions = {name.removeprefix("jm"): 1 for name in JUNCTIONS}
         actor = t.TrafficActor(
             "car",
-            lane_changing_model=t.LaneChangingModel(**lane_changing),
-            junction_model=t.JunctionModel(**junctions),
+            lane_changing_model=t.LaneChangingModel(**{name.removeprefix("lc"): 1 for name in LANE_CHANGING}),
+            junction_model=t.JunctionModel(**{name.removeprefix("jm"): 1 for name in JUNCTIONS}),
             imperfection=t.Distribution(0.5, 0.2),
         )
         run_sumo(cross_net, tmp_path, written(roads, flow(actors={actor: 1})), 30)
@@ -275,11 +269,11 @@ class TestWithSumo:
         assert kinds.total() == pytest.approx(150, abs=15)  # those of the last seconds are still on the road
         assert kinds["bus"] / kinds.total() == pytest.approx(0.3, abs=0.1)
 
-    @pytest.mark.parametrize("end", [("south", 0, 50), ("south", 0, 5), ("east", 0, 20), ("west", 0, 20)])
+    @pytest.mark.parametrize("end", [("south", 0, 5), ("east", 0, 20)])
     def test_repeated_routes_go_round_until_the_end(self, ring, ring_net, tmp_path, end):
         repeated = flow(t.Route(("south", 0, 10), end), rate=1, end=10, repeat_route=True)
         traffic, out = written(ring, repeated), tmp_path / "summary.xml"
-        run_sumo(ring_net, tmp_path, traffic, 1800, "--summary-output", out)
+        run_sumo(ring_net, tmp_path, traffic, 600, "--summary-output", out)
         assert {step.attrib["running"] for step in ElementTree.parse(out).iter("step")} == {"1"}
         (edges,) = (
             route.attrib["edges"].split() for route in ElementTree.fromstring(traffic.routes).iter("route")
