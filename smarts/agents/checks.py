@@ -41,10 +41,14 @@ Positive = Annotated[float, Plain, Field(gt=0, allow_inf_nan=False)]
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def checked(kind: type[Made]) -> type[Made]:
+def checked(kind: type[Made], place: str = "") -> type[Made]:
     """Make a class a frozen dataclass whose fields are checked, by pydantic, and not converted.
 
     It raises an `InterfaceError` for the first field that is unknown, missing, or of a wrong type or range.
+
+    Args:
+        kind: The class.
+        place: Its name in errors, by default its own.
     """
     made: Any = dataclass(frozen=True, config=ConfigDict(strict=True, extra="forbid"))(kind)
     construct = made.__init__
@@ -54,13 +58,13 @@ def checked(kind: type[Made]) -> type[Made]:
         try:
             construct(self, *values, **named)
         except ValidationError as error:
-            raise _first_of(error, made) from None
+            raise _first_of(error, made, place or kind.__name__) from None
 
     made.__init__ = initialise
     return made
 
 
-def _first_of(error: ValidationError, kind: type) -> InterfaceError:
+def _first_of(error: ValidationError, kind: type, where: str) -> InterfaceError:
     """Return the error of the first field; pydantic reports one for each type that a value does not fit."""
     names = [each.name for each in fields(kind)]  # type: ignore[arg-type]
     errors: list[Any] = sorted(error.errors(include_url=False), key=lambda each: each["type"] == "missing")
@@ -68,12 +72,12 @@ def _first_of(error: ValidationError, kind: type) -> InterfaceError:
     name = str(dict(enumerate(names)).get(place, place))  # values without a keyword are numbered
     if first["type"] == "unexpected_keyword_argument":
         remedy = nearest_names(name, names)
-        return InterfaceError(f"there is no field {name!r}", place=kind.__name__, remedy=remedy)
+        return InterfaceError(f"there is no field {name!r}", place=where, remedy=remedy)
     if first["type"] == "missing":
-        return InterfaceError(f"{name} is missing", place=kind.__name__, remedy="give it")
+        return InterfaceError(f"{name} is missing", place=where, remedy="give it")
     said = [each["msg"].removeprefix("Input should be ") for each in errors if each["loc"][0] == place]
     remedy = f"it should be {' or '.join(said)}"
-    return InterfaceError(f"{name} is {shown(first['input'])}", place=kind.__name__, remedy=remedy)
+    return InterfaceError(f"{name} is {shown(first['input'])}", place=where, remedy=remedy)
 
 
 def check_whole(name: str, value: Any, least: int, most: int, place: str = "") -> None:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from smarts.agents.checks import Count, checked
 from smarts.agents.interface import AgentInterface
 
 
-@dataclass(frozen=True)
+@checked
 class PooledAgents:
     """Room for agents of one interface beside the egos: social agents, and agents that take vehicles over."""
 
     interface: AgentInterface
-    capacity: int
+    capacity: Count
     """The most agents of the interface that a simulation has at a time."""
 
 

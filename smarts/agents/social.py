@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from smarts.agents.checks import Count, InterfaceError, Positive, Sequence, check_instance, checked
+from smarts.agents.checks import (
+    Count,
+    InterfaceError,
+    Positive,
+    Sequence,
+    check_instance,
+    check_list,
+    checked,
+)
 from smarts.agents.hosting.options import HERE, HostOptions, Starter
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
@@ -81,7 +90,7 @@ def _canonical(value: Any) -> str:
     return repr(value)
 
 
-@checked
+@partial(checked, place="social_agents")
 class SocialAgents:
     """Social agents that an environment adds: they take the missions that its learning agents leave."""
 
@@ -93,7 +102,7 @@ class SocialAgents:
     """Arguments for the agent's policy, in place of the registered ones."""
 
 
-@checked
+@partial(checked, place="learn_in_bubbles")
 class BubbleLearning:
     """Learning agents that drive the vehicles in bubbles: they have no missions, and come and go."""
 
@@ -134,6 +143,7 @@ def bubble_learning(bubbles: Any, episode_time: Any) -> BubbleLearning | None:
         )
     if bubbles is True:
         return BubbleLearning(episode_time)
+    check_list("learn_in_bubbles", bubbles, str, "['left-turn'], or True for all bubbles")
     if not bubbles:
         raise InterfaceError(
             "learn_in_bubbles is empty", place="learn_in_bubbles", remedy="name bubbles, or give True for all"

@@ -27,21 +27,25 @@ SPEED_FACTORS = (0.2, 2.0)
 """SUMO cuts off the wanted speeds of drivers below and above these multiples of the limit."""
 
 
-LANE_CHANGING = (
-    "minGapLat lcAccelLat lcAssertive lcContRight lcCooperative lcCooperativeHelpTime lcCooperativeRoundabout "
-    "lcCooperativeSpeed lcImpatience lcKeepRight lcKeepRightAcceptanceTime lcLaneDiscipline lcLookaheadLeft "
-    "lcMaxDistLatStanding lcMaxSpeedLatFactor lcMaxSpeedLatStanding lcOpposite lcOvertakeDeltaSpeedFactor "
-    "lcOvertakeRight lcPushy lcPushyGap lcSigma lcSpeedGain lcSpeedGainLookahead lcSpeedGainRemainTime "
-    "lcSpeedGainRight lcSpeedGainUrgency lcStrategic lcStrategicLookahead lcSublane lcTimeToImpatience "
-    "lcTurnAlignmentDistance"
-).split()
+def _prefixed(prefix: str, stems: str) -> list[str]:
+    return [prefix + stem for stem in stems.split()]
+
+
+_LANE_CHANGING = """
+AccelLat Assertive ContRight Cooperative CooperativeHelpTime CooperativeRoundabout CooperativeSpeed Impatience
+KeepRight KeepRightAcceptanceTime LaneDiscipline LookaheadLeft MaxDistLatStanding MaxSpeedLatFactor
+MaxSpeedLatStanding Opposite OvertakeDeltaSpeedFactor OvertakeRight Pushy PushyGap Sigma SpeedGain
+SpeedGainLookahead SpeedGainRemainTime SpeedGainRight SpeedGainUrgency Strategic StrategicLookahead Sublane
+TimeToImpatience TurnAlignmentDistance
+"""
+_JUNCTIONS = """
+Advance AllwayStopWait CrossingGap DriveAfterRedTime DriveAfterYellowTime DriveRedSpeed ExtraGap IgnoreFoeProb
+IgnoreFoeSpeed IgnoreJunctionFoeProb IgnoreKeepClearTime SigmaMinor StopSignWait StoplineCrossingGap
+StoplineGap StoplineGapMinor TimegapMinor
+"""
+LANE_CHANGING = ["minGapLat", *_prefixed("lc", _LANE_CHANGING)]
 """Lane-changing attributes of SUMO 1.28, which ignores all others silently."""
-JUNCTIONS = (
-    "impatience jmAdvance jmAllwayStopWait jmCrossingGap jmDriveAfterRedTime jmDriveAfterYellowTime "
-    "jmDriveRedSpeed jmExtraGap jmIgnoreFoeProb jmIgnoreFoeSpeed jmIgnoreJunctionFoeProb "
-    "jmIgnoreKeepClearTime jmSigmaMinor jmStopSignWait jmStoplineCrossingGap jmStoplineGap "
-    "jmStoplineGapMinor jmTimegapMinor"
-).split()
+JUNCTIONS = ["impatience", *_prefixed("jm", _JUNCTIONS)]
 """Junction attributes of SUMO 1.28."""
 
 

@@ -101,7 +101,7 @@ class Traffic(Described):
     engine: str = "SUMO"
     """The traffic engine: "SUMO", "ConstantSpeed", or "SMARTS", for which SUMO stands in so far."""
     warm_up: float = 0.0
-    """Simulated before an episode begins [s]; times of flows and trips count from its begin (an extension)."""
+    """Simulated before an episode [s]; times of flows and trips count from its begin (an extension)."""
     seed: int | None = None
     """For its random routes and sampled drivers; without one, the scenario's (an extension)."""
     route_files: Sequence[str] = ()

@@ -7,13 +7,9 @@ import pytest
 
 from smarts.agents import (
     Agent,
-    PooledAgents,
 )
 from smarts.agents.acting import Answer
-from smarts.agents.options import InterfaceError
 from smarts.errors import ScenarioError
-from smarts.sim.assembly import assemble
-from smarts.sstudio.build import build_scenario
 from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import TakeOver
 from smarts.types.vehicles import Owner
@@ -231,12 +227,3 @@ def test_names_of_agents_are_their_own(play):
     played = play(Answers(), lambda agents: (*agents, dataclasses.replace(agents[0], interface=0, policy=0)))
     with raises(ScenarioError, values=["'agent-0', 'agent-0'"]):
         played.reset()
-
-
-@pytest.mark.parametrize(
-    "pool", [3, None, PooledAgents(LANER, 1), {"social": LANER}, [3], [PooledAgents(LANER, 1), LANER]]
-)
-def test_what_is_no_pool(pool):
-    with pytest.raises(InterfaceError) as error:
-        assemble([build_scenario("intersection")], [LANER], pool=pool)
-    assert error.value.place == "pool"
