@@ -41,14 +41,11 @@ Positive = Annotated[float, Plain, Field(gt=0, allow_inf_nan=False)]
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def checked(kind: type[Made], place: str = "") -> type[Made]:
+def checked(kind: type[Made]) -> type[Made]:
     """Make a class a frozen dataclass whose fields are checked, by pydantic, and not converted.
 
-    It raises an `InterfaceError` for the first field that is unknown, missing, or of a wrong type or range.
-
-    Args:
-        kind: The class.
-        place: Its name in errors, by default its own.
+    It raises an `InterfaceError` for the first field that is unknown, missing, or of a wrong type or range;
+    errors name the class as its `PLACE` says, by default by its own name.
     """
     made: Any = dataclass(frozen=True, config=ConfigDict(strict=True, extra="forbid"))(kind)
     construct = made.__init__
@@ -58,17 +55,18 @@ def checked(kind: type[Made], place: str = "") -> type[Made]:
         try:
             construct(self, *values, **named)
         except ValidationError as error:
-            raise _first_of(error, made, place or kind.__name__) from None
+            raise _first_of(error, made) from None
 
     made.__init__ = initialise
     return made
 
 
-def _first_of(error: ValidationError, kind: type, where: str) -> InterfaceError:
+def _first_of(error: ValidationError, kind: type) -> InterfaceError:
     """Return the error of the first field; pydantic reports one for each type that a value does not fit."""
     names = [each.name for each in fields(kind)]  # type: ignore[arg-type]
     errors: list[Any] = sorted(error.errors(include_url=False), key=lambda each: each["type"] == "missing")
     first, place = errors[0], errors[0]["loc"][0]
+    where = getattr(kind, "PLACE", kind.__name__)
     name = str(dict(enumerate(names)).get(place, place))  # values without a keyword are numbered
     if first["type"] == "unexpected_keyword_argument":
         remedy = nearest_names(name, names)

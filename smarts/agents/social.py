@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -90,9 +89,11 @@ def _canonical(value: Any) -> str:
     return repr(value)
 
 
-@partial(checked, place="social_agents")
+@checked
 class SocialAgents:
     """Social agents that an environment adds: they take the missions that its learning agents leave."""
+
+    PLACE: ClassVar = "social_agents"
 
     agent: str
     """Name of the agent in the zoo, as "module:name-v0"."""
@@ -102,9 +103,11 @@ class SocialAgents:
     """Arguments for the agent's policy, in place of the registered ones."""
 
 
-@partial(checked, place="learn_in_bubbles")
+@checked
 class BubbleLearning:
     """Learning agents that drive the vehicles in bubbles: they have no missions, and come and go."""
+
+    PLACE: ClassVar = "learn_in_bubbles"
 
     episode_time: Positive
     """Length of episodes [s]."""

@@ -79,7 +79,7 @@ class Checks:
         for number in value[:2]:
             self.number(number, where, above, least)
 
-    def named(self, value: Any, kind: type, where: str) -> list[tuple[str, Any]]:
+    def named(self, value: Any, kind: type | tuple[type, ...], where: str) -> list[tuple[str, Any]]:
         """Require a dict of values of a type by name, or None; return the values with their places."""
         if not isinstance(value, Mapping | None):
             raise self.error(where, f"not a dict by name: {shown(value)}", 'use {"name": ...}')
