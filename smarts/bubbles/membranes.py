@@ -12,6 +12,7 @@ from smarts.bubbles.outlines import BubbleTable, Place, bubble_pose, deepest_on,
 from smarts.geometry.compiling import kernel
 from smarts.roads.lane_graph import HEIGHT_REACH
 from smarts.roads.levels import meets
+from smarts.types import columns
 from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import BubbleStates
 from smarts.types.vehicles import Owner, VehicleStates
@@ -41,13 +42,8 @@ class BubbleRows(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, bubbles: int) -> BubbleRows:
         """Return B simulations without bubbles."""
-        return cls(
-            first=np.zeros(worlds, np.int32),
-            size=np.zeros(worlds, np.int32),
-            followed=np.full((worlds, bubbles), UNSET, np.int32),
-            followed_generation=np.full((worlds, bubbles), UNSET, np.int32),
-            was_there=np.zeros((worlds, bubbles), np.bool_),
-        )
+        made = columns.allocate(cls, (worlds, bubbles), ("followed", "followed_generation"))
+        return made._replace(first=np.zeros(worlds, np.int32), size=np.zeros(worlds, np.int32))
 
 
 class Membranes(NamedTuple):
@@ -77,18 +73,12 @@ class Membranes(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, bubbles: int, capacity: int) -> Membranes:
         """Return the membranes of B simulations with Z bubbles and V slots, without vehicles."""
-        shape = (worlds, bubbles, capacity)
-        return cls(
+        made = columns.allocate(cls, (worlds, bubbles, capacity), ("entered",))
+        return made._replace(
             generation=np.full((worlds, capacity), UNSET, np.int32),
             front=np.zeros((worlds, capacity, 2)),
             old_front=np.zeros((worlds, capacity, 2)),
             way=np.zeros((worlds, capacity)),
-            clear=np.zeros(shape),
-            here=np.zeros(shape, np.int8),
-            reached=np.zeros(shape, np.int8),
-            entered=np.full(shape, UNSET, np.int32),
-            refused=np.zeros(shape, np.bool_),
-            is_candidate=np.zeros(shape, np.bool_),
         )
 
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import inside_outline, project
+from smarts.geometry.rings import inside_rings, starts_of
+from smarts.geometry.segments import project
 from smarts.types.bubbles import PlacedBubble
 
 
@@ -60,10 +61,10 @@ def bubble_table(bubbles: Iterable[PlacedBubble]) -> BubbleTable:
     bubbles = [*bubbles]
     rings = [ring for bubble in bubbles for ring in (*bubble.zone, *bubble.margin)]
     counts = [len(bubble.zone) + len(bubble.margin) for bubble in bubbles]
-    first_ring = _starts(counts)
+    first_ring = starts_of(counts)
     return BubbleTable(
         points=np.concatenate([np.zeros((0, 2)), *rings]),
-        ring_start=_starts([len(ring) for ring in rings]),
+        ring_start=starts_of([len(ring) for ring in rings]),
         first_ring=first_ring,
         first_margin=first_ring[:-1] + np.array([len(bubble.zone) for bubble in bubbles], np.int32),
         box=np.array([_bounds(bubble.margin) for bubble in bubbles]).reshape(-1, 4),
@@ -74,10 +75,6 @@ def bubble_table(bubbles: Iterable[PlacedBubble]) -> BubbleTable:
         ).reshape(-1, 2),
         learns=np.array([bubble.policy < 0 for bubble in bubbles], np.bool_),
     )
-
-
-def _starts(counts: Sequence[int]) -> Ints:
-    return np.cumsum([0, *counts]).astype(np.int32)
 
 
 def _bounds(rings: Sequence[Floats]) -> Floats:
@@ -153,11 +150,7 @@ def distance_to(table: BubbleTable, number: int, x: float, y: float) -> float:
 @kernel
 def _inside(table: BubbleTable, first: int, last: int, x: float, y: float) -> bool:
     """Return whether a point is inside an odd number of rings."""
-    inside = False
-    for ring in range(first, last):
-        if inside_outline(x, y, table.points, table.ring_start[ring], table.ring_start[ring + 1]):
-            inside = not inside
-    return inside
+    return inside_rings(x, y, table.points, table.ring_start, first, last)
 
 
 @kernel

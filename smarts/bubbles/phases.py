@@ -5,13 +5,12 @@ from __future__ import annotations
 import enum
 from typing import NamedTuple
 
-import numpy as np
-
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.bubbles.membranes import BubbleRows, Membranes
 from smarts.bubbles.outlines import BubbleTable, Place
 from smarts.geometry.compiling import kernel
-from smarts.types.agent_states import UNSET, AgentStatus
+from smarts.types import columns
+from smarts.types.agent_states import AgentStatus
 from smarts.types.bubbles import BubbleStates
 from smarts.types.world import State
 
@@ -35,6 +34,9 @@ class Phase(enum.IntEnum):
 _NONE, _AIRLOCK, _DRIVEN, _RELEASING = (int(each) for each in Phase)
 _OUTSIDE, _ZONE = int(Place.OUTSIDE), int(Place.ZONE)
 _SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
+
+
+_NONE_IS_MINUS_ONE = ("bubble", "number", "slot", "generation", "waits_since")
 
 
 class Holds(NamedTuple):
@@ -66,25 +68,11 @@ class Holds(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, agents: int) -> Holds:
         """Return B simulations of A agents that hold no vehicles."""
-        shape = (worlds, agents)
-        return cls(
-            bubble=np.full(shape, UNSET, np.int32),
-            number=np.full(shape, UNSET, np.int32),
-            slot=np.full(shape, UNSET, np.int32),
-            generation=np.full(shape, UNSET, np.int32),
-            phase=np.zeros(shape, np.int8),
-            is_released=np.zeros(shape, np.bool_),
-            has_collided=np.zeros(shape, np.bool_),
-            wants_take=np.zeros(shape, np.bool_),
-            wants_drop=np.zeros(shape, np.bool_),
-            waits_since=np.full(shape, UNSET, np.int32),
-            left=np.zeros(shape, np.bool_),
-        )
+        return columns.allocate(cls, (worlds, agents), _NONE_IS_MINUS_ONE)
 
     def clear(self, row: int, agent_id: int | slice = slice(None)) -> None:
         """Forget the holds of some columns of one simulation."""
-        for column in self:
-            column[row, agent_id] = UNSET if column.dtype == np.int32 else 0
+        columns.clear(self, (row, agent_id), _NONE_IS_MINUS_ONE)
 
 
 @kernel
@@ -152,13 +140,7 @@ def judge_holds(
 
 @kernel
 def _judge(
-    state: State,
-    membranes: Membranes,
-    states: BubbleStates,
-    holds: Holds,
-    learns: bool,
-    b: int,
-    a: int,
+    state: State, membranes: Membranes, states: BubbleStates, holds: Holds, learns: bool, b: int, a: int
 ) -> None:
     """Write the phase of one hold; see `judge_holds`."""
     agents, z, v = state.agents, holds.bubble[b, a], holds.slot[b, a]

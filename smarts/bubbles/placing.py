@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
 from shapely import contains_xy
 from shapely.geometry.base import BaseGeometry
 
-from smarts.arrays import Floats
 from smarts.errors import ScenarioError
+from smarts.geometry.rings import rings_of
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.bubble_checks import outline_of
@@ -109,8 +108,8 @@ def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver, number: int, plac
         actor=bubble.actor.name,
         policy=driver.policy,
         interface=driver.interface,
-        zone=_rings(zone),
-        margin=_rings(margin),
+        zone=rings_of(zone),
+        margin=rings_of(margin),
         heights=_heights(bubble.zone, zone, roads),
         active_condition=_condition(bubble.active_condition),
         airlock_condition=_condition(bubble.airlock_condition),
@@ -167,10 +166,3 @@ def _limit(limit: int) -> int:
 
 def _pair(offset: tuple[float, float] | None) -> tuple[float, float]:
     return (0.0, 0.0) if offset is None else (float(offset[0]), float(offset[1]))
-
-
-def _rings(area: Any) -> tuple[Floats, ...]:
-    """Return the rings of a polygon, or of several: outer outlines and holes."""
-    parts = getattr(area, "geoms", (area,))
-    rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
-    return tuple(np.array(ring.coords, np.float64)[:, :2] for ring in rings)

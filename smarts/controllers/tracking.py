@@ -19,7 +19,7 @@ from smarts.dynamics.layout import GRAVITY, FleetArrays
 from smarts.dynamics.single_track import planar_motion, record_pose
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, project, wrapped
-from smarts.types.actions import CommandMode, Commands
+from smarts.types.actions import CommandMode
 
 SPEED_INTEGRAL, OFFSET_INTEGRAL, CURVATURE, MEMORY = 0, 1, 2, 3
 """Columns of a vehicle's tracking memory, and their number."""
@@ -62,8 +62,7 @@ HOLDING_BRAKE = 0.4
 
 _ACTUATORS = int(CommandMode.ACTUATORS)
 _RATE = int(CommandMode.ACTUATORS_RATE)
-_TRACK, _PLACE = int(CommandMode.TRACK), int(CommandMode.PLACE)
-_NONE = int(CommandMode.NONE)
+_TRACK = int(CommandMode.TRACK)
 
 
 @kernel
@@ -122,35 +121,6 @@ def drive(
             controls[row, 2] = states[row].steering / cars[row].max_steering
         for column in range(3):
             shown[row, column] = controls[row, column]
-
-
-@kernel
-def first_bad_command(commands: Commands, active: Bools) -> int:
-    """Return the first active row b * A + a whose command is not finite, or -1."""
-    mode, actuators, poses = commands.mode, commands.actuators, commands.poses
-    for b in range(active.shape[0]):
-        for a in range(active.shape[1]):
-            if not active[b, a] or mode[b, a] == _NONE:
-                continue
-            if mode[b, a] == _TRACK:
-                total = _sum(commands.reference[b, a], commands.reference_length[b, a])
-            elif mode[b, a] == _PLACE:
-                total = _sum(poses[b, a], poses.shape[2])
-            else:
-                total = actuators[b, a, 0] + actuators[b, a, 1] + actuators[b, a, 2]
-            if not math.isfinite(total):
-                return b * active.shape[1] + a
-    return -1
-
-
-@kernel
-def _sum(rows, count):
-    """Return the sum of the first `count` rows of a table."""
-    total = 0.0
-    for row in range(count):
-        for column in range(rows.shape[1]):
-            total += rows[row, column]
-    return total
 
 
 @kernel

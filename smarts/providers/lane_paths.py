@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Floats, Ints
-from smarts.errors import TrafficError
 from smarts.geometry.frames import wrap_angle
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.lane_graph import LaneGraph
@@ -50,9 +49,6 @@ class LanePaths:
             map_number: The map's.
             edges: Edge numbers of the route.
             repeats: Whether the route begins again at its end.
-
-        Raises:
-            TrafficError: No lane connects an edge of the route with the next.
         """
         key = map_number, edges, repeats
         if key in self._numbers:
@@ -130,9 +126,6 @@ def _lanes_along(graph: LaneGraph, edges: tuple[int, ...]) -> list[int]:
             for option in _connections(graph, lane, following)
             if all(graph.kind[each] in ROAD_LANES for each in option)
         ]
-        if not options or not lanes:
-            names = f"{graph.edge_ids[edge]!r} to {graph.edge_ids[following]!r}"
-            raise TrafficError(f"no lane leads from edge {names}", place="a route of the traffic")
         ahead = lanes[0]
         lanes = min(options, key=lambda option: abs(option[-1] - ahead))[:-1] + lanes
     return lanes

@@ -27,11 +27,7 @@ class SumoEngine(TrafficEngine):
     """
 
     def __init__(
-        self,
-        world: World,
-        maps: Sequence[LaneGraph],
-        owner: int = Owner.TRAFFIC,
-        step: float | None = None,
+        self, world: World, maps: Sequence[LaneGraph], owner: int = Owner.TRAFFIC, step: float | None = None
     ) -> None:
         self.failures: Mapping[int, TrafficError] = {}
         self.is_full = np.zeros(world.worlds, np.bool_)

@@ -59,13 +59,13 @@ class Straightening:
         self._fronts, turned = np.zeros((states.capacity, 2)), np.zeros(states.capacity)
         self._find = bind(find_slow, states, is_new, self._fronts, turned)
         self._straighten = LateBound(straighten, states, turned)
-        self._roads: LaneGraph | None = None
+        self._bound_to: LaneGraph | None = None
 
     def reset(self, roads: LaneGraph) -> None:
         """Begin an episode on a map."""
         self._fronts[:] = np.inf
-        if roads is not self._roads:
-            self._roads = roads
+        if roads is not self._bound_to:
+            self._roads = self._bound_to = roads
             parts = roads.point_xy, roads.point_s, roads.point_start
             parts += roads.width, roads.left, roads.right, roads.is_internal
             self._turn = self._straighten.to(LaneLines._make(map(np.array, parts)))
@@ -73,7 +73,7 @@ class Straightening:
     def apply(self, driven: Mapping[str, int], rows: NDArray[np.intp], values: Floats) -> None:
         """Change SUMO's angles in `values`; arguments as in `DrivenRows.read` and for `fill_rows`."""
         slow = self._find(rows, values)
-        if len(slow) and self._roads:
+        if len(slow):
             names, number, find = [*driven], self._roads.lane_of_id, self._library.vehicle.getLaneID
             lanes = np.array([number(find(names[index])) for index in slow.tolist()], np.int32)
             self._turn(rows, values, slow, lanes)

@@ -9,7 +9,6 @@ help: libsumo holds the GIL.
 from __future__ import annotations
 
 import ctypes
-import errno
 import importlib
 import importlib.machinery
 import importlib.util
@@ -17,14 +16,13 @@ import os
 import re
 import shutil
 import sys
-import tempfile
 import threading
 import types
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from smarts.errors import TrafficError
 from smarts.providers.shared_code import share_code
@@ -36,7 +34,6 @@ _SUMO_ERRORS = {"TraCIException", "FatalTraCIError", "RuntimeError"}
 
 _MODULE = "_libsumo"
 _EXTENSION = f"{_MODULE}.so"
-_USED_UP = (errno.EMFILE, errno.ENFILE)
 _FILE = "/proc/self/fd/{}"
 _INPUTS = ("--net-file", "--route-files", "--additional-files")
 
@@ -49,23 +46,19 @@ def _is_from_sumo(error: Exception) -> bool:
 class SumoLibrary:
     """One copy of libsumo, reserved until `close`.
 
-    Args:
-        index: Index of the copy, by default the lowest that is free in this process; it does not affect
-            results.
-
     Attributes:
+        index: Index of the copy, the lowest that is free in this process; it does not affect results.
         vehicle: libsumo's functions of the domain "vehicle"; likewise `lane`, `simulation`, `trafficlight`
             and `vehicletype`.
     """
 
-    def __init__(self, index: int | None = None) -> None:
-        self.index = _claim(index)
+    def __init__(self) -> None:
+        self.index = _claim()
         self._files = _Files()
         # Free the copy even if the caller never calls `close`.
         self._closer = weakref.finalize(self, _give_back, self.index, self._files)
         try:
-            with _descriptors("a traffic engine"):
-                extension = _load(self.index)
+            extension = _load(self.index)
         except BaseException:
             self._closer()
             raise
@@ -86,9 +79,8 @@ class SumoLibrary:
         Raises:
             TrafficError: SUMO cannot start; the error holds its message.
         """
-        self.check_open()
         self._place = place
-        with _descriptors(place), self.errors("failed to start"):
+        with self.errors("failed to start"):
             short = self._files.begin(options)
             try:
                 self.simulation.load([*short, "--error-log", _FILE.format(self._files.log)])
@@ -99,24 +91,12 @@ class SumoLibrary:
     @contextmanager
     def errors(self, what: str) -> Iterator[None]:
         """Convert SUMO's errors in the body to a `TrafficError`; the next `start` works."""
-        self.check_open()
         try:
             yield
         except Exception as error:
             if not _is_from_sumo(error):
                 raise
             raise self._named(what, error) from None
-
-    def check_open(self) -> None:
-        """Raise after `close`: the copy may belong to another simulation.
-
-        Raises:
-            TrafficError: The library is closed.
-        """
-        if not self._closer.alive:
-            raise TrafficError(
-                "the simulation is closed", place=self._place or "traffic", remedy="make a new one"
-            )
 
     def accepts(self, call: Callable[..., object], *arguments: object) -> bool:
         """Make a call, and return whether SUMO raised no error."""
@@ -180,30 +160,6 @@ class SumoLibrary:
         os.close(net)
 
 
-def _is_used_up(error: BaseException) -> bool:
-    """Return whether an error means that the limit of open files is reached."""
-    return isinstance(error, OSError) and error.errno in _USED_UP
-
-
-@contextmanager
-def _descriptors(place: str) -> Iterator[None]:
-    """Convert the system's error at the limit of open files.
-
-    Raises:
-        TrafficError: The body reached the limit of open files.
-    """
-    try:
-        yield
-    except OSError as error:
-        if not _is_used_up(error):
-            raise
-        raise TrafficError(
-            f"SUMO cannot start: {error.strerror}",
-            place=place,
-            remedy="close environments that are not in use any more, or raise the limit (ulimit -n)",
-        ) from error
-
-
 class _Files:
     """The files of one simulation, by their descriptors."""
 
@@ -217,9 +173,6 @@ class _Files:
         """Open a log, and return the options with input files by descriptor instead of by name.
 
         SUMO 1.28 leaks the memory of each name about ten times per load (`XMLSubSys::transcodeToLocal`).
-
-        Raises:
-            OSError: The limit of open files is reached.
         """
         self.close()
         self.log = os.memfd_create("sumo-errors")
@@ -246,9 +199,7 @@ class _Files:
         if name not in self.inputs:
             try:
                 self.inputs[name] = os.open(name, os.O_RDONLY | os.O_CLOEXEC)
-            except OSError as error:
-                if _is_used_up(error):
-                    raise
+            except OSError:
                 return name
         return _FILE.format(self.inputs[name])
 
@@ -262,14 +213,9 @@ _held: set[int] = set()
 _claiming = threading.Lock()
 
 
-def _claim(index: int | None) -> int:
+def _claim() -> int:
     with _claiming:
-        if index is None:
-            index = next(number for number in range(len(_held) + 1) if number not in _held)
-        elif index in _held:
-            raise TrafficError(
-                f"copy {index} of libsumo is in use", remedy="close its simulation, or name no copy"
-            )
+        index = next(number for number in range(len(_held) + 1) if number not in _held)
         _held.add(index)
         return index
 
@@ -293,7 +239,8 @@ def _load(index: int) -> types.ModuleType:
     package.__path__ = [str(installed)]
     sys.modules[name] = package
     try:
-        with _copied(installed / _EXTENSION) as copy:
+        with os.fdopen(os.memfd_create(_EXTENSION), "wb") as copy:
+            shutil.copyfile(installed / _EXTENSION, _FILE.format(copy.fileno()))
             # Anonymous copies cannot find their dependencies by folder, but use those that are loaded.
             ctypes.CDLL(str(installed / _EXTENSION))
             extension = _imported(f"{name}.{_MODULE}", _name_of(copy.fileno(), index))
@@ -304,7 +251,7 @@ def _load(index: int) -> types.ModuleType:
     except BaseException as error:
         for part in (name, f"{name}.{_MODULE}", f"{name}.libsumo"):
             sys.modules.pop(part, None)
-        if not isinstance(error, ImportError | OSError) or _is_used_up(error):
+        if not isinstance(error, ImportError | OSError):
             raise
         raise TrafficError(
             f"libsumo does not load: {error}",
@@ -329,32 +276,6 @@ def _name_of(descriptor: int, index: int) -> str:
     """
     number = "".join("./" if digit == "1" else "/" for digit in f"{index:b}")
     return f"/proc/self/{number}fd/{descriptor}"
-
-
-def _copied(original: Path) -> IO[bytes]:
-    """Return an anonymous copy of a file.
-
-    Raises:
-        TrafficError: There is not enough memory or disk space.
-    """
-    try:
-        file = os.fdopen(os.memfd_create(original.name), "wb")
-    except OSError as error:
-        if _is_used_up(error):
-            raise
-        file = tempfile.TemporaryFile()  # noqa: SIM115
-    try:
-        shutil.copyfile(original, _FILE.format(file.fileno()))
-    except OSError as error:
-        file.close()
-        if _is_used_up(error):
-            raise
-        raise TrafficError(
-            f"libsumo cannot be copied: {error.strerror or error}",
-            place=str(original),
-            remedy="simulate fewer worlds in this process, or leave it more memory",
-        ) from error
-    return file
 
 
 def _installed_package(name: str) -> Path:

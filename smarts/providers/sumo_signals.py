@@ -23,19 +23,15 @@ class SumoSignals:
     Args:
         library: The copy of libsumo that runs the simulation.
         signals: The world's signals of the simulation.
-
-    Attributes:
-        of_lanes: Signals of the map's lanes, a view into the world.
     """
 
     def __init__(self, library: SumoLibrary, signals: Bytes) -> None:
         self._library, self._signals = library, signals
-        self.of_lanes = signals
 
     def reset(self, roads: LaneGraph) -> None:
         """Begin an episode on a map."""
-        self.of_lanes = self._signals[: len(roads.lane_ids)]
-        self.of_lanes[:] = Signal.NONE
+        self._of_lanes = self._signals[: len(roads.lane_ids)]
+        self._of_lanes[:] = Signal.NONE
         lanes_of = [np.flatnonzero(roads.signal == number) for number in range(len(roads.signal_ids))]
         self._lights = [
             (signal, lanes, roads.signal_link[lanes])
@@ -53,5 +49,5 @@ class SumoSignals:
         # A light's state changes once in some seconds, and to write it takes ten times as long as to read it.
         for (_, lanes, links), light, last in zip(self._lights, shown, self._shown, strict=True):
             if light != last:
-                self.of_lanes[lanes] = _LIGHTS[np.frombuffer(light.encode(), np.uint8)[links]]
+                self._of_lanes[lanes] = _LIGHTS[np.frombuffer(light.encode(), np.uint8)[links]]
         self._shown = shown

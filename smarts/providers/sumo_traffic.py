@@ -6,14 +6,12 @@ headings that `sumo_lean` limits.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Bytes
 from smarts.errors import TrafficError
 from smarts.geometry.binding import bind
 from smarts.providers.sumo_arrivals import SumoArrivals
@@ -86,7 +84,6 @@ class SumoTraffic:
         world: The world; one simulation of it is read and written.
         row: The simulation.
         owner: SUMO's owner number.
-        library: Index of the copy of libsumo; by default any free one.
         step: Duration of SUMO's step [s], a multiple of the world's, by default equal to it. Within a longer
             one, vehicles move evenly between SUMO's poses. SUMO's drivers then get other vehicles' poses as
             predicted for the end of its step.
@@ -98,16 +95,7 @@ class SumoTraffic:
         TrafficError: SUMO failed, in any method; other simulations continue, and the next `reset` works.
     """
 
-    def __init__(
-        self,
-        world: World,
-        row: int,
-        owner: int = Owner.TRAFFIC,
-        library: int | None = None,
-        step: float | None = None,
-    ) -> None:
-        if not (math.isfinite(world.dt) and 0.001 <= world.dt <= 10.0):
-            raise TrafficError(f"a step of {world.dt} s", place="dt", remedy="give 0.001 to 10 s")
+    def __init__(self, world: World, row: int, owner: int = Owner.TRAFFIC, step: float | None = None) -> None:
         self._dt = world.dt if step is None else step
         if abs(1000.0 * self._dt - round(1000.0 * self._dt)) > 1e-6:
             raise TrafficError(
@@ -120,7 +108,7 @@ class SumoTraffic:
         self._world, self._row, self._owner = world, row, int(owner)
         # Create the views once: creating them takes as long as writing the vehicles.
         self._states = states = world.vehicles.of(row)
-        self._library = SumoLibrary(library)
+        self._library = SumoLibrary()
         self._signals = SumoSignals(self._library, world.signals[row])
         self._shadows = SumoShadows(self._library, states, self._dt)
         self._gate = SumoGate(self._library, world, row)
@@ -129,16 +117,10 @@ class SumoTraffic:
         self._driven: dict[str, int] = {}
         self._kept_clear: list[int] = []
         self._limit = 0
-        self._has_begun = False
         self._steps = round(self._dt / world.dt)
         self._done = 0  # steps of the world in SUMO's present step
         self._rows = DrivenRows(self._library, states, self._owner, world.dt, self._steps)
         self._next_unplanned = bind(next_unplanned, states)
-
-    @property
-    def signals(self) -> Bytes:
-        """Signals of the map's lanes, a view into the world."""
-        return self._signals.of_lanes
 
     def reset(self, files: TrafficFiles, seed: int, roads: LaneGraph, limit: int | None = None) -> None:
         """Begin an episode: load, warm up, and admit the traffic to the world.
@@ -152,8 +134,6 @@ class SumoTraffic:
             limit: Maximum number of vehicles in SUMO, those of other providers included; by default the
                 number of slots.
         """
-        self._library.check_open()
-        self._has_begun = False
         self._roads, states = roads, self._states
         self._shadows.reset(roads)
         self._gate.reset(roads)
@@ -176,11 +156,9 @@ class SumoTraffic:
             self._number_routes()
         # Vehicles that were in the world before the reset are not in SUMO yet.
         self._take_snapshot([slot for slot in self._kept_clear if slot not in self._ids])
-        self._has_begun = True
 
     def step(self) -> None:
         """Advance by one step; other providers' vehicles have their poses of the step's end already."""
-        self._check_begun()
         if 0 < self._done < self._steps - 1:
             self._done += 1
             self._rows.write(self._done)
@@ -228,22 +206,9 @@ class SumoTraffic:
         with self._library.errors("failed to read a position"):
             return self._gate.refusal_to_give(slot, name)
 
-    def route(self, slot: int) -> tuple[str, ...]:
-        """Return the remaining edges of a vehicle's route in SUMO, the current one first."""
-        self._check_begun()
-        if slot not in self._ids:
-            raise TrafficError(f"slot {slot} holds no vehicle that SUMO knows", place="traffic")
-        with self._library.errors("failed to read a route"):
-            return self._library.route_ahead(self._ids[slot])
-
     def close(self) -> None:
         """End the simulation and free its copy of libsumo."""
         self._library.close()
-
-    def _check_begun(self) -> None:
-        self._library.check_open()
-        if not self._has_begun:
-            raise TrafficError("no episode has begun", place="traffic", remedy="call reset first")
 
     def _warm_up(self, duration: float, begin: float) -> list[str]:
         """Run the warm-up of `duration` [s] from SUMO's time `begin` [s]; return SUMO ids of what departed.

@@ -101,20 +101,21 @@ class EnginesByEpisode(TrafficEngine):
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`."""
-        refusals = np.full(len(rows), Refusal.NONE, np.int8)
-        for name, engine in self._engines.items():
-            of_engine = self._driven[name][rows]
-            refusals[of_engine] = engine.can_accept(rows[of_engine], slots[of_engine])
-        return refusals
+        asked = {name: engine.can_accept for name, engine in self._engines.items()}
+        return self._answers(asked, rows, slots)
 
     def can_give(self, rows: Ints, slots: Ints) -> Bytes:
         """See `Giver`."""
-        refusals = np.full(len(rows), Refusal.NONE, np.int8)
-        for name, engine in self._engines.items():
+        asked = {name: engine.can_give for name, engine in self._engines.items() if isinstance(engine, Giver)}
+        return self._answers(asked, rows, slots)
+
+    def _answers(self, asked: Mapping[str, Callable[[Ints, Ints], Bytes]], rows: Ints, slots: Ints) -> Bytes:
+        """Return each vehicle's answer of its own simulation's engine, NONE of engines that are not asked."""
+        answers = np.full(len(rows), Refusal.NONE, np.int8)
+        for name, ask in asked.items():
             of_engine = self._driven[name][rows]
-            if isinstance(engine, Giver):
-                refusals[of_engine] = engine.can_give(rows[of_engine], slots[of_engine])
-        return refusals
+            answers[of_engine] = ask(rows[of_engine], slots[of_engine])
+        return answers
 
     def close(self) -> None:
         """See `TrafficEngine`."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from smarts.arrays import Bools, Bytes, Ints
 from smarts.controllers import tracking
 from smarts.controllers.abilities import Abilities
 from smarts.dynamics import MODELS, Box, Fleet, MotionError, SubstepDriver, vehicle
-from smarts.errors import ActionError, SmartsError
+from smarts.errors import SmartsError
 from smarts.geometry.binding import LateBound, bind
 from smarts.providers.gates import NEAR, SOON, find_too_close
 from smarts.providers.vehicle_kernels import (
@@ -27,7 +26,7 @@ from smarts.providers.vehicle_kernels import (
     write_motion,
 )
 from smarts.providers.vehicle_surface import DRY, RoadSurfaces
-from smarts.types.actions import CommandMode, Commands
+from smarts.types.actions import Commands
 from smarts.types.tracks import Tracks
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import VehicleKind
@@ -68,7 +67,7 @@ class FleetVehicles:
     ) -> None:
         worlds, agents = world.agents.slot.shape
         self.failures: dict[int, SmartsError] = {}
-        """Errors of the last step, by simulation: a non-finite command or motion."""
+        """Errors of the last step, by simulation: a motion that is no longer finite."""
         self._models = [models] * agents if isinstance(models, str) else list(models)
         self.fleet = Fleet(worlds, agents, step=world.dt, substeps=SUBSTEPS)
         """Row b * A + a is the vehicle of agent a of simulation b."""
@@ -93,7 +92,6 @@ class FleetVehicles:
         state, motion = world.state, self.fleet.motion
         is_bullet = np.array([model == MODELS[0] for model in self._models])
         self._group_agents = LateBound(group_agents, state, is_bullet, self._groups)
-        self._find_bad = LateBound(tracking.first_bad_command)
         self._find_changes = bind(find_changes, state, self._groups, self._fleet_slots)
         self._write_motion = bind(
             write_motion,
@@ -133,18 +131,12 @@ class FleetVehicles:
             The vehicles' poses and contacts within the step, overwritten by the next step. They are undefined
             for simulations in `failures`.
         """
-        self.failures = failures = {}
+        self.failures = {}
         if self._has_contacts:
             self._tracks.touched[:] = 0
             self._tracks.touch_speed[:] = 0.0
             self._has_contacts = False
         placed, driven = self._group_agents.to(commands)(env_mask)
-        while (bad := self._find_bad.to(commands)(self._groups.active)) >= 0:
-            row = bad // self._fleet_slots.slot.shape[1]
-            failures[row] = self._command_error(commands, bad)
-            env_mask = env_mask.copy()
-            env_mask[row] = False
-            placed, driven = self._group_agents.to(commands)(env_mask)
         if self._find_changes(env_mask):
             self._update_fleet()
         if placed:
@@ -331,19 +323,4 @@ class FleetVehicles:
             height,
             speed * sin + sideways * cos,
             yaw_rate,
-        )
-
-    def _command_error(self, commands: Commands, bad: int) -> ActionError:
-        """Return the error for a command that is not finite."""
-        row, agent_id = divmod(bad, self._fleet_slots.slot.shape[1])
-        mode = CommandMode(int(commands.mode[row, agent_id]))
-        values: Any = {
-            CommandMode.TRACK: commands.reference[row, agent_id],
-            CommandMode.PLACE: commands.poses[row, agent_id],
-        }.get(mode, commands.actuators[row, agent_id])
-        wrong = values[~np.isfinite(values).reshape(len(values), -1).all(axis=1)]
-        return ActionError(
-            f"a command by {mode.name} is not finite: {wrong[:1].tolist()}",
-            place=f"agent {agent_id} of simulation {row}",
-            remedy="send finite actions",
         )

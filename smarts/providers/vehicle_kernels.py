@@ -10,7 +10,8 @@ from smarts.dynamics import Motion
 from smarts.dynamics.free_motion import SLACK
 from smarts.geometry.boxes import Mover, may_meet
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import inside_outline, wrapped
+from smarts.geometry.rings import inside_rings
+from smarts.geometry.segments import wrapped
 from smarts.roads.levels import meets
 from smarts.types.actions import CommandMode, Commands
 from smarts.types.agent_states import AgentStatus
@@ -319,16 +320,8 @@ def look_up_friction(
                 x, y = wheels[b * egos + a, wheel, 0], wheels[b * egos + a, wheel, 1]
                 found = patches.usual
                 for p in range(patches.start[map_id], patches.start[map_id + 1]):
-                    if patches.patch[p, 0] <= time < patches.patch[p, 1] and _is_inside(patches, p, x, y):
+                    is_now = patches.patch[p, 0] <= time < patches.patch[p, 1]
+                    first, last = patches.ring_start[p], patches.ring_start[p + 1]
+                    if is_now and inside_rings(x, y, patches.vertex, patches.vertex_start, first, last):
                         found = patches.patch[p, 2]
                 friction[b * egos + a, wheel] = found
-
-
-@kernel
-def _is_inside(patches: FrictionPatches, patch: int, x: float, y: float) -> bool:
-    """Return whether a point is inside an odd number of a patch's rings."""
-    inside = False
-    for ring in range(patches.ring_start[patch], patches.ring_start[patch + 1]):
-        if inside_outline(x, y, patches.vertex, patches.vertex_start[ring], patches.vertex_start[ring + 1]):
-            inside = not inside
-    return inside

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from shapely.geometry.base import BaseGeometry
 
-from smarts.arrays import Bools, Floats, Ints
+from smarts.arrays import Bools
 from smarts.dynamics import Fleet
 from smarts.dynamics.fleet import DRY_ASPHALT as DRY
 from smarts.geometry.binding import LateBound
+from smarts.geometry.rings import rings_of, starts_of
 from smarts.providers.vehicle_kernels import FrictionPatches, look_up_friction
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio.sstypes.drawing import fresh_drawing
@@ -30,10 +30,7 @@ class RoadSurfaces:
     """
 
     def __init__(
-        self,
-        patches: Sequence[Sequence[RoadSurfacePatch]],
-        maps: Sequence[LaneGraph],
-        friction: float = DRY,
+        self, patches: Sequence[Sequence[RoadSurfacePatch]], maps: Sequence[LaneGraph], friction: float = DRY
     ) -> None:
         rows: list[tuple[float, float, float]] = []
         counts, ring_counts, rings = [], [], []
@@ -43,15 +40,15 @@ class RoadSurfaces:
             with fresh_drawing():
                 for patch in of_map:
                     rows.append((patch.begin_time, patch.end_time, patch.friction_coefficient))
-                    outlines = _rings(patch.zone.to_geometry(graph))
+                    outlines = rings_of(patch.zone.to_geometry(graph))
                     ring_counts.append(len(outlines))
                     rings += outlines
         self._patches = FrictionPatches(
             usual=float(friction),
-            start=_starts(counts),
+            start=starts_of(counts),
             patch=np.array(rows, np.float64).reshape(-1, 3),
-            ring_start=_starts(ring_counts),
-            vertex_start=_starts([len(ring) for ring in rings]),
+            ring_start=starts_of(ring_counts),
+            vertex_start=starts_of([len(ring) for ring in rings]),
             vertex=np.concatenate([np.zeros((0, 2)), *rings]),
         )
         self._look_up = LateBound(look_up_friction)
@@ -66,18 +63,3 @@ class RoadSurfaces:
         """
         given = world.state, self._patches, driven, fleet.wheels.position, fleet.road.friction
         self._look_up.to(*given)()
-
-
-def _rings(area: BaseGeometry) -> list[Floats]:
-    """Return the outlines of an area and of its holes."""
-    parts = getattr(area, "geoms", [area])
-    return [
-        np.array(ring.coords)[:-1]
-        for part in parts
-        for ring in (part.exterior, *part.interiors)
-        if not part.is_empty
-    ]
-
-
-def _starts(counts: Sequence[int]) -> Ints:
-    return np.cumsum([0, *counts]).astype(np.int32)

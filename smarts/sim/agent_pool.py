@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from smarts.agents.interface import AgentInterface
 from smarts.arrays import Ints
-from smarts.errors import ScenarioError, SmartsError
+from smarts.errors import ScenarioError
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart, EpisodeStart
@@ -58,8 +58,6 @@ class AgentPool:
         routes: The agents' routes; written.
         interfaces: Of the further agents, all different.
         capacities: Columns for each of them; they follow those of the egos.
-        pools_egos: Whether the egos' columns are a pool, too: agents without a number of an interface get the
-            lowest of them that is free.
     """
 
     def __init__(
@@ -68,11 +66,9 @@ class AgentPool:
         routes: AgentRoutes,
         interfaces: Sequence[AgentInterface] = (),
         capacities: Sequence[int] = (),
-        *,
-        pools_egos: bool = False,
     ) -> None:
         worlds, agents = world.agents.slot.shape
-        self._world, self._routes, self._pools_egos = world, routes, pools_egos
+        self._world, self._routes = world, routes
         self.busy = np.zeros((worlds, world.egos), np.bool_)
         """Columns of egos that have ended in a decision that has not been returned yet: they are not handed
         out, since their last observation is still to be read."""
@@ -108,20 +104,6 @@ class AgentPool:
         """Return the columns of the agents of an interface, given by its number."""
         return self._columns[interface]
 
-    def interface_number(self, interface: AgentInterface) -> int:
-        """Return the number of an interface.
-
-        Raises:
-            SmartsError: The pool has no room for agents of this interface.
-        """
-        if interface not in self.interfaces:
-            raise SmartsError(
-                f"the pool has no agents of the interface {interface}",
-                place="AgentPool",
-                remedy="give assemble(..., pool=[PooledAgents(interface, capacity)])",
-            )
-        return self.interfaces.index(interface)
-
     def clear_with(self, arrays: Iterable[NDArray], agent_ids: Ints | None = None) -> None:
         """Clear further arrays whenever a column is handed out, to the values that they have now.
 
@@ -147,7 +129,7 @@ class AgentPool:
         """Begin an episode in an empty simulation: its agents get their numbers, the egos their columns.
 
         Raises:
-            ScenarioError: Two agents have one name, or an agent needs what the run has no room for.
+            ScenarioError: Two agents have one name.
         """
         names = [agent.name for agent in start.agents]
         if len(set(names)) != len(names):
@@ -157,14 +139,6 @@ class AgentPool:
                 remedy="give every agent a name of its own",
             )
         egos = [agent for agent in start.agents if agent.interface == UNSET]
-        for number, agent in enumerate(start.agents):
-            self._check(agent, is_ego=number < len(egos))
-        if len(egos) > self._world.egos:
-            raise ScenarioError(
-                f"{len(egos)} egos in a run of {self._world.egos}",
-                place=start.scenario,
-                remedy="give further agents an interface of the pool: AgentStart(interface=...)",
-            )
         self.episodes[row] = start
         self.starts[row], self._names[row] = [*start.agents], set(names)
         self.policy[row] = UNSET
@@ -182,11 +156,7 @@ class AgentPool:
 
         The agent gets a column with its vehicle: by a transfer that has its number. Its name is made unique
         by a number after "~" if another agent of the episode has it.
-
-        Raises:
-            ScenarioError: The agent needs what the run has no room for.
         """
-        self._check(start, is_ego=False)
         name, count = start.name, 1
         while name in self._names[row]:
             count += 1
@@ -196,12 +166,7 @@ class AgentPool:
         return len(self.starts[row]) - 1
 
     def renew(self, row: int, number: int, start: AgentStart) -> None:
-        """Replace the start of an agent that has been announced and has had no column yet; its name stays.
-
-        Raises:
-            ScenarioError: The agent needs what the run has no room for.
-        """
-        self._check(start, is_ego=False)
+        """Replace the start of an agent that has been announced and has had no column yet; its name stays."""
         if number not in self._column_of[row]:
             self.starts[row][number] = replace(start, name=self.starts[row][number].name)
 
@@ -273,23 +238,3 @@ class AgentPool:
         self.serial[row, agent_id] = self.serial[row].max() + 1
         self.holds[row].append(Hold(number, agent_id, int(world.step[row])))
         self._column_of[row][number] = agent_id
-
-    def _check(self, start: AgentStart, *, is_ego: bool) -> None:
-        """Raise if an agent does not fit the pool, or its mission the arrays."""
-        is_pooled_ego = self._pools_egos and start.interface == UNSET and not is_ego
-        if is_pooled_ego:
-            is_ego = True
-        if (start.interface == UNSET) != is_ego or not UNSET <= start.interface < len(self.interfaces):
-            raise ScenarioError(
-                f"the agent {start.name!r} has interface {start.interface}",
-                place="AgentStart.interface",
-                remedy=f"give -1 for egos, which come first, and for others a number below "
-                f"{len(self.interfaces)}, that of their interface in the pool",
-            )
-        most = self._world.missions.via_lane.shape[-1]
-        if len(start.mission.vias) > most:
-            raise ScenarioError(
-                f"the mission of {start.name!r} has {len(start.mission.vias)} via points",
-                place="AgentStart.mission",
-                remedy=f"give at most {most}, the most of the egos' missions",
-            )

@@ -143,13 +143,14 @@ def assemble(
 
     Raises:
         ScenarioError: A scenario cannot be played with so many egos.
-        InterfaceError: The names do not fit the interfaces, the pool is no sequence of `PooledAgents`, or a
-            social policy counts in steps of another length.
+        InterfaceError: A social policy counts in steps of another length, or there is no agent of a name in
+            `Options.record_observations`.
         UnknownNameError: There is no such traffic engine.
     """
     options = options or Options()
     _check_step_lengths(cast, options)
-    names, shapes = _names(agents, len(interfaces)), [shape_of(interface) for interface in interfaces]
+    names = tuple(agents) or agent_names(len(interfaces))
+    shapes = [shape_of(interface) for interface in interfaces]
     schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=options.traffic_engine, cast=cast)
     if options.latency_steps and cast.learning is not None:
         raise ScenarioError(
@@ -162,7 +163,7 @@ def assemble(
     merged = merge_pools([*_pool_of(cast, schedule), *merge_pools(pool)])
     every = [*interfaces, *(each.interface for each in merged for _ in range(each.capacity))]
     scene = _scene(schedule, worlds, len(interfaces), len(every), options)
-    agent_pool = _agent_pool(scene, merged, cast)
+    agent_pool = _agent_pool(scene, merged)
     with ExitStack() as on_failure:
         vehicles = _vehicles(scene, every, schedule, options)
         on_failure.callback(vehicles.close)
@@ -199,9 +200,9 @@ def _check_without_handovers(
         )
 
 
-def _agent_pool(scene: Scene, merged: Sequence[PooledAgents], cast: Cast) -> AgentPool:
+def _agent_pool(scene: Scene, merged: Sequence[PooledAgents]) -> AgentPool:
     interfaces, capacities = [each.interface for each in merged], [each.capacity for each in merged]
-    return AgentPool(scene.world, scene.routes, interfaces, capacities, pools_egos=cast.learning is not None)
+    return AgentPool(scene.world, scene.routes, interfaces, capacities)
 
 
 def _pool_of(cast: Cast, schedule: Schedule) -> list[PooledAgents]:
@@ -317,17 +318,6 @@ def _observers(names: Sequence[str], options: Options) -> list[int]:
                 remedy=nearest_names(str(name), names),
             )
     return [names.index(name) for name in dict.fromkeys(options.record_observations)]
-
-
-def _names(agents: Sequence[str], egos: int) -> tuple[str, ...]:
-    names = tuple(agents) or agent_names(egos)
-    if len(names) != egos or len(set(names)) != egos:
-        raise InterfaceError(
-            f"{egos} interfaces, and the names {', '.join(map(repr, names))}",
-            place="assemble",
-            remedy="give every interface a name of its own",
-        )
-    return names
 
 
 def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:

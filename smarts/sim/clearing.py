@@ -21,10 +21,7 @@ MARGIN = (10.0, 1.0)
 
 
 def vehicles_in_the_way(
-    roads: LaneGraph,
-    states: VehicleStates,
-    slot: int,
-    leads_here: Callable[[int], bool] = lambda other: True,
+    roads: LaneGraph, states: VehicleStates, slot: int, leads_here: Callable[[int], bool] = lambda other: True
 ) -> list[int]:
     """Return the slots of traffic vehicles that are too near to a vehicle.
 

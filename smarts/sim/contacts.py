@@ -12,6 +12,7 @@ from smarts.geometry.boxes import Pose, box_gaps, contact_direction, facing
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, wrapped
 from smarts.roads.levels import meets
+from smarts.sim.places import was_there
 from smarts.sim.traffic_overlaps import count_overlaps
 from smarts.types.agent_states import AgentStates, AgentStatus
 from smarts.types.events import Contacts
@@ -131,12 +132,7 @@ def find_contacts(state: State, out: Contacts, tracks: Tracks, env_mask: Bools) 
 
 @kernel
 def _held_apart(
-    now: VehicleStates,
-    before: VehicleStates,
-    tracks: Tracks,
-    row: int,
-    agent_id: int,
-    other: int,
+    now: VehicleStates, before: VehicleStates, tracks: Tracks, row: int, agent_id: int, other: int
 ) -> tuple[int, float]:
     """Return in which sub-step Bullet first kept an agent's vehicle from another, and how fast they were.
 
@@ -145,7 +141,7 @@ def _held_apart(
     if tracks.touched[row, agent_id, other] == 0:
         return -1, 0.0
     # A vehicle that came into the slot within the step was not there.
-    if before.alive[row, other] and before.generation[row, other] == now.generation[row, other]:
+    if was_there(now, before, row, other):
         return tracks.touched[row, agent_id, other] - 1, tracks.touch_speed[row, agent_id, other]
     return -1, 0.0
 
@@ -176,14 +172,7 @@ def _survey(
     Returns:
         How many vehicles there are.
     """
-    alive, generation, position, length, width = (
-        now.alive,
-        now.generation,
-        now.position,
-        now.length,
-        now.width,
-    )
-    was_alive, old_generation, old_position = before.alive, before.generation, before.position
+    alive, position, length, width = now.alive, now.position, now.length, now.width
     count = 0
     for slot in range(alive.shape[1]):
         if alive[row, slot]:
@@ -191,9 +180,9 @@ def _survey(
             count += 1
             agent_id_of[slot] = -1
             reach[slot] = 0.5 * math.hypot(length[row, slot], width[row, slot])
-            if was_alive[row, slot] and old_generation[row, slot] == generation[row, slot]:
-                dx = position[row, slot, 0] - old_position[row, slot, 0]
-                reach[slot] += math.hypot(dx, position[row, slot, 1] - old_position[row, slot, 1])
+            if was_there(now, before, row, slot):
+                dx = position[row, slot, 0] - before.position[row, slot, 0]
+                reach[slot] += math.hypot(dx, position[row, slot, 1] - before.position[row, slot, 1])
     for agent_id in range(poses.shape[1]):
         slot = agents.slot[row, agent_id]
         if agents.state[row, agent_id] in (_ACTIVE, _LEAVING) and slot >= 0 and poses.shape[2] > 0:
@@ -214,7 +203,7 @@ def _follow(
 ) -> None:
     """Write a vehicle's poses at the beginning of the step and after each sub-step, shape (S + 1, 3)."""
     x, y, heading = now.position[row, slot, 0], now.position[row, slot, 1], now.heading[row, slot]
-    is_new = not before.alive[row, slot] or before.generation[row, slot] != now.generation[row, slot]
+    is_new = not was_there(now, before, row, slot)
     last = len(path) - 1
     if agent_id >= 0:
         for i in range(path.shape[1]):

@@ -15,12 +15,13 @@ from smarts.roads.kernels import centre_at, is_level, lane_length, nearest_segme
 from smarts.roads.lane_ways import place_on_lane
 from smarts.roads.levels import meets
 from smarts.roads.lights import light_ahead
-from smarts.sim.places import STANDING, corridor_row, lane_of, line_on
+from smarts.sim.places import corridor_row, lane_of, line_on, was_there
 from smarts.sim.yielding import yields_to_stream
 from smarts.types.events import Event
 from smarts.types.interface import AgentRules
 from smarts.types.mission import GoalKind
 from smarts.types.traffic import Signal
+from smarts.types.vehicles import STANDING
 from smarts.types.world import State
 
 MISSED_BY = 5.0
@@ -36,13 +37,7 @@ _ROAD = sum(1 << kind for kind in ROAD_LANES)
 _STOP = int(Signal.STOP)
 _ENDLESS, _POSITION, _LANE_LINE, _LAPS, _OFF_MAP = (
     int(kind)
-    for kind in (
-        GoalKind.ENDLESS,
-        GoalKind.POSITION,
-        GoalKind.LANE_LINE,
-        GoalKind.LAPS,
-        GoalKind.OFF_MAP,
-    )
+    for kind in (GoalKind.ENDLESS, GoalKind.POSITION, GoalKind.LANE_LINE, GoalKind.LAPS, GoalKind.OFF_MAP)
 )
 _OFF_ROAD, _OFF_ROUTE, _ON_SHOULDER = int(Event.OFF_ROAD), int(Event.OFF_ROUTE), int(Event.ON_SHOULDER)
 _WRONG_WAY, _NOT_MOVING = int(Event.WRONG_WAY), int(Event.NOT_MOVING)
@@ -58,13 +53,7 @@ _AT_END = 0.01
 
 @kernel
 def judge(
-    state: State,
-    roads: Roads,
-    routes: RouteTable,
-    rules: AgentRules,
-    patience: int,
-    row: int,
-    agent_id: int,
+    state: State, roads: Roads, routes: RouteTable, rules: AgentRules, patience: int, row: int, agent_id: int
 ) -> int:
     """Return one agent's events in this step, except those caused by other agents; write its memory.
 
@@ -91,17 +80,11 @@ def judge(
 
 
 @kernel
-def _was_there(state: State, row: int, slot: int) -> bool:
-    """Return whether the vehicle was in the world a step ago."""
-    was = state.before.alive[row, slot]
-    return was and state.before.generation[row, slot] == state.vehicles.generation[row, slot]
-
-
-@kernel
 def _way(state: State, row: int, slot: int) -> tuple[float, float, float, float]:
     """Return where a vehicle's centre was and is: x, y, x, y [m]."""
     now = state.vehicles.position[row, slot]
-    before = state.before.position[row, slot] if _was_there(state, row, slot) else now
+    is_known = was_there(state.vehicles, state.before, row, slot)
+    before = state.before.position[row, slot] if is_known else now
     return before[0], before[1], now[0], now[1]
 
 
@@ -252,13 +235,7 @@ def _has_to_wait(state: State, roads: Roads, routes: RouteTable, row: int, agent
 
 
 @kernel
-def _goal_events(
-    state: State,
-    roads: Roads,
-    routes: RouteTable,
-    row: int,
-    agent_id: int,
-) -> int:
+def _goal_events(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> int:
     """Return whether an agent on the road reached or missed its goal, or completed a lap."""
     goal = state.missions.goal[row, agent_id]
     if goal in (_ENDLESS, _OFF_MAP):
@@ -323,21 +300,20 @@ def _at_line(
     goal_lane, goal_s = base + state.missions.goal_lane[row, agent_id], state.missions.goal_s[row, agent_id]
     edge = roads.lane_edge[goal_lane]
     lane = lane_of(state, roads, state.vehicles, row, slot)
-    old = lane_of(state, roads, state.before, row, slot) if _was_there(state, row, slot) else -1
-    is_there, was_there = (
-        lane >= 0 and roads.lane_edge[lane] == edge,
-        old >= 0 and roads.lane_edge[old] == edge,
-    )
+    is_known = was_there(state.vehicles, state.before, row, slot)
+    old = lane_of(state, roads, state.before, row, slot) if is_known else -1
+    is_there = lane >= 0 and roads.lane_edge[lane] == edge
+    came_from = old >= 0 and roads.lane_edge[old] == edge
     begin_x, begin_y, end_x, end_y = _way(state, row, slot)
-    line = line_on(roads, goal_lane, goal_s, old) if was_there else 0.0
+    line = line_on(roads, goal_lane, goal_s, old) if came_from else 0.0
     before = state.before.lane_position[row, slot] - line
     if is_there:
         behind = state.vehicles.lane_position[row, slot] - line_on(roads, goal_lane, goal_s, lane)
-        if not was_there:
+        if not came_from:
             before = behind - math.hypot(end_x - begin_x, end_y - begin_y)
         crossed = int(lane - base + 1 if old >= 0 and before < 0.0 <= behind else 0)
         return behind, crossed, _is_last_time(state, roads, routes, row, agent_id, lane)
-    if was_there:
+    if came_from:
         end = lane_length(roads, old) - line
         behind = place_on_lane(roads, old, end_x, end_y, state.vehicles.height[row, slot])[0] - line
         if behind >= end - AT_JOINT:

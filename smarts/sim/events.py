@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,9 @@ from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
 from smarts.sim.arrival_order import assign_arrival_order
+from smarts.sim.bubble_rules import BubbleRules
 from smarts.sim.event_rules import OFF_ROUTE_TIME, judge
+from smarts.sim.interest import NamedInterest
 from smarts.sim.outcomes import is_truncating, outcome_of
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Contacts, Event, Events, Outcome
@@ -30,14 +32,6 @@ _VACANT, _WAITING = int(AgentStatus.VACANT), int(AgentStatus.WAITING)
 _SHADOWING, _ACTIVE, _DONE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE), int(AgentStatus.DONE)
 
 
-class Interest(Protocol):
-    """Knows the vehicles of interest to each agent."""
-
-    def is_gone(self, env_mask: Bools) -> Bools:
-        """Return for which agents no vehicle of interest is left, shape (B, A)."""
-        ...
-
-
 class AliveColumns(NamedTuple):
     """R `AliveRule`s: the agent (R,), the agents that are counted (R, A), how many must be left (R,).
 
@@ -50,19 +44,10 @@ class AliveColumns(NamedTuple):
     coming: Ints
 
 
-class LeftBubbles(Protocol):
-    """Knows which learning agents' vehicles have left their bubble."""
-
-    @property
-    def left(self) -> Bools:
-        """Which have, shape (B, A)."""
-        ...
-
-
 class LearningInBubbles(NamedTuple):
     """Egos that drive the vehicles in bubbles: they end where those leave, the episode ends by its time."""
 
-    bubbles: LeftBubbles
+    bubbles: BubbleRules
     end: int
     """Step with which episodes end."""
 
@@ -88,7 +73,7 @@ class AgentEvents:
         scene: Scene,
         rules: AgentRules,
         alive: Sequence[AliveRule] = (),
-        interest: Interest | None = None,
+        interest: NamedInterest | None = None,
         coming: Ints | None = None,
         learning: LearningInBubbles | None = None,
     ) -> None:

@@ -77,10 +77,7 @@ class NamedInterest:
 
 
 def interest_of(
-    world: World,
-    interfaces: Sequence[AgentInterface],
-    schedule: Schedule,
-    entries: Entries,
+    world: World, interfaces: Sequence[AgentInterface], schedule: Schedule, entries: Entries
 ) -> NamedInterest | None:
     """Return what the interfaces demand of vehicles of interest, None if nothing."""
     criteria = [interface.done_criteria.interest for interface in interfaces]

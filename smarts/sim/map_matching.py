@@ -14,14 +14,7 @@ from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.footprints import count_corners_on_road, is_on_road
-from smarts.roads.kernels import (
-    candidates,
-    centre_at,
-    distance_on_row,
-    find_row,
-    lane_length,
-    place_on_map,
-)
+from smarts.roads.kernels import candidates, centre_at, distance_on_row, find_row, lane_length, place_on_map
 from smarts.roads.scene import Scene
 from smarts.sim.places import lane_of, line_on
 from smarts.types.mission import GoalKind

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NoReturn
 
 from smarts.agents.options import InterfaceError
 from smarts.errors import SmartsError
@@ -63,35 +64,27 @@ class Options:
     to 10; the last action that has arrived is kept until then. Social agents have `hosts` instead."""
 
     def __post_init__(self) -> None:
-        if not 0.001 <= self.dt <= LONGEST_SUBSTEP * SUBSTEPS:
-            raise SmartsError(
-                f"a step of {self.dt} s",
-                place="Options.dt",
-                remedy=f"give 0.001 to {LONGEST_SUBSTEP * SUBSTEPS} s, for which tyres are made",
-            )
+        longest = LONGEST_SUBSTEP * SUBSTEPS
+        if not 0.001 <= self.dt <= longest:
+            remedy = f"give 0.001 to {longest} s, for which tyres are made"
+            self._refuse("dt", f"a step of {self.dt} s", remedy)
         self._check_traffic_step()
-        self._check_latency()
+        latency = self.action_latency
+        if not 0 <= latency <= LONGEST_LATENCY or abs(self.latency_steps * self.dt - latency) > 1e-9:
+            multiple = f"give a multiple of dt, {self.dt} s, up to {LONGEST_LATENCY:g} s"
+            self._refuse("action_latency", f"a latency of {latency} s", multiple)
         for name in ("record_all", "record_observations"):
             if getattr(self, name) and self.record is None:
-                raise SmartsError(
-                    f"{name} is set, and nothing is recorded",
-                    place=f"Options.{name}",
-                    remedy=f"name a folder with record, or leave out {name}",
-                )
+                remedy = f"name a folder with record, or leave out {name}"
+                self._refuse(name, f"{name} is set, and nothing is recorded", remedy)
         if isinstance(self.record_observations, str):
-            raise SmartsError(
-                f"record_observations is {self.record_observations!r}, not a list",
-                place="Options.record_observations",
-                remedy=f"give the agents' names: [{self.record_observations!r}]",
-            )
+            problem = f"record_observations is {self.record_observations!r}, not a list"
+            self._refuse("record_observations", problem, f"give a list: [{self.record_observations!r}]")
         if self.envision:
             Address.parse(self.envision, "Options.envision")
         if self.friction is not None and not 0.05 <= self.friction <= 2.0:
-            raise SmartsError(
-                f"a friction of {self.friction}",
-                place="Options.friction",
-                remedy="give 0.05 to 2; ice has about 0.1, a wet road 0.5, dry asphalt 0.9",
-            )
+            remedy = "give 0.05 to 2; ice has about 0.1, a wet road 0.5, dry asphalt 0.9"
+            self._refuse("friction", f"a friction of {self.friction}", remedy)
         if isinstance(self.path, bool) or not isinstance(self.path, int) or self.path < 1:
             raise InterfaceError(
                 f"path is {self.path!r}", place="Options", remedy="give a number of points, 1 or more"
@@ -102,33 +95,20 @@ class Options:
         """Steps from an action to when it is carried out."""
         return round(self.action_latency / self.dt)
 
-    def _check_latency(self) -> None:
-        latency = self.action_latency
-        is_known = math.isfinite(latency) and 0 <= latency <= LONGEST_LATENCY
-        if not is_known or abs(self.latency_steps * self.dt - latency) > 1e-9:
-            raise SmartsError(
-                f"a latency of {latency} s",
-                place="Options.action_latency",
-                remedy=f"give a multiple of dt, {self.dt} s, up to {LONGEST_LATENCY:g} s",
-            )
-
     def _check_traffic_step(self) -> None:
         step = self.traffic_step
         if step is None:
             return
         steps = round(step / self.dt) if math.isfinite(step) else 0
         if steps < 1 or step > LONGEST_TRAFFIC_STEP or abs(steps * self.dt - step) > 1e-9:
-            raise SmartsError(
-                f"a traffic step of {step} s",
-                place="Options.traffic_step",
-                remedy=f"give a multiple of dt, {self.dt} s, up to {LONGEST_TRAFFIC_STEP} s",
-            )
+            multiple = f"give a multiple of dt, {self.dt} s, up to {LONGEST_TRAFFIC_STEP} s"
+            self._refuse("traffic_step", f"a traffic step of {step} s", multiple)
         if self.record is not None:
-            raise SmartsError(
-                f"traffic_step is {step}, and episodes are recorded, for tests",
-                place="Options.traffic_step",
-                remedy="leave out traffic_step: tests run with exact traffic",
-            )
+            problem = f"traffic_step is {step}, and episodes are recorded, for tests"
+            self._refuse("traffic_step", problem, "leave out traffic_step: tests run with exact traffic")
+
+    def _refuse(self, name: str, problem: str, remedy: str) -> NoReturn:
+        raise SmartsError(problem, place=f"Options.{name}", remedy=remedy)
 
 
 def check_envision(envision: object) -> None:

@@ -17,15 +17,18 @@ from smarts.roads.waypoints import foot_between
 from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State
 
-STANDING = 0.5
-"""Below this a vehicle stands [m/s]."""
-
 
 @kernel
 def lane_of(state: State, roads: Roads, vehicles: VehicleStates, b: int, slot: int) -> int:
     """Return the lane of one of `vehicles`, now or before, numbered across all maps; -1 without one."""
     lane = vehicles.lane[b, slot]
     return roads.lane_base[state.map[b]] + lane if lane >= 0 else -1
+
+
+@kernel
+def was_there(now: VehicleStates, before: VehicleStates, b: int, slot: int) -> bool:
+    """Return whether a slot held the same vehicle a step ago."""
+    return before.alive[b, slot] and before.generation[b, slot] == now.generation[b, slot]
 
 
 @kernel

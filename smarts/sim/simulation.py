@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -109,7 +108,7 @@ class Simulation:
             social_failures: See `Frame`.
 
         Returns:
-            What happened. Where traffic failed, or a vehicle's command or motion is not finite, the frame's
+            What happened. Where traffic failed, or a vehicle's motion is not finite, the frame's
             `failures` has the error, and the episode is invalid: its agents are done, and the simulation is
             to be reset. The others have made the step.
         """
@@ -140,7 +139,15 @@ class Simulation:
         seen = self._see(env_mask, observe_mask, events.just_done)
         readings = stages.sensors.observe(seen)
         happened = commands, contacts, events, seen, readings, failures
-        frame = Frame(world, env_mask, actions, *happened, **self._of_others(social_failures or {}))
+        frame = Frame(
+            world,
+            env_mask,
+            actions,
+            *happened,
+            transfers=stages.ownership.carried_out,
+            bubbles=stages.bubbles.states,
+            social_failures=social_failures or {},
+        )
         stages.recorder.record(frame)
         return frame
 
@@ -167,18 +174,8 @@ class Simulation:
         self._propose(events, rows)
         seen = self._see(rows, ~self._nobody, self._nobody)
         readings = stages.sensors.observe(seen)
-        frame = Frame(
-            world,
-            rows,
-            None,
-            None,
-            contacts,
-            events,
-            seen,
-            readings,
-            starts=starts,
-            bubbles=stages.bubbles.states,
-        )
+        happened = None, contacts, events, seen, readings
+        frame = Frame(world, rows, None, *happened, starts=starts, bubbles=stages.bubbles.states)
         stages.recorder.record(frame)
         return frame
 
@@ -188,15 +185,6 @@ class Simulation:
         self._stages.vehicles.close()
         # The last, since it may raise that the disk is full.
         self._stages.recorder.close()
-
-    def _of_others(self, failures: Mapping[tuple[int, int], str]) -> dict[str, Any]:
-        """Return what a frame has of social agents and bubbles."""
-        stages = self._stages
-        return {
-            "transfers": stages.ownership.carried_out,
-            "bubbles": stages.bubbles.states,
-            "social_failures": failures,
-        }
 
     def _propose(self, events: Events, env_mask: Bools) -> None:
         """Submit the transfers for the beginning of the next step."""

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from smarts.arrays import Floats
 from smarts.dynamics import vehicle
 from smarts.errors import MapError, ScenarioError
 from smarts.geometry.boxes import boxes_overlap
+from smarts.geometry.rings import rings_of
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.corridors import Corridor, route_corridor
 from smarts.roads.lane_graph import HEIGHT_REACH, LaneGraph
@@ -329,6 +330,4 @@ def _trap_areas(
         begin = max(0.0, placed.start.s - TRAP_BEHIND)
         zone = t.MapZone((edge, index, begin * scale), TRAP_LENGTH * scale, 1)
     with fresh_drawing(generator=generator):
-        geometry: Any = zone.to_geometry(roads)
-    parts = getattr(geometry, "geoms", (geometry,))
-    return tuple(np.array(part.exterior.coords)[:-1] for part in parts)
+        return rings_of(zone.to_geometry(roads))

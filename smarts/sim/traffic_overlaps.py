@@ -8,6 +8,7 @@ from smarts.arrays import Bools, Ints
 from smarts.geometry.boxes import box_gaps
 from smarts.geometry.compiling import kernel
 from smarts.roads.levels import meets
+from smarts.sim.places import was_there
 from smarts.types.vehicles import Owner, VehicleStates
 from smarts.types.world import State
 
@@ -39,16 +40,9 @@ def count_overlaps(state: State, overlaps: Ints, env_mask: Bools) -> None:
                     break
                 if abs(now.position[b, w, 1] - now.position[b, v, 1]) > longest or not meets(now, b, v, w):
                     continue
-                if _overlap(now, b, v, w) and not (
-                    _is_same(now, before, b, v) and _is_same(now, before, b, w) and _overlap(before, b, v, w)
-                ):
+                were_there = was_there(now, before, b, v) and was_there(now, before, b, w)
+                if _overlap(now, b, v, w) and not (were_there and _overlap(before, b, v, w)):
                     overlaps[b] += 1
-
-
-@kernel
-def _is_same(now: VehicleStates, before: VehicleStates, b: int, v: int) -> bool:
-    """Return whether a slot held the same vehicle a step ago."""
-    return before.alive[b, v] and before.generation[b, v] == now.generation[b, v]
 
 
 @kernel

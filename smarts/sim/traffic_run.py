@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,16 @@ CAPACITY = 4096
 
 
 class TrafficRun:
-    """The traffic of one episode, step by step. Use `traffic_run`, which ends it."""
+    """The traffic of one episode, step by step. Use `traffic_run`, which ends it.
+
+    Args:
+        built: The scenario.
+        traffic: Which variation of its traffic; None for empty roads.
+        seed: Of the run.
+        episode: Counts episodes of one run: each has its own traffic.
+        dt: Length of a step [s].
+        engine: Which of `TRAFFIC_ENGINES` drives; by default the one that the scenario names.
+    """
 
     def __init__(
         self,
@@ -68,30 +78,14 @@ class TrafficRun:
 
 
 @contextmanager
-def traffic_run(
-    built: BuiltScenario,
-    traffic: str | None,
-    *,
-    seed: int = 42,
-    episode: int = 0,
-    dt: float = 0.1,
-    engine: str | None = None,
-) -> Iterator[TrafficRun]:
-    """Warm a scenario's traffic up and lend it for a while.
-
-    Args:
-        built: The scenario.
-        traffic: Which variation of its traffic; None for empty roads.
-        seed: Of the run.
-        episode: Counts episodes of one run: each has its own traffic.
-        dt: Length of a step [s].
-        engine: Which of `TRAFFIC_ENGINES` drives; by default the one that the scenario names.
+def traffic_run(built: BuiltScenario, traffic: str | None, **options: Any) -> Iterator[TrafficRun]:
+    """Warm a scenario's traffic up and lend it for a while; see `TrafficRun`.
 
     Raises:
         TrafficError: The engine failed.
         ScenarioError: There is no such traffic.
     """
-    run = TrafficRun(built, traffic, seed=seed, episode=episode, dt=dt, engine=engine)
+    run = TrafficRun(built, traffic, **options)
     try:
         yield run
     finally:

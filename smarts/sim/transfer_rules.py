@@ -17,21 +17,12 @@ from smarts.sim.leaving import has_leavers
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart, TakeOver
 from smarts.types.events import Events, Outcome
-from smarts.types.transfers import (
-    Departure,
-    Reason,
-    Refusal,
-    Transfer,
-    Transfers,
-    transfers,
-)
-from smarts.types.vehicles import Owner
+from smarts.types.transfers import Departure, Reason, Refusal, Transfer, Transfers, transfers
+from smarts.types.vehicles import STANDING, Owner
 from smarts.types.world import World
 
 OFF_LANES_TIME = 5.0
 """A vehicle that stands beside all lanes is removed after this time, or after its `collision_time` [s]."""
-STANDING = 0.5
-"""Below this speed a vehicle stands [m/s]."""
 AT_END = 2.0
 """Distance of a vehicle's front to the end of a lane that leads nowhere, to have arrived [m]."""
 
@@ -169,26 +160,17 @@ class HandoverRules:
 
 
 def _suits(world: World, row: int, slot: int, rule: TakeOver) -> bool:
-    """Return whether the rule is for this vehicle, and for where it is."""
-    name = world.registry.name(row, slot)
-    is_meant = not rule.vehicle or name == rule.vehicle
-    return is_meant and not name.startswith(rule.spared or ("\0",)) and _is_inside(world, row, slot, rule)
-
-
-def _is_inside(world: World, row: int, slot: int, rule: TakeOver) -> bool:
-    if not rule.areas:
-        return True
-    x, y = _front(world, row, slot)
-    return any(inside_outline(x, y, area, 0, len(area)) for area in rule.areas)
-
-
-def _front(world: World, row: int, slot: int) -> tuple[float, float]:
-    heading = float(world.vehicles.heading[row, slot])
-    half = float(world.vehicles.length[row, slot]) / 2
-    x, y = world.vehicles.position[row, slot].tolist()
-    return x + half * np.cos(heading), y + half * np.sin(heading)
+    """Return whether the rule is for this vehicle, and for where its front is."""
+    name, vehicles = world.registry.name(row, slot), world.vehicles
+    if rule.vehicle not in ("", name) or name.startswith(rule.spared or ("\0",)):
+        return False
+    heading, half = float(vehicles.heading[row, slot]), float(vehicles.length[row, slot]) / 2
+    x, y = vehicles.position[row, slot].tolist()
+    x, y = x + half * np.cos(heading), y + half * np.sin(heading)
+    return not rule.areas or any(inside_outline(x, y, area, 0, len(area)) for area in rule.areas)
 
 
 def _distance(world: World, row: int, slot: int, start: AgentStart) -> float:
+    """Return how far a vehicle is from an agent's start [m]."""
     x, y = world.vehicles.position[row, slot].tolist()
     return float(np.hypot(x - start.pose[0], y - start.pose[1]))

@@ -8,8 +8,9 @@ from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
-from smarts.sim.places import STANDING, corridor_row, lane_of
+from smarts.sim.places import corridor_row, lane_of
 from smarts.types.traffic import Signal
+from smarts.types.vehicles import STANDING
 from smarts.types.world import State
 
 NEAR_LINE = 8.0
@@ -100,13 +101,7 @@ def _free_row(state: State, roads: Roads, routes: RouteTable, row: int, lane: in
 
 @kernel
 def _comes(
-    state: State,
-    roads: Roads,
-    routes: RouteTable,
-    row: int,
-    other: int,
-    lanes: Ints,
-    extents: Floats,
+    state: State, roads: Roads, routes: RouteTable, row: int, other: int, lanes: Ints, extents: Floats
 ) -> bool:
     """Return whether a moving vehicle is within one of some stretches of lanes, or reaches one soon."""
     lane = lane_of(state, roads, state.vehicles, row, other)

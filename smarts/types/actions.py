@@ -5,9 +5,8 @@ from __future__ import annotations
 import enum
 from typing import NamedTuple
 
-import numpy as np
-
 from smarts.arrays import Bools, Bytes, Floats, Ints
+from smarts.types import columns
 
 MOST_VALUES = 8
 """Numbers that an action other than a path consists of, at most."""
@@ -87,17 +86,10 @@ class Actions(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, agents: int, path: int = 0) -> Actions:
         """Return buffers without actions for B simulations of A agents and paths of at most P points."""
-        shape = (worlds, agents)
-        return cls(
-            kind=np.full(shape, ActionSpaceType.Empty, np.int8),
-            given=np.zeros(shape, np.bool_),
-            fresh=np.zeros(shape, np.bool_),
-            values=np.zeros((*shape, MOST_VALUES)),
-            action_mask=np.zeros((*shape, len(LaneAction)), np.bool_),
-            age=np.zeros(shape, np.int32),
-            path=np.zeros((*shape, path, PATH_COLUMNS)),
-            path_length=np.zeros(shape, np.int32),
-        )
+        more = {"values": (MOST_VALUES,), "action_mask": (len(LaneAction),), "path": (path, PATH_COLUMNS)}
+        actions = columns.allocate(cls, (worlds, agents), more=more)
+        actions.kind[:] = ActionSpaceType.Empty
+        return actions
 
 
 class CommandMode(enum.IntEnum):
@@ -137,12 +129,7 @@ class Commands(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, agents: int, *, reference: int = 64, substeps: int = 10) -> Commands:
         """Return buffers without commands for B simulations of A agents, R points and S sub-steps."""
-        shape = (worlds, agents)
-        return cls(
-            mode=np.zeros(shape, np.int8),
-            actuators=np.zeros((*shape, 3)),
-            reference=np.zeros((*shape, reference, 4)),
-            reference_length=np.zeros(shape, np.int32),
-            window=np.full(shape, KINKED),
-            poses=np.zeros((*shape, substeps, 4)),
-        )
+        more = {"actuators": (3,), "reference": (reference, 4), "poses": (substeps, 4)}
+        commands = columns.allocate(cls, (worlds, agents), more=more)
+        commands.window[:] = KINKED
+        return commands

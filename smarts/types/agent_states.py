@@ -5,10 +5,8 @@ from __future__ import annotations
 import enum
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from smarts.arrays import Bools, Bytes, Floats, Ints, Shorts
+from smarts.types import columns
 
 
 class AgentStatus(enum.IntEnum):
@@ -47,17 +45,9 @@ class ChangePhase(enum.IntEnum):
 UNSET = -1
 """Of a slot, lane, junction, arrival number or step: none."""
 
-_UNSET_WHEN_EMPTY = frozenset(
-    {
-        "slot",
-        "agent",
-        "target_lane",
-        "off_route_since",
-        "arrival_number",
-        "arrival_junction",
-        "entry_step",
-        "release_step",
-    }
+_UNSET_WHEN_EMPTY = (
+    *("slot", "agent", "target_lane", "off_route_since"),
+    *("arrival_number", "arrival_junction", "entry_step", "release_step"),
 )
 
 
@@ -147,54 +137,14 @@ class AgentStates(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, agents: int, vias: int = 0) -> AgentStates:
         """Return vacant agents for B simulations of A agents and W via points."""
-
-        def zeros(dtype: type, *more: int) -> NDArray:
-            return np.zeros((worlds, agents, *more), dtype)
-
-        made = cls(
-            state=zeros(np.int8),
-            slot=zeros(np.int32),
-            generation=zeros(np.int32),
-            agent=zeros(np.int32),
-            entry_step=zeros(np.int32),
-            period=zeros(np.int16),
-            next_due=zeros(np.int32),
-            outcome=zeros(np.int8),
-            release_step=zeros(np.int32),
-            harmed=zeros(np.bool_),
-            throttle=zeros(np.float64),
-            brake=zeros(np.float64),
-            steering=zeros(np.float64),
-            route_progress=zeros(np.float64),
-            remaining=zeros(np.float64),
-            skipped=zeros(np.float64),
-            left_road=zeros(np.bool_),
-            lane_changes=zeros(np.int8),
-            distance_travelled=zeros(np.float64),
-            lap=zeros(np.int16),
-            lap_before=zeros(np.int16),
-            on_road=zeros(np.bool_),
-            corners_on_road=zeros(np.int8),
-            on_route=zeros(np.bool_),
-            action_mask=zeros(np.bool_, 4),
-            target_lane=zeros(np.int32),
-            change_phase=zeros(np.int8),
-            effective=zeros(np.bool_),
-            last_moved_position=zeros(np.float64, 2),
-            last_moved_step=zeros(np.int32),
-            off_route_since=zeros(np.int32),
-            via_hit=zeros(np.bool_, vias),
-            arrival_number=zeros(np.int32),
-            arrival_junction=zeros(np.int32),
-        )
-        for row in range(worlds):
-            made.clear(row)
+        more = {"action_mask": (4,), "last_moved_position": (2,), "via_hit": (vias,)}
+        made = columns.allocate(cls, (worlds, agents), _UNSET_WHEN_EMPTY, more)
+        made.period[:] = 1
         return made
 
     def clear(self, row: int, agent_id: int | slice = slice(None)) -> None:
         """Clear all columns of some agents of one simulation."""
-        for name, column in self._asdict().items():
-            column[row, agent_id] = UNSET if name in _UNSET_WHEN_EMPTY else 0
+        columns.clear(self, (row, agent_id), _UNSET_WHEN_EMPTY)
         self.period[row, agent_id] = 1
 
 

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-
 from smarts.arrays import Bools, Floats, Ints
+from smarts.types import columns
 from smarts.types.agent_states import UNSET
 
 UNLIMITED = 2**31 - 1
@@ -105,13 +104,11 @@ class BubbleStates(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, most: int) -> BubbleStates:
         """Return at most so many bubbles in each simulation, which rest."""
-        counts = (np.zeros((worlds, most), np.int32) for _ in COUNTS)
-        return cls(np.zeros((worlds, most, 3)), np.zeros((worlds, most), np.bool_), *counts)
+        return columns.allocate(cls, (worlds, most), more={"pose": (3,)})
 
     def clear(self, row: int) -> None:
         """Let the bubbles of one simulation rest, and forget what has happened."""
-        for column in self:
-            column[row] = 0
+        columns.clear(self, row)
 
     def counted(self, row: int, bubbles: Sequence[PlacedBubble]) -> dict[str, dict[str, int]]:
         """Return the counts of one simulation by the id of the bubble and by name."""

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from smarts.arrays import Floats
 from smarts.geometry.frames import heading_from_compass, wrap_angle
-
-if TYPE_CHECKING:
-    pass
 
 
 class Dimensions(NamedTuple):
@@ -44,8 +43,6 @@ class Point(NamedTuple):
     @property
     def as_np_array(self) -> Floats:
         """The coordinates, shape (3,)."""
-        import numpy as np
-
         return np.array(self, np.float64)
 
 
@@ -86,8 +83,6 @@ class Heading(float):
 
     def direction_vector(self) -> Floats:
         """Return the unit vector that points this way, shape (2,)."""
-        import numpy as np
-
         return np.array([math.cos(self), math.sin(self)])
 
     def __repr__(self) -> str:

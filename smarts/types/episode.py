@@ -60,7 +60,7 @@ class AgentStart:
     take_over: TakeOver | None = None
     """What it waits for from then on; None puts a new vehicle in."""
     interface: int = UNSET
-    """Number of the agent's interface in the pool (`AgentPool.interface_number`); -1: an ego."""
+    """Number of the agent's interface in the pool (`AgentPool.interfaces`); -1: an ego."""
     policy: int = UNSET
     """Number of the social policy that acts for the agent, -1: none, for egos."""
     period: int = 1

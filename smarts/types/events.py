@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Floats, Ints
+from smarts.types import columns
 
 
 class Event(enum.IntFlag):
@@ -73,15 +74,7 @@ class Contacts(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, agents: int, capacity: int) -> Contacts:
         """Return buffers without contacts for B simulations of A agents and V slots."""
-        shape = (worlds, agents)
-        return cls(
-            partner=np.full(shape, -1, np.int32),
-            partner_generation=np.zeros(shape, np.int32),
-            substep=np.zeros(shape, np.int8),
-            closing_speed=np.zeros(shape),
-            side=np.zeros(shape, np.int8),
-            touching=np.zeros((*shape, capacity), np.bool_),
-        )
+        return columns.allocate(cls, (worlds, agents), ("partner",), {"touching": (capacity,)})
 
 
 class Events(NamedTuple):
@@ -101,11 +94,5 @@ class Events(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, agents: int) -> Events:
         """Return buffers without events for B simulations of A agents."""
-        shape = (worlds, agents)
-        return cls(
-            bits=np.zeros(shape, np.int32),
-            just_done=np.zeros(shape, np.bool_),
-            terminated=np.zeros(shape, np.bool_),
-            truncated=np.zeros(shape, np.bool_),
-            finished=np.zeros(worlds, np.bool_),
-        )
+        events = columns.allocate(cls, (worlds, agents))
+        return events._replace(finished=np.zeros(worlds, np.bool_))

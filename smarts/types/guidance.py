@@ -5,9 +5,8 @@ from __future__ import annotations
 import enum
 from typing import NamedTuple
 
-import numpy as np
-
 from smarts.arrays import Bytes, Floats, Ints
+from smarts.types import columns
 
 
 class GuidePhase(enum.IntEnum):
@@ -21,6 +20,9 @@ class GuidePhase(enum.IntEnum):
     """The agent follows a curve out of its lane into another."""
     OVER = 3
     """The agent has performed its task and stays free."""
+
+
+_NONE_IS_MINUS_ONE = ("lane", "target")
 
 
 class Guidance(NamedTuple):
@@ -44,18 +46,8 @@ class Guidance(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, agents: int) -> Guidance:
         """Return no guidance for B simulations of A agents."""
-        shape = (worlds, agents)
-        return cls(
-            phase=np.zeros(shape, np.int8),
-            speed=np.zeros(shape),
-            begin=np.zeros((*shape, 3)),
-            lane=np.full(shape, -1, np.int32),
-            s=np.zeros(shape),
-            target=np.full(shape, -1, np.int32),
-            target_generation=np.zeros(shape, np.int32),
-        )
+        return columns.allocate(cls, (worlds, agents), _NONE_IS_MINUS_ONE, {"begin": (3,)})
 
     def clear(self, row: int) -> None:
         """Forget the guidance of one simulation."""
-        for name, column in self._asdict().items():
-            column[row] = -1 if name in ("lane", "target") else 0
+        columns.clear(self, row, _NONE_IS_MINUS_ONE)

@@ -6,9 +6,8 @@ import enum
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numpy as np
-
 from smarts.arrays import Bytes, Floats, Ints, Shorts
+from smarts.types import columns
 
 
 class GoalKind(enum.IntEnum):
@@ -85,6 +84,9 @@ class AgentMission:
     task: Task = Task()
 
 
+_NONE_IS_MINUS_ONE = ("route", "goal_lane", "task_lane", "via_lane")
+
+
 class Missions(NamedTuple):
     """The missions of B simulations, shape (B, A); written when an agent gets its column."""
 
@@ -127,27 +129,9 @@ class Missions(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, agents: int, vias: int = 0) -> Missions:
         """Return endless missions for B simulations of A agents and W via points."""
-        shape = (worlds, agents)
-        return cls(
-            route=np.full(shape, -1, np.int32),
-            goal=np.zeros(shape, np.int8),
-            goal_position=np.zeros((*shape, 2)),
-            goal_radius=np.zeros(shape),
-            goal_lane=np.full(shape, -1, np.int32),
-            goal_s=np.zeros(shape),
-            laps=np.zeros(shape, np.int16),
-            route_length=np.zeros(shape),
-            free_flow_time=np.zeros(shape),
-            task=np.zeros(shape, np.int8),
-            task_radius=np.zeros(shape),
-            task_lane=np.full(shape, -1, np.int32),
-            task_speed=np.zeros(shape),
-            via_count=np.zeros(shape, np.int32),
-            via_position=np.zeros((*shape, vias, 2)),
-            via_lane=np.full((*shape, vias), -1, np.int32),
-            via_radius=np.zeros((*shape, vias)),
-            via_speed=np.zeros((*shape, vias)),
-        )
+        more = {"goal_position": (2,), "via_position": (vias, 2)}
+        more |= dict.fromkeys(("via_lane", "via_radius", "via_speed"), (vias,))
+        return columns.allocate(cls, (worlds, agents), _NONE_IS_MINUS_ONE, more)
 
     def write(self, row: int, agent_id: int, mission: AgentMission, route: int) -> None:
         """Write an agent's mission; `route` is the number that its simulation gave to the route."""
@@ -169,5 +153,4 @@ class Missions(NamedTuple):
 
     def clear(self, row: int, agent_id: int | slice = slice(None)) -> None:
         """Make missions of one simulation endless."""
-        for name, column in self._asdict().items():
-            column[row, agent_id] = -1 if name in ("route", "goal_lane", "task_lane", "via_lane") else 0
+        columns.clear(self, (row, agent_id), _NONE_IS_MINUS_ONE)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from smarts.arrays import Bytes, Floats
+from smarts.types import columns
 
 
 class Tracks(NamedTuple):
@@ -25,9 +24,5 @@ class Tracks(NamedTuple):
     @classmethod
     def allocate(cls, worlds: int, agents: int, capacity: int, substeps: int) -> Tracks:
         """Return tracks at the origin that touch nothing, for B simulations of A agents and V slots."""
-        shape = (worlds, agents)
-        return cls(
-            poses=np.zeros((*shape, substeps, 3)),
-            touched=np.zeros((*shape, capacity), np.int8),
-            touch_speed=np.zeros((*shape, capacity)),
-        )
+        more = {"poses": (substeps, 3), "touched": (capacity,), "touch_speed": (capacity,)}
+        return columns.allocate(cls, (worlds, agents), more=more)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import enum
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from smarts.arrays import Bools, Bytes, Floats, Ints
+from smarts.types import columns
 
 
 class Owner(enum.IntEnum):
@@ -102,35 +100,7 @@ class VehicleStates(NamedTuple):
     @classmethod
     def allocate(cls, *shape: int) -> VehicleStates:
         """Return empty slots of the given shape; the last axis is V."""
-
-        def zeros(dtype: type) -> NDArray:
-            return np.zeros(shape, dtype)
-
-        return cls(
-            alive=zeros(np.bool_),
-            generation=zeros(np.int32),
-            owner=zeros(np.int8),
-            kind=zeros(np.int8),
-            position=np.zeros((*shape, 2)),
-            height=zeros(np.float64),
-            heading=zeros(np.float64),
-            speed=zeros(np.float64),
-            acceleration=zeros(np.float64),
-            length=zeros(np.float64),
-            width=zeros(np.float64),
-            lane=np.full(shape, -1, np.int32),
-            lane_position=zeros(np.float64),
-            desired_speed=zeros(np.float64),
-            lane_offset=zeros(np.float64),
-            lateral_speed=zeros(np.float64),
-            lateral_acceleration=zeros(np.float64),
-            yaw_rate=zeros(np.float64),
-            yaw_acceleration=zeros(np.float64),
-            route=np.full(shape, -1, np.int32),
-            next_edge=np.full(shape, -1, np.int32),
-            standing_since=np.full(shape, -1, np.int32),
-            home=zeros(np.int8),
-        )
+        return columns.allocate(cls, shape, NONE_IS_MINUS_ONE, {"position": (2,)})
 
     @property
     def capacity(self) -> int:

@@ -71,7 +71,9 @@ def until_failure(env, action, seed):
     return len(steps)
 
 
-@pytest.mark.parametrize("api", APIS)
+@pytest.mark.parametrize(
+    "api", ["hiway", *(pytest.param(name, marks=pytest.mark.nightly) for name in ("parallel", "rllib"))]
+)
 def test_dict_environments_raise_one_error_and_can_be_reset(doomed, api):
     env, fresh = APIS[api](doomed), APIS[api](doomed)
     try:
@@ -93,13 +95,6 @@ def test_single_environments_raise_one_error_and_can_be_reset(doomed):
         assert env.observation_space.contains(env.step(0)[0])
     finally:
         env.close()
-
-
-def test_an_environment_that_has_failed_can_be_closed(doomed):
-    env = APIS["parallel"](doomed)
-    until_failure(env, {"agent-0": 0}, seed=3)
-    env.close()
-    env.close()
 
 
 def test_vector_environments_report_the_failure_and_continue(doomed, tmp_path):

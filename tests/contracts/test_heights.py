@@ -86,12 +86,12 @@ def play(env, seed, actions):
     return seen, outcomes
 
 
-@pytest.mark.parametrize("model", ["bullet", "kinematic"])
+@pytest.mark.parametrize("model", ["bullet", pytest.param("kinematic", marks=pytest.mark.nightly)])
 def test_agents_pass_below_a_bridge_full_of_traffic(tmp_path, model):
     interface = replace(LANER, vehicle_model=model)
     folder = write(tmp_path / "below", BRIDGE, ["sn"], ("we", 0, 60, 290))
     with closing(HiWayEnv([folder], {"a": interface})) as env:
-        for seed in range(3):
+        for seed in range(2):
             seen, outcomes = play(env, seed, {"a": "keep_lane"})
             assert outcomes == {"a": "goal"}
             assert not any(now["a"].neighborhood_vehicle_states for now in seen)
@@ -108,7 +108,7 @@ def test_vehicles_on_a_bridge_meet_each_other(tmp_path):
     assert other.position[2] == first.ego_vehicle_state.position[2] == 8.0
 
 
-@pytest.mark.parametrize("model", ["bullet", "kinematic"])
+@pytest.mark.parametrize("model", ["bullet", pytest.param("kinematic", marks=pytest.mark.nightly)])
 def test_an_agent_drives_up_a_ramp_that_crosses_itself(tmp_path, model):
     folder = write(tmp_path / "ramp", RAMP, [], ("ramp", 0, 10, 420))
     with closing(HiWayEnv([folder], {"a": replace(LANER, vehicle_model=model)})) as env:
@@ -132,7 +132,7 @@ def test_traffic_stops_behind_an_agent_on_its_own_road_only(tmp_path, edge, axis
     folder = write(tmp_path / "standing", BRIDGE, ["we", "sn"], (edge, 0, 155, 290))
     with closing(HiWayEnv([folder], {"a": LANER})) as env:
         env.reset(seed=1)
-        for _ in range(350):
+        for _ in range(250):
             env.step({"a": "slow_down"})
         vehicles = env._env.runner.world.vehicles.of(0)
         agent = int(np.flatnonzero(vehicles.owner == Owner.AGENT)[0])

@@ -33,7 +33,7 @@ def built():
     return build_scenario(SCENARIO)
 
 
-@pytest.fixture(params=[*TRAFFIC_ENGINES, LONGER])
+@pytest.fixture(params=[*TRAFFIC_ENGINES, pytest.param(LONGER, marks=pytest.mark.nightly)])
 def kind(request):
     return partial(SumoEngine, step=0.5) if request.param == LONGER else TRAFFIC_ENGINES[request.param]
 
@@ -129,7 +129,7 @@ def test_traffic_arrives_moves_and_leaves(case):
     one.reset()
     assert all(len(one.owned(row)) for row in range(2))
     generations = one.vehicles.generation.copy()
-    for _ in range(300):
+    for _ in range(200):
         before = one.vehicles.position.copy(), one.vehicles.generation.copy()
         one.step()
         stays = one.vehicles.alive & (one.vehicles.generation == before[1])
@@ -172,7 +172,7 @@ def test_a_row_of_a_batch_equals_a_separate_run_and_is_constant_when_masked(case
     batch, alone = case(3), case(1)
     batch.reset()
     alone.reset(row_0=alone.start(world=1))
-    for step in range(100):
+    for step in range(60):
         masked = batch.content(1)
         if step % 3 == 0:
             batch.step(rows=[True, False, True])
@@ -180,19 +180,6 @@ def test_a_row_of_a_batch_equals_a_separate_run_and_is_constant_when_masked(case
         batch.step()
         alone.step()
         assert batch.content(1) == alone.content(0)
-
-
-def test_an_episode_does_not_depend_on_earlier_episodes(case):
-    used, fresh = case(1), case(1)
-    used.reset(row_0=used.start(episode=5))
-    used.step(50)
-    for one in (used, fresh):
-        one.reset()
-        one.step(50)
-    assert used.content(0) == fresh.content(0)
-    fresh.reset(row_0=fresh.start(episode=1))
-    fresh.step(50)
-    assert used.content(0) != fresh.content(0)
 
 
 @pytest.fixture(scope="module")
@@ -220,7 +207,7 @@ def test_an_episode_does_not_depend_on_earlier_and_parallel_traffic(two_traffics
             one.vehicles.speed[0, slot] = 5.0
             one.step()
             one.vehicles.owner[0, slot] = Owner.TRAFFIC
-        for _ in range(100):
+        for _ in range(50):
             used.step()
             fresh.step()
             assert used.content(0) == fresh.content(0)
@@ -328,7 +315,7 @@ def test_dismissed_vehicles_do_not_return(case):
     assert names.isdisjoint(one.world.registry.name(0, slot) for slot in one.owned(0).tolist())
 
 
-@pytest.mark.parametrize("second", TRAFFIC_ENGINES)
+@pytest.mark.parametrize("second", ["ConstantSpeed"])
 def test_two_engines_share_a_simulation(case, second):
     one = case(1)
     other = TRAFFIC_ENGINES[second](one.world, [one.roads], owner=OTHER)
@@ -338,7 +325,7 @@ def test_two_engines_share_a_simulation(case, second):
         one.engine.reset({0: half})
         other.reset({0: one.start(episode=1)})
         counts = []
-        for _ in range(100):
+        for _ in range(60):
             one.world.advance(one.all)
             for engine, foreign in ((one.engine, OTHER), (other, Owner.TRAFFIC)):
                 slots = one.owned(0, foreign)

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_ind
 
-from benchmark.experiment.config import read_experiment
-from benchmark.experiment.runs import runs_of
 from benchmark.results.reading import read_results
 from perf import traffic_step_training as comparison
 from tests.blocks import ROOT
@@ -54,27 +52,6 @@ def test_words(longer, sign, word):
     assert comparison.gap([0.90, 0.91, 0.92], longer, sign).word == word
 
 
-def table(*completions):
-    return [
-        comparison.Row("loop", seed, step, "greedy", rate, 1 - rate, 80, 1000, "abc")
-        for step, rates in zip((0.1, 0.5), completions, strict=True)
-        for seed, rate in enumerate(rates)
-    ]
-
-
-def test_the_table_is_read_as_it_was_written(tmp_path):
-    rows = table((0.9, 0.91, 0.92), (0.9, 0.91, 0.9))
-    comparison.write(rows, tmp_path / "table.csv")
-    assert comparison.read(tmp_path / "table.csv") == rows
-
-
-@pytest.mark.parametrize(("rates", "is_worse"), [((0.9, 0.91, 0.9), False), ((0.5, 0.51, 0.5), True)])
-def test_worse_greedy_rates_are_refused(rates, is_worse):
-    text, found = comparison.page(table((0.9, 0.91, 0.92), rates))
-    assert found == is_worse
-    assert text.count("| loop | greedy |") == 2
-
-
 def test_rows_hold_the_rates_of_all_valid_agents():
     (run, *_) = (
         each
@@ -87,10 +64,3 @@ def test_rows_hold_the_rates_of_all_valid_agents():
     assert greedy.collision == pytest.approx((played["outcome"] == "collision").mean(), abs=1e-4)
     assert (greedy.mode, sampled.mode) == ("greedy", "sampled")
     assert greedy.agent_episodes == len(played)
-
-
-def test_the_experiment_has_two_cells_and_five_seeds():
-    runs = runs_of(read_experiment(comparison.CONFIG, ["environment.traffic_step=0.5"]))
-    assert {(run.task_setting.task.name, run.seed) for run in runs} == {
-        (task, seed) for task in ("double_merge_v1", "intersection_v1") for seed in range(1, 6)
-    }

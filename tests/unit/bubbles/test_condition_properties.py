@@ -82,10 +82,6 @@ def clocked(tree):
     }
 
 
-def without_clocks(tree):
-    return st.one_of(*made_of(tree).values())
-
-
 def with_clocks(tree):
     return st.one_of(*made_of(tree).values(), *clocked(tree).values())
 
@@ -102,7 +98,6 @@ EACH = LEAVES | made_of(LEAF) | clocked(LEAF)
 """The smallest trees of each kind."""
 ACTIVE = st.recursive(GENERAL, with_clocks, max_leaves=6)
 AIRLOCK = st.recursive(LEAF, with_clocks, max_leaves=6)
-CLOCKLESS = st.recursive(LEAF, without_clocks, max_leaves=4)
 
 
 CONDITIONS = {
@@ -339,16 +334,10 @@ def rows_of(number, count):
     return [random_facts(random) for _ in range(count)]
 
 
-def pairs(number, dt, left, right):
-    """Return what two conditions on vehicles say of the same facts."""
-    (states,) = Stage(rows_of(number, 1), dt).run([], [left, right])
-    return list(zip(states[::2], states[1::2], strict=True))
-
-
 @given(
     st.lists(ACTIVE, min_size=2, max_size=2), st.lists(AIRLOCK, min_size=2, max_size=2), NUMBERS, STEP_LENGTHS
 )
-@settings(PLAIN, max_examples=250)
+@settings(PLAIN, max_examples=80)
 def test_random_conditions_in_random_simulations(active, airlock, number, dt):
     rows = rows_of(number, 2)
     conditions = [[condition_of(tree, dt) for tree in trees] for trees in (active, airlock)]
@@ -358,7 +347,7 @@ def test_random_conditions_in_random_simulations(active, airlock, number, dt):
 @pytest.mark.parametrize("kind", EACH)
 def test_each_kind_alone(kind):
     @given(EACH[kind], NUMBERS, STEP_LENGTHS)
-    @settings(PLAIN, max_examples=20)
+    @settings(PLAIN, max_examples=8)
     def check(tree, number, dt):
         (facts,) = rows = rows_of(number, 1)
         assert Stage(rows, dt).run([], [condition_of(tree, dt)]) == [states_of(facts, [], [tree])]
@@ -368,7 +357,7 @@ def test_each_kind_alone(kind):
 
 @example(("or", ("and", ("literal", EXPIRED), WAITING), ("or", ("window", 0, 4), WAITING)), 0, "0.1")
 @given(SHARED, NUMBERS, STEP_LENGTHS)
-@settings(PLAIN, max_examples=150)
+@settings(PLAIN, max_examples=40)
 def test_equal_triggers_share_a_clock_in_one_bubble_alone(tree, number, dt):
     rows, trees = rows_of(number, 1), [tree, *tree[1:]]
     conditions = [condition_of(tree, dt) for tree in trees]
@@ -376,40 +365,7 @@ def test_equal_triggers_share_a_clock_in_one_bubble_alone(tree, number, dt):
 
 
 @given(ACTIVE, AIRLOCK, NUMBERS, STEP_LENGTHS)
-@settings(PLAIN, max_examples=60)
-def test_a_row_of_a_batch_is_the_row_alone(active, airlock, number, dt):
-    rows, conditions = rows_of(number, 3), ([condition_of(active, dt)], [condition_of(airlock, dt)])
-    together = Stage(rows, dt).run(*conditions)
-    assert together == [Stage([facts], dt).run(*conditions)[0] for facts in rows]
-
-
-@given(ACTIVE, AIRLOCK, NUMBERS, STEP_LENGTHS)
-@settings(PLAIN, max_examples=60)
+@settings(PLAIN, max_examples=20)
 def test_a_second_look_in_the_same_step_changes_nothing(active, airlock, number, dt):
     rows, conditions = rows_of(number, 1), ([condition_of(active, dt)], [condition_of(airlock, dt)])
     assert Stage(rows, dt).run(*conditions, looks=2) == Stage(rows, dt).run(*conditions)
-
-
-@given(AIRLOCK, AIRLOCK, NUMBERS, STEP_LENGTHS)
-@settings(PLAIN, max_examples=60)
-def test_laws_of_truth(one, other, number, dt):
-    """Both sides look at the same parts, so these hold with clocks, too."""
-    a, b = condition_of(one, dt), condition_of(other, dt)
-    for left, right in ((a.negation().negation(), a), (a.implication(b), -a | b), (a & a, a), (a | a, a)):
-        assert all(bool(x) == bool(y) for x, y in pairs(number, dt, left, right))
-
-
-@given(CLOCKLESS, CLOCKLESS, CLOCKLESS, NUMBERS, STEP_LENGTHS)
-@settings(PLAIN, max_examples=60)
-def test_laws_of_states(one, other, third, number, dt):
-    """Without clocks, it makes no difference which side is looked at first."""
-    a, b, c = (condition_of(tree, dt) for tree in (one, other, third))
-    for left, right in (
-        (a & b, b & a),
-        (a | b, b | a),
-        (-(a & b), -a | -b),
-        (-(a | b), -a & -b),
-        ((a & b) & c, a & (b & c)),
-        ((a | b) | c, a | (b | c)),
-    ):
-        assert all(x == y for x, y in pairs(number, dt, left, right))

@@ -1,6 +1,5 @@
 """The facts that conditions of bubbles get."""
 
-import numpy as np
 import pytest
 
 from smarts.bubbles.conditions import ConditionRunner
@@ -82,18 +81,3 @@ def test_clocks_are_apart_by_simulation_bubble_and_vehicle(made):
     assert runner.admits(0, 0, 0, condition, ROADS) == t.ConditionState.BEFORE
     runner.clear(0)
     assert not runner.is_active(0, 0, condition)
-
-
-def test_equal_seeds_are_not_needed(made):
-    """Conditions draw nothing: two runners agree at every time."""
-    condition = (t.TimeWindowCondition(1, 3) | t.DependeeActorCondition("bus").trigger(2.0)) & (
-        -t.TimeWindowCondition(4, 5)
-    )
-    first, second = ConditionRunner(made.world), ConditionRunner(made.world)
-    expected = [1.0 <= time < 4.0 or time >= 5.0 for time in np.arange(60) / 10]
-    seen = []
-    for step in range(60):
-        made.world.step[0] = step
-        seen.append(first.is_active(0, 0, condition))
-        assert second.is_active(0, 0, condition) == seen[-1]
-    assert seen == expected

@@ -67,10 +67,8 @@ def test_bubbles_that_travel_keep_the_outline_of_the_file():
     [
         (None, None, (UNLIMITED, UNLIMITED), 32),
         (t.BubbleLimits(2, 5), None, (2, 5), 5),
-        (t.BubbleLimits(40), None, (40, UNLIMITED), 40),
         (t.BubbleLimits(2, sys.maxsize), None, (2, UNLIMITED), 32),
         (t.BubbleLimits(4, 9), t.BubbleLimits(3, 10), (3, 9), 9),
-        (t.BubbleLimits(9, 9), t.BubbleLimits(3, 5), (3, 5), 5),
         (None, t.BubbleLimits(3, 5), (3, 5), 5),
     ],
 )

@@ -44,6 +44,24 @@ def cross(kind: str) -> tuple[str, str]:
     return f'<nodes>{nodes}<node id="c" x="0" y="0" type="{kind}"/></nodes>', f"<edges>{edges}</edges>"
 
 
+def streets(nodes: dict[str, tuple[float, float]], edges: dict[str, str], **kinds: str) -> tuple[str, str]:
+    """Return straight roads.
+
+    Args:
+        nodes: Places [m] by their letters.
+        edges: Further attributes of each edge, by the letters of its two ends.
+        kinds: SUMO's type of a junction, by its letter.
+    """
+    places = "".join(
+        f'<node id="{name}" x="{x}" y="{y}" type="{kinds.get(name, "priority")}"/>'
+        for name, (x, y) in nodes.items()
+    )
+    roads = "".join(
+        f'<edge id="{ends}" from="{ends[0]}" to="{ends[1]}" {more}/>' for ends, more in edges.items()
+    )
+    return f"<nodes>{places}</nodes>", f"<edges>{roads}</edges>"
+
+
 def bend(turn: int) -> tuple[str, str]:
     """Return a road of two lanes, and one back, that begins 80 m west of the origin and turns around there.
 
@@ -168,6 +186,10 @@ class World:
 
     def slot(self, name: str) -> int:
         return next(s for s in range(self.states.capacity) if self.registry.name(0, s) == name)
+
+    def route(self, slot: int) -> tuple[str, ...]:
+        """Return the remaining edges of a vehicle's route in SUMO, the current one first."""
+        return self.traffic._library.route_ahead(self.traffic._ids[slot])
 
     def sumo_lane(self, slot: int) -> str:
         return self.traffic._library.vehicle.getLaneID(self.traffic._ids[slot])

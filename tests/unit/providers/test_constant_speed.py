@@ -112,14 +112,14 @@ def test_a_flow_ends_and_takes_nothing_from_others(track, tmp_path):
     assert world.vehicles.alive.sum() < there
 
 
-@pytest.mark.parametrize("warm_up", [0.0, 10.0, 50.0, 60.0])
+@pytest.mark.parametrize("warm_up", [0.0, 50.0])
 def test_a_single_vehicle_departs_once(track, tmp_path, warm_up):
     """Times less the warm-up are rounded, such as 60.3 - 50."""
-    departures = np.arange(max(0.1, warm_up - 1.0), warm_up + 5.0, 0.1)
+    departures = np.arange(max(0.1, warm_up - 1.0), warm_up + 2.0, 0.1)
     for depart in departures.round(1).tolist():
         world, traffic = driven(track, tmp_path, depart=depart, warm_up=warm_up)
         due, came = round(10 * (depart - warm_up)), []
-        for _ in range(60):
+        for _ in range(30):
             came.append(int(world.vehicles.generation.sum()))
             world.advance(ALL)
             traffic.step(ALL)
@@ -128,7 +128,7 @@ def test_a_single_vehicle_departs_once(track, tmp_path, warm_up):
 
 
 @pytest.mark.parametrize("repeat", ["", 'repeat="500"'])
-@pytest.mark.parametrize("rates", [[1200], [800, 800], [1200, 1200], [600, 600, 600], [3000], [3600, 3600]])
+@pytest.mark.parametrize("rates", [[800, 800], [3600, 3600]])
 def test_the_warm_up_leaves_the_vehicles_that_steps_leave(track, tmp_path, rates, repeat):
     """Vehicles without room depart later, and only vehicles that have departed take room."""
     flow = "<flow id='{}' route='round' begin='0' end='9e3' vehsPerHour='{}'/>"

@@ -95,15 +95,6 @@ class TestBoxesSuffice:
 
 
 class TestBoxesAreRemoved:
-    def test_with_the_vehicle(self, stage):
-        driven = stage([ego(20.0, speed=10.0), Car(27.0, 0.0, speed=10.0)])
-        driven.step(3)
-        assert len(driven.boxes) == 1
-        driven.made.world.registry.dismiss(0, 1)
-        driven.step(20)
-        assert driven.boxes == []
-        assert driven.world.vehicles.position[0, 0, 0] == pytest.approx(43.0, abs=0.5)
-
     def test_at_the_episodes_end(self, stage):
         """At a distance of 1 m, a vehicle is a box only if it was one in the step before."""
         driven = stage([ego(20.0, speed=0.0), Car(26.0, 0.0)])
@@ -156,10 +147,12 @@ class TestContacts:
             pushed = max(pushed, abs(driven.world.vehicles.speed[0, 1]))
         return first, pushed
 
-    @pytest.mark.parametrize("kind", [VehicleKind.PASSENGER, VehicleKind.BUS])
+    @pytest.mark.parametrize(
+        "kind", [VehicleKind.PASSENGER, pytest.param(VehicleKind.BUS, marks=pytest.mark.nightly)]
+    )
     def test_a_pushed_vehicle_has_a_contact(self, stage, kind):
         touched = 0
-        for gap in np.arange(1.0, 11.0, 0.5):
+        for gap in np.arange(1.0, 11.0, 1.0):
             first, pushed = self.drive_up(stage, 11.0, gap, kind, MISSION)
             assert (first is not None) == (pushed > 0.02), gap
             touched += first is not None
@@ -169,7 +162,7 @@ class TestContacts:
                 assert 1 <= substeps[0, 0, 1] == substeps[0, 1, 0] <= 10
                 assert not substeps[0, 0, [0, *range(2, substeps.shape[2])]].any()
                 assert 0.0 <= speeds[0, 0, 1] == speeds[0, 1, 0] <= 11.1
-        assert 5 < touched < 20
+        assert 2 < touched < 10
 
     def test_traffic_is_touched_too(self, stage):
         first, _ = self.drive_up(stage, 12.0, 3.0)
@@ -214,7 +207,7 @@ class TestContacts:
             [pytest.approx(10.0, abs=0.2), 0.0],
         ]
 
-    @pytest.mark.parametrize("lag", [0.0, 0.35, 0.7])
+    @pytest.mark.parametrize("lag", [0.0, 0.7])
     def test_a_bus_turns_past_a_standing_vehicle_without_contact(self, stage, lag):
         """A bus drives on a circle of 14 m at 6 m/s; a car is 10 cm off the path of its outer corners."""
         radius, rate = 14.0, 6.0 / 14.0

@@ -28,7 +28,7 @@ def build(folder, given: float):
     return build_described(folder, t.Scenario(traffic={"basic": t.Traffic(flows=[flow])}))
 
 
-@pytest.mark.parametrize("given", [600.0, 200.0, 67.0])
+@pytest.mark.parametrize("given", [600.0, 67.0])
 def test_traffic_stops_behind_a_vehicle_that_stands(tmp_path, given):
     built = build(tmp_path, given)
     world = World(worlds=1, capacity=64, agents=0, lanes=len(built.roads().lane_ids))
@@ -37,7 +37,7 @@ def test_traffic_stops_behind_a_vehicle_that_stands(tmp_path, given):
     states.position[agent] = 150.0, -1.6
     traffic, nearest, entries = SumoTraffic(world, 0), np.inf, []
     traffic.reset(built.traffic["basic"], 7, built.roads())
-    for _ in range(400):
+    for _ in range(300):
         new = states.alive.copy()
         world.advance(np.ones(1, np.bool_))
         traffic.step()

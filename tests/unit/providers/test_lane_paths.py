@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from smarts.errors import TrafficError
 from smarts.providers.lane_paths import LanePaths
 from smarts.roads.lane_graph import LaneKind
 from tests import maps
@@ -66,11 +65,3 @@ def test_paths_leave_bicycle_lanes_to_others():
     path = paths.add(0, numbers(roads, ("near", "far")))
     ((_, y, _),) = paths.poses(np.array([path]), np.array([20.0]), np.array([0.0]))
     assert y == pytest.approx(3.2)
-
-
-def test_an_invalid_route_raises_each_time(roads):
-    paths = LanePaths([roads])
-    for _ in range(2):
-        with pytest.raises(TrafficError):
-            paths.add(0, numbers(roads, ("west_in", "east_in")))
-        assert paths.add(0, numbers(roads, ONWARD)) == 0

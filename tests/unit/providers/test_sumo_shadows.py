@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from smarts.geometry.boxes import boxes_overlap
-from smarts.types.vehicles import Owner
+
+from .conftest import streets
 
 RIGHT, LEFT = -4.8, -1.6
 """y of the two eastbound lanes of the road [m]."""
@@ -74,18 +75,6 @@ def test_a_driver_stops_behind_a_standing_ego(world, country):
     assert x(world, "s0") == pytest.approx(250 - 2.5 - 2.5 - 2.5, abs=0.5)
 
 
-def test_the_egos_row_is_not_written(world, country):
-    begin(world, country.road(drivers((0, 100, 10))))
-    ego = world.admit(250.0, RIGHT + 0.3, 0.1, 3.0)
-    world.states.lane[ego], world.states.acceleration[ego] = 3, -0.5
-    before = [np.copy(getattr(world.states, name)[ego]) for name in ("position", "heading", "speed")]
-    world.step(20)
-    after = [getattr(world.states, name)[ego] for name in ("position", "heading", "speed")]
-    assert all((a == b).all() for a, b in zip(before, after, strict=True))
-    assert (world.states.lane[ego], world.states.acceleration[ego]) == (3, -0.5)
-    assert world.states.owner[ego] == Owner.AGENT
-
-
 def test_a_shadow_has_the_pose_and_speed_of_its_vehicle(world, country):
     """The vehicle is faster than the limit and at an angle to the lane."""
     begin(world, country.road(drivers((0, 10, 10))))
@@ -136,15 +125,6 @@ def test_appearing_ahead_on_a_single_lane(world, country):
     assert speed(world, "s0") < 0.1
 
 
-def test_insertion_ahead_of_traffic(world, country):
-    begin(world, country.road(drivers((0, 100, 18), (0, 60, 18))), 2.0)
-    ahead = x(world, "s0") + 45
-    ego = world.admit(ahead, RIGHT, 0.0, 5.0)
-    drive(world, ego, lambda t: (ahead + 5 * t, RIGHT, 0.0, 5.0), 300)
-    assert speed(world, "s0") == pytest.approx(5.0, abs=0.3)
-    assert speed(world, "s1") == pytest.approx(5.0, abs=0.3)
-
-
 def test_a_lane_change_leaves_no_ghost(world, country):
     """With keepRoute 1, the driver would stop behind a ghost. (Drivers do not overtake on the right.)"""
     begin(world, country.road(drivers((1, 100, 15))))
@@ -189,8 +169,7 @@ def test_drifting_over_the_line_stops_the_next_lane_too(world, country):
         assert x(world, name) < 300 - 5
 
 
-@pytest.mark.parametrize("begin_at", [RIGHT, LEFT])
-@pytest.mark.parametrize("over", [1.4, 3.2])
+@pytest.mark.parametrize(("begin_at", "over"), [(RIGHT, 1.4), (LEFT, 3.2)])
 def test_drifting_back_inside_a_lane_frees_the_other(world, country, begin_at, over):
     """The ego drifts over the line and back, or all the way across; the lane without the ego stays free."""
     begin(world, country.road(drivers((0, 20, 10), (1, 20, 10))))
@@ -208,15 +187,7 @@ def test_drifting_back_inside_a_lane_frees_the_other(world, country, begin_at, o
     assert speed(world, free) == pytest.approx(20.0)
 
 
-def test_beside_the_next_lane_stops_only_one(world, country):
-    begin(world, country.road(drivers((0, 100, 10), (1, 100, 10))))
-    ego = world.admit(300.0, RIGHT, 0.0, 0.0)
-    drive(world, ego, lambda t: (300.0, RIGHT, 0.0, 0.0), 220)
-    assert speed(world, "s0") < 0.1
-    assert speed(world, "s1") == pytest.approx(20.0)
-
-
-@pytest.mark.parametrize(("speed_against", "begin_at"), [(0.0, -60.0), (4.0, -60.0), (12.0, -20.0)])
+@pytest.mark.parametrize(("speed_against", "begin_at"), [(0.0, -60.0), (12.0, -20.0)])
 def test_head_on_in_the_oncoming_lane(world, country, speed_against, begin_at):
     """A driver stops without emergency braking for an ego that comes the wrong way and stops."""
     begin(world, country.cross(from_arm("w", "e", 20)))
@@ -232,8 +203,7 @@ def test_head_on_in_the_oncoming_lane(world, country, speed_against, begin_at):
     assert hardest > -4.6
 
 
-@pytest.mark.parametrize("offset", [1.2, 1.6, 2.0, 2.4, 3.2])
-@pytest.mark.parametrize("arm", ["w", "e"])
+@pytest.mark.parametrize(("arm", "offset"), [("w", 1.2), ("w", 3.2), ("e", 1.2), ("e", 2.4)])
 def test_straddling_the_centre_line_stops_both_directions(world, country, arm, offset):
     """An eastbound ego stands on the west arm, left of its lane; drivers come from either side."""
     routes = from_arm(arm, "e" if arm == "w" else "w", 20, 10)
@@ -255,10 +225,10 @@ def test_drifting_back_over_the_centre_line_frees_the_oncoming_lane(world, count
 
 
 @pytest.mark.parametrize(
-    ("heading", "speed_in"), [(0.0, {"wc": 6.0, "cw": 0.0}), (math.pi, {"wc": 0.0, "cw": 6.0})]
+    ("heading", "over", "speed_in"),
+    [(0.0, -0.4, {"wc": 6.0, "cw": 0.0}), (math.pi, 0.4, {"wc": 0.0, "cw": 6.0})],
 )
-@pytest.mark.parametrize("over", [-0.4, 0.4])
-def test_oncoming_vehicles_have_speed_zero_in_sumo(world, country, heading, speed_in, over):
+def test_oncoming_vehicles_have_speed_zero_in_sumo(world, country, heading, over, speed_in):
     """An ego on the centre line is a shadow on one side and a proxy on the other.
 
     One of the two moves against its lane; SUMO would treat it as driving away from the oncoming drivers.
@@ -318,8 +288,7 @@ def test_a_proxy_appears_in_the_step_in_which_the_ego_crosses_the_line(world, co
             assert len(known()) == (3 if y + 0.9 > 0.0 else 2)
 
 
-@pytest.mark.parametrize("turn", [1, -1])
-@pytest.mark.parametrize("index", [0, 1])
+@pytest.mark.parametrize(("turn", "index"), [(1, 1), (-1, 0)])
 def test_an_ego_that_keeps_its_lane_in_a_bend_is_in_no_other_lane(world, country, turn, index):
     """Its tail follows the lane, so it straddles neither the next lane nor the centre line."""
     begin(world, country.bend("", turn))
@@ -347,7 +316,7 @@ def test_a_proxy_is_not_in_the_world_and_is_removed_with_its_ego(world, country)
     assert len(known()) == 1
 
 
-@pytest.mark.parametrize("begin_at", [-180.0, -180.25, -180.5, -180.75])
+@pytest.mark.parametrize("begin_at", [-180.0, -180.5])
 def test_a_proxy_does_not_arrive_while_its_shadow_is_off_the_net(world, country, begin_at):
     """On the wrong side of the road, the ego passes a vehicle at the end of the proxy's lane."""
     still = '<vType id="still" length="1" maxSpeed="0.01"/>'
@@ -380,14 +349,9 @@ def test_an_ego_that_jumps_is_a_new_vehicle_in_sumo(world, country):
 
 def test_drivers_do_not_cooperate_with_a_planned_lane_change(world, country):
     """The ego's route requires a lane change; SUMO's drivers must not react to it in advance."""
-    nodes = "".join(
-        f'<node id="{name}" x="{x}" y="{y}"/>'
-        for name, x, y in (("a", 0, 0), ("b", 500, 0), ("c", 900, -50), ("d", 900, 50))
-    )
-    edges = '<edge id="ab" from="a" to="b" numLanes="2" speed="20"/>' + "".join(
-        f'<edge id="b{to}" from="b" to="{to}" numLanes="1" speed="20"/>' for to in "cd"
-    )
-    fork = country.net("fork", (f"<nodes>{nodes}</nodes>", f"<edges>{edges}</edges>"))
+    nodes = {"a": (0, 0), "b": (500, 0), "c": (900, -50), "d": (900, 50)}
+    one = 'numLanes="1" speed="20"'
+    fork = country.net("fork", streets(nodes, {"ab": 'numLanes="2" speed="20"', "bc": one, "bd": one}))
     routes = drivers(*((1, 200 - 30 * number, 10) for number in range(4))).replace("ab bc", "ab bd")
     begin(world, country.files(fork, routes))
     ego = world.admit(250.0, RIGHT, 0.0, 8.0)
@@ -407,20 +371,7 @@ def test_reversing_in_the_lane(world, country):
     assert speed(world, "s0") < 0.1
 
 
-def test_off_the_road_and_back(world, country):
-    begin(world, country.road(drivers((0, 100, 10))))
-    ego = world.admit(200.0, RIGHT - 20, 0.5, 0.0)
-    drive(world, ego, lambda t: (200.0, RIGHT - 20, 0.5, 0.0), 30)
-    assert sumo_motion(world, ego)[0] == ""
-    assert speed(world, "s0") > 15
-    back = x(world, "s0") + 90
-    drive(world, ego, lambda t: (back, RIGHT, 0.0, 0.0), 200)
-    assert sumo_motion(world, ego)[0] == "ab_0"
-    assert speed(world, "s0") < 0.1
-
-
-@pytest.mark.parametrize("arm", ["s", "e"])
-@pytest.mark.parametrize("has_route", [True, False])
+@pytest.mark.parametrize(("arm", "has_route"), [("s", True), ("e", False)])
 def test_drivers_yield_to_an_ego_with_right_of_way(world, country, arm, has_route):
     """Drivers come from the minor road, or turn left; an ego without a route is expected to go straight."""
     to = {"s": "n", "e": "s"}[arm]
@@ -445,16 +396,6 @@ def test_a_driver_with_right_of_way_stops_for_an_ego_in_the_junction(world, coun
     ego = world.admit(2.0, 1.0, 2.2, 0.0)
     drive(world, ego, lambda t: (2.0, 1.0, 2.2, 0.0), 250)
     assert speed(world, "s0") < 0.1
-
-
-def test_an_ego_that_leaves_frees_the_lane(world, country):
-    begin(world, country.road(drivers((0, 100, 10))))
-    ego = world.admit(250.0, RIGHT, 0.0, 0.0)
-    drive(world, ego, lambda t: (250.0, RIGHT, 0.0, 0.0), 200)
-    world.registry.dismiss(0, ego)
-    world.step(100)
-    assert speed(world, "s0") > 15
-    assert not world.states.alive[ego]
 
 
 def test_a_slot_reused_by_another_ego_in_the_same_step(world, country):
@@ -483,15 +424,6 @@ def test_traffic_keeps_clear_of_starts(world, country):
         assert (gap > 5).all()
 
 
-def test_clearing_a_place_in_mid_episode(world, country):
-    begin(world, country.road(drivers((0, 100, 0), (0, 130, 0), (1, 100, 0))))
-    ego = world.admit(97.5, RIGHT, 0.0, 0.0)
-    world.registry.dismiss(0, world.slot("s0"))
-    assert sorted(world.names()) == ["ego", "s1", "s2"]
-    drive(world, ego, lambda t: (97.5, RIGHT, 0.0, 0.0), 20)
-    assert sorted(world.names()) == ["ego", "s1", "s2"]
-
-
 def test_traffic_does_not_depart_onto_a_vehicle_that_enters_in_the_same_step(world, country):
     late = '<vehicle id="{}" depart="5" departPos="{}" departSpeed="0"><route edges="ab"/></vehicle>'
     world.reset(country.road(late.format("near", 200) + late.format("far", 400)))
@@ -508,7 +440,7 @@ def test_sumo_survives_many_egos_in_busy_traffic(world, country):
     rng = np.random.Generator(np.random.Philox(5))
     egos = [world.admit(*rng.uniform(-60, 60, 2), rng.uniform(-3, 3), 5.0) for _ in range(6)]
     turn = rng.uniform(-0.1, 0.1, len(egos))
-    for step in range(1200):
+    for step in range(600):
         for ego, rate in zip(egos, turn, strict=True):
             heading = world.states.heading[ego] + rate * 0.1
             position = world.states.position[ego] + 0.8 * np.array([math.cos(heading), math.sin(heading)])
@@ -517,4 +449,4 @@ def test_sumo_survives_many_egos_in_busy_traffic(world, country):
             world.put(ego, *position, heading, 8.0)
         world.step()
         assert all(world.states.alive[ego] for ego in egos), f"an ego vanished in step {step}"
-    assert world.states.alive.sum() > 12
+    assert world.states.alive.sum() > 8

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from smarts.dynamics import MotionError, vehicle
-from smarts.errors import ActionError
 from smarts.providers.vehicle_surface import RoadSurfaces
 from smarts.sensors.accelerometer import AccelerationAndJerk
 from smarts.sensors.ego_vehicle_state import EgoVehicleState
@@ -16,7 +15,6 @@ from smarts.types.agent_states import AgentStatus
 from smarts.types.transfers import Reason, Refusal, transfers
 from smarts.types.vehicles import Owner, VehicleKind
 from tests import maps
-from tests.raising import raises
 from tests.unit.sensors.seeing import seen
 from tests.vehicle_stage import ego
 from tests.worlds import Car
@@ -74,8 +72,9 @@ class TestHandOver:
         row = (0, slot, generation, Owner.TRAFFIC, -1, Owner.AGENT, agent_id, Reason.TAKE)
         driven.made.ownership.submit(transfers([row]))
 
-    @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
-    @pytest.mark.parametrize("yaw_rate", [0.0, 0.2])
+    @pytest.mark.parametrize(
+        ("model", "yaw_rate"), [("bullet", 0.0), ("bullet", 0.2), ("dynamic", 0.2), ("kinematic", 0.2)]
+    )
     def test_from_traffic_without_a_jump(self, stage, model, yaw_rate):
         driven = stage([Car(50.0, 3.2, 0.1, 12.0), ego()], model=model)
         vehicles = driven.world.vehicles
@@ -121,8 +120,7 @@ class TestHandOver:
         assert refusals.tolist() == [Refusal.KIND, Refusal.NONE]
 
     @pytest.mark.parametrize(("ahead", "refusal"), [(0.0, Refusal.NONE), (1.6, Refusal.SIDEWAYS)])
-    @pytest.mark.parametrize("turn", [-0.5, 0.5])
-    @pytest.mark.parametrize("kind", [VehicleKind.PASSENGER, VehicleKind.BUS])
+    @pytest.mark.parametrize(("kind", "turn"), [(VehicleKind.PASSENGER, -0.5), (VehicleKind.BUS, 0.5)])
     def test_a_vehicle_that_turns_swings_about_its_rear_axle(self, stage, kind, turn, ahead, refusal):
         """Its centre moves sideways by the turn; it may not as if it turned the other way."""
         driven, car = stage([Car(50.0, 0.0, kind=kind)]), vehicle(kind.name.lower())
@@ -215,14 +213,6 @@ class TestPlaced:
         assert driven.world.vehicles.position[0, 0, 0] == pytest.approx(22.0, abs=0.01)
         assert driven.vehicles.fleet.motion.active.sum() == 1
 
-    def test_other_vehicles_collide_with_it(self, stage):
-        driven = stage([ego(20.0, speed=10.0), ego(40.0, speed=0.0)])
-        driven.actuate(agent_id=0)
-        driven.commands.mode[0, 1] = CommandMode.PLACE
-        driven.commands.poses[0, 1] = 40.0, 0.0, 0.0, 0.0
-        driven.step(40)
-        assert driven.world.vehicles.position[0, 0, 0] < 37.0
-
 
 class TestFriction:
     def braked(self, stage, *patches):
@@ -274,34 +264,3 @@ def test_a_non_finite_motion_fails_only_its_simulation(stage):
     driven.vehicles.reset(np.array([True, False]))
     driven.step()
     assert not driven.vehicles.failures
-
-
-@pytest.mark.parametrize("mode", [CommandMode.ACTUATORS, CommandMode.TRACK, CommandMode.PLACE])
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_a_non_finite_command_fails_only_its_simulation(stage, mode, bad):
-    driven = stage([ego(), ego(60.0)], [ego()])
-    driven.step()
-    before = driven.world.vehicles.position.copy()
-    commands = driven.commands
-    commands.mode[0, 1] = mode
-    commands.actuators[0, 1, 2] = bad
-    commands.reference_length[0, 1] = 64
-    commands.reference[0, 1, 3, 1] = bad
-    commands.poses[0, 1, 5, 2] = bad
-    driven.step()
-    assert list(driven.vehicles.failures) == [0]
-    with raises(ActionError, "agent 1 of simulation 0", values=[mode.name, bad]):
-        raise driven.vehicles.failures[0]
-    moved = driven.world.vehicles.position - before
-    assert not moved[0].any()
-    assert moved[1, 0, 0] > 0.1, "the other simulation must continue"
-    commands.mode[0, 1] = CommandMode.NONE
-    driven.step()
-    assert not driven.vehicles.failures
-    assert np.isfinite(driven.world.vehicles.position[0, :2]).all()
-
-
-def test_close_may_be_called_repeatedly(stage):
-    driven = stage([ego()])
-    driven.vehicles.close()
-    driven.vehicles.close()

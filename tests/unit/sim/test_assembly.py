@@ -2,13 +2,12 @@
 
 import dataclasses
 import hashlib
-import math
 
 import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface, DoneCriteria
-from smarts.agents.options import InterfaceError, Waypoints
+from smarts.agents.options import Waypoints
 from smarts.errors import RecordError, ScenarioError, SmartsError, TrafficError
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.sim.assembly import Options, assemble
@@ -55,11 +54,10 @@ class Run:
         starts = {row: self.parts.schedule.start(self.worlds[row], self.episodes[row]) for row in rows}
         self._hash(self.simulation.reset(starts))
 
-    def step(self):
+    def step(self, rows):
         actions = self.parts.actions
-        rows = np.ones(len(self.worlds), np.bool_)
-        for row, number in enumerate(self.worlds):
-            step = int(self.world.step[row])
+        for row in np.flatnonzero(rows).tolist():
+            step, number = int(self.world.step[row]), self.worlds[row]
             actions.given[row] = step > 0
             actions.fresh[row] = step % 5 == 1
             if step % 5 == 1:
@@ -92,21 +90,27 @@ class Run:
 
 
 def digests(scenarios, worlds, model, steps):
-    run = Run(scenarios, worlds, model)
+    """Return the hashes of so many steps of each world, and its episodes; in a batch they rest in turn."""
+    run, number, made = Run(scenarios, worlds, model), 0, np.zeros(len(worlds), int)
     try:
-        for _ in range(steps):
-            run.step()
+        while (made < steps).any():
+            rests = number // 10 % (len(worlds) + 1)
+            rows = (made < steps) & (np.arange(len(worlds)) != rests)
+            run.step(rows)
+            made, number = made + rows, number + 1
         return [each.hexdigest() for each in run.hashes], run.episodes
     finally:
         run.close()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("model", "steps"), [("kinematic", 300), ("bullet", 120)])
+@pytest.mark.parametrize(
+    ("model", "steps"), [("bullet", 100), pytest.param("kinematic", 300, marks=pytest.mark.nightly)]
+)
 def test_a_row_of_a_batch_equals_the_same_run_alone(scenarios, model, steps):
     together, episodes = digests(scenarios, [0, 1, 2, 5], model, steps)
     assert min(episodes) >= 1
-    for place, world in ((2, 2), (0, 0), (3, 5)):
+    for place, world in ((2, 2), (3, 5)):
         alone, _ = digests(scenarios, [world], model, steps)
         assert alone[0] == together[place]
     assert len(set(together)) == 4
@@ -127,10 +131,10 @@ def test_an_episode_does_not_depend_on_those_before(scenarios):
         return hashed.hexdigest()
 
     try:
-        first = play(7)
-        played = [play(episode) for episode in range(8)]
-        assert played[7] == first
-        assert len(set(played)) == 8
+        first = play(3)
+        played = [play(episode) for episode in range(4)]
+        assert played[3] == first
+        assert len(set(played)) == 4
     finally:
         parts.simulation.close()
 
@@ -169,10 +173,9 @@ def stepped(parts, rows):
     return parts.simulation.step(parts.actions, mask, np.ones((3, EGOS), np.bool_))
 
 
-@pytest.mark.parametrize("dt", [0.0, 0.25, 1.0, math.nan])
-def test_steps_that_are_too_long_are_refused(dt):
-    with raises(SmartsError, "Options.dt", values=[dt]):
-        Options(dt=dt)
+def test_steps_that_are_too_long_are_refused():
+    with raises(SmartsError, "Options.dt", values=[0.25]):
+        Options(dt=0.25)
 
 
 def test_a_vehicle_that_fails_ends_its_own_episode_only(three):
@@ -232,23 +235,9 @@ def test_traffic_is_told_of_egos_before_the_first_step(three):
     assert any(three.schedule.start(row, 0).traffic.warm_up for row in range(3))
 
 
-def test_names_must_fit(scenarios):
-    with raises(InterfaceError, "assemble", values=[2, "'a'"]):
-        assemble(scenarios, [interface()] * 2, agents=["a"])
-    with raises(InterfaceError, "assemble", values=["'a', 'a'"]):
-        assemble(scenarios, [interface()] * 2, agents=["a", "a"])
+def test_more_egos_than_missions_are_refused(scenarios):
     with raises(ScenarioError, "ego_missions", values=[5]):
         assemble(scenarios, [interface()] * 5)
-
-
-def test_episodes_are_recorded_where_one_says(scenarios, tmp_path):
-    parts = assemble(scenarios[:1], [interface()], options=Options(record=tmp_path / "episodes"))
-    parts.simulation.reset({0: parts.schedule.start(0, 0)})
-    for _ in range(3):
-        parts.simulation.step(parts.actions, np.ones(1, np.bool_), np.ones((1, 1), np.bool_))
-    assert parts.recorder is not None
-    parts.simulation.close()
-    assert any((tmp_path / "episodes").iterdir())
 
 
 def test_what_was_begun_is_given_back_when_assembly_fails(scenarios, tmp_path):
@@ -276,7 +265,7 @@ def waiting_for_traffic(parts, world, **rule):
     return dataclasses.replace(start, agents=(first, *start.agents[1:]))
 
 
-@pytest.mark.parametrize("model", ["kinematic", "bullet"])
+@pytest.mark.parametrize("model", ["bullet", pytest.param("kinematic", marks=pytest.mark.nightly)])
 def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, model):
     parts = assemble(scenarios[:1], [interface(model)] * EGOS)
     world, everybody = parts.simulation.world, np.ones((1, EGOS), np.bool_)

@@ -77,8 +77,7 @@ class TestConditions:
     def test_equal_conditions_of_two_bubbles_have_two_clocks(self):
         condition = t.DependeeActorCondition("leader").trigger(0.5)
         road = Road(
-            gate(active_condition=condition),
-            gate(zone=box(200, -30, 220, 30), active_condition=condition),
+            gate(active_condition=condition), gate(zone=box(200, -30, 220, 30), active_condition=condition)
         )
         memory = road.rules._conditions._memory[0]
         road.car(300, name="leader")

@@ -79,11 +79,9 @@ def random_pairs(worlds, others, speed):
     return world, poses[:, :1].copy(), poses, size
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("worlds", [50, pytest.param(500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("speed", [10.0, 60.0])
-def test_against_exact_predicates(speed, worlds):
-    others = 100
+def test_against_exact_predicates(speed):
+    worlds, others = 50, 100
     world, tracks, poses, size = random_pairs(worlds, others, speed)
     contacts = FootprintContacts(world).find(tracks_of(tracks, world), np.ones(worlds, np.bool_))
     touching = contacts.touching[:, 0, 1:]
@@ -220,15 +218,6 @@ def test_a_corner_is_clipped_within_a_substep(depth, substep):
     assert contacts.substep[0, 0] == substep
     assert contacts.side[0, 0] == FRONT
     assert contacts.closing_speed[0, 0] == pytest.approx(10.0)
-
-
-def test_whose_corner_is_clipped_before_another_is_hit_in_the_same_substep():
-    # As above; and into a car that stands ahead at 0.58 of the step.
-    crossing = Car(3.4 + 0.525, -3.4 + 0.05 + 0.525, -math.pi / 2)
-    cars = [Car(0.0, 0.0, mission=EGO), crossing, Car(5.0 + 0.58, 0.0)]
-    contacts, _ = moved(cars, [(1.0, 0.0), (0.0, -1.0), (0.0, 0.0)])
-    assert contacts.touching[0, 0, 1:3].all()
-    assert (contacts.partner[0, 0], contacts.substep[0, 0]) == (1, 5)
 
 
 @pytest.mark.parametrize(("distance", "hit"), [(6.115, True), (6.135, False)])

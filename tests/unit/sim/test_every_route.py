@@ -46,8 +46,14 @@ def way_along(graph, start, mission):
         row = onward(target)[0]
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
-@pytest.mark.parametrize("aside", [0.0, -0.4, 0.4])
+@pytest.mark.parametrize(
+    ("name", "aside"),
+    [
+        ("roundabout", 0.0),
+        ("intersection", -0.4),
+        *(pytest.param(name, aside, marks=pytest.mark.nightly) for name in SCENARIOS for aside in (0.0, 0.4)),
+    ],
+)
 def test_agents(name, aside):
     built = build_scenario(name)
     graph, schedule = built.roads(), Schedule([built], ["ego"])
@@ -78,7 +84,10 @@ def test_agents(name, aside):
         assert progress[-1] > begin
 
 
-@pytest.mark.parametrize("name", ["intersection", "double_merge", "loop"])
+@pytest.mark.parametrize(
+    "name",
+    ["intersection", *(pytest.param(name, marks=pytest.mark.nightly) for name in ("double_merge", "loop"))],
+)
 def test_traffic_is_on_the_lane_that_sumo_says(name):
     built = build_scenario(name)
     graph = built.roads()

@@ -20,7 +20,13 @@ KINEMATIC = AgentInterface(
 )
 
 
-@pytest.mark.parametrize("scenario", ["intersection", "roundabout", "on_ramp_merge"])
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        "intersection",
+        *(pytest.param(name, marks=pytest.mark.nightly) for name in ("roundabout", "on_ramp_merge")),
+    ],
+)
 def test_hand_overs_lose_no_vehicle_and_make_none_jump(scenario, tmp_path):
     tally, safety = Tally(), Safety()
     made = run_scenario(scenario, "kinematic", 100, 3, tally, tmp_path, safety)
@@ -48,6 +54,7 @@ def test_hand_overs_lose_no_vehicle_and_make_none_jump(scenario, tmp_path):
     assert 0.0 < max(watch.hardest for watch in safety.driven) < 0.5
 
 
+@pytest.mark.nightly
 def test_equal_seeds_give_equal_hand_overs(tmp_path):
     twins = []
     for _ in range(2):

@@ -47,8 +47,8 @@ def test_across_the_line_in_the_goal_lane(goal):
     assert stage.step((150.1, 4.2)) == Event.REACHED_GOAL
 
 
-@pytest.mark.parametrize("aside", [0.0, 6.0, 36.0, 60.0])
-@pytest.mark.parametrize("goal", [GoalKind.LANE_LINE, GoalKind.POSITION, GoalKind.LAPS])
+@pytest.mark.parametrize("aside", [0.0, 6.0, 60.0])
+@pytest.mark.parametrize("goal", [GoalKind.POSITION, GoalKind.LAPS])
 def test_beside_the_road_there_is_no_goal(goal, aside):
     mission = AgentMission(
         route=("road",), goal=goal, goal_lane=0, goal_s=150.0, goal_position=(150.0, 0.0),
@@ -214,7 +214,7 @@ def test_a_vehicle_that_goes_back_and_forth_has_driven_one_lap():
         assert stage.agents.lap[0, 0] == lap
 
 
-@pytest.mark.parametrize(("goal_lane", "own_lane", "new_lane"), [(0, 3, 3), (3, 0, 0), (0, 2, 3), (0, 3, 2)])
+@pytest.mark.parametrize(("goal_lane", "own_lane", "new_lane"), [(3, 0, 0), (0, 2, 3)])
 def test_laps_are_complete_at_a_line_square_to_the_road(goal_lane, own_lane, new_lane):
     """100 m straight on, then a bend in which the left lane is 15 m shorter than the right one."""
     bend = [(100 + 30 * math.sin(a), 30 - 30 * math.cos(a)) for a in np.linspace(0.0, math.pi / 2, 40)]
@@ -261,7 +261,7 @@ def test_a_line_at_the_end_of_a_road_that_leads_round_to_its_begin(goal_lane, ow
     assert [stage.step(place(angle)) for angle in (0.5, 1.0, 2.0, 3.0)] == [Event.NONE] * 4
 
 
-@pytest.mark.parametrize("laps", [1, 2, 3])
+@pytest.mark.parametrize("laps", [1, 2])
 @pytest.mark.parametrize(("y", "reached"), [(10.1, False), (9.8, True), (7.0, True)])
 def test_laps_to_the_very_end_of_a_road(laps, y, reached):
     mission = AgentMission(
@@ -298,12 +298,7 @@ def test_vias_are_hit_once_each():
 def test_vias_are_hit_once_in_every_lap():
     vias = (Via((60.0, 0.0), 0, 1.6, 5.0), Via((70.0, 5.0), 0, 1.0, 5.0))
     mission = AgentMission(
-        route=("side", "round") * 2,
-        goal=GoalKind.LAPS,
-        laps=2,
-        goal_lane=1,
-        goal_s=200.0,
-        vias=vias,
+        route=("side", "round") * 2, goal=GoalKind.LAPS, laps=2, goal_lane=1, goal_s=200.0, vias=vias
     )
     stage = Stage([Car(40.0, 0.0, mission=mission)], graph=ring())
     south, lap_ends = -math.pi / 2, []

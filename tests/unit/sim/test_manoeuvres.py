@@ -254,7 +254,7 @@ class TestUTurn:
         # 3.2 m wide, where the third lane is otherwise.
         assert turning(100.0, Car(120.0, 12.8, math.pi), lanes=2).phase == FREE
 
-    @pytest.mark.parametrize("width", [15.0, 25.0, 40.0])
+    @pytest.mark.parametrize("width", [15.0, 40.0])
     def test_turns_where_the_median_has_a_break(self, width):
         ways = {"there": Road([(0, 0), (200, 0)], 3), "back": Road([(200, 12.8), (0, 12.8)])}
         graph = graph_of({**ways, "middle": Road([(80, 9.6), (80 + width, 9.6)])})
@@ -321,7 +321,7 @@ def drive(folder, mission, trip, steps, action=ActionSpaceType.Lane, values=(Lan
     ("action", "values"),
     [
         (ActionSpaceType.Lane, (LaneAction.keep_lane,)),
-        (ActionSpaceType.LaneWithContinuousSpeed, (13.0, 0.0)),
+        pytest.param(ActionSpaceType.LaneWithContinuousSpeed, (13.0, 0.0), marks=pytest.mark.nightly),
     ],
 )
 def test_an_agent_that_keeps_its_lane_cuts_in(tmp_path, action, values):
@@ -345,7 +345,7 @@ def test_an_agent_that_keeps_its_lane_cuts_in(tmp_path, action, values):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ahead", [12.0, 17.5])
+@pytest.mark.parametrize("ahead", [12.0, pytest.param(17.5, marks=pytest.mark.nightly)])
 def test_cuts_in_from_a_standing_start_without_being_hit(tmp_path, ahead):
     mission = t.Mission(t.Route(("there", 1, 90 + ahead), ("there", 0, 580)), task=t.CutIn())
     fast = t.TrafficActor("fast", max_speed=12, lane_changing_model=STAYS, depart_speed="max")
@@ -358,7 +358,7 @@ def test_cuts_in_from_a_standing_start_without_being_hit(tmp_path, ahead):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("index", [0, 1, 2])
+@pytest.mark.parametrize("index", [2, *(pytest.param(each, marks=pytest.mark.nightly) for each in (0, 1))])
 def test_an_agent_that_keeps_its_lane_turns_round(tmp_path, index):
     task = t.UTurn(trigger_radius=60, initial_speed=8.0, target_lane_index=index)
     mission = t.Mission(t.Route(("there", 0, 150), ("back", index, 550)), task=task)
@@ -391,7 +391,7 @@ def test_a_turn_over_a_median_is_refused(tmp_path):
         build_described(tmp_path, t.Scenario(ego_missions=[mission]))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_without_anybody_near_nobody_turns(tmp_path):
     mission = t.Mission(t.Route(("there", 0, 150), ("back", 0, 550)), task=t.UTurn(trigger_radius=60))
     trip = t.Trip("before", t.Route(("there", 2, 150), ("there", 2, "max")), actor=SLOW)

@@ -15,10 +15,7 @@ from tests.worlds import Car
 
 def test_not_moving():
     stage = Stage(
-        [Car(10.0, 0.0, mission=ROAD)],
-        not_moving_steps=5,
-        not_moving_distance=1.0,
-        ending=Event.NOT_MOVING,
+        [Car(10.0, 0.0, mission=ROAD)], not_moving_steps=5, not_moving_distance=1.0, ending=Event.NOT_MOVING
     )
     # To and fro within a metre is no movement; after 1.5 m the clock begins anew.
     assert [stage.step((x, 0.0)) for x in (10.9, 9.5, 10.0, 10.2)] == [Event.NONE] * 4

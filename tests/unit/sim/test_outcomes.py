@@ -3,7 +3,6 @@
 import itertools
 
 import numpy as np
-import pytest
 
 from smarts.sim.outcomes import is_truncating, outcome_of
 from smarts.types.events import Event, Outcome
@@ -24,11 +23,6 @@ OTHERS = {
     Event.AGENTS_ALIVE_DONE: Outcome.OTHER,
     Event.INTEREST_DONE: Outcome.OTHER,
 }
-
-
-@pytest.mark.parametrize(("event", "outcome"), [*PRIORITY, *OTHERS.items()])
-def test_one_event(event, outcome):
-    assert outcome_of(np.int32(event)) == outcome
 
 
 def test_every_combination_takes_the_first():

@@ -185,15 +185,6 @@ def test_terms_of_the_reward_add_up_and_features_are_recorded(tmp_path):
         np.testing.assert_array_equal(own, [each[world] for each in arrays])
 
 
-def test_without_the_option_no_observations_are_recorded(tmp_path):
-    env = VectorHiWayEnv(1, ["loop"], 1, simulation=Options(record=tmp_path))
-    env.reset()
-    env.step([np.zeros((1, 1), np.int64)])
-    env.close()
-    (path,) = episodes_in(tmp_path)
-    assert not (path / "observations.parquet").exists()
-
-
 def test_wrong_choices_are_refused(tmp_path):
     with pytest.raises(SmartsError, match="record"):
         Options(record_observations=["agent-0"])

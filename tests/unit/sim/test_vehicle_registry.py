@@ -69,16 +69,6 @@ def test_dismissal_clears_the_row():
             assert (column == getattr(empty, name)).all(), name
 
 
-def test_reset_is_a_new_world():
-    registry = new_registry()
-    for name in "abc":
-        registry.admit(0, name, *CAR)
-    registry.reset(0)
-    empty = VehicleStates.allocate(1, 8)
-    for name, column in registry.states._asdict().items():
-        assert (column == getattr(empty, name)).all(), name
-
-
 def test_a_full_world_is_a_named_error():
     registry = new_registry(capacity=2)
     for name in "ab":
