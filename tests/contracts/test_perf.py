@@ -9,20 +9,7 @@ import pytest
 from tests.blocks import ROOT
 
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
-PLACE = "a new folder"
 SMALLEST = {
-    "benchmark_tasks": [
-        *(
-            "configs/benchmark_v1.yaml",
-            PLACE,
-            "--set",
-            "tasks=[loop]",
-            "--set",
-            "traffic=[no_social_vehicles]",
-        ),
-        *("--set", "scripted=[parked, gap_acceptance]", "--set", "evaluation.episodes=1"),
-        *("--set", "benchmark_version=null", "--set", "evaluation.held_out_episodes=0"),
-    ],
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
     "energy": ["--sequences", "20", "--seconds", "0.1"],
     "games": ["--games", "pg promise", "--seeds", "1"],
@@ -70,7 +57,6 @@ ELSEWHERE = {
     "learning_curves",
     "real_maps",
     "scenario_traffic",
-    "traffic_step_training",
     "yardsticks",
 }
 """Scripts that take minutes, or have their own tests."""
@@ -86,9 +72,8 @@ def marked(script):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", map(marked, SMALLEST))
-def test_script(script, monkeypatch, capsys, tmp_path):
-    arguments = [str(tmp_path) if each == PLACE else each for each in SMALLEST[script]]
-    monkeypatch.setattr(sys, "argv", [script, *arguments])
+def test_script(script, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [script, *SMALLEST[script]])
     try:
         code = importlib.import_module(f"perf.{script}").main()
     except SystemExit as ended:
