@@ -8,8 +8,7 @@ Axis letters: B simulations, A agents, G agents of a group, N chosen actions.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,11 +24,7 @@ from smarts.controllers.action_formats import (
     rejection,
 )
 from smarts.env.groups import ActionEncoding, AgentGroup
-from smarts.errors import ActionError
 from smarts.types.actions import Actions
-
-_LARGEST_WHOLE = 2**53
-"""Above it, float64 does not hold every whole number."""
 
 
 class Parsed(NamedTuple):
@@ -104,15 +99,13 @@ class ActionEncoder:
         """Write actions, and mark them as fresh.
 
         Raises:
-            ActionError: An adapter's own encoding rejects an action. Nothing is written then.
+            ActionError: An adapter's own encoding rejects an action.
         """
         actions = self._actions
-        if own:
-            with _restored_on_error(actions):
-                for encoding, given, chosen, agent_ids, age in own:
-                    encoding.encode(given, chosen, actions)
-                    rows, columns = np.nonzero(chosen)
-                    actions.age[rows, agent_ids[columns]] = age
+        for encoding, given, chosen, agent_ids, age in own:
+            encoding.encode(given, chosen, actions)
+            rows, columns = np.nonzero(chosen)
+            actions.age[rows, agent_ids[columns]] = age
         for each in parsed:
             each.format.write(each.numbers, each.places, actions)
             mask = self._action_mask[each.places] if each.action_mask is None else each.action_mask
@@ -120,28 +113,9 @@ class ActionEncoder:
             actions.given[each.places] = actions.fresh[each.places] = True
 
 
-@contextmanager
-def _restored_on_error(actions: Actions) -> Iterator[None]:
-    """Put back what an encoding has written if it raises."""
-    kept = [column.copy() for column in actions]
-    try:
-        yield
-    except BaseException:
-        for column, before in zip(actions, kept, strict=True):
-            np.copyto(column, before)
-        raise
-
-
 def place_of(agent: str, row: int | None = None) -> str:
     """Return what errors call an agent's action, in one of several simulations."""
     return f"action of {agent!r}" + ("" if row is None else f" in simulation {row}")
-
-
-def own_remedy(group: AgentGroup) -> str:
-    """Return the remedy of errors about a group's actions: what to give."""
-    if group.encoding is None:
-        return action_format(group.kind).remedy()
-    return f"give an element of {group.action}"
 
 
 def element_of(group: AgentGroup, agent: str, action: Any) -> NDArray:
@@ -150,73 +124,41 @@ def element_of(group: AgentGroup, agent: str, action: Any) -> NDArray:
     Raises:
         ActionError: It is not made of finite numbers of the space's shape; for integers, of whole numbers.
     """
-    place, space = place_of(agent), group.action
-    values = numbers_of(action, space.shape or (), place, lambda: own_remedy(group))
-    dtype: Any = np.dtype(space.dtype)
-    if dtype.kind not in "iu":
-        limits = np.finfo(dtype)
-        return np.clip(values, limits.min, limits.max).astype(dtype)
-    limits = np.iinfo(dtype)
-    within = np.clip(values, limits.min, min(limits.max, _LARGEST_WHOLE))
-    if (within != np.round(values)).any():
-        raise rejection(action, "is not made of whole numbers", place, lambda: own_remedy(group))
-    return within.astype(dtype)
+    place, space, remedy = place_of(agent), group.action, f"give an element of {group.action}"
+    values = numbers_of(action, space.shape or (), place, lambda: remedy)
+    if np.issubdtype(space.dtype, np.integer) and (values != np.round(values)).any():
+        raise rejection(action, "is not made of whole numbers", place, remedy)
+    return values.astype(space.dtype)
 
 
-def arrays_of(actions: Any, groups: Sequence[AgentGroup], chosen: Bools) -> list[NDArray]:
-    """Return numeric arrays of shape (B, G, ...) for each group; entries where `~chosen` are unspecified.
+def arrays_of(actions: Any, groups: Sequence[AgentGroup], worlds: int) -> list[NDArray]:
+    """Return numeric arrays of shape (B, G, ...) for each group.
 
     Args:
         actions: A list of an array for each group, or groups of one size stacked; of any array library.
         groups: In the order of the columns.
-        chosen: Which egos act, shape (B, E).
+        worlds: B.
 
     Raises:
-        ActionError: There are not as many arrays as groups, or one has not its group's shape, or holds a
-            value that is not a number.
+        ActionError: There are not as many arrays as groups, or one is not of its group's numbers.
     """
-    remedy = f"give an array for each of {len(groups)} blocks of agents"
-    blocks = _blocks(actions)
-    if blocks is None:
+    if not isinstance(actions, Sequence):
+        actions = np.asarray(actions)
+    if np.ndim(actions) == 0 or len(actions) != len(groups):
+        remedy = f"give an array for each of {len(groups)} blocks of agents"
         raise rejection(actions, "is not a list of arrays", "actions", remedy)
-    if len(blocks) != len(groups):
-        raise ActionError(f"actions of {len(blocks)} blocks of agents", place="actions", remedy=remedy)
-    return [
-        _numeric(group, given, chosen[:, group.columns]) for group, given in zip(groups, blocks, strict=True)
-    ]
+    return [_numeric(group, given, worlds) for group, given in zip(groups, actions, strict=True)]
 
 
-def _blocks(actions: Any) -> Sequence[ArrayLike] | NDArray | None:
-    """Return the sequence of arrays, None if `actions` is not one."""
-    if isinstance(actions, Sequence):
-        return actions
-    if not hasattr(actions, "__array__"):
-        return None
-    try:
-        values = np.asarray(actions)
-    except (TypeError, ValueError, RuntimeError):
-        return None
-    return values if values.ndim else None
-
-
-def _numeric(group: AgentGroup, given: ArrayLike, chosen: Bools) -> NDArray:
-    shape = (len(chosen), len(group.agents), *(group.action.shape or ()))
-
-    def rejected(problem: str) -> ActionError:
-        place = f"actions of {', '.join(group.agents)}"
-        return rejection(given, problem, place, f"give an array of shape {shape}")
-
+def _numeric(group: AgentGroup, given: ArrayLike, worlds: int) -> NDArray:
+    shape = (worlds, len(group.agents), *(group.action.shape or ()))
     try:
         values = np.asarray(given)
-    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
-        raise rejected("is not an array") from error
-    if values.shape != shape:
-        raise rejected(f"is of shape {values.shape}")
-    if values.dtype.kind in "iuf":
-        return values
-    # An entry is not a number, or too large for an array: the error names its agent.
-    each, values = np.asarray(given, object), np.zeros(shape)
-    for row, column in np.argwhere(chosen).tolist():
-        place = place_of(group.agents[column], row if len(chosen) > 1 else None)
-        values[row, column] = numbers_of(each[row, column], shape[2:], place, lambda: own_remedy(group))
+    except ValueError:  # its rows are of different lengths
+        values = np.empty(0)
+    if values.shape != shape or values.dtype.kind not in "iuf":
+        place = f"actions of {', '.join(group.agents)}"
+        raise rejection(
+            given, "is not an array of its agents' numbers", place, f"give an array of shape {shape}"
+        )
     return values

@@ -9,15 +9,12 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.checks import check_instance
 from smarts.agents.options import InterfaceError
 from smarts.arrays import Bools, Singles
-from smarts.errors import OwnCodeError, shown
 from smarts.observations.arrays import ArrayObservation
 from smarts.observations.context import AdapterContext
-from smarts.observations.feature import Feature
-from smarts.observations.lists import FeatureList, Observed, feature_list
-from smarts.registry import adopted, definition_of, guarded, is_own_name
+from smarts.observations.lists import Observed, feature_list
+from smarts.registry import adopted, is_own_name
 from smarts.rewards.own import Reward, make_rewards
 from smarts.types.frame import Frame
 from smarts.types.interface import Field
@@ -72,7 +69,7 @@ class ObservationAndReward:
 
     Raises:
         SmartsError: There is no such feature, option or reward.
-        OwnCodeError: A feature or the reward is the user's own and raises, or a feature has no valid size.
+        OwnCodeError: A feature or the reward is the user's own and raises.
     """
 
     sensors: ClassVar[Collection[str] | None] = ()
@@ -85,7 +82,6 @@ class ObservationAndReward:
         discount: float | None = None,
     ) -> None:
         features = feature_list(observation)
-        _check_sizes(features, len(context.agents))
         self._context = context
         self._rewards = make_rewards(context, features.reward if reward is None else reward, discount)
         seen = ArrayObservation(context, features)
@@ -109,26 +105,6 @@ class ObservationAndReward:
             each.reset(agents)
 
 
-def _check_sizes(features: FeatureList, agents: int) -> None:
-    """Raise if a user's feature has not a whole number of numbers in the vector, 1 or more.
-
-    A `size_for` may return 0: of a single agent there are no others.
-    """
-    for choice in (*features.stacked, *features.features):
-        kind = choice.kind()
-        if not (choice.is_own and kind.in_vector):
-            continue
-        doing = f"the feature {choice.name!r}"
-        size = guarded(kind.size_for, doing)(agents)
-        least = 1 if getattr(kind.size_for, "__func__", None) is Feature.size_for.__func__ else 0
-        if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < least:
-            raise OwnCodeError(
-                f"{doing} has the size {shown(size)}",
-                place=definition_of(kind),
-                remedy=f"let `size` be a whole number, {least} or more: how many numbers it writes",
-            )
-
-
 def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = None) -> Callable[..., Any]:
     """Return what makes adapters: `ObservationAndReward`, unless the caller gives an adapter.
 
@@ -145,8 +121,7 @@ def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = N
             raise InterfaceError(
                 f"adapter_options is {options!r}, and adapter is not given",
                 place="adapter_options",
-                remedy="give observation=..., reward=..., discount=... themselves; a picture is a feature of "
-                "the observation: observation={'base': 'benchmark', 'stacked': ['image']}",
+                remedy="give observation=... and reward=... themselves",
             )
         return ObservationAndReward
     make: Any = adapter
@@ -158,7 +133,7 @@ def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = N
                 remedy=f"give observation={adapter!r}, or an adapter of your own (smarts/env/adapters.py)",
             )
         make = adopted("adapter", adapter, _adopt)
-    _check_call(make, {} if options is None else options)
+    _check_call(make, options or {})
     return make
 
 
@@ -181,12 +156,11 @@ def _check_call(make: Any, options: Any) -> None:
     Raises:
         InterfaceError: It is not callable, or not with these arguments.
     """
-    check_instance("adapter_options", options, Mapping, "a dict of options by their names")
     try:
         inspect.signature(make).bind(None, "benchmark", None, None, **options)
     except (TypeError, ValueError) as error:
         raise InterfaceError(
-            f"the adapter {make!r} cannot be called with the options {sorted(map(str, options))}: {error}",
+            f"the adapter {make!r} cannot be called with the options {options!r}: {error}",
             place="adapter",
             remedy="let it take a context, an observation, a reward and a discount, then its options by name",
         ) from error

@@ -198,14 +198,14 @@ def check_locators(built: BuiltScenario) -> list[str]:
         except OwnCodeError as error:
             notes.append(f"{part.place}: {error.problem}: runs need it by --import, or on the PYTHONPATH")
         except SmartsError as error:
-            raise _at(part, error) from error
+            raise _at(part.place, error) from error
     return notes
 
 
-def _at(part: Part, error: SmartsError) -> SmartsError:
-    """Return an error with the place of what asks for the policy."""
-    place = ", ".join(filter(None, (part.place, error.place)))
-    return type(error)(error.problem, place=place, remedy=error.remedy)
+def _at(place: str, error: SmartsError) -> SmartsError:
+    """Return an error with the place of what asks for the policy, too."""
+    where = ", ".join(filter(None, (place, error.place)))
+    return type(error)(error.problem, place=where, remedy=error.remedy)
 
 
 def _parts(built: BuiltScenario, learning: BubbleLearning | None) -> Iterator[Part]:
@@ -234,7 +234,7 @@ def _policy(part: Part, hosts: HostsByLocator = HOSTS_HERE) -> SocialPolicy:
     try:
         return _replayed(part, host, hosts) if host.replay else _made(part, host, hosts)
     except SmartsError as error:
-        raise _at(part, error) from error
+        raise _at(part.place, error) from error
     except FAILURES as error:
         raise InterfaceError(
             f"{part.locator!r} cannot be made: {type(error).__name__}: {error}",
@@ -318,8 +318,7 @@ def check_features(observation: Any, place: str) -> None:
     try:
         feature_list(observation)
     except SmartsError as error:
-        where = ", ".join(filter(None, (place, error.place)))
-        raise type(error)(error.problem, place=where, remedy=error.remedy) from error
+        raise _at(place, error) from error
 
 
 def _as_policy(part: Part, spec: AgentSpec, **about: Any) -> SocialPolicy:

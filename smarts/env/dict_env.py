@@ -16,7 +16,8 @@ from smarts.agents.spec import AgentSpec
 from smarts.arrays import Bools
 from smarts.controllers.action_formats import rejection
 from smarts.env.actions import Own, Parsed
-from smarts.env.runner import EpisodeKey, SimulationRunner, Transition
+from smarts.env.rendering import Renderer, RenderMode
+from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
 from smarts.errors import ActionError, ScenarioError, nearest_names
 from smarts.types.events import Event, Outcome
 from smarts.types.streams import check_seed
@@ -52,6 +53,7 @@ class DictEnv:
         specs: The agents' specs.
         seed: Of the run.
         world: Whose episodes are played until a reset with a seed, from which on they are those of world 0.
+        render_mode: See `Renderer`.
     """
 
     def __init__(
@@ -62,8 +64,10 @@ class DictEnv:
         specs: Mapping[str, AgentSpec],
         seed: int,
         world: int = 0,
+        render_mode: RenderMode | None = None,
     ) -> None:
         self.runner = runner
+        self.renderer = Renderer(runner, render_mode)
         columns = {name: column for column, name in enumerate(names)}
         self.columns = {name: columns[name] for name in order}
         """The egos' columns by name, in the order in which results list them."""
@@ -96,6 +100,7 @@ class DictEnv:
             info |= self._social_info()
         if infos:
             self._social_failures = {}
+        self.renderer.after_step()
         return {name: self._observation(name) for name in agents}, infos
 
     def _begin(self) -> None:
@@ -135,6 +140,7 @@ class DictEnv:
         result = self._step_result(transition)
         self.runner.conclude(*self._as_row(result.rewards))
         self.runner.dispatch()
+        self.renderer.after_step()
         return result
 
     def annotate(self, name: str, values: Mapping[str, ArrayLike]) -> None:
@@ -145,22 +151,18 @@ class DictEnv:
             values: A number or numbers of each agent; inactive agents are ignored.
 
         Raises:
-            ActionError: An agent is unknown, or its value is not made of numbers.
+            ActionError: An agent is unknown.
         """
         self._check_names(values)
         for agent, given in values.items():
-            try:
-                numbers = np.asarray(given, np.float64)
-            except (TypeError, ValueError) as error:
-                raise ActionError(
-                    f"{given!r} is not a number or an array of them", place=f"annotate({name!r})"
-                ) from error
+            numbers = np.asarray(given, np.float64)
             egos = np.zeros(self.runner.alive.shape, np.bool_)
             egos[0, self.columns[agent]] = True
             self.runner.annotate(name, np.broadcast_to(numbers, (*egos.shape, *numbers.shape)), egos)
 
     def close(self) -> None:
         """Free the simulation; may be called again."""
+        self.renderer.close()
         self.runner.close()
 
     def _observation(self, name: str) -> Any:
@@ -244,6 +246,24 @@ class DictEnv:
             if name not in self.columns:
                 remedy = nearest_names(str(name), [*self.columns])
                 raise ActionError(f"there is no agent {name!r}", place="actions", remedy=remedy)
+
+
+class DictEnvApi(NotCopied):
+    """The methods that the APIs of one simulation share."""
+
+    _env: DictEnv
+
+    def annotate(self, name: str, values: Mapping[str, ArrayLike]) -> None:
+        """Add values to the record of the agents' next decision; see `DictEnv.annotate`."""
+        self._env.annotate(name, values)
+
+    def render(self) -> Any:
+        """Return a picture, shape (600, 800, 3), or show it; see `Renderer.render`."""
+        return self._env.renderer.render()
+
+    def close(self) -> None:
+        """Free the simulation; may be called again."""
+        self._env.close()
 
 
 @cache

@@ -4,41 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import ArrayLike
 
-from smarts.agents.checks import check_instance
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
 from smarts.env.agent_notes import RewardNotes
-from smarts.env.dict_env import DictEnv
+from smarts.env.dict_env import DictEnv, DictEnvApi
 from smarts.env.groups import context_of
 from smarts.env.observation_collector import ObservationCollector
-from smarts.env.rendering import RENDER_MODES, Renderer, RenderMode, check_render_mode
-from smarts.env.runner import NotCopied, SimulationRunner
-from smarts.env.settings import ALL, EnvSettings
+from smarts.env.rendering import RENDER_MODES, RenderMode, check_render_mode
+from smarts.env.runner import SimulationRunner
+from smarts.env.settings import ALL, EnvSettings, SimulationOptions, make_settings
 from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed
 from smarts.rewards.own import Reward
 from smarts.rewards.weights import Rewards, given_weights
-from smarts.sim.options import Options
 from smarts.types.actions import ActionSpaceType
-from smarts.types.streams import check_seed
 
 _REWARD = "route_metres"
 
 
-class HiWayEnv(NotCopied, gym.Env):
+class HiWayEnv(DictEnvApi, gym.Env):
     """A simulation whose agents are driven by their specs: `gymnasium.make("smarts.env:hiway-v0", ...)`.
 
     Observations are `Observation` objects with the original's field names, rewards the metres driven along
     the route; both pass through the adapters of the agent's spec. An agent that enters later appears in the
-    observations then; an agent that ends appears in them, and in the done dicts, one last time.
+    observations then; an agent that ends appears in them, and in the done dicts, one last time. An agent that
+    learns in bubbles ends where its vehicle leaves the bubble, and appears again with another; there are
+    steps without any agent.
 
     Args:
         scenarios: Folders, or names of the suite; they are played in a seeded order.
@@ -47,16 +45,9 @@ class HiWayEnv(NotCopied, gym.Env):
         headless: False is `envision=True`.
         decision_interval: Steps of 0.1 s from one decision to the next.
         sim_name: Without effect. Kept so that the original's calls work.
-        seed: See `EnvSettings`, as for `simulation` and `traffic`.
-        simulation: See `EnvSettings`.
-        traffic: See `EnvSettings`.
-        social_agents: See `EnvSettings`.
-        learn_in_bubbles: See `EnvSettings`. An agent ends where its vehicle leaves the bubble, and appears
-            again with another; there are steps without any agent.
-        episode_time: See `EnvSettings`.
-        envision: See `EnvSettings`.
         render_mode: `"rgb_array"`: `render` returns pictures; `"human"`: each step is shown in a window or a
             notebook.
+        options: See `SimulationOptions`.
 
     Raises:
         SmartsError: A scenario or an agent is invalid.
@@ -73,56 +64,39 @@ class HiWayEnv(NotCopied, gym.Env):
         headless: bool = True,
         decision_interval: int = 1,
         sim_name: str | None = None,
-        seed: int = EnvSettings.seed,
-        simulation: Options | None = None,
-        traffic: Sequence[str] | None = None,
-        social_agents: Sequence[Any] = (),
-        learn_in_bubbles: bool | Sequence[str] = False,
-        episode_time: float | None = None,
-        envision: bool | str | None = None,
         render_mode: RenderMode | None = None,
+        **options: Unpack[SimulationOptions],
     ) -> None:
-        check_render_mode(render_mode, "HiWayEnv")
-        given = [each for each in (agent_specs, agent_interfaces) if each is not None]
-        if len(given) != 1:
+        check_render_mode(render_mode)
+        agents = agent_interfaces if agent_specs is None else agent_specs
+        if not isinstance(agents, Mapping):
             raise InterfaceError(
-                f"{len(given)} dicts of agents",
+                f"the agents are {agents!r}",
                 place="HiWayEnv",
-                remedy="give agent_specs or agent_interfaces",
+                remedy="give agent_specs: a dict of specs by the agents' names",
             )
-        (agents,) = given
-        name = "agent_interfaces" if agent_specs is None else "agent_specs"
-        check_instance(name, agents, Mapping, "a dict of specs by the agents' names")
-        settings = EnvSettings(
-            scenarios,
-            agents,
-            seed=seed,
+        if not headless:
+            options.setdefault("envision", True)
+        settings = make_settings(
+            *("HiWayEnv", scenarios, agents),
+            options=options,
+            known=SimulationOptions,
             decision_interval=decision_interval,
-            simulation=simulation,
-            traffic=traffic,
-            social_agents=social_agents,
-            learn_in_bubbles=learn_in_bubbles,
-            episode_time=episode_time,
-            envision=True if envision is None and not headless else envision,
         )
-        self._env = ObjectDictEnv(settings)
+        self._env = ObjectDictEnv(settings, render_mode)
         self._interfaces = settings.interfaces()
         self.agent_specs = dict(self._env.specs)
         self.agent_ids = list(agents)
         """The names of all agents, active or not."""
         self.decision_interval = decision_interval
-        self._renderer = Renderer(self._env.runner, render_mode, "HiWayEnv")
-        self.metadata, self.render_mode = self._renderer.metadata, render_mode
+        self.metadata, self.render_mode = self._env.renderer.metadata, render_mode
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begin the next episode, or with a seed the first one of that seed."""
-        if seed is not None:
-            check_seed(seed, "reset")
-        super().reset(seed=seed, options=options)
         result = self._env.reset(seed)
-        self._renderer.after_step()
+        super().reset(seed=seed, options=options)
         return result
 
     def step(self, action: Mapping[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
@@ -132,14 +106,9 @@ class HiWayEnv(NotCopied, gym.Env):
         its last agents were only cut short. See `DictEnv.step` for actions and errors.
         """
         result = self._env.step(action)
-        self._renderer.after_step()
         over, cut = result.finished, result.finished and any(result.truncated.values())
         terminated, truncated = {**result.terminated, ALL: over}, {**result.truncated, ALL: cut}
         return result.observations, result.rewards, terminated, truncated, result.infos
-
-    def annotate(self, name: str, values: Mapping[str, ArrayLike]) -> None:
-        """Add values to the record of the agents' next decision; see `DictEnv.annotate`."""
-        self._env.annotate(name, values)
 
     def watch(
         self,
@@ -180,24 +149,16 @@ class HiWayEnv(NotCopied, gym.Env):
         runner.listen(made)
         return made
 
-    def render(self) -> Any:
-        """Return a picture, shape (600, 800, 3), or show it; see `Renderer.render`."""
-        return self._renderer.render()
-
-    def close(self) -> None:
-        """Free the simulation; may be called again."""
-        self._renderer.close()
-        self._env.close()
-
 
 class ObjectDictEnv(DictEnv):
     """One simulation whose agents observe `Observation` objects.
 
     Args:
         settings: With one simulation; observation, reward and adapter are not used.
+        render_mode: See `Renderer`.
     """
 
-    def __init__(self, settings: EnvSettings) -> None:
+    def __init__(self, settings: EnvSettings, render_mode: RenderMode | None = None) -> None:
         interfaces = settings.interfaces()
         assembly = settings.assemble(interfaces)
         agent_ids = np.arange(len(interfaces), dtype=np.int32)
@@ -209,14 +170,12 @@ class ObjectDictEnv(DictEnv):
             settings.decision_interval,
             max_steps=0,
         )
-        self._collector, self._metres = (
-            ObservationCollector(context),
-            Rewards(context, _REWARD),
+        self._collector, self._metres = ObservationCollector(context), Rewards(context, _REWARD)
+        listeners = [self._metres, self._collector]
+        runner = SimulationRunner(assembly, listeners, period=settings.decision_interval)
+        super().__init__(
+            *(runner, interfaces, interfaces, settings.specs(), settings.seed), render_mode=render_mode
         )
-        runner = SimulationRunner(
-            assembly, [self._metres, self._collector], period=settings.decision_interval
-        )
-        super().__init__(runner, list(interfaces), list(interfaces), settings.specs(), settings.seed)
         if runner.is_recorded:
             # The terms of a reward that a spec's adapter makes are its own business.
             has_terms = ["reward" not in self.specs[name].own_adapters for name in interfaces]

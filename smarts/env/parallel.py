@@ -10,12 +10,12 @@ from gymnasium.spaces import Space
 from pettingzoo import ParallelEnv
 
 from smarts.env.adapter_env import AdapterDictEnv
-from smarts.env.rendering import RENDER_MODES, Renderer, RenderMode, check_render_mode
-from smarts.env.runner import NotCopied
+from smarts.env.dict_env import DictEnvApi
+from smarts.env.rendering import RENDER_MODES, RenderMode, check_render_mode
 from smarts.env.settings import Agents, EnvOptions, EnvSettings, make_settings, refuse_bubbles
 
 
-class ParallelHiWayEnv(NotCopied, ParallelEnv):
+class ParallelHiWayEnv(DictEnvApi, ParallelEnv):
     """A simulation as PettingZoo's `ParallelEnv`; see `hiway_parallel_env`."""
 
     metadata = {  # noqa: RUF012
@@ -25,15 +25,14 @@ class ParallelHiWayEnv(NotCopied, ParallelEnv):
     }
 
     def __init__(self, settings: EnvSettings, render_mode: RenderMode | None = None) -> None:
-        check_render_mode(render_mode, "hiway_parallel_env")
-        self._env = AdapterDictEnv(settings)
+        check_render_mode(render_mode)
+        self._env = AdapterDictEnv(settings, render_mode=render_mode)
         self.possible_agents = list(self._env.columns)
         self.agents: list[str] = []
         self.observation_spaces = self._env.observation_spaces
         self.action_spaces = self._env.action_spaces
         self.render_mode = render_mode
-        self._renderer = Renderer(self._env.runner, render_mode, "ParallelHiWayEnv")
-        self.metadata = {**self.metadata, **self._renderer.metadata}
+        self.metadata = {**self.metadata, **self._env.renderer.metadata}
 
     def observation_space(self, agent: str) -> Space:
         """Return the space of an agent's observations; the same object each time."""
@@ -47,10 +46,9 @@ class ParallelHiWayEnv(NotCopied, ParallelEnv):
         self, seed: int | None = None, options: dict | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin the next episode, or with a seed the first one of that seed."""
-        observations, infos = self._env.reset(seed)
+        result = self._env.reset(seed)
         self.agents = self._env.agents
-        self._renderer.after_step()
-        return observations, infos
+        return result
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
         """Step until the next decision; agents that end with it are in the results, not in `agents`.
@@ -59,21 +57,7 @@ class ParallelHiWayEnv(NotCopied, ParallelEnv):
         """
         result = self._env.step(actions)
         self.agents = self._env.agents
-        self._renderer.after_step()
         return result.observations, result.rewards, result.terminated, result.truncated, result.infos
-
-    def annotate(self, name: str, values: Mapping[str, Any]) -> None:
-        """Add values to the record of the agents' next decision; see `DictEnv.annotate`."""
-        self._env.annotate(name, values)
-
-    def render(self) -> Any:
-        """Return a picture, shape (600, 800, 3), or show it; see `Renderer.render`."""
-        return self._renderer.render()
-
-    def close(self) -> None:
-        """Free the simulation; may be called again."""
-        self._renderer.close()
-        self._env.close()
 
 
 def hiway_parallel_env(

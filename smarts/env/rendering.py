@@ -23,7 +23,7 @@ NO_MODE = (
 )
 
 
-def check_render_mode(mode: str | None, environment: str) -> None:
+def check_render_mode(mode: str | None) -> None:
     """Check a render mode before anything is built.
 
     Raises:
@@ -37,8 +37,8 @@ def check_render_mode(mode: str | None, environment: str) -> None:
     if mode is not None and mode not in RENDER_MODES:
         raise SmartsError(
             f"the render mode is {mode!r}",
-            place=environment,
-            remedy=f"give {' or '.join(map(repr, RENDER_MODES))}; {nearest_names(str(mode), RENDER_MODES)}",
+            place="render_mode",
+            remedy=nearest_names(str(mode), RENDER_MODES),
         )
 
 
@@ -48,11 +48,10 @@ class Renderer:
     Args:
         runner: The simulation.
         mode: `"rgb_array"`, `"human"` or None.
-        environment: Its name, for errors.
     """
 
-    def __init__(self, runner: SimulationRunner, mode: str | None, environment: str) -> None:
-        self._runner, self.mode, self._environment = runner, mode, environment
+    def __init__(self, runner: SimulationRunner, mode: RenderMode | None) -> None:
+        self._runner, self.mode = runner, mode
         self.metadata: dict[str, Any] = {
             "render_modes": [*RENDER_MODES],
             "render_fps": max(1, round(1 / (runner.world.dt * runner.period))),

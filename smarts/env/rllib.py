@@ -9,45 +9,38 @@ from typing import Any
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
 from ray.rllib.utils.typing import AgentID
 
-from smarts.agents.checks import check_instance
 from smarts.env.adapter_env import AdapterDictEnv
-from smarts.env.dict_env import StepResult
-from smarts.env.runner import NotCopied
+from smarts.env.dict_env import DictEnvApi, StepResult
 from smarts.env.settings import ALL, EnvSettings, refuse_bubbles
 from smarts.errors import SmartsError, nearest_names
-from smarts.types.streams import check_seed
 
-_OLD_NAMES = {"agent_specs": "agents"}
-_NO_SETTINGS = ("headless", "sim_name", "num_envs")
-# `algorithms` gives `num_envs` to every environment; some hold several simulations.
+_ALIASES = ("agent_specs", "headless", "sim_name")
+"""Names of the original."""
 
 
 def settings_of(config: Mapping[str, Any]) -> EnvSettings:
     """Return the settings that an `env_config` describes.
 
     Raises:
-        SmartsError: It has an unknown key; the remedy names the nearest.
+        SmartsError: It has an unknown key, or no scenarios; the remedy names the nearest.
     """
-    check_instance("env_config", config, Mapping, "a dict, such as {'scenarios': ['loop'], 'agents': 4}")
-    known = [field.name for field in fields(EnvSettings) if field.name != "num_envs"]
-    given = {_OLD_NAMES.get(key, key): value for key, value in config.items() if key not in _NO_SETTINGS}
+    # `algorithms` gives `num_envs` to every environment; others hold several simulations.
+    given = {key: value for key, value in config.items() if key not in (*_ALIASES, "num_envs")}
+    known = [field.name for field in fields(EnvSettings)]
     for key in given:
         if key not in known:
-            raise SmartsError(
-                f"there is no setting {key!r}",
-                place="env_config",
-                remedy=nearest_names(key, [*known, *_OLD_NAMES, *_NO_SETTINGS]),
-            )
-    if {"agents", "agent_specs"} <= config.keys():
-        raise SmartsError("agents and agent_specs are both there", place="env_config", remedy="give one")
+            remedy = nearest_names(key, [*known, *_ALIASES])
+            raise SmartsError(f"there is no setting {key!r}", place="env_config", remedy=remedy)
     if "scenarios" not in given:
         raise SmartsError("there are no scenarios", place="env_config", remedy="give {'scenarios': ['loop']}")
-    if config.get("headless") is False and given.get("envision") is None:
-        given["envision"] = True
+    if "agent_specs" in config:
+        given["agents"] = config["agent_specs"]
+    if not config.get("headless", True):
+        given.setdefault("envision", True)
     return EnvSettings(**given)
 
 
-class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
+class RLlibHiWayEnv(DictEnvApi, MultiAgentEnv):
     """A simulation as RLlib's `MultiAgentEnv`.
 
     Observations of the benchmark's agents are vectors, which RLlib's own networks take. The mask of their
@@ -80,10 +73,8 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
         self, *, seed: int | None = None, options: dict | None = None
     ) -> tuple[dict[AgentID, Any], dict[AgentID, Any]]:
         """Begin the next episode, or with a seed the first one of that seed."""
-        if seed is not None:
-            check_seed(seed, "reset")
-        super().reset(seed=seed, options=options)
         observations, infos = self._env.reset(seed)
+        super().reset(seed=seed, options=options)
         self.agents = list(observations)
         return {**observations}, {**infos}
 
@@ -104,14 +95,6 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
             for part in (result.rewards, result.terminated, result.truncated):
                 del part[name]
         return result.observations, result.rewards, *_dones(result), result.infos
-
-    def annotate(self, name: str, values: Mapping[str, Any]) -> None:
-        """Add values to the record of the agents' next decision; see `DictEnv.annotate`."""
-        self._env.annotate(name, values)
-
-    def close(self) -> None:
-        """Free the simulation; may be called again."""
-        self._env.close()
 
 
 def _dones(result: StepResult) -> tuple[dict[AgentID, bool], dict[AgentID, bool]]:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.acting import AgentHost
-from smarts.agents.checks import check_instance
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.env.actions import ActionEncoder
 from smarts.env.decisions import choose_observed, join_events
@@ -294,11 +293,7 @@ class SimulationRunner:
             name: What the values are.
             values: Of each ego, shape (B, E, ...).
             egos: Which egos have one, shape (B, E); only active egos are recorded.
-
-        Raises:
-            InterfaceError: The name is not a text.
         """
-        check_instance("name", name, str, "a text, such as 'probabilities'")
         if self._recorder is not None:
             self._recorder.annotate(name, values, egos & self.alive)
 

@@ -10,11 +10,10 @@ from typing import Any, TypedDict
 import numpy as np
 
 from smarts.agents.benchmark import benchmark_interface
-from smarts.agents.checks import check_instance, check_truth, check_whole
+from smarts.agents.checks import check_instance, check_truth
 from smarts.agents.hosting.options import hosts_of
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
-from smarts.agents.policy import LONGEST_DECISION
 from smarts.agents.social import (
     NO_CAST,
     BubbleLearning,
@@ -37,8 +36,6 @@ from smarts.sstudio.built import BuiltScenario
 from smarts.types.agent_states import agent_names
 from smarts.types.streams import check_seed
 
-MOST_AGENTS = 1000
-MOST_ENVS = 65_536
 ALL = "__all__"
 """The key of the episode in done flags, so not a name of an agent."""
 
@@ -133,8 +130,8 @@ class EnvSettings:
         hosts_of(self.hosts)
         bubble_learning(self.learn_in_bubbles, self.episode_time)
         check_agents(self.agents)
-        check_whole("num_envs", self.num_envs, 1, MOST_ENVS)
-        check_whole("decision_interval", self.decision_interval, 1, LONGEST_DECISION)
+        check_count("num_envs", self.num_envs)
+        check_count("decision_interval", self.decision_interval)
         check_seed(self.seed, "seed")
         check_truth("action_mask", self.action_mask)
         if self.simulation is not None:
@@ -162,24 +159,10 @@ class EnvSettings:
         return self.adapter_class(context, *given, **(self.adapter_options or {}))
 
     def interfaces(self) -> dict[str, AgentInterface]:
-        """Return the agents' interfaces by name.
-
-        Raises:
-            InterfaceError: There are no agents, or one has no interface.
-        """
+        """Return the agents' interfaces by name."""
         if not isinstance(self.agents, Mapping):
             return {name: benchmark_interface() for name in agent_names(self.agents)}
-        interfaces = {}
-        for name, given in self.agents.items():
-            interface = given.interface if isinstance(given, AgentSpec) else given
-            if not isinstance(interface, AgentInterface):
-                raise InterfaceError(
-                    f"the interface of agent {name!r} is {interface!r}",
-                    place="agent_specs",
-                    remedy="give an AgentInterface(...), or an AgentSpec(interface=AgentInterface(...))",
-                )
-            interfaces[name] = interface
-        return interfaces
+        return {name: _interface(given) for name, given in self.agents.items()}
 
     def specs(self) -> dict[str, AgentSpec]:
         """Return the agents' specs by name; of an interface alone, a spec without adapters."""
@@ -201,8 +184,6 @@ class EnvSettings:
         Raises:
             SmartsError: A scenario cannot be built or played.
         """
-        if not interfaces:
-            raise InterfaceError("there are no agents", place="agents", remedy="name at least one")
         specs = self.specs()
         observed = {
             agent_id: sensors
@@ -254,22 +235,25 @@ def with_mask(observation: Observed) -> Observed:
     return observation if MASK in names else features.plus(features=[MASK])
 
 
-def make_settings(environment: str, *values: Any, options: EnvOptions, **more: Any) -> EnvSettings:
+def make_settings(
+    environment: str, *values: Any, options: SimulationOptions, known: type = EnvOptions, **more: Any
+) -> EnvSettings:
     """Return the settings that an environment's arguments stand for.
 
     Args:
         environment: Its name, for errors.
         values: `scenarios`, `agents` and `num_envs`.
         options: The environment's keywords, as the caller gave them.
+        known: The `TypedDict` of the environment's keywords.
         more: Further settings.
 
     Raises:
         TypeError: There is no such keyword, as Python says it; the message names the nearest.
         SmartsError: A value cannot be used.
     """
-    for name in options.keys() - EnvOptions.__annotations__.keys():
-        known = nearest_names(name, [*EnvOptions.__annotations__, "agents", "scenarios"])
-        remedy = NO_RENDERING if name == "render_mode" else known
+    for name in options.keys() - known.__annotations__.keys():
+        nearest = nearest_names(name, [*known.__annotations__, "agents", "scenarios"])
+        remedy = NO_RENDERING if name == "render_mode" else nearest
         raise TypeError(f"{environment} has no keyword {name!r}; {remedy}")
     given: dict[str, Any] = {**more, **options}
     return EnvSettings(*values, **given)
@@ -296,50 +280,55 @@ def check_scenarios(scenarios: Any) -> None:
     Raises:
         ScenarioError: It is a single name, no list, or holds something else.
     """
-    if isinstance(scenarios, str | Path):
-        remedy = f"give a list: scenarios=[{str(scenarios)!r}]"
-        raise ScenarioError(f"scenarios is {scenarios!r}, not a list", place="scenarios", remedy=remedy)
-    remedy = "give a list of folders and names, such as ['loop']"
-    if not isinstance(scenarios, Sequence):
-        raise ScenarioError(f"scenarios is {scenarios!r}, not a list", place="scenarios", remedy=remedy)
-    for scenario in scenarios:
-        if not isinstance(scenario, str | Path):
-            raise ScenarioError(f"{scenario!r} is not a scenario", place="scenarios", remedy=remedy)
+    is_list = isinstance(scenarios, Sequence) and not isinstance(scenarios, str)
+    if not is_list or not all(isinstance(each, str | Path) for each in scenarios):
+        remedy = "give a list of folders and names, such as ['loop']"
+        raise ScenarioError(f"scenarios is {scenarios!r}", place="scenarios", remedy=remedy)
 
 
 def check_traffic(traffic: Any) -> None:
     """Raise unless `traffic` is None or a list of names.
 
     Raises:
-        ScenarioError: It is a single name, an empty list, or holds something else.
+        ScenarioError: It is a single name, an empty list, or no list.
     """
-    if traffic is None:
-        return
-    if isinstance(traffic, str):
-        remedy = f"give a list: traffic=[{traffic!r}]"
-    elif isinstance(traffic, Sequence) and traffic and all(isinstance(name, str) for name in traffic):
-        return
-    else:
-        remedy = "give a list of the names of variations, or None for all"
-    raise ScenarioError(f"traffic is {traffic!r}", place="traffic", remedy=remedy)
+    if traffic is not None and (isinstance(traffic, str) or not isinstance(traffic, Sequence) or not traffic):
+        remedy = "give a list of the names of variations, such as ['busy'], or None for all"
+        raise ScenarioError(f"traffic is {traffic!r}", place="traffic", remedy=remedy)
 
 
 def check_agents(agents: Any) -> None:
-    """Raise unless `agents` is a number of agents, or a mapping from allowed names; values are not checked.
+    """Raise unless `agents` is a number of agents, or their specs or interfaces by allowed names.
 
     Raises:
         InterfaceError: It is neither.
     """
     if not isinstance(agents, Mapping):
-        if isinstance(agents, bool) or not isinstance(agents, int | np.integer):
-            remedy = "give how many, or a dict with the spec or interface of each by its name"
-            raise InterfaceError(f"the agents are {agents!r}", place="agents", remedy=remedy)
-        check_whole("agents", agents, 1, MOST_AGENTS)
+        check_count("agents", agents)
         return
-    for name in agents:
-        if not isinstance(name, str) or not name or name == ALL:
+    if not agents:
+        raise InterfaceError("there are no agents", place="agents", remedy="name at least one")
+    for name, given in agents.items():
+        if not isinstance(name, str) or name in ("", ALL):
             raise InterfaceError(
                 f"an agent is called {name!r}",
                 place="agents",
                 remedy=f"give texts as names, not empty ones and not {ALL!r}, which stands for the episode",
             )
+        if not isinstance(_interface(given), AgentInterface):
+            raise InterfaceError(
+                f"the interface of agent {name!r} is {_interface(given)!r}",
+                place="agents",
+                remedy="give an AgentInterface(...), or an AgentSpec(interface=AgentInterface(...))",
+            )
+
+
+def check_count(name: str, value: Any) -> None:
+    """Raise `InterfaceError` unless a value is a whole number, 1 or more."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise InterfaceError(f"{name} is {value!r}", place=name, remedy="give a whole number, 1 or more")
+
+
+def _interface(agent: Any) -> Any:
+    """Return the interface of an agent that is given by its spec, or by its interface alone."""
+    return agent.interface if isinstance(agent, AgentSpec) else agent

@@ -11,18 +11,17 @@ import gymnasium as gym
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapter_env import AdapterDictEnv
-from smarts.env.rendering import RENDER_MODES, Renderer, RenderMode, check_render_mode
-from smarts.env.runner import NotCopied
+from smarts.env.dict_env import DictEnvApi
+from smarts.env.rendering import RENDER_MODES, RenderMode, check_render_mode
 from smarts.env.settings import EnvOptions, make_settings, refuse_bubbles
 from smarts.errors import ActionError, ScenarioError
 from smarts.types.events import Outcome
-from smarts.types.streams import check_seed
 
 AGENT = "agent-0"
 """The name of the agent."""
 
 
-class SingleHiWayEnv(NotCopied, gym.Env):
+class SingleHiWayEnv(DictEnvApi, gym.Env):
     """A simulation with one learning agent, "agent-0".
 
     Args:
@@ -50,17 +49,16 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         render_mode: RenderMode | None = None,
         **options: Unpack[EnvOptions],
     ) -> None:
-        check_render_mode(render_mode, "SingleHiWayEnv")
+        check_render_mode(render_mode)
         agents = 1 if agent is None else {AGENT: agent}
         settings = make_settings(
             "SingleHiWayEnv", scenarios, agents, options=options, action_mask=action_mask
         )
         refuse_bubbles("SingleHiWayEnv", settings)
-        self._env = AdapterDictEnv(settings)
+        self._env = AdapterDictEnv(settings, render_mode=render_mode)
         self.observation_space = self._env.observation_spaces[AGENT]
         self.action_space = self._env.action_spaces[AGENT]
-        self._renderer = Renderer(self._env.runner, render_mode, "SingleHiWayEnv")
-        self.metadata, self.render_mode = self._renderer.metadata, render_mode
+        self.metadata, self.render_mode = self._env.renderer.metadata, render_mode
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -71,11 +69,8 @@ class SingleHiWayEnv(NotCopied, gym.Env):
             TrafficError: The traffic engine failed; another reset tries the episode after this one.
             ScenarioError: The agent has ended before its first decision.
         """
-        if seed is not None:
-            check_seed(seed, "reset")
-        super().reset(seed=seed, options=options)
         observations, infos = self._env.reset(seed)
-        self._renderer.after_step()
+        super().reset(seed=seed, options=options)
         if AGENT not in observations:
             world = self._env.runner.world
             outcome = Outcome(int(world.agents.outcome[0, 0])).name.lower()
@@ -97,7 +92,6 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         result = self._env.step({AGENT: action})
         if AGENT not in result.observations:
             raise ActionError("the episode is over", place="SingleHiWayEnv.step", remedy="call reset()")
-        self._renderer.after_step()
         return (
             result.observations[AGENT],
             result.rewards[AGENT],
@@ -109,12 +103,3 @@ class SingleHiWayEnv(NotCopied, gym.Env):
     def annotate(self, name: str, values: Any) -> None:
         """Add the agent's value to the record of its next decision; see `DictEnv.annotate`."""
         self._env.annotate(name, {AGENT: values})
-
-    def render(self) -> Any:
-        """Return a picture, shape (600, 800, 3), or show it; see `Renderer.render`."""
-        return self._renderer.render()
-
-    def close(self) -> None:
-        """Free the simulation; may be called again."""
-        self._renderer.close()
-        self._env.close()

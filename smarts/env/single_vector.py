@@ -12,7 +12,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from smarts.agents.checks import check_truth
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.arrays import Bools, Bytes, Floats
@@ -23,10 +22,8 @@ from smarts.env.settings import EnvOptions, EnvSettings, make_settings, refuse_b
 from smarts.env.single import AGENT
 from smarts.env.vector import VectorHiWayEnv
 from smarts.env.vector_step import VectorStep
-from smarts.errors import SmartsError
 from smarts.observations.action_mask import MASK
 from smarts.types.events import Outcome
-from smarts.types.streams import check_seed
 
 Leaves = Mapping[str, NDArray]
 
@@ -66,7 +63,6 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         **options: Unpack[EnvOptions],
     ) -> None:
         self.closed = True  # what `__del__` finds if the next lines raise
-        check_truth("action_mask", action_mask)
         agents = 1 if agent is None else {AGENT: agent}
         refuse_bubbles(
             "SingleHiWayVectorEnv", make_settings("SingleHiWayVectorEnv", scenarios, agents, options=options)
@@ -94,18 +90,12 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         """Begin the next episodes, or with a seed the first ones of that seed.
 
         Raises:
-            SmartsError: `seed` is not a number, or only some simulations are to be reset.
+            SmartsError: `seed` is not a number.
         """
-        if seed is not None:
-            check_seed(seed, "reset")
-        if options and "reset_mask" in options:
-            raise SmartsError(
-                "reset_mask is given", place="reset", remedy="leave it out: simulations reset themselves"
-            )
-        super().reset(seed=seed, options=options)
         played = [start.episode for start in self._env.episodes]
         first = 0 if seed is not None or not played else 1 + max(played)
         step = self._env.reset(seed, episode=first)
+        super().reset(seed=seed, options=options)
         self._seen = self._observations(step.observations[0], step.masks[0])
         self._mask = self._mask_of(step.masks[0])
         return self._seen, self._infos() | self._social_infos(step, ~step.reset)
@@ -136,10 +126,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         self._env.close()
 
     def _checked(self, actions: ArrayLike) -> NDArray:
-        try:
-            values = np.asarray(actions)
-        except (TypeError, ValueError, RuntimeError):
-            values = np.empty(0)
+        values = np.asarray(actions)
         if values.shape != self.action_space.shape:
             remedy = f"give an array of shape {self.action_space.shape}, such as action_space.sample()"
             raise rejection(actions, f"is not an action of each of {self.num_envs}", "actions", remedy)

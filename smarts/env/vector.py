@@ -10,23 +10,19 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from numpy.typing import ArrayLike, NDArray
 
-from smarts.agents.checks import check_whole
 from smarts.agents.options import InterfaceError
-from smarts.arrays import Bools, Singles
 from smarts.env.actions import Own, arrays_of
 from smarts.env.agent_notes import note_agents
 from smarts.env.groups import ALONE, AgentGroup, box_of, make_groups, rewards_of
 from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
 from smarts.env.settings import Agents, EnvOptions, make_settings
-from smarts.env.vector_step import Block, Final, Ints, Leaves, Spaces, VectorStep
+from smarts.env.vector_step import Block, Final, Ints, Spaces, VectorStep
 from smarts.errors import SmartsError, TrafficError
 from smarts.observations.action_mask import MASK
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Outcome
 from smarts.types.streams import check_seed
 
-MOST_EPISODES = 2**31 - 1
-"""Largest number of an episode."""
 MOST_TRIES = 10
 """Episodes in a row that a simulation may fail to begin."""
 
@@ -106,17 +102,16 @@ class VectorHiWayEnv(NotCopied):
                 episode of the world that lies `stride` further: a list of worlds is dealt out.
 
         Raises:
-            SmartsError: An argument is out of its range.
+            SmartsError: The seed is out of its range.
             TrafficError: A simulation does not begin.
         """
         seed = self._seed if seed is None else seed
-        numbers = np.arange(self.num_envs) if worlds is None else np.asarray(worlds)
         check_seed(seed, "reset")
-        self._check_numbers(numbers, episode, stride)
         self._seed, self._stride = seed, stride
-        self._world_numbers, self._episodes[:] = numbers.astype(int), episode
+        self._world_numbers[:] = np.arange(self.num_envs) if worlds is None else worlds
+        self._episodes[:] = episode
         self._begin(np.arange(self.num_envs))
-        return self._so_far()
+        return self._result()
 
     def step(self, actions: Sequence[ArrayLike] | NDArray) -> VectorStep:
         """Step all simulations until the next decision; reset each simulation whose episode ends.
@@ -154,16 +149,14 @@ class VectorHiWayEnv(NotCopied):
         runner.conclude(rewards, ~self._none)
         if over.any():
             self._next_episodes(np.flatnonzero(over))
-        return self._result(
-            rewards,
-            terminated,
-            truncated,
-            ended,
-            final,
-            failed,
-            metrics,
-            transition.social_failures,
-            social_infos,
+        return self._result(transition.social_failures, social_infos)._replace(
+            rewards=rewards,
+            terminated=terminated,
+            truncated=truncated,
+            reset=ended,
+            final=final,
+            failed=failed,
+            metrics=metrics,
         )
 
     def annotate(self, name: str, values: Sequence[NDArray | None]) -> None:
@@ -186,27 +179,17 @@ class VectorHiWayEnv(NotCopied):
     def recreate(self, failures: Mapping[int, BaseException]) -> VectorStep:
         """Begin the next episode in some simulations."""
         self._next_episodes(np.array(sorted(failures)))
-        return self._so_far()._replace(failed=dict(failures))
+        return self._result()._replace(failed=dict(failures))
 
     def close(self) -> None:
         """Free the simulations; may be called again."""
         self._runner.close()
 
-    def _check_numbers(self, worlds: NDArray, episode: int, stride: int) -> None:
-        if worlds.shape != (self.num_envs,) or worlds.dtype.kind not in "iu" or worlds.min() < 0:
-            raise SmartsError(
-                f"worlds of shape {worlds.shape} and type {worlds.dtype}",
-                place="VectorHiWayEnv.reset",
-                remedy=f"give {self.num_envs} whole numbers, 0 or more",
-            )
-        check_whole("episode", episode, 0, MOST_EPISODES)
-        check_whole("stride", stride, 0, MOST_EPISODES)
-
     def _encode(self, actions: Sequence[ArrayLike] | NDArray) -> None:
         """Check all actions, then write the actions of active agents."""
         chosen, encoder = self._runner.alive, self._runner.encoder
         parsed, own = [], []
-        for group, given in zip(self._groups, arrays_of(actions, self._groups, chosen), strict=True):
+        for group, given in zip(self._groups, arrays_of(actions, self._groups, self.num_envs), strict=True):
             acts = chosen[:, group.columns]
             if group.encoding is None:
                 parsed.append(encoder.parse_group(group, given, acts))
@@ -214,38 +197,29 @@ class VectorHiWayEnv(NotCopied):
                 own.append(Own(group.encoding, given, acts, group.agent_ids))
         encoder.write(parsed, own)
 
-    def _so_far(self) -> VectorStep:
-        rewards = np.zeros(self._none.shape, np.float32)
-        return self._result(rewards, self._none, self._none, np.zeros(self.num_envs, np.bool_))
-
     def _result(
         self,
-        rewards: Singles,
-        terminated: Bools,
-        truncated: Bools,
-        reset: Bools,
-        final: Final | None = None,
-        failed: Mapping[int, BaseException] | None = None,
-        metrics: Mapping[int, Mapping[str, float]] | None = None,
-        social_failures: Mapping[int, Mapping[str, str]] | None = None,
+        failures: Mapping[int, Mapping[str, str]] | None = None,
         social_infos: Mapping[int, Mapping[str, Any]] | None = None,
     ) -> VectorStep:
-        """Ask the social agents for their next actions, and return where the simulations stand."""
-        named = {row: dict(failures) for row, failures in (social_failures or {}).items()}
-        for row, failures in self._runner.take_social_failures().items():
-            named.setdefault(row, {}).update(failures)
+        """Ask the social agents for their next actions, and return where the simulations stand.
+
+        Args:
+            failures: The social agents that have failed in the decision, by simulation and name.
+            social_infos: Of the decision; None: as now.
+        """
+        named = {row: dict(names) for row, names in (failures or {}).items()}
+        for row, names in self._runner.take_social_failures().items():
+            named.setdefault(row, {}).update(names)
         self._runner.dispatch()
         return VectorStep(
-            self._observations(),
-            rewards,
-            terminated,
-            truncated,
+            tuple(_leaves(group) for group in self._groups),
+            np.zeros(self._none.shape, np.float32),
+            self._none,
+            self._none,
             self._runner.alive,
-            reset,
-            final,
-            self._masks(),
-            failed=failed or {},
-            metrics=metrics or {},
+            reset=np.zeros(self.num_envs, np.bool_),
+            masks=tuple(group.action_mask() for group in self._groups),
             social_failures=named,
             social_infos=self._social_infos() if social_infos is None else social_infos,
         )
@@ -290,19 +264,13 @@ class VectorHiWayEnv(NotCopied):
     def _key(self, row: Any) -> EpisodeKey:
         return EpisodeKey(int(self._world_numbers[row]), int(self._episodes[row]), self._seed)
 
-    def _observations(self) -> tuple[Leaves, ...]:
-        return tuple(_leaves(group) for group in self._groups)
-
-    def _masks(self) -> tuple[Bools | None, ...]:
-        return tuple(group.action_mask() for group in self._groups)
-
     def _final(self, rows: Ints) -> Final:
         """Return copies: the reset overwrites the observations."""
         observations = tuple(
-            {name: array[rows] for name, array in leaves.items()} for leaves in self._observations()
+            {name: array[rows] for name, array in _leaves(group).items()} for group in self._groups
         )
-        masks = tuple(None if mask is None else mask[rows] for mask in self._masks())
-        return Final(rows, observations, masks)
+        masks = [group.action_mask() for group in self._groups]
+        return Final(rows, observations, tuple(None if mask is None else mask[rows] for mask in masks))
 
     def _metrics(self, row: int, transition: Transition) -> dict[str, float]:
         endings = np.bincount(transition.outcome[row], minlength=len(Outcome))

@@ -10,7 +10,10 @@ from smarts.agents import AgentInterface, AgentPolicy, AgentSpec, AgentType
 from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.observations.lists import observation_names
 
-SCENARIOS = ("intersection", "double_merge", "two_way")
+SCENARIOS = (
+    "intersection",
+    *(pytest.param(name, marks=pytest.mark.nightly) for name in ("double_merge", "two_way")),
+)
 PARTS = {
     "VectorStep": {
         "observations",

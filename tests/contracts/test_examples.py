@@ -18,12 +18,18 @@ SHOWN = {
     if block.expected and (match := SNIPPET.match(block.text))
 }
 """The output of examples that the pages show."""
+SHORT = ("single_agent", "many_simulations", "own_observation")
+"""The examples of `make test`; the others run in `make nightly`."""
 LONGEST = 60
 """Maximum number of lines of an example."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "example",
+    [pytest.param(each, marks=[pytest.mark.nightly] * (each.stem not in SHORT)) for each in EXAMPLES],
+    ids=lambda path: path.stem,
+)
 def test_example(example):
     # Threads of torch that wait for each other on busy cores cost a factor of ten.
     one = {**os.environ, "OMP_NUM_THREADS": "1"}
@@ -34,13 +40,9 @@ def test_example(example):
     assert doctest.OutputChecker().check_output(shown, ended.stdout, TOLERANT), ended.stdout
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_is_short_and_has_a_docstring(example):
-    text = example.read_text()
-    assert len(text.splitlines()) < LONGEST
-    assert ast.get_docstring(ast.parse(text))
-    assert text.startswith('"""')
-
-
-def test_examples_are_found():
-    assert len(EXAMPLES) >= 12
+def test_examples_are_short_and_have_a_docstring():
+    assert {*SHORT} < {example.stem for example in EXAMPLES}
+    for example in EXAMPLES:
+        text = example.read_text()
+        assert len(text.splitlines()) < LONGEST, example
+        assert ast.get_docstring(ast.parse(text)), example

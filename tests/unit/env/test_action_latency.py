@@ -47,7 +47,7 @@ def carried_out(folder):
     return found
 
 
-@pytest.mark.parametrize(("interval", "latency"), [(5, 0.3), (5, 0.5), (1, 0.7), (2, 0.5)])
+@pytest.mark.parametrize(("interval", "latency"), [(5, 0.3), (2, 0.5)])
 def test_actions_are_carried_out_so_many_steps_later(tmp_path, interval, latency):
     actions = np.random.default_rng(0).integers(0, 2, (60 // interval, 2, 2))
     steps, found = round(latency * 10), {}
@@ -67,9 +67,8 @@ def test_actions_are_carried_out_so_many_steps_later(tmp_path, interval, latency
         assert arrived
 
 
-@pytest.mark.parametrize("latency", [0.0, 0.5, 0.7])
-def test_records_say_what_was_allowed_when_the_agents_decided(tmp_path, latency):
-    env = vector(latency, scenario="double_merge", agents=4, record=tmp_path)
+def test_records_say_what_was_allowed_when_the_agents_decided(tmp_path):
+    env = vector(0.7, scenario="double_merge", agents=4, record=tmp_path)
     env.reset()
     for actions in np.random.default_rng(0).integers(0, 4, (40, 4)):
         env.step([actions[None]])

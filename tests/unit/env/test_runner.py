@@ -6,7 +6,6 @@ import torch
 
 from smarts.agents import AgentInterface, DoneCriteria, EventConfiguration
 from smarts.agents.benchmark import benchmark_interface
-from smarts.agents.options import InterfaceError
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import ActionError, SmartsError
 from smarts.observations.lists import feature_list
@@ -151,26 +150,34 @@ def test_final_observations_of_those_who_were_reset(new_env):
     assert now.alive[row].all()
 
 
-@pytest.mark.parametrize("value", [4, -1])
-def test_actions_out_of_range_are_refused_by_name(new_env, value):
+def test_actions_out_of_range_are_refused_by_name(new_env):
     env = new_env(1, ["two_way"], 2)
     env.reset()
-    with raises(ActionError, "action of 'agent-1'", values=[value]):
-        env.step([np.array([[0, value]])])
+    for value in (4, -1):
+        with raises(ActionError, "action of 'agent-1'", values=[value]):
+            env.step([np.array([[0, value]])])
     env.step([np.array([[0, 0]])])
 
 
 @pytest.mark.parametrize(
     "actions",
-    [np.array(0), torch.tensor(0), torch.zeros((2, 1, 2), dtype=int), {0: np.zeros((1, 2), int)}],
-    ids=["a number", "a tensor of one", "a tensor of two blocks", "a dict"],
+    [
+        *(0, torch.zeros((2, 1, 2), dtype=int), {0: np.zeros((1, 2), int)}),
+        *([np.zeros((1, 3), int)], [np.zeros(2, int)], [[[0, 1], [0]]], [[["a", "b"]]]),
+    ],
+    ids=["a number", "two blocks", "a dict", "three agents", "no rows", "ragged", "texts"],
 )
-def test_blocks_that_are_none_are_refused(new_env, actions):
+def test_actions_of_another_shape_are_refused(new_env, actions):
     env = new_env(1, ["two_way"], 2)
+    with raises(SmartsError, "step", values=["reset()"]):
+        env.step([np.zeros((1, 2), int)])
     env.reset()
-    with raises(ActionError, "actions"):
+    with pytest.raises(ActionError):
         env.step(actions)
     assert env._runner.world.step[0] == 0
+    env.close()
+    with raises(SmartsError, "SimulationRunner"):
+        env.step([np.zeros((1, 2), int)])
 
 
 @pytest.mark.parametrize("array", [np.array, torch.tensor], ids=["numpy", "torch"])
@@ -181,19 +188,6 @@ def test_blocks_are_a_list_or_stacked(new_env, array):
         env.reset(1)
         seen.append(env.step(actions).observations[0][""].tobytes())
     assert len(set(seen)) == 1
-
-
-@pytest.mark.parametrize(
-    "actions",
-    [[], [np.zeros((1, 3), int)], [np.zeros(2, int)], [np.zeros((1, 2), int)] * 2, [[[0, 1], [0]]]],
-    ids=["no blocks", "three agents", "no rows", "two blocks", "ragged"],
-)
-def test_actions_of_another_shape_are_refused(new_env, actions):
-    env = new_env(1, ["two_way"], 2)
-    env.reset()
-    with pytest.raises(ActionError):
-        env.step(actions)
-    assert env._runner.world.step[0] == 0
 
 
 def test_absurd_paths_move_nobody_out_of_this_world(new_env):
@@ -209,19 +203,6 @@ def test_absurd_paths_move_nobody_out_of_this_world(new_env):
     assert env._runner.world.step.tolist() == [15, 15]
     assert not now.failed
     assert np.isfinite(now.observations[0]["ego_vehicle_state/speed"]).all()
-
-
-def test_a_step_wants_a_reset_before_it(new_env):
-    env = new_env(1, ["two_way"], 2)
-    with raises(SmartsError, "step", values=["reset()"]):
-        env.step([np.zeros((1, 2), int)])
-    env.reset()
-    assert [start.episode for start in env.episodes] == [0]
-
-
-def test_without_simulations_there_is_no_environment():
-    with raises(InterfaceError, "num_envs", values=[0]):
-        VectorHiWayEnv(0, ["two_way"])
 
 
 def test_an_agent_is_due_every_half_second(new_env):
@@ -277,14 +258,3 @@ def test_each_is_told_the_share_of_its_own_patience(new_env):
         stood / patience,
         rtol=1e-5,
     )
-
-
-def test_close_may_be_called_twice(new_env):
-    env = new_env(1, ["two_way"], 1)
-    env.reset()
-    env.close()
-    env.close()
-    with raises(SmartsError, "SimulationRunner"):
-        env.step([np.zeros((1, 1), int)])
-    with raises(SmartsError, "SimulationRunner"):
-        env.reset()

@@ -78,13 +78,8 @@ def test_answers_of_the_past_are_dropped(play):
     ("action", "told"),
     [
         ("fly", "fly"),
-        (float("nan"), "nan"),
         (7, "7"),
-        ([1, 2], "1"),
         (None, "None"),
-        (object, "object"),
-        (np.array(["fly"]), "fly"),
-        (np.array([None, 1], object), "None"),
         (np.array([]), "[]"),
         (np.full(2, np.nan), "cannot act"),
     ],

@@ -31,7 +31,7 @@ def jumps(played, slot):
     )
 
 
-@pytest.mark.parametrize("model", ["bullet", "kinematic"])
+@pytest.mark.parametrize("model", ["bullet", pytest.param("kinematic", marks=pytest.mark.nightly)])
 def test_a_vehicle_goes_from_traffic_to_a_social_agent_and_back(play, model):
     played = play(
         keep,

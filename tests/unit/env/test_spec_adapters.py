@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Dict, Discrete
+from gymnasium.spaces import Box, Discrete
 
 from smarts.agents import ActionSpaceType, AgentSpec
 from smarts.agents.benchmark import benchmark_interface
@@ -82,26 +82,6 @@ def test_an_observation_adapter_needs_a_space():
         hiway_parallel_env(["loop"], {"a": spec})
 
 
-def test_observations_may_be_more_precise_than_their_space(closing):
-    """NumPy's arrays are float64 by default, Gymnasium's spaces float32."""
-    space = Dict({"speed": Box(-1.0, 100.0, (1,))})
-    spec = AgentSpec(
-        interface=PLAIN,
-        observation_adapter=lambda seen: {"speed": np.array([seen.ego_vehicle_state.speed])},
-        observation_space=space,
-    )
-    observations, _ = closing(hiway_parallel_env(["loop"], {"a": spec})).reset()
-    assert observations["a"]["speed"].dtype == np.float64
-
-
-@pytest.mark.parametrize("wrong", [None, np.zeros(2, np.float32), np.array([np.nan], np.float32), 3.0])
-def test_what_an_observation_adapter_returns_is_in_its_space(closing, wrong):
-    spec = AgentSpec(interface=PLAIN, observation_adapter=lambda _: wrong, observation_space=SPACE)
-    env = closing(hiway_parallel_env(["loop"], {"a": spec}))
-    with raises(InterfaceError, "AgentSpec.observation_space", values=["'a'", repr(wrong)]):
-        env.reset(seed=1)
-
-
 def test_vector_refuses_python_adapters_by_name():
     with raises(InterfaceError, "VectorHiWayEnv", values=["'b'", "action, info, observation, reward"]):
         VectorHiWayEnv(1, ["loop"], {"a": PLAIN, "b": ADAPTED})
@@ -129,17 +109,6 @@ def test_a_class_serves_all_agents(closing):
         now, expected = (env.step([np.zeros((2, 4), int)]) for env in (ours, plain))
         np.testing.assert_allclose(now.rewards, 3.0 * expected.rewards, rtol=1e-6)
     assert now.rewards.any()
-
-
-def test_pictures_by_name(closing):
-    picture = {"base": "benchmark", "stacked": ["image"]}
-    env = closing(hiway_parallel_env(["intersection"], 2, observation=picture))
-    observations, _ = env.reset(seed=2)
-    for _ in range(3):
-        for name, seen in observations.items():
-            assert env.observation_space(name).contains(seen)
-            assert (seen["image"] == 255).sum() >= 3 * 8
-        observations, *_ = env.step(dict.fromkeys(env.agents, 0))
 
 
 def test_specs_know_which_adapters_do_something():
