@@ -122,11 +122,9 @@ class CrossingTraffic(Feature):
 
     @staticmethod
     @kernel
-    def write(
-        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: Singles
-    ) -> None:
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: Singles) -> None:
         """Write an agent's numbers; see `Feature`."""
-        vehicles, a = state.vehicles, agent_ids[g]
+        vehicles = state.vehicles
         out[:] = 0.0
         places, begins = np.empty(MOST_MEETINGS, np.int32), np.empty(MOST_MEETINGS)
         count = meetings_ahead(state, roads, routes, b, a, places, begins)

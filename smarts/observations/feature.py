@@ -8,11 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.arrays import Bools, Ints
-from smarts.geometry.binding import bind
+from smarts.arrays import Bools
 from smarts.observations.context import AdapterContext
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.sensors.protocol import looped
+from smarts.sensors.protocol import bind_write
 from smarts.types.interface import Field
 from smarts.types.world import State
 
@@ -32,6 +31,8 @@ class Feature:
     """How many numbers there are."""
     in_vector: ClassVar[bool] = True
     """False: its fields are observations of their own, beside the vector."""
+    arrays: ClassVar[Callable[..., Any] | None] = None
+    """A named tuple of the fields' arrays, of a feature with several fields and a kernel."""
     needs_equal_sensors: ClassVar[bool] = False
     """Whether agents need the same sensors with the same options to be observed together."""
 
@@ -48,20 +49,26 @@ class Feature:
         size, meaning = self.size_for(len(self.context.agents)), (self.__doc__ or "").split(".")[0]
         return (Field(type(self).__name__, (size,), np.float32, -1.0, 1.0, "", " ".join(meaning.split())),)
 
+    def known(self) -> tuple[Any, ...]:
+        """Return further arguments of `write`: numbers, arrays, named tuples."""
+        return ()
+
     @staticmethod
     def write(
-        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: NDArray
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: Any, *known: Any
     ) -> None:
-        """Write an agent's numbers; a kernel.
+        """Write an agent's numbers; a kernel, as of a `smarts.sensors.protocol.KernelSensor`.
 
         Args:
-            state: Of all simulations; `state.agents.slot[b, agent_ids[g]]` is the agent's vehicle.
+            state: Of all simulations; `state.agents.slot[b, a]` is the agent's vehicle.
             roads: The maps; that of the simulation is `state.map[b]`.
             routes: Of all agents.
-            agent_ids: The agents that are observed together, shape (G,).
             b: The simulation.
-            g: The agent's place in `agent_ids`.
-            out: Written, shape (size,).
+            g: The agent's place among those that are observed together.
+            a: The agent's row of `state.agents`.
+            out: Written: the agent's entry of the field's array, shape (size,); with `arrays` the whole
+                arrays of all fields, shape (B, G, ...), of which it writes [b, g].
+            known: What `known` returns.
         """
         raise NotImplementedError("a feature needs a kernel `write`, or a method `bind`")
 
@@ -75,13 +82,5 @@ class Feature:
             out: The array of each field, shape (B, G, *shape), for B simulations and G agents. The mask has
                 the shape (B, G); each agent in it has a vehicle.
         """
-        scene = self.context.scene
-        known = scene.world.state, scene.atlas.roads, scene.routes.current, self.context.agent_ids
-        return bind(looped(_loop, self.write), *known, *out)
-
-
-def _loop(state: Any, roads: Any, routes: Any, agent_ids: Any, out: Any, observe_mask: Any) -> None:
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if observe_mask[b, g]:
-                write(state, roads, routes, agent_ids, b, g, out[b, g])  # type: ignore[name-defined]  # noqa: F821
+        arrays = out[0] if self.arrays is None else self.arrays(*out)
+        return bind_write(self.write, self.context.scene, self.context.agent_ids, arrays, *self.known())

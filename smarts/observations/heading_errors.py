@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from smarts.arrays import Ints, Singles
+from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
 from smarts.roads.arrays import Roads, RouteTable
@@ -61,11 +61,9 @@ class HeadingErrors(Feature):
 
     @staticmethod
     @kernel
-    def write(
-        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: Singles
-    ) -> None:
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: Singles) -> None:
         """Write an agent's numbers; see `Feature`."""
-        vehicles, a, m = state.vehicles, agent_ids[g], state.map[b]
+        vehicles, m = state.vehicles, state.map[b]
         own, base, route = state.agents.slot[b, a], roads.lane_base[m], routes.number[b, a]
         done, target = state.agents.route_progress[b, a], state.agents.target_lane[b, a]
         lane, s = vehicles.lane[b, own], vehicles.lane_position[b, own]

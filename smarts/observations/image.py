@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Bools
-from smarts.errors import SmartsError
 from smarts.observations.context import AdapterContext
 from smarts.observations.feature import Feature
 from smarts.sensors.grid_map import GridOut
@@ -19,7 +18,6 @@ from smarts.types.interface import Field
 
 _GROUND, _PATH, _ROAD, _DIVIDER, _CENTRE_LINE = 0, 32, 64, 96, 112
 _TRAFFIC, _AGENT, _OWN = 160, 208, 255
-_SMALLEST, _LARGEST = 8, 512
 
 
 class Image(Feature):
@@ -32,21 +30,12 @@ class Image(Feature):
         context: The agents.
         size: Rows and columns.
         resolution: Side of a pixel [m].
-
-    Raises:
-        SmartsError: Size or resolution are not possible.
     """
 
     in_vector = False
 
     def __init__(self, context: AdapterContext, size: int = 64, resolution: float = 1.0) -> None:
         super().__init__(context)
-        if not (_SMALLEST <= size <= _LARGEST and 0.0 < resolution < np.inf):
-            raise SmartsError(
-                f"a picture of {size} pixels of {resolution} m",
-                place="feature image",
-                remedy=f"give {_SMALLEST} to {_LARGEST} pixels, and a resolution above 0",
-            )
         self._size, self._resolution = size, float(resolution)
 
     def fields(self) -> tuple[Field, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.arrays import Ints, Singles
+from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
 from smarts.observations.heading_errors import row_ahead
@@ -44,8 +44,6 @@ class JunctionAhead(Feature):
 
     @staticmethod
     @kernel
-    def write(
-        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: Singles
-    ) -> None:
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: Singles) -> None:
         """Write an agent's numbers; see `Feature`."""
-        out[0] = compressed(distance_to_junction(state, roads, routes, b, agent_ids[g]), SIGHT)
+        out[0] = compressed(distance_to_junction(state, roads, routes, b, a), SIGHT)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
-from smarts.arrays import Bools, Floats, Ints
-from smarts.geometry.binding import bind
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
 from smarts.observations.way_ahead import SPACING, write_way
@@ -40,40 +38,27 @@ class LaneWays(Feature):
         meaning = "x, y [m], heading [rad] along the own, left, right lane"
         return (Field(LANE_WAYS, (3, POINTS, 3), np.float64, -np.inf, np.inf, "", meaning),)
 
-    def bind(self, *out: Floats) -> Callable[[Bools], object]:
-        """Return the function that observes; see `Feature`."""
-        scene = self.context.scene
-        known = scene.world.state, scene.atlas.roads, scene.routes.current, self.context.agent_ids
-        return bind(_observe, *known, *out)
-
-
-@kernel
-def _observe(
-    state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, ways: Floats, observe_mask: Bools
-) -> None:
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
+    @staticmethod
+    @kernel
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: Floats) -> None:
+        """Write an agent's ways, shape (3, POINTS, 3); see `Feature`."""
+        vehicles, slot = state.vehicles, state.agents.slot[b, a]
+        here = vehicles.lane[b, slot]
+        out[:] = 0.0
+        if here < 0:
+            own, heading = out[0], vehicles.heading[b, slot]
+            own[0, 0] = vehicles.position[b, slot, 0] - BEHIND * SPACING * math.cos(heading)
+            own[0, 1] = vehicles.position[b, slot, 1] - BEHIND * SPACING * math.sin(heading)
+            own[0, 2] = heading
+            _extend(own, 1)
+            return
+        lane = roads.lane_base[state.map[b]] + here
+        _write_lane(state, roads, routes, b, a, lane, out[0])
+        for side in range(1, 3):
+            other = int(roads.lane_left[lane] if side == 1 else roads.lane_right[lane])
+            if other < 0 or roads.lane_kind[other] != roads.lane_kind[lane] or roads.lane_inside[lane]:
                 continue
-            a, m = agent_ids[g], state.map[b]
-            slot = state.agents.slot[b, a]
-            here = state.vehicles.lane[b, slot]
-            ways[b, g] = 0.0
-            if here < 0:
-                out = ways[b, g, 0]
-                heading = state.vehicles.heading[b, slot]
-                out[0, 0] = state.vehicles.position[b, slot, 0] - BEHIND * SPACING * math.cos(heading)
-                out[0, 1] = state.vehicles.position[b, slot, 1] - BEHIND * SPACING * math.sin(heading)
-                out[0, 2] = heading
-                _extend(out, 1)
-                continue
-            lane = roads.lane_base[m] + here
-            _write_lane(state, roads, routes, b, a, lane, ways[b, g, 0])
-            for side in range(1, 3):
-                other = int(roads.lane_left[lane] if side == 1 else roads.lane_right[lane])
-                if other < 0 or roads.lane_kind[other] != roads.lane_kind[lane] or roads.lane_inside[lane]:
-                    continue
-                _write_lane(state, roads, routes, b, a, other, ways[b, g, side])
+            _write_lane(state, roads, routes, b, a, other, out[side])
 
 
 @kernel

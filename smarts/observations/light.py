@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.arrays import Ints, Singles
+from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
 from smarts.observations.heading_errors import row_ahead
@@ -21,11 +21,9 @@ class Light(Feature):
 
     @staticmethod
     @kernel
-    def write(
-        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: Singles
-    ) -> None:
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: Singles) -> None:
         """Write an agent's numbers; see `Feature`."""
-        a, m = agent_ids[g], state.map[b]
+        m = state.map[b]
         base, free = roads.lane_base[m], routes.start[m]
         lane, done = state.vehicles.lane[b, state.agents.slot[b, a]], state.agents.route_progress[b, a]
         out[0] = 0.0

@@ -11,7 +11,6 @@ from typing import Any
 
 import yaml
 
-from smarts.agents.checks import check_whole
 from smarts.errors import SmartsError, nearest_names
 from smarts.observations import FEATURES
 from smarts.observations.context import AdapterContext
@@ -20,7 +19,6 @@ from smarts.registry import guarded, is_own_name
 
 _FILE = Path(__file__).with_name("observations.yaml")
 _KEYS = ("base", "frames", "stacked", "features")
-MOST_FRAMES = 100
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,9 @@ class FeatureList:
     """Name of the reward that agents get if the caller gives none."""
 
     def __post_init__(self) -> None:
-        check_whole("frames", self.frames, 1, MOST_FRAMES, "observation")
+        if isinstance(self.frames, bool) or not isinstance(self.frames, int) or self.frames < 1:
+            remedy = "give a whole number of decisions, 1 or more"
+            raise SmartsError(f"frames is {self.frames!r}", place="observation", remedy=remedy)
         for each in (*self.stacked, *self.features):
             each.kind()
 

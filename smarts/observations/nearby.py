@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.arrays import Floats, Ints
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
 from smarts.roads.arrays import Roads, RouteTable
@@ -37,11 +37,9 @@ class Nearby(Feature):
 
     @staticmethod
     @kernel
-    def write(
-        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: Floats
-    ) -> None:
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: Floats) -> None:
         """Write an agent's rows, shape (8, 6); see `Feature`."""
-        vehicles, own = state.vehicles, state.agents.slot[b, agent_ids[g]]
+        vehicles, own = state.vehicles, state.agents.slot[b, a]
         found, squares = np.empty(VEHICLES, np.int32), np.empty(VEHICLES)
         count = nearest_vehicles(vehicles, b, own, WITHIN, found, squares)
         out[:] = 0.0

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from smarts.arrays import Ints, Singles
+from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
 from smarts.observations.scales import LONGEST_TIME, RADIUS, SPEED_SCALE, compressed
@@ -59,11 +59,9 @@ class NeighborSectors(Feature):
 
     @staticmethod
     @kernel
-    def write(
-        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: Singles
-    ) -> None:
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: Singles) -> None:
         """Write an agent's numbers; see `Feature`."""
-        vehicles, own = state.vehicles, state.agents.slot[b, agent_ids[g]]
+        vehicles, own = state.vehicles, state.agents.slot[b, a]
         cos, sin = math.cos(vehicles.heading[b, own]), math.sin(vehicles.heading[b, own])
         nearest = np.full(SECTORS, RADIUS)
         out[:] = 0.0

@@ -29,10 +29,12 @@ def velocity(vehicles: VehicleStates, b: int, slot: int) -> tuple[float, float]:
 
 
 @kernel
-def neighbors_within(vehicles: VehicleStates, b: int, own: int, found: Ints, squares: Floats) -> int:
-    """List the nearest vehicles nearer than `RADIUS`; see `nearest_vehicles`."""
-    count = nearest_vehicles(vehicles, b, own, RADIUS, found, squares)
-    while count > 0 and squares[count - 1] >= RADIUS * RADIUS:
+def neighbors_within(
+    vehicles: VehicleStates, b: int, own: int, radius: float, found: Ints, squares: Floats
+) -> int:
+    """List the nearest vehicles nearer than `radius` [m]; see `nearest_vehicles`."""
+    count = nearest_vehicles(vehicles, b, own, radius, found, squares)
+    while count > 0 and squares[count - 1] >= radius * radius:
         count -= 1
     return count
 
@@ -48,13 +50,11 @@ class Neighbors(Feature):
 
     @staticmethod
     @kernel
-    def write(
-        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: Singles
-    ) -> None:
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: Singles) -> None:
         """Write an agent's numbers; see `Feature`."""
-        vehicles, own = state.vehicles, state.agents.slot[b, agent_ids[g]]
+        vehicles, own = state.vehicles, state.agents.slot[b, a]
         found, squares = np.empty(NEIGHBORS, np.int32), np.empty(NEIGHBORS)
-        count = neighbors_within(vehicles, b, own, found, squares)
+        count = neighbors_within(vehicles, b, own, RADIUS, found, squares)
         x, y = vehicles.position[b, own, 0], vehicles.position[b, own, 1]
         cos, sin = math.cos(vehicles.heading[b, own]), math.sin(vehicles.heading[b, own])
         own_vx, own_vy = velocity(vehicles, b, own)

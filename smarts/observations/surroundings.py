@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Bools, Floats, Ints
+from smarts.arrays import Floats
 from smarts.dynamics.performance import performance
-from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
 from smarts.observations.context import AdapterContext
@@ -104,6 +103,11 @@ _ENDLESS, _NOBODY = 0, int(Owner.NOBODY)
 _NO_CHANGE = (int(ChangePhase.NONE), int(ChangePhase.SETTLED), int(ChangePhase.ABORTED))
 
 
+class _Out(NamedTuple):
+    own_vehicle: Floats
+    lane_traffic: Floats
+
+
 class Surroundings(Feature):
     """State of the vehicle, lights and junctions ahead, and the traffic in its lane and those beside.
 
@@ -132,39 +136,28 @@ class Surroundings(Feature):
             Field(LANE_TRAFFIC, (3, len(Lane)), np.float64, -np.inf, np.inf, "", f"traffic, in {meaning}"),
         )
 
-    def bind(self, *out: Floats) -> Callable[[Bools], object]:
-        """Return the function that observes; see `Feature`."""
-        scene = self.context.scene
-        known = scene.world.state, scene.atlas.roads, scene.routes.current, self.context.agent_ids
-        return bind(_observe, *known, performance(scene.atlas), self._margins, *out)
+    arrays = _Out
 
+    def known(self) -> tuple[Performance, float]:
+        """Return what vehicles can do, and the driver's margins."""
+        return performance(self.context.scene.atlas), self._margins
 
-@kernel
-def _observe(
-    state: State,
-    roads: Roads,
-    routes: RouteTable,
-    agent_ids: Ints,
-    performance: Performance,
-    margins: float,
-    own_vehicle: Floats,
-    lane_traffic: Floats,
-    observe_mask: Bools,
-) -> None:
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if observe_mask[b, g]:
-                _write(
-                    state,
-                    roads,
-                    routes,
-                    performance,
-                    b,
-                    agent_ids[g],
-                    margins,
-                    own_vehicle[b, g],
-                    lane_traffic[b, g],
-                )
+    @staticmethod
+    @kernel
+    def write(
+        state: State,
+        roads: Roads,
+        routes: RouteTable,
+        b: int,
+        g: int,
+        a: int,
+        out: _Out,
+        performance: Performance,
+        margins: float,
+    ) -> None:
+        """Write an agent's numbers; see `Feature`."""
+        own, lanes = out.own_vehicle[b, g], out.lane_traffic[b, g]
+        _write(state, roads, routes, performance, b, a, margins, own, lanes)
 
 
 @kernel

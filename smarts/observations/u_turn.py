@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Bools, Floats, Ints
-from smarts.geometry.binding import bind
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
 from smarts.observations.feature import Feature
 from smarts.observations.way_ahead import SPACING, gap_behind
-from smarts.roads.arrays import Roads
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.curves import curve_into, sharpest_bend, stations_of
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_ways import place_on_lane
@@ -31,6 +30,11 @@ LATERAL = 2.0
 """Lateral acceleration in the turn [m/s^2]."""
 SPARE = 0.4
 """Added to the vehicle's width where the road has to be wide enough [m]."""
+
+
+class _Out(NamedTuple):
+    turn_lane: Floats
+    turn_state: Floats
 
 
 class UTurnPlace(Feature):
@@ -52,26 +56,17 @@ class UTurnPlace(Feature):
             Field(TURN_STATE, (3,), np.float64, 0.0, inf, "", "speed in the turn, oncoming gap and speed"),
         )
 
-    def bind(self, *out: Floats) -> Callable[[Bools], object]:
-        """Return the function that observes; see `Feature`."""
-        scene = self.context.scene
-        known = scene.world.state, scene.atlas.roads, self.context.agent_ids
-        return bind(_observe, *known, *out)
+    arrays = _Out
 
-
-@kernel
-def _observe(
-    state: State, roads: Roads, agent_ids: Ints, turn_lane: Floats, turn_state: Floats, observe_mask: Bools
-) -> None:
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if observe_mask[b, g]:
-                _write_turn(state, roads, b, agent_ids[g], turn_lane[b, g], turn_state[b, g])
+    @staticmethod
+    @kernel
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out) -> None:
+        """Write where a turn from the vehicle's pose ends, and what comes in that lane; see `Feature`."""
+        _write_turn(state, roads, b, a, out.turn_lane[b, g], out.turn_state[b, g])
 
 
 @kernel
 def _write_turn(state: State, roads: Roads, b: int, a: int, way: Floats, turn: Floats) -> None:
-    """Write where a turn from the vehicle's pose ends, and what comes in that lane."""
     vehicles, m, slot = state.vehicles, state.map[b], state.agents.slot[b, a]
     way[:], turn[:] = 0.0, 0.0
     turn[1] = np.inf

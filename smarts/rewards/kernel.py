@@ -115,7 +115,7 @@ def near_traffic(
         found: Room for eight slots.
         squares: Room for eight numbers.
     """
-    count = neighbors_within(vehicles, b, own, found, squares)
+    count = neighbors_within(vehicles, b, own, RADIUS, found, squares)
     mean_distance, mean_time = 0.0, 0.0
     for place in range(NEIGHBORS):
         distance, time = RADIUS, LONGEST_TIME

@@ -138,7 +138,7 @@ class OwnRewards:
         discount: Of the learner, for `weights` that the reward adds.
 
     Raises:
-        OwnCodeError: The class cannot be made, or what is made cannot be called.
+        OwnCodeError: The class cannot be made.
     """
 
     def __init__(
@@ -146,8 +146,6 @@ class OwnRewards:
     ) -> None:
         self._doing = f"the reward {name!r}"
         made = guarded(reward, self._doing)() if isinstance(reward, type) else reward
-        if not callable(made):
-            raise OwnCodeError(f"{self._doing} has no method '__call__'", place=name)
         weights: Weights = getattr(made, "weights", RewardWeights())
         self._weighted = Rewards(context, given_weights(weights), discount)
         self._call = guarded(made, self._doing)
@@ -181,14 +179,10 @@ class OwnRewards:
             self._forget(egos)
 
     def _worth(self, step: RewardStep) -> Floats:
-        given = self._call(step)
-        try:
-            worth = np.asarray(given, np.float64)
-        except (TypeError, ValueError):
-            worth = np.zeros(0)
+        worth = np.asarray(self._call(step), np.float64)
         if worth.shape not in ((), self.values.shape):
             raise OwnCodeError(
-                f"{self._doing} returns {_shape_of(given)}",
+                f"{self._doing} returns an array of shape {worth.shape}",
                 remedy=f"return numbers of shape {self.values.shape}: simulations, agents; or a single one",
             )
         worth = np.broadcast_to(worth, self.values.shape)
@@ -255,10 +249,3 @@ def _adopt(name: str, found: Any) -> Any:
     if not callable(found) or (is_made and "__call__" not in dir(found)):
         raise ValueError("is neither a function of a RewardStep nor a class with a method '__call__'")
     return found
-
-
-def _shape_of(given: Any) -> str:
-    try:
-        return f"an array of shape {np.shape(given)}"
-    except ValueError:
-        return repr(given)

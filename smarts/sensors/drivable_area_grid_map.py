@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -12,19 +12,17 @@ from smarts.arrays import Pixels
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
-from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, viewer
-from smarts.sensors.protocol import KernelSensor, Readings, Seen
+from smarts.sensors.grid_map import GridOut, PictureSensor, grid_fields, viewer
 from smarts.sensors.road_raster import ROAD, RoadRaster, paint_road, road_raster
 from smarts.types.interface import Field
 from smarts.types.world import State
 
 
 @dataclass(frozen=True)
-class DrivableArea(KernelSensor):
+class DrivableArea(PictureSensor):
     """A view from above: lanes for motor vehicles and junctions."""
 
     option: DrivableAreaGridMap = field(default_factory=DrivableAreaGridMap)
-    arrays: ClassVar[type] = GridOut
 
     def fields(self) -> tuple[Field, ...]:
         """Return the fields."""
@@ -54,8 +52,3 @@ class DrivableArea(KernelSensor):
         x, y, heading = viewer(state.vehicles, b, state.agents.slot[b, a])
         paint_road(raster, state.map[b], x, y, heading, resolution, is_road, out.data[b, g])
         out.resolution[b, g] = resolution
-
-    @staticmethod
-    def as_object(readings: Readings, seen: Seen) -> GridMap:
-        """Return the picture."""
-        return grid_map(readings, seen)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from smarts.arrays import Pixels, Singles
 from smarts.geometry.compiling import kernel
 from smarts.geometry.raster import paint_box, place_in_view
 from smarts.sensors.bounds import FARTHEST, LARGEST_BOX, clipped, clipped_above
-from smarts.sensors.protocol import Readings, Seen, Triple
+from smarts.sensors.protocol import KernelSensor, Readings, Seen, Triple
 from smarts.types.interface import Field
 from smarts.types.vehicles import VehicleStates
 
@@ -53,12 +53,18 @@ def grid_fields(height: int, width: int, channels: int, most: int, meaning: str)
     )
 
 
-def grid_map(readings: Readings, seen: Seen) -> GridMap:
-    """Return a picture as an object."""
-    height, width, _ = readings["data"].shape
-    ego = seen.ego_vehicle_state
-    metadata = GridMapMetadata(float(readings["resolution"]), width, height, ego.position, float(ego.heading))
-    return GridMap(metadata, readings["data"])
+class PictureSensor(KernelSensor):
+    """A sensor whose readings are a picture from above."""
+
+    arrays: ClassVar[type] = GridOut
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> GridMap:
+        """Return the picture."""
+        height, width, _ = readings["data"].shape
+        ego, resolution = seen.ego_vehicle_state, float(readings["resolution"])
+        metadata = GridMapMetadata(resolution, width, height, ego.position, float(ego.heading))
+        return GridMap(metadata, readings["data"])
 
 
 @kernel

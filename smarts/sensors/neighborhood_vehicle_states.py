@@ -152,14 +152,9 @@ class NeighborhoodVehicleStates(KernelSensor):
 
 @kernel
 def _clear(out: _Out, b: int, g: int, first: int) -> None:
-    for k in range(first, out.slot.shape[2]):
-        out.slot[b, g, k] = 0
-        out.generation[b, g, k] = 0
-        out.heading[b, g, k] = 0.0
-        out.speed[b, g, k] = 0.0
-        out.lane[b, g, k] = 0
-        out.lane_index[b, g, k] = 0
-        for axis in range(3):
-            out.position[b, g, k, axis] = 0.0
-            out.bounding_box[b, g, k, axis] = 0.0
-            out.lane_position[b, g, k, axis] = 0.0
+    out.slot[b, g, first:], out.generation[b, g, first:] = 0, 0
+    out.heading[b, g, first:], out.speed[b, g, first:] = 0.0, 0.0
+    out.lane[b, g, first:], out.lane_index[b, g, first:] = 0, 0
+    out.position[b, g, first:] = 0.0
+    out.bounding_box[b, g, first:] = 0.0
+    out.lane_position[b, g, first:] = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -17,21 +17,19 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.levels import meets
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import LARGEST_BOX, clipped, clipped_above
-from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, viewer
-from smarts.sensors.protocol import KernelSensor, Readings, Seen
+from smarts.sensors.grid_map import GridOut, PictureSensor, grid_fields, viewer
 from smarts.types.interface import Field
 from smarts.types.world import State
 
 
 @dataclass(frozen=True)
-class VisibleArea(KernelSensor):
+class VisibleArea(PictureSensor):
     """A view from above: what can be seen from the middle of the own vehicle, all around.
 
     Of another vehicle the side that is turned this way is seen, a pixel deep; it hides what is behind.
     """
 
     option: OcclusionMap = field(default_factory=OcclusionMap)
-    arrays: ClassVar[type] = GridOut
 
     def fields(self) -> tuple[Field, ...]:
         """Return the fields."""
@@ -79,11 +77,6 @@ class VisibleArea(KernelSensor):
                 free = reach[ray[row, column]] + resolution
                 out.data[b, g, row, column, 0] = distance[row, column] <= free
         out.resolution[b, g] = resolution
-
-    @staticmethod
-    def as_object(readings: Readings, seen: Seen) -> GridMap:
-        """Return the picture."""
-        return grid_map(readings, seen)
 
 
 @lru_cache(maxsize=8)

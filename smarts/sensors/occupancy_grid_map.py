@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -13,18 +13,16 @@ from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.levels import meets
 from smarts.roads.scene import Scene
-from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, paint_vehicle, viewer
-from smarts.sensors.protocol import KernelSensor, Readings, Seen
+from smarts.sensors.grid_map import GridOut, PictureSensor, grid_fields, paint_vehicle, viewer
 from smarts.types.interface import Field
 from smarts.types.world import State
 
 
 @dataclass(frozen=True)
-class OccupancyGrid(KernelSensor):
+class OccupancyGrid(PictureSensor):
     """A view from above: the footprints of all vehicles, the agent's own included."""
 
     option: OGM = field(default_factory=OGM)
-    arrays: ClassVar[type] = GridOut
 
     def fields(self) -> tuple[Field, ...]:
         """Return the fields."""
@@ -56,8 +54,3 @@ class OccupancyGrid(KernelSensor):
             if v == own or meets(vehicles, b, own, v):
                 paint_vehicle(vehicles, b, v, x, y, heading, resolution, occupied, out.data[b, g])
         out.resolution[b, g] = resolution
-
-    @staticmethod
-    def as_object(readings: Readings, seen: Seen) -> GridMap:
-        """Return the picture."""
-        return grid_map(readings, seen)

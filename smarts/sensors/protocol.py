@@ -7,6 +7,7 @@ from functools import cache
 from types import FunctionType
 from typing import Any, ClassVar, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Ints
@@ -104,9 +105,18 @@ class KernelSensor:
 
 
 def bind_write(write: Any, scene: Scene, agent_ids: Ints, out: Any, *known: Any) -> Callable[[Bools], object]:
-    """Return the function that calls a kernel for each agent in its mask; see `KernelSensor`."""
+    """Return the function that calls a kernel for each agent in its mask.
+
+    Args:
+        write: The kernel; see `KernelSensor`.
+        scene: What is observed.
+        agent_ids: The agents, shape (G,).
+        out: A named tuple of whole arrays; or an array, of which the kernel gets the agent's entry [b, g].
+        known: Further arguments of the kernel.
+    """
     state = scene.world.state, scene.atlas.roads, scene.routes.current, agent_ids
-    return bind(looped(_loop, write), *state, (out, *known))
+    loop = _loop_of_entries if isinstance(out, np.ndarray) else _loop
+    return bind(looped(loop, write), *state, (out, *known))
 
 
 @cache
@@ -138,6 +148,16 @@ def _loop(state: Any, roads: Any, routes: Any, agent_ids: Any, others: Any, obse
         for g in range(observe_mask.shape[1]):
             if observe_mask[b, g]:
                 write(state, roads, routes, b, g, agent_ids[g], *others)  # type: ignore[name-defined]  # noqa: F821
+
+
+def _loop_of_entries(
+    state: Any, roads: Any, routes: Any, agent_ids: Any, others: Any, observe_mask: Any
+) -> None:
+    out, known = others[0], others[1:]
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if observe_mask[b, g]:
+                write(state, roads, routes, b, g, agent_ids[g], out[b, g], *known)  # type: ignore[name-defined]  # noqa: F821
 
 
 def triple(values: NDArray) -> Triple:

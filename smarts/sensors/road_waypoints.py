@@ -19,7 +19,7 @@ from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
 from smarts.sensors.protocol import KernelSensor, Readings, Seen
 from smarts.sensors.road_links import RoadLinks, road_links
-from smarts.sensors.waypoint import Waypoint, clear_waypoints, waypoints_of
+from smarts.sensors.waypoint import Waypoint, clear_waypoints, waypoint_fields, waypoints_of
 from smarts.types.interface import Field
 from smarts.types.world import State
 
@@ -70,13 +70,7 @@ class RoadWaypointsAround(KernelSensor):
             Field("oncoming", (k,), np.int8, 0, 1, "", "1 if the lane leads the other way"),
             Field("waypoint_count", (k,), np.int32, 0, w, "", "waypoints of each lane; those after are 0"),
             Field("beside", (k,), np.int32, 0, w, "", "which of them is beside the vehicle"),
-            Field("position", (k, w, 2), np.float64, -FARTHEST, FARTHEST, "m", "on the lane's centreline"),
-            Field("heading", (k, w), np.float32, -np.pi, np.pi, "rad", "of the centreline"),
-            Field("lane_width", (k, w), np.float32, 0, LARGEST_BOX, "m", ""),
-            Field("speed_limit", (k, w), np.float32, 0, FASTEST, "m/s", ""),
-            Field("lane", (k, w), np.int32, 0, MOST, "", "number in the map"),
-            Field("lane_index", (k, w), np.int32, 0, MOST, "", "place across the road, 0 is the rightmost"),
-            Field("lane_offset", (k, w), np.float32, 0, FARTHEST, "m", "along the lane from its begin"),
+            *waypoint_fields(k, w),
         )
 
     def known(self, scene: Scene) -> tuple[Any, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.levels import meets
 from smarts.roads.scene import Scene
-from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, paint_vehicle, viewer
-from smarts.sensors.protocol import KernelSensor, Readings, Seen
+from smarts.sensors.grid_map import GridOut, PictureSensor, grid_fields, paint_vehicle, viewer
 from smarts.sensors.road_raster import (
     CENTRE_LINE,
     DIVIDER,
@@ -74,11 +73,10 @@ def _vehicle_colours() -> Pixels:
 
 
 @dataclass(frozen=True)
-class TopDownRgb(KernelSensor):
+class TopDownRgb(PictureSensor):
     """A view from above: road with its markings, traffic, agents, and the own vehicle in red."""
 
     option: RGB = field(default_factory=RGB)
-    arrays: ClassVar[type] = GridOut
 
     def fields(self) -> tuple[Field, ...]:
         """Return the fields."""
@@ -120,8 +118,3 @@ class TopDownRgb(KernelSensor):
                 kind = 2 if v == own else 1 if vehicles.owner[b, v] == _AGENT else 0
                 paint_vehicle(vehicles, b, v, x, y, heading, resolution, boxes[kind], view)
         out.resolution[b, g] = resolution
-
-    @staticmethod
-    def as_object(readings: Readings, seen: Seen) -> GridMap:
-        """Return the picture."""
-        return grid_map(readings, seen)

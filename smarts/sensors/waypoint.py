@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
+from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST
 from smarts.sensors.protocol import Readings, Seen
 from smarts.types.coordinates import Heading
+from smarts.types.interface import Field
 
 
 class Waypoint(NamedTuple):
@@ -44,6 +48,20 @@ class Waypoint(NamedTuple):
     def dist_to(self, position: Floats | tuple[float, ...]) -> float:
         """Return the distance to a position [m]."""
         return math.hypot(position[0] - self.pos[0], position[1] - self.pos[1])
+
+
+def waypoint_fields(paths: int, waypoints: int) -> tuple[Field, ...]:
+    """Return the fields of some paths of so many waypoints each."""
+    shape, single, far = (paths, waypoints), np.float32, FARTHEST
+    return (
+        Field("position", (*shape, 2), np.float64, -far, far, "m", "on the lane's centreline"),
+        Field("heading", shape, single, -np.pi, np.pi, "rad", "of the centreline"),
+        Field("lane_width", shape, single, 0, LARGEST_BOX, "m", ""),
+        Field("speed_limit", shape, single, 0, FASTEST, "m/s", ""),
+        Field("lane", shape, np.int32, 0, MOST, "", "number in the map"),
+        Field("lane_index", shape, np.int32, 0, MOST, "", "place across the road, 0 is the rightmost"),
+        Field("lane_offset", shape, single, 0, far, "m", "along the lane from its begin"),
+    )
 
 
 @kernel

@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from smarts.observations.neighbor_rows import ROW_VALUES
+from smarts.errors import SmartsError
+from smarts.observations.neighbor_rows import COLUMNS
 from smarts.observations.neighbors import NEIGHBORS
 from smarts.observations.scales import RADIUS, SIGHT, SPEED_SCALE, expanded
 from tests.maps import crossing, straight
+from tests.raising import raises
 from tests.unit.observations.test_features import look, mission, observation_of, observe
 from tests.unit.observations.test_junctions import from_the_south, from_the_west
 from tests.unit.roads.test_right_of_way import SOUTH_WAITS
@@ -18,7 +20,7 @@ from tests.worlds import Car, world_of
 def rows_of(*cars, maps=None):
     made = world_of([*cars], maps=maps or [straight()])
     seen = observe(observation_of(made, features=["speed", "neighbor_rows"]))["neighbor_rows"]
-    assert seen.shape == (1, 1, NEIGHBORS, ROW_VALUES)
+    assert seen.shape == (1, 1, NEIGHBORS, len(COLUMNS))
     assert np.all(np.abs(seen) <= 1.0)
     return seen[0, 0].astype(float)
 
@@ -71,3 +73,25 @@ def test_the_nearest_eight_are_kept():
     rows = rows_of(agent, *(Car(50.0 + n, 10.0) for n in range(-6, 6)))
     assert (rows[:, 0] > 0.0).all()
     np.testing.assert_allclose(np.sort(1 - rows[:, 0])[-1] * RADIUS, math.hypot(4, 10), rtol=1e-4)
+
+
+def test_rows_radius_and_columns_are_chosen():
+    cars = [Car(50.0, 0.0, 0.3, 5.0, mission=mission("road")), Car(65.0, 3.0, 1.0), Car(120.0, 6.0, 0.2, 9.0)]
+    made = world_of(cars, maps=[straight()])
+    options = {"rows": 3, "radius": 80.0, "columns": ["urgency", "nearness", "left"]}
+    seen = observe(observation_of(made, features=["speed", {"neighbor_rows": options}]))["neighbor_rows"][
+        0, 0
+    ]
+    assert seen.shape == (3, 3)
+    np.testing.assert_allclose(1 - seen[:2, 1], np.hypot([15, 70], [3, 6]) / 80.0, rtol=1e-6)
+    assert not seen[2].any()
+    default = rows_of(*cars)
+    assert seen[0, 0] == pytest.approx(default[0, COLUMNS.index("urgency")])
+    lefts = [expanded(seen[0, 2], 80.0), expanded(default[0, COLUMNS.index("left")], RADIUS)]
+    assert lefts[0] == pytest.approx(lefts[1], rel=1e-5)
+
+
+def test_columns_that_are_none():
+    made = world_of([Car(50.0, 0.0, mission=mission("road"))], maps=[straight()])
+    with raises(SmartsError, "feature neighbor_rows", values=["'lef'", "'left'"]):
+        observation_of(made, features=[{"neighbor_rows": {"columns": ["lef"]}}])
