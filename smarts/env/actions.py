@@ -142,12 +142,11 @@ def arrays_of(actions: Any, groups: Sequence[AgentGroup], worlds: int) -> list[N
     Raises:
         ActionError: There are not as many arrays as groups, or one is not of its group's numbers.
     """
-    if not isinstance(actions, Sequence):
-        actions = np.asarray(actions)
-    if np.ndim(actions) == 0 or len(actions) != len(groups):
+    blocks = actions if isinstance(actions, Sequence) else np.atleast_1d(actions)
+    if len(blocks) != len(groups):
         remedy = f"give an array for each of {len(groups)} blocks of agents"
-        raise rejection(actions, "is not a list of arrays", "actions", remedy)
-    return [_numeric(group, given, worlds) for group, given in zip(groups, actions, strict=True)]
+        raise rejection(actions, "is not a list of an array for each block", "actions", remedy)
+    return [_numeric(group, given, worlds) for group, given in zip(groups, blocks, strict=True)]
 
 
 def _numeric(group: AgentGroup, given: ArrayLike, worlds: int) -> NDArray:

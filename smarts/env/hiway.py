@@ -47,7 +47,8 @@ class HiWayEnv(DictEnvApi, gym.Env):
         sim_name: Without effect. Kept so that the original's calls work.
         render_mode: `"rgb_array"`: `render` returns pictures; `"human"`: each step is shown in a window or a
             notebook.
-        options: See `SimulationOptions`.
+        options: `seed`, `simulation`, `traffic`, `social_agents`, `hosts`, `learn_in_bubbles`, `episode_time`
+            and `envision`: see `EnvSettings`.
 
     Raises:
         SmartsError: A scenario or an agent is invalid.

@@ -13,7 +13,7 @@ from smarts.agents.interface import SENSOR_OPTIONS
 from smarts.agents.options import InterfaceError
 from smarts.agents.sensors import ALWAYS_ON
 from smarts.env import HiWayEnv, VectorHiWayEnv
-from smarts.errors import OwnCodeError, SmartsError
+from smarts.errors import OwnCodeError
 from smarts.registry import import_own
 from smarts.roads.scene import Scene
 from smarts.sensors import SENSORS
@@ -290,11 +290,6 @@ def test_mistakes_in_an_own_sensor_are_errors_with_file_and_line(tmp_path, monke
     number = next(number for number, each in enumerate(SENSOR.splitlines(), 1) if line in each)
     with raises(OwnCodeError, f"{file}:{number}", values=["the sensor", kind, said]):
         observed(True)
-
-
-def test_a_sensor_of_the_library_is_not_replaced():
-    with raises(SmartsError, values=["lidar_point_cloud", "another name"]):
-        SENSORS.add("lidar_point_cloud", "an_odometer:Odometer")
 
 
 def test_invalid_options_raise(odometer):

@@ -4,8 +4,6 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 
 from algorithms.joint.env import AgentBlock, FinalStep, JointSpaces, JointStep
-from smarts.agents.checks import check_whole
-from smarts.env.vector import MOST_EPISODES
 from smarts.types.streams import check_seed
 
 LENGTH = 20
@@ -25,7 +23,6 @@ class NullVector:
 
     def reset(self, seed, worlds, *, episode=0, stride=0):
         check_seed(seed, "reset")
-        check_whole("episode", episode, 0, MOST_EPISODES)
         self.begun.append((seed, *np.asarray(worlds).tolist(), episode))
         self.rng, self.t = np.random.default_rng([seed, episode]), 0
         return self._now()

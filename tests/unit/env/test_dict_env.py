@@ -3,7 +3,6 @@
 import itertools
 
 import numpy as np
-import pytest
 from ray.rllib.env.env_context import EnvContext
 
 from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec, AgentType, DoneCriteria
@@ -124,32 +123,6 @@ def test_infos_count_the_paths_that_do_not_fit(closing):
             assert own in [path[0].lane_index for path in each.waypoint_paths]
         if is_short:
             assert info["left_out"]["waypoint_paths"] >= 1
-
-
-def test_metres_of_the_route_add_up(closing):
-    env = closing(HiWayEnv(["two_way"], specs("a")))
-    env.reset()
-    remaining = [env._env.runner.world.agents.remaining[0, 0]]
-    total = 0.0
-    for _ in range(30):
-        rewards = env.step({"a": 0})[1]
-        total += rewards["a"]
-    remaining.append(env._env.runner.world.agents.remaining[0, 0])
-    assert total == pytest.approx(remaining[0] - remaining[1], abs=1e-4)
-
-
-def test_pettingzoo_names_who_is_there(closing):
-    env = closing(hiway_parallel_env(["intersection"]))
-    observations, _ = env.reset(seed=2)
-    assert env.agents == list(observations) == env.possible_agents
-    while env.agents:
-        acting = list(env.agents)
-        observations, rewards, terminated, truncated, _ = env.step(dict.fromkeys(acting, 0))
-        assert set(observations) == set(rewards) == set(terminated) == set(truncated)
-        assert set(acting) <= set(observations)
-        left = {name for name in observations if not (terminated[name] or truncated[name])}
-        assert set(env.agents) == left
-    assert env.step({}) == ({}, {}, {}, {}, {})
 
 
 def test_agents_with_different_interfaces_side_by_side(closing):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from smarts.agents import AgentInterface, AgentSpec, AgentType
-from smarts.env import HiWayEnv, SingleHiWayEnv, StayingAgents, VectorHiWayEnv, hiway_parallel_env
+from smarts.agents import AgentInterface, AgentType
+from smarts.env import SingleHiWayEnv, StayingAgents, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ScenarioError, TrafficError
 from smarts.providers.sumo_traffic import SumoTraffic
 from tests.raising import raises
@@ -46,14 +46,6 @@ def test_a_reset_says_that_traffic_has_failed_before_the_agent_was_there(folder,
         env.reset(seed=1)
     env.reset()
     env.step(0)
-
-
-@pytest.mark.usefixtures("failing")
-def test_environments_by_name_say_it_too(folder, closing):
-    env = closing(HiWayEnv([folder], {"a": AgentSpec(interface=laner())}))
-    with raises(TrafficError, "late", values=["SUMO failed"]):
-        env.reset(seed=1)
-    assert [*env.reset()[0]] == ["a"]
 
 
 @pytest.mark.usefixtures("failing")

@@ -70,21 +70,6 @@ def played():
         env.close()
 
 
-def test_a_reset_in_mid_episode_forgets_how_agents_have_ended():
-    env = vector(1, 2)
-    try:
-        env.reset(5)
-        for _ in range(250):
-            step = env.step([np.zeros((1, 2), int)])
-            if env._endings.any() and not step.reset.any():
-                break
-        assert env._endings.any()
-        env.reset(5)
-        assert not env._endings.any()
-    finally:
-        env.close()
-
-
 def test_leaving_the_bubble_truncates_with_the_last_observation_in_place(played):
     left = 0
     for moment in played:
@@ -213,6 +198,7 @@ def test_by_names_agents_end_and_appear_again():
 @pytest.mark.parametrize(
     ("options", "place"),
     [
+        ({"scenarios": ["loop"], **IN_BUBBLE}, "learn_in_bubbles"),
         ({"learn_in_bubbles": True}, "episode_time"),
         ({"episode_time": 20.0}, "episode_time"),
         ({"learn_in_bubbles": "left-turn", "episode_time": 20.0}, "learn_in_bubbles"),
@@ -222,15 +208,8 @@ def test_by_names_agents_end_and_appear_again():
 )
 def test_what_is_no_learning_in_bubbles(options, place):
     with pytest.raises(InterfaceError) as error:
-        VectorHiWayEnv(1, [LEFT_TURN], **{"agents": 2, **options})
+        VectorHiWayEnv(1, **{"scenarios": [LEFT_TURN], "agents": 2, **options})
     assert error.value.place == place
-
-
-def test_scenarios_without_bubbles():
-    with pytest.raises(InterfaceError) as error:
-        VectorHiWayEnv(1, ["loop"], agents=2, **IN_BUBBLE)
-    assert error.value.place == "learn_in_bubbles"
-    assert "'loop'" in error.value.problem
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
-from algorithms.joint.adapter import JointVector
-from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
+from smarts.agents import AgentSpec
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env import (
     RLlibHiWayEnv,
@@ -19,7 +18,6 @@ from smarts.env import (
 
 RIGHT = 3
 SEED = 3
-PICTURE = {"base": "benchmark", "stacked": [{"image": {"size": 8}}]}
 PLAIN = benchmark_interface()
 
 
@@ -63,23 +61,6 @@ def test_observations_and_masks_are_those_of_the_vector_environment(closing, kin
         there = vector.step([actions[None]])
     assert ended
     assert masked > 10
-
-
-def test_spaces(closing):
-    size = 3 * 65 + 1 + 4
-    env = closing(SingleHiWayEnv(["loop"]))
-    assert env.observation_space == Box(-1.0, 1.0, (size,), np.float32)
-    env = closing(SingleHiWayEnv(["loop"], action_mask=True))
-    assert env.observation_space == Dict(
-        {"observation": Box(-1.0, 1.0, (size,), np.float32), "action_mask": Box(0, 1, (4,), np.int8)}
-    )
-    env = closing(SingleHiWayEnv(["loop"], observation=PICTURE))
-    assert isinstance(env.observation_space, Dict)
-    assert env.observation_space.spaces.keys() == {"observation", "image"}
-    steered = AgentInterface(action=ActionSpaceType.Continuous)
-    env = closing(SingleHiWayEnv(["loop"], steered, observation="raw", action_mask=True))
-    assert "action_mask" not in env.observation_space.spaces
-    assert env.reset()[1] == {}
 
 
 def test_an_observation_without_the_mask_gets_it_where_it_is_asked_for(closing):
@@ -134,13 +115,3 @@ def test_who_has_which_adapters_of_its_own(closing):
     assert infos["sees"].keys() == {"mine", "action_mask"}
     assert "action_mask" not in infos["acts"]
     assert infos["says"] is None
-
-
-def test_our_algorithms_get_the_same_from_either(closing):
-    env = closing(JointVector(lambda b: made("rllib", action_mask=True), 1))
-    vector = closing(VectorHiWayEnv(1, ["double_merge"], 4))
-    (block,), (expected,) = env.spaces.blocks, vector.spaces.blocks
-    assert block.masked
-    assert (block.observation, block.action) == (expected.observation, expected.action)
-    step = env.reset(0, np.array([0]))
-    assert 0 < step.masks[0].sum() < step.masks[0].size

@@ -91,15 +91,6 @@ def test_agents_that_stand_are_cut_at_the_limit():
     env.close()
 
 
-def test_the_mean_is_the_sum_by_the_number_of_agents(envs):
-    summed, _ = envs
-    mean = PyMARLEnv(**SHARED, reward_scalarisation="mean")
-    summed.reset(seed=2)
-    mean.reset(seed=2)
-    assert mean.step([0, 0, 0])[1] == pytest.approx(summed.step([0, 0, 0])[1] / 3, rel=1e-12)
-    mean.close()
-
-
 def test_a_seed_begins_with_the_next_reset(envs):
     env, _ = envs
     env.reset(seed=8)

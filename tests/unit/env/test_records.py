@@ -123,10 +123,3 @@ def test_the_single_agent_says_it_without_its_name(closing, tmp_path):
         env.step(0)
     (episode,) = written(tmp_path, 1).values()
     assert [values.tolist() for values in extras(episode, "value").values()] == [[k, 1] for k in range(4)]
-
-
-def test_without_a_record_nothing_is_noted(closing):
-    env = closing(HiWayEnv(["two_way"], {"a": AgentSpec(interface=SHORT)}))
-    env.reset(seed=1)
-    env.annotate("value", {"a": 1.0})
-    env.step({"a": 0})

@@ -3,11 +3,9 @@
 import sys
 import types
 
-import gymnasium as gym
 import matplotlib.colors
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, SingleHiWayEnv, hiway_parallel_env
@@ -88,14 +86,6 @@ def test_the_original_environment_and_staying_agents_draw():
     staying.reset(seed=1)
     assert staying.render().shape == (HEIGHT, WIDTH, 3)
     staying.close()
-
-
-def test_gymnasium_makes_and_checks_it():
-    env = gym.make("smarts.env:hiway-single-v0", scenarios=["loop"], render_mode="rgb_array")
-    env.reset(seed=1)
-    assert env.render().shape == (HEIGHT, WIDTH, 3)
-    check_env(env.unwrapped, skip_render_check=True)
-    env.close()
 
 
 def test_without_a_mode_nothing_is_drawn():

@@ -5,16 +5,13 @@ import pytest
 import torch
 
 from smarts.agents import AgentInterface, DoneCriteria, EventConfiguration
-from smarts.agents.benchmark import benchmark_interface
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import ActionError, SmartsError
-from smarts.observations.lists import feature_list
 from smarts.types.actions import ActionSpaceType, LaneAction
-from smarts.types.agent_states import AgentStatus, ChangePhase
+from smarts.types.agent_states import ChangePhase
 from smarts.types.events import Outcome
 from tests.raising import raises
 
-RESTED = feature_list("benchmark").layout(2)["time_stood"].start
 KEEP, SLOW, LEFT, RIGHT = LaneAction
 
 
@@ -190,32 +187,6 @@ def test_blocks_are_a_list_or_stacked(new_env, array):
     assert len(set(seen)) == 1
 
 
-def test_absurd_paths_move_nobody_out_of_this_world(new_env):
-    forgiving = DoneCriteria(collision=False, off_road=False, off_route=False)
-    path = AgentInterface(action=ActionSpaceType.Trajectory, done_criteria=forgiving)
-    env = new_env(2, ["two_way"], {"a": path}, observation="raw")
-    env.reset()
-    block = env.spaces.blocks[0]
-    actions = np.zeros((2, 1, *block.action.shape))
-    actions[0] = 1e200
-    for _ in range(3):
-        now = env.step([actions])
-    assert env._runner.world.step.tolist() == [15, 15]
-    assert not now.failed
-    assert np.isfinite(now.observations[0]["ego_vehicle_state/speed"]).all()
-
-
-def test_an_agent_is_due_every_half_second(new_env):
-    env = new_env(1, ["two_way"], 2)
-    env.reset()
-    agents = env._runner.world.agents
-    for decision in range(3):
-        env.step([np.zeros((1, 2), int)])
-        assert agents.next_due[0].tolist() == [5 * (decision + 1)] * 2
-        assert agents.period[0].tolist() == [5, 5]
-        assert (agents.state[0] == AgentStatus.ACTIVE).all()
-
-
 def test_stride_deals_out_a_list_of_worlds(new_env):
     env = new_env(2, ["two_way"])
     now = env.reset(5, np.array([0, 1]), episode=3, stride=2)
@@ -241,20 +212,3 @@ def test_who_may_rest_for_ever(new_env, time, outcome):
     while not now.reset.any():
         now = env.step([np.array([[SLOW]])])
     assert now.metrics[0][outcome] == 1.0
-
-
-def test_each_is_told_the_share_of_its_own_patience(new_env):
-    patience = np.array([20.0, 50.0])
-    kinds = [benchmark_interface(event_configuration=EventConfiguration(time)) for time in patience]
-    env = new_env(1, ["loop"], dict(zip("ab", kinds, strict=True)))
-    env.reset(1)
-    for _ in range(12):
-        now = env.step([np.array([[SLOW, SLOW]])])
-    world = env._runner.world
-    stood = (world.step[0] - world.agents.last_moved_step[0, :2]) * world.dt
-    assert (stood > 1.0).all()
-    np.testing.assert_allclose(
-        now.observations[0][""][0, :, RESTED],
-        stood / patience,
-        rtol=1e-5,
-    )

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
-from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
 from smarts.agents.options import InterfaceError
@@ -95,22 +94,6 @@ def test_simulations_differ_and_seeds_repeat():
         assert_equal(again, first)
         assert (first != second).any(axis=1).all()
         assert (first[0] != first[1]).any()
-    finally:
-        env.close()
-
-
-def test_statistics_of_gymnasium():
-    env = RecordEpisodeStatistics(SingleHiWayVectorEnv(2, ["loop"], SHORT))
-    try:
-        env.reset(seed=1)
-        total, lengths = np.zeros(2), []
-        for _ in range(8):
-            _, rewards, _, truncated, infos = env.step(np.zeros(2, int))
-            total += rewards
-            if truncated.any():
-                lengths += infos["episode"]["l"].tolist()
-                np.testing.assert_allclose(infos["episode"]["r"], total, rtol=1e-6)
-        assert lengths == [8, 8]
     finally:
         env.close()
 

@@ -15,7 +15,6 @@ from smarts.types.episode import TakeOver
 from smarts.types.vehicles import Owner
 from tests.raising import raises
 from tests.unit.env.social_stage import (
-    EGO,
     LANER,
     SOCIAL,
     Answers,
@@ -142,30 +141,12 @@ def test_a_vehicle_that_came_from_traffic_goes_back_when_its_agent_fails(play):
     assert not played.runner.actions.given[0, SOCIAL]
 
 
-def test_nobody_sits_in_an_agent_that_the_episode_does_not_fill(play):
-    answers = Answers()
-    played = play(answers)
-    played.reset()
-    played.step(5)
-    assert played.world.agents.state[0, SOCIAL] == AgentStatus.VACANT
-    assert answers.asked == []
-    assert played.world.egos == 1
-
-
 def test_the_episode_ends_with_the_egos_whatever_the_others_do(play):
     short = LANER.replace(max_episode_steps=5)
     played = play(Answers(), beside, social=short)
     played.reset()
     assert not played.step(8).finished[0]
     assert played.world.agents.state[0, SOCIAL] == AgentStatus.VACANT
-
-
-def test_where_all_wait_time_goes_on_until_somebody_is_there(play):
-    played = play(Answers(), trap(agent_id=EGO))
-    played.reset()
-    assert played.runner.alive[0, EGO]
-    assert played.world.step[0] > 0
-    assert played.world.vehicles.home[0, played.world.agents.slot[0, EGO]] == Owner.TRAFFIC
 
 
 @pytest.mark.parametrize("period", [1, 5])

@@ -6,12 +6,9 @@ import pytest
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env import (
     HiWayEnv,
-    SingleHiWayEnv,
     SingleHiWayVectorEnv,
     VectorHiWayEnv,
 )
-from smarts.sim.assembly import Options
-from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.types.bubbles import COUNTS
 from tests.unit.sstudio import sources
 
@@ -94,18 +91,3 @@ def test_infos_count_what_never_appeared(folder, play):
     infos = [*play(folder)]
     assert len(infos) >= 2
     assert all(missing(info) == MISSING for info in infos)
-
-
-def test_the_record_counts_what_never_appeared(folder, tmp_path):
-    env = SingleHiWayEnv([folder], ME["me"], simulation=Options(record=tmp_path / "episodes"))
-    try:
-        env.reset(seed=1)
-        is_over = False
-        while not is_over:
-            *_, terminated, truncated, _ = env.step(0)
-            is_over = terminated or truncated
-    finally:
-        env.close()
-    table = RecordedEpisode(episodes_in(tmp_path / "episodes")[0]).table("bubbles")
-    assert dict(zip(table["id"], table["never_appeared"].tolist(), strict=True)) == MISSING
-    assert not table["taken"].any()

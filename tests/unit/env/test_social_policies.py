@@ -48,24 +48,32 @@ def beside_both(agents):
     return (*beside(agents), later)
 
 
-def run_batches(agent, worlds, steps=20, policies=1, change=beside_both):
-    """Run social agents of a class in some simulations; return the runner's parts and all transitions."""
-    Batches.made = 0
-    cast = Cast(tuple(policy_of(agent, number=0, observation=agent.observation) for _ in range(policies)))
-    pool = [PooledAgents(LANER, 2)]
-    parts = assemble([build_scenario("intersection")], [LANER], cast=cast, pool=pool, worlds=worlds)
-    parts = dataclasses.replace(parts, schedule=Traffic(parts.schedule, change))
-    runner = SimulationRunner(parts, [])
+def run(policies, change=beside_both, *, worlds=1, steps=20, episodes=(0,), interface=LANER):
+    """Run the social agents of some policies; return the parts, and each step's failures by simulation."""
+    parts = assemble(
+        [build_scenario("intersection")],
+        [LANER],
+        cast=Cast(tuple(policies)),
+        pool=[PooledAgents(interface, 2)],
+        worlds=worlds,
+    )
+    runner = SimulationRunner(dataclasses.replace(parts, schedule=Traffic(parts.schedule, change)), [])
+    failures = []
     try:
-        runner.reset({row: EpisodeKey(row, 0, 42) for row in range(worlds)})
-        runner.dispatch()
-        transitions = []
-        for _ in range(steps):
-            transitions.append(runner.step())
+        for episode in episodes:
+            runner.reset({row: EpisodeKey(row, episode, 42) for row in range(worlds)})
             runner.dispatch()
-        return parts, transitions, parts.simulation.world.vehicles.position.copy()
+            for _ in range(steps):
+                failures.append(runner.step().social_failures)
+                runner.dispatch()
+        return parts, failures
     finally:
         runner.close()
+
+
+def run_batches(agent, worlds, **options):
+    Batches.made = 0
+    return run([policy_of(agent, observation=agent.observation)], worlds=worlds, **options)
 
 
 def test_one_policy_serves_all_vehicles_of_all_simulations_by_one_call():
@@ -91,51 +99,34 @@ def test_one_policy_serves_all_vehicles_of_all_simulations_by_one_call():
 def test_a_row_of_a_batch_equals_the_run_alone():
     class Draws(Batches):
         def act(self, batch):
-            self.batches.append(batch)
-            drawn = [
-                np.random.default_rng([seed, step]) for seed, step in zip(batch.seed, batch.step, strict=True)
-            ]
-            return np.array([generator.integers(2) for generator in drawn])
+            draws = zip(batch.seed, batch.step, strict=True)
+            return np.array([np.random.default_rng([seed, step]).integers(2) for seed, step in draws])
 
-    together, alone = run_batches(Draws, 3, 40)[2], run_batches(Draws, 1, 40)[2]
-    assert np.array_equal(together[0], alone[0])
+    together, alone = (
+        run_batches(Draws, worlds, steps=40)[0].simulation.world.vehicles.position[0] for worlds in (3, 1)
+    )
+    assert np.array_equal(together, alone)
 
 
 @pytest.mark.parametrize("kind", ["raises", "number", "length"])
 def test_what_a_batch_agent_answers_wrongly_fails_where_it_is_wrong(kind):
     class Fails(Batches):
         def act(self, batch):
+            self.batches.append(batch)
             actions = np.zeros(len(batch.env_id))
             bad = batch.env_id == 1
             if kind == "raises" and bad.any():
-                raise ValueError("simulation 1")
+                raise SystemExit(3)
             actions[bad] = 9 if kind == "number" else 0
             return actions[1:] if kind == "length" else actions
 
-    def only(agents):
-        return beside(agents)
-
-    _, transitions, _ = run_batches(Fails, 3, change=only)
-    failed = transitions[0].social_failures
-    assert [*failed] == ([1] if kind == "number" else [0, 1, 2])
-    assert all([*names] == ["social"] for names in failed.values())
-    assert not any(each.social_failures for each in transitions[1:])
-
-
-def test_a_batch_agent_that_raises_is_not_asked_again():
-    class Raises(Batches):
-        def act(self, batch):
-            self.batches.append(batch)
-            raise SystemExit(3)
-
-    def only(agents):
-        return beside(agents)
-
-    _, transitions, _ = run_batches(Raises, 3, change=only)
-    assert [*transitions[0].social_failures] == [0, 1, 2]
-    for named in transitions[0].social_failures.values():
-        assert named["social"].startswith("raised SystemExit: 3 (")
-    assert [batch.env_id.tolist() for batch in Raises.batches] == [[0, 1, 2]]
+    _, failures = run_batches(Fails, 3, change=beside)
+    failed = [1] if kind == "number" else [0, 1, 2]
+    assert [*failures[0]] == failed
+    for named in failures[0].values():
+        assert kind != "raises" or named["social"].startswith("raised SystemExit: 3 (")
+    assert not any(failures[1:])
+    assert not {*failed} & {row for batch in Fails.batches[1:] for row in batch.env_id.tolist()}, "not again"
 
 
 def requests_of(*env_ids, hold=0):
@@ -158,7 +149,7 @@ def requests_of(*env_ids, hold=0):
     return Request(batch, [*env_ids], names, [*zip(env_ids, batch.hold.tolist(), strict=True)])
 
 
-@pytest.mark.parametrize("options", [{}, {"is_boid": True}, {"is_boid": True, "keep_alive": True}])
+@pytest.mark.parametrize("options", [{}, {"is_boid": True, "keep_alive": True}])
 def test_what_a_policy_remembers_ends_with_the_episode_whatever_its_number(options):
     class Counts(Agent):
         def __init__(self):
@@ -194,16 +185,6 @@ def test_requests_in_flight_are_dropped_where_other_episodes_begin():
     assert host.gather() == []
 
 
-def test_an_episode_that_is_broken_off_is_not_asked_about(play):
-    steps = []
-    played = play(lambda seen: steps.append(seen.step_count) or "keep_lane", beside)
-    played.reset()
-    played.step(3)
-    played.reset()
-    played.step(2)
-    assert steps == [0, 1, 2, 0, 1]
-
-
 def test_failures_while_the_ego_waits_are_in_the_next_result(play):
     def waiting(agents):
         ego, social = beside(agents)
@@ -224,34 +205,18 @@ def test_a_failed_policy_leaves_others_alone():
         def act(self, batch):
             raise ValueError("never")
 
-    cast = Cast(
-        (
-            policy_of(Fails, observation=Fails.observation),
-            policy_of(Batches, observation=Batches.observation),
-        )
-    )
-    parts = assemble([build_scenario("intersection")], [LANER], cast=cast, pool=[PooledAgents(LANER, 1)])
-
     def change(agents):
         ego, first, second = beside_both(agents)
         return ego, first, dataclasses.replace(second, policy=1)
 
-    parts = dataclasses.replace(parts, schedule=Traffic(parts.schedule, change))
-    runner = SimulationRunner(parts, [])
-    try:
-        runner.reset({0: EpisodeKey(0, 0, 42)})
-        runner.dispatch()
-        failed = {}
-        for _ in range(20):
-            failed |= runner.step().social_failures
-            runner.dispatch()
-        assert [*failed[0]] == ["social"]
-        assert parts.actions.given[0].tolist() == [False, False, True]
-    finally:
-        runner.close()
+    policies = [policy_of(kind, observation=kind.observation) for kind in (Fails, Batches)]
+    parts, failures = run(policies, change)
+    assert [[*named] for each in failures for named in each.values()] == [["social"]]
+    assert parts.actions.given[0, :3].tolist() == [False, False, True]
 
 
-def test_a_boid_whose_vehicles_decide_in_turns_stays_the_same():
+def flock(period=1, act=lambda obs: dict.fromkeys(obs, "keep_lane"), interface=LANER, **options):
+    """Return the policy of a boid, its class, and the lists of vehicles that it was asked about."""
     asked = []
 
     class Flock(Agent):
@@ -262,95 +227,48 @@ def test_a_boid_whose_vehicles_decide_in_turns_stays_the_same():
 
         def act(self, obs):
             asked.append([*obs])
-            return dict.fromkeys(obs, "keep_lane")
+            return act(obs)
+
+    return policy_of(Flock, interface, is_boid=True, period=period, **options), Flock, asked
+
+
+def each_period(period, entry_time=1.0):
+    """Return a change of starts: social agents that decide every `period` steps."""
 
     def change(agents):
         ego, first, second = beside_both(agents)
-        return ego, *(dataclasses.replace(each, period=2) for each in (first, second))
+        first, second = (dataclasses.replace(each, period=period) for each in (first, second))
+        return ego, first, dataclasses.replace(second, entry_time=entry_time)
 
-    cast = Cast((policy_of(Flock, is_boid=True, period=2),))
-    parts = assemble([build_scenario("intersection")], [LANER], cast=cast, pool=[PooledAgents(LANER, 1)])
-    runner = SimulationRunner(dataclasses.replace(parts, schedule=Traffic(parts.schedule, change)), [])
-    try:
-        runner.reset({0: EpisodeKey(0, 0, 42)})
-        runner.dispatch()
-        for _ in range(20):
-            runner.step()
-            runner.dispatch()
-    finally:
-        runner.close()
+    return change
+
+
+def test_a_boid_whose_vehicles_decide_in_turns_stays_the_same():
+    policy, kind, asked = flock(period=2)
+    run([policy], each_period(2))
     assert asked[-5:-1] == [["second"], ["social"], ["second"], ["social"]]
-    assert Flock.made == 1
+    assert kind.made == 1
 
 
 @pytest.mark.parametrize(("enters", "made"), [(8, 1), (14, 2)])
 def test_a_boid_that_has_lost_its_vehicles_is_another_agent_next_time(enters, made):
     """The first vehicle decides at steps 0 and 10, and leaves at step 12 or before."""
-    asked = []
-
-    class Flock(Agent):
-        made = 0
-
-        def __init__(self):
-            type(self).made += 1
-
-        def act(self, obs):
-            asked.append([*obs])
-            return dict.fromkeys(obs, "keep_lane")
-
-    def change(agents):
-        ego, first, second = beside_both(agents)
-        first, second = (dataclasses.replace(each, period=10) for each in (first, second))
-        return ego, first, dataclasses.replace(second, entry_time=0.1 * enters)
-
     brief = dataclasses.replace(LANER, max_episode_steps=12)
-    cast = Cast((policy_of(Flock, brief, is_boid=True, period=10),))
-    parts = assemble([build_scenario("intersection")], [LANER], cast=cast, pool=[PooledAgents(brief, 1)])
-    runner = SimulationRunner(dataclasses.replace(parts, schedule=Traffic(parts.schedule, change)), [])
-    try:
-        runner.reset({0: EpisodeKey(0, 0, 42)})
-        runner.dispatch()
-        for _ in range(30):
-            runner.step()
-            runner.dispatch()
-    finally:
-        runner.close()
+    policy, kind, asked = flock(period=10, interface=brief)
+    run([policy], each_period(10, 0.1 * enters), steps=30, interface=brief)
     assert asked[0] == ["social"]
     assert ["second"] in asked
-    assert Flock.made == made
+    assert kind.made == made
 
 
 @pytest.mark.parametrize(("second", "keep_alive"), [(1, False), (0, True)])
 def test_a_boid_gets_and_returns_dicts_by_the_vehicles_names(second, keep_alive):
-    seen = []
+    def act(obs):
+        return {name: "keep_lane" for name in obs if name != "second" or len(asked) < 15}
 
-    class Flock(Agent):
-        made = 0
-
-        def __init__(self):
-            type(self).made += 1
-
-        def act(self, obs):
-            seen.append({name: each.step_count for name, each in obs.items()})
-            return {name: "keep_lane" for name in obs if name != "second" or len(seen) < 15}
-
-    policy = policy_of(Flock, is_boid=True, keep_alive=keep_alive)
-    parts = assemble(
-        [build_scenario("intersection")], [LANER], cast=Cast((policy,)), pool=[PooledAgents(LANER, 1)]
-    )
-    parts = dataclasses.replace(parts, schedule=Traffic(parts.schedule, beside_both))
-    runner = SimulationRunner(parts, [])
-    failed = {}
-    try:
-        for episode in (0, second):
-            runner.reset({0: EpisodeKey(0, episode, 42)})
-            runner.dispatch()
-            for _ in range(20):
-                failed |= runner.step().social_failures.get(0, {})
-                runner.dispatch()
-    finally:
-        runner.close()
-    assert Flock.made == 2, "one in an episode"
-    assert [*seen[0]] == ["social"]
-    assert [*seen[13]] == ["social", "second"]
-    assert [*failed] == ["second"]
+    policy, kind, asked = flock(act=act, keep_alive=keep_alive)
+    _, failures = run([policy], episodes=(0, second))
+    assert kind.made == 2, "one in an episode"
+    assert asked[0] == ["social"]
+    assert asked[13] == ["social", "second"]
+    assert {name for each in failures for named in each.values() for name in named} == {"second"}

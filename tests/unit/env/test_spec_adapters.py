@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete
 
-from smarts.agents import ActionSpaceType, AgentSpec
+from smarts.agents import AgentSpec
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
 from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
@@ -109,9 +109,3 @@ def test_a_class_serves_all_agents(closing):
         now, expected = (env.step([np.zeros((2, 4), int)]) for env in (ours, plain))
         np.testing.assert_allclose(now.rewards, 3.0 * expected.rewards, rtol=1e-6)
     assert now.rewards.any()
-
-
-def test_specs_know_which_adapters_do_something():
-    assert AgentSpec(interface=PLAIN).own_adapters == frozenset()
-    assert ADAPTED.own_adapters == {"observation", "action", "reward", "info"}
-    assert ADAPTED.replace(interface=PLAIN.replace(action=ActionSpaceType.Lane)).observation_space is SPACE

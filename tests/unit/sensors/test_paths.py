@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from smarts.agents.options import RoadWaypoints, Waypoints
-from smarts.roads.lane_graph import LaneKind
 from smarts.sensors.road_waypoints import RoadWaypointsAround
 from smarts.sensors.waypoint_paths import WaypointPathsAhead
 from smarts.types.guidance import GuidePhase
 from smarts.types.mission import AgentMission
-from smarts.types.vehicles import VehicleKind
 from tests.maps import Road, graph_of, straight
 from tests.unit.sensors.seeing import (
     BEND,
@@ -50,11 +48,6 @@ def test_paths_in_a_curve_are_the_lanes_beside():
     assert not paths["position"][2:].any()
 
 
-def test_spacing():
-    paths = seen(ahead(lookahead=5, spacing=4.0), in_bend(on_bend(0.3, mission=BEND)))
-    assert paths["lane_offset"][0] == pytest.approx(0.3 * RADIUS + 4 * np.arange(5), abs=0.01)
-
-
 def test_a_path_ends_with_the_route():
     paths = seen(ahead(), in_bend(on_bend(1.4, mission=BEND)))
     # (pi / 2 - 1.4) 30 m = 5.1 m are left, in the left lane 4.6 m.
@@ -85,19 +78,6 @@ def test_off_the_route_all_ways_are_open():
     made = at_crossing(Car(-1.6, 30.0, -math.pi / 2, mission=STRAIGHT_ON))
     paths = seen(ahead(lookahead=60), made)
     assert paths["path_count"] == 3
-
-
-def test_paths_for_which_there_is_no_room_are_left_out():
-    paths = seen(ahead(paths=1, lookahead=4), in_bend(on_bend(0.3, mission=BEND)))
-    assert (paths["path_count"], paths["waypoint_count"].tolist()) == (1, [4])
-
-
-def test_bus_lanes_are_for_buses():
-    lanes = {"road": Road([(0, 0), (100, 0)], kind=LaneKind.BUS)}
-    mission = AgentMission(route=("road",))
-    for kind, count in ((VehicleKind.PASSENGER, 0), (VehicleKind.BUS, 1)):
-        made = world_of([Car(10.0, 0.0, mission=mission, kind=kind)], maps=[graph_of(lanes)])
-        assert seen(ahead(), made)["path_count"] == count
 
 
 def test_the_whole_road_has_oncoming_lanes():

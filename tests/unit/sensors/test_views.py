@@ -64,23 +64,9 @@ def test_road_at_a_junction():
     assert beside.sum() > 500
 
 
-@pytest.mark.parametrize(
-    ("made", "cars"),
-    [
-        (in_bend, [on_bend(0.7, mission=BEND), on_bend(1.0), on_bend(0.5, RADIUS - 3.2, length=12.0)]),
-        (
-            at_crossing,
-            [
-                Car(-15.0, -1.6, mission=STRAIGHT_ON),
-                Car(1.6, 4.0, 1.9, kind=VehicleKind.BUS, length=12.0, width=2.5),
-                Car(2.0, -20.0, math.pi / 2),
-            ],
-        ),
-    ],
-    ids=["curve", "junction"],
-)
-def test_occupied_pixels_are_those_in_footprints(made, cars):
-    picture = seen(OccupancyGrid(OGM(**SHAPE)), made(*cars))["data"][:, :, 0]
+def test_occupied_pixels_are_those_in_footprints():
+    cars = [on_bend(0.7, mission=BEND), on_bend(1.0), on_bend(0.5, RADIUS - 3.2, length=12.0)]
+    picture = seen(OccupancyGrid(OGM(**SHAPE)), in_bend(*cars))["data"][:, :, 0]
     expected = np.any([inside(places(cars[0]), car) for car in cars], axis=0)
     surely = np.any([inside(places(cars[0]), car, -1e-6) for car in cars], axis=0)
     assert (picture[surely] == 1).all()
@@ -88,26 +74,15 @@ def test_occupied_pixels_are_those_in_footprints(made, cars):
     assert picture.sum() > 100
 
 
-def test_small_vehicles_take_a_pixel():
-    cars = [Car(-15.0, -1.6, mission=STRAIGHT_ON), Car(-5.0, -1.6, length=0.2, width=0.2)]
-    option = OGM(width=33, height=33, resolution=2.0)
-    picture = seen(OccupancyGrid(option), at_crossing(*cars))["data"]
-    # 10 m ahead are five pixels above the middle one.
-    assert picture[11, 16, 0] == 1
-
-
-def test_colours_in_a_curve_and_at_a_junction():
-    for made, own, other in (
-        (in_bend, on_bend(0.7, mission=BEND), on_bend(1.0)),
-        (at_crossing, Car(-15.0, -1.6, mission=STRAIGHT_ON), Car(1.6, 0.0, 2.0)),
-    ):
-        picture = seen(TopDownRgb(RGB(**SHAPE)), made(own, other))["data"]
-        points = places(own)
-        for car, colour in ((own, SceneColors.Agent), (other, SceneColors.SocialVehicle)):
-            levels = [round(255 * channel) for channel in colour.value[:3]]
-            assert (picture[inside(points, car, -0.01)] == levels).all()
-        road = [round(255 * channel) for channel in SceneColors.Road.value[:3]]
-        assert (picture == road).all(axis=-1).mean() > 0.05
+def test_colours_at_a_junction():
+    own, other = Car(-15.0, -1.6, mission=STRAIGHT_ON), Car(1.6, 0.0, 2.0)
+    picture = seen(TopDownRgb(RGB(**SHAPE)), at_crossing(own, other))["data"]
+    points = places(own)
+    for car, colour in ((own, SceneColors.Agent), (other, SceneColors.SocialVehicle)):
+        levels = [round(255 * channel) for channel in colour.value[:3]]
+        assert (picture[inside(points, car, -0.01)] == levels).all()
+    road = [round(255 * channel) for channel in SceneColors.Road.value[:3]]
+    assert (picture == road).all(axis=-1).mean() > 0.05
 
 
 def test_other_agents_have_their_colour_and_lines_are_drawn():
@@ -131,16 +106,9 @@ def is_hidden(points, eye, car):
     return (near <= far) & (near > 0) & (near < 1)
 
 
-@pytest.mark.parametrize(
-    ("made", "own", "other"),
-    [
-        (in_bend, on_bend(0.4, mission=BEND), on_bend(0.8, RADIUS - 3.2)),
-        (at_crossing, Car(-15.0, -1.6, mission=STRAIGHT_ON), Car(1.6, 4.0, 1.9, length=12.0, width=2.5)),
-    ],
-    ids=["curve", "junction"],
-)
-def test_what_lies_behind_vehicles_is_hidden(made, own, other):
-    picture = seen(VisibleArea(OcclusionMap(**SHAPE)), made(own, other))["data"][:, :, 0]
+def test_what_lies_behind_vehicles_is_hidden():
+    own, other = on_bend(0.4, mission=BEND), on_bend(0.8, RADIUS - 3.2)
+    picture = seen(VisibleArea(OcclusionMap(**SHAPE)), in_bend(own, other))["data"][:, :, 0]
     points, eye = places(own), (own.x, own.y)
     hidden = is_hidden(points, eye, other)
     wider = Car(other.x, other.y, other.heading, length=other.length + 1.6, width=other.width + 1.6)
