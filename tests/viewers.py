@@ -3,7 +3,6 @@
 import http.client
 import threading
 from contextlib import contextmanager
-from socket import IPPROTO_TCP, TCP_INFO
 from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
@@ -51,9 +50,3 @@ def ask(server, path, *, method="GET", body=None, **headers):
         return answer.status, dict(answer.getheaders()), answer.read()
     finally:
         connection.close()
-
-
-def received_bytes(connection):
-    """Return how many bytes have come to a WebSocket, of `tcpi_bytes_received` in struct tcp_info."""
-    info = connection.socket.getsockopt(IPPROTO_TCP, TCP_INFO, 256)
-    return int.from_bytes(info[128:136], "little")

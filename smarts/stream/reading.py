@@ -33,9 +33,13 @@ class CompactEpisode:
         if first is None or first["type"] != "episode":
             raise _bad("it does not begin with the message 'episode'", "bring the file back from a copy")
         check_version(first)
-        self.facts: dict[str, Any] = _facts_of(first)
-        """The row of the table `episode`."""
-        self.origin = _origin_of(first)
+        try:
+            self.facts: dict[str, Any] = dict(first.get("facts", {}))
+            """The row of the table `episode`."""
+            x, y = map(float, first.get("origin", (0.0, 0.0)))
+        except (TypeError, ValueError) as error:
+            raise _bad(f"its first message is damaged: {error}", "bring the file back from a copy") from error
+        self.origin: Floats = np.array([x, y])
         """What the positions in `motion` are relative to [m]."""
         self.map: Message | None = None
         """The message of the map."""
@@ -94,21 +98,6 @@ class CompactEpisode:
                 if column in self.tables[name]
             }
         self.tables[name] = columns
-
-
-def _facts_of(message: Message) -> dict[str, Any]:
-    facts = message.get("facts", {})
-    if not isinstance(facts, dict):
-        raise _bad(f"its facts are {type(facts).__name__}, not a map", "bring the file back from a copy")
-    return facts
-
-
-def _origin_of(message: Message) -> Floats:
-    try:
-        x, y = map(float, message.get("origin", (0.0, 0.0)))
-    except (TypeError, ValueError) as error:
-        raise _bad(f"its origin is no position: {error}", "bring the file back from a copy") from error
-    return np.array([x, y])
 
 
 def check_version(message: Message) -> None:

@@ -144,17 +144,13 @@ class _Asked:
 
 
 class _Opening(threading.Thread):
-    """Opens a link again; in a thread where there is a deadline, as an address may keep a step waiting.
-
-    A connection that comes when its run is over is closed at once.
-    """
+    """Opens a link again; in a thread where there is a deadline, as an address may keep a step waiting."""
 
     def __init__(self, starter: Starter) -> None:
         super().__init__(name="agent-opening", daemon=True)
         self._starter = starter
         self.link: Link | None = None
         self.error = Exception("it was not started")
-        self._is_dropped = False
 
     def run(self) -> None:
         """Open the link."""
@@ -162,15 +158,6 @@ class _Opening(threading.Thread):
             self.link = self._starter.open()
         except Exception as error:  # of a socket, of a process or of Ray
             self.error = error
-        if self._is_dropped:
-            self.drop()
-
-    def drop(self) -> None:
-        """Close the link, also one that is still to come."""
-        self._is_dropped = True
-        if self.link is not None:
-            with suppress(Exception):
-                self.link.close()
 
 
 class _Away:
@@ -295,8 +282,8 @@ class _Away:
     def end(self) -> None:
         """End the agent; may be called again."""
         opening, self._opening = self._opening, None
-        if opening is not None:
-            opening.drop()
+        if opening is not None and opening.link is not None:
+            self._use(opening.link)
         self._close_link()
         if isinstance(self._starter, Started):
             with suppress(Exception):

@@ -164,12 +164,6 @@ class HostOptions:
                 remedy="give one of them: a deadline in time, or a delay in steps",
             )
         check_number("deadline_ms", self.deadline_ms, above=True, most=3.6e6, place="hosts")
-        if self.deadline_ms > 1000.0 * self.patience:
-            raise InterfaceError(
-                f"deadline_ms is {self.deadline_ms:g}, longer than patience, {self.patience:g} s",
-                place="hosts",
-                remedy="give a longer patience or a shorter deadline_ms",
-            )
 
 
 HERE = HostOptions()

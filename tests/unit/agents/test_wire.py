@@ -90,6 +90,7 @@ NESTED = b"\x93\xa3act\x81\xa1a" + b"\x91" * 900 + b"\x90\x90"
         framed(["act", {}, 1]),
         framed(["act", {}, [["a", "object", [1]]]], b"12345678"),
         framed(["act", {}, [["a", "float64", [2]]]], b"12345678"),
+        framed(["act", {}, [["a", "float64", [1]]]], b"123456789"),
         framed(["act", {}, [["a", "float64", [-1]]]], b"12345678"),
         framed(["act", {}, [["a", "int8", [0, *[2**23] * 7]]]]),
         framed(["act", {}, [["a", "int8", [1] * 40]]], b"1"),
