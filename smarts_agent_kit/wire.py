@@ -48,7 +48,6 @@ DTYPES = {
 """The types of arrays that are sent."""
 _NAMES = {each: name for name, dtype in DTYPES.items() for each in (dtype, dtype.newbyteorder(">"))}
 """Name by type, as `dtype.name` takes a microsecond."""
-_NATIVE = {dtype: dtype.newbyteorder("=") for dtype in DTYPES.values()}
 KINDS = ("hello", "proof", "make", "about", "act", "acted", "failed", "refused")
 """The kinds of messages."""
 
@@ -151,16 +150,21 @@ def decode(frame: bytes | bytearray) -> Message:
     Raises:
         WireError: It is no message.
     """
-    if len(frame) < LENGTHS.size or len(frame) > 4 + LARGEST:
-        raise WireError(f"a message of {len(frame)} bytes")
+    try:
+        return _decoded(frame)
+    except Exception as error:  # what strangers send raises many types, some of them msgpack's own
+        raise WireError(f"no message: {error}") from error
+
+
+def _decoded(frame: bytes | bytearray) -> Message:
     size, head_size, number = LENGTHS.unpack_from(frame)
-    body = LENGTHS.size + head_size + -head_size % ALIGNED
-    if size != len(frame) - 4 or head_size > LARGEST_HEAD or body > len(frame):
-        raise WireError("the lengths of a message do not agree")
+    if size != len(frame) - 4 or size > LARGEST or head_size > LARGEST_HEAD:
+        raise WireError("its lengths do not agree, or are too large")
     head = bytes(frame[LENGTHS.size : LENGTHS.size + head_size])
     kind, values, places, end = _kept(head) if head_size <= LARGEST_KEPT else _parsed(head)
+    body = LENGTHS.size + head_size + -head_size % ALIGNED
     if body + end != len(frame):
-        raise WireError("the bytes of a message are not those of its arrays")
+        raise WireError("its bytes are not those of its arrays")
     if isinstance(frame, bytes):
         frame = bytearray(frame)
     arrays = {each.name: _array(frame, body + each.begin, each) for each in places}
@@ -191,14 +195,11 @@ def _parsed(head: bytes) -> _Head:
     """Return what a head says.
 
     Raises:
-        WireError: It is none.
+        Exception: It is none.
     """
-    parts = _unpacked(head)
-    if not (isinstance(parts, list) and len(parts) == 3 and parts[0] in KINDS):
-        raise WireError("the head of a message is not [kind, values, arrays]")
-    kind, values, layout = parts
-    if not isinstance(values, dict) or not _is_plain(values) or not isinstance(layout, bytes):
-        raise WireError("the values of a message are no dict of plain values")
+    kind, values, layout = msgpack.unpackb(head, strict_map_key=True)
+    if kind not in KINDS or not isinstance(values, dict) or not _is_plain(values):
+        raise WireError("its head is not [kind, values, arrays]")
     return _Head(kind, values, *_places(layout))
 
 
@@ -207,54 +208,30 @@ _kept = lru_cache(maxsize=MOST_KEPT)(_parsed)
 
 
 def _places(layout: bytes) -> tuple[tuple[_Place, ...], int]:
-    """Return where a message's arrays are behind its head, and where they end."""
-    listed = _unpacked(layout)
-    if not isinstance(listed, list) or len(listed) > MOST_ARRAYS:
-        raise WireError("the arrays of a message are no short list")
+    """Return where a message's arrays are behind its head, and where they end.
+
+    Raises:
+        Exception: The list of the arrays is none.
+    """
     places, begin = {}, 0
-    for each in listed:
-        name, dtype, shape = _array_of(each)
-        count = math.prod(shape)
-        if name in places or count > LARGEST or math.prod(max(size, 1) for size in shape) > LARGEST:
-            raise WireError(f"the array {name[:100]!r} is too large, or is there twice")
-        end = begin + count * dtype.itemsize
-        places[name] = _Place(name, dtype, shape, begin, end)
+    for name, dtype, shape in msgpack.unpackb(layout):
+        is_short = len(places) < MOST_ARRAYS and len(shape) <= MOST_AXES
+        if not isinstance(name, str) or name in places or not is_short or not all(map(_is_size, shape)):
+            raise WireError("an array is not [name, dtype, shape], or there are too many")
+        end = begin + math.prod(shape) * DTYPES[dtype].itemsize
+        places[name] = _Place(name, DTYPES[dtype], tuple(shape), begin, end)
         begin = end + -end % ALIGNED
     return (*places.values(),), begin
 
 
 def _array(frame: bytearray, begin: int, place: _Place) -> NDArray:
-    """Return an array in the frame, with its numbers as the processor wants them."""
+    """Return an array in the frame."""
     array: NDArray = np.ndarray(place.shape, place.dtype, frame, begin)
     if place.dtype.kind == "b":
         end = begin + place.end - place.begin
         if frame[begin:end].strip(b"\0\1"):  # a byte is neither
             np.minimum(array.view(np.uint8), 1, out=array.view(np.uint8))
-        return array
-    return array if place.dtype.isnative else array.astype(_NATIVE[place.dtype])
-
-
-def _unpacked(data: bytes) -> Any:
-    """Return what some bytes are in msgpack.
-
-    Raises:
-        WireError: They are none.
-    """
-    try:
-        return msgpack.unpackb(data, ext_hook=_refuse, strict_map_key=True)
-    except Exception as error:  # of several types, some of them msgpack's own
-        raise WireError(f"the head of a message is no msgpack: {error}") from error
-
-
-def _array_of(each: Any) -> tuple[str, np.dtype, tuple[int, ...]]:
-    """Return name, dtype and shape of an array in a head."""
-    is_listed = isinstance(each, list) and len(each) == 3 and isinstance(each[0], str)
-    if not is_listed or not isinstance(each[1], str) or each[1] not in DTYPES:
-        raise WireError("an array of a message is not [name, dtype, shape]")
-    shape = each[2]
-    if not isinstance(shape, list) or len(shape) > MOST_AXES or not all(map(_is_size, shape)):
-        raise WireError("the shape of an array is no list of sizes")
-    return each[0], DTYPES[each[1]], tuple(shape)
+    return array
 
 
 def _is_size(size: Any) -> bool:
@@ -270,7 +247,3 @@ def _is_plain(value: Any, depth: int = 0) -> bool:
     if isinstance(value, list | tuple):
         return depth < DEEPEST and all(_is_plain(each, depth + 1) for each in value)
     return isinstance(value, _PLAIN)
-
-
-def _refuse(code: int, data: bytes) -> Any:
-    raise WireError(f"a value of the further type {code}")
