@@ -48,5 +48,6 @@ def test_sources_build_the_same_bytes(checkout: Path):
 
 @needs_node
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_tests_of_the_sources_pass(checkout: Path):
     run("npm", "run", "--silent", "test", cwd=checkout)
