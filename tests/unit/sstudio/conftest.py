@@ -12,12 +12,21 @@ from . import sources
 
 
 @pytest.fixture(scope="session")
-def cross_net(tmp_path_factory) -> Path:
+def compiled(tmp_path_factory):
+    """Return a function that writes a map's sources by another one, and compiles them."""
+
+    def compile_sources(write) -> Path:
+        folder = write(tmp_path_factory.mktemp("map"))
+        compile_map(find_map_source(folder), folder / "compiled.net.xml")
+        return folder / "compiled.net.xml"
+
+    return compile_sources
+
+
+@pytest.fixture(scope="session")
+def cross_net(compiled) -> Path:
     """The compiled network of a crossing of two-lane roads, about 100 m to each of four sides."""
-    folder = sources.write_cross(tmp_path_factory.mktemp("cross"))
-    net = folder / "compiled.net.xml"
-    compile_map(find_map_source(folder), net)
-    return net
+    return compiled(sources.write_cross)
 
 
 @pytest.fixture(scope="session")
@@ -26,12 +35,9 @@ def roads(cross_net):
 
 
 @pytest.fixture(scope="session")
-def ring_net(tmp_path_factory) -> Path:
+def ring_net(compiled) -> Path:
     """The compiled network of a square ring of one lane: edges south, east, north, west."""
-    folder = sources.write_ring(tmp_path_factory.mktemp("ring"))
-    net = folder / "compiled.net.xml"
-    compile_map(find_map_source(folder), net)
-    return net
+    return compiled(sources.write_ring)
 
 
 @pytest.fixture(scope="session")
@@ -40,11 +46,9 @@ def ring(ring_net):
 
 
 @pytest.fixture(scope="session")
-def fork(tmp_path_factory):
+def fork(compiled):
     """The road that forks, of `sources.write_fork`."""
-    folder = sources.write_fork(tmp_path_factory.mktemp("fork"))
-    compile_map(find_map_source(folder), folder / "compiled.net.xml")
-    return read_net(folder / "compiled.net.xml")
+    return read_net(compiled(sources.write_fork))
 
 
 @pytest.fixture
@@ -84,12 +88,8 @@ def _own_cache(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="session")
-def long_roads(tmp_path_factory):
+def long_roads(compiled):
     """A straight road from (0, 0) over (100, 0) to (200, 0) whose first half SUMO takes for 200 m long."""
-    folder = tmp_path_factory.mktemp("long")
-    nodes = "".join(f'<node id="{name}" x="{x}" y="0"/>' for name, x in (("a", 0), ("b", 100), ("c", 200)))
     edges = '<edge id="one" from="a" to="b" length="200"/><edge id="two" from="b" to="c"/>'
-    (folder / "map.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
-    (folder / "map.edg.xml").write_text(f"<edges>{edges}</edges>")
-    compile_map(find_map_source(folder), folder / "compiled.net.xml")
-    return read_net(folder / "compiled.net.xml")
+    places = {"a": (0, 0), "b": (100, 0), "c": (200, 0)}
+    return read_net(compiled(lambda folder: sources.write(folder, places, edges)))

@@ -1,19 +1,15 @@
 """Map and scenario sources that the tests build from."""
 
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import types as t
 from smarts.sstudio import validation
+from tests.unit.roads import maps
 
-NODES = """<nodes>
-    <node id="centre" x="0" y="0" type="priority"/>
-    <node id="west" x="-110" y="0"/>
-    <node id="east" x="110" y="0"/>
-    <node id="north" x="0" y="110"/>
-    <node id="south" x="0" y="-110"/>
-</nodes>"""
+PLACES = {"centre": (0, 0), "west": (-110, 0), "east": (110, 0), "north": (0, 110), "south": (0, -110)}
 EDGES = (
     "<edges>"
     + "".join(
@@ -69,10 +65,15 @@ def validate(scenario: t.Scenario, roads: LaneGraph, place: str) -> None:
     validation.validate(scenario, roads, Path("not read"), place)
 
 
+def write(folder: Path, places: Mapping[str, tuple[int, int]], edges: str) -> Path:
+    """Write the sources of a map of roads between places into a new folder."""
+    nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in places.items())
+    return maps.write(folder, nod=f"<nodes>{nodes}</nodes>", edg=f"<edges>{edges}</edges>")
+
+
 def write_cross(folder: Path) -> Path:
     """Write the crossing's sources into a new folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "map.nod.xml").write_text(NODES)
+    write(folder, PLACES, "")
     (folder / "map.edg.xml").write_text(EDGES)
     return folder
 
@@ -82,46 +83,31 @@ def write_fork(folder: Path) -> Path:
 
     Lane 0 of "ab" is a sidewalk; "bd" is closed to trucks and buses; both branches are dead ends.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    places = {"a": (0, 0), "b": (100, 0), "c": (200, 0), "d": (100, 100)}
-    nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in places.items())
     sidewalk = '<lane index="0" allow="pedestrian"/>'
     edges = (
         f'<edge id="ab" from="a" to="b" numLanes="3">{sidewalk}</edge><edge id="bc" from="b" to="c"/>'
         '<edge id="bd" from="b" to="d" disallow="truck bus"/>'
     )
-    (folder / "map.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
-    (folder / "map.edg.xml").write_text(f"<edges>{edges}</edges>")
-    return folder
+    return write(folder, {"a": (0, 0), "b": (100, 0), "c": (200, 0), "d": (100, 100)}, edges)
 
 
 def write_detour(folder: Path, users: str = 'disallow="truck"') -> Path:
     """Write the sources of roads "east", "middle", "west", and a way round "middle", which has `users`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    places = {"a": (300, 0), "b": (200, 0), "c": (100, 0), "d": (0, 0), "e": (150, 80)}
-    nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in places.items())
     ways = {"east": "ab", "middle": "bc", "west": "cd", "up": "be", "down": "ec"}
     closed = {"middle": users}
     edges = "".join(
         f'<edge id="{name}" from="{ends[0]}" to="{ends[1]}" {closed.get(name, "")}/>'
         for name, ends in ways.items()
     )
-    (folder / "map.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
-    (folder / "map.edg.xml").write_text(f"<edges>{edges}</edges>")
-    return folder
-
-
-CORNERS = {"south_west": (0, 0), "south_east": (80, 0), "north_east": (80, 80), "north_west": (0, 80)}
+    places = {"a": (300, 0), "b": (200, 0), "c": (100, 0), "d": (0, 0), "e": (150, 80)}
+    return write(folder, places, edges)
 
 
 def write_ring(folder: Path) -> Path:
     """Write the sources of a square ring of one lane, driven counter-clockwise: south, east, north, west."""
-    folder.mkdir(parents=True, exist_ok=True)
-    nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in CORNERS.items())
-    sides = zip(("south", "east", "north", "west"), pairwise([*CORNERS, "south_west"]), strict=True)
+    corners = {"south_west": (0, 0), "south_east": (80, 0), "north_east": (80, 80), "north_west": (0, 80)}
+    sides = zip(("south", "east", "north", "west"), pairwise([*corners, "south_west"]), strict=True)
     edges = "".join(
         f'<edge id="{side}" from="{begin}" to="{end}" speed="13.89"/>' for side, (begin, end) in sides
     )
-    (folder / "map.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
-    (folder / "map.edg.xml").write_text(f"<edges>{edges}</edges>")
-    return folder
+    return write(folder, corners, edges)
