@@ -176,7 +176,7 @@ def yardstick(runs: list[RunFile], game: str, name: str) -> str:
 def curves_in(experiment: Path) -> dict[str, Frame]:
     """Return the progress of each run by its place."""
     files = experiment.glob("*/*/*/*/progress.csv")
-    found = {file.parent.relative_to(experiment).as_posix(): read_progress(file)[0] for file in files}
+    found = {file.parent.relative_to(experiment).as_posix(): read_progress(file) for file in files}
     return packed_rows(experiment, PROGRESS) | found
 
 

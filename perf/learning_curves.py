@@ -84,7 +84,7 @@ def kill_and_continue(algorithm: str, steps: int, out: Path) -> Continuation:
         with suppress(ProcessLookupError):
             os.kill(process, signal.SIGKILL)
     training.interrupt(signal.SIGKILL)
-    before = read_progress(folder / "progress.csv")[0].to_dict("records")
+    before = read_progress(folder / "progress.csv").to_dict("records")
     state = json.loads((folder / "checkpoint" / "training.json").read_text())
     restored = check_apart(folder)
     training.start()
@@ -93,7 +93,7 @@ def kill_and_continue(algorithm: str, steps: int, out: Path) -> Continuation:
         raise RuntimeError(
             f"{algorithm}: the continued command ended with exit code {code}, see {training.log}"
         )
-    after = read_progress(folder / "progress.csv")[0].to_dict("records")
+    after = read_progress(folder / "progress.csv").to_dict("records")
     found = continuation(algorithm, before, state, after, restored.values)
     if len(RunFolder(folder).facts().get(CONTINUED, ())) < 1:
         raise RuntimeError(f"{folder}: run.json does not say that the run was continued")

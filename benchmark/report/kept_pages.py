@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from benchmark.report.episode_pages import EPISODES, EpisodeLinks, names_of
-from benchmark.results.files import ResultsError, read_json, write_json
+from benchmark.results.files import read_json, write_json
 from benchmark.results.reading import Results, RunResult
 
 LINKS = "links.json"
@@ -75,16 +75,9 @@ def _pages(noted: Sequence[dict[str, Any]]) -> set[str]:
 
 
 def _noted(folder: Path) -> list[dict[str, Any]]:
-    """Return what an earlier report noted; nothing if there is no such note, or it is damaged."""
-    try:
-        content = read_json(folder / EPISODES / LINKS)
-    except ResultsError:
-        return []
-    keys = {"run", "test", "links", "problem"}
-    is_whole = isinstance(content, list) and all(
-        isinstance(each, dict) and {*each} == keys for each in content
-    )
-    return content if is_whole else []
+    """Return what an earlier report noted; nothing if there is no such note."""
+    file = folder / EPISODES / LINKS
+    return read_json(file) if file.exists() else []
 
 
 def _digest(run: RunResult) -> str:

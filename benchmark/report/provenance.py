@@ -43,7 +43,7 @@ def run_rows(results: Results) -> list[list[str]]:
 def _row(run: RunResult) -> list[str]:
     """Return what is known of a run; empty texts for what is not."""
     steps, training, speed = "", "", ""
-    if run.progress is not None and run.is_progress_whole:
+    if run.progress is not None:
         last = run.progress.iloc[-1]
         count, seconds = float(last["agent_steps"]), float(last["seconds"])
         steps, training = f"{count:,.0f}", duration(seconds)

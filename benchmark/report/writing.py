@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -54,8 +53,7 @@ def write_report(root: Path, out: Path | None = None, *, episodes: bool = False)
         for name, content in report_files(report, links).items():
             (partial / name).write_bytes(content)
 
-    # `report` may be called while a run writes its own.
-    replace_folder(folder, write, by=f"-{os.getpid()}")
+    replace_folder(folder, write)
     return folder / PAGE
 
 

@@ -6,12 +6,7 @@ from pathlib import Path
 
 from benchmark.experiment.config import Experiment
 from benchmark.experiment.values import KEPT
-from benchmark.results.files import (
-    LOST,
-    ResultsError,
-    read_versioned,
-    write_versioned,
-)
+from benchmark.results.files import ResultsError, read_versioned, write_versioned
 from smarts.config import ConfigError, fitted
 from smarts.errors import shortened
 
@@ -25,9 +20,7 @@ def keep_command(root: Path, experiment: Experiment, line: str) -> None:
     """Write a command and its experiment, behind those of earlier commands."""
     kept = root / COMMAND
     content = experiment.model_dump(mode="json", exclude_unset=True)
-    before = read_versioned(kept).get(PARTS, []) if kept.exists() else []
-    if not isinstance(before, list):
-        raise ResultsError(f"damaged: its {PARTS} are not a list", place=str(kept), remedy=LOST)
+    before = read_versioned(kept)[PARTS] if kept.exists() else []
     part = {"command": line, "experiment": content}
     write_versioned(kept, {"command": line, PARTS: [*(each for each in before if each != part), part]})
 
@@ -43,20 +36,17 @@ def read_commands(root: Path, problems: dict[str, str]) -> tuple[tuple[str, ...]
         problems[file.name] = "missing: runs that have not begun are not listed; `run` writes it again"
         return (), []
     try:
-        parts = [(str(each["command"]), dict(each["experiment"])) for each in read_versioned(file)[PARTS]]
+        parts = read_versioned(file)[PARTS]
     except ResultsError as error:
         problems[file.name] = f"{error.problem}; {REMEDY}"
         return (), []
-    except (KeyError, TypeError, ValueError):
-        problems[file.name] = f"damaged: its {PARTS} are not commands with their experiments; {REMEDY}"
-        return (), []
     experiments: list[Experiment | None] = []
-    for number, (_, content) in enumerate(parts, start=1):
+    for number, part in enumerate(parts, start=1):
         try:
-            experiments.append(fitted(content, Experiment, context=KEPT))
+            experiments.append(fitted(part["experiment"], Experiment, context=KEPT))
         except ConfigError as error:
             reasons = "; ".join(str(problem) for problem in error.problems)
             problem = f"not an experiment of this version: {shortened(reasons)}"
             problems[f"{file.name}, part {number}"] = f"{problem}; correct or remove that part"
             experiments.append(None)
-    return tuple(dict.fromkeys(line for line, _ in parts)), experiments
+    return tuple(dict.fromkeys(part["command"] for part in parts)), experiments

@@ -10,7 +10,9 @@ from benchmark.results.files import ResultsError, read_mapping
 from smarts_agent_kit.weights import file_digest
 
 DIGESTS = "digests.json"
-"""A checkpoint's file with path -> digest of each other file; earlier versions wrote none."""
+"""A checkpoint's file with path -> digest of each other file."""
+OTHER_CHECKPOINT = "test the other one, --checkpoint last or best, or remove this one to train from the start"
+"""Remedy of a damaged checkpoint."""
 
 
 def with_digests(files: Mapping[str, bytes]) -> dict[str, bytes]:

@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -83,15 +83,7 @@ def read_json(file: Path, remedy: str = LOST) -> Any:
 
 
 def read_mapping(file: Path, remedy: str = LOST) -> dict[str, Any]:
-    """Return the content of a JSON file that holds keys and values.
-
-    Args:
-        file: Its path.
-        remedy: What to do if it is damaged.
-
-    Raises:
-        ResultsError: It is missing, damaged, or holds something else.
-    """
+    """Return the content of a JSON file that holds keys and values; see `read_json`."""
     content = read_json(file, remedy)
     if not isinstance(content, dict):
         raise ResultsError("holds no keys and values", place=str(file), remedy=remedy)
@@ -99,13 +91,13 @@ def read_mapping(file: Path, remedy: str = LOST) -> dict[str, Any]:
 
 
 def read_versioned(file: Path) -> dict[str, Any]:
-    """Return the content of run.json or command.json without its format; see `read_mapping`.
+    """Return the content of run.json or command.json without its format.
 
     Raises:
         ResultsError: It is missing, damaged, or of another format.
     """
     content = read_mapping(file)
-    if content and (found := content.pop("format", 1)) != FORMAT:
+    if (found := content.pop("format", None)) != FORMAT:
         problem = f"written in format {found}, this version reads format {FORMAT}"
         raise ResultsError(problem, place=str(file), remedy="read it with the program that wrote it")
     return content
@@ -116,23 +108,15 @@ def write_versioned(file: Path, content: Mapping[str, Any]) -> None:
     write_json(file, {"format": FORMAT, **content})
 
 
-def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -> None:
+def replace_folder(folder: Path, fill: Callable[[Path], Any]) -> None:
     """Let `fill` write a temporary folder, then replace the old folder by it.
 
     A kill in between leaves the old one under the name of `previous_of`; `recover_folder` restores it.
 
-    Args:
-        folder: The folder to replace.
-        fill: Writes the new content.
-        by: Suffix of the temporary names, if several processes may write; those are not recovered, and the
-            processes replace in turn, by a lock on the file .NAME.lock beside the folder.
-
     Raises:
         ResultsError: The disk is full, or the folder cannot be written to. The old content stays.
     """
-    partial, previous = (
-        folder.with_name(f"{each.name}{by}") for each in (_partial_of(folder), previous_of(folder))
-    )
+    partial, previous = _partial_of(folder), previous_of(folder)
     with named_failures(folder):
         shutil.rmtree(partial, ignore_errors=True)
         try:
@@ -143,25 +127,12 @@ def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -
         except BaseException:
             shutil.rmtree(partial, ignore_errors=True)
             raise
-        with _replacement_lock(folder) if by else nullcontext():
-            shutil.rmtree(previous, ignore_errors=True)
-            if folder.exists():
-                folder.rename(previous)
-            partial.rename(folder)
+        shutil.rmtree(previous, ignore_errors=True)
+        if folder.exists():
+            folder.rename(previous)
+        partial.rename(folder)
         _to_disk(folder.parent)
         shutil.rmtree(previous, ignore_errors=True)
-
-
-@contextmanager
-def _replacement_lock(folder: Path) -> Iterator[None]:
-    """Wait until no other process puts a folder into this place."""
-    # A file that is open for writing, since NFS locks neither folders nor what is open for reading.
-    descriptor = os.open(folder.with_name(f".{folder.name}.lock"), os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def files_in(folder: Path) -> dict[str, bytes]:

@@ -57,5 +57,7 @@ class PackedRun(RunFolder):
         """Whether it was trained."""
         return BUDGET in self._packed["config"]
 
-    def _table_problem(self, tested: Mapping[str, Any]) -> str:
-        return ""
+    @property
+    def has_table(self) -> bool:
+        """Whether the test's table is there, packed with those of other runs."""
+        return True

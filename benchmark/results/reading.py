@@ -7,24 +7,22 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import pandas as pd
-from pydantic import ConfigDict, Field
 
 from benchmark.experiment.config import Experiment
 from benchmark.experiment.runs import SCRIPTED_SEED, VERSION, scripted_runs_of, training_folder, trainings_of
-from benchmark.metrics import METRICS, join_tables
+from benchmark.metrics import METRICS, join_tables, read_table
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
 from benchmark.results.commands import COMMAND, read_commands
-from benchmark.results.files import LOST, ResultsError
+from benchmark.results.files import ResultsError
 from benchmark.results.packed import PLACE, PROGRESS, packed_contents
 from benchmark.results.progress import read_progress
-from benchmark.results.release import MANIFEST, SUBMISSION, VERDICTS
-from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, TABLE, RunFolder
-from benchmark.results.run_tables import LABELS, Names, names_of, read_run_table
-from smarts.config import ConfigError, Section, fitted
+from benchmark.results.release import MANIFEST, VERDICTS
+from benchmark.results.run_folder import FINISHED, SCENARIOS, TABLE, RunFolder
+from benchmark.results.run_tables import LABELS, Names, names_of
 from smarts.errors import OwnCodeError, SmartsError
 from smarts.registry import file_name, import_own, is_own_name
 
@@ -32,7 +30,7 @@ NOT_BEGUN, UNREADABLE = "not begun", "unreadable"
 """States of runs beside those in run.json."""
 REPORT = "report"
 """Folder of the report, in an experiment's results."""
-TESTED_AGAIN = "the same `run` command tests the run again if its checkpoint is there"
+TESTED_AGAIN = "remove it, and the same `run` command tests the run again if its checkpoint is there"
 """Remedy of a damaged table."""
 
 
@@ -54,8 +52,6 @@ class RunResult:
     """Of run.json."""
     config: Mapping[str, Any] = field(default_factory=dict)
     progress: Frame | None = None
-    is_progress_whole: bool = True
-    """Whether its last line is the end of training, or the present of one that is under way."""
     table: Frame | None = None
     """Agent-episodes of the test; None unless finished."""
 
@@ -222,88 +218,26 @@ def _found(root: Path, problems: dict[str, str]) -> Iterator[RunResult]:
             yield run
 
 
-class _Tested(Section):
-    """Extent of a test."""
-
-    model_config = ConfigDict(extra="allow")
-    episodes: int
-    modes: list[str] = Field([])
-    metrics: list[str] | None = None
-
-
-class _Facts(Section):
-    """Values of run.json that reports rely on."""
-
-    model_config = ConfigDict(extra="allow")
-    test_seconds: Annotated[float, Field(allow_inf_nan=False)] = 0.0
-    tested: _Tested | None = None
-    continued: list[dict[str, Any]] = Field([])
-    scenarios: dict[str, str] = Field({})
-    defaults: dict[str, Any] = Field({})
-
-
-class _Config(Section):
-    """Values of config.yaml that reports rely on."""
-
-    model_config = ConfigDict(extra="allow")
-    algorithm: str = ""
-    environment: dict[str, Any] = Field({})
-    budget: dict[str, Any] = Field({})
-    settings: dict[str, Any] = Field({})
-
-
-def checked_facts(folder: RunFolder) -> dict[str, Any]:
-    """Return the content of a run's run.json.
-
-    Raises:
-        ResultsError: It is damaged, or of another format.
-    """
-    return _checked(folder.facts(), _Facts, folder.run)
-
-
-def checked_config(folder: RunFolder) -> dict[str, Any]:
-    """Return the content of a run's config.yaml.
-
-    Raises:
-        ResultsError: It is damaged, or there is none.
-    """
-    return _checked(folder.read_config(), _Config, folder.config)
-
-
-def _checked(content: dict[str, Any], model: type[Section], file: Path) -> dict[str, Any]:
-    """Return the content of a file unchanged.
-
-    Raises:
-        ResultsError: A value does not fit the model.
-    """
-    try:
-        fitted(content, model)
-    except ConfigError as error:
-        reasons = "; ".join(str(problem) for problem in error.problems)
-        raise ResultsError(f"damaged: {reasons}", place=str(file), remedy=LOST) from error
-    return content
-
-
 def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) -> RunResult | None:
     folder = RunFolder(path)
     if not folder.run.exists():
         problems[place] = "not a run: it has no run.json"
         return None
     try:
-        facts = checked_facts(folder)
-        config = checked_config(folder)
+        facts, config = folder.facts(), folder.read_config()
     except ResultsError as error:
         problems[place] = f"{Path(error.place).name}: {error.problem}"
         return RunResult(*names, place, UNREADABLE)
     run = RunResult(*names, place, str(facts.get("status", UNREADABLE)), facts, config)
-    progress, problem = _read_progress(folder, run)
-    if problem:
-        problems[f"{place}/{folder.progress.name}"] = problem
-    run = replace(run, progress=progress, is_progress_whole=not problem)
+    try:
+        progress = read_progress(folder.progress)
+        run = replace(run, progress=progress if len(progress) else None)
+    except ResultsError as error:
+        problems[f"{place}/{folder.progress.name}"] = error.problem
     if run.status != FINISHED:
         return run
     try:
-        table = read_run_table(folder.table, names, facts.get("tested"), config)
+        table = read_table(folder.table)
     except SmartsError as error:
         problems[f"{place}/{folder.table.name}"] = f"{error.problem}; {TESTED_AGAIN}"
         return replace(run, status=UNREADABLE)
@@ -311,39 +245,6 @@ def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) ->
     corrupted = {f"{place}: {name}": why for name, why in table.attrs[COUNTS]["corrupted"].items()}
     table.attrs[COUNTS] = {**table.attrs[COUNTS], "corrupted": corrupted}
     return replace(run, table=table)
-
-
-def _read_progress(folder: RunFolder, run: RunResult) -> tuple[Frame | None, str]:
-    """Return a run's progress, None without a line, and what is wrong with it."""
-    try:
-        progress, wrong = read_progress(folder.progress)
-    except ResultsError as error:
-        return None, error.problem
-    known = progress if len(progress) else None
-    is_over = run.status == FINISHED and not run.is_scripted and SUBMISSION not in run.facts
-    missing = _missing_end(known, {**run.facts, **run.config}) if is_over else ""
-    return known, f"left out: {wrong}" if wrong else missing
-
-
-def _missing_end(progress: Frame | None, ending: Mapping[str, Any]) -> str:
-    """Return that the progress of a trained run ends before its budget does; "" if it does not.
-
-    Args:
-        progress: Of the run.
-        ending: Content of run.json and config.yaml.
-    """
-    if progress is None:
-        return "missing or empty, though the training is over: there is no learning curve"
-    budget = ending.get("budget") or {}
-    wanted, minutes = budget.get("agent_steps"), budget.get("minutes")
-    last = progress.iloc[-1]
-    steps = last["agent_steps"] / wanted if isinstance(wanted, int | float) and wanted else 1.0
-    # Seconds are rounded in the file.
-    time = (last["seconds"] + 0.01) / (60 * minutes) if isinstance(minutes, int | float) and minutes else 0.0
-    share = {"agent_steps": steps, "minutes": time}.get(str(ending.get(ENDED_BY)), max(steps, time))
-    if share >= 1:
-        return ""
-    return f"ends at {last['agent_steps']:,.0f} agent-steps, {share:.0%} of the budget that training used up"
 
 
 def _no_rows() -> Frame:

@@ -12,7 +12,6 @@ episodes/        recorded test episodes, if they are kept
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Mapping
 from contextlib import suppress
@@ -35,7 +34,6 @@ from benchmark.results.files import (
     write_versioned,
     write_whole,
 )
-from smarts.errors import SmartsError
 
 CHECKPOINT, BEST, TABLE, EPISODES = "checkpoint", "best", "episodes.parquet", "episodes"
 """Of a run's folder."""
@@ -85,6 +83,11 @@ class RunFolder:
         return self.facts().get("status")
 
     @property
+    def has_table(self) -> bool:
+        """Whether the test's table is there."""
+        return self.table.exists()
+
+    @property
     def has_episodes(self) -> bool:
         """Whether the test's episodes are there, or cannot be played again for want of a checkpoint."""
         return self.episodes.exists() or self.has_lost_checkpoint
@@ -95,36 +98,24 @@ class RunFolder:
         return self.progress.exists() and not self.checkpoint.exists()
 
     def is_finished(self, tested: Mapping[str, Any]) -> bool:
-        """Return whether the run is trained, tested in this way, and the test's table valid.
+        """Return whether the run is trained and tested in this way.
 
         Raises:
-            ResultsError: The table is lost, damaged or of another test, and there is no checkpoint.
+            ResultsError: The table is lost or of another test, and there is no checkpoint.
         """
         if self.status != FINISHED:
             return False
-        before = self.facts().get("tested")
-        is_same = _is_same_test(before, tested)
-        problem = self._table_problem(tested) if is_same else "it was tested in another way"
-        if problem and self.has_lost_checkpoint:
+        before = self.facts().get("tested", {})
+        if self.has_table and _is_same_test(before, tested):
+            return True
+        if self.has_lost_checkpoint:
+            problem = "it was tested in another way" if self.has_table else "the test's table is missing"
             raise ResultsError(
                 f"{problem}; there is no checkpoint either that could be tested again",
                 place=str(self.table),
                 remedy=f"restore it, test as before ({before}), or train into another --out",
             )
-        return not problem
-
-    def _table_problem(self, tested: Mapping[str, Any]) -> str:
-        """Return why the test's table cannot be used, empty if it can."""
-        # Imported here, so that the driver's process loads metrics only for finished runs.
-        from benchmark.results.run_tables import names_of, read_run_table
-
-        if not self.table.exists():
-            return "the test's table is missing"
-        try:
-            read_run_table(self.table, names_of(self.path.absolute()), tested, self.read_config())
-        except SmartsError as error:
-            return error.problem
-        return ""
+        return False
 
     def check(self, content: Mapping[str, Any]) -> None:
         """Raise if the folder holds anything but this run, perhaps with a smaller budget.
@@ -159,19 +150,6 @@ class RunFolder:
                 + differing_values(there, here),
                 place=str(self.checkpoint),
                 remedy="bring it back from a copy, or give the experiment another name or --out",
-            )
-
-    def check_writable(self) -> None:
-        """Raise if the folder cannot be made or written to.
-
-        Raises:
-            ResultsError: Names the folder, or what stands in its way.
-        """
-        there = next(each for each in (self.path.absolute(), *self.path.absolute().parents) if each.exists())
-        if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
-            problem = "no permission" if there.is_dir() else "it is a file"
-            raise ResultsError(
-                f"cannot be written: {problem}", place=str(there), remedy="remove it, or choose another --out"
             )
 
     def _check_code(self, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
@@ -222,13 +200,10 @@ class RunFolder:
             ResultsError: It is missing or damaged.
         """
         try:
-            content: Any = yaml.safe_load(self.config.read_text(encoding="utf-8"))
+            return yaml.safe_load(self.config.read_text(encoding="utf-8"))
         except (OSError, ValueError, yaml.YAMLError) as error:
             problem = f"cannot be read: {first_line(error)}"
             raise ResultsError(problem, place=str(self.config), remedy=CONFIG_REMEDY) from error
-        if not isinstance(content, dict):
-            raise ResultsError("holds no keys and values", place=str(self.config), remedy=CONFIG_REMEDY)
-        return content
 
     def open(self, content: Mapping[str, Any]) -> None:
         """Begin or resume the run; see `check`."""
@@ -252,8 +227,7 @@ class RunFolder:
 
     def note_continuation(self, circumstances: Mapping[str, Any]) -> None:
         """Write versions, machine and time of a continuation or a repeated test into run.json."""
-        before = self.facts().get(CONTINUED, [])
-        self.note(**{CONTINUED: [*(before if isinstance(before, list) else []), dict(circumstances)]})
+        self.note(**{CONTINUED: [*self.facts().get(CONTINUED, []), dict(circumstances)]})
 
     def keep(self, place: str, content: Mapping[str, bytes] | bytes) -> None:
         """Write a file or a folder of the run, whole or not at all.
@@ -317,10 +291,8 @@ def with_own_defaults(config: Mapping[str, Any], facts: Mapping[str, Any]) -> di
     return {**content, "settings": defaults | (content.get("settings") or {})} if defaults else content
 
 
-def _is_same_test(before: Any, tested: Mapping[str, Any]) -> bool:
+def _is_same_test(before: Mapping[str, Any], tested: Mapping[str, Any]) -> bool:
     """Return whether two contents of a test are alike; the order of metrics has no meaning."""
-    if not isinstance(before, dict):
-        return False
     alike = [
         {**comparable(one, other), "metrics": sorted(map(str, one.get("metrics") or ()))}
         for one, other in ((before, tested), (tested, before))
@@ -336,8 +308,7 @@ def changed_code(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]
 
 def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
     """Return whether the budget of a content is larger than another's, if both have one."""
-    budgets = [each.get(BUDGET) for each in (here, there)]
-    return all(isinstance(budget, dict) for budget in budgets) and is_larger(*budgets)  # type: ignore[arg-type]
+    return BUDGET in here and BUDGET in there and is_larger(here[BUDGET], there[BUDGET])
 
 
 def comparable(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:

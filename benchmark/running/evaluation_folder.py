@@ -15,7 +15,7 @@ from benchmark.results.files import (
     ResultsError,
     locked,
     named_failures,
-    read_mapping,
+    read_json,
     write_json,
 )
 from benchmark.results.run_folder import RunFolder
@@ -43,9 +43,9 @@ def evaluation_folder(out: Path | None, evaluated: Mapping[str, Any]) -> Iterato
             yield RunFolder(Path(temporary))
         return
     content = {"format": FORMAT, **evaluated}
-    _check(out, content)
+    check_free(out)
     with locked(out):
-        _check(out, content)  # what another process has written until the lock was free
+        _check_same(out, content)
         old, new = RunFolder(out), RunFolder(out / f"{PARTIAL}-evaluation")
         shutil.rmtree(new.path, ignore_errors=True)
         try:
@@ -67,22 +67,18 @@ def check_free(out: Path | None) -> None:
     Raises:
         ResultsError: It does, or is a file.
     """
-    if out is None or not out.exists():
+    if out is None or not out.exists() or (out / MARK).exists():
         return
-    if out.is_file():
-        raise ResultsError("is a file, not a folder", place=str(out), remedy="choose another --out")
-    there = sorted(each.name for each in out.iterdir() if not each.name.startswith("."))
-    if there and not (out / MARK).exists():
+    there = [out.name] if out.is_file() else sorted(each.name for each in out.glob("[!.]*"))
+    if there:
         raise ResultsError(
             f"holds '{there[0]}', which is of no evaluation", place=str(out), remedy="choose another --out"
         )
 
 
-def _check(out: Path, content: Mapping[str, Any]) -> None:
-    check_free(out)
-    if not (out / MARK).exists():
-        return
-    before = read_mapping(out / MARK)
+def _check_same(out: Path, content: Mapping[str, Any]) -> None:
+    """Raise if a folder holds the evaluation of something else."""
+    before = read_json(out / MARK) if (out / MARK).exists() else content
     if before != content:
         differing = sorted(name for name in {*before, *content} if before.get(name) != content.get(name))
         named = ", ".join(f"{name} {before.get(name)!r}" for name in differing)

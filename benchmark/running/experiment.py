@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
-import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 
 import ray
 
@@ -40,9 +37,6 @@ from smarts.sim.schedule import Schedule
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.agent_states import agent_names
-
-REPEATED = 0.05
-"""Until a signal whose exception was lost in a finalizer is sent again [s]."""
 
 
 def interruptible(work: Callable[[], int], left: str) -> int:
@@ -263,26 +257,9 @@ def _ending_budget(state: JobState) -> str | None:
 
 @contextmanager
 def _stoppable() -> Iterator[None]:
-    """Handle SIGTERM like Ctrl-C, and repeat what a finalizer that was running has swallowed."""
-    repeated: list[threading.Timer] = []
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    def repeat(lost: sys.UnraisableHookArgs) -> None:
-        if lost.exc_type is not KeyboardInterrupt:
-            shown(lost)
-            return
-        repeated.append(threading.Timer(REPEATED, os.kill, (os.getpid(), signal.SIGTERM)))
-        repeated[-1].daemon = True
-        repeated[-1].start()
-
-    shown, before = sys.unraisablehook, signal.signal(signal.SIGTERM, stop)
-    sys.unraisablehook = repeat
+    """Handle SIGTERM like Ctrl-C."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
     finally:
-        for each in repeated:
-            each.cancel()
         signal.signal(signal.SIGTERM, before)
-        sys.unraisablehook = shown

@@ -102,18 +102,15 @@ def _zero_where(array: NDArray, columns: NDArray[np.bool_]) -> NDArray:
     return kept
 
 
-def mask_in(name: str, actions: int, *given: Any) -> NDArray[np.bool_]:
-    """Return an agent's mask of a number of actions from the first mapping that has one.
+def mask_in(name: str, *given: Any) -> NDArray[np.bool_]:
+    """Return an agent's action mask from the first mapping that has one.
 
     Raises:
-        ActionError: There is none, although the policy was trained with one, or it is of other actions.
+        ActionError: There is none, although the policy was trained with one.
     """
     for each in given:
         if isinstance(each, Mapping) and MASK in each:
-            mask = np.asarray(each[MASK], bool)
-            if mask.shape != (actions,):
-                raise _unfit(f"{name!r} an action mask of shape {mask.shape}", str((actions,)))
-            return mask
+            return np.asarray(each[MASK], bool)
     raise ActionError(
         f"there is no {MASK!r} for {name!r}, with which the policy was trained",
         place="Policy.act",
@@ -146,14 +143,5 @@ def fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
                 f"{leaf or 'observation'!r} of {name!r} has the shape {array.shape}, not {row.shape}",
                 place="Policy.act",
                 remedy="use the number of agents and the observation of the training",
-            )
-        same = np.can_cast(array.dtype, row.dtype, "same_kind") or (
-            array.dtype.kind in "biuf" and np.array_equal(array.astype(row.dtype), array)
-        )
-        if not same:
-            raise ActionError(
-                f"{leaf or 'observation'!r} of {name!r} holds {array.dtype}, which {row.dtype} cannot hold",
-                place="Policy.act",
-                remedy="use the observation of the training",
             )
         row[...] = array

@@ -6,7 +6,7 @@ import signal
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,14 +30,12 @@ from benchmark.running.cluster import (
     living_nodes,
     stopping,
 )
-from benchmark.running.importing import as_on_the_driver, named_own_code
-from benchmark.running.messages import BACKLOG, Kept, Message, Start
-from benchmark.running.progress import STARTING, WAITING, RunProgress
+from benchmark.running.importing import named_own_code
+from benchmark.running.messages import BACKLOG, STARTING, WAITING, Kept, Message, RunProgress
 from benchmark.running.scratch import scratch_folder
 from benchmark.running.writing import RunWriter
 from smarts.errors import SmartsError, shortened
 from smarts.registry import import_own
-from smarts.shipped import SHIPPED
 
 ATTEMPTS = 3
 """How often a job may lose its process, without a checkpoint in between, before it has failed."""
@@ -112,7 +110,6 @@ class JobScheduler:
             if is_kept and folder.is_finished(setting.test_content()) and not folder.is_extended(content):
                 state.status = FINISHED
             else:
-                folder.check_writable()
                 self._waiting.append(state)
 
     @property
@@ -186,7 +183,7 @@ class JobScheduler:
         try:
             check_room(self._resources, living_nodes())  # machines may have gone since the start
             state.writer = RunWriter(state.job, state.folder)
-            start = state.writer.start()
+            checkpoint = state.writer.checkpoint()
             state.iteration = int((state.folder.training_state() or {}).get("iteration", 0))
         except SmartsError as error:
             state.status, state.error = "failed", _words(error)
@@ -202,7 +199,7 @@ class JobScheduler:
                 state.room, placement_group_bundle_index=0, placement_group_capture_child_tasks=True
             ),
         )
-        state.updates = task.remote(state.job, start)
+        state.updates = task.remote(state.job, checkpoint)
         self._under_way[state.updates] = state
 
     def _room(self) -> Any:
@@ -212,7 +209,7 @@ class JobScheduler:
     def _receive(self, state: JobState) -> bool:
         """Receive a message of a job and write what it says; return whether more will follow."""
         try:
-            self._take(state, ray.get(next(state.updates)))
+            self._write(state, ray.get(next(state.updates)))
             return True
         except StopIteration:
             state.status = FINISHED
@@ -235,7 +232,7 @@ class JobScheduler:
             remove_placement_group(room)  # and what is left of the job with it
         return False
 
-    def _take(self, state: JobState, message: Any) -> None:
+    def _write(self, state: JobState, message: Any) -> None:
         assert state.writer is not None
         state.heard = time.monotonic()
         progress = state.writer.take(message)
@@ -272,17 +269,17 @@ def _words(error: BaseException) -> str:
 
 
 @ray.remote
-def _execute(job: Job, start: Start) -> Iterator[Message]:
+def _execute(job: Job, checkpoint: Mapping[str, bytes]) -> Iterator[Message]:
     """Run a job in a process of its own, on whatever machine; yield its results and its progress."""
     # Imported here, so that the driver's process loads neither torch nor the simulation.
     from benchmark.running.testing import play_scripted
     from benchmark.running.training import train_and_evaluate
 
-    with scratch_folder() as folder, as_on_the_driver({str(folder): start.folder, str(SHIPPED): ""}):
+    with scratch_folder() as folder:
         import_own(job.task_setting.imports)
         scratch = RunFolder(folder)
-        if start.checkpoint:
-            write_files(scratch.checkpoint, start.checkpoint)
+        if checkpoint:
+            write_files(scratch.checkpoint, checkpoint)
         with named_own_code("the run's own code"):
             if isinstance(job, Run):
                 yield from train_and_evaluate(job, scratch, is_stopping)

@@ -12,7 +12,7 @@ from rich.live import Live
 from rich.table import Table
 
 from benchmark.results.run_folder import FINISHED, TESTING, TRAINING
-from benchmark.running.progress import STARTING, WAITING
+from benchmark.running.messages import STARTING, WAITING
 
 if TYPE_CHECKING:
     from benchmark.running.jobs import JobState
@@ -23,6 +23,9 @@ STARTS = "waits for free CPUs, loads, and compiles kernels where `smarts-bench c
 """What a job does that starts; said of the first one."""
 SECONDS = 30.0
 """Between two lines of a job if the output is no terminal."""
+OUTCOMES = ("return", "completion", "collision")
+COLUMNS = ("done", "iteration", "agent-steps/s", *OUTCOMES, "training left")
+"""Of the table, beside the run and its phase."""
 SILENCE = 300.0
 """Without any message of a job that trains or is tested, after which this is said [s]."""
 
@@ -72,22 +75,18 @@ class LiveProgress:
         done = sum(state.status == FINISHED for state in states)
         minutes = (time.monotonic() - self._began) / 60
         table = Table(title=f"{done} of {len(states)} runs finished, {minutes:.0f} min", title_justify="left")
-        for title in (
-            "run",
-            "phase",
-            "done",
-            "iteration",
-            "agent-steps/s",
-            "return",
-            "completion",
-            "collision",
-            "training left",
-        ):
+        for title in ("run", "phase", *COLUMNS):
             table.add_column(title, justify="left" if title in ("run", "phase") else "right")
         busy = [state for state in states if state.status not in (FINISHED, WAITING)]
         waiting = [state for state in states if state.status == WAITING]
         for state in [*busy, *waiting][:MOST_ROWS]:
-            table.add_row(*_cells(state))
+            numbers = _numbers(state)
+            cells = (
+                [state.error.partition("\n")[0]]
+                if state.error
+                else [numbers.get(each, "") for each in COLUMNS]
+            )
+            table.add_row(str(state.job), _silence(state) or state.status, *cells)
         if len(busy) + len(waiting) > MOST_ROWS:
             table.add_row(f"and {len(busy) + len(waiting) - MOST_ROWS} more")
         return table
@@ -95,50 +94,48 @@ class LiveProgress:
 
 def _line(state: JobState) -> str:
     """Return the progress of a job as a line."""
-    progress, text = state.progress, f"{state.job}: {state.status}"
-    if state.status == "failed":
+    text, numbers = f"{state.job}: {state.status}", _numbers(state)
+    if state.error:
         return f"{text}: {state.error}"
     if state.status == STARTING and state.iteration:
         return f"{text}, continues after iteration {state.iteration}"
-    if progress is None or state.status not in (TRAINING, TESTING):
+    if not numbers:
         return text
-    text += f" {progress.share:.0%}"
+    text += f" {numbers['done']}"
     if silence := _silence(state):
         return f"{text}, {silence}"
     if state.status == TESTING:
         return text
-    _, _, _, iteration, speed, returns, completion, collision, left = _cells(state)
-    text += f", iteration {iteration}, {speed} agent-steps/s"
-    outcomes = {"return": returns, "completion": completion, "collision": collision}
-    text += "".join(f", {name} {value}" for name, value in outcomes.items() if value)
-    return f"{text}, {left} of training left" if left else text
+    text += f", iteration {numbers['iteration']}, {numbers['agent-steps/s']} agent-steps/s"
+    text += "".join(f", {name} {numbers[name]}" for name in OUTCOMES if name in numbers)
+    return f"{text}, {numbers['training left']} of training left"
 
 
 def _silence(state: JobState) -> str:
-    """Return for how long nothing has been heard of a job; empty if that is not long."""
-    silent = time.monotonic() - state.heard
+    """Return for how long nothing has been heard of a job that has begun; empty if that is not long."""
+    silent = time.monotonic() - state.heard if state.status in (TRAINING, TESTING) else 0.0
     return f"no message for {silent // 60:.0f} min (docs/troubleshooting.md)" if silent > SILENCE else ""
 
 
-def _cells(state: JobState) -> list[str]:
+def _numbers(state: JobState) -> dict[str, str]:
+    """Return what is known of a job that trains or is tested, by columns of the table."""
     progress = state.progress
-    if state.status == "failed":
-        return [str(state.job), "failed", state.error.splitlines()[0] if state.error else ""]
-    if progress is None:
-        return [str(state.job), state.status]
-    if progress.phase != TRAINING:
-        return [str(state.job), _silence(state) or progress.phase, f"{progress.share:.0%}"]
-    left = progress.seconds * (1 / progress.share - 1) if progress.share else math.nan
-    return [
-        str(state.job),
-        _silence(state) or progress.phase,
-        f"{progress.share:.0%}",
-        str(progress.iteration),
-        f"{progress.agent_steps_per_second:,.0f}",
-        # Empty until the first episode has ended.
-        *(
-            f"{value:z.2f}" if math.isfinite(value) else ""
-            for value in (progress.returns, progress.completion, progress.collision)
-        ),
-        f"{left / 60:.1f} min" if math.isfinite(left) else "",
-    ]
+    if progress is None or state.status not in (TRAINING, TESTING):
+        return {}
+    numbers = {"done": f"{progress.share:.0%}"}
+    if state.status == TESTING:
+        return numbers
+    # Not finite until the first episode has ended.
+    outcomes = {
+        "return": progress.returns,
+        "completion": progress.completion,
+        "collision": progress.collision,
+    }
+    left = progress.seconds * (1 / progress.share - 1) if progress.share else math.inf
+    return {
+        **numbers,
+        "iteration": str(progress.iteration),
+        "agent-steps/s": f"{progress.agent_steps_per_second:,.0f}",
+        **{name: f"{value:z.2f}" for name, value in outcomes.items() if math.isfinite(value)},
+        "training left": f"{left / 60:.1f} min",
+    }

@@ -6,20 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from benchmark.running.progress import RunProgress
-
+WAITING, STARTING = "waiting", "starting"
+"""States of a job without progress: not yet given to Ray, and given to Ray."""
 BACKLOG = 8
 """Messages that a run sends ahead of what the driver has taken; then it waits."""
-
-
-@dataclass(frozen=True)
-class Start:
-    """What the process of a run gets beside its job."""
-
-    folder: str
-    """The run's folder on the driver's machine, for messages."""
-    checkpoint: Mapping[str, bytes]
-    """Files of the last checkpoint; empty without one."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +42,28 @@ class Kept:
 
     place: str
     content: Mapping[str, bytes] | bytes
+
+
+@dataclass(frozen=True)
+class RunProgress:
+    """How far a run is."""
+
+    phase: str
+    """TRAINING, TESTING or FINISHED."""
+    share: float = 0.0
+    """Of the budget, or of the test."""
+    iteration: int = 0
+    agent_steps: int = 0
+    """Simulation steps of 0.1 s, once for each agent."""
+    seconds: float = 0.0
+    """Of training, earlier parts of the run included."""
+    agent_steps_per_second: float = 0.0
+    returns: float = float("nan")
+    """Mean of the last episodes and agents."""
+    completion: float = float("nan")
+    collision: float = float("nan")
+    validation: Mapping[str, float] | None = None
+    """Return, completion and collision of a validation after the iteration, if there was one."""
 
 
 Message = Began | Noted | Line | Kept | RunProgress

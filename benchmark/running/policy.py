@@ -269,7 +269,7 @@ class Policy:
             seen = self._arrays_of(name, by_agent[name])
             fill(name, seen, {leaf: array[0, row] for leaf, array in arrays.items()})
             if action_mask is not None:
-                action_mask[0, row] = mask_in(name, action_mask.shape[-1], seen, infos.get(name))
+                action_mask[0, row] = mask_in(name, seen, infos.get(name))
                 action_mask[0, row, 0] |= not action_mask[0, row].any()
         return arrays, action_mask
 

@@ -12,7 +12,7 @@ from algorithms.joint.module import LearnerModule
 from algorithms.joint.signature import check_signature
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
-from benchmark.running.training import check_checkpoint, checkpoint_error, config_of, unpickled
+from benchmark.running.training import check_checkpoint, config_of, unpickled
 
 
 def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
@@ -54,11 +54,7 @@ def _module(folder: Path, described: Mapping[str, Any]) -> Any:
     wanted = {key: named[key] for key in ("observation_space", "action_space", "model_config")}
     with _quiet():
         module = described["class"](**wanted, inference_only=True)
-    weights = unpickled(folder / "module_state.pkl")
-    try:
-        module.set_state(weights)
-    except Exception as error:  # of weights of another kind or shape
-        raise checkpoint_error(error, folder / "module_state.pkl") from error
+    module.set_state(unpickled(folder / "module_state.pkl"))
     module.eval()
     return module
 

@@ -32,9 +32,8 @@ from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
 from benchmark.running.experiment import check_task_settings, interrupted, resumable
 from benchmark.running.importing import named_own_code
-from benchmark.running.messages import Kept
+from benchmark.running.messages import Kept, RunProgress
 from benchmark.running.played import scenario_digests
-from benchmark.running.progress import RunProgress
 from benchmark.running.shipping import shipped_code
 from benchmark.running.training import Training, algorithm_of, config_of
 from smarts.errors import shortened

@@ -20,9 +20,8 @@ from benchmark.results.files import ResultsError, files_in
 from benchmark.results.run_folder import EPISODES, FINISHED, SCENARIOS, TABLE, TESTING, RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.machine import machine
-from benchmark.running.messages import Kept, Message, Noted
+from benchmark.running.messages import Kept, Message, Noted, RunProgress
 from benchmark.running.played import held_out_of, scenario_digests
-from benchmark.running.progress import RunProgress
 from benchmark.scripted import SCRIPTED_POLICIES
 from benchmark.scripted.play import episodes_of
 from smarts.errors import RecordError

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from benchmark.experiment.runs import Run, run_from
 from benchmark.results.files import ResultsError
-from benchmark.results.reading import checked_config, checked_facts
 from benchmark.results.run_folder import RunFolder
 from smarts.errors import nearest_names
 from smarts.registry import import_own
@@ -36,8 +35,8 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
             else "give the folder of a run or of an exported policy",
         )
     try:
-        facts = checked_facts(folder)  # first, since it refuses other formats
-        run = run_from(checked_config(folder))
+        facts = folder.facts()
+        run = run_from(folder.read_config())
         tested = (facts.get("tested") or {}).get("metrics")
         metrics = None if tested is None else tuple(tested)
         own = tuple(str(Path(path).absolute()) for path in imports) or run.task_setting.imports

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -20,9 +19,8 @@ from algorithms.errors import AlgorithmError, DamagedCheckpointError
 from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.evaluation import evaluate
 from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
-from benchmark.experiment.own_code import PROGRAM
 from benchmark.experiment.runs import Run
-from benchmark.results.digests import check_digests, with_digests
+from benchmark.results.digests import OTHER_CHECKPOINT, check_digests, with_digests
 from benchmark.results.files import ResultsError, files_in, write_json
 from benchmark.results.run_folder import (
     BEST,
@@ -36,17 +34,14 @@ from benchmark.results.run_folder import (
 )
 from benchmark.running.environments import NAME, create, environment
 from benchmark.running.machine import machine
-from benchmark.running.messages import Began, Kept, Line, Message, Noted
+from benchmark.running.messages import Began, Kept, Line, Message, Noted, RunProgress
 from benchmark.running.own_runner import own_code_runner
 from benchmark.running.played import scenario_digests
-from benchmark.running.progress import RunProgress
 from benchmark.running.testing import EVALUATION_SEED, play_test, results_of
 from smarts.registry import import_own
 
 CHECKPOINT_SECONDS = 60.0
 """Time between checkpoints, which is what a kill can cost."""
-OTHER = "test the other one, --checkpoint last or best, or remove this one to train from the start"
-"""Remedy of a damaged checkpoint."""
 
 
 @dataclass(frozen=True)
@@ -150,22 +145,19 @@ def check_checkpoint(checkpoint: Path) -> None:
     Raises:
         ResultsError: A file is not as it was written, or weights are not finite.
     """
-    check_digests(checkpoint, OTHER)
+    check_digests(checkpoint, OTHER_CHECKPOINT)
     for file in sorted(checkpoint.glob("learner_group/learner/rl_module/*/module_state.pkl")):
-        weights = unpickled(file)
-        try:
-            broken = [name for name, each in weights.items() if not np.isfinite(each).all()]
-        except (AttributeError, TypeError) as error:
-            raise checkpoint_error(error, file) from error
+        broken = [name for name, each in unpickled(file).items() if not np.isfinite(each).all()]
         if broken:
-            raise ResultsError(f"the weights of {broken[0]} are not finite", place=str(file), remedy=OTHER)
+            problem = f"the weights of {broken[0]} are not finite"
+            raise ResultsError(problem, place=str(file), remedy=OTHER_CHECKPOINT)
 
 
 def restore(algo: Any, checkpoint: Path) -> None:
     """Restore an algorithm from a checkpoint.
 
     Raises:
-        ResultsError: The checkpoint is damaged, or of another version of this program; it names the file.
+        ResultsError: The checkpoint is damaged; it names the file.
         AlgorithmError: The checkpoint does not fit the algorithm.
     """
     check_checkpoint(checkpoint)
@@ -183,7 +175,7 @@ def unpickled(file: Path) -> Any:
     """Return the content of a file of a checkpoint.
 
     Raises:
-        ResultsError: It is missing, damaged, or of another version of this program.
+        ResultsError: It is missing or damaged, or needs a module that cannot be imported.
     """
     try:
         with file.open("rb") as stream:
@@ -194,12 +186,6 @@ def unpickled(file: Path) -> Any:
 
 def checkpoint_error(error: Exception, place: Path) -> ResultsError:
     """Return the error for a checkpoint that cannot be read."""
-    if is_of_other_version(error):
-        return ResultsError(
-            f"the checkpoint is of another version of this program: {error}",
-            place=str(place),
-            remedy="use the version that `commit` and `versions` in run.json name, or train again",
-        )
     if isinstance(error, ModuleNotFoundError):
         return ResultsError(
             f"the checkpoint needs the module {error.name!r}, which cannot be imported",
@@ -210,16 +196,8 @@ def checkpoint_error(error: Exception, place: Path) -> ResultsError:
     return ResultsError(
         f"the checkpoint is damaged: {type(error).__name__}: {error}",
         place=str(place),
-        remedy=OTHER,
+        remedy=OTHER_CHECKPOINT,
     )
-
-
-def is_of_other_version(error: Exception) -> bool:
-    """Return whether unpickling failed for want of a class or module of this program."""
-    if isinstance(error, ImportError):
-        return (error.name or "").partition(".")[0] in PROGRAM
-    named = re.search(r"<module '(\w+)", str(error)) if isinstance(error, AttributeError) else None
-    return named is not None and named[1] in PROGRAM
 
 
 class Training:
@@ -348,7 +326,7 @@ class Training:
         valid = [episode for episode in episodes if not episode.metrics["invalid"]]
         rows = [(each.metrics["goal"], each.metrics["collision"], each.returns.mean()) for each in valid]
         completion, collision, returns = (
-            (float(np.mean(column)) for column in zip(*rows, strict=True)) if (rows) else (np.nan,) * 3
+            (float(np.mean(column)) for column in zip(*rows, strict=True)) if rows else (np.nan,) * 3
         )
         self._state = replace(self._state, validations=self._due_validations())
         best = self._state.best

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from benchmark.experiment.runs import Run, ScriptedRun, default_settings
+from benchmark.results.digests import OTHER_CHECKPOINT, check_digests
 from benchmark.results.files import files_in
 from benchmark.results.progress import add_progress, begin_progress
 from benchmark.results.run_folder import DEFAULTS, SCENARIOS, TRAINING, RunFolder
-from benchmark.running.messages import Began, Kept, Line, Message, Noted, Start
-from benchmark.running.progress import RunProgress
+from benchmark.running.messages import Began, Kept, Line, Message, Noted, RunProgress
 
 if TYPE_CHECKING:
     from benchmark.running.scalars import Scalars
@@ -31,10 +31,15 @@ class RunWriter:
         self._scalars: Scalars | None = None
         folder.open(run.content())
 
-    def start(self) -> Start:
-        """Return what the run's process needs to continue."""
-        checkpoint = self._folder.checkpoint
-        return Start(str(self._folder.path), files_in(checkpoint) if checkpoint.exists() else {})
+    def checkpoint(self) -> dict[str, bytes]:
+        """Return the files of the last checkpoint, from which the run's process continues; empty without one.
+
+        Raises:
+            ResultsError: A file is not as it was written.
+        """
+        folder = self._folder.checkpoint
+        check_digests(folder, OTHER_CHECKPOINT)
+        return files_in(folder)
 
     def take(self, message: Message) -> RunProgress | None:
         """Write what a message says; return it if it is progress.

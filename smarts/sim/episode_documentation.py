@@ -7,11 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from smarts.types.episode_schema import READABLE, TABLES, VERSION
+from smarts.types.episode_schema import TABLES, VERSION
 
 PAGE = Path(__file__).parents[2] / "docs" / "episodes.md"
-
-_OLDER = f"{READABLE[0]} to {READABLE[-2]}"
 
 _OPENING = f"""# Recorded episodes
 
@@ -20,7 +18,7 @@ Written by `python -m smarts.sim.episode_documentation` from `smarts/types/episo
 
 `simulation=Options(record=folder)` lets any environment record every episode into a folder of its own below
 `folder`, one Parquet file for each table below (those marked "if any" have none where there are no rows);
-`smarts.sim.episode_files.RecordedEpisode(folder)` reads them, and those of formats {_OLDER}, and
+`smarts.sim.episode_files.RecordedEpisode(folder)` reads them, and
 `smarts-bench render EPISODE --out film.gif` draws them. A folder appears when all is in it: a process that
 is killed leaves a hidden folder, which the next one to record there takes away. It is called
 `seed<S>_world<W>_episode<E>`, with `~2` and so on behind it where there is one of that name, as of another

@@ -8,12 +8,9 @@ opens the store.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import os
 import shutil
-import socket
-import uuid
 import weakref
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -27,24 +24,23 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from smarts.errors import MapError, RecordError
+from smarts.locked_folders import make_locked, remove_left
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode_schema import (
     DISTANT,
     EPISODE,
     INTEGERS,
     NUMBERS,
-    READABLE,
     TABLE,
     TEXT,
     VEHICLES,
+    VERSION,
     Table,
 )
 
 MAPS = "maps"
-PARTIAL = ".partial-recording"
-_PARTIAL_BEFORE = ".partial-"
-"""Of earlier versions, which named host and process behind it."""
-_LOCK = "lock"
+PARTIAL = ".partial-recording-"
+"""Begins the name of the folder of what a process is writing."""
 _PARQUET = b"PAR1"
 """Begins and ends a Parquet file."""
 
@@ -71,13 +67,13 @@ class EpisodeStore:
         self._partial = root
         try:
             (root / MAPS).mkdir(parents=True, exist_ok=True)
-            for partial in root.glob(f"{PARTIAL}-*"):
-                _remove_abandoned(partial)
-            for partial in root.glob(f"{_PARTIAL_BEFORE}*"):
-                if _is_abandoned(partial.name):
-                    _remove(partial)
+            remove_left(root, PARTIAL)
         except OSError as error:
-            raise _unwritable(root, error) from error
+            raise RecordError(
+                f"cannot write episodes: {error}",
+                place=str(root),
+                remedy="name a folder that can be written to",
+            ) from error
 
     def begin(self, name: str) -> EpisodeWriter:
         """Return a writer of a new episode; whole, it gets the name, with a number if that is taken."""
@@ -85,23 +81,11 @@ class EpisodeStore:
 
     def partial(self) -> Path:
         """Return the folder for what is being written; made and locked by the first call."""
-        while self._end is None or not self._end.alive:
-            self._partial = self.root / f"{PARTIAL}-{uuid.uuid4().hex}"
-            self._partial.mkdir()
-            try:
-                # Open for writing: NFS gives no lock otherwise, and none on a folder.
-                lock = os.open(self._partial / _LOCK, os.O_RDWR | os.O_CREAT)
-            except FileNotFoundError:
-                continue  # another process took the folder for abandoned
-            # Where the file system has no locks, no other process removes it either.
-            with contextlib.suppress(OSError):
-                fcntl.flock(lock, fcntl.LOCK_EX)
-            if (self._partial / _LOCK).exists():
-                self._end = weakref.finalize(self, _remove_own, self._partial, lock, os.getpid())
-                # At the end of the process recorders write what is left first, and close their stores.
-                self._end.atexit = False
-            else:
-                os.close(lock)  # the same, after it was made
+        if self._end is None or not self._end.alive:
+            self._partial, lock = make_locked(self.root, PARTIAL)
+            self._end = weakref.finalize(self, _remove_own, self._partial, lock, os.getpid())
+            # At the end of the process recorders write what is left first, and close their stores.
+            self._end.atexit = False
         return self._partial
 
     def close(self) -> None:
@@ -213,9 +197,9 @@ class RecordedEpisode:
         if "version" not in self.table(EPISODE.name):
             raise self._damaged(EPISODE.name, "it has no column 'version'")
         found = int(self.facts["version"])
-        if found not in READABLE:
+        if found != VERSION:
             raise RecordError(
-                f"written in format {found}, this program reads formats {READABLE}",
+                f"written in format {found}, this program reads format {VERSION}",
                 place=str(folder),
                 remedy="record the episode again",
             )
@@ -233,9 +217,6 @@ class RecordedEpisode:
         if name not in self._tables:
             read = self._read(name)
             columns = {column: _plain(read[column]) for column in read.column_names}
-            for column in TABLE[name].columns:
-                if column.since > READABLE[0] and column.name not in columns:
-                    columns[column.name] = np.full(read.num_rows, -1, column.kind)
             if name == VEHICLES.name and (np.diff(columns["step"]) < 0).any():
                 order = np.lexsort([columns["slot"], columns["step"]])
                 columns = {each: column[order] for each, column in columns.items()}
@@ -243,9 +224,8 @@ class RecordedEpisode:
         return self._tables[name]
 
     def _read(self, name: str) -> pa.Table:
-        path = self.folder / f"{name}.parquet"
         try:
-            return _read(path)
+            return pq.read_table(self.folder / f"{name}.parquet", page_checksum_verification=True)
         except FileNotFoundError as error:
             if TABLE[name].is_optional:
                 return arrow_schema(TABLE[name]).empty_table()
@@ -343,16 +323,6 @@ def _arrow_table(table: Table, rows: Rows) -> pa.Table:
     return pa.Table.from_arrays(columns, schema=schema)
 
 
-def _read(path: Path) -> pa.Table:
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        # Arrow takes no names that are not UTF-8, as those of other times and places.
-        with path.open("rb") as file:
-            return pq.read_table(file, page_checksum_verification=True)
-    return pq.read_table(path, page_checksum_verification=True)
-
-
 def _plain(column: pa.ChunkedArray) -> NDArray:
     if pa.types.is_list(column.type):
         lists = column.combine_chunks()
@@ -363,51 +333,8 @@ def _plain(column: pa.ChunkedArray) -> NDArray:
     return column.to_numpy()
 
 
-def _remove_abandoned(partial: Path) -> None:
-    """Remove what a process was writing, if it is gone."""
-    with contextlib.suppress(OSError):
-        try:
-            lock = os.open(partial / _LOCK, os.O_RDWR)
-        except FileNotFoundError:
-            partial.rmdir()  # its process was killed before it made the file, or is about to make it
-            return
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(partial, ignore_errors=True)
-        finally:
-            os.close(lock)
-
-
-def _is_abandoned(partial: str) -> bool:
-    """Return whether the process of an earlier version that began to write it on this machine is gone."""
-    here = f"{_PARTIAL_BEFORE}{socket.gethostname()}-"
-    process = partial.removeprefix(here).partition("-")[0]
-    if not partial.startswith(here) or partial.startswith(f"{PARTIAL}-") or not process.isdecimal():
-        return False
-    try:
-        os.kill(int(process), 0)
-    except ProcessLookupError:
-        return True
-    except (PermissionError, OverflowError):
-        return False
-    return False
-
-
-def _remove(partial: Path) -> None:
-    if partial.is_dir():
-        shutil.rmtree(partial, ignore_errors=True)
-    else:
-        partial.unlink(missing_ok=True)
-
-
 def _remove_own(partial: Path, lock: int, owner: int) -> None:
     # In a process that was forked off, the folder is still its parent's.
     if owner == os.getpid():
         shutil.rmtree(partial, ignore_errors=True)
     os.close(lock)
-
-
-def _unwritable(root: Path, error: OSError) -> RecordError:
-    return RecordError(
-        f"cannot write episodes: {error}", place=str(root), remedy="name a folder that can be written to"
-    )

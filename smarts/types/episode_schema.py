@@ -13,9 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 VERSION = 6
-"""Of the format that is written."""
-READABLE = (2, 3, 4, 5, VERSION)
-"""The formats that can be read; `Column.since` and `Table.is_optional` say what the older ones lack."""
+"""Of the format."""
 
 TEXT, NUMBERS, INTEGERS = "text", "list<float32>", "list<int32>"
 """Kinds of columns beside those of numpy: strings, and lists of numbers of any length."""
@@ -30,8 +28,6 @@ class Column:
     """A numpy dtype, `TEXT`, `NUMBERS` or `INTEGERS`."""
     meaning: str
     unit: str = ""
-    since: int = READABLE[0]
-    """The first format that has the column; read from an older one, its values are -1."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +38,7 @@ class Table:
     meaning: str
     columns: tuple[Column, ...]
     is_optional: bool = False
-    """Whether an episode without rows has no file of the table, as those of older formats."""
+    """Whether an episode without rows has no file of the table."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -93,7 +89,6 @@ EPISODE = Table(
             "traffic_overlaps",
             "int32",
             "pairs of vehicles of traffic that came to overlap, which is no agent's collision",
-            since=6,
         ),
     ),
 )
@@ -104,7 +99,7 @@ AGENTS = Table(
     (
         Column("agent_id", "int16", "the agent's column; -1 for an agent of the pool that never had one"),
         Column("name", TEXT, "the agent's"),
-        Column("interface", "int16", "number of its interface in the pool, -1 for egos", since=3),
+        Column("interface", "int16", "number of its interface in the pool, -1 for egos"),
         *VEHICLE,
         Column("kind", "int8", "VehicleKind"),
         Column("length", "float32", "of the vehicle", "m"),
@@ -174,9 +169,9 @@ NAMES = Table(
         *VEHICLE,
         Column("name", TEXT, "public name"),
         Column("first_step", "int32", "of the record"),
-        Column("kind", "int8", "VehicleKind", since=5),
-        Column("length", "float32", "of the footprint", "m", since=5),
-        Column("width", "float32", "of the footprint", "m", since=5),
+        Column("kind", "int8", "VehicleKind"),
+        Column("length", "float32", "of the footprint", "m"),
+        Column("width", "float32", "of the footprint", "m"),
     ),
 )
 DISTANT = Table(
@@ -228,7 +223,6 @@ AGENT_STATES = Table(
             "release_step",
             "int32",
             "step since which its vehicle is to go back to traffic, -1 if it is not",
-            since=4,
         ),
     ),
 )

@@ -3,7 +3,6 @@
 import os
 import signal
 import socket
-import threading
 import time
 
 import pytest
@@ -12,7 +11,7 @@ import ray
 from benchmark import Experiment, run
 from benchmark.experiment.config import Resources
 from benchmark.results.files import ResultsError
-from benchmark.running import cluster, jobs
+from benchmark.running import jobs
 from benchmark.running.cluster import check_room, start_ray
 from benchmark.running.jobs import JobScheduler
 from benchmark.running.side_by_side import side_by_side
@@ -63,29 +62,8 @@ def test_an_address_where_nobody_listens(listener, monkeypatch):
     assert "Connection refused" in said
     assert "leave the address out" in said
     monkeypatch.setenv("RAY_ADDRESS", address)
-    port = address.rpartition(":")[2]
     said = refusal(Resources(address="auto"))
-    assert "no Ray cluster at 'auto', " in said
-    assert f":{port}: " in said
-
-
-def test_an_address_that_does_not_answer(listener, monkeypatch):
-    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 0.2)
-    assert "no answer within 0.2 s" in refusal(Resources(address=address_of(listener)))
-
-
-@pytest.mark.parametrize("answer", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b""])
-def test_an_address_of_something_else(listener, answer):
-    def serve():
-        connection, _ = listener.accept()
-        with connection:
-            connection.recv(1000)
-            connection.sendall(answer)
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    assert "another server answers there" in refusal(Resources(address=address_of(listener)))
-    thread.join()
+    assert "no Ray cluster at 'auto'" in said
 
 
 def test_a_ray_that_does_not_start(tmp_path, monkeypatch):
@@ -105,7 +83,6 @@ def test_without_an_address_ray_is_its_own_whatever_else_there_is(listener, monk
         start_ray(Resources())
         own = ray.get_runtime_context().gcs_address
         assert own.rpartition(":")[2] != address_of(listener).rpartition(":")[2]
-        assert cluster._connection_problem(own) == ""  # what a real one answers
         assert signal.getsignal(signal.SIGTERM) == before
         started = ray._private.worker._global_node.all_processes
         assert {"raylet", "gcs_server"} <= {*started}
@@ -139,15 +116,11 @@ def test_a_ray_of_the_caller_has_its_cpus_again(tmp_path):
 @pytest.mark.parametrize(
     ("needed", "named"),
     [
-        ({}, []),
         ({"env_runners": 5}, []),
         ({"env_runners": 6}, [7, 6]),
-        ({"env_runners": 1, "learners": 4}, []),
         ({"learners": 5, "env_runners": 1}, [7, 6]),
         ({"learner_gpus": 2}, []),
         ({"learner_gpus": 3}, [3, 2]),
-        ({"learners": 3, "learner_gpus": 1}, []),
-        ({"learners": 4, "learner_gpus": 1}, [4, 3]),
         ({"learners": 3, "learner_gpus": 0.6}, []),
         ({"learners": 4, "learner_gpus": 0.6}, [4, 3]),  # one on each
         ({"learners": 2, "learner_gpus": 2}, [2, 1]),  # on one machine
@@ -169,12 +142,9 @@ def test_a_run_that_could_never_be_placed_is_refused(needed, named):
     [
         ({}, 16),
         ({"env_runners": 3}, 4),
-        ({"learner_gpus": 1}, 2),
         ({"learner_gpus": 0.5}, 4),
         ({"learner_gpus": 0.6}, 2),  # one on each
-        ({"learners": 3, "learner_gpus": 0.2}, 3),
         ({"learners": 2, "learner_gpus": 0.6}, 1),
-        ({"learners": 2, "learner_gpus": 1}, 1),
         ({"env_runners": 20}, 1),
         ({"learner_gpus": 1, "parallel": 5}, 5),
     ],

@@ -6,19 +6,22 @@ import os
 import shutil
 import signal
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from algorithms.errors import CheckpointError
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import task_settings_of
 from benchmark.metrics import compute, read_table
+from benchmark.results.files import ResultsError
+from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.played import held_out_of
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from tests.commands import begin, finish, wait_for
+from tests.raising import raises
 from tests.scalar_files import read_scalars
 
 pytestmark = pytest.mark.slow
@@ -30,7 +33,7 @@ traffic: [no_social_vehicles]
 seeds: [3]
 training: {sharing: all, rollout_fragment_length: 16}
 environment: {agents: 2, time_limit: 12}
-budget: {agent_steps: 12000}
+budget: {agent_steps: 6000}
 evaluation: {episodes: 3, modes: [greedy, sampled], validations: 2, validation_episodes: 2}
 scripted: [parked]
 resources: {num_envs_per_env_runner: 2, parallel: 1}
@@ -83,7 +86,7 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     seconds = [float(line["seconds"]) for line in lines]
     assert seconds[kept["iteration"] - 1] == pytest.approx(kept["seconds"], abs=0.01)
     assert all(np.diff(seconds) >= 0)
-    assert steps[-1] >= 12000 > steps[-2]
+    assert steps[-1] >= 6000 > steps[-2]
     assert sum(line["validation_completion"] != "" for line in lines) == 2
     scalars = read_scalars(run / "tensorboard")
     assert scalars["completion"] == {
@@ -116,53 +119,58 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     code, _, err = finish(start(experiment, "--set", "training.lr=0.5"))
     assert code == 2
     assert "a run with another config" in err
-    assert finish(start(experiment, "--set", "evaluation.episodes=1"))[0] == 0  # trained already, tested anew
-    assert len(read_table(run / "episodes.parquet")) == 2 * 2
-    assert len(progress(run)) == len(lines)
 
-    assert finish(start(experiment, "--set", "budget.agent_steps=18000"))[0] == 0
+    # Trained on, and tested in another way.
+    more = ("--set", "budget.agent_steps=9000", "--set", "evaluation.episodes=1")
+    assert finish(start(experiment, *more))[0] == 0
     longer = progress(run)
     assert longer[: len(lines)] == lines
     steps = [int(line["agent_steps"]) for line in longer]
-    assert steps[-1] >= 18000 > steps[-2] > steps[len(lines) - 1]
-    # Those at 6,000 and 12,000, and of two in 18,000 the second.
+    assert steps[-1] >= 9000 > steps[-2] > steps[len(lines) - 1]
+    # Those at 3,000 and 6,000, and of two in 9,000 the second.
     assert sum(line["validation_completion"] != "" for line in longer) == 3
     facts = json.loads((run / "run.json").read_text())
-    assert (facts["status"], facts["ended_by"], facts["tested"]["episodes"]) == ("finished", "agent_steps", 3)
-    assert len(read_table(run / "episodes.parquet")) == 2 * 6
+    assert (facts["status"], facts["ended_by"], facts["tested"]["episodes"]) == ("finished", "agent_steps", 1)
+    assert len(read_table(run / "episodes.parquet")) == 2 * 2
     code, _, err = finish(start(experiment))
     assert code == 2
-    assert "another config: budget.agent_steps (18000, here 12000)" in err
+    assert "another config: budget.agent_steps (9000, here 6000)" in err
 
 
-def has_trained_on(run, iterations):
-    return len(progress(run)) > iterations
-
-
-def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(experiment):
+@pytest.fixture
+def training(experiment):
+    """A training that does not end by itself, after its second iteration, and its folder."""
     run = experiment.parent / "results/tiny/ppo/loop/no_social_vehicles/seed_3"
-    command = (experiment, "--set", "scripted=[]", "--set", "budget.agent_steps=1000000")
-    process = start(*command, start_new_session=True)
+    endless = ("--set", "scripted=[]", "--set", "budget.agent_steps=1000000")
+    process = start(experiment, *endless, start_new_session=True)
     wait_for(lambda: (run / "progress.csv").exists() and len(progress(run)) >= 2, process)
+    return process, run
+
+
+# To the command's process group, as a batch system does, and to the command alone.
+@pytest.mark.parametrize("send", [os.killpg, pytest.param(os.kill, marks=pytest.mark.nightly)])
+def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(training, send):
+    process, run = training
     (worker,) = workers(process.pid)
     os.kill(worker, signal.SIGKILL)
     wait_for(lambda: len(found := workers(process.pid)) == 1 and found != [worker], process)
     known = len(progress(run))
     wait_for(lambda: len(progress(run)) > max(known, 3), process)
-    for send in (os.kill, os.killpg):  # to the command alone, and to its process group
-        send(process.pid, signal.SIGTERM)
-        code, _, err = finish(process)
-        assert code == 130
-        assert "GCS" not in err
-        assert "give the same command again to resume" in err
-        lines = progress(run)
-        # The validations, of which each saves, are half a million steps away.
-        kept = json.loads((run / "checkpoint" / "training.json").read_text())
-        assert kept["iteration"] == len(lines)
-        assert kept["agent_steps"] == int(lines[-1]["agent_steps"])
-        process = start(*command, start_new_session=True)
-        wait_for(partial(has_trained_on, run, len(lines)), process)
-        assert progress(run)[: len(lines)] == lines
+    send(process.pid, signal.SIGTERM)
+    code, _, err = finish(process)
+    assert code == 130
+    assert "GCS" not in err
+    assert "give the same command again to resume" in err
+    lines = progress(run)
+    # The validations, of which each saves, are half a million steps away.
+    kept = json.loads((run / "checkpoint" / "training.json").read_text())
+    assert kept["iteration"] == len(lines)
+    assert kept["agent_steps"] == int(lines[-1]["agent_steps"])
+
+
+@pytest.mark.nightly
+def test_a_second_sigterm_ends_at_once(training):
+    process, _ = training
     (worker,) = workers(process.pid)
     os.kill(worker, signal.SIGSTOP)  # so that it never saves
     process.send_signal(signal.SIGTERM)
@@ -192,12 +200,12 @@ def workers(driver):
 HELD_OUT = """
 algorithms: [ppo]
 tasks: [double_merge]
-traffic: [no_social_vehicles, random_social_vehicles]
+traffic: [no_social_vehicles]
 seeds: [3]
 training: {sharing: all, rollout_fragment_length: 8}
 environment: {agents: 2}
 budget: {agent_steps: 1000000, minutes: 0.02}
-evaluation: {episodes: 3, held_out_episodes: 2, validations: 1, validation_episodes: 1}
+evaluation: {episodes: 2, held_out_episodes: 1, validations: 1, validation_episodes: 1}
 resources: {num_envs_per_env_runner: 2, parallel: 1}
 """
 BY_TRAFFIC = {
@@ -210,7 +218,7 @@ BY_TRAFFIC = {
 def test_what_is_held_out_differs_from_what_was_trained_on(tmp_path):
     file = tmp_path / "held.yaml"
     file.write_text(HELD_OUT)
-    for cell in task_settings_of(read_experiment(file)):
+    for cell in task_settings_of(read_experiment(file, [f"traffic={[*BY_TRAFFIC]}"])):
         found = {name.removeprefix("double_merge@") for name in held_out_of(cell)}
         assert found == BY_TRAFFIC[cell.traffic]
 
@@ -225,25 +233,20 @@ def held_out(tmp_path_factory):
     return folder / "results" / "held", out
 
 
-def test_generalization_compares_the_splits_of_each_cell(held_out):
+def test_generalization_compares_the_splits_of_a_task(held_out):
     root, out = held_out
-    assert "training ended by: minutes in 2 runs" in out
-    for traffic, variations in BY_TRAFFIC.items():
-        table = read_table(root / "ppo/double_merge" / traffic / "seed_3/episodes.parquet")
-        held = table[table["split"] == "held_out"]
-        trained = table[(table["split"] == "train") & (table["mode"] == "greedy")]
-        assert set(held["variation"]) == variations
-        assert (held.groupby("variation").size() == 2 * 2).all()  # 2 episodes of 2 agents
-        assert set(held["mode"]) == {"greedy"}
-        assert len(trained) == 3 * 2
-        assert set(table["traffic"]) == {traffic}
-        (found,) = compute(table[table["mode"] == "greedy"], metrics=["generalization"]).to_dict("records")
-        task, worst = found["worst"].split("@")
-        assert task == "double_merge"
-        assert worst in variations
-        for split, rows in (("train", trained), ("held_out", held[held["variation"] == worst])):
-            assert found["terms"][f"{split}_completion"] == (rows["outcome"] == "goal").mean()
-            assert found["terms"][f"{split}_non_collision"] == 1 - (rows["outcome"] == "collision").mean()
+    assert "training ended by: minutes in 1 run\n" in out
+    table = read_table(root / "ppo/double_merge/no_social_vehicles/seed_3/episodes.parquet")
+    held = table[table["split"] == "held_out"]
+    trained = table[(table["split"] == "train") & (table["mode"] == "greedy")]
+    assert held["variation"].tolist() == ["three_lanes"] * 2  # one episode of 2 agents
+    assert set(held["mode"]) == {"greedy"}
+    assert len(trained) == 2 * 2
+    (found,) = compute(table[table["mode"] == "greedy"], metrics=["generalization"]).to_dict("records")
+    assert found["worst"] == "double_merge@three_lanes"
+    for split, rows in (("train", trained), ("held_out", held)):
+        assert found["terms"][f"{split}_completion"] == (rows["outcome"] == "goal").mean()
+        assert found["terms"][f"{split}_non_collision"] == 1 - (rows["outcome"] == "collision").mean()
 
 
 def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(held_out, tmp_path):
@@ -251,26 +254,23 @@ def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(held_out,
     shutil.copytree(held_out[0] / "ppo/double_merge/no_social_vehicles/seed_3", run)
     damaged = run / "checkpoint" / "learner_group" / "learner" / "rl_module" / "shared" / "module_state.pkl"
     damaged.write_bytes(damaged.read_bytes()[:100])
-    short = ("evaluate", str(run), "--episodes", "1", "--mode", "greedy")
-    code, _, err = finish(begin(*short))
-    assert code == 2
-    assert f"{damaged}: is not as it was written" in err
-    assert "--checkpoint" in err
-    code, out, _ = finish(begin(*short, "--checkpoint", "best"))
-    assert code == 0
-    assert "greedy: 2 agent-episodes of double_merge, no_social_vehicles" in out
+    short = {"episodes": 1, "modes": ("greedy",)}
+    with raises(ResultsError, damaged, values=["not as it was written"]) as caught:
+        evaluate_checkpoint(run, **short)
+    assert "--checkpoint" in caught.value.remedy
+    assert len(evaluate_checkpoint(run, **short, checkpoint="best")) == 2
 
     config = run / "config.yaml"
     config.write_text(config.read_text().replace("algorithm: ppo", "algorithm: a2c"))
-    code, _, err = finish(begin(*short, "--checkpoint", "best"))
-    assert code == 2
-    assert "the checkpoint does not fit: algorithm" in err
+    with pytest.raises(CheckpointError, match="algorithm"):
+        evaluate_checkpoint(run, **short, checkpoint="best")
 
 
 def test_recordings_are_those_that_were_asked_for(held_out, tmp_path):
     run, out = held_out[0] / "ppo/double_merge/no_social_vehicles/seed_3", tmp_path / "again"
-    code, _, err = finish(begin("evaluate", str(run), "--episodes", "3", "--out", str(out)))
+    code, printed, err = finish(begin("evaluate", str(run), "--episodes", "3", "--out", str(out)))
     assert code == 0, err
+    assert "greedy: 6 agent-episodes of double_merge, no_social_vehicles" in printed
     for mode in ("greedy", "sampled"):
         kept = episodes_in(out / "episodes" / f"{mode}-double_merge")
         assert len(kept) == 3  # two simulations begin a fourth

@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import pytest
 
-from benchmark.metrics import Episode, EpisodeLog, Metric
+from benchmark.metrics import Episode, Metric
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.errors import SmartsError
@@ -132,12 +132,6 @@ def test_episodes_are_objects(kind):
         log(metric, (0, 0.0, ""), episode=kind())
 
 
-@pytest.mark.parametrize("wrong", [EpisodeLog(), [1], {"number": 1}])
-def test_what_is_no_episode_is_refused(wrong):
-    with pytest.raises(SmartsError, match="Episode"):
-        log(Metric(), (0, 0.0, ""), episode=wrong)
-
-
 def test_who_still_drives_has_timed_out_and_may_drive_on():
     metric = Metric(num_episodes=4)
     log(metric, (0, 1.0, ""), (0, 1.0, ""), episode="cut short")
@@ -153,30 +147,3 @@ def test_who_still_drives_has_timed_out_and_may_drive_on():
     log(metric, (0, 1.0, "goal"), episode="cut short")
     found = metric.compute()
     assert (found["completion_rate"], found["unfinished"]) == (0.5, 0.0)
-
-
-def test_the_papers_listing():
-    """Its own loop, which stops after `num_steps`, with Gymnasium's five values."""
-    interface = AgentInterface(action=ActionSpaceType.Lane)
-    env: Any = gymnasium.make(
-        "smarts.env:hiway-v0",
-        scenarios=["loop"],
-        agent_specs={name: AgentSpec(interface=interface) for name in ("a", "b")},
-    )
-    num_steps = 20
-    metrics_obj = Metric(num_episodes=10)
-    try:
-        for _ in range(2):
-            observations, _ = env.reset()
-            episode, done, step = AsPrinted(), False, 0
-            while not done and step < num_steps:
-                actions = dict.fromkeys(observations, "keep_lane")
-                observations, rewards, terminateds, truncateds, infos = env.step(actions)
-                dones = {name: terminateds[name] or truncateds[name] for name in terminateds}
-                metrics_obj.log_step(observations, actions, rewards, dones, infos, episode=episode)
-                done, step = dones["__all__"], step + 1
-    finally:
-        env.close()
-    found = metrics_obj.compute()
-    assert found["unfinished"] == found["ended_time_out"] == 1.0
-    assert found["progress_speed"] > 1.0

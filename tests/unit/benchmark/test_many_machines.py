@@ -91,15 +91,13 @@ def folder_of(driver, seed=3):
 
 
 def lines(run):
-    file = run / "progress.csv"
-    return len(read_progress(file)[0]) if file.exists() else 0
+    return len(read_progress(run / "progress.csv"))
 
 
 def check_finished(driver, run):
     """Check that a run's folder holds what it does on one machine."""
     assert json.loads((run / "run.json").read_text())["status"] == "finished"
-    progress, problem = read_progress(run / "progress.csv")
-    assert problem == ""
+    progress = read_progress(run / "progress.csv")
     assert progress["iteration"].tolist() == [*range(1, len(progress) + 1)]
     assert progress["agent_steps"].iloc[-1] >= 10000
     assert {each.name for each in run.iterdir()} == {
@@ -133,17 +131,19 @@ def test_a_node_that_is_lost_costs_a_run_what_came_after_its_checkpoint(driver):
         eventually(lambda: not cluster.workers("ray::_Actor"))
 
 
-def remote_runners(cluster):
-    """Return the machines, the driver's excepted, on which environments are sampled."""
-    return [node for node in cluster.workers("ray::ImportingRunner").values() if node is not cluster.nodes[0]]
+def runners(cluster):
+    """Return the machines on which environments are sampled."""
+    return [*cluster.workers("ray::ImportingRunner").values()]
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_driver_and_an_env_runner_that_are_lost(driver):
-    with nodes(1, 1, 1, 1) as cluster:
+    # None on the driver's node, one for the run, one for its runner, and one to spare.
+    with nodes(0, 1, 1, 1) as cluster:
         run = folder_of(driver)
         # Long enough that a runner can be killed before the training has ended, also on a busy machine.
-        settings = ("--set", "resources.env_runners=2", "--set", "budget.agent_steps=24000")
+        settings = ("--set", "resources.env_runners=1", "--set", "budget.agent_steps=24000")
         process = begin(driver, cluster, *settings)
         wait_for((run / "checkpoint").exists, process)
         os.killpg(process.pid, signal.SIGKILL)
@@ -151,13 +151,12 @@ def test_a_driver_and_an_env_runner_that_are_lost(driver):
         kept = json.loads((run / "checkpoint" / "training.json").read_text())["iteration"]
         assert lines(run) >= kept
         eventually(lambda: not cluster.workers("ray::_execute") and not cluster.workers("ray::Importing"))
-        eventually(lambda: not cluster.left_over())
 
         process = begin(driver, cluster, *settings)
         # The first command may have left lines after its checkpoint: runners say that the second one trains.
-        wait_for(lambda: lines(run) > kept and remote_runners(cluster), process)
+        wait_for(lambda: lines(run) > kept and runners(cluster), process)
         first = lines(run)
-        cluster.kill(remote_runners(cluster)[0])
+        cluster.kill(runners(cluster)[0])
         code, _, err = finish(process)
         assert code == 0, err
         assert first < lines(run)
@@ -165,10 +164,10 @@ def test_a_driver_and_an_env_runner_that_are_lost(driver):
         # By the second command; the run itself has lost nothing.
         assert len(json.loads((run / "run.json").read_text())["continued"]) == 1
         assert driver.is_hidden()
-        eventually(lambda: not cluster.left_over())
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_node_with_agents_that_is_lost():
     """Every step completes; the agents act again on the machines that are left."""
     social = [{"agent": "idm-v0", "options": {"tau": 1.0 + number / 10}} for number in range(3)]

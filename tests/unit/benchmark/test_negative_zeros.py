@@ -11,8 +11,8 @@ from benchmark.report.leaderboard_page import write_leaderboard
 from benchmark.report.values import Value, csv_number
 from benchmark.report.writing import write_report
 from benchmark.running.jobs import JobState
-from benchmark.running.live import _cells
-from benchmark.running.progress import RunProgress
+from benchmark.running.live import _numbers
+from benchmark.running.messages import RunProgress
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
 
 OUTCOMES = [["goal", "collision"], ["collision", "goal"]] * 6
@@ -76,7 +76,7 @@ def test_evaluate(capsys):
 def test_single_numbers():
     value = Value("return", TINY, TINY, 1.0, 24, 24.0, "agent-episodes", 12, 1, "this checkpoint", "")
     assert (value.text, value.interval) == ("0.0", "[0.0, 1.0]")
-    state = JobState("a run")  # type: ignore[arg-type] - of a job only its name is shown
+    state = JobState("a run", "training")  # type: ignore[arg-type] - of a job only its name is shown
     state.progress = RunProgress("training", 0.5, 6, 1500, 60.0, 867.4, TINY, 0.75, 0.25)
-    assert _cells(state)[5] == "0.00"
+    assert _numbers(state)["return"] == "0.00"
     assert [csv_number(number) for number in (-0.0, -1e-9, 0.125)] == ["0", "-1e-09", "0.125"]

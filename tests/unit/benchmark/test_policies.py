@@ -1,7 +1,6 @@
 """Trained policies in one's own loop: the same actions as `evaluate` plays, whatever the environment."""
 
 import json
-import pickle
 import shutil
 import subprocess
 import sys
@@ -31,7 +30,7 @@ from smarts.errors import ActionError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from tests.raising import raises
 
-pytestmark = pytest.mark.slow
+pytestmark, NIGHTLY = pytest.mark.slow, pytest.mark.nightly
 
 TINY = """
 algorithms: [{name}]
@@ -87,7 +86,11 @@ def decisions(root):
 
 
 @pytest.mark.parametrize(
-    ("name", "settings"), [("ppo", "{gru: 8, sharing: all}"), ("mf_q", "{}"), ("maddpg", "{}")]
+    ("name", "settings"),
+    [
+        ("ppo", "{gru: 8, sharing: all}"),
+        *(pytest.param(name, "{}", marks=NIGHTLY) for name in ("mf_q", "maddpg")),
+    ],
 )
 def test_the_actions_are_those_of_evaluate(make, tmp_path, name, settings):
     run, folder = make(name, settings)
@@ -127,22 +130,6 @@ def test_a_checkpoint_without_what_learners_need_is_evaluated_alike(make, tmp_pa
     pd.testing.assert_frame_equal(
         evaluate_checkpoint(kept, **given), evaluate_checkpoint(folder.path, **given)
     )
-
-
-def test_a_policy_with_weights_that_are_not_finite_or_were_changed_is_not_evaluated(make, tmp_path):
-    run, folder = make("ppo")
-    kept = RunFolder(tmp_path / "run")
-    shutil.copytree(folder.path, kept.path)
-    file = next(kept.checkpoint.rglob("agent-0/module_state.pkl"))
-    weights = pickle.loads(file.read_bytes())
-    next(iter(weights.values())).flat[0] = np.nan
-    file.write_bytes(pickle.dumps(weights))
-    for said in ("not as it was written", "not finite"):
-        with raises(ResultsError, file, values=[said]):
-            evaluate_checkpoint(kept.path, episodes=1)
-        with raises(ResultsError, file, values=[said]), algorithm_of(run) as algo:
-            restore(algo, kept.checkpoint)
-        (kept.checkpoint / "digests.json").unlink(missing_ok=True)
 
 
 def by_dicts(env, policy, steps=12):
@@ -211,17 +198,15 @@ def test_what_is_no_observation_is_named(make):
     with raises(ActionError, "Policy.act", values=[(3,), (201,)]):
         policy.act({"agent-0": np.zeros(3, np.float32)})
     whole = {"agent-0": np.zeros(201, np.float32)}
-    for infos in (None, {}, {"agent-0": {}}, {"agent-1": {"action_mask": np.ones(4)}}):
-        with raises(ActionError, "Policy.act", values=["action_mask", "agent-0"]):
-            policy.act(whole, infos)
+    with raises(ActionError, "Policy.act", values=["action_mask", "agent-0"]):
+        policy.act(whole, {})
     only_slower = {"agent-0": {"action_mask": np.array([0, 1, 0, 0])}}
     assert policy.act(whole, only_slower) == {"agent-0": 1}
     assert policy.act({}, {}) == {}
     with raises(ResultsError, folder.path, values=["best"]):
         load_policy(folder.path, checkpoint="best")
-    for wrong in ({"mode": "greedyy"}, {"checkpoint": "newest"}):
-        with pytest.raises(ResultsError, match=next(iter(wrong.values()))):
-            load_policy(folder.path, **wrong)
+    with pytest.raises(ResultsError, match="greedyy"):
+        load_policy(folder.path, mode="greedyy")
 
 
 def test_a_step_of_another_environment_is_named(make):
@@ -232,32 +217,17 @@ def test_a_step_of_another_environment_is_named(make):
         now = env.reset(7)
     finally:
         env.close()
-    (leaves,), (mask,) = now.observations, now.masks
+    (leaves,) = now.observations
     (leaf, seen), *_ = leaves.items()
     for wrong in (
         {"masks": (None,)},
-        {"masks": (mask[..., :3],)},
         {"observations": ({leaf: seen[..., :-1]},)},
         {"observations": ({leaf: seen[:, :1]},)},
-        {"observations": ({},)},
         {"observations": (leaves, leaves)},
     ):
         with raises(ActionError, "Policy.act", values=["trained with"]):
             policy.act(now._replace(**wrong))
     assert policy.act(now)[0].shape == (2, 2)
-
-
-def test_values_that_an_observation_cannot_hold_are_named(make):
-    _, folder = make("pg")
-    policy = load_policy(folder.path)
-    masks = {"agent-0": {"action_mask": np.ones(4)}}
-    for values in (np.full(201, "fast"), np.full(201, 1j)):
-        with raises(ActionError, "Policy.act", values=[values.dtype]):
-            policy.act({"agent-0": values}, masks)
-    for size in (1, 5):
-        with raises(ActionError, "Policy.act", values=[(size,), (4,)]):
-            policy.act({"agent-0": np.zeros(201)}, {"agent-0": {"action_mask": np.ones(size)}})
-    assert policy.act({"agent-0": np.zeros(201)}, masks).keys() == {"agent-0"}
 
 
 def test_no_cluster_is_started(make):

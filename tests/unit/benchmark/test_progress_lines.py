@@ -3,8 +3,6 @@
 import io
 import os
 import signal
-import sys
-import threading
 import time
 from dataclasses import replace
 
@@ -16,7 +14,7 @@ from benchmark.running.exit_codes import INTERRUPTED
 from benchmark.running.experiment import interruptible, resumable
 from benchmark.running.jobs import JobState
 from benchmark.running.live import LiveProgress
-from benchmark.running.progress import RunProgress
+from benchmark.running.messages import RunProgress
 
 NAME = "ppo, two_way, no_social_vehicles, seed 1"
 
@@ -92,21 +90,3 @@ def test_whatever_is_ended_says_how_to_go_on(tmp_path, capsys, number):
     assert str(tmp_path) in capsys.readouterr().err
     assert signal.getsignal(signal.SIGTERM) == before
     assert interruptible(lambda: 7, "nothing") == 7
-
-
-class Last:
-    """Gets SIGTERM while it is deleted, where Python drops what is raised."""
-
-    def __del__(self):
-        signal.raise_signal(signal.SIGTERM)
-
-
-def test_a_signal_that_a_finalizer_has_swallowed_is_repeated(tmp_path):
-    def work():
-        Last()
-        threading.Event().wait(60.0)
-        return 0
-
-    shown = sys.unraisablehook
-    assert interruptible(work, resumable(tmp_path)) == INTERRUPTED
-    assert sys.unraisablehook is shown

@@ -76,9 +76,10 @@ SPOILT = {
     "numpy's numbers": lambda learner: learner.rng.random(),
     "owed updates": lambda learner: setattr(learner, "_owed", learner._owed + 0.5),
 }
+OTHERS = [pytest.param(part, marks=pytest.mark.nightly) for part in ("all", *SPOILT) if part != "replay"]
 
 
-@pytest.mark.parametrize("part", ["all", *SPOILT])
+@pytest.mark.parametrize("part", ["replay", *OTHERS])
 def test_a_part_that_is_not_restored_is_found(run_folder, part, monkeypatch):
     restore = training.restore
 

@@ -5,9 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from smarts.errors import SmartsError
-from tests.raising import raises
-
 ROOT = Path(__file__).parents[3]
 
 
@@ -33,21 +30,6 @@ def test_the_tables_are_those_of_the_results_and_a_changed_figure_is_found(table
 
 
 START, END = "<!-- table paper -->", "<!-- end of table -->"
-
-
-@pytest.mark.parametrize(
-    ("lines", "named"),
-    [
-        (["Before.", "| old |", END, "Behind."], [START, 0]),
-        ([START, "| old |", END, START, "| old |", END], [START, 2]),
-        ([START, "| old |", "<!-- end of tabel -->", "Behind."], [END, 0]),
-        ([START, "| old |", "<!-- end of tabel -->", "<!-- table modes -->", "| old |", END], [END, 0]),
-        ([START, "| old |", END, "Behind.", END], [END, 2]),
-    ],
-)
-def test_lines_around_a_table_that_are_missing_or_there_twice_are_named(tables, lines, named):
-    with raises(SmartsError, "page.md", values=named):
-        tables.with_tables("\n".join(lines), ["paper"], {}, "page.md")
 
 
 def test_the_text_around_a_table_stays(tables):

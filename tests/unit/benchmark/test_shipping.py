@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
+import tempfile
 import zipfile
 from pathlib import Path
 
@@ -17,9 +17,8 @@ from benchmark.results.files import ResultsError, files_in, write_files
 from benchmark.results.progress import read_progress
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import shipping
-from benchmark.running.importing import as_on_the_driver
-from benchmark.running.messages import Began, Kept, Line, Noted
-from benchmark.running.progress import RunProgress
+from benchmark.running.messages import Began, Kept, Line, Noted, RunProgress
+from benchmark.running.scratch import scratch_folder
 from benchmark.running.shipping import shipped_code
 from benchmark.running.writing import RunWriter
 from smarts import shipped
@@ -192,7 +191,7 @@ def test_paths_are_themselves_on_the_drivers_machine(tmp_path, monkeypatch):
     shipped.restore_times()  # without the file of times
 
 
-def test_a_temporary_folder_is_removed_though_its_process_is_killed(tmp_path):
+def test_the_temporary_folder_of_a_killed_process_is_removed_by_the_next_one(tmp_path, monkeypatch):
     program = """
 import tempfile, time
 from benchmark.running.scratch import scratch_folder
@@ -201,19 +200,19 @@ with scratch_folder() as folder:
     time.sleep(600)
 """
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
-    process = subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, env=environment, text=True
-    )
+    command = [sys.executable, "-c", program]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True)
     assert process.stdout
-    inner = Path(process.stdout.readline().strip())
-    (folder,) = tmp_path.iterdir()
-    assert inner.parent == folder
+    folder = Path(process.stdout.readline().strip()).parent
+    assert folder.parent == tmp_path
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with scratch_folder():
+        assert folder.exists()
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    end = time.monotonic() + 60
-    while folder.exists():
-        assert time.monotonic() < end
-        time.sleep(0.01)
+    with scratch_folder():
+        assert not folder.exists()
+    assert not [*tmp_path.iterdir()]
 
 
 @pytest.fixture
@@ -229,7 +228,7 @@ def line(iteration):
 def test_messages_become_a_runs_folder(tmp_path, run):
     folder = RunFolder(tmp_path / "run")
     writer = RunWriter(run, folder)
-    assert writer.start().checkpoint == {}
+    assert writer.checkpoint() == {}
     writer.take(Began({"begun": "now"}, {"loop": "abc"}))
     files = {"training.json": b'{"iteration": 2}', "learner/state.pkl": b"\x00\xff"}
     for message in (line(1), line(2), Kept("checkpoint", files), line(3)):
@@ -244,9 +243,9 @@ def test_messages_become_a_runs_folder(tmp_path, run):
 
     # The process was lost after its third iteration.
     again = RunWriter(run, folder)
-    assert again.start().checkpoint == files
+    assert again.checkpoint() == files
     again.take(Began({"begun": "later"}, {"loop": "abc"}))
-    assert read_progress(folder.progress)[0]["iteration"].tolist() == [1, 2]
+    assert read_progress(folder.progress)["iteration"].tolist() == [1, 2]
     again.take(line(3))
     for message in (
         Kept("episodes/greedy-loop/old", {"a": b"1"}),
@@ -261,24 +260,3 @@ def test_messages_become_a_runs_folder(tmp_path, run):
     assert folder.table.read_bytes() == b"table"
     assert folder.status == "finished"
     assert [each["begun"] for each in folder.facts()["continued"]] == ["later"]
-
-
-def test_a_folder_that_cannot_be_written_is_named(tmp_path, run):
-    (tmp_path / "run").write_text("a file")
-    with raises(ResultsError, tmp_path / "run"):
-        RunWriter(run, RunFolder(tmp_path / "run"))
-    for folder in (tmp_path / "run", tmp_path / "run" / "ppo" / "loop"):
-        with raises(ResultsError, tmp_path / "run"):
-            RunFolder(folder).check_writable()
-    writer = RunWriter(run, RunFolder(tmp_path / "other"))
-    (tmp_path / "other" / "episodes").write_text("a file")
-    with raises(ResultsError, tmp_path / "other" / "episodes"):
-        writer.take(Kept("episodes", {}))
-
-
-def test_errors_name_files_of_the_drivers_machine():
-    with (
-        raises(ResultsError, "/home/results/run/checkpoint/a.pkl"),
-        as_on_the_driver({"/tmp/x": "/home/results/run"}),
-    ):
-        raise ResultsError("damaged", place="/tmp/x/checkpoint/a.pkl")

@@ -5,9 +5,12 @@ import os
 import time
 
 import pytest
+import ray
 from ray._private import worker
 
+from benchmark.experiment.config import Resources
 from benchmark.results.files import ResultsError
+from benchmark.running.cluster import start_ray
 from benchmark.running.side_by_side import side_by_side
 from benchmark.running.submissions import submitted
 from benchmark.running.verifying import verify
@@ -17,17 +20,20 @@ from tests.raising import raises
 
 def test_one_at_a_time_is_in_this_process_and_in_order():
     assert [*side_by_side(os.getpid, [()] * 3, 1)] == [(k, os.getpid()) for k in range(3)]
-
-
-def test_one_call_is_in_this_process():
     assert [*side_by_side(os.getpid, [()])] == [(0, os.getpid())]
-
-
-def test_no_call_is_none():
     assert not [*side_by_side(os.getpid, [])]
 
 
+@pytest.fixture(scope="module")
+def _rays():
+    """Let all calls of the module be in one Ray; each would start its own."""
+    start_ray(Resources())
+    yield
+    ray.shutdown()
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("_rays")
 def test_several_are_in_processes_of_their_own_and_keep_their_numbers():
     assert dict(side_by_side(operator.mul, [(k, k) for k in range(5)], 2)) == {k: k * k for k in range(5)}
     processes = {process for _, process in side_by_side(os.getpid, [()] * 4, 2)}
@@ -36,20 +42,19 @@ def test_several_are_in_processes_of_their_own_and_keep_their_numbers():
 
 
 @pytest.mark.slow
-def test_an_error_of_a_call_is_raised_as_it_is():
+@pytest.mark.usefixtures("_rays")
+def test_an_error_of_a_call_is_raised_as_it_is_and_a_lost_process_is_named():
     with pytest.raises(ZeroDivisionError):
         [*side_by_side(operator.floordiv, [(1, 1), (1, 0), (1, 1)], 2)]
-
-
-@pytest.mark.slow
-def test_a_lost_process_is_named():
     with raises(ResultsError, values=["lost", "--parallel 1"]):
         [*side_by_side(os._exit, [(1,), (1,)], 2)]
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("process", ["gcs_server", "raylet"])
 def test_where_ray_itself_is_lost_the_same_command_continues(process):
+    ray.shutdown()
     calls = side_by_side(time.sleep, [(0,), (60,), (60,)], 2)
     assert next(calls) == (0, None)
     (lost,) = worker._global_node.all_processes[process]
@@ -59,6 +64,7 @@ def test_where_ray_itself_is_lost_the_same_command_continues(process):
         next(calls)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_policies_of_a_release_are_played_side_by_side(tmp_path):
     manifest, folder = submitted(str(ROOT / "results" / "release_v1"), number=None, scenarios=(), traffic=())

@@ -91,4 +91,4 @@ def test_minutes_are_those_of_training_over_a_restart(tmp_path, clock):
         taken = (writer.take(message) for message in second.go())
         assert [progress.seconds for progress in taken if progress] == [2.0, 3.0]
         assert (second.ended_by, second.validations) == ("minutes", 3)
-    assert read_progress(folder.progress)[0]["seconds"].tolist() == [1.0, 2.0, 3.0]
+    assert read_progress(folder.progress)["seconds"].tolist() == [1.0, 2.0, 3.0]
