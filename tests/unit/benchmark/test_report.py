@@ -788,7 +788,7 @@ def test_a_report_takes_the_place_of_a_report_and_of_nothing_else(tmp_path):
     assert "PPO: 0 of 1 run finished, 0 test episodes measured." in page.read_text()
     assert "no finished run" in (page.parent / "report.md").read_text()
     there = sorted(path.name for path in (tmp_path / "results").iterdir())
-    assert there == [".report.lock", "command.json", "report"]
+    assert there == ["command.json", "report"]
 
 
 def test_the_current_folder_is_not_replaced(tmp_path, monkeypatch):

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -155,17 +154,6 @@ def test_results_of_other_environments_are_not_compared(tmp_path, changes, is_sa
         results = read_results(tmp_path / name)
         protocols.append(protocol_of(results.finished[0], results))
     assert (protocols[0] == protocols[1]) == is_same
-
-
-def test_a_table_of_another_training_seed_is_left_out(tmp_path):
-    write_experiment(tmp_path, seeds=[1, 2])
-    first = write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")])
-    second = write_run(tmp_path, "ppo", [agent_episodes(BAD[:2], mode="greedy")], seed=2)
-    (second / "episodes.parquet").write_bytes((first / "episodes.parquet").read_bytes())
-    results = read_results(tmp_path)
-    assert [run.seed for run in results.finished] == [1]
-    place = Path("ppo", "intersection", ALONE, "seed_2", "episodes.parquet").as_posix()
-    assert "training_seed is 1, not 2" in results.problems[place]
 
 
 def test_a_run_without_its_table_is_not_finished(tmp_path):
