@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import ClassVar
 
 import numpy as np
 
-from smarts.arrays import Bools, Floats, Ints
+from smarts.arrays import Bools, Ints
 from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import interpolate_angle, wrapped_half_open
+from smarts.geometry.timed_paths import pose_at
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
@@ -68,23 +67,4 @@ def follow_times(state: State, begin: Ints, actions: Actions, commands: Commands
             substeps = commands.poses.shape[2]
             for k in range(substeps):
                 now = (state.step[b] - begin[b, a]) * state.dt + (k + 1) * state.dt / substeps
-                _pose_at(actions.path[b, a], actions.path_length[b, a], now, commands.poses[b, a, k])
-
-
-@kernel
-def _pose_at(path: Floats, count: int, now: float, pose: Floats) -> None:
-    """Write x, y, heading, speed of a path at a time [s]."""
-    last = path[count - 1]
-    if now >= last[0]:
-        way = (now - last[0]) * last[4]
-        pose[0], pose[1] = last[1] + way * math.cos(last[3]), last[2] + way * math.sin(last[3])
-        pose[2], pose[3] = wrapped_half_open(last[3]), last[4]
-        return
-    i = 0
-    while i < count - 2 and path[i + 1, 0] <= now:
-        i += 1
-    a, b = path[i], path[min(i + 1, count - 1)]
-    share = min(max((now - a[0]) / max(b[0] - a[0], 1e-9), 0.0), 1.0)
-    pose[0], pose[1] = a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
-    pose[2] = interpolate_angle(wrapped_half_open(a[3]), wrapped_half_open(b[3]), share)
-    pose[3] = a[4] + share * (b[4] - a[4])
+                pose_at(actions.path[b, a], actions.path_length[b, a], now, commands.poses[b, a, k])

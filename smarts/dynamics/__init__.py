@@ -31,8 +31,7 @@ trailers, and the lean of motorcycles.
 """
 
 from smarts.dynamics.bullet import Box
-from smarts.dynamics.checks import ControlError, MotionError
-from smarts.dynamics.fleet import Fleet
+from smarts.dynamics.fleet import Fleet, MotionError
 from smarts.dynamics.layout import MODELS, TYRE_MODELS
 from smarts.dynamics.motion import Motion, Road, SubstepDriver, Wheels
 from smarts.dynamics.parameters import VehicleParameters, vehicle, vehicle_names
@@ -44,7 +43,6 @@ __all__ = [
     "SOUND_TYRE",
     "TYRE_MODELS",
     "Box",
-    "ControlError",
     "Fleet",
     "Motion",
     "MotionError",

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from smarts.arrays import Floats
 from smarts.dynamics.layout import BODY_SIZE
 from smarts.dynamics.quiet_pybullet import pybullet
+from smarts.errors import SmartsError
 
 EGO, BOX = 1, 2
 """Collision groups: egos meet egos and boxes; boxes, which follow their own script, do not meet each
@@ -70,17 +71,15 @@ class BulletContact(NamedTuple):
 
 def _connected() -> int:
     """Return a new client of Bullet's."""
-    try:
-        client = pybullet.connect(pybullet.DIRECT)
-    except pybullet.error as error:
-        raise NoRoomError from error
+    client = pybullet.connect(pybullet.DIRECT)
     if client < 0:
-        raise NoRoomError
+        raise SmartsError(
+            "there is no room for another simulation in this process",
+            place="Bullet",
+            remedy="step fewer simulations, close other environments, or spread them over processes; "
+            "a process holds about 1,000",
+        )
     return client
-
-
-class NoRoomError(Exception):
-    """Bullet has no room for another world in this process."""
 
 
 class BulletWorld:
@@ -92,7 +91,7 @@ class BulletWorld:
         dt: Sub-step [s].
 
     Raises:
-        NoRoomError: Bullet has no room for it.
+        SmartsError: Bullet has no room for so many worlds in one process.
     """
 
     def __init__(self, bodies: Floats, dt: float) -> None:

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from smarts.arrays import Longs
-from smarts.dynamics.bullet import Box, BulletWorld, NoRoomError
+from smarts.dynamics.bullet import Box, BulletWorld
 from smarts.dynamics.free_motion import find_near
 from smarts.dynamics.layout import FleetArrays
-from smarts.errors import SmartsError
 from smarts.geometry.binding import bind
 
 Rows = Longs
@@ -24,25 +23,11 @@ class BulletWorlds:
     Args:
         fleet: Of all vehicles; see `BulletWorld`.
         simulations: B.
-
-    Raises:
-        SmartsError: Bullet has no room for so many worlds in one process.
     """
 
     def __init__(self, fleet: FleetArrays, simulations: int) -> None:
         self._cars, self._egos = fleet.cars, len(fleet.cars) // simulations
-        self._worlds: list[BulletWorld] = []
-        for number in range(simulations):
-            try:
-                self._worlds.append(BulletWorld(fleet.bodies, fleet.dt))
-            except NoRoomError as error:
-                self.close()
-                raise SmartsError(
-                    f"there is no room for simulation {number} of {simulations} in this process",
-                    place="Bullet",
-                    remedy="step fewer simulations, close other environments, or spread them over processes; "
-                    "a process holds about 1,000",
-                ) from error
+        self._worlds = [BulletWorld(fleet.bodies, fleet.dt) for _ in range(simulations)]
         self.moving: Sequence[BulletWorld] = ()
         """The worlds that run in this step."""
         self._with_boxes = np.zeros(simulations, np.bool_)

@@ -11,17 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Floats, Longs
-from smarts.dynamics import chassis, checks, free_motion, layout, readout, single_track
+from smarts.dynamics import chassis, free_motion, layout, readout, single_track
 from smarts.dynamics.bullet import Box, BulletContact
 from smarts.dynamics.bullet_worlds import BulletWorlds
-from smarts.dynamics.checks import ControlError, MotionError
-from smarts.dynamics.layout import MODELS, FleetArrays
+from smarts.dynamics.layout import MODELS, TYRE_MODELS, FleetArrays
 from smarts.dynamics.motion import Motion, Road, SubstepDriver, Wheels
 from smarts.dynamics.tyre_faults import FLAT_TYRE, TyreFault
+from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.geometry.binding import bind
 
 DRY_ASPHALT = 0.9
 """Default friction of a road."""
+
+
+class MotionError(SmartsError):
+    """A vehicle's motion is not finite."""
 
 
 class Fleet:
@@ -42,7 +46,7 @@ class Fleet:
 
     def __init__(self, simulations: int, egos: int, step: float = 0.1, substeps: int = 10) -> None:
         rows = simulations * egos
-        self._simulations, self._egos = simulations, egos
+        self._egos = egos
         self._arrays = arrays = FleetArrays(
             cars=np.zeros(rows, layout.PARAMETERS),
             states=np.zeros(rows, layout.STATE),
@@ -105,12 +109,7 @@ class Fleet:
         self._bullet.close()
 
     def clear(self, simulation: int) -> None:
-        """Take everything out of a simulation, forget its past, and make its road level and dry.
-
-        Raises:
-            ControlError: There is no such simulation.
-        """
-        self._require_simulation(simulation)
+        """Take everything out of a simulation, forget its past, and make its road level and dry."""
         rows = slice(simulation * self._egos, (simulation + 1) * self._egos)
         self._bullet.clear(simulation)
         self._model[rows] = -1
@@ -148,16 +147,11 @@ class Fleet:
             size: Length and width of its body [m], by default those of its type.
 
         Raises:
-            ControlError: There is no such row, it holds a vehicle, or a number is not finite.
             UnknownNameError: A name is unknown.
         """
-        self._require_row(row)
-        checks.check_models(row, model, tyres)
-        if self._model[row] >= 0:
-            raise ControlError(
-                "the row is taken", place=f"vehicle in row {row}", remedy="despawn its vehicle first"
-            )
-        checks.check_start(row, position, heading, speed, steering, size)
+        for kind, given, known in (("model", model, MODELS), ("tyre model", tyres, TYRE_MODELS)):
+            if given not in known:
+                raise UnknownNameError(f"no {kind} {given!r}", remedy=nearest_names(given, known))
         self._cars[row] = layout.pack(name, tyres)
         car = self._cars[row]
         if size is not None:
@@ -179,12 +173,7 @@ class Fleet:
         self._show_wheels()
 
     def despawn(self, row: int) -> None:
-        """Take a vehicle off the road.
-
-        Raises:
-            ControlError: There is none.
-        """
-        self._require_vehicle(row)
+        """Take a vehicle off the road."""
         if self._model[row] == MODELS.index("bullet"):
             self._bullet.remove(row)
         self._model[row] = -1
@@ -202,12 +191,7 @@ class Fleet:
             row: Of the vehicle.
             wheel: 0 front left, 1 front right, 2 rear left, 3 rear right.
             fault: What is wrong.
-
-        Raises:
-            ControlError: There is no such vehicle or wheel.
         """
-        self._require_vehicle(row)
-        checks.check_wheel(row, wheel)
         names = ("radius_factor", "stiffness_factor", "grip_factor", "extra_resistance")
         for name, value in zip(names, astuple(fault), strict=True):
             self._states[name][row, wheel] = value
@@ -220,21 +204,12 @@ class Fleet:
             abs: Whether brakes hold the wheels at the slip of largest force instead of locking them.
             traction_control: Whether the engine does so instead of spinning them. Single-track vehicles have
                 both.
-
-        Raises:
-            ControlError: There is no such vehicle.
         """
-        self._require_vehicle(row)
         self._cars["abs"][row] = abs
         self._cars["traction_control"][row] = traction_control
 
     def body(self, row: int) -> Floats:
-        """Return a copy of a vehicle's spatial motion, shape (13,), as `layout.BODY_SIZE` says.
-
-        Raises:
-            ControlError: There is no such vehicle.
-        """
-        self._require_vehicle(row)
+        """Return a copy of a vehicle's spatial motion, shape (13,), as `layout.BODY_SIZE` says."""
         return self._bodies[row].copy()
 
     def place_boxes(self, simulation: int, boxes: Mapping[int, Box]) -> None:
@@ -245,11 +220,7 @@ class Fleet:
             boxes: By a key that stays with the road user, at their present poses. Pass only road users within
                 reach in this step (`geometry.boxes.may_meet`): a simulation with boxes runs in Bullet, which
                 takes twice as long.
-
-        Raises:
-            ControlError: There is no such simulation.
         """
-        self._require_simulation(simulation)
         self._bullet.place_boxes(simulation, boxes)
 
     def driver(self, law: Any, *arguments: Any) -> SubstepDriver:
@@ -278,15 +249,10 @@ class Fleet:
             driver: Called before each sub-step; may write the controls.
 
         Raises:
-            ControlError: A control is NaN, or their shape is wrong. Nothing has moved.
             MotionError: A vehicle's motion is no longer finite; see `lost`. The other vehicles have moved.
         """
-        controls = np.asarray(controls, np.float64)
-        checks.check_shape(controls, self._arrays.controls.shape)
         moving, rows = self._chosen(simulations)
-        bad = self._take_controls(moving, controls)
-        if bad >= 0:
-            raise checks.not_numbers(bad, controls[bad])
+        self._take_controls(moving, np.asarray(controls, np.float64))
         self._arrays.lost[:] = False
         self.contacts.clear()
         self._remember_velocity()
@@ -316,7 +282,12 @@ class Fleet:
 
     def motion_error(self, row: int) -> MotionError:
         """Return the error of a row that is `lost`."""
-        return checks.not_finite(row, self._bodies[row], self._arrays.road[row])
+        body, road = self._bodies[row].tolist(), self._arrays.road[row].tolist()
+        return MotionError(
+            f"motion is no longer finite: body {body}, road (friction, normal, offset) {road}",
+            place=f"vehicle in row {row}",
+            remedy="give the road finite numbers, and clear the simulation",
+        )
 
     def _chosen(self, simulations: Bools | None) -> tuple[Bools, list[Longs]]:
         """Return which rows are to move, shape (E,), and the rows of each model."""
@@ -327,23 +298,6 @@ class Fleet:
             return self._arrays.active, self._rows
         chosen = np.repeat(simulations, self._egos)
         return self._arrays.active & chosen, [of_model[chosen[of_model]] for of_model in self._rows]
-
-    def _require_row(self, row: int) -> None:
-        # A negative number would be another row to NumPy, but not to Bullet.
-        if not 0 <= row < len(self._model):
-            raise ControlError(f"there is no row {row}", remedy=f"rows go from 0 to {len(self._model) - 1}")
-
-    def _require_vehicle(self, row: int) -> None:
-        self._require_row(row)
-        if self._model[row] < 0:
-            raise ControlError("there is no vehicle", place=f"row {row}", remedy="spawn one first")
-
-    def _require_simulation(self, simulation: int) -> None:
-        if not 0 <= simulation < self._simulations:
-            raise ControlError(
-                f"there is no simulation {simulation}",
-                remedy=f"simulations go from 0 to {self._simulations - 1}",
-            )
 
     def _level(self, rows: slice) -> None:
         self.road.friction[rows] = DRY_ASPHALT

@@ -6,9 +6,9 @@ import functools
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
-from smarts.config import Section, UnfitError, read_config
+from smarts.config import Section, read_config
 from smarts.errors import UnknownNameError, nearest_names
 
 FOLDER = Path(__file__).parent
@@ -182,15 +182,6 @@ class VehicleParameters(Section):
     def centre_to_cog(self) -> float:
         """How far the centre of gravity lies before the centre of the footprint [m]."""
         return 0.5 * self.length - self.front_overhang - self.cog_to_front_axle
-
-    @model_validator(mode="after")
-    def _require_roll_stiffness(self) -> VehicleParameters:
-        for axle in (self.front, self.rear):
-            springs = 0.5 * axle.spring * axle.track**2
-            if springs + axle.roll_stiffness <= 0.0:
-                problem = f"roll_stiffness {axle.roll_stiffness} exceeds the springs' {springs:.0f}"
-                raise UnfitError(problem, "give a smaller negative number")
-        return self
 
 
 ALIASES = {"sedan": "passenger"}

@@ -12,8 +12,8 @@ from smarts.geometry.compiling import kernel
 
 
 @kernel
-def take_controls(fleet: FleetArrays, moving: Bools, given: Floats) -> int:
-    """Clip `given` controls, shape (E, 3), into the fleet's; return the first moving row with a NaN, or -1.
+def take_controls(fleet: FleetArrays, moving: Bools, given: Floats) -> None:
+    """Clip `given` controls, shape (E, 3), into the fleet's.
 
     Throttle and steering are clipped to [-1, 1], brake to [0, 1]. Only rows of `moving`, shape (E,), are
     written.
@@ -22,11 +22,8 @@ def take_controls(fleet: FleetArrays, moving: Bools, given: Floats) -> int:
         if not moving[row]:
             continue
         for column in range(3):
-            value = given[row, column]
-            if math.isnan(value):
-                return row
-            fleet.controls[row, column] = min(max(value, 0.0 if column == 1 else -1.0), 1.0)
-    return -1
+            least = 0.0 if column == 1 else -1.0
+            fleet.controls[row, column] = min(max(given[row, column], least), 1.0)
 
 
 @kernel

@@ -9,7 +9,7 @@ import numpy as np
 from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at, wrapped
-from smarts.planners.protocol import Limits, Neighbours, Plans, check_shapes, keep_last
+from smarts.planners.protocol import Limits, Neighbours, Plans, keep_last
 from smarts.roads.curves import PIECES, pose_along, pose_on, stations_of
 
 _LONGER_HANDLES = (1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
@@ -51,7 +51,6 @@ class BezierPlanner:
     ) -> Plans:
         """Plan a path for each vehicle; see `Planner`."""
         limits = self._limits
-        check_shapes(states, targets, neighbours or Neighbours.none(len(states)), last)
         bounds = np.array([limits.speed, limits.acceleration, limits.braking, limits.lateral])
         path, bends = bezier_paths(states, targets, bounds, limits.sharpest, self._points)
         failed = ~(np.isfinite(path).all(axis=(1, 2)) & (bends <= limits.sharpest))

@@ -8,7 +8,8 @@ import numpy as np
 
 from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import interpolate_angle, wrapped, wrapped_half_open
+from smarts.geometry.segments import wrapped
+from smarts.geometry.timed_paths import pose_at
 
 STANDING = 0.01
 """A path that moves by less between two rows has no tangent there [m]."""
@@ -16,10 +17,7 @@ STANDING = 0.01
 
 @kernel
 def resample(paths: Floats, times: Floats) -> Floats:
-    """Return paths at other times, as the controller of `TrajectoryWithTime` reads them.
-
-    Between two rows poses and speeds are interpolated linearly. Before the first row they are those of the
-    first row; after the last row the vehicle continues straight at the last speed.
+    """Return paths at other times, as the controller of `TrajectoryWithTime` reads them; see `pose_at`.
 
     Args:
         paths: Rows of time [s], x, y [m], heading [rad], speed [m/s], shape (M, P, 5).
@@ -32,22 +30,8 @@ def resample(paths: Floats, times: Floats) -> Floats:
     found = np.empty((len(paths), times.shape[1], 5))
     for m in range(len(paths)):
         for t in range(times.shape[1]):
-            path, row, now = paths[m], found[m, t], times[m, t]
-            row[0] = now
-            last = path[count - 1]
-            if now >= last[0]:
-                way = (now - last[0]) * last[4]
-                row[1], row[2] = last[1] + way * math.cos(last[3]), last[2] + way * math.sin(last[3])
-                row[3], row[4] = wrapped_half_open(last[3]), last[4]
-                continue
-            i = 0
-            while i < count - 2 and path[i + 1, 0] <= now:
-                i += 1
-            a, b = path[i], path[min(i + 1, count - 1)]
-            share = min(max((now - a[0]) / max(b[0] - a[0], 1e-9), 0.0), 1.0)
-            row[1], row[2] = a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
-            row[3] = interpolate_angle(wrapped_half_open(a[3]), wrapped_half_open(b[3]), share)
-            row[4] = a[4] + share * (b[4] - a[4])
+            found[m, t, 0] = times[m, t]
+            pose_at(paths[m], count, times[m, t], found[m, t, 1:])
     return found
 
 

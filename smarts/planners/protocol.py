@@ -13,9 +13,6 @@ from smarts.errors import SmartsError
 from smarts.planners.paths import resample
 from smarts.types.actions import PATH_COLUMNS
 
-STATE_COLUMNS = 5
-"""Of a vehicle's state: x, y [m], heading [rad], speed [m/s], curvature [1/m]."""
-
 
 class Limits(NamedTuple):
     """A kind of vehicle: its size, and what its plans may ask of it. The defaults are a passenger car's."""
@@ -108,27 +105,8 @@ class Planner(Protocol):
                 driven on when it fails. Rows of NaN, or None, stand for none.
             elapsed: Since the last call [s], a number or shape (N,).
 
-        Raises:
-            SmartsError: An array is not of its shape.
         """
         ...
-
-
-def check_shapes(states: Floats, targets: Floats, neighbours: Neighbours, last: Floats | None) -> None:
-    """Raise if arguments of `Planner.plan` are not of their shapes.
-
-    Raises:
-        SmartsError: Names the argument, its shape and the expected one.
-    """
-    rows = len(states)
-    _check("states", states, (rows, STATE_COLUMNS))
-    _check("targets", targets, (rows, PATH_COLUMNS))
-    count, points = neighbours.path.shape[1:3] if neighbours.path.ndim == 4 else (0, 1)
-    _check("neighbours.path", neighbours.path, (rows, count, max(points, 1), PATH_COLUMNS))
-    _check("neighbours.size", neighbours.size, (rows, count, 2))
-    if last is not None:
-        points = last.shape[1] if last.ndim == 3 else 1
-        _check("last", last, (rows, max(points, 1), PATH_COLUMNS))
 
 
 def check_plans(plans: Any, rows: int, planner: Any) -> None:
@@ -148,13 +126,6 @@ def check_plans(plans: Any, rows: int, planner: Any) -> None:
             f"returns a path of shape {path} and a status of shape {status}",
             place=place,
             remedy=f"return shapes ({rows}, P, {PATH_COLUMNS}) and ({rows},), a row for each vehicle",
-        )
-
-
-def _check(name: str, values: Floats, shape: tuple[int, ...]) -> None:
-    if np.shape(values) != shape:
-        raise SmartsError(
-            f"{name} is of shape {np.shape(values)}", place="plan()", remedy=f"give shape {shape}"
         )
 
 

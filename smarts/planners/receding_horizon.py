@@ -11,7 +11,7 @@ from smarts.arrays import Bools, Floats
 from smarts.planners.bezier import bezier_paths
 from smarts.planners.optimal_control import STEP_COLUMNS, Program, Solution, Weights
 from smarts.planners.paths import resample
-from smarts.planners.protocol import Limits, Neighbours, Plans, check_shapes, keep_last
+from smarts.planners.protocol import Limits, Neighbours, Plans, keep_last
 
 _SHORTEST, _LONGEST = 0.1, 0.3
 """Length of a step [s]."""
@@ -85,7 +85,6 @@ class RecedingHorizonPlanner:
         """Plan a path for each vehicle; see `Planner`."""
         rows, steps = len(states), self._program.steps
         around = neighbours or Neighbours.none(rows)
-        check_shapes(states, targets, around, last)
         since = np.broadcast_to(np.asarray(elapsed, float), rows)
         # Rows with an infinite number become NaN, with which arithmetic is silent; their planning fails.
         states, targets = (

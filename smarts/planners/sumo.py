@@ -12,7 +12,7 @@ from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped
 from smarts.planners.paths import resample
-from smarts.planners.protocol import Limits, Neighbours, Plans, check_shapes, keep_last
+from smarts.planners.protocol import Limits, Neighbours, Plans, keep_last
 
 STEP = 0.1
 """SUMO's step [s]."""
@@ -86,7 +86,6 @@ class SumoPlanner:
     ) -> Plans:
         """Plan a path for each vehicle; see `Planner`."""
         around, limits = neighbours or Neighbours.none(len(states)), self._limits
-        check_shapes(states, targets, around, last)
         paths = np.full((len(states), STEPS // EACH + 1, 5), np.nan)
         times = STEP * np.arange(STEPS + 1)
         for n in range(len(states)):

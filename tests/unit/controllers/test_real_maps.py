@@ -19,8 +19,9 @@ def towns(tmp_path_factory):
     return {name: load(DATA / f"{name}.osm", folder) for name in TOWNS}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", TOWNS)
+@pytest.mark.parametrize(
+    "name", [TOWNS[0], *(pytest.param(town, marks=pytest.mark.nightly) for town in TOWNS[1:])]
+)
 def test_cars_stay_on_the_road(towns, name):
     drives = drive_all(towns[name], "sedan", 12, seed=1)
     off = [drive.place for drive in drives if drive.ends in PLACES]
@@ -47,10 +48,3 @@ def test_the_command_counts_all_routes(capsys):
     assert cells[:2] == ["old_town", "sedan"]
     assert sum(map(int, cells[4 : 4 + len(ENDS)])) == 3
     assert all(end in heads for end in ENDS)
-
-
-def test_a_missing_map_is_named(tmp_path, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main([str(tmp_path / "none.osm")])
-    assert ended.value.code == 2
-    assert str(tmp_path) in capsys.readouterr().err

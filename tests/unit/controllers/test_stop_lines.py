@@ -50,7 +50,7 @@ def speeds_at_light(y, speed, towards, signal):
     return points[:, 3]
 
 
-@pytest.mark.parametrize(("y", "speed"), [(-6.4, 0.4), (-6.4, 0.0), (-6.2, 0.3)])
+@pytest.mark.parametrize(("y", "speed"), [(-6.4, 0.4), (-6.4, 0.0)])
 def test_a_vehicle_that_has_come_to_where_it_waits_does_not_creep_on(y, speed):
     """Its front is 0.7 m or less before the lane of a car that stands in its way."""
     assert (speeds(y, speed, Car(1.6, -1.6, 0.0, 0.0)) == 0.0).all()
@@ -105,23 +105,24 @@ def test_a_leader_on_a_path_that_leads_round_counts():
     assert (points[9:, 3] == 0.0).all()
 
 
-@pytest.mark.parametrize("radius", [4.0, 4.5, 5.0, 6.0, 10.0, 16.0])
+@pytest.mark.parametrize("radius", [4.0, 5.0, 10.0])
 def test_a_leader_on_a_small_roundabout_is_not_a_round_farther_on(radius):
     """The reference leads round more than once; its points of a later round may be nearer to the leader."""
     stations = np.concatenate([np.arange(33.0), 32.0 + np.cumsum(1.06 ** np.arange(1, 32))])
     angles = stations / radius
     x, y = radius * np.sin(angles), radius - radius * np.cos(angles)
+    made = world_of([Car(0.0, 0.0, 0.0, 5.0, NORTH), Car(0.0, 0.0)], maps=[crossing()])
+    vehicles = made.world.vehicles
     for ahead in np.arange(7.0, min(2.0 * math.pi * radius - 6.0, 40.0), 0.2):
         points = np.column_stack([x, y, angles, np.full(len(angles), 5.0)])
         there = ahead / radius
-        leader = Car(radius * math.sin(there), radius - radius * math.cos(there), there)
-        made = world_of([Car(0.0, 0.0, 0.0, 5.0, NORTH), leader], maps=[crossing()])
+        vehicles.position[0, 1] = radius * math.sin(there), radius - radius * math.cos(there)
+        vehicles.heading[0, 1] = there
         limit_by_leaders(made.world.state, 0, 0, points)
         assert (points[stations > ahead, 3] == 0.0).all(), ahead
 
 
-@pytest.mark.parametrize("radius", [1.6, 2.4, 3.5])
-@pytest.mark.parametrize("place", [5.0, 15.0, 24.0])
+@pytest.mark.parametrize(("radius", "place"), [(1.6, 15.0), (2.4, 5.0), (3.5, 24.0)])
 def test_a_leader_behind_a_u_turn_counts(radius, place):
     """It stands on the opposite lane, beside the first part of the reference, which passes it at speed."""
     out, turn = np.arange(0.0, 30.0), np.arange(0.0, math.pi, 0.5 / radius)

@@ -3,12 +3,17 @@
 import math
 
 import numpy as np
+import pytest
 
 from smarts.dynamics import vehicle
 from smarts.dynamics.layout import AIR_DENSITY, GRAVITY
 from smarts.dynamics.wheel import BREAKAWAY_SPEED
 
 TYPES = ("passenger", "bus", "coach", "truck", "motorcycle")
+EACH = [
+    name if name in ("passenger", "bus") else pytest.param(name, marks=pytest.mark.nightly) for name in TYPES
+]
+"""The types as cases of a test: a car and a bus in `make test`, the others nightly."""
 FRONT, REAR = 0, 2
 """The left wheel of each axle."""
 

@@ -7,12 +7,18 @@ from perf import energy
 from smarts.dynamics import TYRE_MODELS, Fleet, vehicle
 from smarts.types.streams import Purpose, stream
 
+MANY = [("kinematic", 2000), ("dynamic", 2000), ("bullet", 1000)]
 
-@pytest.mark.slow
-@pytest.mark.parametrize("tyres", TYRE_MODELS)
-@pytest.mark.parametrize(("model", "sequences"), [("kinematic", 2000), ("dynamic", 2000), ("bullet", 1000)])
-def test_coasting_vehicles_gain_no_energy(model, tyres, sequences):
-    """10,000 random sequences of brake and steering, over all cases."""
+
+@pytest.mark.parametrize(
+    ("model", "sequences", "tyres"),
+    [
+        *((model, 200, "pacejka") for model, _ in MANY),
+        *(pytest.param(*each, tyres, marks=pytest.mark.nightly) for each in MANY for tyres in TYRE_MODELS),
+    ],
+)
+def test_coasting_vehicles_gain_no_energy(model, sequences, tyres):
+    """10,000 random sequences of brake and steering, over all nightly cases."""
     gain = energy.coast(model, sequences, 5.0, tyres)
     assert set(gain.kind) == set(energy.TYPES)
     assert not gain.breaches.any(), np.flatnonzero(gain.breaches)

@@ -14,7 +14,7 @@ import pytest
 from smarts.dynamics import TYRE_MODELS, Fleet
 from smarts.dynamics.layout import GRAVITY
 from smarts.types.streams import Purpose, stream
-from tests.unit.dynamics.by_hand import FRONT, REAR, TYPES, Car
+from tests.unit.dynamics.by_hand import EACH, FRONT, REAR, Car
 
 STEP = 1e-6
 """Of the derivatives [s]: errors are some 1e-9 by rounding and 1e-4 by truncation, in m/s^2."""
@@ -47,10 +47,10 @@ def fleet():
         yield made
 
 
-@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("name", EACH)
 def test_kinematic_model(fleet, name):
     car, draw = Car(name), stream(11, Purpose.STARTS)
-    for _ in range(500):
+    for _ in range(200):
         speed, heading = draw.uniform(0.5, 30.0) * draw.choice([-1.0, 1.0]), draw.uniform(-3.0, 3.0)
         angle = draw.uniform(-0.95, 0.95) * car.record.steering.max_angle
         turning = draw.choice([-1.0, 0.0, 1.0])
@@ -80,11 +80,11 @@ def test_kinematic_model(fleet, name):
 
 
 @pytest.mark.parametrize("tyres", TYRE_MODELS)
-@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("name", EACH)
 def test_dynamic_model(fleet, name, tyres):
     car, draw = Car(name), stream(12, Purpose.STARTS)
     slid = compared = 0
-    for _ in range(500):
+    for _ in range(200):
         vx, vy, r = draw.uniform(8.0, 35.0), draw.uniform(-4.0, 4.0), draw.uniform(-0.8, 0.8)
         angle, friction = draw.uniform(-0.3, 0.3), draw.choice([0.3, 0.6, 0.9])
         throttle, brake = (
@@ -135,11 +135,11 @@ def test_dynamic_model(fleet, name, tyres):
         assert moving == pytest.approx(
             math.hypot(vx, vy) * np.array([math.cos(course), math.sin(course)]), abs=1e-4
         )
-    assert compared > 300
-    assert slid > 25, "some tyres are near their limit"
+    assert compared > 120
+    assert slid > 10, "some tyres are near their limit"
 
 
-@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("name", EACH)
 def test_dynamic_model_in_small_motions_is_the_linear_one(fleet, name):
     """Rajamani, equation 2.31: side slip and yaw rate with cornering stiffnesses of whole axles."""
     car, draw = Car(name), stream(13, Purpose.STARTS)

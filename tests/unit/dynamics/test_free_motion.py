@@ -18,8 +18,7 @@ def same_motion(bodies, others):
     return np.abs(turned - others).max()
 
 
-@pytest.mark.parametrize("spin", [0.0, 0.05, 3.0, 40.0, 90.0])
-@pytest.mark.parametrize("name", ["passenger", "bus", "motorcycle"])
+@pytest.mark.parametrize(("name", "spin"), [("passenger", 0.0), ("bus", 3.0), ("motorcycle", 90.0)])
 def test_a_tumbling_body_moves_as_in_bullet(name, spin):
     rng = np.random.default_rng(7)
     car = layout.pack(name, "pacejka")

@@ -6,7 +6,7 @@ import pytest
 from smarts.dynamics import Fleet, vehicle
 from smarts.dynamics.layout import GRAVITY, pack
 from smarts.types.streams import Purpose, stream
-from tests.unit.dynamics.by_hand import TYPES
+from tests.unit.dynamics.by_hand import EACH
 
 
 @pytest.mark.parametrize("model", ["dynamic", "kinematic"])
@@ -26,7 +26,7 @@ def test_stands_still_under_the_brake(rig, model):
     assert car.speed == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("name", EACH)
 def test_kinematic_yaw_rate_is_the_rear_axles_speed_times_tan_steering_over_wheelbase(name):
     record, count, draw = vehicle(name), 50, stream(4, Purpose.STARTS)
     with Fleet(1, count) as fleet:
@@ -42,7 +42,7 @@ def test_kinematic_yaw_rate_is_the_rear_axles_speed_times_tan_steering_over_whee
             assert motion.yaw_rate == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("name", EACH)
 def test_kinematic_rear_axle_rolls_on_the_circle_of_its_steering(rig, name):
     """At any speed; nothing slows it."""
     record, angle = vehicle(name), 0.35

@@ -45,13 +45,13 @@ def published_force_y(load, slip_angle):
     return peak * math.sin(1.338 * math.atan(b * x - curvature * (b * x - math.atan(b * x))))
 
 
-@pytest.mark.parametrize("load", [1500.0, 2958.4, 4000.0, 6000.0])
-@pytest.mark.parametrize("slip", [-1.0, -0.1, 0.01, 0.05, 0.3])
-def test_pure_slip_is_the_published_magic_formula(load, slip):
+@pytest.mark.parametrize("load", [1500.0, 4000.0, 6000.0])
+def test_pure_slip_is_the_published_magic_formula(load):
     car = layout.pack("passenger", "pacejka").reshape(1).view(np.recarray)[0]
-    own_friction = float(car.static_grip[0])
-    assert force(car, load, own_friction, slip, 0.0) == pytest.approx((published_force_x(load, slip), 0.0))
-    assert force(car, load, own_friction, 0.0, slip) == pytest.approx((0.0, published_force_y(load, slip)))
+    friction = float(car.static_grip[0])
+    for slip in (-1.0, -0.1, 0.01, 0.05, 0.3):
+        assert force(car, load, friction, slip, 0.0) == pytest.approx((published_force_x(load, slip), 0.0))
+        assert force(car, load, friction, 0.0, slip) == pytest.approx((0.0, published_force_y(load, slip)))
 
 
 def test_hand_evaluated_point():

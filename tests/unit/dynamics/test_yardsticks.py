@@ -10,11 +10,11 @@ import pytest
 
 from smarts.dynamics import FLAT_TYRE, Fleet, vehicle
 from smarts.dynamics.layout import GRAVITY
-from tests.unit.dynamics.by_hand import TYPES
+from tests.unit.dynamics.by_hand import EACH
 
 
 @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
-@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("name", EACH)
 def test_steady_turning_radius(rig, name, model):
     car = rig(name, speed=3.0, model=model).hold(3.0, 10.0, steering=0.5)
     radius = car.speed / car.yaw_rate
@@ -25,7 +25,7 @@ def test_steady_turning_radius(rig, name, model):
     assert spun == pytest.approx(car.yaw_rate, rel=0.01)
 
 
-@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("name", EACH)
 def test_parked_on_a_slope(rig, name):
     car = rig(name, slope=0.05).drive(5.0, brake=1.0)
     before = car.position.copy()
@@ -41,7 +41,7 @@ def test_unbraked_car_rolls_down(rig):
     assert car.speed == pytest.approx(-expected * 10.0 * 1093.3 / (1093.3 + 69.2), rel=0.02)
 
 
-@pytest.mark.parametrize("speed", [0.3, 1.0, 3.0, 10.0, 30.0])
+@pytest.mark.parametrize("speed", [0.3, 3.0, 30.0])
 @pytest.mark.parametrize("name", ["passenger", "bus"])
 def test_no_ripple_at_constant_speed(rig, name, speed):
     car = rig(name, speed=speed, step=0.01, substeps=1).hold(speed, 8.0)
@@ -89,7 +89,7 @@ def test_split_friction_pulls_to_the_grip(rig):
 
 
 @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
-@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("name", EACH)
 def test_top_speed_balances_power_and_resistance(name, model):
     car = vehicle(name)
 

@@ -132,7 +132,7 @@ def output(folder, code, *arguments):
     return run.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_machine_code_is_cached_by_type(tmp_path):
     (tmp_path / "program.py").write_text(PROGRAM)
     hits = [int(output(tmp_path, "import program", dtype)) for dtype in ("int64", "float64", "int64")]
@@ -181,7 +181,7 @@ def test_cached_machine_code_is_not_reused_after_a_change_of_fields(tmp_path):
     assert int(output(tmp_path, program, "other", "array")) == 14
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_cached_machine_code_is_not_reused_after_a_change_of_the_layout(tmp_path):
     (tmp_path / "thirds.py").write_text(THIRD)
     program = BOUND_THIRD.format(binding="altered")

@@ -86,7 +86,7 @@ WAYS_TO_IMPORT_A_CONSTANT = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_kernel_is_recompiled_after_a_change_of_an_imported_constant(package):
     (package / "derived.py").write_text(DERIVED)
     code = "import importlib\nfor i in range(7):\n"
@@ -102,28 +102,7 @@ def test_kernel_is_recompiled_after_a_change_of_an_imported_constant(package):
         assert evaluate(package, code).splitlines() == expected
 
 
-@pytest.mark.slow
-def test_kernel_is_not_recompiled_after_a_change_of_a_module_that_it_does_not_import(package):
-    (package / "constants.py").write_text(CONSTANTS.format(metres=1))
-    (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
-    code = "import fresh.constants; from fresh.lengths import double; double(1); "
-    code += "print(sum(double.stats.cache_hits.values()))"
-    first = evaluate(package, code)
-    (package / "constants.py").write_text(CONSTANTS.format(metres=2))
-    assert [first, evaluate(package, code)] == ["0", "1"]
-
-
-@pytest.mark.slow
-def test_modules_that_import_each_other(package):
-    lengths = LENGTHS.format(metres=1, factor=2)
-    for feet, hits in ((3, "0"), (4, "0"), (3, "1")):
-        (package / "derived.py").write_text(f"import fresh.lengths\nFEET = {feet}\n")
-        (package / "lengths.py").write_text("import fresh.derived\n" + lengths)
-        code = "from fresh.lengths import double; double(1); print(sum(double.stats.cache_hits.values()))"
-        assert evaluate(package, code) == hits
-
-
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_kernel_is_recompiled_after_a_change_of_a_named_tuple(package):
     (package / "boxes.py").write_text(BOXES)
     code = "from fresh.boxes import *; print(width_of(Box(width=2.0, length=5.0)))"
@@ -164,7 +143,7 @@ def test_digests_change_with_every_imported_module(package):
     assert [one == other for one, other in zip(first, second, strict=True)] == [False] * len(modules) + [True]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_notice_is_logged_when_the_first_kernel_is_compiled_but_not_when_it_is_cached(package):
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     code = "import logging, sys; from numba import njit; from fresh.lengths import double\n"
@@ -187,7 +166,7 @@ def all_widths(narrow, wide):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_kernel_is_compiled_once_for_all_integers_from_kernels_and_separately_for_python(package):
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     (package / "callers.py").write_text(CALLERS)

@@ -123,7 +123,7 @@ def test_blocks_near_something():
     np.testing.assert_array_equal(near_blocks(cells), expected)
 
 
-@pytest.mark.parametrize("resolution", [0.05, 0.2, 0.41, 1.3])
+@pytest.mark.parametrize("resolution", [0.05, 0.41])
 def test_tiles_without_anything_near_change_nothing(resolution):
     generator = np.random.Generator(np.random.Philox(3))
     cells, full = np.zeros((90, 70), np.uint8), np.ones((14, 11), np.uint8)

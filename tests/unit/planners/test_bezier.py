@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smarts.errors import SmartsError
-from smarts.planners import BezierPlanner, Limits, Neighbours, PlanStatus
+from smarts.planners import BezierPlanner, Limits, PlanStatus
 from smarts.planners.bezier import control_points, drivable_curve
 
 STILL = [0.0, 0.0, 0.0, 0.0, 0.0]
@@ -105,19 +104,3 @@ def test_a_row_of_a_batch_equals_the_row_alone():
     for n in range(3):
         alone = BezierPlanner().plan(states[n : n + 1], targets[n : n + 1])
         np.testing.assert_array_equal(alone.path[0], both.path[n])
-
-
-@pytest.mark.parametrize(
-    ("name", "arguments"),
-    [
-        ("states", (np.zeros((1, 4)), np.zeros((1, 5)))),
-        ("targets", (np.zeros((1, 5)), np.zeros((2, 5)))),
-        ("last", (np.zeros((1, 5)), np.zeros((1, 5)), None, np.zeros((5, 5)))),
-        ("neighbours.path", (np.zeros((2, 5)), np.zeros((2, 5)), Neighbours.none(1))),
-    ],
-)
-def test_wrong_shapes_are_named(name, arguments):
-    with pytest.raises(SmartsError) as error:
-        BezierPlanner().plan(*arguments)
-    assert name in error.value.problem
-    assert error.value.remedy

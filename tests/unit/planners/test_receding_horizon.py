@@ -178,7 +178,7 @@ def test_scenes_are_driven_to_their_targets(planner):
     assert sum(outcome.reached for outcome in outcomes) >= 19
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_hundred_scenes_are_driven_to_their_targets(planner):
     outcomes = [drive(scene(0, number), planner) for number in range(200)]
     assert sum(outcome.reached for outcome in outcomes) >= 190
