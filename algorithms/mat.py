@@ -42,9 +42,6 @@ from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
 from algorithms.ppo import PPO, PPOConfig, PPOLearner
 
-LAYERS = "its authors'"
-"""Which networks checkpoints are of."""
-
 
 def head(width: int, outputs: int, last: float) -> nn.Sequential:
     """Return the layers that follow the last block."""
@@ -219,10 +216,6 @@ class MATConfig(PPOConfig):
         """Return the settings that networks are built from."""
         own = {"blocks": self.blocks, "attention_heads": self.attention_heads}
         return super().module_settings() | own
-
-    def checkpoint_signature(self):
-        """Return what a checkpoint's weights depend on; those of earlier layers did not name them."""
-        return {**super().checkpoint_signature(), "layers": LAYERS}
 
     def modules(self, spec: JointSpec):
         """Return the network of all agents.

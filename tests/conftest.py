@@ -16,7 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 """One thread for PyTorch in each process: its threads wait busily, and other tests run on the other core."""
 LONGEST = (
     *("test_many_machines", "test_experiment_runs", "test_sweep_runs", "test_own_code_page", "test_examples"),
-    *("test_perf", "test_documents", "test_games", "test_ablations", "test_exporting"),
+    *("test_perf", "test_documents", "test_games", "test_exporting"),
     *("test_whole_registry", "test_several_learners", "test_scenarios"),
 )
 """Modules that take minutes, which begin first: at the end both cores share what is short."""

@@ -8,8 +8,7 @@ from typing import Any
 from algorithms.errors import CheckpointError
 
 SEQUENCES = "sequence_length of the replay buffer"
-COMPARED_IF_STORED = frozenset({"baseline", SEQUENCES})
-"""What not every checkpoint says: those of earlier versions do not, nor those without a replay buffer."""
+"""Compared only where both say it: checkpoints without a replay buffer do not."""
 
 
 def check_signature(stored: Mapping[str, Any], own: Mapping[str, Any]) -> None:
@@ -22,8 +21,8 @@ def check_signature(stored: Mapping[str, Any], own: Mapping[str, Any]) -> None:
     Raises:
         CheckpointError: They differ; it names where.
     """
-    left_out = COMPARED_IF_STORED - (stored.keys() & own.keys())
-    differing = sorted(name for name in {*stored, *own} - left_out if stored.get(name) != own.get(name))
+    compared = {*stored, *own} - ({SEQUENCES} - (stored.keys() & own.keys()))
+    differing = sorted(name for name in compared if stored.get(name) != own.get(name))
     if differing:
         lines = "; ".join(f"{n}: {stored.get(n)} there, {own.get(n)} here" for n in differing)
         raise CheckpointError(

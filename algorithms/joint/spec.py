@@ -17,8 +17,7 @@ from algorithms.settings import Sharing
 
 SPEC = "__joint__"
 """Key of RLlib's `spaces` under which runners hand the `JointSpec` to the algorithm."""
-QUESTIONS = 16
-"""How often a mapping from agent to policy is asked for each agent."""
+
 Index = slice | Ints
 """Columns of an axis: a slice, hence a view, where they are contiguous."""
 
@@ -191,19 +190,15 @@ def _group_names(spaces: JointSpaces, agents: tuple[str, ...], sharing: Sharing)
 
 
 def _mapped(sharing: Callable[[str], str], agent: str) -> str:
-    """Return the group that a function gives an agent; it is asked often, to see whether it draws."""
-    name, *others = (sharing(agent) for _ in range(QUESTIONS))
+    """Return the group that a function gives an agent."""
+    name = sharing(agent)
     if not isinstance(name, str):
-        problem = f"gives agent {agent!r} the policy {name!r}, which is no text"
-    elif different := [other for other in others if other != name]:
-        problem = f"gives agent {agent!r} the policy {str(name)!r}, and then {different[0]!r}"
-    else:
-        return str(name)
-    raise SpaceError(
-        f"the mapping {problem}",
-        place=getattr(sharing, "place", "training(sharing=...)"),
-        remedy="return the name of a policy, always the same one for an agent",
-    )
+        raise SpaceError(
+            f"the mapping gives agent {agent!r} the policy {name!r}, which is no text",
+            place=getattr(sharing, "place", "training(sharing=...)"),
+            remedy="return the name of a policy",
+        )
+    return str(name)
 
 
 def _named_groups(sharing: Mapping[str, Sequence[str]], agents: tuple[str, ...]) -> dict[str, str]:

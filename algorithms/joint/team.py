@@ -58,6 +58,4 @@ class TeamLearner(OffPolicyLearner):
 
     def _set_own_state(self, state: dict[str, Any]) -> None:
         super()._set_own_state(state)
-        # Older checkpoints have none: as before the first rollout.
-        known = state.get(MOMENTS) or dict.fromkeys(self.reward_moments.state_dict(), 0.0)
-        self.reward_moments.load_state_dict({name: torch.tensor(x) for name, x in known.items()})
+        self.reward_moments.load_state_dict({name: torch.tensor(x) for name, x in state[MOMENTS].items()})

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
 from torch import Tensor, nn
 
@@ -54,15 +52,3 @@ class RunningMoments(nn.Module):
     def _std(self) -> Tensor:
         # Before the first observation the scale is one.
         return torch.where(self.weight > 0, self.variance.clamp(min=1e-4), 1).sqrt()
-
-    def _load_from_state_dict(
-        self, state_dict: dict[str, Any], prefix: str, *args: Any, **kwargs: Any
-    ) -> None:
-        """Read averages of older checkpoints, too: biased ones, of values and squares."""
-        square = state_dict.pop(f"{prefix}mean_square", None)
-        if square is not None:
-            weight = state_dict[f"{prefix}weight"].clamp(min=1e-5)
-            mean = state_dict[f"{prefix}mean"] / weight
-            state_dict[f"{prefix}mean"] = mean
-            state_dict[f"{prefix}variance"] = square / weight - mean.square()
-        super()._load_from_state_dict(state_dict, prefix, *args, **kwargs)

@@ -1,7 +1,6 @@
 """The table of all algorithms is what its command writes, and its parts are read as they are meant."""
 
 import pandas as pd
-import pytest
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import read_experiment
@@ -27,11 +26,6 @@ def test_own_games_show_the_failing_score_where_a_line_names_no_other():
         "cues -1.000 (0); recall with `gru` 0.9 (0.5)"
     )
     assert table.own_games("cues, 40 steps: 0.8; `ppo` 0.1.", failing) == "cues 0.8 (`ppo` 0.1)"
-
-
-def test_a_check_that_does_not_exist_is_refused():
-    with pytest.raises(LookupError, match="test_nothing"):
-        table.checks_of({"Oracle": "equal (`test_coma.py::test_nothing`)"})
 
 
 def write_curve(root, traffic, seed, *rows):

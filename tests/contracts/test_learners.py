@@ -31,9 +31,9 @@ def different_scenarios(env):
         {},
         pytest.param(
             {"observation": {"base": "benchmark", "stacked": [{"image": {"size": 16}}]}},
-            marks=pytest.mark.slow,
+            marks=pytest.mark.nightly,
         ),
-        pytest.param({"observation": "raw"}, marks=pytest.mark.slow),
+        pytest.param({"observation": "raw"}, marks=pytest.mark.nightly),
     ],
     ids=["vector", "image", "raw"],
 )
@@ -91,7 +91,7 @@ def test_ppo_learns_from_images_and_its_evaluation_is_recorded(tmp_path):
         assert not (probabilities[extras_order] * (1 - action_mask[order])).any()
 
 
-DRIVERS = ["dqn", "ppo", "maac", "mf_ac", "mf_q", "networked_q", "commnet", "maddpg"]
+DRIVERS = ["dqn", "maac", "mf_ac", "mf_q", "networked_q", "commnet", "maddpg"]
 
 
 def trained(name, env, env_config=None):
@@ -119,7 +119,7 @@ def assert_learnt(result, before, after):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", DRIVERS)
+@pytest.mark.parametrize("name", ["ppo", *(pytest.param(n, marks=pytest.mark.nightly) for n in DRIVERS)])
 def test_the_papers_baselines_train_on_the_intersection(name):
     register_env("crossing", lambda config: VectorHiWayEnv(config["num_envs"], ["intersection"], agents=4))
     assert_learnt(*trained(name, "crossing"))

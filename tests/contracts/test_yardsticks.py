@@ -52,7 +52,7 @@ def test_foraging_equals_the_packages_game_step_by_step():
     now = game.reset(SEED, np.arange(copies))
     theirs = [fresh_foraging(row, 0) for row in range(copies)]
     episodes, loads = [0] * copies, 0
-    for _ in range(500):
+    for _ in range(250):
         seen = now.observations[0][""].copy()
         assert np.array_equal(seen, [shown for _, shown in theirs])
         actions = np.stack([together(each, rng) for each in seen])
@@ -69,8 +69,8 @@ def test_foraging_equals_the_packages_game_step_by_step():
                 assert np.array_equal(now.final.observations[0][""][place], shown)
                 episodes[row] += 1
                 theirs[row] = fresh_foraging(row, episodes[row])
-    assert loads > 20
-    assert min(episodes) > 5
+    assert loads > 10
+    assert min(episodes) > 2
 
 
 def test_food_is_near_in_eight_cells_around_and_two_straight_away():
@@ -87,7 +87,7 @@ def test_spread_equals_the_packages_game_step_by_step():
     now = game.reset(SEED, np.arange(copies))
     theirs = [simple_spread_v3.parallel_env() for _ in range(copies)]
     shown = [env.reset(seed=episode_seed(SEED, row, 0))[0] for row, env in enumerate(theirs)]
-    for t in range(1, 501):
+    for t in range(1, 101):
         seen = np.array([list(each.values()) for each in shown])
         np.testing.assert_allclose(now.observations[0][""], seen, atol=1e-6)
         actions = rng.integers(5, size=(copies, 3))
@@ -209,7 +209,7 @@ def test_the_committed_page_is_what_the_command_writes():
     assert (results.FOLDER / "README.md").read_text() == results.page()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_command_trains_what_is_missing_and_writes_the_page(tmp_path):
     arguments = ["--games", "matrices", "--algorithms", "vdn", "--seeds", "1", "--steps", "1024"]
     command = [

@@ -26,3 +26,19 @@ def cluster():
         log_to_driver=False,
         runtime_env={"env_vars": {"PYTHONPATH": path}},
     )
+
+
+@pytest.fixture
+def build():
+    """Provide what builds an algorithm from a config, and restores it from a checkpoint if one is given."""
+    built = []
+
+    def make(config, checkpoint=None):
+        built.append(config.build_algo())
+        if checkpoint is not None:
+            built[-1].restore_from_path(str(checkpoint))
+        return built[-1]
+
+    yield make
+    for algo in built:
+        algo.stop()

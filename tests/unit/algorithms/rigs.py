@@ -16,10 +16,7 @@ from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration
 from algorithms.settings import ReplaySettings, faults
 
-FAMILIES = {
-    *("pg", "ppo", "recurrent_mappo", "coma", "commnet", "mat"),
-    *("maddpg", "dqn", "opponent_q", "mf_q", "qmix", "networked_q"),
-}
+FAMILIES = {"ppo", "dqn", "maddpg", "qmix", "commnet", "networked_q"}
 """One algorithm of each family."""
 
 
@@ -38,7 +35,11 @@ def first(*values):
     return [values[0], *(pytest.param(*value, marks=pytest.mark.nightly) for value in several)]
 
 
-SEEDS = first(1, 2, 3)
+def nightly_by_seed(test):
+    """Mark a test that learns a game: it is nightly, and runs with three seeds."""
+    return pytest.mark.nightly(pytest.mark.parametrize("seed", [1, 2, 3])(test))
+
+
 EVERY = cases(algorithms.names())
 OFF_POLICY = [
     name for name in algorithms.names() if issubclass(algorithms.entry(name).settings, ReplaySettings)
@@ -101,3 +102,17 @@ def replayed(rig, steps=32, count=64, **exploration):
     """Return a minibatch of fresh experience."""
     rig.learner.replay.add(rig.rollout(steps, **exploration))
     return rig.learner.replay.sample(np.random.default_rng(0), count)
+
+
+def train(algo, iterations):
+    """Return the last result."""
+    result: dict[str, Any] = {}
+    for _ in range(iterations):
+        result = algo.train()
+    return result
+
+
+def weights_of(algo):
+    """Return an algorithm's weights by network and name."""
+    state = algo.learner_group.get_state()["learner"]["rl_module"]
+    return {f"{module}/{name}": np.array(x) for module, part in state.items() for name, x in part.items()}

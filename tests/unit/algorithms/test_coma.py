@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from rigs import SEEDS, Rig, first
+from rigs import Rig, nightly_by_seed
 
 from algorithms import coma
 from algorithms.coma import CRITIC, team_masks
@@ -181,17 +181,14 @@ def shares_score(seed, name="coma", steps=4_096):
     return np.mean(rig.rollout(1, explore=False).actions[0][0, 0] == np.arange(12) % 4)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_small_shares_of_a_noisy_reward_are_found(seed):
     """1; without the counterfactual baseline 0.69; `centralised_v` finds them, too."""
     assert shares_score(seed) > (1 + 0.75) / 2
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("seed", "lr"), first((1, 1e-2), (2, 1e-2), (3, 1e-2), (1, 1e-3), (1, 3e-3), (1, 3e-2))
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize(("seed", "lr"), [(1, 1e-2), (2, 1e-2), (3, 1e-2), (1, 1e-3), (1, 3e-3), (1, 3e-2)])
 def test_small_shares_are_not_found_without_the_counterfactual_baseline(seed, lr, monkeypatch):
     """The paper's ablation "central-QV": Q(s, u) - V(s); the game has one state, so V(s) is the mean of Q."""
 

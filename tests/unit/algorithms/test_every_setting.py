@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from rigs import EVERY, Rig, known
+from rigs import Rig, known
 
 import algorithms
 from algorithms.errors import SpaceError
-from algorithms.settings import JointSettings
 from tests.games.games import Game
 
 SMALL = {
@@ -128,6 +127,9 @@ def same(one, other):
     )
 
 
+REST = [name for name in algorithms.names() if name != "ppo"]
+
+
 def settings_of(name):
     """Return the settings with two values at least, and their values here."""
     defaults = dict(algorithms.entry(name).settings())
@@ -135,7 +137,7 @@ def settings_of(name):
     return {setting: SMALL.get(setting, defaults[setting]) for setting in several if setting not in OF_RUNS}
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", ["ppo", *(pytest.param(n, marks=pytest.mark.nightly) for n in REST)])
 def test_every_setting_changes_what_is_learned_or_is_refused(name):
     entry, base = algorithms.entry(name), learned(name)
     assert same(base, learned(name))
@@ -165,9 +167,7 @@ def test_every_setting_changes_what_is_learned_or_is_refused(name):
         ("dqn", "priority_alpha", {"prioritised": True}),
         ("dqn", "priority_beta", {"prioritised": True}),
         ("ppo", "sequence_length", {"gru": 4}),
-        ("vdn", "sequence_length", {"gru": 4}),
         ("maddpg", "noise", {"continuous": True}),
-        ("bicnet", "noise", {"continuous": True}),
     ],
 )
 def test_refused_settings_change_what_is_learned_with_what_they_need(name, setting, needed):
@@ -175,8 +175,3 @@ def test_refused_settings_change_what_is_learned_with_what_they_need(name, setti
     value = getattr(algorithms.entry(name).settings(), setting) / 2
     value = int(value) if setting == "sequence_length" else value
     assert not same(learned(name, config, **needed), learned(name, config, **needed, **{setting: value}))
-
-
-def test_settings_of_runs_are_common_to_all_but_four():
-    common = OF_RUNS & JointSettings.model_fields.keys()
-    assert OF_RUNS - common == {"checkpoint_replay", "longest_trajectory", "max_joint_actions"}

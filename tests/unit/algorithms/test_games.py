@@ -1,16 +1,15 @@
 """Every algorithm reaches the known score of its games; pass lines lie midway to the failing score.
 
-Scores are of greedy episodes of the fixed evaluation list, three seeds each, two of them nightly.
+Scores are of greedy episodes of the fixed evaluation list, three seeds each. One seed of an algorithm of each
+paradigm is no nightly test: of `ppo` and `qmix` here, of `commnet` and `networked_q` in their files.
 """
 
 import numpy as np
 import pytest
-from rigs import SEEDS, Rig, cases
+from rigs import Rig, first, nightly_by_seed
 
 from algorithms.parts.distributions import Exploration
 from tests.games.games import Cues, Product, Target, TwoStep
-
-pytestmark = pytest.mark.slow
 
 OFF = {
     "learning_starts": 200,
@@ -68,33 +67,38 @@ def two_step_score(name, seed, **settings):
     return 4 * score(name, TwoStep, 3_000, seed, **explore).mean()  # half of it per agent, over two steps
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", cases(CUES))
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    first(("ppo", 1), *((name, seed) for name in CUES for seed in (1, 2, 3) if (name, seed) != ("ppo", 1))),
+)
 def test_cues_are_hit_for_the_own_reward(name, seed):
     """Hits 1.0 give -1 a step; a team-sum or swapped reward makes hits 0, and 0 a step."""
     assert (cues_score(name, seed) < -0.5).all()
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_maddpg_solves_the_product_of_hits(seed):
     """1.0; misaligned agents 0.33, wrong action slot 0.22, no straight-through gradient 0.11."""
     assert (product_score(seed) > (1 + 0.33) / 2).all()
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 @pytest.mark.parametrize("name", TARGET)
 def test_continuous_actions_follow_their_cue(name, seed):
     """0 at best; -1/3 for always playing the middle."""
     assert (target_score(name, seed) > -1 / 6).all()
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_qmix_represents_the_two_step_game_and_vdn_does_not(seed):
-    """QMIX 8, VDN 7."""
-    assert two_step_score("qmix", seed) == pytest.approx(8, abs=0.1)
-    assert two_step_score("vdn", seed) == pytest.approx(7, abs=0.1)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "seed", "expected"),
+    first(("qmix", 1, 8), *(("qmix", seed, 8) for seed in (2, 3)), *(("vdn", seed, 7) for seed in (1, 2, 3))),
+)
+def test_qmix_represents_the_two_step_game_and_vdn_does_not(name, seed, expected):
+    assert two_step_score(name, seed) == pytest.approx(expected, abs=0.1)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_qmix_solves_the_two_step_game_with_standardised_rewards(seed):
     assert two_step_score("qmix", seed, standardize_rewards=True) == pytest.approx(8, abs=0.1)

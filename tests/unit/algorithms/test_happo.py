@@ -5,9 +5,8 @@ import copy
 import numpy as np
 import pytest
 import torch
-from rigs import SEEDS, Rig
+from rigs import Rig, nightly_by_seed
 
-import algorithms
 from algorithms.parts.distributions import Exploration
 from tests.games.games import Cues, Ragged
 from tests.games.yielding import Yielding
@@ -95,12 +94,6 @@ def test_with_one_agent_it_is_ppo():
             torch.testing.assert_close(weight, second[module][name], rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("sharing", ["all", {"pair": ["agent_0", "agent_1"]}, lambda agent: "everyone"])
-def test_shared_networks_are_refused_by_name(sharing):
-    with pytest.raises(ValueError, match=r"^sharing="):
-        algorithms.config("happo").environment(Cues).training(sharing=sharing).validate()
-
-
 def yielding_score(name, seed, updates=6):
     """Return how often greedy drivers are apart, less how often they collide, a step."""
     rig = Rig(name, Yielding, seed=seed, **STEEP)
@@ -111,15 +104,13 @@ def yielding_score(name, seed, updates=6):
     return np.sum([e.returns for e in episodes], 0) / sum(e.length for e in episodes)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_drivers_that_improve_in_turn_yield(seed):
     """1.0; 0 or -1 where both answer at once to what the other did."""
     assert (yielding_score("happo", seed) > 0.5).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 @pytest.mark.parametrize("name", ["ppo", "centralised_v"])
 def test_drivers_that_improve_at_once_do_not(name, seed):
     """The baseline that must fail: 0."""

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from rigs import SEEDS, Rig, replayed
+from rigs import Rig, nightly_by_seed, replayed
 
-import algorithms
 from algorithms.maac import CRITIC, counterfactual_advantage, of_actions
 from algorithms.parts.attention import attend
 from algorithms.parts.distributions import CategoricalDistribution
@@ -113,11 +112,6 @@ def test_the_critics_target_asks_the_target_policies_and_is_soft(monkeypatch):
     assert losses == [(pytest.approx(expected, rel=1e-5), (CRITIC,))]
 
 
-def test_heads_that_do_not_divide_the_width_are_refused():
-    with pytest.raises(ValueError, match="attention_heads=3"):
-        algorithms.config("maac").training(hidden=(16,), attention_heads=3).validate()
-
-
 def product_score(seed):
     """Return the mean greedy return per step of each agent, (N,), after learning."""
     recipe = {"lr": 3e-3, "learning_starts": 200, "updates_per_step": 0.5, "batch_size": 128, "gamma": 0.5}
@@ -131,8 +125,7 @@ def product_score(seed):
     return rollout.rewards.mean((0, 1))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_the_product_of_hits_is_solved(seed):
     """1.0; misaligned agents 0.33, wrong action slot 0.22."""
     assert (product_score(seed) > (1 + 0.33) / 2).all()

@@ -7,7 +7,7 @@ import pytest
 import torch
 from gymnasium.spaces import Box, Discrete
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
-from rigs import SEEDS, Rig, replayed
+from rigs import Rig, nightly_by_seed, replayed
 
 from algorithms.joint.batch import JointView
 from algorithms.joint.env import LATENT
@@ -209,14 +209,12 @@ def committed_score(seed, name="maven", steps=8_000, episodes=32, **settings):
     return float(np.mean([e.returns.sum() for e in played]))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_a_team_that_commits_finds_the_far_optimum(seed):
     """m + 3 = 8; the other branch pays 5."""
     assert committed_score(seed) > (8 + 5) / 2
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_qmix_does_not(seed):
     assert committed_score(seed, "qmix") < (8 + 5) / 2

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box, Discrete
-from rigs import SEEDS, Rig, replayed
+from rigs import Rig, nightly_by_seed, replayed
 
 from algorithms.errors import SpaceError
 from algorithms.joint.adapter import JointVector
@@ -248,15 +248,13 @@ def follow_score(seed, graph):
     return rig.rollout(200, explore=False).rewards[..., 0].mean()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_mf_q_follows_its_neighbours(seed):
     """0.8 and a guess in the first of five steps; the mean action of the wrong agent tells nothing: 0.25."""
     assert follow_score(seed, "auto") > (0.85 + 0.25) / 2
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_the_mean_action_of_the_wrong_agent_fails(seed):
     """The ablation that must fail."""
     assert follow_score(seed, [("agent_0", "agent_3"), ("agent_1", "agent_2")]) < (0.85 + 0.25) / 2
@@ -287,8 +285,7 @@ def together_score(seed, update_at="acted_on"):
     return rig.rollout(200, explore=False).rewards.mean()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 @pytest.mark.parametrize(("update_at", "expected"), [("acted_on", 1.0), ("same_step", 0.5)])
 def test_agents_that_act_on_the_mean_they_learned_at_begin_together(update_at, expected, seed):
     """At the mean of the same step, an action is worth what it is while the other still rests."""
@@ -312,8 +309,7 @@ class Echo(Game):
         return [float(actions[(i + 1) % 3] == 0) for i in range(3)]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 @pytest.mark.parametrize("name", ["mf_q", "mf_ac"])
 def test_critics_explain_what_neighbours_cause_and_not_what_others_do(name, seed):
     """Error 0; with the mean action of the wrong agents the variance of a coin, 1/4."""
@@ -343,8 +339,7 @@ def cues_score(seed, entropy_coeff=0.1):
     return rig.rollout(200, explore=False).rewards.mean((0, 1)).max()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_mf_ac_hits_the_cues_for_its_own_reward(seed):
     """-1 a step where everybody hits his own; a team-sum or swapped reward makes it 0."""
     assert cues_score(seed) < -0.5
@@ -407,7 +402,7 @@ def magnetisation(net, links, temperature, sweeps=300):
     return torch.stack(found).mean().item()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_mf_q_finds_isings_transition():
     """The infinite lattice orders below temperature 1.1346; Onsager's magnetisation at 0.9 is 0.96."""
     game = Spins(2)

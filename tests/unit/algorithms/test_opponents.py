@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from rigs import SEEDS, Rig, replayed
+from rigs import Rig, nightly_by_seed, replayed
 
 from algorithms.errors import SpaceError
 from algorithms.joint.batch import GroupView
@@ -12,7 +12,6 @@ from tests.games.games import Cues, Game, Ragged
 from tests.games.opponents import Climbing, Hills, Known, Turncoat
 
 LEARN = {"learning_starts": 100, "batch_size": 64, "updates_per_step": 0.5, "gamma": 0.0, "lr": 3e-3}
-BOTH = ["opponent_q", "pr2"]
 
 
 def play(rig, steps, epsilon=0.2):
@@ -116,15 +115,14 @@ def test_pr2_expects_the_softmax_of_the_joint_value_given_the_own_action():
         torch.testing.assert_close(rho[k, 1][:, None] * rho[k, 2][None, :], expected, rtol=1e-4, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", BOTH)
-def test_one_agent_alone_is_refused(name):
+def test_one_agent_alone_is_refused():
     class Alone(Cues):
         def __init__(self, config=None):
             super().__init__(config)
             self.possible_agents = self.agents = ["agent_0"]
 
     with pytest.raises(SpaceError, match=r"'agent_0' is alone"):
-        Rig(name, Alone)
+        Rig("pr2", Alone)
 
 
 class Uneven(Game):
@@ -140,7 +138,7 @@ class Uneven(Game):
         return [float(actions[1] == 4), 0.0]
 
 
-@pytest.mark.parametrize("name", BOTH)
+@pytest.mark.parametrize("name", ["opponent_q", "pr2"])
 def test_agents_with_unequal_actions_model_each_other(name):
     rig = Rig(name, Uneven, **LEARN)
     play(rig, 320, epsilon=1.0)
@@ -164,8 +162,7 @@ def known_rig(seed, steps=8_192):
     return rig
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_predictions_of_a_known_opponent_approach_its_probabilities(seed):
     """Hits of the best guess: 0.6, chance 1/3; within three standard errors of 1,024 steps."""
     rig = known_rig(seed)
@@ -188,15 +185,13 @@ def turncoat_score(name, seed):
     return play(rig, 3_200, epsilon=0.1)[125:, 0].mean()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_a_leader_that_changes_is_followed(seed):
     """0.85 at best; 0.05 for staying with what it did before."""
     assert turncoat_score("opponent_q", seed) > (0.85 + 0.05) / 2
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_without_models_a_leader_that_changes_is_lost(seed):
     """The baseline that must fail: its replay holds what the leader did before."""
     assert turncoat_score("dqn", seed) < (0.85 + 0.05) / 2
@@ -222,16 +217,14 @@ def hills_score(name, seed):
     return joint_score(name, Hills, seed)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_agents_that_expect_an_answer_climb_and_find_the_narrow_hill(seed):
     """11 of 11, and 1 of 1."""
     assert (climbing_score("pr2", seed) > 9).all()
     assert (hills_score("pr2", seed) > 0.8).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 @pytest.mark.parametrize("name", ["dqn", "opponent_q"])
 def test_agents_that_expect_no_answer_do_not_climb(name, seed):
     """The baselines that must fail: 5 to 7."""

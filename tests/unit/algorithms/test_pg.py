@@ -5,9 +5,8 @@ from collections import defaultdict
 import numpy as np
 import pytest
 import torch
-from rigs import SEEDS, Rig, moved
+from rigs import Rig, moved, nightly_by_seed
 
-import algorithms
 from algorithms.errors import EnvironmentFailure
 from algorithms.joint.sampler import Sampler
 from tests.games.games import Constant, Game, Ragged, Target
@@ -31,15 +30,7 @@ def lives_of(rollout):
     return {life: steps for life, steps in found.items() if life not in broken}
 
 
-@pytest.mark.parametrize(
-    "fragments",
-    [
-        (5, 1, 1, 20, 3, 30),
-        pytest.param((60,), marks=pytest.mark.slow),
-        pytest.param((20, 20, 20), marks=pytest.mark.slow),
-    ],
-)
-def test_every_action_of_every_whole_life_is_learnt_from_once_with_its_whole_return(fragments):
+def test_every_action_of_every_whole_life_is_learnt_from_once_with_its_whole_return():
     """Against a sum by hand, over deaths, time limits, late arrivals and crashes, wherever fragments end."""
     gamma = 0.8
     expected = {}
@@ -48,7 +39,7 @@ def test_every_action_of_every_whole_life_is_learnt_from_once_with_its_whole_ret
             expected[life, step] = sum(gamma**k * r for k, (_, r) in enumerate(steps[place:]))
     rig = Rig("pg", Ragged, sharing="all", gamma=gamma)
     found = {}
-    for length in fragments:
+    for length in (5, 1, 1, 20, 3, 30):
         batch = rig.learner.prepare(rig.rollout(length))
         seen = batch.observations[0][""][batch.alive]
         for (life, step, _), target in zip(seen.tolist(), batch.targets[batch.alive].tolist(), strict=True):
@@ -118,14 +109,6 @@ def test_open_lives_are_part_of_the_learners_state():
     assert moved(rig.weights(), other.weights()) == set()
 
 
-@pytest.mark.parametrize("name", ["pg", "a2c", "commnet"])
-@pytest.mark.parametrize("setting", [{"epochs": 2}, {"minibatch_size": 8}])
-def test_a_second_step_on_the_same_data_is_refused(name, setting):
-    (name_of_setting, value), *_ = setting.items()
-    with pytest.raises(ValueError, match=f"^{name_of_setting}={value}: "):
-        algorithms.config(name).training(**setting).validate()
-
-
 class Promise(Game):
     """Only the first of four actions counts, and is paid for, with 1, at the very end."""
 
@@ -158,22 +141,19 @@ def promise_score(seed, *, cut):
     return rig.rollout(400).rewards.mean() * Promise.length
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_a_promise_is_kept_that_pays_in_a_later_fragment(seed):
     """1.0; 1/3 where unfinished lives are cut: the first action never meets its reward."""
     assert promise_score(seed, cut=False) > 2 / 3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_cut_lives_break_the_promise(seed):
     """The ablation that must fail."""
     assert promise_score(seed, cut=True) < 2 / 3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_continuous_actions_follow_their_cue(seed):
     """0 at best; -1/3 for always playing the middle."""
     rig = Rig("pg", Target, seed=seed, gamma=0.5, lr=3e-3)

@@ -5,13 +5,13 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
-from rigs import SEEDS, Rig, known, replayed
+from rigs import Rig, known, nightly_by_seed, replayed
 from test_qtran import Matrix, matrix_score
 
 from algorithms.joint.batch import GroupView
 from algorithms.parts.distributions import CategoricalDistribution, Exploration
 from algorithms.qdpp import Items, QDPPModule, choose_in_turn, greedy_in_turn, log_volume
-from tests.games.blocker import COLUMNS, LEFT, MIDDLE, MOVES, RIGHT, ROWS, Blocker, moved, shifted
+from tests.games.blocker import Blocker
 from tests.games.games import Ragged
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
@@ -119,18 +119,6 @@ def test_frequencies_follow_the_probabilities_and_masked_actions_are_not_drawn()
     assert (drawn.actions[:, 1] != 2).all()
 
 
-def test_where_the_agents_best_vectors_are_orthogonal_their_best_actions_are_the_best_joint_action():
-    """By Hadamard's inequality."""
-    for seed in range(20):
-        items = random_items(seed=seed)
-        best = items.quality.argmax(-1)
-        vectors = items.vectors.clone()
-        vectors[0, torch.arange(3), best[0]] = torch.eye(5, dtype=torch.float64)[:3]
-        items = items._replace(vectors=vectors)
-        every = {joint: weigh(items, joint).item() for joint in product(range(4), repeat=3)}
-        assert max(every, key=lambda joint: every[joint]) == tuple(best[0].tolist())
-
-
 def test_the_greedy_choice_in_turn_maximises_each_agents_share_of_the_value():
     items = random_items(rows=30)
     (chosen,) = greedy_in_turn([items])
@@ -212,55 +200,15 @@ def test_agents_explore_together_and_are_greedy_alone():
     assert [x.actions.item() for x in together] == [x.item() for x in greedy_in_turn(items)]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_qdpp_finds_the_optimum_of_a_matrix_that_is_not_monotonic(seed):
     assert matrix_score(seed, "qdpp", reward_scale=0.1) == 8
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_without_diversity_it_does_not(seed):
     """The ablation that must fail, as VDN does."""
     assert matrix_score(seed, "qdpp", reward_scale=0.1, own_share=1.0) == 0
-
-
-def steps_to_win(columns, movers):
-    """Return the fewest steps in which agents that begin in these columns win, None if they never do."""
-    reached = {(tuple((0, column) for column in columns), MIDDLE)}
-    actions = [range(len(MOVES)) if i in movers else [MOVES.index((0, 0))] for i in range(len(columns))]
-    newest, steps = reached, 0
-    while newest:
-        steps += 1
-        after = [(moved(places, gap, joint), gap) for places, gap in newest for joint in product(*actions)]
-        if any(row == ROWS - 1 for places, _ in after for row, _ in places):
-            return steps
-        newest = {(places, shifted(gap, places)) for places, gap in after} - reached
-        reached = reached | newest
-    return None
-
-
-def test_blockers_are_deceived_by_two_agents_and_never_by_one():
-    """All joint actions are tried, breadth first."""
-    assert steps_to_win((0, 3, 6), movers={0, 1, 2}) == 3
-    assert steps_to_win((0, 3, 6), movers={0, 1}) == 4
-    assert steps_to_win((0, 1, 2), movers={0, 1, 2}) == 5
-    assert [steps_to_win((0, 3, 6), movers={i}) for i in range(3)] == [None] * 3
-
-
-def test_blockers_answer_to_whoever_is_above_them():
-    above = ROWS - 2
-    assert shifted(MIDDLE, [(above, MIDDLE), (0, LEFT)]) == LEFT
-    assert shifted(MIDDLE, [(above, MIDDLE), (above, LEFT)]) == RIGHT
-    assert shifted(MIDDLE, [(above, LEFT), (above, RIGHT)]) == MIDDLE
-    assert shifted(LEFT, [(above, RIGHT)]) == shifted(RIGHT, [(above, LEFT)]) == MIDDLE
-    assert shifted(LEFT, [(above, MIDDLE)]) == LEFT
-    down, right = MOVES.index((1, 0)), MOVES.index((0, 1))
-    assert moved([(above, MIDDLE)], LEFT, [down]) == ((above, MIDDLE),)  # the way is closed
-    assert moved([(above, MIDDLE)], MIDDLE, [down]) == ((ROWS - 1, MIDDLE),)
-    assert moved([(0, 1), (0, 2)], MIDDLE, [right, down]) == ((0, 1), (1, 2))  # still taken
-    assert moved([(0, 2), (0, 1)], MIDDLE, [down, right]) == ((1, 2), (0, 2))
-    assert moved([(0, COLUMNS - 1)], MIDDLE, [right]) == ((0, COLUMNS - 1),)
 
 
 BLOCKER = {
@@ -291,8 +239,7 @@ def blocker_score(seed, name="qdpp", steps=8_000, **settings):
     return float(np.mean([episode.returns.mean() for episode in played]))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_qdpp_deceives_the_blockers(seed):
     """The best is -2.3, the mean of independent learners -6.1."""
     assert blocker_score(seed) > (-2.3 - 6.1) / 2

@@ -7,7 +7,7 @@ import pytest
 import torch
 from gymnasium.spaces import Box, Discrete
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
-from rigs import SEEDS, Rig, replayed
+from rigs import Rig, nightly_by_seed, replayed
 
 from algorithms.joint.batch import encode
 from algorithms.maac import of_actions
@@ -140,15 +140,13 @@ def matrix_score(seed, name="qtran", steps=4_000, **settings):
     return 2 * rig.rollout(1, explore=False).rewards[0, 0, 0]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 @pytest.mark.parametrize("variant", ["base", "alt"])
 def test_qtran_finds_the_optimum_of_a_matrix_that_is_not_monotonic(variant, seed):
     assert matrix_score(seed, variant=variant) == 8
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 @pytest.mark.parametrize("name", ["vdn", "qmix"])
 def test_sums_and_monotone_functions_of_values_do_not_find_it(name, seed):
     """A joint action with payoff 0, which other agents' random actions punish less."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from rigs import SEEDS, Rig
+from rigs import Rig, nightly_by_seed
 
 import algorithms
 from algorithms.joint.env import MEMORY
@@ -11,12 +11,12 @@ from algorithms.parts.distributions import Exploration
 from tests.games.games import Ragged
 from tests.games.recall import Recall
 
-RECURRENT = ["a2c", "ppo", "centralised_v", "happo", "recurrent_ippo", "recurrent_mappo"]
 GRU = {"gru": 8, "sequence_length": 8}
 
 
-@pytest.mark.parametrize("length", [1, 8, 24])
-@pytest.mark.parametrize("sharing", ["all", "none", {"odd": ["b"], "even": ["a", "c"]}])
+@pytest.mark.parametrize(
+    ("sharing", "length"), [("all", 1), ("none", 8), ({"odd": ["b"], "even": ["a", "c"]}, 24)]
+)
 def test_sequences_give_what_was_sampled_step_by_step_over_life_borders(sharing, length):
     rig = Rig("ppo", Ragged, sharing=sharing, gru=8, sequence_length=length)
     rig.rollout(24)
@@ -81,7 +81,7 @@ def test_the_critic_reads_the_memory_and_the_policys_loss_does_not_reach_it():
     assert (slope != 0).any()
 
 
-@pytest.mark.parametrize("name", RECURRENT)
+@pytest.mark.parametrize("name", ["ppo", "recurrent_mappo"])
 def test_a_stopped_sampler_goes_on_with_the_memories_it_had(name):
     """The hidden states are part of the sampler's state."""
     rig, other = (Rig(name, Recall, seed=4, **GRU) for _ in range(2))
@@ -114,16 +114,14 @@ def recalled(name, seed, updates=50, gru=16):
     return np.mean([e.returns for e in episodes])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 @pytest.mark.parametrize("name", ["ppo", "centralised_v", "recurrent_ippo", "recurrent_mappo"])
 def test_a_cue_is_remembered(name, seed):
     """1.0; 0.5 without memory."""
     assert recalled(name, seed) > 0.75
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_a_cue_is_forgotten_without_memory(seed):
     """The ablation that must fail: 0.5, plus three standard errors of 100 answers."""
     assert recalled("ppo", seed, 25, gru=0) < 0.5 + 3 * 0.5 / 100**0.5

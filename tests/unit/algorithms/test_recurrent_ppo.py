@@ -5,9 +5,8 @@ import copy
 import numpy as np
 import pytest
 import torch
-from rigs import SEEDS, Rig
+from rigs import Rig, nightly_by_seed
 
-import algorithms
 from algorithms.centralised_v import CRITIC
 from algorithms.joint.rollout import JointRollout
 from algorithms.recurrent_ppo import CRITIC_MEMORY, CriticMemories
@@ -145,11 +144,6 @@ def test_each_runners_environments_have_memories_of_their_own():
         np.testing.assert_allclose(both[CRITIC_MEMORY][:, columns], expected, rtol=0, atol=1e-6)
 
 
-def test_presets_without_memory_are_refused():
-    with pytest.raises(ValueError, match=r"^gru=0"):
-        algorithms.config("recurrent_mappo").training(gru=0).validate()
-
-
 def luck_error(name, seed, updates=100, **settings):
     """Return the mean squared error of values after the cue is gone, before the last step."""
     rig = Rig(name, Luck, seed=seed, gamma=1.0, lambda_=1.0, lr=5e-3, minibatch_size=None, **settings)
@@ -160,16 +154,14 @@ def luck_error(name, seed, updates=100, **settings):
     return (values - batch.targets).square()[batch.observations[0][""][..., 1] > 0].mean().item()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 @pytest.mark.parametrize("name", BOTH)
 def test_critics_remember_what_the_reward_will_be(name, seed):
     """0; 1/4 without memory."""
     assert luck_error(name, seed, gru=16) < 1 / 8
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 @pytest.mark.parametrize("name", ["ppo", "centralised_v"])
 def test_critics_without_memory_do_not(name, seed):
     """The baseline that must fail: 1/4, less three standard errors of 96 agents' halves."""

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
-from rigs import SEEDS, Rig, replayed
+from rigs import Rig, nightly_by_seed, replayed
 from test_opponents import climbing_score, hills_score, turncoat_score
 
 from algorithms.joint.batch import GroupView
@@ -52,7 +52,7 @@ def objective(pi, rho, values, chances):
     return (both * values).sum() + ALPHA * entropy - ALPHA * divergence
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_no_policy_and_model_reach_more_than_the_closed_form(seed):
     *_, values, chances = situation(seed)
     pi, rho, value = best_pair(values, chances)
@@ -66,7 +66,7 @@ def test_no_policy_and_model_reach_more_than_the_closed_form(seed):
         assert objective(pi, model, values, chances) < value
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_agents_draw_from_the_mean_of_the_policy_under_the_model(seed):
     """And bootstrap from V: both by enumeration of what two others do together."""
     rig, net, view, values, chances = situation(seed)
@@ -126,23 +126,20 @@ def test_the_temporal_difference_is_soft(monkeypatch):
         assert losses[group.id] == pytest.approx(np.mean(terms), rel=1e-4)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_agents_that_hope_climb_and_find_the_narrow_hill(seed):
     """11 of 11, and 1 of 1; `opponent_q`, which only expects, does not climb (`test_opponents.py`)."""
     assert (climbing_score("rommeo", seed) > 9).all()
     assert (hills_score("rommeo", seed) > 0.8).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_experience_keeps_hope_in_bounds(seed):
     """A leader that answers nobody is followed."""
     assert turncoat_score("rommeo", seed) > (0.85 + 0.05) / 2
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_optimism_without_experience_does_not(seed):
     """The baseline that must fail."""
     assert turncoat_score("pr2", seed) < (0.85 + 0.05) / 2

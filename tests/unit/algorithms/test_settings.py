@@ -5,7 +5,6 @@ from typing import Annotated
 import numpy as np
 import pytest
 import ray
-from gymnasium.envs.classic_control import CartPoleEnv
 from pydantic import Field
 from ray.rllib.policy.policy import PolicySpec
 
@@ -23,19 +22,11 @@ from tests.games.games import Cues, Target
     [
         ("ppo", {"clip": -1}),
         ("ppo", {"hidden": 64}),
-        ("ppo", {"epochs": True}),
         ("ppo", {"sharing": "everyone"}),
-        ("ppo", {"lr": 3}),
-        ("ppo", {"lr": float("nan")}),
-        ("ppo", {"rollout_fragment_length": "auto"}),
+        ("ppo", {"entropy_coeff": [[0, 0.1], [9, 0.2], [9, 0.1]]}),
         ("a2c", {"epochs": 2}),
-        ("mf_q", {"temperature": 0}),
         ("mf_q", {"graph": "star"}),
-        ("mf_ac", {"entropy_coeff": [[0, 0.1], [9, 0.2], [9, 0.1]]}),
-        ("dqn", {"tau": 5}),
-        ("dqn", {"epsilon": 0.1}),
         ("maac", {"hidden": ()}),
-        ("vdn", {"team_reward": "avg"}),
     ],
 )
 def test_a_setting_out_of_range_is_named_with_its_value(name, wrong):
@@ -51,9 +42,7 @@ def test_a_setting_out_of_range_is_named_with_its_value(name, wrong):
     ("wrong", "key"),
     [
         ({"lr": [[0, 3.0], [10, 0.1]]}, ("lr", 0, 1)),
-        ({"lr": [[0, 0.001]]}, ("lr",)),
         ({"hidden": (64, 0)}, ("hidden", 1)),
-        ({"sharing": {"team": ["a", 5]}}, ("sharing", "team", 1)),
         ({"sharing": {"g": ["a", "b"], "h": ["b"]}}, ("sharing",)),
     ],
 )
@@ -68,8 +57,6 @@ def test_a_wrong_part_of_a_setting_is_named_by_its_place(wrong, key):
         # 992 rows in whole sequences of 16, and learning starts with 1,000.
         ("dqn", {"capacity": 1000, "gru": 8, "sequence_length": 16, "rollout_fragment_length": 16}),
         ("dqn", {"prioritised": True, "gru": 8}),
-        ("dqn", {"priority_alpha": 0.9}),
-        ("ppo", {"sequence_length": 4}),
         ("pg", {"normalize_values": True, "baseline": False}),
         ("networked_q", {"agreement_rounds": 2, "consensus": False}),
         ("maac", {"attention_heads": 5}),
@@ -87,13 +74,10 @@ def test_settings_that_do_not_fit_each_other_are_refused(name, wrong):
     [
         ("ppo", {"lr": np.float64(0.1), "epochs": np.int64(3)}),
         ("ppo", {"lr": [[0, 1e-3], [9, 1e-4]], "minibatch_size": None, "grad_clip": None}),
-        ("ppo", {"sharing": len}),
         ("ppo", {"sharing": {"team": ("a", "b")}}),
         ("mf_q", {"graph": Near(5.0)}),
         ("mf_q", {"graph": [("a", "b"), ("b", "c")]}),
         ("dqn", {"hidden": [], "epsilon": [1, 0]}),
-        ("dqn", {"capacity": 1000}),
-        ("dqn", {"capacity": 8, "learning_starts": 8, "gru": 8}),
     ],
 )
 def test_values_of_every_kind_are_taken(name, settings):
@@ -118,20 +102,15 @@ def test_an_own_algorithms_settings_mean_what_it_says():
             Own().training(**wrong).validate()
 
 
-@pytest.mark.parametrize("name", list(ALGORITHMS))
-def test_every_setting_has_a_meaning_and_a_default_in_range(name):
-    settings = ALGORITHMS[name].settings
-    assert all(settings.meaning(setting) for setting in settings.model_fields)
-    assert not faults(settings, dict(settings()))
-    algorithms.config(name).validate()
-
-
-@pytest.mark.parametrize("name", list(ALGORITHMS))
-def test_every_number_among_the_settings_has_a_range(name):
-    described = ALGORITHMS[name].settings.model_json_schema()["properties"].values()
-    numbers = [part for part in described if part.get("type") in ("integer", "number")]
-    assert numbers
-    assert all(part.keys() & {"minimum", "exclusiveMinimum", "const"} for part in numbers)
+def test_every_setting_has_a_meaning_and_a_default_in_range():
+    for name, entry in ALGORITHMS.items():
+        settings = entry.settings
+        assert all(settings.meaning(setting) for setting in settings.model_fields), name
+        assert not faults(settings, dict(settings())), name
+        described = settings.model_json_schema()["properties"].values()
+        numbers = [part for part in described if part.get("type") in ("integer", "number")]
+        assert all(part.keys() & {"minimum", "exclusiveMinimum", "const"} for part in numbers), name
+        algorithms.config(name).validate()
 
 
 def handed_over(config):
@@ -143,8 +122,6 @@ def handed_over(config):
     ("changes", "named"),
     [
         (lambda c: c.training(lr=-1), "^lr=-1"),
-        (lambda c: c.learners(num_learners=-1), "^num_learners=-1"),
-        (lambda c: c.env_runners(num_env_runners=-1), "num_env_runners"),
         (lambda c: c.multi_agent(policies={"a": PolicySpec(config={"lr": 0.0})}), "'a'.*settings of its own"),
     ],
 )
@@ -153,13 +130,6 @@ def test_what_an_algorithm_is_handed_over_is_checked_as_it_was_given(changes, na
     config = algorithms.config("ppo")
     with pytest.raises(ValueError, match=named):
         handed_over(changes(config)).validate()
-
-
-def test_a_config_that_is_handed_over_keeps_its_settings():
-    config = algorithms.config("dqn").training(lr=1e-2, batch_size=16).debugging(seed=5)
-    other = handed_over(config)
-    assert (other.lr, other.batch_size, other.seed, other.algo_class) == (1e-2, 16, 5, config.algo_class)
-    other.validate()
 
 
 @pytest.mark.parametrize(
@@ -176,9 +146,7 @@ def test_a_setting_that_an_algorithm_lacks_under_any_name_is_not_offered():
     assert "value_coeff" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "meant"), [("lrr", "lr"), ("epoch", "epochs"), ("num_env_runers", "num_env_")]
-)
+@pytest.mark.parametrize(("name", "meant"), [("epoch", "epochs"), ("num_env_runers", "num_env_")])
 def test_a_typing_error_is_named_wherever_it_was_made(name, meant):
     attribute = algorithms.config("ppo")
     setattr(attribute, name, 1)
@@ -215,12 +183,6 @@ class Unstarted(Cues):
         raise OSError("no display")
 
 
-def drawn(letters):
-    rng = np.random.default_rng(1)
-    return lambda agent, *args, **kwargs: str(rng.choice(list(letters)))
-
-
-@pytest.mark.parametrize("env_runners", [0, 2])
 @pytest.mark.parametrize(
     ("name", "env", "change", "error", "named"),
     [
@@ -229,30 +191,13 @@ def drawn(letters):
         ("ppo", Cues, lambda c: c.multi_agent(policies_to_train=["bot"]), SpaceError, "'bot'.*agent_0"),
         ("ppo", Cues, lambda c: c.multi_agent(policies={"bot"}), SpaceError, "'bot'.*agent_0"),
         ("ppo", Cues, lambda c: c.training(sharing={"g": ["agent_0"]}), SpaceError, "no group.*agent_1"),
-        (
-            "ppo",
-            Cues,
-            lambda c: c.multi_agent(policy_mapping_fn=lambda agent, episode: None),
-            SpaceError,
-            r"policy_mapping_fn.*'agent_0'.*None",
-        ),
-        (
-            "ppo",
-            Cues,
-            lambda c: c.multi_agent(policy_mapping_fn=drawn("az")),
-            SpaceError,
-            "'a'.* 'z'|'z'.* 'a'",
-        ),
-        ("ppo", Cues, lambda c: c.training(sharing=drawn("az")), SpaceError, r"training\(sharing"),
+        ("ppo", Cues, lambda c: c.training(sharing=lambda agent: None), SpaceError, "'agent_0'.*None"),
         ("ppo", Cues, lambda c: c.evaluation(evaluation_config={"gamma": 7}), ValueError, "gamma=7"),
         ("ppo", "CartPole-v1", lambda c: c, SpaceError, "'CartPole-v1'"),
-        ("ppo", CartPoleEnv, lambda c: c, SpaceError, "CartPoleEnv"),
     ],
 )
-def test_what_does_not_fit_the_environment_is_an_error_before_ray_starts(
-    name, env, change, error, named, env_runners
-):
-    config = algorithms.config(name).environment(env).env_runners(num_env_runners=env_runners)
+def test_what_does_not_fit_the_environment_is_an_error_before_ray_starts(name, env, change, error, named):
+    config = algorithms.config(name).environment(env).env_runners(num_env_runners=0)
     with pytest.raises(error, match=named):
         change(config).build_algo()
     assert not ray.is_initialized()
@@ -265,20 +210,3 @@ def test_an_environment_that_cannot_start_is_an_error_before_ray_starts_unless_o
         config.build_algo()
     assert not ray.is_initialized()
     check_environment(config.env_runners(num_env_runners=1), config.algo_class.runner_class)
-
-
-def test_the_environment_that_is_made_to_be_checked_is_closed():
-    class Counted(Cues):
-        open = made = 0
-
-        def __init__(self, config=None):
-            super().__init__(config)
-            Counted.open += 1
-            Counted.made += 1
-
-        def close(self):
-            Counted.open -= 1
-
-    config = algorithms.config("ppo").environment(Counted)
-    check_environment(config, config.algo_class.runner_class)
-    assert (Counted.made, Counted.open) == (1, 0)

@@ -7,15 +7,15 @@ import torch
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Tuple
 from pettingzoo import ParallelEnv
 from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
-from rigs import Rig, known
+from rigs import Rig
 
-from algorithms.errors import EnvironmentFailure, SpaceError
+from algorithms.errors import SpaceError
 from algorithms.joint.adapter import COMMON, JointVector
 from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.env import episode_seed
 from algorithms.joint.spaces import Flattening, to_env
 from algorithms.joint.spec import JointSpec
-from tests.games.games import Broken, Cues, Game, Ragged, Target, TwoStep
+from tests.games.games import Cues, Game, Ragged, Target, TwoStep
 
 
 @pytest.mark.parametrize("game", [Cues, Target, TwoStep, Ragged])
@@ -78,25 +78,6 @@ def test_actions_in_the_units_of_the_environment():
     half = Box(0.0, np.inf, (1,), np.float32)
     np.testing.assert_allclose(to_env(half, np.array([[-3.0], [7.0]])), [[0], [7]])
     assert to_env(Discrete(3, start=5), np.array([0, 2])).tolist() == [5, 7]
-
-
-def test_an_environment_that_cannot_start_is_given_up():
-    class Dead(Broken):
-        broken = False
-
-        def reset(self, **kwargs):
-            if Dead.broken:
-                raise OSError("no display")
-            return super().reset(**kwargs)
-
-        def step(self, action_dict):
-            Dead.broken = True
-            raise RuntimeError("gone")
-
-    env = JointVector(lambda b: Dead({}), 1, max_failures=3)
-    env.reset(0, np.array([0]))
-    with pytest.raises(EnvironmentFailure, match=r"3 times in a row.*no display"):
-        env.step((np.zeros((1, 2), np.int64),))
 
 
 def test_turns_are_refused():
@@ -164,18 +145,6 @@ def test_a_truncation_without_a_last_observation_is_refused():
         env.step((np.zeros((1, 2), np.int64),))
     with pytest.raises(SpaceError, match="'agent_0'"):
         env.step((np.zeros((1, 2), np.int64),))
-
-
-class Silent(JointVector):
-    def step(self, actions):
-        step = super().step(actions)
-        return step._replace(truncated=np.zeros_like(step.truncated))
-
-
-def test_leaves_without_a_flag_are_found():
-    check_vector_env(JointVector(lambda b: Leaver(), 2), steps=10)
-    with pytest.raises(SpaceError, match="gone without having terminated"):
-        check_vector_env(Silent(lambda b: Leaver(), 2), steps=10)
 
 
 class Latecomer(Game):
@@ -320,9 +289,8 @@ def test_an_episode_goes_on_while_no_agent_is_there():
     check_vector_env(JointVector(lambda b: Gaps(), 2))
 
 
-@pytest.mark.parametrize("name", ["ppo", "dqn"])
-def test_steps_without_agents_are_learned_around(name):
-    rig = Rig(name, Gaps, **known(name, {"learning_starts": 8, "capacity": 64}))
+def test_steps_without_agents_are_learned_around():
+    rig = Rig("dqn", Gaps, learning_starts=8, capacity=64)
     for _ in range(3):
         rig.learner.update_joint(rig.rollout(16))
     assert all(torch.isfinite(weight).all() for net in rig.weights().values() for weight in net.values())
@@ -442,48 +410,34 @@ def steps_of(*odd):
     ("space", "seen"),
     [
         (Box(0, 1, (4,), np.float32), np.array([0.5], np.float32)),
-        (Box(0, 1, (2, 3), np.float32), np.zeros((3, 2), np.float32)),
-        (Box(0, 9, (2,), np.int32), np.array([0.9, 1.9])),
         (Box(0, 255, (2,), np.uint8), np.array([300, 0])),
-        (Box(0, 255, (2,), np.uint8), np.array([-1, 0])),
-        (Box(0, 1, (2,), bool), np.array([2, 0])),
         (Box(0, 9, (2,), np.float32), np.array(["1", "2"])),
     ],
 )
-@pytest.mark.parametrize("first", [0, 3])
-def test_observations_that_do_not_fit_their_space_are_refused(space, seen, first):
+def test_observations_that_do_not_fit_their_space_are_refused(space, seen):
     with pytest.raises(SpaceError, match=rf"'agent_1'.*\({seen.shape[0]},"):
-        steps_of(space, seen, first)
+        steps_of(space, seen, 3)
 
 
 @pytest.mark.parametrize(
     ("space", "seen", "value"),
     [
-        (Box(0, 255, (3,), np.uint8), np.array([1, 2, 3]), [1, 2, 3]),
         (Box(0, 255, (3,), np.uint8), [1, 2, 3], [1, 2, 3]),
-        (Box(0, 1, (3,), bool), [1, 0, 1], [True, False, True]),
-        (Box(0, 2**63, (2,), np.uint64), [1, 2**63], [1, 2**63]),
         (Box(0, 9, (2,), np.int32), np.array([1.0, 2.0]), [1, 2]),
-        (Box(0, 9, (2,), np.float32), np.array([0.1, 2.0]), np.float32([0.1, 2.0]).tolist()),
-        (Box(0, 9, (2,), np.float32), np.array([1, 0.5], object), [1.0, 0.5]),
         (Box(0, 9, (1,), np.float32), 0.5, [0.5]),
-        (Box(0, 9, (), np.float32), np.float32([0.5]), 0.5),
-        (Box(0, 9, (3,), np.float32), np.float32([[1, 2, 3]]), [1, 2, 3]),
         (Box(0, 9, (1, 3), np.float32), np.float32([1, 2, 3]), [[1, 2, 3]]),
         (Dict(a=Box(0, 255, (2,), np.uint8)), {"a": np.array([1, 2])}, [1, 2]),
     ],
 )
-@pytest.mark.parametrize("first", [0, 3])
-def test_observations_of_another_type_that_are_values_of_their_space_are_taken(space, seen, value, first):
-    (leaf,) = steps_of(space, seen, first)[first].values()
+def test_observations_of_another_type_that_are_values_of_their_space_are_taken(space, seen, value):
+    (leaf,) = steps_of(space, seen, 3)[3].values()
     assert leaf.tolist() == value
 
 
-@pytest.mark.parametrize("error", [RuntimeError, TypeError])
-def test_environments_that_cannot_be_pickled_begin_new_episodes(error):
+def test_environments_that_cannot_be_pickled_begin_new_episodes():
     class Unpicklable(Cues):
         def __reduce__(self):
-            raise error("not to be shared")
+            raise TypeError("not to be shared")
 
     env = JointVector(lambda b: Unpicklable(), 1)
     env.reset(0, np.zeros(1, int))

@@ -16,6 +16,8 @@ from algorithms.parts.advantages import generalised_advantages
 from algorithms.parts.distributions import SampledActions
 from smarts.env import VectorHiWayEnv
 
+pytestmark = pytest.mark.nightly
+
 LEFT_TURN = Path(__file__).parents[4] / "examples" / "left_turn_bubble"
 GAMMA, LAMBDA, STEPS = 0.9, 0.8, 220
 

@@ -9,8 +9,6 @@ import algorithms
 from algorithms.joint.runner import JointEnvRunner
 from tests.games.games import Broken, Constant
 
-pytestmark = pytest.mark.usefixtures("cluster")
-
 
 class Diary(RLlibCallback):
     """Writes down what it is told, and logs."""
@@ -36,17 +34,23 @@ class Diary(RLlibCallback):
         given["metrics_logger"].log_value("ended", 1, reduce="sum")
 
 
-def trained(env, iterations, env_config=None, **callbacks):
+def runner_of(env, envs=2, env_config=None, **callbacks):
+    """Return an environment runner with callbacks."""
     config = algorithms.config("ppo").environment(env, env_config=env_config or {}).training(hidden=(8,))
-    config.env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=16)
-    algo = config.callbacks(**callbacks).debugging(seed=0).build_algo()
-    results = [algo.train()["env_runners"] for _ in range(iterations)]
-    algo.stop()
-    return results
+    config.env_runners(num_env_runners=0, num_envs_per_env_runner=envs, rollout_fragment_length=16)
+    config.callbacks(**callbacks).debugging(seed=0).validate()
+    return JointEnvRunner(config=config, worker_index=0, num_workers=0)
+
+
+def sampled(runner):
+    """Return the results of a fragment by name."""
+    runner.sample()
+    return {name: stats.peek() for name, stats in runner.get_metrics().items() if hasattr(stats, "peek")}
 
 
 def test_every_episode_starts_steps_and_ends():
-    first, second = trained(Constant, 2, callbacks_class=Diary)
+    runner = runner_of(Constant, callbacks_class=Diary)
+    first, second = sampled(runner), sampled(runner)
     # Two environments: 16 steps end an episode of ten each, 32 steps two more; every end starts another.
     assert [r["ended"] for r in (first, second)] == [2, 4]
     assert [r["told"] for r in (first, second)] == [20, 40]
@@ -54,16 +58,15 @@ def test_every_episode_starts_steps_and_ends():
     assert first["num_episodes"] == 2
 
 
-@pytest.mark.slow
 def test_functions_are_called_too_and_broken_episodes_do_not_end():
     calls = []
-    (result,) = trained(
+    runner = runner_of(
         Broken,
-        1,
-        {"raise_at": 3, "chance": 0.5},
+        env_config={"raise_at": 3, "chance": 0.5},
         on_episode_start=lambda episode, **kwargs: calls.append(("start", episode.id_)),
         on_episode_end=lambda episode, **kwargs: calls.append(("end", episode.id_)),
     )
+    result = sampled(runner)
     started = [identity for kind, identity in calls if kind == "start"]
     ended = [identity for kind, identity in calls if kind == "end"]
     failed = result["num_failed_envs_lifetime"]
@@ -95,13 +98,7 @@ class Unpicklable(Log):
 
 @pytest.mark.parametrize("kind", [Log, Unpicklable])
 def test_a_restored_episode_goes_on_for_callbacks(kind):
-    def runner():
-        config = algorithms.config("ppo").environment(Constant).training(hidden=(8,))
-        config.env_runners(num_env_runners=0, num_envs_per_env_runner=1).callbacks(kind).debugging(seed=0)
-        config.validate()
-        return JointEnvRunner(config=config, worker_index=0, num_workers=0)
-
-    first, restored = runner(), runner()
+    first, restored = (runner_of(Constant, envs=1, callbacks_class=kind) for _ in range(2))
     first.sample(num_timesteps=7)
     state = {**first.get_state(), "samplers": first.sampler_state()}
     kind.heard.clear()

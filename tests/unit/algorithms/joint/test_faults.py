@@ -11,7 +11,6 @@ from algorithms.errors import EnvironmentFailure, SpaceError
 from algorithms.joint.adapter import COMMON, JointVector
 from algorithms.joint.env import MEMORY, AgentBlock, FinalStep, JointSpaces, JointStep, episode_seed
 from algorithms.parts.distributions import Exploration
-from algorithms.registry import ALGORITHMS
 from tests.games.games import Cues, Game, Ragged, Target
 
 
@@ -119,13 +118,12 @@ def test_nan_in_the_last_step_of_an_episode_does_not_rename_those_behind_it():
     assert [float(episode.returns[0]) for episode in episodes] == wanted
 
 
-@pytest.mark.parametrize("bad", [1, 2, 4])
-def test_nan_in_a_first_observation_makes_the_copy_anew(bad):
+def test_nan_in_a_first_observation_makes_the_copy_anew():
     NaNStart.bad = 0
     rig = Rig("ppo", NaNStart)
-    NaNStart.bad = bad
+    NaNStart.bad = 2
     assert np.isfinite(rig.rollout(2).views.observations[0][""]).all()
-    assert rig.sampler.progress.failed_total == bad
+    assert rig.sampler.progress.failed_total == 2
 
 
 def test_nan_in_every_first_observation_stops_the_run():
@@ -137,14 +135,13 @@ def test_nan_in_every_first_observation_stops_the_run():
         rig.rollout(2)
 
 
-@pytest.mark.parametrize("number", [1, 2, 3])
 @pytest.mark.parametrize("where", ["constructor", "reset"])
-def test_a_copy_that_fails_once_to_start_is_started_again(where, number):
+def test_a_copy_that_fails_once_to_start_is_started_again(where):
     calls = {"constructor": 0, "reset": 0}
 
     def count(place):
         calls[place] += 1
-        if place == where and calls[place] == number:
+        if place == where and calls[place] == 2:
             raise OSError("flaky")
 
     class Flaky(Cues):
@@ -162,13 +159,12 @@ def test_a_copy_that_fails_once_to_start_is_started_again(where, number):
     assert calls[where] == {"constructor": 3, "reset": 4}[where] + 1
 
 
-@pytest.mark.parametrize("name", ["ppo", "mf_q"])
-def test_an_environment_that_fails_in_every_episode_is_named_by_its_class(name):
+def test_an_environment_that_fails_in_every_episode_is_named_by_its_class():
     class Crashing(Cues):
         def step(self, action_dict):
             raise RuntimeError("crash")
 
-    rig = Rig(name, Crashing)
+    rig = Rig("ppo", Crashing)
     rig.sampler._max_failures = 2
     with pytest.raises(EnvironmentFailure, match=r"environment \d, a Crashing: 3 failures.*crash"):
         rig.rollout(4)
@@ -180,19 +176,6 @@ def test_a_constructor_that_always_raises_is_named():
 
     with pytest.raises(EnvironmentFailure, match=r"environment 0 .* 3 times.*no display"):
         JointVector(make, 2, max_failures=3)
-
-
-def test_a_copy_that_cannot_be_closed_is_replaced_all_the_same():
-    class Open(Cues):
-        def step(self, action_dict):
-            raise RuntimeError("crash")
-
-        def close(self):
-            raise OSError("cannot close")
-
-    env = JointVector(lambda b: Open(), 1)
-    env.reset(0, np.array([0]))
-    assert list(env.step((np.zeros((1, 2), np.int64),)).failed) == [0]
 
 
 def test_an_agent_with_both_flags_terminated():
@@ -209,8 +192,7 @@ def test_an_agent_with_both_flags_terminated():
     assert not step.truncated.any()
 
 
-@pytest.mark.parametrize("name", ["ppo", "maddpg"])
-@pytest.mark.parametrize("shape", [(), (2, 2)])
+@pytest.mark.parametrize(("name", "shape"), [("ppo", ()), ("maddpg", (2, 2))])
 def test_actions_reach_the_environment_in_the_shape_of_their_box(name, shape):
     low = np.arange(np.prod(shape, dtype=int), dtype=np.float32).reshape(shape)
 
@@ -230,8 +212,8 @@ def test_actions_reach_the_environment_in_the_shape_of_their_box(name, shape):
     rig.learner.update_joint(rollout)
 
 
-@pytest.mark.parametrize("name", list(ALGORITHMS))
-def test_every_algorithm_hands_annotations_on(name):
+@pytest.mark.parametrize("name", ["ppo", "mf_q"])
+def test_annotations_reach_the_environment_through_wrappers(name):
     class Annotated(JointVector):
         def annotate(self, key, values):
             """Take down what policies gave."""
@@ -246,16 +228,14 @@ def test_every_algorithm_hands_annotations_on(name):
     assert getattr(algorithms.config(name).adapt(bare), "annotate", None) is None
 
 
-@pytest.mark.parametrize("name", [name for name, entry in ALGORITHMS.items() if entry.recurrent])
-def test_a_memory_needs_no_other_setting(name):
-    config = algorithms.config(name).training(gru=8)
+def test_a_memory_needs_no_other_setting():
+    config = algorithms.config("vdn").training(gru=8)
     config.validate()
     assert config.gru == 8
 
 
-@pytest.mark.parametrize("name", ["vdn", "qmix"])
-def test_late_arrivals_are_valued_with_an_empty_memory(name):
-    rig = Rig(name, Ragged, gru=4, sequence_length=8, learning_starts=1, capacity=400, sharing="all")
+def test_late_arrivals_are_valued_with_an_empty_memory():
+    rig = Rig("vdn", Ragged, gru=4, sequence_length=8, learning_starts=1, capacity=400, sharing="all")
     batch = replayed(rig, steps=64, count=128, epsilon=1.0)
     ((group, own),) = list(batch.groups())
     arrived = own.next.alive & ~own.bootstrap
@@ -288,12 +268,11 @@ def test_a_seed_is_drawn_where_none_is_given():
     assert given.seed == 0
 
 
-@pytest.mark.parametrize("name", ["maddpg", "bicnet"])
-def test_deterministic_policies_need_bounds(name):
+def test_deterministic_policies_need_bounds():
     class Half(Target):
         def __init__(self, config=None):
             super().__init__()
             self.action_spaces = {a: Box(0.0, np.inf, (1,), np.float32) for a in self.agents}
 
     with pytest.raises(SpaceError, match=r"action space: .*agent_0, agent_1 has none"):
-        Rig(name, Half)
+        Rig("maddpg", Half)

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from tests.unit.algorithms.joint.test_rllib_contract import build, small, train, weights
+from tests.unit.algorithms.joint.test_rllib_contract import small
 from tests.unit.algorithms.joint.test_several_learners import VARIANTS
 from tests.unit.algorithms.learner_processes import LR, arrays, learn, rig
-from tests.unit.algorithms.rigs import EVERY
-
-assert build  # a fixture
+from tests.unit.algorithms.rigs import EVERY, train, weights_of
 
 pytestmark = [
     pytest.mark.usefixtures("cluster"),
@@ -81,5 +79,5 @@ def test_a_training_continues_on_another_device(build, tmp_path, name, learners)
     for algo in (cpu, gpu):
         result = train(algo, 2)
         assert result["learners"]["agent_0"]["gradient_norm"] > 0
-        for leaf, array in weights(control).items():
-            np.testing.assert_allclose(weights(algo)[leaf], array, atol=1e-4, err_msg=leaf)
+        for leaf, array in weights_of(control).items():
+            np.testing.assert_allclose(weights_of(algo)[leaf], array, atol=1e-4, err_msg=leaf)

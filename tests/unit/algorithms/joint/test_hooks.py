@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from gymnasium.spaces import Box
 
-from algorithms.errors import SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.env import LATENT
 from algorithms.joint.evaluation import evaluate
@@ -121,28 +119,9 @@ def test_a_sampler_is_restored_with_its_latents():
     assert first.reset.any()
 
 
-def test_leaves_that_no_sampler_fills_are_refused():
-    class Dead(PairConfig):
-        def carried(self, block):
-            return {"@message": Box(-1, 1, (2,))}
-
-    with pytest.raises(SpaceError, match=r"carried\(\).*'@message'"):
-        sampler(config=Dead())
-
-
-@pytest.fixture
-def build():
-    built = []
-
-    def build(runners=0):
-        config = PairConfig().environment(Vector).debugging(seed=7).training(sharing="all", lr=0.01)
-        config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
-        built.append(config.build_algo())
-        return built[-1]
-
-    yield build
-    for algo in built:
-        algo.stop()
+def pair(runners=0):
+    config = PairConfig().environment(Vector).debugging(seed=7).training(sharing="all", lr=0.01)
+    return config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
 
 
 def trained(algo, iterations):
@@ -155,14 +134,13 @@ def trained(algo, iterations):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.usefixtures("cluster")
 def test_training_is_the_same_with_a_remote_runner_and_after_a_restore(build, tmp_path):
-    local, remote = build(), build(runners=1)
+    local, remote = build(pair()), build(pair(runners=1))
     first = trained(local, 3)
     assert trained(remote, 3) == first
     assert first[1] != TABLE.log().tolist()
     local.save_to_path(str(tmp_path))
-    restored = build()
-    restored.restore_from_path(str(tmp_path))
+    restored = build(pair(), tmp_path)
     assert trained(restored, 2) == trained(local, 2)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box, Dict
-from rigs import EVERY, Rig, known
+from rigs import Rig, known
 
 from algorithms.joint.finite import non_finite
 from tests.games.games import Cues, Ragged, Target
@@ -47,8 +47,8 @@ def learned(name, game):
     return after
 
 
-@pytest.mark.parametrize("name", EVERY)
-def test_every_algorithm_learns_the_same_from_doubles(name):
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+def test_doubles_are_learned_from_alike(name):
     """Ragged's final observations differ from those after the reset, and its agents come and go."""
     single, double = learned(name, Ragged), learned(name, precise(Ragged, np.float64))
     for module, own in single.items():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from rigs import SEEDS, Rig, first
+from rigs import Rig, nightly_by_seed
 
 import algorithms
 from algorithms.errors import UnknownSettingError
@@ -105,7 +105,7 @@ def test_sequences_are_consecutive_steps_of_one_copy_with_their_memories():
     assert len(found) == 4
 
 
-@pytest.mark.parametrize("name", ["dqn", "vdn", "qmix"])
+@pytest.mark.parametrize("name", ["dqn", "qmix"])
 def test_replayed_memories_are_those_of_acting_and_of_each_network(name):
     rig = Rig(name, Ragged, sharing="all", gru=4, sequence_length=8, **REPLAY)
     rig.rollout(16, epsilon=0.5)
@@ -147,16 +147,14 @@ def recalled(name, seed, steps=6_000, gru=16):
     return np.mean([e.returns for e in episodes])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", first("dqn", "vdn", "qmix"))
+@nightly_by_seed
+@pytest.mark.parametrize("name", ["dqn", "vdn", "qmix"])
 def test_a_cue_is_remembered_by_values(name, seed):
     """1.0; 0.5 without memory."""
     assert recalled(name, seed) > 0.75
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@nightly_by_seed
 def test_values_without_memory_forget_the_cue(seed):
     """The ablation that must fail: 0.5, plus three standard errors of 100 answers."""
     assert recalled("dqn", seed, 2_000, gru=0) < 0.5 + 3 * 0.5 / 100**0.5

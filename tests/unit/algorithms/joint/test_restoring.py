@@ -20,6 +20,7 @@ def trained(seed):
     return algo
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("cluster")
 def test_weights_of_a_training_as_long_reach_the_runners_that_have_others():
     source, target = trained(3), trained(8)
@@ -66,19 +67,11 @@ def test_a_replay_buffer_of_other_sequences_is_refused():
         JointReplay(rig.spec, 64, 4).set_state(rig.learner.replay.get_state())
 
 
-@pytest.mark.slow
 def test_what_shapes_no_network_tells_no_checkpoints_apart():
     hot, cold = (algorithms.config("mf_q").training(temperature=t) for t in (0.1, 2.0))
     assert hot.checkpoint_signature() == cold.checkpoint_signature()
     few, many = (algorithms.config("maac").training(attention_heads=n) for n in (2, 4))
     assert few.checkpoint_signature() != many.checkpoint_signature()
-
-
-def test_a_checkpoint_of_mats_earlier_layers_is_refused_by_name():
-    own = algorithms.config("mat").checkpoint_signature()
-    earlier = {name: value for name, value in own.items() if name != "layers"}
-    with pytest.raises(CheckpointError, match="layers: None there, its authors' here"):
-        check_signature(earlier, own)
 
 
 def test_a_replay_buffer_stored_without_priorities_is_drawn_from_evenly():
@@ -93,9 +86,7 @@ def test_a_replay_buffer_stored_without_priorities_is_drawn_from_evenly():
     np.testing.assert_array_equal(ranked.learner.replay.weights()[rows], 1)
 
 
-def test_a_baseline_tells_checkpoints_apart_where_both_say_whether_there_is_one():
+def test_a_baseline_tells_checkpoints_apart():
     there, here = (algorithms.config("pg").training(baseline=b).checkpoint_signature() for b in (True, False))
     with pytest.raises(CheckpointError, match="baseline: True there, False here"):
         check_signature(there, here)
-    earlier = {name: value for name, value in there.items() if name != "baseline"}
-    check_signature(earlier, here)

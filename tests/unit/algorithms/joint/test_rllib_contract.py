@@ -1,26 +1,21 @@
 """The algorithms as RLlib algorithms: checkpoints, evaluation, faults, refusals."""
 
 import os
-import pickle
 import signal
 import time
 
 import numpy as np
 import pytest
-from rigs import first
+from rigs import first, train, weights_of
 
 import algorithms
 from algorithms.errors import (
     CheckpointError,
     DamagedCheckpointError,
-    EnvironmentFailure,
     RunnerFailure,
     SpaceError,
-    UnknownSettingError,
 )
-from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
-from algorithms.joint.runner import SAMPLERS, JointEnvRunner
-from tests.games.games import Broken, Constant, Cues, Hanging, Ragged, Target
+from tests.games.games import Broken, Constant, Cues, Hanging, Ragged
 
 pytestmark = pytest.mark.usefixtures("cluster")
 
@@ -36,11 +31,6 @@ def small(name="ppo", env=Cues, runners=0, env_config=None, **settings):
     return config.debugging(seed=3).training(**{"hidden": (16,), **FAST[name], **settings})
 
 
-def weights(algo):
-    state = algo.learner_group.get_state()["learner"]["rl_module"]
-    return {f"{module}/{name}": np.array(x) for module, part in state.items() for name, x in part.items()}
-
-
 def assert_same(first, second):
     assert first.keys() == second.keys()
     for name, array in first.items():
@@ -51,84 +41,56 @@ def differ(first, second):
     return any(not np.array_equal(first[name], second[name]) for name in first)
 
 
-@pytest.fixture
-def build():
-    built = []
-
-    def built_algo(config):
-        built.append(config.build_algo())
-        return built[-1]
-
-    yield built_algo
-    for algo in built:
-        algo.stop()
-
-
-def train(algo, iterations):
-    for _ in range(iterations):
-        result = algo.train()
-    return result
-
-
-@pytest.mark.parametrize("env", [Cues, pytest.param(Ragged, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ["dqn", pytest.param("ppo", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("name", "env"), first(("dqn", Cues), ("dqn", Ragged), ("ppo", Ragged)))
 def test_restored_training_equals_uninterrupted_training(build, tmp_path, name, env):
     algo = build(small(name, env))
     train(algo, 3)
     algo.save_to_path(str(tmp_path / "checkpoint"))
-    at_three, snapshot = weights(algo), algo.get_state()
+    at_three, snapshot = weights_of(algo), algo.get_state()
     train(algo, 3)
-    at_six = weights(algo)
+    at_six = weights_of(algo)
     assert differ(at_three, at_six)
 
     fresh = type(algo).from_checkpoint(str(tmp_path / "checkpoint"))
-    assert_same(weights(fresh), at_three)
+    assert_same(weights_of(fresh), at_three)
     train(fresh, 3)
-    assert_same(weights(fresh), at_six)
+    assert_same(weights_of(fresh), at_six)
     fresh.stop()
 
     algo.restore_from_path(str(tmp_path / "checkpoint"))
-    assert_same(weights(algo), at_three)
+    assert_same(weights_of(algo), at_three)
     train(algo, 3)
-    assert_same(weights(algo), at_six)
+    assert_same(weights_of(algo), at_six)
 
     algo.set_state(snapshot)
     train(algo, 3)
-    assert_same(weights(algo), at_six)
+    assert_same(weights_of(algo), at_six)
 
 
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_weights(build):
-    first, second = build(small()), build(small())
-    train(first, 4)
-    train(second, 4)
-    assert_same(weights(first), weights(second))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", first("ppo", "dqn"))
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
 def test_a_remote_learner_learns_what_a_local_one_does(build, tmp_path, name):
     local, remote = build(small(name)), build(small(name).learners(num_learners=1, num_cpus_per_learner=0))
     for algo in (local, remote):
         train(algo, 2)
-    assert_same(weights(local), weights(remote))
+    assert_same(weights_of(local), weights_of(remote))
     remote.save_to_path(str(tmp_path / "checkpoint"))
     train(local, 2)
     remote.restore_from_path(str(tmp_path / "checkpoint"))
     train(remote, 2)
-    assert_same(weights(local), weights(remote))
+    assert_same(weights_of(local), weights_of(remote))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_restored_training_with_a_remote_runner_equals_uninterrupted_training(build, tmp_path):
     algo = build(small(runners=1))
     train(algo, 2)
     algo.save_to_path(str(tmp_path / "checkpoint"))
     train(algo, 2)
-    expected = weights(algo)
+    expected = weights_of(algo)
     algo.restore_from_path(str(tmp_path / "checkpoint"))
     train(algo, 2)
-    assert_same(weights(algo), expected)
+    assert_same(weights_of(algo), expected)
 
 
 def test_a_schedule_of_the_learning_rate_goes_by_environment_steps(build):
@@ -145,7 +107,7 @@ def test_a_schedule_of_the_learning_rate_goes_by_environment_steps(build):
     assert falling[-2:] == pytest.approx([1e-4, 1e-4])
 
 
-@pytest.mark.parametrize("name", ["ppo", "dqn"])
+@pytest.mark.parametrize("name", first("ppo", "dqn"))
 def test_the_first_update_after_a_restore_goes_by_the_new_learning_rate(build, tmp_path, name):
     """As population-based training restores: two iterations of 32 steps at one rate, the third at another."""
     old, new = 2.0**-10, 2.0**-6
@@ -158,25 +120,9 @@ def test_the_first_update_after_a_restore_goes_by_the_new_learning_rate(build, t
         algo = build(small(name, lr=lr))
         algo.restore_from_path(str(tmp_path / "checkpoint"))
         train(algo, 1)
-        assert_same(weights(algo), weights(whole))
+        assert_same(weights_of(algo), weights_of(whole))
     train(source, 1)
-    assert differ(weights(source), weights(whole))
-
-
-def test_a_networks_own_learning_rate_counts_in_the_first_update_after_a_restore(build, tmp_path):
-    def with_own(lr):
-        return small(lr=0.25).rl_module(algorithm_config_overrides_per_module={"agent_0": {"lr": lr}})
-
-    source, other = build(with_own(0.5)), build(with_own(0.125))
-    train(source, 1)
-    source.save_to_path(str(tmp_path / "checkpoint"))
-    other.restore_from_path(str(tmp_path / "checkpoint"))
-    learner = other.learner_group._learner
-    rates = {
-        module: {g["lr"] for _, o in learner.get_optimizers_for_module(module) for g in o.param_groups}
-        for module in ("agent_0", "agent_1")
-    }
-    assert rates == {"agent_0": {0.125}, "agent_1": {0.25}}
+    assert differ(weights_of(source), weights_of(whole))
 
 
 def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alone(build):
@@ -190,7 +136,7 @@ def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alo
     assert first["sampled"]["episode_return_mean"] == again["sampled"]["episode_return_mean"]
     train(algo, 1)
     train(control, 2)
-    assert_same(weights(algo), weights(control))
+    assert_same(weights_of(algo), weights_of(control))
 
 
 class Crowd(Constant):
@@ -205,47 +151,7 @@ def test_an_evaluation_with_other_agents_is_refused():
         config.build_algo()
 
 
-def evaluation_runner(**settings):
-    config = small("dqn", **settings)
-    config.validate()
-    evaluation = config.get_evaluation_config_object()
-    evaluation.validate()
-    return JointEnvRunner(config=evaluation, worker_index=0, num_workers=0)
-
-
-def test_an_evaluation_runner_that_is_given_no_number_plays_an_episode_of_each_environment():
-    runner = evaluation_runner()
-    lists = [[episode.episode_index - FIRST_VALIDATION_EPISODE for episode in runner.sample()] for _ in "ab"]
-    assert lists == [[0, 1], [2, 3]]
-    assert runner.get_metrics()["num_episodes"].peek() == 4
-
-
-def test_fragments_are_sampled_as_asked():
-    config = small("dqn", epsilon=(1.0, 1.0))
-    config.validate()
-    runner = JointEnvRunner(config=config, worker_index=0, num_workers=0)
-    for explore, most in ((False, 4), (True, 16)):
-        (rollout,) = runner.sample(num_timesteps=800, explore=explore)
-        seen = rollout.views.observations[0][""][:-1, :, 0].argmax(-1)
-        pairs = {*zip(seen.ravel().tolist(), rollout.actions[0][..., 0].ravel().tolist(), strict=True)}
-        assert len(pairs) == most
-
-
-@pytest.mark.slow
-def test_an_evaluation_group_plays_the_same_episodes_as_the_local_runner(build):
-    alone = build(small().evaluation(evaluation_duration=5))
-    expected = alone.evaluate()["env_runners"]
-    beside = build(
-        small().evaluation(evaluation_interval=1, evaluation_num_env_runners=2, evaluation_duration=5)
-    )
-    group = beside.evaluate()["env_runners"]
-    assert group["num_episodes"] == 5
-    for name in ("episode_return_mean", "episode_return_min", "episode_return_max", "episode_len_mean"):
-        assert group[name] == pytest.approx(expected[name], rel=1e-12)
-    assert expected["episode_return_min"] < expected["episode_return_mean"]
-
-
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_episodes_of_a_lost_evaluation_runner_are_played_by_another(build):
     expected = build(small().evaluation(evaluation_duration=5)).evaluate()["env_runners"]
     algo = build(
@@ -259,30 +165,14 @@ def test_the_episodes_of_a_lost_evaluation_runner_are_played_by_another(build):
             assert found[name] == pytest.approx(expected[name], rel=1e-12)
 
 
-def test_unsuitable_actions_are_refused_with_the_algorithms_that_fit():
-    with pytest.raises(SpaceError, match=r"^action space: 'dqn'.*[\s\S]*ppo"):
-        small("dqn", Target).build_algo()
-
-
-@pytest.mark.slow
-def test_unsuitable_actions_of_a_remote_environment_are_refused_too():
-    with pytest.raises(SpaceError, match=r"^action space: 'dqn'"):
-        small("dqn", Target, runners=1).build_algo()
-
-
-def test_an_unknown_setting_is_answered_with_the_nearest():
-    with pytest.raises(UnknownSettingError, match=r"'epoch'[\s\S]*'epochs'"):
-        small(epoch=3)
-
-
 def test_a_checkpoint_of_another_algorithm_or_sharing_is_refused(build, tmp_path):
     algo = build(small())
     train(algo, 1)
     algo.save_to_path(str(tmp_path / "checkpoint"))
-    before = weights(other := build(small("dqn")))
+    before = weights_of(other := build(small("dqn")))
     with pytest.raises(CheckpointError, match=r"ppo .*dqn"):
         other.restore_from_path(str(tmp_path / "checkpoint"))
-    assert_same(before, weights(other))
+    assert_same(before, weights_of(other))
     with pytest.raises(CheckpointError, match="group 'shared'"):
         build(small(sharing="all")).restore_from_path(str(tmp_path / "checkpoint"))
     with pytest.raises(CheckpointError, match="action space"):
@@ -294,37 +184,14 @@ def test_a_checkpoint_of_other_networks_is_refused_with_the_settings_that_differ
     train(algo, 1)
     algo.save_to_path(str(tmp_path / "checkpoint"))
     other = build(small(hidden=[8], normalize_values=True, lr=1.0))
-    before = weights(other)
+    before = weights_of(other)
     both = r"hidden: \(16,\).*\(8,\).*normalize_values: False.*True"
     with pytest.raises(CheckpointError, match=both):
         other.restore_from_path(str(tmp_path / "checkpoint"))
     with pytest.raises(CheckpointError, match=both):
         other.set_state(algo.get_state())
-    assert_same(before, weights(other))
+    assert_same(before, weights_of(other))
     build(small(lr=1.0, hidden=[16])).set_state(algo.get_state())
-
-
-def test_sequences_of_another_length_are_refused_before_a_weight_is_touched(build, tmp_path):
-    algo = build(small("dqn", gru=4, sequence_length=8))
-    train(algo, 1)
-    algo.save_to_path(str(tmp_path / "checkpoint"))
-    other = build(small("dqn", gru=4, sequence_length=4))
-    before = weights(other)
-    with pytest.raises(CheckpointError, match=r"sequence_length of the replay buffer: 8 there, 4 here"):
-        other.restore_from_path(str(tmp_path / "checkpoint"))
-    assert_same(before, weights(other))
-
-
-def test_a_checkpoint_holds_the_environments_once(build, tmp_path):
-    algo = build(small())
-    train(algo, 1)
-    algo.save_to_path(str(tmp_path / "checkpoint"))
-    holding = [
-        file.relative_to(tmp_path / "checkpoint").as_posix()
-        for file in (tmp_path / "checkpoint").rglob("*.pkl")
-        if SAMPLERS in pickle.loads(file.read_bytes())
-    ]
-    assert holding == ["algorithm_state.pkl"]
 
 
 @pytest.mark.parametrize(
@@ -350,22 +217,14 @@ def test_broken_episodes_are_counted_and_replaced(build, fault):
     result = train(algo, 3)["env_runners"]
     assert result["num_failed_envs_lifetime"] > 0
     assert result["num_episodes_lifetime"] > 0
-    assert all(np.isfinite(w).all() for w in weights(algo).values())
+    assert all(np.isfinite(w).all() for w in weights_of(algo).values())
 
 
-@pytest.mark.parametrize("fault", [{"raise_at": 3}, {"nan_at": 3}])
-def test_an_environment_that_always_breaks_stops_the_run(build, fault):
-    algo = build(small(env=Broken, env_config=fault))
-    with pytest.raises(EnvironmentFailure, match=r"^environment [01], "):
-        train(algo, 10)
-
-
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_training_survives_sigkill_of_a_runner(build):
     algo = build(small(runners=2))
     train(algo, 1)
-    pids = algo.env_runner_group.foreach_env_runner(lambda runner: os.getpid(), local_env_runner=False)
-    os.kill(pids[0], signal.SIGKILL)
+    os.kill(pids_of(algo.env_runner_group)[0], signal.SIGKILL)
     steps = [train(algo, 1)["env_runners"]["num_env_steps_sampled_lifetime"]]
     deadline = time.monotonic() + 60
     while algo.env_runner_group.num_healthy_remote_workers() < 2 and time.monotonic() < deadline:
@@ -377,19 +236,6 @@ def test_training_survives_sigkill_of_a_runner(build):
 
 def pids_of(group):
     return group.foreach_env_runner(lambda runner: os.getpid(), local_env_runner=False)
-
-
-@pytest.mark.nightly
-def test_the_only_runner_is_awaited_without_a_limit_and_its_return_is_told(build):
-    told = []
-    config = small(runners=1).env_runners(sample_timeout_s=None)
-    algo = build(
-        config.callbacks(on_env_runners_recreated=lambda **kw: told.append(kw["env_runner_indices"]))
-    )
-    train(algo, 1)
-    os.kill(pids_of(algo.env_runner_group)[0], signal.SIGKILL)
-    assert train(algo, 1)["env_runners"]["num_env_steps_sampled_lifetime"] == 64
-    assert told == [[1]]
 
 
 @pytest.mark.nightly
@@ -430,7 +276,7 @@ def test_an_evaluation_runner_that_was_lost_comes_back(build):
     assert result["evaluation"]["env_runners"]["episode_return_mean"] == mean
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_hung_runner_is_killed_and_comes_back(build, tmp_path):
     file = tmp_path / "hang"
     config = small(env=Hanging, runners=2, env_config={"file": str(file)})
@@ -467,12 +313,11 @@ def test_own_evaluation_hands_over_every_step_and_plays_fixed_worlds(build):
     assert first != [e.returns.tolist() for e in episodes]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", first("ppo", "dqn"))
-def test_runs_under_tune_with_its_own_class_and_settings(name, tmp_path):
+@pytest.mark.nightly
+def test_runs_under_tune_with_its_own_class_and_settings(tmp_path):
     from ray import tune
 
-    config = small(name, hidden=tune.grid_search([(8,), (16,)]))
+    config = small(hidden=tune.grid_search([(8,), (16,)]))
     tuner = tune.Tuner(
         config.algo_class,
         param_space=config,
@@ -483,15 +328,3 @@ def test_runs_under_tune_with_its_own_class_and_settings(name, tmp_path):
     assert not results.errors
     assert sorted(r.config["hidden"] for r in results) == [(8,), (16,)]
     assert all(r.metrics["env_runners"]["num_env_steps_sampled_lifetime"] == 64 for r in results)
-
-
-@pytest.mark.slow
-def test_pettingzoo_environments_run_through_rllibs_wrapper(build):
-    from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
-    from ray.tune import register_env
-
-    from tests.games.zoo import ZooCues
-
-    register_env("zoo_cues", lambda config: ParallelPettingZooEnv(ZooCues()))
-    result = train(build(small(env="zoo_cues")), 2)
-    assert result["env_runners"]["episode_len_mean"] == 10

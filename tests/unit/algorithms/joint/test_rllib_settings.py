@@ -9,10 +9,10 @@ import torch
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.callbacks.callbacks import RLlibCallback
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
-from rigs import cases, takes
+from rigs import cases, takes, train, weights_of
 
 import algorithms
-from algorithms.errors import SpaceError, UnknownSettingError
+from algorithms.errors import UnknownSettingError
 from algorithms.joint.rllib_settings import HONOURED, INSTEAD
 from algorithms.parts.optimisation import clip_gradients
 from algorithms.ppo import PPO, PPOConfig, PPOLearner
@@ -30,35 +30,9 @@ def small(name="ppo", env: type = Cues, **settings):
     return config.training(hidden=(16,), **settings)
 
 
-@pytest.fixture
-def build():
-    built = []
-
-    def built_algo(config):
-        built.append(config.build_algo())
-        return built[-1]
-
-    yield built_algo
-    for algo in built:
-        algo.stop()
-
-
-def train(algo, iterations=2):
-    """Return the last result."""
-    result: dict[str, Any] = {}
-    for _ in range(iterations):
-        result = algo.train()
-    return result
-
-
-def weights(algo):
-    state = algo.learner_group.get_state()["learner"]["rl_module"]
-    return {module: {name: np.array(x) for name, x in part.items()} for module, part in state.items()}
-
-
 def moved(before, after):
     """Return the networks whose numbers differ."""
-    return {m for m in before if any((before[m][name] != after[m][name]).any() for name in before[m])}
+    return {leaf.partition("/")[0] for leaf in before if (before[leaf] != after[leaf]).any()}
 
 
 def test_the_lists_name_what_rllib_has():
@@ -77,15 +51,10 @@ class Unheard(RLlibCallback):
     ("name", "method", "given", "named"),
     [
         ("ppo", "training", {"train_batch_size": 4000}, r"train_batch_size=4000.*_per_learner"),
-        ("ppo", "training", {"model": {"fcnet_hiddens": [7]}}, r"model=.*hidden="),
         ("dqn", "training", {"num_epochs": 3}, r"num_epochs=3.*'dqn'.*updates_per_step"),
-        ("dqn", "training", {"minibatch_size": 16}, r"minibatch_size=16.*'dqn'.*batch_size"),
         ("ppo", "framework", {"framework": "tf2"}, r"framework.*tf2"),
         ("ppo", "env_runners", {"observation_filter": "MeanStdFilter"}, r"observation_filter="),
-        ("ppo", "env_runners", {"env_to_module_connector": lambda *a: None}, r"connector=.*wrap"),
-        ("ppo", "callbacks", {"on_sample_end": print}, r"on_sample_end="),
         ("ppo", "callbacks", {"callbacks_class": Unheard}, r"on_sample_end of .*Unheard"),
-        ("ppo", "offline_data", {"input_": "/somewhere"}, r"input_='/somewhere'"),
     ],
 )
 def test_a_setting_without_effect_is_an_error(name, method, given, named):
@@ -96,13 +65,8 @@ def test_a_setting_without_effect_is_an_error(name, method, given, named):
 @pytest.mark.parametrize(
     ("method", "given"),
     [
-        ("env_runners", {"num_envs_per_env_runner": 2.5}),
         ("env_runners", {"num_env_runners": -1}),
-        ("env_runners", {"sample_timeout_s": -1}),
         ("learners", {"num_learners": "2"}),
-        ("reporting", {"metrics_num_episodes_for_smoothing": 0}),
-        ("debugging", {"seed": -1}),
-        ("evaluation", {"evaluation_duration": "auto"}),
         ("evaluation", {"evaluation_duration_unit": "timesteps"}),
     ],
 )
@@ -117,13 +81,10 @@ def test_values_of_a_wrong_type_or_range_are_errors(method, given):
     [
         ({"lr": 1e-9}, "lr=1e-09"),
         ({"num_learners": 3}, "num_learners=3"),
-        ({"policies_to_train": ["agent_0"]}, "policies_to_train="),
-        ({"lambda": 0.3}, "lambda_=0.3"),
     ],
 )
-@pytest.mark.parametrize("interval", [None, 1])
-def test_what_evaluation_does_not_read_is_an_error(change, named, interval):
-    config = small().evaluation(evaluation_interval=interval, evaluation_config=change)
+def test_what_evaluation_does_not_read_is_an_error(change, named):
+    config = small().evaluation(evaluation_interval=1, evaluation_config=change)
     with pytest.raises(ValueError, match=named):
         config.validate()
 
@@ -138,30 +99,24 @@ def test_what_evaluation_reads_may_differ_there():
 
 
 @pytest.mark.usefixtures("cluster")
-@pytest.mark.parametrize(
-    "name",
-    cases([n for n in algorithms.names() if algorithms.entry(n).recurrent]),
-)
-def test_recurrent_policies_are_built_and_evaluated_by_rllib(build, name):
+def test_recurrent_policies_are_built_and_evaluated_by_rllib(build):
     """Its config for evaluation has fragments of one step, which are no multiple of a sequence."""
-    config = small(name, Recall, gru=8, sequence_length=8)
+    config = small("ppo", Recall, gru=8, sequence_length=8)
     algo = build(config.evaluation(evaluation_interval=1, evaluation_duration=3))
     result = train(algo, 1)
     assert result["evaluation"]["env_runners"]["num_episodes"] == 3
 
 
 @pytest.mark.usefixtures("cluster")
-@pytest.mark.parametrize(
-    "name", cases([n for n in algorithms.names() if n != "networked_q" and takes(n, sharing="none")])
-)
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
 def test_policies_that_are_not_to_be_trained_stay_as_they_are(build, name):
     config = small(name, Cues, sharing="none", **(LEARN if name in OFF_POLICY else {}))
     if "normalize_values" in config.setting_names:
         config.training(normalize_values=True)
     algo = build(config.multi_agent(policies_to_train=["agent_1"]))
-    before = weights(algo)
+    before = weights_of(algo)
     train(algo, 4)
-    changed = moved(before, weights(algo))
+    changed = moved(before, weights_of(algo))
     assert "agent_1" in changed
     assert not changed & {"agent_0", "agent_0__critic"}
 
@@ -181,23 +136,7 @@ def test_a_policy_mapping_makes_the_groups(build):
     train(algo, 1)
     groups = {group.id: group.agents for group in algo.spec.groups}
     assert groups == {"odd": ("b",), "even": ("a", "c")}
-    assert set(weights(algo)) >= {"odd", "even"}
-
-
-@pytest.mark.usefixtures("cluster")
-@pytest.mark.parametrize(
-    ("settings", "place"),
-    [
-        ({"policies": {"one"}}, r"policies="),
-        ({"policies_to_train": ["agent_7"]}, r"policies_to_train=.*'agent_7'"),
-        ({"policies_to_train": []}, r"policies_to_train="),
-        ({"policies_to_train": lambda policy, batch: policy == "one"}, r"policies_to_train="),
-        ({"policy_mapping_fn": lambda agent, episode: episode.id_}, r"policy_mapping_fn="),
-    ],
-)
-def test_policies_that_there_are_not_are_errors(settings, place):
-    with pytest.raises(SpaceError, match=place):
-        small().multi_agent(**settings).build_algo()
+    assert {leaf.partition("/")[0] for leaf in weights_of(algo)} >= {"odd", "even"}
 
 
 @pytest.mark.usefixtures("cluster")
@@ -209,23 +148,21 @@ def test_epochs_batch_size_and_widths_by_rllibs_names_are_ours(build):
     ours_config = small(epochs=3).training(hidden=(5, 6)).env_runners(num_envs_per_env_runner=4)
     ours = build(ours_config.env_runners(rollout_fragment_length=16))
     for algo in (named, ours):
-        assert train(algo)["env_runners"]["num_env_steps_sampled_lifetime"] == 128
-    assert not moved(weights(named), weights(ours))
-    assert weights(named)["agent_0"]["body.0.weight"].shape[0] == 5
+        assert train(algo, 2)["env_runners"]["num_env_steps_sampled_lifetime"] == 128
+    assert not moved(weights_of(named), weights_of(ours))
+    assert weights_of(named)["agent_0/body.0.weight"].shape[0] == 5
     assert small("dqn", train_batch_size_per_learner=7).batch_size == 7
     assert PPOConfig().rl_module(model_config=DefaultModelConfig(fcnet_hiddens=[7])).hidden == [7]
 
 
-@pytest.mark.parametrize(("size", "named"), [(33, "_per_learner=33"), (64, "rollout_fragment_length=16")])
-def test_a_batch_that_is_no_rollout_is_an_error(size, named):
-    with pytest.raises(ValueError, match=named):
-        small(train_batch_size_per_learner=size).validate()
+def test_a_batch_that_is_no_rollout_is_an_error():
+    with pytest.raises(ValueError, match="_per_learner=33"):
+        small(train_batch_size_per_learner=33).validate()
 
 
-@pytest.mark.parametrize("wrong", [{"fcnet_activation": "relu"}, DefaultModelConfig(use_lstm=True)])
-def test_networks_that_ours_cannot_be_are_errors(wrong):
+def test_networks_that_ours_cannot_be_are_errors():
     with pytest.raises(UnknownSettingError, match=r"model_config"):
-        small().rl_module(model_config=wrong)
+        small().rl_module(model_config=DefaultModelConfig(use_lstm=True))
 
 
 @pytest.mark.parametrize(
@@ -252,9 +189,9 @@ def test_gradients_are_clipped_as_asked(way, expected):
 def test_a_networks_own_learning_rate_counts_and_other_overrides_are_errors(build):
     config = small(lr=1e-3).rl_module(algorithm_config_overrides_per_module={"agent_0": {"lr": 0.0}})
     algo = build(config)
-    before = weights(algo)
+    before = weights_of(algo)
     train(algo, 1)
-    changed = moved(before, weights(algo))
+    changed = moved(before, weights_of(algo))
     assert "agent_1" in changed
     assert "agent_0" not in changed
     with pytest.raises(ValueError, match="'gamma'"):
@@ -287,37 +224,14 @@ def test_results_hold_what_users_look_for(build, name):
         assert results[policies[0]]["explained_variance"] <= 1
 
 
-@pytest.mark.usefixtures("cluster")
-def test_smoothed_returns_go_on_where_a_checkpoint_was_made(build, tmp_path):
-    algo, other = build(small()), build(small())
-    train(algo, 3)
-    algo.save_to_path(str(tmp_path))
-    expected = train(algo, 1)["env_runners"]
-    other.restore_from_path(str(tmp_path))
-    found = train(other, 1)["env_runners"]
-    for name in ("episode_return_mean", "episode_len_mean", "episode_return_min"):
-        assert found[name] == expected[name]
-
-
-@pytest.mark.usefixtures("cluster")
-def test_an_evaluation_of_both_modes_names_both(build):
-    algo = build(small(evaluate_sampled=True).evaluation(evaluation_duration=5))
-    found = algo.evaluate()["env_runners"]
-    assert found["greedy"]["episode_return_mean"] == found["episode_return_mean"]
-    assert np.isfinite(found["sampled"]["episode_return_mean"])
-
-
-@pytest.mark.parametrize(
-    ("name", "given"),
-    [("ppo", {"lr": np.float32(0.25), "minibatch_size": np.int64(16)}), ("dqn", {"double": np.bool_(False)})],
-)
-def test_numbers_of_numpy_are_those_of_python(name, given):
-    config = algorithms.config(name).training(**given).debugging(seed=np.int64(5))
+def test_numbers_of_numpy_are_those_of_python():
+    given = {"lr": np.float32(0.25), "minibatch_size": np.int64(16)}
+    config = algorithms.config("ppo").training(**given).debugging(seed=np.int64(5))
     config.validate()
     assert type(config.seed) is int
     for setting, value in given.items():
         assert getattr(config, setting) == value
-        assert type(getattr(config, setting)) in (bool, int, float)
+        assert type(getattr(config, setting)) in (int, float)
 
 
 @pytest.mark.parametrize(("runners", "window"), [(0, 10), (4, 3)])
@@ -326,14 +240,6 @@ def test_returns_are_smoothed_over_as_many_episodes_whatever_the_number_of_runne
     runner = config.env_runner_cls(config=config, num_workers=runners, worker_index=min(runners, 1))
     assert runner._recent.maxlen == window
     runner.stop()
-
-
-@pytest.mark.parametrize("given", [{"lr": np.float32(0.5)}, {"train_batch_size_per_learner": 64}])
-def test_a_frozen_config_that_was_checked_can_be_checked_again(given):
-    config = algorithms.config("ppo").training(**given)
-    config.validate()
-    config.freeze()
-    config.validate()
 
 
 class Timed(Cues):
@@ -377,13 +283,14 @@ def outcome(name=None):
     algo = config.build_algo()
     try:
         results = [algo.train() for _ in range(2)]
-        state = weights(algo)
+        state = weights_of(algo)
     finally:
         algo.stop()
     evaluated = [result["evaluation"].get("env_runners", {}).get("episode_return_mean") for result in results]
-    return evaluated, {f"{m} {name}": x.tobytes() for m, part in state.items() for name, x in part.items()}
+    return evaluated, {leaf: x.tobytes() for leaf, x in state.items()}
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("cluster")
 def test_another_value_gives_another_run():
     usual = outcome()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from rigs import FAMILIES, known, takes
+from rigs import SHARED, known
 
 import algorithms
 from algorithms.errors import SpaceError
@@ -19,20 +19,11 @@ pytestmark = pytest.mark.usefixtures("cluster")
 LEARN = {"learning_starts": 32, "batch_size": 16, "capacity": 500}
 
 
-@pytest.fixture
-def build():
-    built = []
-
-    def built_algo(name, env: type = Cues, runners=0, **settings):
-        config = algorithms.config(name).environment(env).debugging(seed=3)
-        config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
-        replay = LEARN if issubclass(algorithms.entry(name).settings, ReplaySettings) else {}
-        built.append(config.training(**{"hidden": (16,), **replay, **settings}).build_algo())
-        return built[-1]
-
-    yield built_algo
-    for algo in built:
-        algo.stop()
+def small(name, env: type = Cues, runners=0, **settings):
+    config = algorithms.config(name).environment(env).debugging(seed=3)
+    config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
+    replay = LEARN if issubclass(algorithms.entry(name).settings, ReplaySettings) else {}
+    return config.training(**{"hidden": (16,), **replay, **settings})
 
 
 def policy_of(algo, agent):
@@ -40,17 +31,9 @@ def policy_of(algo, agent):
     return algo.get_module(group.id)
 
 
-@pytest.mark.parametrize(
-    ("name", "sharing"),
-    [
-        pytest.param(name, kind, marks=() if name in FAMILIES else pytest.mark.nightly)
-        for name in algorithms.names()
-        for kind in ("all", "none")
-        if takes(name, sharing=kind)
-    ],
-)
-def test_every_algorithm_serves_observations_of_single_agents(build, name, sharing):
-    algo = build(name, sharing=sharing, **known(name, {"consensus": sharing != "all"}))
+@pytest.mark.parametrize("name", SHARED)
+def test_every_algorithm_serves_observations_of_single_agents(build, name):
+    algo = build(small(name, sharing="all", **known(name, {"consensus": False})))
     algo.train()
     seen = np.eye(4, dtype=np.float32)
     for agent in ("agent_0", "agent_1"):
@@ -66,10 +49,10 @@ def test_every_algorithm_serves_observations_of_single_agents(build, name, shari
         assert len(explored) > 1
 
 
-@pytest.mark.parametrize("name", ["ppo", "dqn", "maddpg", "maac", "mf_q", "networked_q"])
+@pytest.mark.parametrize("name", ["ppo", "mf_q", "networked_q"])
 def test_served_actions_are_those_that_the_runner_takes(build, name):
     """Agents that share a network are told apart by their names."""
-    algo = build(name, Ragged, sharing={"odd": ["b"], "even": ["a", "c"]})
+    algo = build(small(name, Ragged, sharing={"odd": ["b"], "even": ["a", "c"]}))
     algo.train()
     algo.get_module("odd")  # the runner acts with the newest weights from here on
     runner = algo.env_runner_group.local_env_runner
@@ -89,10 +72,9 @@ def test_served_actions_are_those_that_the_runner_takes(build, name):
             assert torch.equal(module.forward_inference(batch)["actions"], expected[rows, column])
 
 
-@pytest.mark.parametrize("name", ["ppo", "dqn"])
-def test_memory_goes_through_rllibs_states(build, name):
+def test_memory_goes_through_rllibs_states(build):
     """Step by step as a sequence, and as the runner acts."""
-    algo = build(name, Recall, sharing="all", gru=8, sequence_length=8)
+    algo = build(small("ppo", Recall, sharing="all", gru=8, sequence_length=8))
     algo.train()
     module = policy_of(algo, "agent_0")
     assert {k: tuple(v.shape) for k, v in module.get_initial_state().items()} == {"memory": (8,)}
@@ -119,9 +101,9 @@ def test_memory_goes_through_rllibs_states(build, name):
     torch.testing.assert_close(told["state_out"]["memory"], acting.memory[:, 0])
 
 
-@pytest.mark.parametrize("name", ["commnet", "networked_q", "ppo"])
+@pytest.mark.parametrize("name", ["commnet", "networked_q"])
 def test_a_row_may_be_all_agents_of_a_group_who_hear_each_other(build, name):
-    algo = build(name, Ragged, sharing="all", **known(name, {"consensus": False}))
+    algo = build(small(name, Ragged, sharing="all", **known(name, {"consensus": False})))
     algo.train()
     module = policy_of(algo, "a")
     seen = torch.randn(6, 3, *algo.spec.groups[0].observation[""].shape)
@@ -134,24 +116,22 @@ def test_a_row_may_be_all_agents_of_a_group_who_hear_each_other(build, name):
 
 
 def test_an_agent_of_another_policy_is_named(build):
-    module = build("ppo", Ragged, sharing={"odd": ["b"], "even": ["a", "c"]}).get_module("even")
+    module = build(small("ppo", Ragged, sharing={"odd": ["b"], "even": ["a", "c"]})).get_module("even")
     seen = torch.zeros(2, *module.group.observation[""].shape)
     with pytest.raises(SpaceError, match=r"'b' is no agent[\s\S]*'a'"):
         module.forward_inference({"obs": seen, "agent_id": ["a", "b"]})
 
 
 def test_continuous_actions_are_served_in_the_shape_of_their_space(build):
-    for name in ("ppo", "maddpg"):
-        algo = build(name, Target, sharing="all")
-        algo.train()
-        group = algo.spec.groups[0]
-        seen = torch.zeros(5, *group.observation[""].shape)
-        told = algo.get_module(group.id).forward_inference({"obs": seen})
-        assert told["actions"].shape == (5, *group.action.shape)
+    algo = build(small("maddpg", Target, sharing="all"))
+    group = algo.spec.groups[0]
+    seen = torch.zeros(5, *group.observation[""].shape)
+    told = algo.get_module(group.id).forward_inference({"obs": seen})
+    assert told["actions"].shape == (5, *group.action.shape)
 
 
 def test_masks_are_kept_and_densities_told(build):
-    algo = build("ppo", sharing="all")
+    algo = build(small("ppo", sharing="all"))
     module = algo.get_module("shared")
     allowed = torch.tensor([[False, False, True, False]]).expand(50, 4)
     batch = {"obs": {"observations": torch.randn(50, 4), "action_mask": allowed}}
@@ -165,7 +145,7 @@ def test_masks_are_kept_and_densities_told(build):
 
 def test_exploration_is_the_runners(build):
     """Epsilon falls from 1 to 0 within 64 steps; a module of a checkpoint explores as at the end."""
-    algo = build("dqn", sharing="all", epsilon=(1.0, 0.0), epsilon_steps=64)
+    algo = build(small("dqn", sharing="all", epsilon=(1.0, 0.0), epsilon_steps=64))
     batch = {"obs": torch.zeros(400, 4)}
     assert len(algo.get_module("shared").forward_exploration(batch)["actions"].unique()) == 4
     for _ in range(3):
@@ -174,9 +154,9 @@ def test_exploration_is_the_runners(build):
     assert len(module.forward_exploration(batch)["actions"].unique()) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_served_weights_are_the_newest_with_remote_runners_too(build):
-    algo = build("ppo", runners=1, sharing="all")
+    algo = build(small("ppo", runners=1, sharing="all"))
     first = {k: v.clone() for k, v in algo.get_module("shared").state_dict().items()}
     algo.train()
     newest = algo.learner_group.get_state()["learner"]["rl_module"]["shared"]

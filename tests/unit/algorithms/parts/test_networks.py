@@ -7,9 +7,9 @@ from gymnasium.spaces import Box
 from algorithms.parts.networks import Encoder, outputs_where, perceptron
 
 
-@pytest.mark.parametrize("agents", [1, 3])
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_outputs_of_chosen_agents_are_those_of_all(agents, share):
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_outputs_of_chosen_agents_are_those_of_all(share):
+    agents = 3
     torch.manual_seed(0)
     spaces = {"a": Box(-1, 1, (4,)), "b": Box(-1, 1, (2, 3)), "c": Box(-1, 1, ())}
     encoder = Encoder(spaces, agents)
@@ -23,15 +23,6 @@ def test_outputs_of_chosen_agents_are_those_of_all(agents, share):
     found = torch.autograd.grad(some.square().sum(), parameters)
     for own, expected in zip(found, wanted, strict=True):
         torch.testing.assert_close(own, expected, rtol=1e-4, atol=1e-5)
-
-
-def test_what_other_agents_see_does_not_matter():
-    encoder, chosen = Encoder({"a": Box(-1, 1, (2,))}), torch.tensor([[True, False]])
-    body = perceptron([2, 4, 1])
-    leaves = {"a": torch.tensor([[[1.0, 2.0], [torch.nan, torch.inf]]])}
-    outputs = outputs_where(chosen, encoder, body, leaves)
-    gradients = torch.autograd.grad(outputs.sum(), [*body.parameters()])
-    assert all(each.isfinite().all() for each in (outputs, *gradients))
 
 
 def test_an_image_of_a_chosen_agent_is_seen():
