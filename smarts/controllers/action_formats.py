@@ -191,23 +191,35 @@ def numbers_of(action: Any, shape: tuple[int, ...], place: str, remedy: str | Ca
     Raises:
         ActionError: The action is not numeric, has another shape, or is not finite.
     """
+    cause, values = None, None
     try:
-        values = np.asarray(action)
-    except (TypeError, ValueError, RuntimeError) as error:  # ragged, or a tensor with a gradient
-        raise rejection(action, "is not made of numbers", place, remedy) from error
-    if values.dtype.kind not in "iuf":
-        raise rejection(action, "is not made of numbers", place, remedy)
+        values = _as_floats(action)
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
+        cause = error
+    if values is None:
+        raise rejection(action, "is not made of numbers", place, remedy) from cause
     if values.size != math.prod(shape):
         raise rejection(action, f"is of shape {values.shape}, not {shape}", place, remedy)
     if not np.isfinite(values).all():
         raise rejection(action, "is not finite", place, remedy)
-    return values.astype(np.float64).reshape(shape)
+    return values.reshape(shape)
 
 
 def rejection(action: Any, problem: str, place: str, remedy: str | Callable[[], str]) -> ActionError:
     """Return the error for an invalid action; the action is abbreviated."""
     advice = remedy if isinstance(remedy, str) else remedy()
     return ActionError(f"{shown(action, 100)} {problem}", place=place, remedy=advice)
+
+
+def _as_floats(given: Any) -> Floats | None:
+    """Return numbers as float64, or None if a value is not a number."""
+    values = np.asarray(given)
+    is_number = values.dtype.kind in "iuf" or (values.dtype.kind == "O" and all(map(_is_real, values.flat)))
+    return values.astype(np.float64) if is_number else None
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
 def _first_infinite(values: NDArray) -> Rejected | None:

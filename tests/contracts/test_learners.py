@@ -46,7 +46,7 @@ def test_vector_contract(options):
         env.close()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ppo_learns_from_images_and_its_evaluation_is_recorded(tmp_path):
     def create(config):
         picture = {"base": "benchmark", "stacked": [{"image": {"size": 32}}]}

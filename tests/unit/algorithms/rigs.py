@@ -86,11 +86,30 @@ class Rig:
         self.policies.refresh()
         return self.sampler.fragment(steps, Exploration(**exploration))
 
+    def learn(self, steps, length=8, explore=None):
+        """Learn from so many environment steps, exploring as the settings or `explore(steps done)` say."""
+        done = 0
+        while done < steps:
+            how = explore(done) if explore else self.config.exploration(done)._asdict()
+            rollout = self.rollout(length, **how)
+            self.learner.update_joint(rollout)
+            done += rollout.env_steps()
+
+    def greedy_episodes(self, count):
+        """Play the first episodes of the fixed evaluation list."""
+        self.policies.refresh()
+        return self.sampler.episodes(1_000_000 + np.arange(count), Exploration(explore=False))
+
     def weights(self):
         return {
             module: {k: v.detach().clone() for k, v in self.learner.net(module).state_dict().items()}
             for module in self.learner.module.keys()  # noqa: SIM118 - RLlib's module is no dict
         }
+
+
+def per_step(episodes):
+    """Return what each agent earns a step of episodes, (N,)."""
+    return np.sum([e.returns for e in episodes], 0) / sum(e.length for e in episodes)
 
 
 def moved(before, after):

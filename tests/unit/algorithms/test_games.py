@@ -4,11 +4,9 @@ Scores are of greedy episodes of the fixed evaluation list, three seeds each. On
 paradigm is no nightly test: of `ppo` and `qmix` here, of `commnet` and `networked_q` in their files.
 """
 
-import numpy as np
 import pytest
-from rigs import Rig, first, nightly_by_seed
+from rigs import Rig, first, nightly_by_seed, per_step
 
-from algorithms.parts.distributions import Exploration
 from tests.games.games import Cues, Product, Target, TwoStep
 
 OFF = {
@@ -35,15 +33,8 @@ TARGET = {"ppo": 16_000, "maddpg": 4_000}
 def score(name, game, steps, seed, **settings):
     """Return the mean return per step of each agent, (N,), after `steps` environment steps of training."""
     rig = Rig(name, game, seed=seed, **{**RECIPES[name], **settings})
-    done = 0
-    while done < steps:
-        chosen = rig.config.exploration(done)
-        rollout = rig.rollout(32 if name in ("a2c", "ppo", "centralised_v") else 8, **chosen._asdict())
-        rig.learner.update_joint(rollout)
-        done += rollout.env_steps()
-    rig.policies.refresh()
-    episodes = rig.sampler.episodes(1_000_000 + np.arange(20), Exploration(explore=False))
-    return np.sum([e.returns for e in episodes], 0) / sum(e.length for e in episodes)
+    rig.learn(steps, 32 if name in ("a2c", "ppo", "centralised_v") else 8)
+    return per_step(rig.greedy_episodes(20))
 
 
 def cues_score(name, seed):

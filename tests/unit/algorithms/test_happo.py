@@ -2,12 +2,10 @@
 
 import copy
 
-import numpy as np
 import pytest
 import torch
-from rigs import Rig, nightly_by_seed
+from rigs import Rig, nightly_by_seed, per_step
 
-from algorithms.parts.distributions import Exploration
 from tests.games.games import Cues, Ragged
 from tests.games.yielding import Yielding
 
@@ -99,9 +97,7 @@ def yielding_score(name, seed, updates=6):
     rig = Rig(name, Yielding, seed=seed, **STEEP)
     for _ in range(updates):
         rig.learner.update_joint(rig.rollout(64))
-    rig.policies.refresh()
-    episodes = rig.sampler.episodes(1_000_000 + np.arange(5), Exploration(explore=False))
-    return np.sum([e.returns for e in episodes], 0) / sum(e.length for e in episodes)
+    return per_step(rig.greedy_episodes(5))
 
 
 @nightly_by_seed

@@ -116,11 +116,7 @@ def product_score(seed):
     """Return the mean greedy return per step of each agent, (N,), after learning."""
     recipe = {"lr": 3e-3, "learning_starts": 200, "updates_per_step": 0.5, "batch_size": 128, "gamma": 0.5}
     rig = Rig("maac", Product, seed=seed, **recipe)
-    done = 0
-    while done < 4_000:
-        rollout = rig.rollout(8)
-        rig.learner.update_joint(rollout)
-        done += rollout.env_steps()
+    rig.learn(4_000)
     rollout = rig.rollout(200, explore=False)
     return rollout.rewards.mean((0, 1))
 

@@ -18,7 +18,6 @@ from algorithms.maven import (
     latent_of,
     state_without_latent,
 )
-from algorithms.parts.distributions import Exploration
 from tests.games.games import Constant, Cues, Ragged, TwoStep
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
@@ -199,14 +198,8 @@ COMMITTED |= {"epsilon": (1.0, 0.01), "epsilon_steps": 200, "tau": 0.02}
 def committed_score(seed, name="maven", steps=8_000, episodes=32, **settings):
     """Return the team's mean return of greedy episodes."""
     rig = Rig(name, Committed, seed=seed, **{**COMMITTED, **settings})
-    done = 0
-    while done < steps:
-        rollout = rig.rollout(8, **rig.config.exploration(done)._asdict())
-        rig.learner.update_joint(rollout)
-        done += rollout.env_steps()
-    rig.policies.refresh()
-    played = rig.sampler.episodes(1_000_000 + np.arange(episodes), Exploration(explore=False))
-    return float(np.mean([e.returns.sum() for e in played]))
+    rig.learn(steps)
+    return float(np.mean([e.returns.sum() for e in rig.greedy_episodes(episodes)]))
 
 
 @nightly_by_seed

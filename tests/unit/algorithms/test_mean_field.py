@@ -240,11 +240,7 @@ def test_the_value_that_a_lifes_first_action_follows_is_learned():
 def follow_score(seed, graph):
     """Return what agent 0 earns a step after learning, greedily."""
     rig = Rig("mf_q", Follow, seed=seed, graph=graph, **LEARN)
-    done = 0
-    while done < 4_000:
-        rollout = rig.rollout(8)
-        rig.learner.update_joint(rollout)
-        done += rollout.env_steps()
+    rig.learn(4_000)
     return rig.rollout(200, explore=False).rewards[..., 0].mean()
 
 

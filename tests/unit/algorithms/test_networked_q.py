@@ -198,11 +198,7 @@ def gifts_score(seed, **settings):
     """Return what an agent earns a step after learning, greedily."""
     learn = {"learning_starts": 200, "updates_per_step": 0.25, "batch_size": 64, "lr": 3e-3, "gamma": 0.0}
     rig = Rig("networked_q", Gifts, seed=seed, hidden=(64,), graph="ring", fit_steps=25, **learn, **settings)
-    done = 0
-    while done < 4_000:
-        rollout = rig.rollout(8, epsilon=max(1 - done / 3_000, 0.1))
-        rig.learner.update_joint(rollout)
-        done += rollout.env_steps()
+    rig.learn(4_000, explore=lambda done: {"epsilon": max(1 - done / 3_000, 0.1)})
     return rig.rollout(200, explore=False).rewards.mean()
 
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, nightly_by_seed, replayed
+from rigs import Rig, nightly_by_seed, per_step, replayed
 
 from algorithms.errors import SpaceError
 from algorithms.joint.batch import GroupView
-from algorithms.parts.distributions import Exploration
 from tests.games.games import Cues, Game, Ragged
 from tests.games.opponents import Climbing, Hills, Known, Turncoat
 
@@ -199,12 +198,9 @@ def test_without_models_a_leader_that_changes_is_lost(seed):
 
 def joint_score(name, game, seed, **settings):
     """Return what greedy agents get a step after 1,600 steps, of which the first are random."""
-    rig, done = Rig(name, game, seed=seed, **{**LEARN, **settings}), 0
-    while done < 1_600:
-        done += len(play(rig, 16, epsilon=max(0.05, 1 - done / 1_000))) * 16
-    rig.policies.refresh()
-    episodes = rig.sampler.episodes(1_000_000 + np.arange(3), Exploration(explore=False))
-    return np.sum([e.returns for e in episodes], 0) / sum(e.length for e in episodes)
+    rig = Rig(name, game, seed=seed, **{**LEARN, **settings})
+    rig.learn(1_600, explore=lambda done: {"epsilon": max(0.05, 1 - done / 1_000)})
+    return per_step(rig.greedy_episodes(3))
 
 
 def climbing_score(name, seed):

@@ -229,14 +229,9 @@ BLOCKER = {
 def blocker_score(seed, name="qdpp", steps=8_000, **settings):
     """Return the mean return of an agent over 64 greedy episodes."""
     learn = {**BLOCKER, "epsilon_steps": steps // 2, "temperature_steps": steps // 2, **settings}
-    rig, done = Rig(name, Blocker, seed=seed, **known(name, learn)), 0
-    while done < steps:
-        rollout = rig.rollout(8, **rig.config.exploration(done)._asdict())
-        rig.learner.update_joint(rollout)
-        done += rollout.env_steps()
-    rig.policies.refresh()
-    played = rig.sampler.episodes(1_000_000 + np.arange(64), Exploration(explore=False))
-    return float(np.mean([episode.returns.mean() for episode in played]))
+    rig = Rig(name, Blocker, seed=seed, **known(name, learn))
+    rig.learn(steps)
+    return float(np.mean([episode.returns.mean() for episode in rig.greedy_episodes(64)]))
 
 
 @nightly_by_seed

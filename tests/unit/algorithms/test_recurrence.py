@@ -7,7 +7,6 @@ from rigs import Rig, nightly_by_seed
 
 import algorithms
 from algorithms.joint.env import MEMORY
-from algorithms.parts.distributions import Exploration
 from tests.games.games import Ragged
 from tests.games.recall import Recall
 
@@ -109,9 +108,7 @@ def recalled(name, seed, updates=50, gru=16):
     rig = Rig(name, Recall, seed=seed, gru=gru, sequence_length=16, **learn)
     for _ in range(updates):
         rig.learner.update_joint(rig.rollout(32))
-    rig.policies.refresh()
-    episodes = rig.sampler.episodes(1_000_000 + np.arange(50), Exploration(explore=False))
-    return np.mean([e.returns for e in episodes])
+    return np.mean([e.returns for e in rig.greedy_episodes(50)])
 
 
 @nightly_by_seed

@@ -8,7 +8,6 @@ from rigs import Rig, nightly_by_seed
 import algorithms
 from algorithms.errors import UnknownSettingError
 from algorithms.joint.env import MEMORY
-from algorithms.parts.distributions import Exploration
 from tests.games.games import Cues, Ragged
 from tests.games.recall import Recall
 
@@ -137,14 +136,8 @@ def recalled(name, seed, steps=6_000, gru=16):
     explore = {"epsilon": (1.0, 0.1), "epsilon_steps": 2000, "learning_starts": 200, "updates_per_step": 0.1}
     common = {"lr": 3e-3, "gamma": 0.9, "batch_size": 256, "tau": 0.02, "sharing": "all", **explore}
     rig = Rig(name, Recall, seed=seed, gru=gru, sequence_length=8, **common)
-    done = 0
-    while done < steps:
-        rollout = rig.rollout(16, **rig.config.exploration(done)._asdict())
-        rig.learner.update_joint(rollout)
-        done += rollout.env_steps()
-    rig.policies.refresh()
-    episodes = rig.sampler.episodes(1_000_000 + np.arange(50), Exploration(explore=False))
-    return np.mean([e.returns for e in episodes])
+    rig.learn(steps, 16)
+    return np.mean([e.returns for e in rig.greedy_episodes(50)])
 
 
 @nightly_by_seed
