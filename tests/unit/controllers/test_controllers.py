@@ -11,7 +11,6 @@ from smarts.errors import ActionError
 from smarts.types.actions import ActionSpaceType, CommandMode
 from smarts.types.vehicles import VehicleKind
 from tests import maps
-from tests.raising import raises
 from tests.unit.controllers.rig import agent, winding
 
 T = ActionSpaceType
@@ -61,15 +60,6 @@ class TestContinuous:
         driven.act(7.0, -3.0, -9.0)
         driven.step()
         assert driven.commands.actuators[0, 0].tolist() == [1.0, 0.0, -1.0]
-
-    def test_nan_is_named(self, straight):
-        driven = straight(T.Continuous)
-        driven.act(0.5, math.nan, 0.0)
-        with raises(ActionError, "agent 0 of simulation 0", values=["ACTUATORS", "nan"]):
-            driven.step()
-        driven.act(0.5, 0.0, 0.0)
-        driven.step()
-        assert np.isfinite(driven.position).all()
 
 
 def test_the_steering_turns_at_the_commanded_rate(straight):
