@@ -28,9 +28,9 @@ from benchmark.running.policy_modules import checked_modules
 from benchmark.running.trained_run import read_run
 from smarts.agents.hosting.facts import facts_of
 from smarts.errors import SmartsError
-from smarts.observations.agent_index import AgentIndex
 from smarts.observations.arrays import VECTOR
 from smarts.observations.lists import FeatureChoice, FeatureList, feature_list
+from smarts.observations.own_state import AgentIndex
 from smarts.zoo.entry import check_name
 from smarts.zoo.exported import interface_of
 from smarts_agent_kit.exported import JOINT_Q, TRAINED
