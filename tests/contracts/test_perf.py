@@ -50,11 +50,8 @@ IN_OWN_PROCESS = {
 }
 """Arguments of scripts that start Ray, other processes or a browser."""
 ELSEWHERE = {
-    "algorithms_table",
-    "checkpoints",
     "endurance",
     "gpu_learner",
-    "learning_curves",
     "real_maps",
     "scenario_traffic",
     "yardsticks",

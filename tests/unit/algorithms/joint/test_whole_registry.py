@@ -11,8 +11,8 @@ import ray
 from rigs import FAMILIES, first
 
 import algorithms
-from perf.checkpoints import differing, values_in
 from tests.games.games import Cues
+from tests.learner_states import differing, values_in
 
 pytestmark = pytest.mark.slow
 
