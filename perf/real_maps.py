@@ -96,7 +96,7 @@ def load(path: Path, folder: Path) -> LaneGraph:
     """Return the lanes of a map in any format."""
     net = folder / f"{path.stem}.net.xml"
     compile_map(find_map_source(Path(), str(path.resolve())), net)
-    return read_net(net, str(path))
+    return read_net(net)
 
 
 def turnarounds(graph: LaneGraph) -> set[tuple[int, int]]:
