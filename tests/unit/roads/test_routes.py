@@ -85,7 +85,7 @@ def test_equals_sumolibs_shortest_path(graphs, sumo_nets):
     generator = np.random.default_rng(1)
     reachable = 0
     edges = edge_graph(graph)
-    for begin, end in generator.choice(graph.road_edges, (60, 2)):
+    for begin, end in generator.choice(graph.road_edges, (30, 2)):
         if begin == end:
             continue
         path, _ = net.getOptimalPath(net.getEdge(begin), net.getEdge(end), includeFromToCost=False)
@@ -96,7 +96,7 @@ def test_equals_sumolibs_shortest_path(graphs, sumo_nets):
         reachable += 1
         route = shortest_route(graph, begin, end)
         assert cost_of(graph, edges, route) <= cost_of(graph, edges, [edge.getID() for edge in path]) + 1e-9
-    assert reachable > 20
+    assert reachable > 10
 
 
 def cost_of(graph, edges, route):
