@@ -118,7 +118,7 @@ def test_interfaces_travel():
         ({"max_steps": 5}, "no field 'max_steps'\n  remedy: did you mean 'max_episode_steps'"),
         ({"done_criteria": None}, "an instance of DoneCriteria"),
         ({"custom_renders": (1,)}, "OpenGL"),
-        ({"occlusion_map": OcclusionMap(64, 64), "ogm": OGM(64, 32)}, "same size"),
+        ({"occlusion_map": OcclusionMap(64, 32), "ogm": OGM(32, 64)}, "same size"),
     ],
 )
 def test_what_is_wrong_is_said(wrong, said):

@@ -60,6 +60,7 @@ BAD = {
     "turn across": (turn(end=("to_south", 0, 60)), TASK, "to_south"),
     "turn far ahead": (turn(end=("from_east", 0, 60)), TASK, "from_east"),
     "rate as truth": (flow(rate=True), f"{FLOW}.rate", "True"),
+    "end without an end": (flow(end=float("inf")), f"{FLOW}.end", "inf"),
     "sigma": (actor(sigma=7), f"{ACTOR}.sigma", "at most 1"),
     "uniform": (actor(min_gap=t.UniformDistribution(0, float("nan"))), f"{ACTOR}.min_gap.b", "nan"),
     "model's value": (
