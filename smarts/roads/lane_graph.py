@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import MapError, nearest_names
 from smarts.geometry.frames import wrap_angle
 
+FORMAT = 3
+"""Format of the saved file; files of another format are rebuilt."""
 OTHER_LENGTH, SHORTEST_OTHER = 0.02, 0.5
 """A road's given length is another than its lanes' if it differs by more than this share and this far [m]."""
 SHORTEST = 0.1
@@ -294,7 +297,7 @@ class LaneGraph:
 
     def save(self, path: Path) -> None:
         """Write the graph to one file; equal graphs give equal bytes."""
-        arrays: dict[str, NDArray] = {}
+        arrays: dict[str, NDArray] = {"format": np.array(FORMAT)}
         for field in fields(self):
             value = getattr(self, field.name)
             arrays[field.name] = value if isinstance(value, np.ndarray) else _pack(value)
@@ -304,9 +307,21 @@ class LaneGraph:
 
     @classmethod
     def load(cls, path: Path) -> LaneGraph:
-        """Read a saved graph."""
-        with np.load(path, allow_pickle=False) as file:
-            values: dict[str, Any] = {field.name: file[field.name] for field in fields(cls)}
+        """Read a saved graph.
+
+        Raises:
+            MapError: The file is missing, damaged, or of another version of this program.
+        """
+        remedy = "delete the scenario's build folder; it is then rebuilt"
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                if int(file["format"]) != FORMAT:
+                    raise MapError(
+                        "written by another version of this program", place=str(path), remedy=remedy
+                    )
+                values: dict[str, Any] = {field.name: file[field.name] for field in fields(cls)}
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+            raise MapError(f"not a saved lane graph: {error}", place=str(path), remedy=remedy) from error
         for name in (name for name in values if name.endswith("_ids")):
             values[name] = _unpack(values[name])
         return cls(**values)

@@ -83,6 +83,23 @@ def test_saved_bytes_depend_on_the_map_only(tmp_path, nets):
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
 
 
+@pytest.mark.parametrize("content", [None, b"PK\x03\x04 cut off"])
+def test_a_damaged_file(tmp_path, content):
+    path = tmp_path / "lanes.npz"
+    if content is not None:
+        path.write_bytes(content)
+    with raises(MapError, path):
+        LaneGraph.load(path)
+
+
+def test_a_file_of_another_version(tmp_path, cross, monkeypatch):
+    path = tmp_path / "lanes.npz"
+    cross.save(path)
+    monkeypatch.setattr("smarts.roads.lane_graph.FORMAT", 999)
+    with raises(MapError, path):
+        LaneGraph.load(path)
+
+
 def test_arrays_are_read_only(cross):
     with pytest.raises(ValueError, match="read-only"):
         cross.length[0] = 1.0
