@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
-from gymnasium.spaces import Box, Discrete
 from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.options import InterfaceError
@@ -295,7 +294,5 @@ def _block(group: AgentGroup) -> Block:
     spaces = {name: box_of(field) for name, field in fields.items()}
     if [*spaces] == [ALONE]:
         spaces = {"": spaces[ALONE]}
-    action = group.action
-    if not isinstance(action, Box | Discrete):
-        raise SmartsError(f"the action space {action} is not of arrays", place=", ".join(group.agents))
+    action: Any = group.action
     return Block(group.agents, spaces, action, group.action_mask() is not None)

@@ -119,15 +119,6 @@ def _weights(chosen: Mapping[str, float], place: str) -> RewardWeights:
     return RewardWeights(**chosen)
 
 
-_OUTCOMES = {
-    Outcome.COLLISION: "collision",
-    Outcome.OFF_ROAD: "off_road",
-    Outcome.OFF_ROUTE: "off_route",
-    Outcome.MISSED_GOAL: "missed_goal",
-    Outcome.GOAL: "goal",
-    Outcome.NOT_MOVING: "not_moving",
-    Outcome.TIME_OUT: "time_out",
-}
 _EVENTS = {
     Event.COLLISION: "collision",
     Event.OFF_ROAD: "off_road",
@@ -142,16 +133,11 @@ _EVENTS = {
 
 def reward_terms(weights: RewardWeights, horizon: float) -> Terms:
     """Return the weights for the kernel, with `horizon` decisions up to the time limit."""
-    by_outcome = np.zeros(len(Outcome))
-    for outcome, name in _OUTCOMES.items():
-        by_outcome[outcome] = getattr(weights, name)
-    by_event = np.array([getattr(weights, name) for name in _EVENTS.values()])
-    always = np.array([Event.WRONG_WAY | Event.ON_SHOULDER], np.int32)
     arrays = {
-        "by_outcome": by_outcome,
+        "by_outcome": np.array([getattr(weights, outcome.name.lower(), 0.0) for outcome in Outcome]),
         "event": np.array([*_EVENTS], np.int32),
-        "by_event": by_event,
-        "always": always,
+        "by_event": np.array([getattr(weights, name) for name in _EVENTS.values()]),
+        "always": np.array([Event.WRONG_WAY | Event.ON_SHOULDER], np.int32),
     }
     single = {name: float(getattr(weights, name)) for name in Terms._fields if name not in arrays}
     return Terms(**{**single, "time": float(weights.time / horizon)}, **arrays)
@@ -181,10 +167,9 @@ class Rewards:
         chosen = given_weights(weights)
         if discount is not None:
             chosen = dataclasses.replace(chosen, discount=discount)
-        if not isinstance(chosen.discount, int | float | np.floating) or not 0.0 <= chosen.discount <= 1.0:
-            raise ScenarioError(
-                f"the discount is {chosen.discount!r}", place="reward", remedy="give the learner's, in [0, 1]"
-            )
+        if not 0.0 <= chosen.discount <= 1.0:
+            remedy = "give the learner's, in [0, 1]"
+            raise ScenarioError(f"the discount is {chosen.discount!r}", place="reward", remedy=remedy)
         horizon = context.max_steps / context.period if context.max_steps else DECISIONS
         self._terms = reward_terms(chosen, horizon)
         shape = context.scene.world.worlds, len(context.agents)
