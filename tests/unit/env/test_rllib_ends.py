@@ -6,6 +6,8 @@ from ray.rllib.env.multi_agent_episode import MultiAgentEpisode
 from smarts.agents import AgentInterface, AgentSpec
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, RLlibHiWayEnv
+from smarts.env.dict_env import StepResult
+from smarts.env.rllib import _dones
 
 
 def played(limits, drive=0):
@@ -54,3 +56,9 @@ def test_the_paper_face_says_that_time_was_up():
         assert [env.step({})[3]["__all__"] for _ in range(2)] == [False, True]
     finally:
         env.close()
+
+
+def test_where_some_of_the_last_agents_are_cut_short_the_episode_is_truncated():
+    ended, cut = {"a": True, "b": False}, {"a": False, "b": True}
+    result = StepResult({}, {}, ended, cut, {}, [], finished=True)
+    assert _dones(result) == ({**ended, "__all__": False}, {"a": False, "b": False, "__all__": True})

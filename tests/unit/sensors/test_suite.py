@@ -54,3 +54,11 @@ def test_only_what_somebody_looks_at_is_observed():
     readings = suite.observe(wanted(0, 1))
     assert [*readings.blocks] == ["mission"]
     assert readings.agent_ids["mission"].tolist() == [1]
+
+
+def test_egos_share_no_block_with_other_agents():
+    made = at_crossing(*(Car(x, -1.6, mission=STRAIGHT_ON) for x in (-50.0, -35.0)))
+    made.world.egos = 1
+    readings = SensorSuite(scene_of(made), [NEAR, NEAR]).observe(wanted(0, 1))
+    assert readings.agent_ids["mission"].tolist() == [0]
+    assert readings.agent_ids["mission:2"].tolist() == [1]
