@@ -140,20 +140,16 @@ def evaluate(
     import_: Import = None,
 ) -> None:
     """Evaluate a trained policy, or an agent, and print all metrics with 95% intervals."""
-    modes = _modes(mode)
-    is_exported = run is not None and (run / "policy.json").exists()
     if (run is None) == (agent is None):
         raise typer.BadParameter("give the folder of a run, or --agent", param_hint="RUN")
-    if agent is not None:
-        _refuse("--mode", mode, "is of a run's folder: an agent acts in one way")
-        if not scenario:
-            raise typer.BadParameter("give at least one scenario", param_hint="--scenario")
-    else:
-        _refuse("--agents", agents, "is for --agent: a policy has those of its training")
-    if agent is not None or is_exported:
-        _refuse("--checkpoint", checkpoint, "is of a run's folder")
-    if is_exported and mode and "sampled" in modes:
-        raise typer.BadParameter("an exported policy acts greedily", param_hint="--mode")
+    is_exported = run is not None and (run / "policy.json").exists()
+    _check_effect(
+        "agent" if agent else "exported" if is_exported else "run",
+        {"--agents": agents, "--checkpoint": checkpoint, "--mode": mode},
+    )
+    if agent and not scenario:
+        raise typer.BadParameter("give at least one scenario", param_hint="--scenario")
+    modes = _modes(mode)
     from benchmark.running.experiment import interruptible
 
     table: pd.DataFrame | None = None
@@ -184,10 +180,24 @@ def evaluate(
     raise typer.Exit(code)
 
 
-def _refuse(option: str, given: object, why: str) -> None:
+WITHOUT_EFFECT = {
+    "agent": {"--mode": "an agent acts in one way", "--checkpoint": "is of a run's folder"},
+    "exported": {
+        "--agents": "is for --agent: a policy has those of its training",
+        "--checkpoint": "is of a run's folder",
+    },
+    "run": {"--agents": "is for --agent: a policy has those of its training"},
+}
+"""What is evaluated -> options that it does not have, and why."""
+
+
+def _check_effect(kind: str, given: Mapping[str, Any]) -> None:
     """Raise if an option is given that would have no effect."""
-    if given is not None:
-        raise typer.BadParameter(why, param_hint=option)
+    for option, why in WITHOUT_EFFECT[kind].items():
+        if given[option] is not None:
+            raise typer.BadParameter(why, param_hint=option)
+    if kind == "exported" and "sampled" in (given["--mode"] or ()):
+        raise typer.BadParameter("an exported policy acts greedily", param_hint="--mode")
 
 
 def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:

@@ -98,7 +98,6 @@ def test_two_evaluations_do_not_write_to_one_folder(tmp_path):
     [
         (["RUN", "--agents", "8"], "--agents"),
         (["--agent", "idm-v0", "--checkpoint", "last"], "--checkpoint"),
-        (["RUN", "--traffic", ""], "--traffic"),
     ],
 )
 def test_options_without_effect_are_refused(tmp_path, options, named):
