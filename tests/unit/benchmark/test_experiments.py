@@ -265,6 +265,12 @@ def test_mistakes_of_all_kinds_are_told_at_once_with_their_lines(write):
     assert len(told.splitlines()) == 6
 
 
+def test_a_mistake_is_told_once(write):
+    """Lists whose only member is wrong are not told to be missing, too."""
+    told = said(write("algorithms: [pppo]\ntasks: [intersecton]\nseeds: [-1]\n"))
+    assert len(told.splitlines()) == 3
+
+
 def test_a_task_is_named_after_its_scenario_and_variation(write):
     file = write("algorithms: [ppo]\ntasks: [intersection@dense]\n")
     (task,) = read_experiment(file).tasks
