@@ -54,6 +54,9 @@ def needs_none():
 
 class Needs:
     def __init__(self, a): ...
+
+def around(step):
+    leaves(step)
 """
 
 
@@ -67,9 +70,9 @@ def called(tmp_path):
 
 
 def test_an_exit_in_own_code_is_an_error_and_an_exit_of_ray_ends_the_process(called):
-    leaves = load_own(f"{called.stem}:leaves")
+    leaves, around = (load_own(f"{called.stem}:{name}") for name in ("leaves", "around"))
     with raises(OwnCodeError, f"{called}:5", values=["the reward 'x'", "SystemExit: 0"]):
-        guarded(leaves, "the reward 'x'")(None)
+        guarded(around, "the reward 'x'")(None)
     with raises(OwnCodeError, f"{called}:5", values=["SystemExit: 0"]), named_own_code("the run's own code"):
         leaves(None)
 

@@ -210,6 +210,13 @@ def test_mistakes_are_named(write, change, message):
     assert message in said(write("algorithms: [ppo]\ntasks: [loop]\n"), change)
 
 
+def test_algorithms_must_suit_the_agents(write):
+    file = write("algorithms: [pr2, mat]\ntasks: [loop]\n")
+    assert "algorithms[0]: 'pr2' needs 2 agents, and there are 1" in said(file, "environment.agents=1")
+    mixed = said(file, "environment.agents={a: {}, b: {action: Continuous}}")
+    assert "algorithms[1]: 'mat' needs agents with equal actions, and they have Lane, Continuous" in mixed
+
+
 def test_what_fits_is_taken(write):
     file = write("algorithms: [ppo]\ntasks: [loop]\n")
     for change in (
