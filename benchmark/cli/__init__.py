@@ -12,13 +12,13 @@ from algorithms.errors import AlgorithmError
 from benchmark.cli import (
     doctor,
     experiments,
+    lists,
     releases,
     render,
     reports,
     robustness,
     scenario,
     scripted,
-    settings,
     view,
     zoo,
 )
@@ -54,9 +54,9 @@ app.command()(reports.report)
 app.command()(reports.compare)
 app.command()(reports.leaderboard)
 app.command()(reports.check_traffic)
-app.command("algorithms")(experiments.list_algorithms)
-app.command()(settings.settings)
-app.command()(settings.schema)
+app.command()(lists.algorithms)
+app.command()(lists.settings)
+app.command()(lists.schema)
 app.add_typer(scenario.app, name="scenario")
 app.add_typer(zoo.app, name="zoo")
 app.command()(zoo.export)

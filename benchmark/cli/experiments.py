@@ -1,14 +1,13 @@
-"""`smarts-bench run`, `sweep`, `evaluate` and `algorithms`."""
+"""`smarts-bench run`, `sweep` and `evaluate`."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-
-from algorithms.registry import ALGORITHMS, Entry, Paradigm
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,11 +38,16 @@ Import = Annotated[
 ]
 Out = Annotated[Path, typer.Option(help="Parent folder of the experiment's results.")]
 
-MODES: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled")
-HEADER = ("name", "paradigm", "level", "communication", "actions", "recurrent", "description")
+
+class Mode(StrEnum):
+    """Action selection."""
+
+    GREEDY = "greedy"
+    SAMPLED = "sampled"
+
+
 RATES = ("collision_rate", "completion_rate")
 """Metrics of each of several scenarios."""
-SHORT = {Paradigm.CTDE: "CTDE"}
 
 
 def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Path("results")) -> None:
@@ -123,8 +127,8 @@ def evaluate(
     ] = None,
     episodes: Annotated[int, typer.Option(help="Number of episodes for each mode.", min=1)] = 50,
     mode: Annotated[
-        list[str] | None,
-        typer.Option(help="Action selection. Repeatable.", metavar="[greedy|sampled]", show_default="both"),
+        list[Mode] | None,
+        typer.Option(help="Action selection. Repeatable.", show_default="both"),
     ] = None,
     checkpoint: Annotated[
         Literal["last", "best"] | None,
@@ -149,7 +153,6 @@ def evaluate(
     )
     if agent and not scenario:
         raise typer.BadParameter("give at least one scenario", param_hint="--scenario")
-    modes = _modes(mode)
     from benchmark.running.experiment import interruptible
 
     table: pd.DataFrame | None = None
@@ -169,8 +172,9 @@ def evaluate(
         elif run is not None:
             from benchmark.running.evaluate_checkpoint import evaluate_checkpoint  # loads torch and Ray
 
-            chosen: Any = {"modes": modes, "checkpoint": checkpoint or "last"}
-            table = evaluate_checkpoint(run, scenarios=names, **chosen, **given)
+            modes: Any = [each.value for each in Mode if not mode or each in mode]
+            last = checkpoint or "last"
+            table = evaluate_checkpoint(run, scenarios=names, modes=modes, checkpoint=last, **given)
         return 0
 
     left = "nothing was written" if out is None else f"no table was written to {out}"
@@ -235,38 +239,3 @@ def _played(table: pd.DataFrame) -> pd.Series:
     """Return the scenario of each row, with its variation."""
     variation = table["variation"].where(table["variation"] == "", "@" + table["variation"])
     return table["scenario"].str.cat(variation)
-
-
-def _modes(given: list[str] | None) -> tuple[Literal["greedy", "sampled"], ...]:
-    # Typer supports no list of literals.
-    for name in given or ():
-        if name not in MODES:
-            raise typer.BadParameter(f"{name!r} is neither greedy nor sampled", param_hint="--mode")
-    return tuple(name for name in MODES if not given or name in given)
-
-
-def list_algorithms() -> None:
-    """List all algorithms and their properties."""
-    rows = [HEADER, *(_row(name, entry) for name, entry in ALGORITHMS.items())]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        line = "  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True))
-        typer.echo(line.rstrip())
-    for paradigm, short in SHORT.items():
-        typer.echo(f"\n{short}: {paradigm}")
-
-
-def _row(name: str, entry: Entry) -> tuple[str, ...]:
-    return (
-        name,
-        SHORT.get(entry.paradigm, entry.paradigm.value),
-        entry.level,
-        _yes(entry.communication),
-        entry.actions.value,
-        _yes(entry.recurrent),
-        entry.summary,
-    )
-
-
-def _yes(tag: bool) -> str:
-    return "yes" if tag else "no"

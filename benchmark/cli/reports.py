@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from benchmark.cli.lists import aligned
+
 if TYPE_CHECKING:
     from benchmark.metrics.results import Frame
 
@@ -166,12 +168,7 @@ def compare(
 
 
 def _shown(found: Frame) -> str:
-    lines = [[*TITLES.values()], *map(_line, found.to_dict("records"))]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(
-        "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    )
+    return "\n".join(aligned([[*TITLES.values()], *map(_line, found.to_dict("records"))]))
 
 
 def _line(row: dict[Any, Any]) -> list[str]:

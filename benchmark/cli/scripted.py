@@ -72,7 +72,7 @@ def scripted(
         locate(name)
     _check_table(out)
     header: str | None = _line(COLUMNS[:3], COLUMNS[3], "s", SHOWN)
-    lines = [COLUMNS]
+    lines: list[Sequence[str]] = [COLUMNS]
     for policy, name in itertools.product(chosen, scenarios):
         folder = None if record is None else record / file_name(policy) / Path(name).name
         with named_own_code(f"the policy {policy!r}"):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from benchmark.cli.experiments import Import
+from benchmark.cli.lists import aligned
 from smarts.errors import SmartsError
 
 if TYPE_CHECKING:
@@ -34,9 +35,7 @@ def list_agents() -> None:
     from smarts.zoo import entries
 
     rows = [COLUMNS, *((e.locator, e.m_level, e.author, _source(e)) for e in entries())]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        typer.echo("  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip())
+    typer.echo("\n".join(aligned(rows)))
 
 
 @app.command()

@@ -123,6 +123,7 @@ server.stop()
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_recording_is_played_elsewhere_by_the_installed_package_alone(wheel, tmp_path):
     made, elsewhere = tmp_path / "made", tmp_path / "elsewhere"

@@ -13,7 +13,6 @@ from benchmark.running.played import digest_of
 from smarts.agents.options import InterfaceError
 from smarts.config import ConfigError
 from smarts.sstudio.build import build_scenario
-from tests.commands import begin, finish
 
 BASE = "algorithms: [ppo]\ntasks: [intersection]\ntraffic: [no_social_vehicles]\nseeds: [1]\n"
 SOCIAL = """environment:
@@ -38,20 +37,7 @@ def read(tmp_path):
     return read
 
 
-def test_social_agents_reach_the_environment(read):
-    experiment = read(BASE + SOCIAL)
-    check_task_settings(experiment)
-    (setting,) = task_settings_of(experiment)
-    env = environment(setting, num_envs=1)
-    try:
-        step = env.reset(1)
-        assert step.alive.shape == (1, 1), "they are no learners"
-        assert len(env.episodes[0].agents) == 3
-    finally:
-        env.close()
-
-
-def test_hosts_reach_the_environment(read):
+def test_social_agents_and_hosts_reach_the_environment(read):
     hosts = "  hosts: {idm-v0: {where: process, delay_steps: 3}}\n"
     experiment = read(BASE + SOCIAL.replace("smarts.zoo:idm-v0", "idm-v0") + hosts)
     check_task_settings(experiment)
@@ -61,7 +47,8 @@ def test_hosts_reach_the_environment(read):
         (policy,) = env._runner._requests._policies
         assert policy.start is not None
         assert policy.host.delay_steps == 3
-        env.reset()
+        assert env.reset(1).alive.shape == (1, 1), "they are no learners"
+        assert len(env.episodes[0].agents) == 3
     finally:
         env.close()
 
@@ -166,11 +153,3 @@ def test_no_bubble_to_learn_in(read):
     with pytest.raises(InterfaceError) as error:
         check_task_settings(read(BASE + "environment: {learn_in_bubbles: true, episode_time: 20}"))
     assert error.value.place == "learn_in_bubbles"
-
-
-def test_the_command_line_ends_with_code_2(tmp_path):
-    file = tmp_path / "mine.yaml"
-    file.write_text(BASE + SOCIAL.replace("count: 2", "count: 4"))
-    code, _, said = finish(begin("run", str(file), "--out", str(tmp_path)))
-    assert code == 2
-    assert "social_agents" in said

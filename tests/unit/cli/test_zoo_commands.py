@@ -9,6 +9,7 @@ from benchmark.cli import app
 from benchmark.cli.zoo import options_of
 from smarts.errors import SmartsError, UnknownNameError
 from smarts.zoo.agents import AGENTS
+from tests.raising import raises
 
 AGENT = """
 from smarts.zoo import register
@@ -53,7 +54,7 @@ def test_a_folder_is_added(folder, tmp_path):
     assert str(folder) in (tmp_path / "zoo.yaml").read_text()
     folder.rename(tmp_path / "elsewhere")
     assert f"missing: {folder}" in run("zoo", "list")
-    with pytest.raises(SmartsError, match="gone"):
+    with raises(SmartsError, folder):
         run("zoo", "describe", "added-v0")
     assert "removed added-v0" in run("zoo", "remove", "added-v0")
     assert "added-v0" not in (tmp_path / "zoo.yaml").read_text()
