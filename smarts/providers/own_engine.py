@@ -69,10 +69,11 @@ class OwnEngine(TrafficEngine):
 
     def _read(self) -> None:
         """Read `failures` and `is_full` of the last call."""
-        self.failures = getattr(self._engine, "failures", None)
+        failures: Any = getattr(self._engine, "failures", None)
         self.is_full = np.asarray(getattr(self._engine, "is_full", None), np.bool_)
-        if not isinstance(self.failures, Mapping):
-            self._refuse("failures", self.failures, "a dict of a TrafficError by simulation, {} without")
+        if not isinstance(failures, Mapping):
+            self._refuse("failures", failures, "a dict of a TrafficError by simulation, {} without")
+        self.failures = failures
         if self.is_full.shape != (self._world.worlds,):
             self._refuse("is_full", self.is_full, f"an array of {self._world.worlds} truth values")
 
