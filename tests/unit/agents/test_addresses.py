@@ -235,6 +235,16 @@ def hosts_at(*addresses):
     return hosts
 
 
+def test_vehicles_that_a_new_process_does_not_know_begin_with_is_first():
+    away = hosts_at("tcp://127.0.0.1:7007")._away[0]
+    later = batch()._replace(is_first=np.zeros(3, bool))
+    found = []
+    for _ in range(2):
+        away._use(None)  # of another process
+        found += [away._with_first(later).is_first.tolist() for _ in range(2)]
+    assert found == 2 * [[True] * 3, [False] * 3]
+
+
 def test_silent_addresses_keep_no_step_waiting(monkeypatch):
     monkeypatch.setattr(links, "CONNECT_TIME", 1000.0)
     with ExitStack() as stack:
@@ -301,6 +311,18 @@ def test_interfaces_that_are_none_are_errors(facts):
 def test_an_agent_elsewhere_names_no_code_of_this_machine(observation):
     with pytest.raises(HostError):
         check_observation(observation, "there")
+
+
+def ask_for_ever(agent):
+    while True:
+        agent.act(batch())
+
+
+def test_an_agent_ends_with_its_server(tmp_path):
+    with kit_agent(tmp_path) as address:
+        agent = RemoteAgent(AtAddress(address))
+    with pytest.raises(HostError):
+        ask_for_ever(agent)  # its process ends soon after that of the server
 
 
 HARMING = """
