@@ -32,12 +32,18 @@ def serving(library=None, **options):
 def viewer(server, **options) -> ClientConnection:
     """Return a connection as a browser's page has one; it may be closed with messages unread."""
     given: dict[str, Any] = {"origin": f"http://127.0.0.1:{server.port}", "max_size": None, **options}
-    return connect(f"ws://127.0.0.1:{server.port}/live", close_timeout=0.2, **given)
+    return _connected(f"ws://127.0.0.1:{server.port}/live", **given)
 
 
 def publisher(server, **options) -> ClientConnection:
     """Return a connection as a process with simulations has one."""
-    return connect(f"ws://127.0.0.1:{server.port}/publish", close_timeout=0.2, **options)
+    return _connected(f"ws://127.0.0.1:{server.port}/publish", **options)
+
+
+def _connected(address, **options) -> ClientConnection:
+    # No pings: kernels that are compiled let nobody answer for a while.
+    given: dict[str, Any] = {"close_timeout": 0.2, "ping_interval": None, **options}
+    return connect(address, **given)
 
 
 def ask(server, path, *, method="GET", body=None, **headers):
