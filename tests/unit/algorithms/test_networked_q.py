@@ -56,6 +56,13 @@ def test_agents_agree_on_one_of_equally_good_joint_actions():
     assert chosen == [[1, 3], [2, 0]]
 
 
+def test_the_number_of_a_joint_action_is_its_place_in_the_table():
+    rig = Rig("networked_q", Ragged)
+    every = torch.tensor(list(itertools.product(range(3), repeat=3)))
+    number = rig.learner.combinations.number([every[:, :1], every[:, 1:2], every[:, 2:]])
+    assert number.tolist() == list(range(27))
+
+
 def twins(graph, **settings):
     """Return a learner of independent nodes, and one of a single node of all agents, of equal weights."""
     several = Rig("networked_q", Ragged, {"crash": 0.0}, graph=graph, **REPLAY, **settings)

@@ -1,8 +1,5 @@
 """RLlib's own settings: those with an effect have it, all others are errors that say what to use instead."""
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import pytest
 import torch
@@ -15,7 +12,7 @@ import algorithms
 from algorithms.errors import UnknownSettingError
 from algorithms.joint.rllib_settings import HONOURED, INSTEAD
 from algorithms.parts.optimisation import clip_gradients
-from algorithms.ppo import PPO, PPOConfig, PPOLearner
+from algorithms.ppo import PPO, PPOConfig
 from tests.games.games import Cues, Ragged
 from tests.games.recall import Recall
 
@@ -240,64 +237,6 @@ def test_returns_are_smoothed_over_as_many_episodes_whatever_the_number_of_runne
     runner = config.env_runner_cls(config=config, num_workers=runners, worker_index=min(runners, 1))
     assert runner._recent.maxlen == window
     runner.stop()
-
-
-class Timed(Cues):
-    """Cues of as many steps as its config says."""
-
-    def __init__(self, config=None):
-        super().__init__(config)
-        self.length = int((config or {}).get("length", 8))
-
-
-class Scaled(PPOLearner):
-    """Learns from rewards of which its config says the scale."""
-
-    def prepare(self, rollout):
-        scale = self.config.learner_config_dict.get("scale", 0.5)
-        return super().prepare(replace(rollout, rewards=rollout.rewards * scale))
-
-
-OTHER: dict[str, tuple[str, dict[str, Any]]] = {
-    "env_config": ("environment", {"env_config": {"length": 5}}),
-    "seed": ("debugging", {"seed": 4}),
-    "learner_class": ("learners", {"learner_class": Scaled}),
-    "learner_config_dict": ("learners", {"learner_class": Scaled, "learner_config_dict": {"scale": 2.0}}),
-    "grad_clip_by": ("training", {"grad_clip": 0.01, "grad_clip_by": "value"}),
-    "evaluation_config": ("evaluation", {"evaluation_config": {"explore": True}}),
-    "custom_evaluation_function": (
-        "evaluation",
-        {"custom_evaluation_function": lambda algo, group: ({"env_runners": {"own": 1.0}}, 1, 1)},
-    ),
-}
-"""Values of RLlib's settings that change the numbers of a run."""
-
-
-def outcome(name=None):
-    """Return the numbers of two iterations, with another value of a setting."""
-    config = small("ppo", Timed, minibatch_size=16)
-    config.evaluation(evaluation_interval=1, evaluation_duration=2)
-    if name is not None:
-        method, changes = OTHER[name]
-        getattr(config, method)(**changes)
-    algo = config.build_algo()
-    try:
-        results = [algo.train() for _ in range(2)]
-        state = weights_of(algo)
-    finally:
-        algo.stop()
-    evaluated = [result["evaluation"].get("env_runners", {}).get("episode_return_mean") for result in results]
-    return evaluated, {leaf: x.tobytes() for leaf, x in state.items()}
-
-
-@pytest.mark.nightly
-@pytest.mark.usefixtures("cluster")
-def test_another_value_gives_another_run():
-    usual = outcome()
-    assert outcome() == usual
-    found = {name: outcome(name) for name in OTHER}
-    assert [name for name in OTHER if found[name] == usual] == []
-    assert found["learner_config_dict"] != found["learner_class"]
 
 
 @pytest.mark.parametrize(
