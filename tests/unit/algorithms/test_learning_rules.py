@@ -127,12 +127,13 @@ def test_maddpg_critics_see_every_action_and_policies_only_move_their_own():
     batch = replayed(rig)
     taken = {g: a.requires_grad_() for g, a in batch.encoded_actions().items()}
     own = {g: torch.rand_like(a).requires_grad_() for g, a in taken.items()}
-    first, second = rig.spec.groups
-    q = rig.learner.net(critic_of(first)).q(batch, taken, own[first.id]).sum()
-    by_own, by_taken, by_other = torch.autograd.grad(q, [own[first.id], taken[first.id], taken[second.id]])
-    assert (by_own != 0).any()
-    assert by_taken.abs().max() < 1e-5, "the replayed own action must be gone"
-    assert (by_other != 0).any(), "the others' actions must reach the critic"
+    first, second = (group.id for group in rig.spec.groups)
+    for group, me, other in zip(rig.spec.groups, (first, second), (second, first), strict=True):
+        q = rig.learner.net(critic_of(group)).q(batch, taken, own[me]).sum()
+        by_own, by_taken, by_other = torch.autograd.grad(q, [own[me], taken[me], taken[other]])
+        assert (by_own != 0).any()
+        assert by_taken.abs().max() < 1e-5, "the replayed own action must be gone"
+        assert (by_other != 0).any(), "the others' actions must reach the critic"
 
 
 class Alone(Target):
