@@ -67,7 +67,8 @@ class JobState:
     """The stream of its messages."""
     room: Any = field(default=None, repr=False)
     """The placement group of its resources."""
-    writer: RunWriter | None = field(default=None, repr=False)
+    writer: Any = field(default=None, repr=False)
+    """A `RunWriter`, once it has begun."""
 
 
 def jobs_of(experiment: Experiment) -> list[Job]:
@@ -141,7 +142,7 @@ class JobScheduler:
             while (training := self._training()) and time.monotonic() < deadline:
                 self._listen(training)
         for state in self._under_way.values():
-            self._close_writer(state)
+            state.writer.close()
 
     def release(self) -> None:
         """End what is left of all jobs, and free their resources: where Ray is not shut down after them."""
@@ -224,26 +225,20 @@ class JobScheduler:
                 state.status, state.error = "failed", f"lost its process {ATTEMPTS} times: {_words(error)}"
         except SmartsError as error:  # of this machine's disk
             state.status, state.error = "failed", _words(error)
-        self._close_writer(state)
-        room, state.room = state.room, None
+        state.writer.close()
         if state.status == FINISHED:
-            self._free_rooms.append(room)
+            self._free_rooms.append(state.room)
         else:
-            remove_placement_group(room)  # and what is left of the job with it
+            remove_placement_group(state.room)  # and what is left of the job with it
         return False
 
     def _write(self, state: JobState, message: Any) -> None:
-        assert state.writer is not None
         state.heard = time.monotonic()
         progress = state.writer.take(message)
         if progress is not None:
             state.progress, state.status = progress, progress.phase
         if isinstance(message, Kept) and message.place == CHECKPOINT:
             state.attempts = 1
-
-    def _close_writer(self, state: JobState) -> None:
-        if state.writer is not None:
-            state.writer.close()
 
 
 @contextmanager

@@ -93,6 +93,7 @@ def test_without_an_address_ray_is_its_own_whatever_else_there_is(listener, monk
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.usefixtures("callers_ray")
 def test_a_ray_of_the_caller_has_its_cpus_again(tmp_path):
     with raises(ResultsError, "resources.address", values=["auto"]):
