@@ -296,6 +296,7 @@ LAP = ("side", "round")
         # On another road, on the route before the line at 50 m, and behind it.
         (2, (*LAP, "side"), -40.0, ("lead", *LAP, "side")),
         (2, (*LAP, "side"), 70.0, (*LAP, *LAP, "side")),
+        (2, (*LAP, *LAP, "side"), 70.0, (*LAP, *LAP, "side")),
         (1, ("side",), 30.0, ("side",)),
         (1, ("side",), 70.0, (*LAP, "side")),
         # The line may be crossed before the first step ends.
