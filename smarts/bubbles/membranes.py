@@ -87,9 +87,7 @@ def move_bubbles(
     state: State, table: BubbleTable, rows: BubbleRows, states: BubbleStates, env_mask: Bools
 ) -> None:
     """Write the poses of bubbles that follow a vehicle; without one they keep their last pose."""
-    for b in range(len(env_mask)):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         for z in range(rows.size[b]):
             slot = rows.followed[b, z]
             if slot >= 0:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import enum
 from typing import NamedTuple
 
+import numpy as np
+
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.bubbles.membranes import BubbleRows, Membranes
 from smarts.bubbles.outlines import BubbleTable, Place
@@ -90,9 +92,7 @@ def end_holds(state: State, holds: Holds, membranes: Membranes, env_mask: Bools)
     A vehicle that is still there is refused until it has left the margin.
     """
     agents, vehicles = state.agents, state.vehicles
-    for b in range(len(env_mask)):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         for a in range(holds.bubble.shape[1]):
             z, v = holds.bubble[b, a], holds.slot[b, a]
             if z < 0:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from smarts.arrays import Bools, Floats, Ints
 from smarts.dynamics import Motion
 from smarts.dynamics.free_motion import SLACK
@@ -235,9 +237,7 @@ def find_touchable(state: State, motion: Motion, groups: AgentGroups, boxed: Boo
     """
     vehicles, slot, in_bullet = state.vehicles, state.agents.slot, groups.in_bullet
     any_found = False
-    for b in range(env_mask.shape[0]):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         count = _end_of(in_bullet[b])
         for v in range(vehicles.alive.shape[1]):
             slack = SLACK + (STAYS if boxed[b, v] else 0.0)

@@ -87,9 +87,7 @@ def find_contacts(state: State, out: Contacts, tracks: Tracks, env_mask: Bools) 
     out.closing_speed[:] = 0.0
     out.side[:] = 0
     touching[:] = False
-    for row in range(len(env_mask)):
-        if not env_mask[row]:
-            continue
+    for row in np.flatnonzero(env_mask):
         alive = _survey(now, before, poses, agents, row, near, reach, agent_id_of)
         for agent_id in range(status.shape[1]):
             slot = slots[row, agent_id]

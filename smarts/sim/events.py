@@ -143,9 +143,7 @@ def begin_episodes(
     """Mark episodes that begin with an overlap as invalid, rank arrivals in the others; see `AgentEvents`."""
     _clear(out)
     count = state.agents.slot.shape[1]
-    for row in range(len(env_mask)):
-        if not env_mask[row]:
-            continue
+    for row in np.flatnonzero(env_mask):
         is_invalid = False
         for agent_id in range(count):
             state.agents.lap_before[row, agent_id] = state.agents.lap[row, agent_id]
@@ -179,9 +177,7 @@ def detect_events(
     """Write the events of all agents, and end episodes; see `AgentEvents`."""
     _clear(out)
     agents = state.agents
-    for row in range(len(env_mask)):
-        if not env_mask[row]:
-            continue
+    for row in np.flatnonzero(env_mask):
         for agent_id in range(agents.slot.shape[1]):
             if agents.state[row, agent_id] in (_ACTIVE, _SHADOWING) and agents.slot[row, agent_id] >= 0:
                 bits = judge(state, roads, routes, rules, patience, row, agent_id)

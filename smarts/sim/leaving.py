@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from smarts.arrays import Bools
 from smarts.geometry.compiling import kernel
 from smarts.types.agent_states import AgentStatus, ChangePhase
@@ -28,9 +30,7 @@ def begin_leaving(state: State, env_mask: Bools) -> None:
         env_mask: The simulations, shape (B,).
     """
     agents, vehicles = state.agents, state.vehicles
-    for b in range(len(env_mask)):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         for a in range(agents.slot.shape[1]):
             slot = agents.slot[b, a]
             if slot < 0 or vehicles.owner[b, slot] != _AGENT:
@@ -57,9 +57,7 @@ def drop_vanished(state: State, env_mask: Bools) -> None:
         env_mask: The simulations, shape (B,).
     """
     agents, vehicles = state.agents, state.vehicles
-    for b in range(len(env_mask)):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         for a in range(agents.slot.shape[1]):
             slot = agents.slot[b, a]
             if slot < 0 or agents.state[b, a] in (_DONE, _WAITING):
@@ -78,9 +76,7 @@ def note_collisions(state: State, contacts: Contacts, env_mask: Bools) -> None:
         env_mask: The simulations, shape (B,).
     """
     agents = state.agents
-    for b in range(len(env_mask)):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         for a in range(agents.slot.shape[1]):
             is_hit = agents.state[b, a] == _LEAVING and contacts.partner[b, a] >= 0
             if is_hit and not agents.harmed[b, a]:
@@ -91,9 +87,7 @@ def note_collisions(state: State, contacts: Contacts, env_mask: Bools) -> None:
 def has_leavers(state: State, env_mask: Bools) -> bool:
     """Return whether any vehicle of an agent is to leave its agent, in some simulations."""
     agents = state.agents
-    for b in range(len(env_mask)):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         for a in range(agents.slot.shape[1]):
             status = agents.state[b, a]
             if agents.slot[b, a] >= 0 and (

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from smarts.arrays import Bools
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
@@ -41,9 +43,7 @@ class Manoeuvres:
 def plan_manoeuvres(state: State, roads: Roads, env_mask: Bools) -> None:
     """Write the guidance of agents with a vehicle and a task, in some simulations."""
     agents, missions, guidance = state.agents, state.missions, state.guidance
-    for b in range(len(env_mask)):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         for a in range(agents.slot.shape[1]):
             if missions.task[b, a] == _NONE or agents.state[b, a] not in (_ACTIVE, _SHADOWING):
                 continue

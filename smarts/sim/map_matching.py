@@ -63,12 +63,10 @@ class MapMatcher:
 def match_vehicles(state: State, roads: Roads, routes: RouteTable, matched: Matched, env_mask: Bools) -> None:
     """Write the places of all vehicles, since when they stand, and the progress of all agents."""
     vehicles, agents = state.vehicles, state.agents
-    worlds, capacity = vehicles.alive.shape
+    capacity = vehicles.alive.shape[1]
     room = candidates()
     corridor = np.empty(capacity, np.int32)
-    for b in range(worlds):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         _begin_matching(state, routes, matched, b, corridor)
         for v in range(capacity):
             if vehicles.alive[b, v]:

@@ -28,9 +28,7 @@ def count_overlaps(state: State, overlaps: Ints, env_mask: Bools) -> None:
         env_mask: Which simulations made the step, shape (B,).
     """
     now, before = state.vehicles, state.before
-    for b in range(len(env_mask)):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         slots = np.flatnonzero(now.alive[b] & (now.owner[b] != _AGENT))
         slots = slots[np.argsort(now.position[b, :, 0][slots])]
         longest = now.length[b].max() + now.width[b].max()

@@ -118,9 +118,7 @@ def find_turned(state: State, roads: Roads, shown: Shown, found: Ints, env_mask:
         How many rows were written.
     """
     vehicles, count = state.vehicles, 0
-    for b in range(len(env_mask)):
-        if not env_mask[b]:
-            continue
+    for b in np.flatnonzero(env_mask):
         if state.step[b] == 0:
             # Generations begin again with the episode.
             shown.generation[b, :] = -1
