@@ -26,6 +26,7 @@ from smarts.providers.vehicle_kernels import (
     write_motion,
 )
 from smarts.providers.vehicle_surface import DRY, RoadSurfaces
+from smarts.types import columns
 from smarts.types.actions import Commands
 from smarts.types.tracks import Tracks
 from smarts.types.transfers import Refusal
@@ -66,6 +67,7 @@ class FleetVehicles:
         flat_tyres: Mapping[int, Sequence[int]] | None = None,
     ) -> None:
         worlds, agents = world.agents.slot.shape
+        self._agents = agents
         self.failures: dict[int, SmartsError] = {}
         """Errors of the last step, by simulation: a motion that is no longer finite."""
         self._models = [models] * agents if isinstance(models, str) else list(models)
@@ -76,9 +78,7 @@ class FleetVehicles:
         self._tyres = [tyres] * agents if isinstance(tyres, str) else list(tyres)
         self._flat_tyres = flat_tyres or {}
         shape = (worlds, agents)
-        self._fleet_slots = FleetSlots(
-            np.full(shape, NOWHERE, np.int32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
-        )
+        self._fleet_slots = columns.allocate(FleetSlots, shape, unset=("slot",))
         self._has_tyre_slip = np.tile([model != "kinematic" for model in self._models], worlds)
         self._memory = np.zeros((worlds * agents, tracking.MEMORY))
         self._tracks = Tracks.allocate(worlds, agents, world.vehicles.capacity, SUBSTEPS)
@@ -88,7 +88,7 @@ class FleetVehicles:
         self._boxed = np.zeros(world.vehicles.alive.shape, np.bool_)
         self._with_boxes: set[int] = set()
         self._has_contacts = False
-        self._groups = AgentGroups(*(np.zeros((worlds, agents), np.bool_) for _ in AgentGroups._fields))
+        self._groups = columns.allocate(AgentGroups, shape)
         state, motion = world.state, self.fleet.motion
         is_bullet = np.array([model == MODELS[0] for model in self._models])
         self._group_agents = LateBound(group_agents, state, is_bullet, self._groups)
@@ -211,20 +211,20 @@ class FleetVehicles:
             self.fleet.step(self._no_controls, simulations=env_mask, driver=self._driver_of(commands))
         except MotionError:
             for number in np.flatnonzero(self.fleet.lost).tolist():
-                row = number // self._fleet_slots.slot.shape[1]
+                row = number // self._agents
                 self.failures.setdefault(row, self.fleet.motion_error(number))
                 self._groups.driven[row] = False
         if self._write_motion():
             for row, agent_id in np.argwhere(self._groups.driven).tolist():
                 height = self._world.vehicles.height[row, self._fleet_slots.slot[row, agent_id]]
-                self.fleet.lift(row * self._fleet_slots.slot.shape[1] + agent_id, float(height))
+                self.fleet.lift(row * self._agents + agent_id, float(height))
         if self.fleet.contacts:
             self._record_contacts()
 
     def _record_contacts(self) -> None:
         """Record each Bullet contact for both vehicles."""
         self._has_contacts = True
-        capacity, agents = self._world.vehicles.capacity, self._fleet_slots.slot.shape[1]
+        capacity, agents = self._world.vehicles.capacity, self._agents
         for substep, contact in self.fleet.contacts:
             row, agent_id = divmod(contact.row, agents)
             slot = (
@@ -251,7 +251,7 @@ class FleetVehicles:
             self._groups.active & (agents.generation != self._fleet_slots.generation)
         )
         for row, agent_id in np.argwhere(changed).tolist():
-            number = row * self._fleet_slots.slot.shape[1] + agent_id
+            number = row * self._agents + agent_id
             if self._fleet_slots.slot[row, agent_id] >= 0:
                 self.fleet.despawn(number)
             self._fleet_slots.slot[row, agent_id] = target_slot[row, agent_id]

@@ -69,11 +69,8 @@ class NamedInterest:
     def _patterns(self, row: int, criteria: InterestDoneCriteria) -> tuple[str, ...]:
         episode = self._entries.episodes[row]
         marked = self._marked.get(episode.scenario, "") if episode else ""
-        return (
-            (*criteria.actors_filter, marked)
-            if criteria.include_scenario_marked and marked
-            else (criteria.actors_filter)
-        )
+        is_added = criteria.include_scenario_marked and marked
+        return (*criteria.actors_filter, *([marked] if is_added else ()))
 
 
 def interest_of(

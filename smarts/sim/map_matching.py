@@ -17,6 +17,7 @@ from smarts.roads.footprints import count_corners_on_road, is_on_road
 from smarts.roads.kernels import candidates, centre_at, distance_on_row, find_row, lane_length, place_on_map
 from smarts.roads.scene import Scene
 from smarts.sim.places import lane_of, line_on
+from smarts.types import columns
 from smarts.types.mission import GoalKind
 from smarts.types.vehicles import STANDING, VehicleStates
 from smarts.types.world import State
@@ -43,7 +44,7 @@ class MapMatcher:
 
     def __init__(self, scene: Scene) -> None:
         shape = scene.world.vehicles.alive.shape
-        matched = Matched(np.full(shape, -1, np.int32), np.zeros((*shape, 3)))
+        matched = columns.allocate(Matched, shape, unset=("generation",), more={"pose": (3,)})
         self._match = bind(
             match_vehicles, scene.world.state, scene.atlas.roads, scene.routes.current, matched
         )

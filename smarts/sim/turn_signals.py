@@ -18,6 +18,7 @@ from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
+from smarts.types import columns
 from smarts.types.world import State
 
 
@@ -45,7 +46,7 @@ class TurnSignals:
         shape = world.vehicles.alive.shape
         self._place = world.route_place
         self._found = np.zeros((shape[0] * shape[1], 5), np.int32)
-        shown = Shown(*(np.full(shape, -1, np.int32) for _ in Shown._fields))
+        shown = columns.allocate(Shown, shape, unset=Shown._fields)
         self._find = bind(find_turned, world.state, scene.atlas.roads, shown, self._found)
 
     def show(self, env_mask: Bools) -> None:
