@@ -1,7 +1,6 @@
 """The pool: agents come and go, leave nothing behind, and change nothing while they are not there."""
 
 import dataclasses
-import hashlib
 from functools import partial
 
 import numpy as np
@@ -26,6 +25,7 @@ from smarts.types.events import Outcome
 from smarts.types.mission import AgentMission, Via
 from smarts.types.transfers import Reason, Refusal, Transfer, transfers
 from smarts.types.vehicles import Owner
+from tests.unit.sim.hashed_run import HashedRun
 from tests.worlds import Willing
 
 LANER = AgentInterface(
@@ -474,71 +474,32 @@ SCRATCH = ("pool.serial", "entries.coming", "ownership.departed")
 # A pool without agents.
 
 
-class Hashed:
-    """A run whose bits that concern egos and traffic are hashed, row by row."""
+class PooledRun(HashedRun):
+    """Egos of one interface choose lane actions, those of another one drive on."""
 
-    def __init__(self, egos, pool, worlds, **more):
-        traffic = "random_social_vehicles"
-        self.parts = assembled(egos, pool, worlds=len(worlds), traffic=traffic, **more)
-        self.world, self.worlds, self.egos = self.parts.simulation.world, worlds, len(egos)
-        self.hashes = [hashlib.blake2b() for _ in worlds]
-        self.episodes = [0] * len(worlds)
-        self.everybody = False
-        self.reset(range(len(worlds)))
+    def __init__(self, egos, pool, worlds, columns=None):
+        parts = assembled(egos, pool, worlds=len(worlds), traffic="random_social_vehicles")
+        super().__init__(parts, worlds, columns)
 
-    def reset(self, rows):
-        starts = {row: self.parts.schedule.start(self.worlds[row], self.episodes[row]) for row in rows}
-        self.hash(self.parts.simulation.reset(starts))
-        for row in rows:
-            self.episodes[row] += 1
+    def act(self, actions, row):
+        now = int(self.world.step[row])
+        actions.given[row] = actions.fresh[row] = self.world.agents.state[row] == AgentStatus.ACTIVE
+        actions.action_mask[row] = self.world.agents.action_mask[row]
+        lane = actions.kind[row] == ActionSpaceType.Lane
+        actions.values[row, lane, 0] = (now // 10 + self.worlds[row] + np.flatnonzero(lane)) % 4
+        actions.values[row, ~lane, :3] = 0.4, 0.0, 0.05 * np.sin(now / 5)
 
-    def step(self):
-        world, actions = self.world, self.parts.actions
-        for row, number in enumerate(self.worlds):
-            now = int(world.step[row])
-            is_active = world.agents.state[row] == AgentStatus.ACTIVE
-            actions.given[row] = actions.fresh[row] = is_active
-            actions.action_mask[row] = world.agents.action_mask[row]
-            lane = actions.kind[row] == ActionSpaceType.Lane
-            actions.values[row, lane, 0] = (now // 10 + number + np.flatnonzero(lane)) % 4
-            actions.values[row, ~lane, :3] = 0.4, 0.0, 0.05 * np.sin(now / 5)
-        frame = step(self.parts)
-        self.hash(frame)
-        if finished := np.flatnonzero(frame.events.finished).tolist():
-            self.reset(finished)
-
-    def hash(self, frame):
-        world = self.world
-        columns = slice(None) if self.everybody else slice(0, self.egos)
-        for row in np.flatnonzero(frame.env_mask).tolist():
-            told = self.hashes[row].update
-            there = np.flatnonzero(world.vehicles.alive[row])
-            for table in (world.vehicles, world.before):
-                for column in table:
-                    told(column[row, there].tobytes())
-            for table in (world.agents, world.missions, world.guidance, frame.events[:4]):
-                for column in table:
-                    told(column[row, columns].tobytes())
-            for sensor, block in frame.readings.blocks.items():
-                for place, agent_id in enumerate(frame.readings.agent_ids[sensor].tolist()):
-                    if frame.observe_mask[row, agent_id] and (self.everybody or agent_id < self.egos):
-                        told(b"".join(array[row, place].tobytes() for array in block.values()))
-
-    def play(self, steps, act=lambda run: None):
-        try:
-            for _ in range(steps):
-                act(self)
-                self.step()
-            return [each.hexdigest() for each in self.hashes]
-        finally:
-            self.parts.simulation.close()
+    def play(self, steps):
+        for _ in range(steps):
+            self.step()
+        return self.digests()
 
 
 @pytest.mark.parametrize("model", ["kinematic", pytest.param("bullet", marks=pytest.mark.nightly)])
 def test_a_pool_in_which_nobody_is_changes_no_bit(model):
     egos = [LANER.replace(vehicle_model=model, max_episode_steps=90), DRIVER]
     pool = [PooledAgents(LANER, 7), PooledAgents(BUS, 3)]
-    without, beside = (Hashed(egos, each, [0, 3]).play(100) for each in ((), pool))
+    without, beside = (PooledRun(egos, each, [0, 3], columns=2).play(100) for each in ((), pool))
     assert without == beside
     assert without[0] != without[1]
 
@@ -567,30 +528,30 @@ def crowd(run):
     parts.ownership.submit(transfers(proposed))
 
 
-class Crowd(Hashed):
-    """Agents come and go beside egos of different interfaces; everybody is hashed."""
+class Crowd(PooledRun):
+    """Agents come and go beside egos of different interfaces."""
 
     def __init__(self, worlds):
         egos = [LANER.replace(max_episode_steps=100), DRIVER]
         pool = [PooledAgents(LANER.replace(signals=True), 3), PooledAgents(BUS, 2)]
         self.counts = [set() for _ in worlds]
         super().__init__(egos, pool, worlds)
-        self.everybody = True
 
-    def step(self):
-        super().step()
+    def step(self, rows=None):
+        crowd(self)
+        super().step(rows)
         for row, counts in enumerate(self.counts):
             counts.add(int((self.world.agents.state[row, 2:] == AgentStatus.ACTIVE).sum()))
 
 
 def test_a_row_of_a_batch_in_which_agents_come_and_go_equals_the_run_alone():
     together = Crowd([0, 1, 4])
-    hashes = together.play(110, crowd)
+    hashes = together.play(110)
     assert max(together.episodes) > 1
     assert len({*map(frozenset, together.counts)}) > 1
     assert all(len(counts) > 2 for counts in together.counts)
     assert together.parts.pool.refused.any()
-    assert Crowd([4]).play(110, crowd) == hashes[2:]
+    assert Crowd([4]).play(110) == hashes[2:]
 
 
 # Records.
