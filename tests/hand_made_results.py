@@ -15,6 +15,7 @@ from benchmark.report.against_paper import DEGENERATE
 from benchmark.results.files import write_versioned
 from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
 from benchmark.results.run_folder import FINISHED, RunFolder
+from benchmark.scripted import SCRIPTED_POLICIES
 
 ALONE, SOCIAL = "no_social_vehicles", "random_social_vehicles"
 OUTCOME_COLUMN = {"collision": "collisions", "goal": "goals"}
@@ -147,11 +148,26 @@ def write_run(
     return folder
 
 
+def write_test(root: Path, name: str, outcomes: Outcomes, **given) -> Path:
+    """Write a run's folder with a greedy test, or the test of a scripted policy, and return it.
+
+    Args:
+        root: The experiment's folder.
+        name: Of the algorithm or scripted policy.
+        outcomes: By episode and agent.
+        given: Of `write_run`; the table has its task and traffic.
+    """
+    is_scripted = name in SCRIPTED_POLICIES
+    task, traffic = given.get("task", "intersection"), given.get("traffic", ALONE)
+    mode = "scripted" if is_scripted else "greedy"
+    table = agent_episodes(outcomes, mode=mode, task=task, task_traffic=traffic)
+    return write_run(root, name, [table], **{"seed": -1 if is_scripted else 1} | given)
+
+
 def write_degenerate(root: Path, *names: str, traffic=ALONE) -> None:
     """Write the tests of degenerate policies, all of whose agents collide."""
     for name in names or DEGENERATE:
-        driven = agent_episodes([["collision"]] * 200, mode="scripted", task_traffic=traffic)
-        write_run(root, name, [driven], traffic=traffic, seed=-1)
+        write_test(root, name, [["collision"]] * 200, traffic=traffic)
 
 
 def finish_runs(experiment, root: Path, columns=None, **facts) -> RunFolder:

@@ -120,8 +120,9 @@ def verify(
         confirmed = True
         for verdict in evaluate(manifest, folder, out, **test, parallel=parallel):
             scores = ", ".join(f"{name} {value:.3f}" for name, value in verdict.scores.items())
-            digests = f"{verdict.equal} of {verdict.compared} episodes as claimed"
-            typer.echo(f"{verdict.entry}: {verdict.status}; {scores or 'no scores'}; {digests}")
+            equal, compared = verdict.digests
+            digests = f"{equal} of {compared} episodes as claimed"
+            typer.echo(f"{verdict}: {verdict.status}; {scores or 'no scores'}; {digests}")
             for reason in verdict.reasons:
                 typer.echo(f"  {reason}")
             confirmed &= verdict.status == CONFIRMED

@@ -3,43 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from algorithms.registry import ALGORITHMS
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.results.files import ResultsError, read_mapping
+from benchmark.results.files import read_mapping
 from benchmark.results.reading import RunResult
-from benchmark.results.release import ADDRESS, CONFIRMED, MARKED, REFUSED, SEEDS, SUBMISSION, VERDICTS
+from benchmark.results.release import (
+    ADDRESS,
+    CONFIRMED,
+    MARKED,
+    REFUSED,
+    SEEDS,
+    SUBMISSION,
+    VERDICTS,
+    Verdict,
+)
 
 MAY_EXCHANGE = "its vehicles may tell each other what they see"
 """Of an address, and of an algorithm that is not known here: from outside it cannot be told."""
 
 
 @dataclass(frozen=True)
-class Submitted:
+class Submitted(Verdict):
     """A policy of a submission after its evaluation."""
 
     experiment: str
     """Folder of its results."""
-    name: str
-    author: str
-    algorithm: str
-    task: str
-    traffic: str
-    seed: int
-    agent: str
-    """Folder of the exported policy, or an address."""
-    status: str
-    """confirmed, marked or refused."""
-    reasons: tuple[str, ...]
-    claimed: Mapping[str, float]
-    scores: Mapping[str, float]
-    digests: tuple[int, int]
-    """Equal ones, of those compared."""
-    knows_test: bool = False
-    """Whether it does better in the public test than in fresh episodes."""
 
     @property
     def label(self) -> str:
@@ -87,37 +79,17 @@ def read_submitted(root: Path, experiment: str, runs: Iterable[RunResult]) -> li
         root: The folder.
         experiment: Its name.
         runs: Its finished runs.
-
-    Raises:
-        ResultsError: The verdicts are damaged.
     """
     file = root / VERDICTS
-    try:
-        found = [_submitted(run.facts[SUBMISSION], experiment) for run in runs if SUBMISSION in run.facts]
-        said = read_mapping(file)["verdicts"] if file.exists() else []
-        refused = [_submitted(each, experiment) for each in said if each["status"] == REFUSED]
-    except (KeyError, TypeError, ValueError) as error:
-        raise ResultsError(
-            f"verdicts are damaged: {type(error).__name__}: {error}",
-            place=str(root),
-            remedy="remove the folder, and verify the submission again",
-        ) from error
+    found = [_submitted(run.facts[SUBMISSION], experiment) for run in runs if SUBMISSION in run.facts]
+    said = read_mapping(file)["verdicts"] if file.exists() else []
+    refused = [_submitted(each, experiment) for each in said if each["status"] == REFUSED]
     played = {(*each.key, each.seed) for each in found}
     return found + [each for each in refused if (*each.key, each.seed) not in played]
 
 
 def _submitted(said: Mapping[str, Any], experiment: str) -> Submitted:
-    names = ("name", "author", "algorithm", "task", "traffic", "seed", "agent", "status")
-    equal, compared = said["digests"]
-    return Submitted(
-        experiment,
-        **{name: said[name] for name in names},
-        reasons=tuple(map(str, said["reasons"])),
-        claimed=dict(said["claimed"]),
-        scores=dict(said["scores"]),
-        digests=(int(equal), int(compared)),
-        knows_test=bool(said["knows_test"]),
-    )
+    return Submitted(**{each.name: said[each.name] for each in fields(Verdict)}, experiment=experiment)
 
 
 class Mark(NamedTuple):

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from benchmark.experiment.environment import Environment
 from benchmark.experiment.version import (
     ENVIRONMENT,
     changed_code,
     changed_scenarios,
-    changed_settings,
     versions,
 )
 from benchmark.results.reading import RunResult
-from benchmark.results.versions import commits_of
-from smarts.config import ConfigError, fitted
+from benchmark.results.versions import commits_of, unlike_version
 
 
 def version_lines(runs: Sequence[RunResult]) -> list[str]:
@@ -46,18 +43,9 @@ def _changed(version: int, runs: Sequence[RunResult]) -> list[str]:
     for run in runs:
         for scenario in changed_scenarios(version, {run.traffic: run.scenarios}):
             found.setdefault(f"the scenario {scenario}", []).append(str(run))
-        for name in _changed_settings(version, run):
+        for name in unlike_version(version, run.config.get(ENVIRONMENT) or {}):
             found.setdefault(f"environment.{name}", []).append(str(run))
     lines = [f"Not as version {version} froze it: {x} of {', '.join(names)}." for x, names in found.items()]
     if "metrics" in changed_code(version):
         lines.append(f"This report's code of metrics is not as version {version} froze it.")
     return lines
-
-
-def _changed_settings(version: int, run: RunResult) -> list[str]:
-    if ENVIRONMENT not in run.config:
-        return []
-    try:
-        return changed_settings(version, fitted(run.config[ENVIRONMENT], Environment))
-    except (ConfigError, TypeError):
-        return ["(unreadable)"]

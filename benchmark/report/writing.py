@@ -115,16 +115,10 @@ def _check_free(folder: Path) -> None:
     """Raise if the folder cannot be replaced by a report.
 
     Raises:
-        ResultsError: It is a file, the current folder, or holds other files than a report's.
+        ResultsError: It is a file, or holds other files than a report's.
     """
     if folder.is_file():
         raise ResultsError("is a file, not a folder", place=str(folder), remedy="choose another --out")
-    if Path.cwd().is_relative_to(folder.resolve()):
-        raise ResultsError(
-            "is the current folder or holds it, and would be replaced",
-            place=str(folder),
-            remedy="give the command from another folder, or another --out",
-        )
     if folder.is_dir() and any(folder.iterdir()):
         pictures = (f"{name}.png" for name in (*(kind.name for kind in KINDS), PROFILE))
         known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, ROBUSTNESS, "main_table_*.tex", *pictures]

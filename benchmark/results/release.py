@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,7 +25,7 @@ from smarts.config import ConfigError, Section, fitted
 
 MANIFEST, POLICIES = "manifest.json", "policies"
 SUBMISSION = "submission"
-"""In run.json: what was submitted, and how it compares; see `Verdict.content`."""
+"""In run.json: what was submitted, and how it compares; see `Verdict`."""
 VERDICTS = "verdicts.json"
 """Of a folder of evaluated submissions: all verdicts."""
 FRESH_SEED = "fresh_seed"
@@ -104,6 +105,37 @@ class Manifest(Section):
     def content(self) -> dict[str, Any]:
         """Return it as it is written."""
         return self.model_dump(mode="json")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is known of a submitted policy after its evaluation, as run.json and verdicts.json have it."""
+
+    name: str
+    """Of the submission."""
+    author: str
+    algorithm: str
+    task: str
+    traffic: str
+    seed: int
+    agent: str
+    """Folder of the exported policy, or an address."""
+    status: str
+    """`CONFIRMED`, `MARKED` or `REFUSED`."""
+    reasons: list[str]
+    """Why it is marked or refused."""
+    claimed: dict[str, float]
+    scores: dict[str, float]
+    """As re-derived; empty if refused."""
+    digests: list[int]
+    """Of episodes: how many are those claimed, of how many that were compared."""
+    fresh: dict[str, Any]
+    """Seed, number and scores of the fresh episodes."""
+    knows_test: bool
+    """Whether the policies of its cell do better in the public test than in fresh episodes."""
+
+    def __str__(self) -> str:
+        return f"{self.algorithm}, {self.task}, {self.traffic}, seed {self.seed}"
 
 
 def read_manifest(folder: Path) -> Manifest:

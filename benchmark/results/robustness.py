@@ -23,7 +23,6 @@ from benchmark.metrics.results import Frame
 from benchmark.results.files import ResultsError, read_versioned
 from benchmark.results.packed import packed_contents
 from benchmark.results.reading import Results, RunResult, packed_rows
-from benchmark.results.run_tables import LABELS
 from smarts.errors import SmartsError
 
 ROBUSTNESS = "robustness"
@@ -96,17 +95,15 @@ def read_played(results: Results) -> Played:
     for place, (read_content, read_rows) in sorted(plays_of(results.root).items()):
         try:
             content = read_content()
-            if problem := _outdated(content, results) or _elsewhere(content, place):
+            if problem := _outdated(content, results):
                 raise ResultsError(problem, place=place)
-            _extent(content)  # raises if damaged
             tables.append(read_rows())
             facts.append(content)
         except SmartsError as error:
             problems[place] = f"{error.problem}; {AGAIN}"
-        except (KeyError, TypeError, ValueError) as error:
-            problems[place] = f"damaged: {PLAY}: {type(error).__name__}: {error}; {AGAIN}"
     kept = _alike(facts, problems)
-    return Played(_joined([tables[k] for k in kept]), tuple(facts[k] for k in kept), problems)
+    table = pd.concat([tables[k] for k in kept], ignore_index=True) if kept else None
+    return Played(table, tuple(facts[k] for k in kept), problems)
 
 
 def plays_of(root: Path) -> dict[str, tuple[Callable[[], dict[str, Any]], Callable[[], Frame]]]:
@@ -154,13 +151,9 @@ def read_play(folder: Path) -> Frame:
     """Return the rows of a play.
 
     Raises:
-        SmartsError: They are missing or damaged, or not of a play.
+        SmartsError: They are missing or damaged.
     """
-    table = read_table(folder / TABLE)
-    absent = sorted({*LABELS, PARTNER, CONDITION} - {*table.columns})
-    if absent:
-        raise ResultsError(f"it has no column {absent[0]!r}", place=str(folder / TABLE))
-    return table
+    return read_table(folder / TABLE)
 
 
 def reference_rows(results: Results, task: str, traffic: str, name: str, seed: int) -> Frame | None:
@@ -194,22 +187,11 @@ def _outdated(content: Mapping[str, Any], results: Results) -> str:
         run = run_of(results, content["task"], content["traffic"], name, content["training_seed"])
         if run is None or run.table is None:
             return f"{name} has no finished run any more"
-        if not run.is_scripted and run.progress is None:
-            return f"{name} has no progress.csv that says how far it is trained"
         if trained_state(run) != trained:
             return f"{name} has been trained again since"
     return ""
 
 
-def _elsewhere(content: Mapping[str, Any], place: str) -> str:
-    wanted = _play_of(content)
-    return "" if wanted.folder.as_posix() == place else f"it is of another play: {wanted}"
-
-
 def _play_of(content: Mapping[str, Any]) -> Play:
     names = (str(content.get(key)) for key in ("task", "traffic", "condition", "even", "odd"))
     return Play(*names, seed=int(content["training_seed"]))
-
-
-def _joined(tables: list[Frame]) -> Frame | None:
-    return pd.concat(tables, ignore_index=True) if tables else None

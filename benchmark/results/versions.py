@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
+from benchmark.experiment.environment import Environment
+from benchmark.experiment.version import changed_settings
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import RunResult
 from benchmark.results.run_folder import CONTINUED
+from smarts.config import ConfigError, fitted
 
 NONE = "of no version"
 
@@ -38,6 +42,16 @@ def commits_of(run: RunResult) -> list[str]:
     """Return the distinct commits of a run, that of its beginning first."""
     facts = (run.facts, *run.facts.get(CONTINUED, ()))
     return [*dict.fromkeys(str(each.get("commit") or "") for each in facts)]
+
+
+def unlike_version(version: int, environment: Mapping[str, Any]) -> list[str]:
+    """Return the settings of an environment that are not as a version froze them; none of an empty one."""
+    if not environment:
+        return []
+    try:
+        return changed_settings(version, fitted(environment, Environment))
+    except (ConfigError, RecursionError):
+        return ["(unreadable)"]
 
 
 def _named(version: int | None) -> str:

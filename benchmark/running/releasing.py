@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import run_from
-from benchmark.experiment.version import changed_scenarios, changed_settings, code_digests
+from benchmark.experiment.version import changed_scenarios, code_digests
 from benchmark.results.files import ResultsError, recover_folder, replace_folder, write_json
 from benchmark.results.plurals import listed
 from benchmark.results.reading import Results, RunResult, read_results
@@ -26,9 +25,8 @@ from benchmark.results.release import (
     scores_of,
 )
 from benchmark.results.run_folder import CONTINUED, SCENARIOS, RunFolder
-from benchmark.results.versions import check_one_version
+from benchmark.results.versions import check_one_version, unlike_version
 from benchmark.running.exporting import export_policy
-from smarts.config import ConfigError, fitted
 from smarts_agent_kit.weights import file_digest
 
 
@@ -73,7 +71,6 @@ def write_release(
             place=str(root),
             remedy="finish the experiment, or give --partial: the manifest then names what is missing",
         )
-    _check_names(runs, str(root))
     found: list[Manifest] = []
 
     def fill(folder: Path) -> None:
@@ -100,23 +97,17 @@ def write_release(
 
 
 def _check_free(out: Path, name: str, author: str, runs: Sequence[RunResult]) -> None:
-    """Raise if a folder holds what this release would not hold."""
+    """Raise if a folder holds anything but policies that the new release holds, too."""
     if not out.exists():
         return
-    remedy = "choose another --out"
-    if not (out / MANIFEST).exists():
-        raise ResultsError("exists, and is no release", place=str(out), remedy=remedy)
     before = read_manifest(out)
-    if (before.name, before.author) != (name, author):
-        told = f"a release of {before.name!r} by {before.author!r}, not of {name!r} by {author!r}"
-        raise ResultsError(f"is {told}", place=str(out), remedy=remedy)
     cells = {(run.algorithm, run.task, run.traffic, run.seed) for run in runs}
     lost = [str(x) for x in before.policies if (x.algorithm, x.task, x.traffic, x.seed) not in cells]
-    lost += sorted(each.name for each in out.iterdir() if each.name not in (MANIFEST, POLICIES))
-    if lost:
-        more = f" and {len(lost) - 3} more" if len(lost) > 3 else ""
+    if (before.name, before.author) != (name, author) or lost:
         raise ResultsError(
-            f"holds {'; '.join(lost[:3])}{more}, which would be lost", place=str(out), remedy=remedy
+            f"holds the release {before.name!r} by {before.author!r}, of {len(lost)} policies more",
+            place=str(out),
+            remedy="choose another --out, or remove it",
         )
 
 
@@ -136,11 +127,7 @@ def _wrong(runs: Sequence[RunResult]) -> Iterator[str]:
     for run in runs:
         for scenario in changed_scenarios(number, {run.traffic: run.scenarios}):
             yield f"{run}: the scenario {scenario} is not as version {number} froze it"
-        try:
-            settings = changed_settings(number, fitted(run.config["environment"], Environment))
-        except (ConfigError, KeyError):
-            settings = ["(unreadable)"]
-        for name in settings:
+        for name in unlike_version(number, run.config["environment"]):
             yield f"{run}: environment.{name} is not as version {number} froze it"
 
 
@@ -196,19 +183,6 @@ def _policy_name(run: RunResult) -> str:
     """Return the name of a run's policy in the zoo."""
     name = re.sub(r"[^a-z0-9]+", "-", f"{run.algorithm}-{run.task}-{run.traffic}-{run.seed}".lower())
     return name.strip("-") if name[:1].isalpha() else f"policy-{name.strip('-')}"
-
-
-def _check_names(runs: Sequence[RunResult], place: str) -> None:
-    """Raise if two runs' policies would have one name."""
-    named: dict[str, RunResult] = {}
-    for run in runs:
-        other = named.setdefault(_policy_name(run), run)
-        if other is not run:
-            raise ResultsError(
-                f"{other} and {run} would both be the policy {_policy_name(run)!r}",
-                place=place,
-                remedy="train one of them again under another name",
-            )
 
 
 def _scenarios(runs: Sequence[RunResult]) -> dict[str, dict[str, str]]:

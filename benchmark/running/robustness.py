@@ -19,7 +19,7 @@ from benchmark.experiment.runs import OWN_CODE, TaskSetting
 from benchmark.metrics import join_tables, write_table
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
-from benchmark.results.files import ResultsError, locked, read_versioned, write_versioned
+from benchmark.results.files import locked, read_versioned, write_versioned
 from benchmark.results.robustness import (
     CONDITION,
     PARTNER,
@@ -50,10 +50,6 @@ from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.errors import SmartsError
 from smarts.registry import import_own
 
-KEPT = ("task", "traffic", "condition", "even", "odd", "episodes", "training_seed", "environment", "trained")
-"""Keys of play.json that have to be as wanted, else it is played again; so have the commit, and the digests
-of own scripted policies if there are any."""
-
 
 def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Iterator[str]:
     """Play all pairs of policies and all conditions that are not there yet.
@@ -73,7 +69,6 @@ def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Itera
     with locked(root / ROBUSTNESS):
         facts = machine()
         plays = [(cell, play) for cell in cells for play in plays_of(cell, given)]
-        _check_shorter(root, plays)
         missing, there = [], 0
         for cell, play in plays:
             wanted = _wanted(cell, play)
@@ -111,33 +106,14 @@ def _wanted(cell: Cell, play: Play) -> dict[str, Any]:
     }
 
 
-def _check_shorter(root: Path, plays: Sequence[tuple[Cell, Play]]) -> None:
-    """Raise if plays of more episodes would be replaced."""
-    for cell, play in plays:
-        try:
-            found = int(read_versioned(root / play.folder / PLAY)["episodes"])
-        except (SmartsError, KeyError, TypeError, ValueError):
-            continue  # none, or damaged
-        if found > cell.episodes:
-            raise ResultsError(
-                f"a play of {found} episodes would be replaced by one of {cell.episodes}",
-                place=str(root / play.folder),
-                remedy=f"give --episodes {found}, or remove {root / ROBUSTNESS}",
-            )
-
-
 def _is_there(folder: Path, wanted: Mapping[str, Any]) -> bool:
     """Return whether a play is there, with its rows, by the same code and checkpoints."""
-    if not (folder / PLAY).exists():
-        return False
     try:
         found = read_versioned(folder / PLAY)
         read_play(folder)
     except SmartsError:
         return False
-    return found.get(OWN_CODE, {}) == wanted[OWN_CODE] and all(
-        found.get(key) == wanted[key] for key in (*KEPT, "commit")
-    )
+    return wanted.items() <= found.items()
 
 
 def _play(root: Path, cell: Cell, play: Play, facts: Mapping[str, Any]) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,7 @@ from benchmark.metrics.results import Frame
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.run_folder import RunFolder, changed_code
-from benchmark.results.versions import check_one_version, commits_of
-from benchmark.running.machine import commit
+from benchmark.results.versions import check_one_version
 from benchmark.running.played import scenario_digests
 from benchmark.running.trained_run import read_run
 from benchmark.scripted import SCRIPTED_POLICIES
@@ -81,8 +79,8 @@ def cells_of(root: Path, given: Given) -> list[Cell]:
 
     Raises:
         SmartsError: An algorithm, scripted policy, cell or condition is unknown; a run is not finished, or
-            has no checkpoint, or no greedy test of so many episodes; runs are of several versions or commits;
-            what they were made of has changed.
+            has no checkpoint, or no greedy test of so many episodes; runs are of several versions; what they
+            were made of has changed.
     """
     import_own(given.imports)
     for name in given.conditions:
@@ -94,9 +92,7 @@ def cells_of(root: Path, given: Given) -> list[Cell]:
     places = _places(results, given)
     _check_known("algorithm", "--algorithm", given.algorithms, {run.algorithm for run in _learned(results)})
     seed = min(run.seed for run in _learned(results)) if given.seed is None else given.seed
-    cells = [_cell(results, *place, seed, given) for place in places]
-    _check_commits([run for cell in cells for run in cell.runs.values()])
-    return cells
+    return [_cell(results, *place, seed, given) for place in places]
 
 
 def _learned(results: Results) -> list[RunResult]:
@@ -139,8 +135,7 @@ def _cell(results: Results, task: str, traffic: str, seed: int, given: Given) ->
         raise ResultsError(
             "there is no trained policy", place=where, remedy=f"give another --seed: there is {seeds}"
         )
-    lacking = [f"{run}: {run.status}" for run in runs.values() if run.table is None]
-    if lacking:
+    if lacking := [f"{run}: {run.status}" for run in runs.values() if run.table is None]:
         raise ResultsError(
             f"not finished: {'; '.join(lacking)}",
             place=where,
@@ -156,9 +151,7 @@ def _cell(results: Results, task: str, traffic: str, seed: int, given: Given) ->
     trained = {name: _read(results.root, run, given) for name, run in runs.items()}
     _check_environments(runs, where)
     setting = next(iter(trained.values())).task_setting
-    _check_agents(setting, where)
-    for name in given.partners:
-        _check_partner(name, setting)
+    _check_cross_play(setting, given.partners)
     scripted = {file_name(name): name for name in given.partners}
     return Cell(task, traffic, seed, given.episodes or min(EPISODES, episodes), runs, trained, scripted)
 
@@ -216,48 +209,22 @@ def _check_environments(runs: Mapping[str, RunResult], where: str) -> None:
             )
 
 
-def _check_agents(setting: TaskSetting, where: str) -> None:
+def _check_cross_play(setting: TaskSetting, partners: Sequence[str]) -> None:
+    """Raise unless there are agents of two policies, which act alike."""
     given = setting.environment
     if given.agent_count < 2 or given.learn_in_bubbles:
         problem = "agents learn in bubbles" if given.learn_in_bubbles else "there is one agent"
         raise ResultsError(
             f"{problem}, and cross-play is of two or more with missions",
-            place=where,
+            place=str(setting),
             remedy="choose another --cell",
         )
-
-
-def _check_partner(name: str, setting: TaskSetting) -> None:
-    """Raise unless a scripted policy acts as the trained ones do."""
-    policy, given = SCRIPTED_POLICIES[name], setting.environment
-    if given.adapter is not None or not policy.__module__.startswith("benchmark.scripted."):
-        return  # one's own policy or adapter, which know of each other
+    # One's own policies and adapters know of each other.
+    ours = [x for x in partners if SCRIPTED_POLICIES[x].__module__.startswith("benchmark.scripted.")]
     actions = {each.action for each in given.driving().values()}
-    if actions != {"Lane"}:
+    if ours and given.adapter is None and actions != {"Lane"}:
         raise ResultsError(
-            f"the partner {name!r} acts by lane actions, the policies by {', '.join(sorted(actions))}",
+            f"{', '.join(ours)} act by lane actions, the policies by {', '.join(sorted(actions))}",
             place=str(setting),
             remedy="choose another --partner, or --partner none",
         )
-
-
-def _check_commits(runs: list[RunResult]) -> None:
-    """Raise unless the runs of a version and this program are of one clean commit; of others print a note.
-
-    Raises:
-        ResultsError: They are not; names them.
-    """
-    present, found = str(commit() or ""), {}
-    for run in runs:
-        found.setdefault(", then ".join(commits_of(run)) or "unknown", []).append(str(run))
-    if [*found] == [present] and not present.endswith("+"):
-        return
-    said = "; ".join(f"{name}: {', '.join(names)}" for name, names in found.items())
-    problem = f"this program is of commit {present or 'unknown'}, the runs are not of this clean one: {said}"
-    if any(run.benchmark_version for run in runs):
-        raise ResultsError(
-            problem,
-            place="commit",
-            remedy="check out the commit of the runs: results of a version are of one clean commit",
-        )
-    print(f"note: {problem}", file=sys.stderr)

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from benchmark.metrics import read_table
 from benchmark.results.files import (
     ResultsError,
     locked,
-    read_json,
+    read_mapping,
     replace_folder,
     write_files,
     write_json,
@@ -32,12 +33,13 @@ from benchmark.results.release import (
     VERDICTS,
     Entry,
     Manifest,
+    Verdict,
     episode_digests,
     scores_of,
 )
 from benchmark.results.run_folder import FINISHED, SCENARIOS, RunFolder
-from benchmark.results.run_tables import names_of
-from smarts_agent_kit.weights import CONTENT, file_digest, weights_files
+from benchmark.running.submitted_policies import files_of
+from smarts_agent_kit.weights import file_digest
 
 
 def open_evaluation(manifest: Manifest, out: Path) -> int:
@@ -53,15 +55,9 @@ def open_evaluation(manifest: Manifest, out: Path) -> int:
                 f"holds something else: {', '.join(others[:5])}", place=str(out), remedy=another
             )
         write_verdicts(manifest, out, secrets.randbits(31), ())
-    said = read_json(file, remedy=another)
-    said = said if isinstance(said, dict) else {}
-    if said.get(SUBMISSION) != _digest_of(manifest) or not isinstance(said.get(FRESH_SEED), int):
+    said = read_mapping(file, remedy=another)
+    if said.get(SUBMISSION) != _digest_of(manifest):
         raise ResultsError("holds the evaluation of another submission", place=str(out), remedy=another)
-    for path in out.glob("*/*/*/*"):
-        is_run = names_of(path.relative_to(out)) is not None and path.is_dir()
-        is_empty = not is_run or all(each.name.startswith(".") for each in path.iterdir())
-        if not is_empty and SUBMISSION not in RunFolder(path).facts():
-            raise ResultsError("holds the results of a run", place=str(path), remedy=another)
     return said[FRESH_SEED]
 
 
@@ -69,54 +65,30 @@ def _digest_of(manifest: Manifest) -> str:
     return file_digest(json.dumps(manifest.content(), sort_keys=True).encode())
 
 
-def write_verdicts(manifest: Manifest, out: Path, seed: int, verdicts: Sequence[Mapping[str, Any]]) -> None:
+def write_verdicts(manifest: Manifest, out: Path, seed: int, verdicts: Sequence[Verdict]) -> None:
     """Write verdicts.json.
 
     Args:
         manifest: Of the submission.
         out: The folder.
         seed: Of the fresh episodes.
-        verdicts: Of its policies; see `Verdict.content`.
+        verdicts: Of its policies.
     """
     content = {
         "benchmark_version": manifest.benchmark_version,
         SUBMISSION: _digest_of(manifest),
         FRESH_SEED: seed,
-        "verdicts": [*verdicts],
+        "verdicts": [asdict(each) for each in verdicts],
     }
     write_json(out / VERDICTS, content)
 
 
 def identity(manifest: Manifest, entry: Entry, folder: Path) -> str:
-    """Return a digest of an entry and of the files of its policy as they are now.
-
-    Raises:
-        ResultsError: A file cannot be read.
-    """
+    """Return a digest of an entry and of the files of its policy as they are now."""
     files = {}
     if not entry.agent.startswith(ADDRESS):
-        files = {name: file_digest(content) for name, content in _files_of(entry, folder).items()}
+        files = {file.name: file_digest(file.read_bytes()) for file in files_of(folder / entry.agent)}
     return file_digest(repr((_digest_of(manifest), entry.model_dump(), files)).encode())
-
-
-def _files_of(entry: Entry, folder: Path) -> dict[str, bytes]:
-    """Return the files of a policy.
-
-    Raises:
-        ResultsError: One cannot be read, or is a link.
-    """
-    found = {}
-    place = folder / entry.agent
-    for file in (place / CONTENT, *weights_files(place)):
-        try:
-            if file.is_symlink():
-                raise OSError("it is a link")
-            found[file.name] = file.read_bytes()
-        except OSError as error:
-            raise ResultsError(
-                f"cannot be read: {error}", place=str(file), remedy="restore the submission"
-            ) from error
-    return found
 
 
 def write_claims(manifest: Manifest, folder: Path, out: Path) -> Path | None:
@@ -156,9 +128,7 @@ def _write_claims(manifest: Manifest, folder: Path, out: Path, partial: Path) ->
         given: dict[str, Any] = {"scores": scores_of(table), "episodes": episode_digests(table)}
         if not entry.agent.startswith(ADDRESS):
             name = f"{POLICIES}/{'_'.join((entry.algorithm, entry.task, entry.traffic, str(entry.seed)))}"
-            while any(each.agent == name for each in entries):  # names may hold "_" themselves
-                name += "_"
-            files = _files_of(entry, folder)
+            files = {file.name: file.read_bytes() for file in files_of(folder / entry.agent)}
             write_files(partial / name, files)
             given["agent"] = name
             given["files"] = {each: file_digest(content) for each, content in files.items()}

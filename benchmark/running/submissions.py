@@ -19,7 +19,6 @@ from benchmark.experiment.version import (
     SCENARIOS,
     changed_code,
     changed_scenarios,
-    changed_settings,
     versions,
 )
 from benchmark.results.commands import COMMAND
@@ -36,6 +35,7 @@ from benchmark.results.release import (
     read_manifest,
 )
 from benchmark.results.robustness import ROBUSTNESS
+from benchmark.results.versions import unlike_version
 from benchmark.running.blind import SeparateAgents
 from benchmark.running.played import scenario_digests
 from benchmark.running.submitted_policies import SAME, RefusedError, check_policy
@@ -44,7 +44,7 @@ from smarts.agents.hosting.options import HostError
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch, BatchAgent
-from smarts.config import ConfigError, fitted
+from smarts.config import fitted
 from smarts.errors import SmartsError
 from smarts.observations.lists import FeatureChoice, feature_list
 from smarts.sstudio.locating import VARIATION_MARK
@@ -55,8 +55,6 @@ from smarts_agent_kit.weights import CONTENT
 
 RESERVED = (SCRIPTED, SUBMISSION, ROBUSTNESS, MANIFEST, VERDICTS, REPORT, COMMAND)
 """Names in a folder of results that no algorithm can have."""
-LONGEST_NAME = 100
-"""Characters of an algorithm's name."""
 DRIVING = ("vehicle_class", "vehicle_model", "tyre_model", "flat_tyres")
 OWN = "this program's"
 """Begins what is wrong with the program that verifies, not with what is submitted."""
@@ -82,13 +80,19 @@ def submitted(
         addresses: That a manifest may name: nothing is sent to others.
 
     Raises:
-        ResultsError: It is none of these, or names another address; or an argument has no effect on it.
+        ResultsError: It is none of these, or names another address; or a folder is given a version, scenarios
+            or traffic, which it names itself.
     """
     folder = Path(given)
-    _check_effect(given, number is not None or bool(scenarios or traffic), bool(addresses))
     if given.startswith(ADDRESS):
         number = max(versions()) if number is None else number
         return _at_address(given, number, scenarios, traffic), folder
+    if number is not None or scenarios or traffic:
+        raise ResultsError(
+            "--benchmark-version, --scenario and --traffic are for an address: a folder names its own",
+            place=given,
+            remedy="leave it out",
+        )
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
         named = {entry.agent for entry in manifest.policies if entry.agent.startswith(ADDRESS)}
@@ -112,18 +116,6 @@ def submitted(
         place=given,
         remedy="give a folder that `smarts-bench release` or `export` has written, or tcp://HOST:PORT",
     )
-
-
-def _check_effect(given: str, has_choice: bool, has_addresses: bool) -> None:
-    """Raise if what is given beside a submission is of the other kind of them, folders or addresses."""
-    is_address = given.startswith(ADDRESS)
-    if has_addresses and is_address:
-        problem = "--address is for the manifest of a folder, and an address is given itself"
-    elif has_choice and not is_address:
-        problem = "--benchmark-version, --scenario and --traffic are for an address: a folder names its own"
-    else:
-        return
-    raise ResultsError(problem, place=given, remedy="leave it out")
 
 
 def _at_address(address: str, version: int, scenarios: Sequence[str], traffic: Sequence[str]) -> Manifest:
@@ -171,16 +163,10 @@ def check_manifest(manifest: Manifest, folder: Path) -> None:
         ResultsError: The submission is refused; names each reason.
     """
     if wrong := [*_wrong(manifest, folder)]:
-        if all(each.startswith(OWN) for each in wrong):
-            raise ResultsError(
-                f"nothing can be verified: {'; '.join(wrong)}",
-                place=f"version {manifest.benchmark_version}",
-                remedy="restore this program's files, as `git checkout -- .` does in a clone",
-            )
         raise ResultsError(
             "the submission is refused:\n" + "\n".join(f"  {each}" for each in wrong),
             place=str(folder / MANIFEST),
-            remedy="see docs/leaderboard.md for what a submission has to be",
+            remedy="see docs/leaderboard.md; what is this program's is restored by `git checkout -- .`",
         )
 
 
@@ -205,16 +191,9 @@ def _wrong(manifest: Manifest, folder: Path) -> Iterator[str]:
             yield f"its code of {part} is not that of version {number}"
     for name in changed_scenarios(number, manifest.scenarios):
         yield f"its scenario {name} is not that of version {number}"
-    for name in _changed_settings(number, manifest.environment):
+    for name in unlike_version(number, manifest.environment):
         yield f"its environment.{name} is not that of version {number}"
     yield from _wrong_entries(manifest, folder, number)
-
-
-def _changed_settings(number: int, environment: dict[str, Any]) -> list[str]:
-    try:
-        return changed_settings(number, fitted(environment, Environment)) if environment else []
-    except (ConfigError, RecursionError):
-        return ["(unreadable)"]
 
 
 def _wrong_entries(manifest: Manifest, folder: Path, number: int) -> Iterator[str]:
@@ -226,11 +205,11 @@ def _wrong_entries(manifest: Manifest, folder: Path, number: int) -> Iterator[st
         seen.add(entry.place)
         if entry.algorithm in RESERVED:
             yield f"{entry}: results need the name {entry.algorithm} for something else"
-        if len(entry.algorithm) > LONGEST_NAME:
-            yield f"{entry}: its algorithm's name has more than {LONGEST_NAME} characters"
-        foreign = [*_foreign(entry, number)]
-        yield from foreign
-        if not foreign and (entry.task, entry.traffic) not in played:
+        if entry.scenarios != [entry.task]:
+            yield f"{entry}: plays {', '.join(entry.scenarios)}, which is another task than {entry.task}"
+        elif entry.task not in versions()[number][SCENARIOS].get(entry.traffic, {}):
+            yield f"{entry}: {entry.task}, {entry.traffic} is no scenario of version {number}"
+        elif (entry.task, entry.traffic) not in played:
             played.add((entry.task, entry.traffic))
             digests = scenario_digests(task_of(manifest, entry))
             for name in changed_scenarios(number, {entry.traffic: digests}):
@@ -251,28 +230,14 @@ def _wrong_policies(manifest: Manifest, folder: Path, number: int) -> Iterator[s
                 yield f"{entry}: {error.problem}"
                 continue
             agent, total = policy.digest, total + policy.size
-            if policy.talks and not _may_talk(entry):
+            is_known = entry.algorithm in ALGORITHMS  # others may exchange messages
+            if policy.talks and is_known and not ALGORITHMS[entry.algorithm].communication:
                 yield f"{entry}: its vehicles act on what others see, which those of {entry.algorithm} do not"
         other = agents.setdefault((entry.cell, agent), entry.seed)
         if other != entry.seed:
             yield f"{entry}: its policy is that of seed {other}"
     if total > LARGEST:
         yield f"its policies have {total:,} bytes, of at most {LARGEST:,}"
-
-
-def _foreign(entry: Entry, number: int) -> Iterator[str]:
-    """Yield what of an entry's task is not of the version, whose tasks are each a scenario of their name."""
-    frozen = versions()[number][SCENARIOS].get(entry.traffic, {})
-    for name in entry.scenarios:
-        if name not in frozen or VARIATION_MARK in name:
-            yield f"{entry}: {name}, {entry.traffic} is no scenario of version {number}"
-    if entry.scenarios != [entry.task]:
-        yield f"{entry}: plays {', '.join(entry.scenarios)}, which is another task than {entry.task}"
-
-
-def _may_talk(entry: Entry) -> bool:
-    """Return whether agents of an entry's algorithm exchange messages; others' own algorithms may."""
-    return entry.algorithm not in ALGORITHMS or ALGORITHMS[entry.algorithm].communication
 
 
 def task_of(manifest: Manifest, entry: Entry) -> TaskSetting:
@@ -298,32 +263,31 @@ def agent_of(entry: Entry, folder: Path, environment: Environment) -> BatchAgent
     """
     try:
         agent, interface = _made(entry, folder)
-        unseen = undeclared(agent.observation, environment.observation)
+        differing = [*_differing(agent, interface, environment)]
     except HostError:
         raise
     except SmartsError as error:
         raise RefusedError(error.problem, place=str(entry), remedy=error.remedy) from error
     except Exception as error:
         raise RefusedError(f"cannot be made: {type(error).__name__}: {error}", place=str(entry)) from error
-    if unseen:
-        raise RefusedError(
-            f"observes what the task does not declare: {', '.join(unseen)}",
-            place=str(entry),
-            remedy=f"observe no more than {environment.observation!r}",
-        )
+    if differing:
+        raise RefusedError("; ".join(differing), place=str(entry))
+    return agent
+
+
+def _differing(agent: BatchAgent, interface: AgentInterface, environment: Environment) -> Iterator[str]:
+    """Yield in what an agent observes, decides or drives otherwise than the version."""
+    if unseen := undeclared(agent.observation, environment.observation):
+        yield f"observes what the task does not declare: {', '.join(unseen)}"
     if agent.period != environment.decision_interval:
-        raise RefusedError(
-            f"decides every {agent.period} steps, not every {environment.decision_interval}", place=str(entry)
-        )
+        yield f"decides every {agent.period} steps, not every {environment.decision_interval}"
     action = interface.action.name if interface.action is not None else None
-    differing = [] if action == environment.action else [f"action {action}"]
+    if action != environment.action:
+        yield f"drives otherwise than the version: action {action}"
     for name in DRIVING:
         wanted, has = getattr(environment, SETTINGS.get(name, name)), getattr(interface, name)
         if [*has] != [*wanted]:  # texts, or sequences of wheels
-            differing.append(f"{name} {has}")
-    if differing:
-        raise RefusedError(f"drives otherwise than the version: {', '.join(differing)}", place=str(entry))
-    return agent
+            yield f"drives otherwise than the version: {name} {has}"
 
 
 def _made(entry: Entry, folder: Path) -> tuple[BatchAgent, AgentInterface]:

@@ -50,11 +50,11 @@ def check_policy(entry: Entry, folder: Path, number: int) -> Policy:
     place = (folder / entry.agent).resolve()
     if not place.is_relative_to(folder.resolve()):
         raise _refused(entry, f"its policy {entry.agent} is outside of the submission")
-    files = weights_files(place)
-    size = sum(_size_of(entry, file) for file in (place / CONTENT, *files))
+    files = files_of(place)
+    size = sum(_size_of(entry, file) for file in files)
     try:
         _check_training(entry, place, number)
-        unpacked = sum(map(_unpacked, files))
+        unpacked = sum(map(_unpacked, files[1:]))
         if unpacked > UNPACKED:
             raise _refused(
                 entry, f"{entry.agent}: its weights have {unpacked:,} bytes, of at most {UNPACKED:,}"
@@ -72,6 +72,11 @@ def check_policy(entry: Entry, folder: Path, number: int) -> Policy:
     for array in policy.weights():
         found.update(str(array.shape).encode() + array.tobytes())
     return Policy(size, found.hexdigest(), policy.talks)
+
+
+def files_of(place: Path) -> list[Path]:
+    """Return the files of an exported policy: its description, then its weights."""
+    return [place / CONTENT, *weights_files(place)]
 
 
 def _size_of(entry: Entry, file: Path) -> int:

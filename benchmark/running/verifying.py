@@ -13,7 +13,7 @@ import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +31,9 @@ from benchmark.results.release import (
     MARKED,
     REFUSED,
     SUBMISSION,
-    VERDICTS,
     Entry,
     Manifest,
+    Verdict,
     episode_digests,
     scores_of,
 )
@@ -56,42 +56,6 @@ FRESH = "fresh"
 """Folder of the fresh episodes, in a policy's."""
 OF_AGENTS = (RefusedError, OwnCodeError, HostError, ActionError)
 """Failures of an agent while it plays; others are this program's or its machine's."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What is known of an entry after its evaluation."""
-
-    entry: Entry
-    status: str
-    """`CONFIRMED`, `MARKED` or `REFUSED`."""
-    reasons: tuple[str, ...]
-    """Why it is marked or refused."""
-    scores: Mapping[str, float]
-    """As re-derived; empty if refused."""
-    equal: int
-    """Episodes whose digests are those claimed."""
-    compared: int
-    fresh: Mapping[str, Any]
-    """Seed, number and scores of the fresh episodes."""
-    knows_test: bool = False
-    """Whether the policies of its cell do better in the public test than in fresh episodes."""
-
-    def content(self, name: str, author: str) -> dict[str, Any]:
-        """Return it as it is written."""
-        kept = ("algorithm", "task", "traffic", "seed", "agent")
-        return {
-            "name": name,
-            "author": author,
-            **{key: getattr(self.entry, key) for key in kept},
-            "status": self.status,
-            "reasons": [*self.reasons],
-            "claimed": dict(self.entry.scores),
-            "scores": dict(self.scores),
-            "digests": [self.equal, self.compared],
-            "fresh": dict(self.fresh),
-            "knows_test": self.knows_test,
-        }
 
 
 @dataclass(frozen=True)
@@ -134,19 +98,17 @@ def verify(
         SmartsError: The evaluation fails for a reason that is none of a policy.
     """
     check_manifest(manifest, folder)
-    if not (out / VERDICTS).exists():  # lest the right address find there the evaluation of a wrong one
-        _check_addresses(manifest, folder)
     test = Evaluation(episodes=episodes, held_out_episodes=held_out_episodes, modes=("greedy",))
     with locked(out):
         seed = open_evaluation(manifest, out)
         evaluated = _Evaluated(manifest, folder, out, test, episodes if fresh is None else fresh, seed)
         outcomes = evaluated.outcomes(parallel)
-        verdicts = [*_judged(outcomes, {"seed": seed, "episodes": evaluated.fresh})]
-        for verdict in verdicts:
+        again = {"seed": seed, "episodes": evaluated.fresh}
+        verdicts = [*_judged(manifest, outcomes, again)]
+        for entry, verdict in zip(manifest.policies, verdicts, strict=True):
             if verdict.status != REFUSED:
-                evaluated.keep(verdict)
-        content = [each.content(manifest.name, manifest.author) for each in verdicts]
-        write_verdicts(manifest, out, seed, content)
+                evaluated.keep(entry, verdict)
+        write_verdicts(manifest, out, seed, verdicts)
         yield from verdicts
 
 
@@ -173,11 +135,9 @@ class _Evaluated:
         """Return the outcomes of all entries, played now or known."""
         entries = self.manifest.policies
         outcomes = {k: outcome for k, entry in enumerate(entries) if (outcome := self.known(entry))}
-        ways: tuple[tuple[int | None, list[int]], ...] = (parallel, []), (1, [])
-        for k, entry in enumerate(entries):
-            if k not in outcomes:
-                ways[entry.agent.startswith(ADDRESS)][1].append(k)
-        for most, numbers in ways:
+        missing = [k for k in range(len(entries)) if k not in outcomes]
+        for is_address, most in ((False, parallel), (True, 1)):
+            numbers = [k for k in missing if entries[k].agent.startswith(ADDRESS) == is_address]
             for done, outcome in side_by_side(self.played, [(entries[k],) for k in numbers], most):
                 outcomes[numbers[done]] = outcome
                 print(f"{len(outcomes)} of {len(entries)}: {outcome.entry}: played", file=sys.stderr)
@@ -236,10 +196,10 @@ class _Evaluated:
         place.note(**machine(), **facts)
         return _Outcome(entry, table, fresh)
 
-    def keep(self, verdict: Verdict) -> None:
+    def keep(self, entry: Entry, verdict: Verdict) -> None:
         """Finish the run of an entry."""
-        place = RunFolder(self.out / verdict.entry.place)
-        said = verdict.content(self.manifest.name, self.manifest.author) | self.facts_of(verdict.entry)
+        place = RunFolder(self.out / entry.place)
+        said = asdict(verdict) | self.facts_of(entry)
         facts = place.facts()
         if facts.get("status") != FINISHED or facts.get(SUBMISSION) != said:
             place.note(status=FINISHED, **{SUBMISSION: said})
@@ -249,20 +209,6 @@ def _refused(entry: Entry, place: RunFolder, error: SmartsError) -> _Outcome:
     """Return the outcome of an agent that failed, and remove what it has played."""
     _remove(place.path)
     return _Outcome(entry, refused="; ".join(map(str.strip, str(error).splitlines())))
-
-
-def _check_addresses(manifest: Manifest, folder: Path) -> None:
-    """Raise if nothing answers at an address.
-
-    Raises:
-        HostError: The first one.
-    """
-    entries = {entry.agent: entry for entry in manifest.policies if entry.agent.startswith(ADDRESS)}
-    for entry in entries.values():
-        with suppress(RefusedError):  # for which it gets a verdict
-            agent = agent_of(entry, folder, task_of(manifest, entry).environment)
-            if isinstance(agent, RemoteAgent):
-                agent.close()
 
 
 def _remove(folder: Path) -> None:
@@ -283,11 +229,16 @@ def _table(setting: TaskSetting, agent: BatchAgent, entry: Entry, folder: RunFol
     return read_table(folder.table)
 
 
-def _judged(outcomes: Sequence[_Outcome], again: Mapping[str, Any]) -> Iterator[Verdict]:
+def _judged(
+    manifest: Manifest,
+    outcomes: Sequence[_Outcome],
+    again: Mapping[str, Any],
+) -> Iterator[Verdict]:
     """Yield the verdicts on the entries of a submission.
 
     Args:
-        outcomes: All of them.
+        manifest: Of the submission.
+        outcomes: Of all its entries.
         again: Seed and number of the fresh episodes.
     """
     pairs: dict[str, list[tuple[Frame, Frame]]] = {}
@@ -297,16 +248,27 @@ def _judged(outcomes: Sequence[_Outcome], again: Mapping[str, Any]) -> Iterator[
     learnt = memorized(pairs)
     for each in outcomes:
         entry = each.entry
-        if each.table is None:
-            yield Verdict(entry, REFUSED, (each.refused,), {}, 0, 0, {})
-            continue
-        scores, digests = scores_of(each.table), episode_digests(each.table)
+        known = learnt.get(entry.cell, [])
+        status, reasons, equal = REFUSED, [each.refused], [0, 0]
+        scores: dict[str, float] = {}
         fresh: dict[str, Any] = {}
+        if each.table is not None:
+            scores, digests = scores_of(each.table), episode_digests(each.table)
+            reasons = [*differences(entry, each.table, scores, digests), *known]
+            status = MARKED if reasons else CONFIRMED
+            same = equal_digests(entry, digests).values()
+            equal = [sum(pair[part] for pair in same) for part in (0, 1)]
         if each.fresh is not None:
             fresh = {**again, "scores": scores_of(each.fresh)}
-        known = learnt.get(entry.cell, [])
-        reasons = (*differences(entry, each.table, scores, digests), *known)
-        same = equal_digests(entry, digests).values()
-        equal, compared = (sum(pair[part] for pair in same) for part in (0, 1))
-        status = MARKED if reasons else CONFIRMED
-        yield Verdict(entry, status, reasons, scores, equal, compared, fresh, knows_test=bool(known))
+        yield Verdict(
+            manifest.name,
+            manifest.author,
+            **{name: getattr(entry, name) for name in ("algorithm", "task", "traffic", "seed", "agent")},
+            status=status,
+            reasons=reasons,
+            claimed=entry.scores,
+            scores=scores,
+            digests=equal,
+            fresh=fresh,
+            knows_test=bool(known) and status != REFUSED,
+        )

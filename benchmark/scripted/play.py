@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing
@@ -226,22 +225,17 @@ def _unguarded(function: Callable[..., Any], doing: str) -> Callable[..., Any]:
 def _checked(given: Any, space: Space, driver: ScriptedPolicy, doing: str) -> Any:
     """Return what a policy has returned if it is an action of a space, else raise `OwnCodeError`."""
     if isinstance(space, Discrete):
-        least, most = int(space.start), int(space.start + space.n - 1)
-        remedy = f"return a whole number from {least} to {most}"
-        try:
-            is_action = not isinstance(given, bool | np.bool_) and least <= operator.index(given) <= most
-        except TypeError:
-            is_action = False
+        kinds, remedy = "iu", f"return a whole number from {space.start} to {space.start + space.n - 1}"
     else:
         kinds, numbers = ("iu", "whole numbers") if np.dtype(space.dtype).kind in "iu" else ("iuf", "numbers")
         remedy = f"return finite {numbers} of shape {space.shape}"
-        try:
-            values = np.asarray(given)
-        except (TypeError, ValueError, RuntimeError):  # the last of a torch tensor that has gradients
-            values = np.zeros(0, object)
-        is_action = (
-            values.dtype.kind in kinds and values.shape == space.shape and bool(np.isfinite(values).all())
-        )
+    try:
+        values = np.asarray(given)
+    except (TypeError, ValueError, RuntimeError):  # the last of a torch tensor that has gradients
+        values = np.zeros(0, object)
+    is_action = values.dtype.kind in kinds and values.shape == space.shape and bool(np.isfinite(values).all())
+    if isinstance(space, Discrete):
+        is_action = is_action and bool(space.start <= values < space.start + space.n)
     if not is_action:
         raise OwnCodeError(f"{doing} returns {shown(given)}", place=definition_of(driver.act), remedy=remedy)
     return given

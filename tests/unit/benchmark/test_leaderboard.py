@@ -16,12 +16,12 @@ from smarts.errors import UnknownNameError
 from tests.hand_made_results import (
     ALONE,
     BUDGET,
-    ENVIRONMENT,
     SOCIAL,
     agent_episodes,
     write_degenerate,
     write_experiment,
     write_run,
+    write_test,
 )
 from tests.raising import raises
 
@@ -78,25 +78,6 @@ def test_protocols_are_not_mixed(tmp_path):
     assert "do not have the same protocol" in page.read_text()
 
 
-def test_the_page_says_of_two_seeds_that_intervals_are_of_these_checkpoints(tmp_path):
-    one = experiment(tmp_path / "one", {"ppo": GOOD})
-    write_run(one, "ppo", [agent_episodes(BAD, mode="greedy")], seed=2)
-    page = tmp_path / "page.html"
-    write_leaderboard([one], page, "greedy")
-    assert "] these checkpoints</span>" in page.read_text()
-
-
-def test_who_shares_parameters_is_not_ranked_with_who_does_not(tmp_path):
-    one = experiment(tmp_path / "one", {"ppo": GOOD, "parked": SLOW}, settings={"sharing": "all"})
-    two = experiment(tmp_path / "two", {"dqn": BAD}, settings={"sharing": "none"})
-    board = make_leaderboard([one, two])
-    assert board.protocols == {"A": "sharing all", "B": "sharing none"}
-    assert {place.algorithm: place.protocol for place in board.places} == {
-        **{"ppo": "A", "parked": "A"},
-        "dqn": "B",
-    }
-
-
 def of_version_1(root, algorithm, task, agent_steps, sharing):
     """Write a run of version 1 of the benchmark."""
     write_experiment(root, algorithms=[algorithm])
@@ -135,30 +116,6 @@ def test_what_a_version_prescribes_is_one_protocol(tmp_path):
     }
 
 
-def test_scripted_policies_alone_stand_under_the_protocol_of_the_versions_table(tmp_path):
-    """As `run --set algorithms=[]` makes them."""
-    of_version_1(tmp_path / "table", "dqn", "two_way_v1", 500_000, "all")
-    write_experiment(tmp_path / "alone", algorithms=[], scripted=["parked"])
-    driven = agent_episodes(GOOD, mode="scripted", task="two_way_v1")
-    config = {"policy": "parked", "environment": ENVIRONMENT, "benchmark_version": 1}
-    for name in ("table", "alone"):
-        run = write_run(tmp_path / name, "parked", [driven], seed=-1, task="two_way_v1")
-        (run / "config.yaml").write_text(yaml.safe_dump(config))
-    board = make_leaderboard([tmp_path / "table", tmp_path / "alone"])
-    assert [*board.protocols] == ["A"]
-    assert len(board.places) == 3
-
-
-def test_a_version_prescribes_no_budget_outside_its_tasks(tmp_path):
-    of_version_1(tmp_path, "dqn", "two_way_v1", 500_000, "all")
-    run = write_run(tmp_path, "dqn", [agent_episodes(GOOD, mode="greedy", task="loop")], task="loop")
-    config = {"algorithm": "dqn", "environment": ENVIRONMENT, "settings": {"sharing": "all"}}
-    (run / "config.yaml").write_text(yaml.safe_dump(config | {"benchmark_version": 1}))
-    board = make_leaderboard([tmp_path])
-    found = {place.task: board.protocols[place.protocol] for place in board.places}
-    assert found == {"two_way_v1": "budget of the version", "loop": "budget none"}
-
-
 def test_summary_is_the_interquartile_mean_over_cells(tmp_path):
     one = experiment(tmp_path / "one", {"ppo": [["goal", "collision"]] * 12})
     experiment(tmp_path / "two", {"ppo": GOOD, "dqn": GOOD}, traffic=SOCIAL)
@@ -181,13 +138,6 @@ def test_one_experiment_twice(tmp_path):
     one = experiment(tmp_path / "one", {"ppo": GOOD})
     with raises(ResultsError, tmp_path / "other" / ".." / "one"):
         make_leaderboard([one, tmp_path / "other" / ".." / "one"])
-
-
-def test_the_page_of_nothing(tmp_path):
-    write_experiment(tmp_path / "one")
-    page = tmp_path / "page.html"
-    write_leaderboard([tmp_path / "one"], page, "greedy")
-    assert "1 of 1 runs are not finished" in page.read_text()
 
 
 def test_an_experiment_of_which_nothing_is_finished_is_noted_beside_others(tmp_path):
@@ -298,7 +248,7 @@ def test_a_comparison_says_what_it_left_out(tmp_path):
     one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD})
     two = experiment(tmp_path / "two", {"ppo": BAD})
     assert "left out" not in compared(one / "ppo", two / "ppo")[1]
-    lost = write_run(two, "ppo", [agent_episodes(BAD, mode="greedy")], seed=2) / "episodes.parquet"
+    lost = write_test(two, "ppo", BAD, seed=2) / "episodes.parquet"
     lost.write_bytes(b"")
     place = lost.relative_to(two).as_posix()
     (one / "dqn" / "intersection" / ALONE / "seed_1" / "run.json").write_text("{")
@@ -311,29 +261,6 @@ def test_a_comparison_says_what_it_left_out(tmp_path):
         f"left out: one: dqn/intersection/{ALONE}/seed_1: run.json: cannot be read" in compared(one, two)[1]
     )
     assert "run.json: cannot be read" in compared(one / "dqn", two)[1].problem
-
-
-def test_a_metric_that_is_named_twice_is_compared_once(tmp_path):
-    one, two = (experiment(tmp_path / name, {"ppo": each}) for name, each in (("one", GOOD), ("two", SLOW)))
-    once, twice = (
-        compare_sides(read_side(one), read_side(two), ["completion_rate"] * count, "greedy")
-        for count in (1, 2)
-    )
-    assert len(twice) == 1
-    assert twice["corrected"].tolist() == once["corrected"].tolist()
-
-
-def test_evaluated_submissions_are_compared(tmp_path):
-    one, two = (experiment(tmp_path / name, {"ppo": each}) for name, each in (("one", GOOD), ("two", SLOW)))
-    (one / "command.json").unlink()
-    (one / "verdicts.json").write_text('{"verdicts": []}')
-    code, said = compared(one, two)
-    assert code == 0
-    assert "one: ppo" in said
-
-
-def test_a_comparison_of_nothing(tmp_path):
-    assert compared("/", "/")[1].problem.startswith("no results of an experiment")
 
 
 def test_a_page_in_the_place_of_a_folder_is_named(tmp_path):

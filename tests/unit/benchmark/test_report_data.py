@@ -1,7 +1,5 @@
 """What a report reads: whole runs are used, everything else is named."""
 
-import json
-
 from benchmark.report.provenance import gaps, totals
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import NOT_BEGUN, UNREADABLE, read_results
@@ -76,39 +74,8 @@ def test_without_a_whole_file_of_commands_the_runs_count(tmp_path):
     assert [str(run) for run in results.finished] == [f"ppo, intersection, {ALONE}, seed 1"]
 
 
-def test_each_part_that_cannot_be_read_is_named_and_the_name_is_of_none_before(tmp_path):
-    root = tmp_path / "here"
-    write_experiment(root, name="before")
-    content = json.loads((root / "command.json").read_text())
-    (part,) = content["parts"]
-    wrong = [{"command": f"run {name}", "experiment": {"algorithms": [name]}} for name in ("pppo", "dqnn")]
-    (root / "command.json").write_text(json.dumps({**content, "parts": [part, *wrong]}))
-    results = read_results(root)
-    assert (results.name, results.description) == ("here", "")
-    assert [*results.problems] == ["command.json, part 2", "command.json, part 3"]
-    assert all(said.endswith("correct or remove that part") for said in results.problems.values())
-    assert [run.algorithm for run in results.runs] == ["ppo"]
-
-
-def test_runs_of_a_scenario_that_has_moved_are_listed(tmp_path):
-    task = {"name": "intersection", "scenarios": [str(tmp_path / "gone")]}
-    write_experiment(tmp_path, tasks=[task], seeds=[1, 2, 3])
-    write_run(tmp_path, "ppo", greedy())
-    results = read_results(tmp_path)
-    assert (len(results.finished), len(results.runs)) == (1, 3)
-    assert not results.problems
-    assert results.description == "Made by hand."
-
-
 def test_no_results(tmp_path):
     with raises(ResultsError, tmp_path / "nowhere"):
         read_results(tmp_path / "nowhere")
     with raises(ResultsError, tmp_path):
         read_results(tmp_path)
-
-
-def test_void_episodes_are_counted(tmp_path):
-    write_experiment(tmp_path)
-    write_run(tmp_path, "ppo", greedy([*TWO, ["invalid", "invalid"]]))
-    counts = read_results(tmp_path).counts
-    assert (counts["measured"], counts["invalid"]) == (2, 1)

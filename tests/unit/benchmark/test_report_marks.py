@@ -17,7 +17,7 @@ from benchmark.report.leaderboard import make_leaderboard
 from benchmark.report.markdown import report_text
 from benchmark.report.outcomes import draw_outcomes
 from benchmark.report.protocol import protocol_of
-from benchmark.report.provenance import RUN_COLUMNS, circumstances, run_rows
+from benchmark.report.provenance import circumstances
 from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.summary import Summaries
 from benchmark.report.tables import difference_notes
@@ -31,6 +31,7 @@ from tests.hand_made_results import (
     agent_episodes,
     write_experiment,
     write_run,
+    write_test,
 )
 
 EPISODES = 200
@@ -97,12 +98,6 @@ def test_half_an_interval_is_none(report):
     assert intervals(cell).count("[") == 2
 
 
-def test_speed_is_steps_per_second(report):
-    rows = [dict(zip(RUN_COLUMNS, row, strict=True)) for row in run_rows(report.results)]
-    row = next(row for row in rows if row["algorithm"] == "ppo")
-    assert (row["agent-steps"], row["training"], row["steps/s"]) == ("1,000", "0:00:05", "200")
-
-
 def test_outcomes_are_those_of_the_main_mode(report):
     axes = new_figure(3, 3).add_subplot()
     draw_outcomes(axes, report, "intersection", ALONE)
@@ -142,15 +137,13 @@ def test_the_summary_begins_with_the_best(report):
             True,
         ),
         ({"environment": ENVIRONMENT | {"friction": 0.9}}, False),
-        ({"environment": ENVIRONMENT | {"agents": 3}}, False),
-        ({"environment": ENVIRONMENT | {"reward": "paper"}}, False),
         ({"budget": {"agent_steps": 2000, "minutes": None}}, False),
     ],
 )
 def test_results_of_other_environments_are_not_compared(tmp_path, changes, is_same):
     protocols = []
     for name, keys in (("one", {}), ("other", changes)):
-        write_run(tmp_path / name, "ppo", [agent_episodes(GOOD[:2], mode="greedy")], **keys)
+        write_test(tmp_path / name, "ppo", GOOD[:2], **keys)
         results = read_results(tmp_path / name)
         protocols.append(protocol_of(results.finished[0], results))
     assert (protocols[0] == protocols[1]) == is_same
@@ -158,7 +151,7 @@ def test_results_of_other_environments_are_not_compared(tmp_path, changes, is_sa
 
 def test_a_run_without_its_table_is_not_finished(tmp_path):
     tested = {"episodes": 2}
-    folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")]))
+    folder = RunFolder(write_test(tmp_path, "ppo", GOOD[:2]))
     folder.note(status=FINISHED, tested=tested)
     assert folder.is_finished(tested)
     folder.checkpoint.mkdir()
@@ -191,7 +184,7 @@ def test_the_differences_that_training_seeds_decide_are_counted(tmp_path):
     for name, counts in goals.items():
         for seed, count in enumerate(counts, start=1):
             outcomes = [["goal"]] * count + [["collision"]] * (20 - count)
-            write_run(tmp_path, name, [agent_episodes(outcomes, mode="greedy")], seed=seed)
+            write_test(tmp_path, name, outcomes, seed=seed)
     (said,) = difference_notes(make_report(read_results(tmp_path)))
     assert said.startswith(
         "Greedy: 2 differences are decided, of them with training seeds as the unit 2 of the 2 that have one;"
@@ -234,28 +227,18 @@ def test_tables_and_pages_say_alike_what_intervals_cover(seeds, label, said):
     assert wording.count(cell) == said
 
 
-def test_a_commit_with_changes_is_explained(tmp_path):
-    folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")]))
-    assert "Commit" in dict(circumstances(read_results(tmp_path)))
+def test_the_circumstances_of_runs_are_told(tmp_path):
+    for seed in (1, 2):
+        folder = RunFolder(write_test(tmp_path, "ppo", GOOD[:2], seed=seed))
+    name = "Continued after an interruption, or tested again"
+    assert name not in dict(circumstances(read_results(tmp_path)))
+    folder.note_continuation({"commit": "0123"})
     folder.note(commit="0123456789ab+")
-    name = "Commit (+: with changes that were not committed)"
-    assert dict(circumstances(read_results(tmp_path)))[name] == ["0123456789ab+"]
-
-
-def test_own_code_is_named_with_its_digest(tmp_path):
-    folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")]))
     config = yaml.safe_load(folder.config.read_text())
     own = {"imports": ["/home/a/mine.py", "/home/a/more"], "own_code": {"mine:Reward": "0123"}}
     folder.config.write_text(yaml.safe_dump({**config, **own}))
     found = dict(circumstances(read_results(tmp_path)))
+    assert found[name] == ["PPO in 1 of 2 runs"]
+    assert "0123456789ab+" in found["Commit (+: with changes that were not committed)"]
     assert found["Own code"] == ["/home/a/mine.py, /home/a/more"]
     assert found["Digests of own code"] == ["mine:Reward 0123"]
-
-
-def test_runs_that_were_continued_are_counted(tmp_path):
-    for seed in (1, 2):
-        folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")], seed=seed))
-    name = "Continued after an interruption, or tested again"
-    assert name not in dict(circumstances(read_results(tmp_path)))
-    folder.note_continuation({"commit": "0123"})
-    assert dict(circumstances(read_results(tmp_path)))[name] == ["PPO in 1 of 2 runs"]
