@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
-from benchmark.report.style import label, line
+from benchmark.report.paper import algorithm_label
+from benchmark.report.style import line
 
 Floats = NDArray[np.float64]
 
@@ -88,7 +89,7 @@ def _draw(axes: Any, runs: Sequence[Frame], column: str, algorithm: str, how: di
     steps, rows = seeds_curve(runs, column)
     if len(steps):
         # Where a seed is not there the mean is of something else, so there is none.
-        axes.plot(steps, rows.mean(axis=0), label=label(algorithm), **how)
+        axes.plot(steps, rows.mean(axis=0), label=algorithm_label(algorithm), **how)
         if len(rows) > 1:
             axes.plot(steps, rows.T, color=how["color"], linewidth=0.5, alpha=0.6)
             low, high = np.fmin.reduce(rows), np.fmax.reduce(rows)

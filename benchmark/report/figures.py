@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmark.report import curves, outcomes, radar
 from benchmark.report.content import Report
-from benchmark.report.paper import task_label, traffic_label
+from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.style import (
     OUTCOME_COLOURS,
     TEXT,
@@ -16,7 +16,6 @@ from benchmark.report.style import (
     as_lines,
     colour,
     dash,
-    label,
     line,
     new_figure,
     png,
@@ -159,7 +158,7 @@ def legend(kind: Kind, report: Report) -> list[tuple[str, str, str]]:
         shown = outcomes.shown_outcomes(report)
         return [(OUTCOME_COLOURS[name], "", outcomes.outcome_label(name)) for name in shown]
     return [
-        (colour(name, report.algorithms), dash(name, report.algorithms), label(name))
+        (colour(name, report.algorithms), dash(name, report.algorithms), algorithm_label(name))
         for name in report.algorithms
     ]
 
@@ -171,7 +170,7 @@ def _handles(kind: Kind, report: Report) -> list[Any]:
     if kind.name == "outcomes":
         return [Patch(color=shade, label=name) for shade, _, name in legend(kind, report)]
     names = report.algorithms
-    return [Line2D([], [], label=label(name), **line(name, names)) for name in names]
+    return [Line2D([], [], label=algorithm_label(name), **line(name, names)) for name in names]
 
 
 def _panels(figure: Any, kind: Kind, columns: Sequence[tuple[str, str]], across: int = 1) -> list[list[Any]]:

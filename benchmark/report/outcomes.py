@@ -8,7 +8,8 @@ import numpy as np
 
 from benchmark.metrics import METRICS
 from benchmark.report.content import Report
-from benchmark.report.style import OUTCOME_COLOURS, label
+from benchmark.report.paper import algorithm_label
+from benchmark.report.style import OUTCOME_COLOURS
 from benchmark.report.values import OUTCOMES
 
 SHORT = {"completion_rate": "Goal", "collision_rate": "Collision"}
@@ -54,7 +55,7 @@ def draw_outcomes(axes: Any, report: Report, task: str, traffic: str) -> None:
         if left[row] < WHOLE:
             text = "not measured" if is_finished else "no finished run"
             axes.text(left[row] + 0.01, row, text, va="center", fontsize=7, color="#777777")
-    axes.set_yticks(range(len(names)), [label(name) for name in names])
+    axes.set_yticks(range(len(names)), [algorithm_label(name) for name in names])
     axes.set_xlim(0.0, 1.0)
     axes.invert_yaxis()
     axes.tick_params(axis="y", length=0)

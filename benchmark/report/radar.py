@@ -10,7 +10,8 @@ import numpy as np
 from benchmark.metrics import METRICS
 from benchmark.metrics.registry import PAPER_METRICS
 from benchmark.report.content import Report
-from benchmark.report.style import label, line
+from benchmark.report.paper import algorithm_label
+from benchmark.report.style import line
 from benchmark.report.values import Value
 
 RINGS = (0.25, 0.5, 0.75, 1.0)
@@ -65,7 +66,7 @@ def _draw(axes: Any, report: Report, task: str, traffic: str, names: Sequence[st
     for algorithm in report.algorithms:
         found = [report.value(algorithm, task, traffic, report.modes[0], name) for name in names]
         radii = [_radius(value) for value in found]
-        _draw_line(axes, angles, radii, line(algorithm, report.algorithms), label(algorithm))
+        _draw_line(axes, angles, radii, line(algorithm, report.algorithms), algorithm_label(algorithm))
 
 
 def _axis_label(name: str) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from algorithms.registry import ALGORITHMS
-from benchmark.report.paper import algorithm_label, paper
+from benchmark.report.paper import paper
 
 PALETTE = (
     *("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d00", "#56b4e9", "#5b3fa0"),
@@ -79,11 +79,6 @@ def _dash(name: str, among: Sequence[str] = ()) -> int:
     # The next dashes each time the colours repeat.
     turn, place = divmod(_number(name, among), len(PALETTE))
     return (place + turn) % len(DASHES)
-
-
-def label(name: str) -> str:
-    """Return an algorithm's name for a legend."""
-    return algorithm_label(name)
 
 
 def new_figure(width: float, height: float) -> Any:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.report.style import TEXT, label, line, new_figure, png
+from benchmark.report.style import TEXT, line, new_figure, png
 from benchmark.statistics import (
     interquartile_mean,
     performance_profile,
@@ -162,7 +162,7 @@ def draw_profile(summaries: Summaries) -> bytes:
         profile = partial(performance_profile, thresholds=THRESHOLDS)
         for name, values in summaries.scores["completion"].items():
             how = line(name, summaries.among)
-            axes.plot(THRESHOLDS, profile(values), label=label(name), **how)
+            axes.plot(THRESHOLDS, profile(values), label=algorithm_label(name), **how)
             if len(values) > 1:
                 low, high = stratified_interval(profile, stream(0, Purpose.RESAMPLING), values, repeats=500)
                 axes.fill_between(THRESHOLDS, low, high, color=how["color"], alpha=0.12, linewidth=0)
