@@ -11,6 +11,7 @@ from benchmark.scripted.play import play
 from smarts.errors import SmartsError, UnknownNameError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.sstudio.locating import SUITE
+from smarts.types.actions import LaneAction
 from tests.raising import raises
 
 
