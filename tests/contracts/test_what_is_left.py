@@ -100,13 +100,7 @@ def files_below(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("api", "end"),
-    [
-        *(("vector", end) for end in ("close", "kill")),
-        pytest.param("vector", "nothing", marks=pytest.mark.nightly),
-        pytest.param("hiway", "exception", marks=pytest.mark.nightly),
-        pytest.param("parallel", "kill", marks=pytest.mark.nightly),
-        pytest.param("rllib", "kill", marks=pytest.mark.nightly),
-    ],
+    [*(("vector", end) for end in ENDS), ("hiway", "exception"), ("parallel", "kill"), ("rllib", "kill")],
 )
 def test_only_complete_episodes_are_left(built, tmp_path, api, end):
     code, session, errors = play(api, end, tmp_path)

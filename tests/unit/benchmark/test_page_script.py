@@ -41,6 +41,13 @@ def test_what_is_not_known_goes_last_both_ways():
     assert in_order(figures, rising=False) == ["0.2", "0.1", "0", "", ""]
 
 
+@pytest.mark.parametrize("rising", [True, False])
+def test_ties_keep_their_order(rising):
+    keys = [1, 0, 1, None, 0, 1, None, "a", "a"]
+    found = evaluated("sortedRows(keys, rising)", keys=keys, rising=rising)
+    assert found == ([1, 4, 0, 2, 5, 7, 8, 3, 6] if rising else [7, 8, 0, 2, 5, 1, 4, 3, 6])
+
+
 def test_texts_are_sorted_as_people_do_with_numbers_in_them_by_value():
     assert in_order(["seed 10", "Seed 9", "maddpg", "PPO", "dqn"]) == [
         "dqn",
@@ -69,12 +76,14 @@ ROWS = [
 @pytest.mark.parametrize(
     ("chosen", "shown"),
     [
+        ({}, [0, 1, 2, 3]),
         ({"task": "", "traffic": "", "mode": ""}, [0, 1, 2, 3]),
         ({"task": "two_way", "mode": ""}, [0, 1, 3]),
         ({"task": "two_way", "mode": "greedy"}, [0, 3]),
         ({"task": "two", "mode": "sampled"}, []),
+        ({"traffic": "none", "task": "double_merge"}, [2, 3]),
     ],
-    ids=["all", "a column that a row lacks", "two filters", "a part of a name"],
+    ids=["no filters", "all", "a scenario", "two filters", "a part of a name", "a column that a row lacks"],
 )
 def test_rows_fit_all_filters_that_they_have_something_for(chosen, shown):
     found = evaluated("rows.map((row) => isShown(row, chosen))", rows=ROWS, chosen=chosen)

@@ -36,7 +36,7 @@ def speeds(env, actions, decisions):
     return np.array(found), length
 
 
-@pytest.mark.parametrize("model", ["bullet", pytest.param("dynamic", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("model", ["bullet", "dynamic"])
 def test_a_slippery_road_brakes_by_its_friction(model):
     dry, _ = speeds(environment(cell(action="Continuous", vehicle_model=model)), BRAKE, 3)
     icy, _ = speeds(environment(cell(action="Continuous", vehicle_model=model, friction=0.2)), BRAKE, 3)
@@ -64,12 +64,12 @@ class Steady(ConstantSpeed):
 """
 
 
-@pytest.mark.parametrize("engine", [None, "own_steady:Steady"])
+@pytest.mark.parametrize("engine", [None, "ConstantSpeed", "own_steady:Steady"])
 def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine, tmp_path, monkeypatch):
     monkeypatch.setattr(TRAFFIC_ENGINES, "_own", {})
     own = tmp_path / "own_steady.py"
     own.write_text(ENGINE)
-    is_own = engine is not None
+    is_own = engine == "own_steady:Steady"
     task = TrainingTask(name="intersection", scenarios=["intersection"])
     given = Environment(agents=1, traffic_engine=engine)
     played = TaskSetting(

@@ -139,6 +139,21 @@ def test_what_was_not_measured_is_not_known(tmp_path):
     assert "| gap_acceptance | 0.05 | 0.95 |  | n/a | n/a |" in done.stdout
 
 
+def test_equal_differences_in_return_do_not_fail_creeping(tmp_path):
+    found, _ = check(tmp_path, vary=0.0)
+    assert found.creeping["return"].value == 0.5
+    assert np.isnan(found.creeping["return"].p_value)
+    assert found.unknown == ["creep has 0.50 less return (no p, 100 episodes)"]
+
+
+def test_a_large_difference_over_few_episodes_says_its_p(tmp_path):
+    found, _ = check(tmp_path, count=3, completion=3, random=0, blind=0, crept=0)
+    assert found.behind["random"].value == 1.0
+    assert found.failures == []
+    assert any(said.startswith("random has 1.00 less completion (p = 0.0") for said in found.unknown)
+    assert found.passes is None
+
+
 def test_without_valid_or_any_episodes_nothing_is_known(tmp_path):
     found, _ = check(tmp_path, is_invalid=True)
     assert np.isnan(found.completion)
@@ -152,7 +167,7 @@ def test_without_valid_or_any_episodes_nothing_is_known(tmp_path):
 
 @pytest.mark.parametrize(
     ("names", "is_asked"),
-    [(["gap_acceptance", "random"], False), (["gap_acceptance", "creep"], True)],
+    [(["gap_acceptance", "random"], False), (["gap_acceptance", "creep"], True), (["empty_road"], True)],
 )
 def test_tasks_are_checked_only_where_a_policy_made_for_it_is_named(tmp_path, names, is_asked):
     write_experiment(tmp_path, traffic=[ALONE], scripted=names)
@@ -179,3 +194,10 @@ def test_the_command_passes_only_where_both_checks_do(tmp_path):
     assert done.exit_code == 0, done.stdout
     shutil.rmtree(tmp_path / "scripted" / "creep")
     assert CliRunner().invoke(app, arguments).exit_code == 1
+
+
+def test_half_of_the_episodes_may_end_as_on_empty_roads(tmp_path):
+    halves = np.where(np.arange(COUNT) < 50, 10.0, 20.0)
+    found, _ = check(tmp_path, completion=COUNT, seconds=halves)
+    assert found.equal == {"gap_acceptance": 0.5}
+    assert found.failures == []

@@ -17,7 +17,6 @@ from tests.hand_made_results import (
     write_degenerate,
     write_experiment,
     write_run,
-    write_test,
 )
 from tests.measuring import CROSS, ROAD, SOUTH_NORTH, WEST_EAST, following, meeting, sums
 from tests.recordings import LENGTH, Drive, across, at_speed, episode_of
@@ -86,9 +85,12 @@ def write(root, *, collisions, by_random=0, share=None):
         (2, 2, 0.8, False),
         (9, 2, 0.8, None),  # the interval reaches beyond 0.10
         (30, 0, 0.79, False),
+        (0, 0, 0.0, False),
         (0, 0, None, False),  # one condition fails, whatever the other
         (30, 0, None, None),
         (2, None, 0.8, None),  # random driving might collide
+        (30, None, 0.8, True),
+        (9, None, 0.1, False),
     ],
 )
 def test_what_a_cell_with_social_vehicles_is(tmp_path, collisions, by_random, share, is_one):
@@ -101,6 +103,33 @@ def test_what_a_cell_with_social_vehicles_is(tmp_path, collisions, by_random, sh
     done = CliRunner().invoke(app, ["check-traffic", str(tmp_path)])
     assert done.exit_code == (0 if is_one else 1)
     assert {True: ": passes", False: ": FAILS", None: ": not known"}[is_one] in done.stdout
+
+
+@pytest.mark.parametrize("episodes", [1, 2, 4])
+def test_a_few_episodes_do_not_tell(tmp_path, episodes):
+    write_experiment(tmp_path, traffic=[ALONE, SOCIAL], scripted=["keep_lane", "random", "gap_acceptance"])
+    for traffic, end in ((ALONE, "goal"), (SOCIAL, "collision")):
+        for name in ("keep_lane", "random", "gap_acceptance"):
+            ends = [["goal" if name == "gap_acceptance" else end]] * episodes
+            table = agent_episodes(ends, mode="scripted", task_traffic=traffic)
+            table["met_social"] = 1.0
+            write_run(tmp_path, name, [table], traffic=traffic, seed=-1)
+    (check,) = traffic_checks(read_results(tmp_path))
+    assert check.differences["keep_lane"].value == 1.0
+    assert (check.collides, check.meets, check.passes) == (None, True, None)
+
+
+def test_without_common_episodes_nothing_is_known(tmp_path):
+    write_experiment(tmp_path, traffic=[ALONE, SOCIAL], scripted=["keep_lane", "random"])
+    for traffic in (ALONE, SOCIAL):
+        for name in ("keep_lane", "random"):
+            table = agent_episodes([["goal"]] * 20, mode="scripted", task_traffic=traffic)
+            table["world"] += 1000 * (traffic == SOCIAL)
+            write_run(tmp_path, name, [table], traffic=traffic, seed=-1)
+    (check,) = traffic_checks(read_results(tmp_path))
+    assert check.differences["random"].pairs == 0
+    assert check.passes is None
+    assert ": not known" in str(check)
 
 
 def test_a_cell_that_was_not_played_yet_is_not_known(tmp_path):
@@ -131,7 +160,7 @@ def test_a_cell_that_is_one_in_name_only_is_not_counted_against_the_paper(tmp_pa
 def test_what_is_odd_about_the_papers_figures(tmp_path):
     write_experiment(tmp_path, algorithms=["ppo", "dqn", "maddpg"])
     for name in ("ppo", "dqn", "maddpg"):
-        write_test(tmp_path, name, [["goal"]] * 200)
+        write_run(tmp_path, name, [agent_episodes([["goal"]] * 200, mode="greedy")])
     write_degenerate(tmp_path)
     report = make_report(read_results(tmp_path))
     cells = {row.algorithm: row.cells[0] for row in report.main_table("greedy")}

@@ -1,6 +1,7 @@
 """Scripted policies in a scenario of the benchmark."""
 
 import csv
+from pathlib import Path
 from typing import ClassVar
 
 import pytest
@@ -39,12 +40,13 @@ def test_keep_lane_drives_and_parked_stands(tmp_path):
 
 @pytest.mark.slow
 def test_sumos_driver_arrives_on_empty_roads():
-    alone, _ = play(SUMO_DRIVER, "double_merge", episodes=2, first_episode=100)
-    assert alone.share("goal") == 1.0
+    for scenario in ("two_way", "double_merge"):
+        alone, _ = play(SUMO_DRIVER, scenario, episodes=2, first_episode=100)
+        assert alone.share("goal") == 1.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("policy", ["keep_lane", pytest.param(SUMO_DRIVER, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("policy", ["keep_lane", SUMO_DRIVER])
 def test_a_scenario_without_traffic_is_played(tmp_path, policy):
     (tmp_path / "scenario.py").write_text(
         "from pathlib import Path\n"
@@ -63,16 +65,20 @@ def test_bad_input_is_refused_before_anything_is_played(tmp_path):
         scripted(["yeilder"])
     with pytest.raises(SmartsError, match=r"scripted\.txt"):
         scripted(["parked"], out=tmp_path / "scripted.txt")
+    with raises(SmartsError, "/proc/x.csv") as caught:
+        scripted(["parked"], out=Path("/proc/x.csv"))
+    assert "place that can be written to" in caught.value.remedy
     with raises(SmartsError, "record", values=["sumo_driver"]):
         next(play(SUMO_DRIVER, "two_way", episodes=1, record=tmp_path))
 
 
-def test_the_number_of_agents_is_given_and_the_header_follows_the_first_result(tmp_path, capsys):
+@pytest.mark.parametrize("policy", ["parked", SUMO_DRIVER])
+def test_the_number_of_agents_is_given_and_the_header_follows_the_first_result(policy, tmp_path, capsys):
     table = tmp_path / "scripted.csv"
     with raises(SmartsError, "loop: ego_missions", values=[60, 4]):
-        scripted(["parked"], ["loop"], episodes=1, agents=60)
+        scripted([policy], ["loop"], episodes=1, agents=60)
     assert capsys.readouterr().out == ""
-    scripted(["parked"], ["loop"], episodes=1, agents=1, out=table)
+    scripted([policy], ["loop"], episodes=1, agents=1, out=table)
     with table.open() as file:
         assert {row["agent_episodes"] for row in csv.DictReader(file)} == {"1"}
     assert capsys.readouterr().out.splitlines()[0].split()[:2] == ["policy", "scenario"]
