@@ -1,4 +1,4 @@
-"""Traffic of the suite: `python -m perf.scenario_traffic` rewrites the table in docs/scenarios.md."""
+"""Traffic of the suite: `python -m perf.scenario_traffic` rewrites the table in docs/guide/scenarios.md."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SPACING = 10.0
 FULL = "random_social_vehicles"
 STANDING = 0.1
 """Slower counts as standing [m/s]."""
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "scenarios.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "guide" / "scenarios.md"
 TABLE_BEGIN, TABLE_END = "<!-- survey: begin -->", "<!-- survey: end -->"
 
 
@@ -160,7 +160,7 @@ def main() -> None:
     """Rewrite the table in the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--page", type=Path, default=Path(__file__).resolve().parents[1] / "docs/scenarios.md"
+        "--page", type=Path, default=Path(__file__).resolve().parents[1] / "docs/guide/scenarios.md"
     )
     page: Path = parser.parse_args().page
     before, _, rest = page.read_text(encoding="utf-8").partition(TABLE_BEGIN)

@@ -1,4 +1,4 @@
-"""Write the tables of version 1 in README.md and docs/benchmark_v1.md from the committed results.
+"""Write the tables of version 1 in README.md and docs/guide/benchmark_v1.md from the committed results.
 
     smarts-bench report results/benchmark_v1 && python results/tables.py [--check]
 
@@ -21,7 +21,7 @@ from smarts.errors import SmartsError
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "benchmark_v1"
-FILES = {"README.md": ("paper",), "docs/benchmark_v1.md": ("modes", "seeds", "partners")}
+FILES = {"README.md": ("paper",), "docs/guide/benchmark_v1.md": ("modes", "seeds", "partners")}
 """File -> its tables."""
 TASKS, ALONE, SOCIAL = (
     ("two_way", "double_merge", "intersection"),

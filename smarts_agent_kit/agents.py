@@ -96,7 +96,7 @@ class BatchAgent(Agent):
     period: ClassVar[int] = 1
     """Steps from one decision to the next."""
     interface: ClassVar[Any] = None
-    """How its vehicles act: a mapping of plain values, such as {"action": "Lane"}; see docs/hosts.md."""
+    """How its vehicles act: a mapping of plain values, as {"action": "Lane"}; see docs/guide/hosts.md."""
 
     def act(self, obs: ActionBatch) -> NDArray:
         """Return the actions, shape (N,) for numbers of discrete actions, else (N, K)."""

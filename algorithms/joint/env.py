@@ -212,7 +212,7 @@ def agents_of(env: Any) -> tuple[list[str], Callable[[str], Any], Callable[[str]
             f"{name_of(env)} has no `possible_agents`" if methods else f"{name_of(env)} is no MultiAgentEnv",
             place="environment()",
             remedy="give an RLlib MultiAgentEnv that sets `possible_agents`, an environment of PettingZoo in "
-            "ParallelPettingZooEnv, or a vector environment, see docs/algorithms_inside.md",
+            "ParallelPettingZooEnv, or a vector environment, see docs/develop/algorithms_inside.md",
         )
     wrapped: Any = getattr(env, "par_env", None)
     if set(getattr(wrapped, "possible_agents", ())) > set(env.possible_agents):

@@ -49,7 +49,7 @@ INSTEAD = {
     "minibatch_size": "use `training(batch_size=...)`",
     "num_epochs": "use `training(epochs=...)`; replay has `updates_per_step`",
     "model": "use `training(hidden=..., gru=...)`",
-    "_rl_module_spec": "override `modules` of the config, see docs/algorithms_inside.md",
+    "_rl_module_spec": "override `modules` of the config, see docs/develop/algorithms_inside.md",
     "optimizer": "networks have Adam: use `training(lr=...)`",
     "_torch_lr_scheduler_classes": "use a schedule: `training(lr=[[0, 0.001], [10000, 0.0001]])`",
     "num_gpus": "use `learners(num_gpus_per_learner=...)`",
@@ -248,7 +248,7 @@ def network_settings(model_config: Any) -> dict[str, Any]:
         raise UnknownSettingError(
             f"networks have no setting {name!r}",
             place="rl_module(model_config=...)",
-            remedy="use 'fcnet_hiddens', 'hidden' or 'gru'; own networks: docs/algorithms_inside.md",
+            remedy="use 'fcnet_hiddens', 'hidden' or 'gru'; own networks: docs/develop/algorithms_inside.md",
         )
     return {{"fcnet_hiddens": "hidden"}.get(name, name): value for name, value in given.items()}
 

@@ -147,7 +147,7 @@ class Environment(Driving):
         ],
     ] = Field(default_factory=dict)
     """Where agents of the zoo act, and in what time, by locator ("*": all others), such as
-    `{idm-v0: process, mobil-v0: {delay_steps: 3}}`; docs/hosts.md."""
+    `{idm-v0: process, mobil-v0: {delay_steps: 3}}`; docs/guide/hosts.md."""
     learn_in_bubbles: bool | Annotated[tuple[str, ...], SEVERAL] = False
     """true, or a list of ids of the scenarios' bubbles: the learning agents have no missions, but drive
     vehicles of traffic in these bubbles, `agents` of them at a time."""

@@ -114,7 +114,9 @@ def _line(state: JobState) -> str:
 def _silence(state: JobState) -> str:
     """Return for how long nothing has been heard of a job that has begun; empty if that is not long."""
     silent = time.monotonic() - state.heard if state.status in (TRAINING, TESTING) else 0.0
-    return f"no message for {silent // 60:.0f} min (docs/troubleshooting.md)" if silent > SILENCE else ""
+    return (
+        f"no message for {silent // 60:.0f} min (docs/guide/troubleshooting.md)" if silent > SILENCE else ""
+    )
 
 
 def _numbers(state: JobState) -> dict[str, str]:

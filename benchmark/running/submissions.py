@@ -166,7 +166,7 @@ def check_manifest(manifest: Manifest, folder: Path) -> None:
         raise ResultsError(
             "the submission is refused:\n" + "\n".join(f"  {each}" for each in wrong),
             place=str(folder / MANIFEST),
-            remedy="see docs/leaderboard.md; what is this program's is restored by `git checkout -- .`",
+            remedy="see docs/guide/leaderboard.md; what is this program's is restored by `git checkout -- .`",
         )
 
 

@@ -109,7 +109,7 @@ class EnvSettings:
     their fields, such as {"agent": "smarts.zoo:idm-v0", "count": 2, "options": {}}."""
     hosts: Mapping[str, Any] = field(default_factory=dict)
     """Where social agents act, and in what time, by locator ("*": all others): "process", "ray",
-    `HostOptions`, or a dict of its fields. By default in this process; docs/hosts.md."""
+    `HostOptions`, or a dict of its fields. By default in this process; docs/guide/hosts.md."""
     learn_in_bubbles: bool | Sequence[str] = False
     """True, or ids of bubbles of the scenarios: the agents have no missions, but drive vehicles of traffic
     in these bubbles. `agents` says how many at a time."""

@@ -55,7 +55,7 @@ class VectorHiWayEnv(NotCopied):
                 raise InterfaceError(
                     f"the spec of agent {name!r} has adapters: {', '.join(sorted(spec.own_adapters))}",
                     place="VectorHiWayEnv",
-                    remedy="write an array adapter (docs/adapters.md), or use an environment by name",
+                    remedy="write an array adapter (docs/guide/adapters.md), or use an environment by name",
                 )
         self.num_envs = num_envs
         assembly, self._groups = make_groups(settings)

@@ -206,7 +206,7 @@ def _swing(points: Floats, length: float) -> Swing:
     """Return where a vehicle swings out before the first tight turn of a way.
 
     Two straights and an arc of radius r that turns by phi are followed at radius R with an offset of at least
-    (R - r) tan(phi / 4)^2; see docs/control.md.
+    (R - r) tan(phi / 4)^2; see docs/guide/control.md.
     """
     radius, turned, sharpest, begin, end = TURNING_RADIUS * length, 0.0, 0.0, -1, -1
     for i in range(len(points) - 2):

@@ -18,7 +18,7 @@ from smarts.agents.types import AgentType
 from smarts.sensors.bounds import MOST
 from smarts.types.interface import Field
 
-PAGE = Path(__file__).parents[2] / "docs" / "sensors.md"
+PAGE = Path(__file__).parents[2] / "docs" / "guide" / "sensors.md"
 
 _OPENING = """# Sensors
 

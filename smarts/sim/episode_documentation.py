@@ -9,7 +9,7 @@ from pathlib import Path
 
 from smarts.types.episode_schema import TABLES, VERSION
 
-PAGE = Path(__file__).parents[2] / "docs" / "episodes.md"
+PAGE = Path(__file__).parents[2] / "docs" / "guide" / "episodes.md"
 
 _OPENING = f"""# Recorded episodes
 

@@ -266,7 +266,7 @@ OBSERVATIONS = Table(
             "waypoints, neighbors, lidar, grid:drivable, grid:occupancy, grid:visible, rgb:top_down, or a "
             "field of the observation",
         ),
-        Column("values", NUMBERS, "the numbers, as docs/envision.md says"),
+        Column("values", NUMBERS, "the numbers, as docs/guide/envision.md says"),
     ),
     is_optional=True,
 )

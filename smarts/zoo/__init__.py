@@ -1,4 +1,4 @@
-"""The zoo: policies of road users by name, imported only when one is asked for; docs/zoo.md."""
+"""The zoo: policies of road users by name, imported only when one is asked for; docs/guide/zoo.md."""
 
 from smarts.agents.spec import AgentSpec
 from smarts.zoo.registry import (

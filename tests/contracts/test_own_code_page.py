@@ -1,4 +1,4 @@
-"""The user code of docs/own_code.md works outside the repository, and its errors are named."""
+"""The user code of docs/guide/own_code.md works outside the repository, and its errors are named."""
 
 import pytest
 from typer.testing import CliRunner

@@ -168,7 +168,7 @@ def test_rows_of_simulations_side_by_side_equal_one_alone():
 def test_the_page_lists_all_agents():
     from tests.blocks import ROOT
 
-    rows = [line.split("|") for line in (ROOT / "docs" / "zoo.md").read_text().splitlines()]
+    rows = [line.split("|") for line in (ROOT / "docs" / "guide" / "zoo.md").read_text().splitlines()]
     listed = {row[1].strip(" `"): row[2].strip() for row in rows if len(row) > 4 and "-v0" in row[1]}
     assert listed == {name: entry.description() for name, entry in AGENTS.items()}
 

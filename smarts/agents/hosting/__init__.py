@@ -1,1 +1,1 @@
-"""Hosts of agents: processes, Ray actors, addresses of other machines; docs/hosts.md."""
+"""Hosts of agents: processes, Ray actors, addresses of other machines; docs/guide/hosts.md."""

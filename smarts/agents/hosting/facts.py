@@ -105,7 +105,7 @@ def check_observation(observation: Any, place: str) -> Any:
             raise HostError(
                 f"the agent observes {shown(observation)}, which is not a part of this project",
                 place=place,
-                remedy="an agent elsewhere observes features of docs/extending.md",
+                remedy="an agent elsewhere observes features of docs/develop/extending.md",
             )
     elif isinstance(observation, Mapping):
         for name, each in observation.items():

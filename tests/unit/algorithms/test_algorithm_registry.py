@@ -9,7 +9,7 @@ import algorithms
 from algorithms.errors import UnknownAlgorithmError
 from algorithms.registry import ActionKind
 
-PAGE, TESTS = Path("docs/algorithms.md"), Path("tests/unit/algorithms")
+PAGE, TESTS = Path("docs/guide/algorithms.md"), Path("tests/unit/algorithms")
 
 
 def test_listing_names_imports_neither_torch_nor_ray():

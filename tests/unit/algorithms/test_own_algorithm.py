@@ -1,4 +1,4 @@
-"""The algorithm of `examples/nightly/q_learner.py`, which docs/algorithms_inside.md shows."""
+"""The algorithm of `examples/nightly/q_learner.py`, which docs/develop/algorithms_inside.md shows."""
 
 import importlib
 from pathlib import Path
@@ -24,7 +24,7 @@ def example(monkeypatch):
 
 
 def test_the_page_shows_the_example():
-    assert f'--8<-- "{EXAMPLE}"' in Path("docs/algorithms_inside.md").read_text()
+    assert f'--8<-- "{EXAMPLE}"' in Path("docs/develop/algorithms_inside.md").read_text()
 
 
 def test_it_values_what_comes_after_a_time_limit(example):

@@ -69,7 +69,7 @@ def test_a_job_of_which_nothing_is_heard_is_named_once_a_minute(monkeypatch, pha
         clock += 5.0
     text = f"{NAME}: {phase} 50%, no message for"
     assert [line for line in log.getvalue().splitlines() if "no message" in line] == [
-        f"{text} {minutes} min (docs/troubleshooting.md)" for minutes in (5, 6, 7)
+        f"{text} {minutes} min (docs/guide/troubleshooting.md)" for minutes in (5, 6, 7)
     ]
 
 

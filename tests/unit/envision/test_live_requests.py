@@ -145,7 +145,7 @@ def damaged(fuzz):
 
 
 def is_request(text):
-    """Return whether a text is a request, by the words of docs/envision.md."""
+    """Return whether a text is a request, by the words of docs/guide/envision.md."""
     try:
         given = json.loads(text)
     except (ValueError, RecursionError):

@@ -9,7 +9,7 @@ from smarts.sstudio import types as t
 from smarts.sstudio.build import build_scenario
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs" / "scenario_language.md").read_text()
+PAGE = (ROOT / "docs" / "guide" / "scenario_language.md").read_text()
 BASES = {"Actor", "Condition", "Zone", "TrafficModel", "SmartsLaneChangingModel", "SmartsJunctionModel"}
 OTHER = {"StandardMetadata"}
 ENUMS = {"ConditionState", "ConditionOperator", "ConditionRequires", "ScenarioMetadataFields"}
