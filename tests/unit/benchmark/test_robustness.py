@@ -210,6 +210,13 @@ def test_a_partner_whose_code_has_changed_plays_again(copy, tmp_path):
     assert not [line for line in play_robustness(copy, given) if "was there" in line]
 
 
+def test_longer_plays_are_not_replaced_by_shorter_ones(played, monkeypatch):
+    monkeypatch.setattr(known_conditions, "conditions", lambda: NEUTRAL)
+    given = Given(episodes=2, algorithms=("ppo", "commnet"), partners=("parked",), conditions=())
+    with raises(ResultsError, "commnet+ppo", values=["3 episodes", "one of 2"]):
+        [*play_robustness(played, given)]
+
+
 def test_plays_side_by_side_are_those_one_after_the_other(played, copy):
     lines = [*play_robustness(copy, Given(algorithms=("ppo",), partners=("parked",), conditions=()), 2)]
     assert [line.split(" ", 1)[0] for line in lines] == ["1/2", "2/2"]
