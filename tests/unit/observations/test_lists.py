@@ -128,7 +128,7 @@ class Twice(Feature):
 @pytest.fixture
 def own_module(monkeypatch):
     module = ModuleType("own_features")
-    module.Twice, module.NONE = Twice, 3
+    module.Twice, module.NONE, module.__file__ = Twice, 3, __file__
     monkeypatch.setitem(sys.modules, "own_features", module)
     return module
 
