@@ -38,7 +38,7 @@ SMALLEST = {
     "zoo_manoeuvres": ["u-turn-v0", "--episodes", "4", "--steps", "10", "--set", "after=1"],
 }
 """Arguments of the scripts that run in the tests' process."""
-OFTEN = ("step", "same_episodes", "size")
+OFTEN = ("step", "same_episodes")
 """Those that run in `make test`, too."""
 IN_OWN_PROCESS = {
     "envision": ["--seconds", "2"],

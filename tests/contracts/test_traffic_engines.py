@@ -33,7 +33,11 @@ def built():
     return build_scenario(SCENARIO)
 
 
-@pytest.fixture(params=[*TRAFFIC_ENGINES, pytest.param(LONGER, marks=pytest.mark.nightly)])
+ENGINES = tuple(TRAFFIC_ENGINES)
+"""Ours, without those that other tests bring."""
+
+
+@pytest.fixture(params=[*ENGINES, pytest.param(LONGER, marks=pytest.mark.nightly)])
 def kind(request):
     return partial(SumoEngine, step=0.5) if request.param == LONGER else TRAFFIC_ENGINES[request.param]
 
@@ -345,8 +349,7 @@ def both_engines(tmp_path_factory):
     """Return a scenario with a traffic variation for each engine."""
     folder = write_cross(tmp_path_factory.mktemp("scenarios") / "both")
     traffic = ", ".join(
-        f'"{name}": t.Traffic(flows=[flow(rate=1800)], engine="{name}", warm_up=20)'
-        for name in TRAFFIC_ENGINES
+        f'"{name}": t.Traffic(flows=[flow(rate=1800)], engine="{name}", warm_up=20)' for name in ENGINES
     )
     folder.joinpath("scenario.py").write_text(
         scenario(f"traffic={{{traffic}}}, ego_missions=[t.Mission(south_north)]")
@@ -354,7 +357,7 @@ def both_engines(tmp_path_factory):
     return build_scenario(folder)
 
 
-@pytest.mark.parametrize("engine_option", [None, *TRAFFIC_ENGINES])
+@pytest.mark.parametrize("engine_option", [None, *ENGINES])
 def test_options_override_the_scenarios_engine(both_engines, engine_option):
     options = Options(traffic_engine=engine_option)
     parts = assemble([both_engines], [AgentInterface(action=ActionSpaceType.Lane)], worlds=4, options=options)
@@ -362,7 +365,7 @@ def test_options_override_the_scenarios_engine(both_engines, engine_option):
         starts = {row: parts.schedule.start(0, episode=row) for row in range(4)}
         assert all(start.engine == (engine_option or start.traffic_name) for start in starts.values())
         assert {start.engine for start in starts.values()} == (
-            {engine_option} if engine_option else {*TRAFFIC_ENGINES}
+            {engine_option} if engine_option else {*ENGINES}
         )
         parts.simulation.reset(starts)
         for _ in range(20):
@@ -382,7 +385,7 @@ def test_an_unknown_engine_raises_with_the_nearest_names(both_engines):
 
 
 def test_each_episode_uses_the_engine_that_it_names(built):
-    roads, names = built.roads(), list(TRAFFIC_ENGINES)
+    roads, names = built.roads(), list(ENGINES)
     mixed = Case(built, lambda world, maps: traffic_of(names, world, maps), len(names))
     alone = [Case(built, TRAFFIC_ENGINES[name], 1) for name in names]
     try:
