@@ -34,9 +34,9 @@ def read_progress(file: Path) -> Frame:
     Raises:
         ResultsError: It cannot be read, or is no table of progress.
     """
-    lines = _whole_lines(file)
     try:
-        rows = [[float(line[name] or "nan") for name in COLUMNS] for line in csv.DictReader(lines)]
+        lines = csv.DictReader(_whole_lines(file))
+        rows = [[float(line[name] or "nan") for name in COLUMNS] for line in lines]
         return pd.DataFrame(rows, columns=[*COLUMNS]).astype({"iteration": int, "agent_steps": int})
     except (KeyError, ValueError) as error:
         raise ResultsError(f"damaged: {first_line(error)}", place=str(file), remedy=REMEDY) from error

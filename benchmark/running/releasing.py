@@ -103,9 +103,12 @@ def _check_free(out: Path, name: str, author: str, runs: Sequence[RunResult]) ->
     before = read_manifest(out)
     cells = {(run.algorithm, run.task, run.traffic, run.seed) for run in runs}
     lost = [str(x) for x in before.policies if (x.algorithm, x.task, x.traffic, x.seed) not in cells]
+    own = {MANIFEST, *(Path(entry.agent).parts[0] for entry in before.policies)}
+    lost += sorted(each.name for each in out.iterdir() if each.name not in own)
     if (before.name, before.author) != (name, author) or lost:
         raise ResultsError(
-            f"holds the release {before.name!r} by {before.author!r}, of {len(lost)} policies more",
+            f"holds the release {before.name!r} by {before.author!r}, of which would be lost: "
+            f"{'; '.join(lost) or 'all'}",
             place=str(out),
             remedy="choose another --out, or remove it",
         )

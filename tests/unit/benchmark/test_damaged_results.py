@@ -1,5 +1,7 @@
 """Results that something happened to: what is lost is named, and never counts as nought or as done."""
 
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -81,6 +83,14 @@ def test_a_table_that_is_damaged_is_named_and_one_that_is_lost_is_made_again(tmp
     assert not folder.is_finished(TESTED)
 
 
+def test_the_table_of_another_seed_is_not_counted_twice(tmp_path):
+    folder = finished(tmp_path)
+    shutil.copytree(folder.path, folder.path.with_name("seed_2"))
+    results = read_results(tmp_path)
+    assert [run.seed for run in results.finished] == [1]
+    assert "of another run" in results.problems[f"{PLACE.replace('1', '2')}/episodes.parquet"]
+
+
 def test_a_run_without_a_checkpoint_is_not_trained_anew_for_another_test(tmp_path):
     folder = finished(tmp_path)
     other = {**TESTED, "episodes": 7}
@@ -99,12 +109,18 @@ def test_a_scripted_policy_needs_no_checkpoint_to_be_tested_again(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("last", "said"), [("2,100", ""), ("\0\0\0\0", ""), ("2,x,5.0,200,,,,,,\n", "damaged: ")]
+    ("last", "said"),
+    [
+        (b"2,100", ""),
+        (b"\0\0\0\0", ""),
+        (b"2,x,5.0,200,,,,,,\n", "damaged: "),
+        (b"\xff\xfe\n", "damaged: "),
+    ],
 )
 def test_a_line_of_progress_that_was_cut_is_left_out_and_a_damaged_one_is_named(tmp_path, last, said):
     write_experiment(tmp_path)
     folder = RunFolder(write_run(tmp_path, "ppo", [table_of()]))
-    folder.progress.write_text(",".join(PROGRESS_COLUMNS) + "\n1,500,2.5,200,,,,,,\n" + last)
+    folder.progress.write_bytes(",".join(PROGRESS_COLUMNS).encode() + b"\n1,500,2.5,200,,,,,,\n" + last)
     results = read_results(tmp_path)
     (run,) = results.finished
     if not said:

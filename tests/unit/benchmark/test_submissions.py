@@ -496,6 +496,9 @@ class TestReleases:
         for author, kept in (("", runs), ("A. Author", runs[:1])):
             with raises(ResultsError, root, values=["A. Author"]):
                 _check_free(root, "theirs", author, kept)
+        (root / "README.md").write_text("mine")
+        with raises(ResultsError, root, values=["README.md"]):
+            _check_free(root, "theirs", "A. Author", runs)
 
     def test_scenarios_of_ones_own_are_told_apart(self):
         names = ["loop", "two_way_v1@two_lanes", "/home/me/junction", "/home/me/junction", "mine@dense"]
