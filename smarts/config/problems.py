@@ -86,7 +86,7 @@ def mistaken_keys(error: ValidationError, values: Any) -> list[Key]:
     """Return the keys of what a model finds wrong, or of the list members around it, the last first."""
     found = set()
     for each in error.errors(include_url=False):
-        key = _key(each["loc"], values)
+        key = _key(each, values)
         numbers = [place for place, part in enumerate(key) if isinstance(part, int)]
         found.add(key[: numbers[0] + 1] if numbers else key)
     return sorted(found, reverse=True)
@@ -96,7 +96,7 @@ def _problem(
     error: dict[str, Any], model: type[BaseModel], values: Any, place_of: Callable[[Key], str]
 ) -> Problem:
     """Return a validation error in words."""
-    key = _key(error["loc"], values)
+    key = _key(error, values)
     place, kind = place_of(key), error["type"]
     if kind == "extra_forbidden":
         section = _section(model, key[:-1])
@@ -129,12 +129,12 @@ def _primary(error: ValidationError) -> list[Any]:
     return [each for each in found if each["type"] != "too_short" or each["loc"] not in around]
 
 
-def _key(location: Key, content: Any) -> Key:
-    """Return the key in a file of an error's location, without the parts that name a type."""
-    return tuple(_without_kinds(location, content))
+def _key(error: Mapping[str, Any], content: Any) -> Key:
+    """Return the key in a file of an error, without the parts of its location that name a type."""
+    return tuple(_without_kinds(error["loc"], content, is_missing=error["type"] == "missing"))
 
 
-def _without_kinds(key: Key, content: Any) -> Iterator[str | int]:
+def _without_kinds(key: Key, content: Any, *, is_missing: bool) -> Iterator[str | int]:
     for part in key:
         if isinstance(content, list) and isinstance(part, int) and part < len(content):
             content = content[part]
@@ -143,7 +143,7 @@ def _without_kinds(key: Key, content: Any) -> Iterator[str | int]:
             if part in content:
                 content = content[part]
                 yield part
-            elif part == key[-1]:
+            elif is_missing and part == key[-1]:
                 yield part
 
 

@@ -198,6 +198,8 @@ def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
         ("training.lr=[[5, 1e-3]]", "training.lr: [[5, 0.001]]; "),
         ("evaluation.modes=[greedily]", "'greedy' or 'sampled'"),
         ("environment.observation=5", "environment.observation is 5"),
+        ("environment.agents={}", "environment.agents is {}; "),
+        ("environment.agents={a b: {}}", "environment.agents: 'a b' cannot name an agent"),
         # choices that do not fit
         ("algorithms=[]", "algorithms: there is nothing to run"),
         ("settings={ppo: {gru: 8, rollout_fragment_length: 60}}", "settings.ppo: ppo: rollout_fragment_len"),
