@@ -89,7 +89,7 @@ def mistaken_keys(error: ValidationError, values: Any) -> list[Key]:
         key = _key(each, values)
         numbers = [place for place, part in enumerate(key) if isinstance(part, int)]
         found.add(key[: numbers[0] + 1] if numbers else key)
-    return sorted(found, reverse=True)
+    return sorted(found, key=lambda key: [(str(type(part)), part) for part in key], reverse=True)
 
 
 def _problem(

@@ -68,7 +68,7 @@ def read_config(
     sources = [*read_files(file, str(file)), *map(read_override, overrides)]
     values = reduce(_merged, (source.values for source in sources))
     place = partial(_place, sources)
-    problems = [problem for source in sources for problem in source.repeated()]
+    problems = [problem for source in sources for problem in source.repeated]
     wrong: list[Key] = []
     try:
         found = model.model_validate(values)

@@ -64,6 +64,9 @@ class Source:
         self._name, self._prefix = name, prefix
         loader = Loader(text)
         self._node = loader.get_single_node()
+        # Before the nodes are constructed: then merge keys (<<) put into them what they merge.
+        self.repeated = [*self._repeated(self._node, prefix)]
+        """Each key that a section has twice, of which YAML takes the last."""
         self.values: Any = None if prefix else {}
         if self._node is not None:
             self.values = loader.construct_document(self._node)
@@ -81,10 +84,6 @@ class Source:
         for part in key[length:]:
             found, node = _child(node, part)
         return None if found is None else self._at(found)
-
-    def repeated(self) -> Iterator[Problem]:
-        """Yield each key that a section has twice, of which YAML takes the last."""
-        yield from self._repeated(self._node, self._prefix)
 
     def _repeated(self, node: yaml.Node | None, key: Key) -> Iterator[Problem]:
         if isinstance(node, yaml.SequenceNode):

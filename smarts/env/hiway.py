@@ -70,11 +70,11 @@ class HiWayEnv(DictEnvApi, gym.Env):
     ) -> None:
         check_render_mode(render_mode)
         agents = agent_interfaces if agent_specs is None else agent_specs
-        if not isinstance(agents, Mapping):
+        if not isinstance(agents, Mapping) or None not in (agent_specs, agent_interfaces):
             raise InterfaceError(
-                f"the agents are {agents!r}",
+                f"the agents are {agents!r}, of agent_specs or agent_interfaces",
                 place="HiWayEnv",
-                remedy="give agent_specs: a dict of specs by the agents' names",
+                remedy="give one of the two: a dict of specs by the agents' names",
             )
         if not headless:
             options.setdefault("envision", True)
@@ -82,6 +82,7 @@ class HiWayEnv(DictEnvApi, gym.Env):
             *("HiWayEnv", scenarios, agents),
             options=options,
             known=SimulationOptions,
+            others=("scenarios", "agent_specs", "headless", "decision_interval", "render_mode"),
             decision_interval=decision_interval,
         )
         self._env = ObjectDictEnv(settings, render_mode)

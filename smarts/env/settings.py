@@ -236,7 +236,12 @@ def with_mask(observation: Observed) -> Observed:
 
 
 def make_settings(
-    environment: str, *values: Any, options: SimulationOptions, known: type = EnvOptions, **more: Any
+    environment: str,
+    *values: Any,
+    options: SimulationOptions,
+    known: type = EnvOptions,
+    others: Sequence[str] = ("agents", "scenarios"),
+    **more: Any,
 ) -> EnvSettings:
     """Return the settings that an environment's arguments stand for.
 
@@ -245,6 +250,7 @@ def make_settings(
         values: `scenarios`, `agents` and `num_envs`.
         options: The environment's keywords, as the caller gave them.
         known: The `TypedDict` of the environment's keywords.
+        others: The names of its other arguments.
         more: Further settings.
 
     Raises:
@@ -252,7 +258,7 @@ def make_settings(
         SmartsError: A value cannot be used.
     """
     for name in options.keys() - known.__annotations__.keys():
-        nearest = nearest_names(name, [*known.__annotations__, "agents", "scenarios"])
+        nearest = nearest_names(name, [*known.__annotations__, *others])
         remedy = NO_RENDERING if name == "render_mode" else nearest
         raise TypeError(f"{environment} has no keyword {name!r}; {remedy}")
     given: dict[str, Any] = {**more, **options}

@@ -22,6 +22,7 @@ from smarts.env.settings import EnvOptions, EnvSettings, make_settings, refuse_b
 from smarts.env.single import AGENT
 from smarts.env.vector import VectorHiWayEnv
 from smarts.env.vector_step import VectorStep
+from smarts.errors import SmartsError
 from smarts.observations.action_mask import MASK
 from smarts.types.events import Outcome
 
@@ -90,8 +91,11 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         """Begin the next episodes, or with a seed the first ones of that seed.
 
         Raises:
-            SmartsError: `seed` is not a number.
+            SmartsError: `seed` is not a number, or only some simulations are to be reset.
         """
+        if "reset_mask" in (options or {}):
+            remedy = "leave it out: simulations reset themselves"
+            raise SmartsError("reset_mask is given", place="reset", remedy=remedy)
         played = [start.episode for start in self._env.episodes]
         first = 0 if seed is not None or not played else 1 + max(played)
         step = self._env.reset(seed, episode=first)
@@ -126,7 +130,10 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         self._env.close()
 
     def _checked(self, actions: ArrayLike) -> NDArray:
-        values = np.asarray(actions)
+        try:
+            values = np.asarray(actions)
+        except ValueError:  # its rows are of different lengths
+            values = np.empty(0)
         if values.shape != self.action_space.shape:
             remedy = f"give an array of shape {self.action_space.shape}, such as action_space.sample()"
             raise rejection(actions, f"is not an action of each of {self.num_envs}", "actions", remedy)

@@ -13,13 +13,14 @@ from smarts.providers.traffic_engine import Giver, TrafficEngine
 from smarts.registry import definition_of, guarded
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
+from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
 
 def make_own_engine(
     name: str, kind: Callable[..., Any], world: World, maps: Sequence[LaneGraph]
 ) -> TrafficEngine:
-    """Return a user's engine, with checks of what it raises and returns.
+    """Return a user's engine, with checks of what it raises, returns and writes.
 
     Raises:
         OwnCodeError: Its constructor raises, or `failures` or `is_full` is not as in `TrafficEngine`.
@@ -30,7 +31,7 @@ def make_own_engine(
 
 
 class OwnEngine(TrafficEngine):
-    """Calls a user's engine, and checks what it returns.
+    """Calls a user's engine, and checks what it returns and the motion that it writes.
 
     Args:
         engine: The user's.
@@ -53,11 +54,15 @@ class OwnEngine(TrafficEngine):
         """See `TrafficEngine`."""
         self._reset(starts)
         self._read()
+        begun = np.zeros(self._world.worlds, np.bool_)
+        begun[list(starts)] = True
+        self._check_motion(begun, "reset")
 
     def step(self, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
         self._step(env_mask)
         self._read()
+        self._check_motion(env_mask, "step")
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`."""
@@ -97,6 +102,20 @@ class OwnEngine(TrafficEngine):
                 remedy="return an array of a Refusal for each vehicle",
             )
         return found
+
+    def _check_motion(self, env_mask: Bools, name: str) -> None:
+        """Raise if a position, a heading or a speed that the engine wrote is not finite."""
+        vehicles = self._world.vehicles
+        motion = np.dstack([vehicles.position, vehicles.heading, vehicles.speed])
+        bad = ~np.isfinite(motion).all(-1) & vehicles.alive & (vehicles.owner == Owner.TRAFFIC)
+        bad &= env_mask[:, None]
+        bad[list(self.failures)] = False
+        for row, slot in np.argwhere(bad)[:1].tolist():
+            raise OwnCodeError(
+                f"{self._doing}: x, y, heading, speed of a vehicle are {motion[row, slot].tolist()}",
+                place=definition_of(getattr(self._engine, name)),
+                remedy="write finite numbers",
+            )
 
 
 class OwnGiver(OwnEngine):

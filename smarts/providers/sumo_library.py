@@ -251,7 +251,8 @@ def _load(index: int) -> types.ModuleType:
     except BaseException as error:
         for part in (name, f"{name}.{_MODULE}", f"{name}.libsumo"):
             sys.modules.pop(part, None)
-        if not isinstance(error, ImportError | OSError):
+        # That of a missing library has no number; others are no reason to install one.
+        if not isinstance(error, ImportError | OSError) or getattr(error, "errno", None):
             raise
         raise TrafficError(
             f"libsumo does not load: {error}",

@@ -41,11 +41,12 @@ class Checks:
         self, value: Any, where: str, above: float | None = None, least: float = 0.0, most: float = math.inf
     ) -> None:
         """Require a finite number from `least`, or greater than `above`, to `most`."""
-        bound = f"{least:g} or more" if above is None else f"above {above:g}"
+        bound = f" {least:g} or more" if above is None else f" above {above:g}"
+        bound = "" if least == -math.inf else bound
         bound += "" if most == math.inf else f" and at most {most:g}"
         numeric = is_number(value) and math.isfinite(value) and value <= most
         if not numeric or not (value >= least if above is None else value > above):
-            raise self.error(where, f"{shown(value)} is not a number {bound}", f"use a number {bound}")
+            raise self.error(where, f"{shown(value)} is not a number{bound}", f"use a number{bound}")
 
     def numbers(
         self, owner: Any, where: str, *names: str, above: float | None = None, least: float = 0.0

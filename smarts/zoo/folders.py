@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from smarts.errors import SmartsError, UnknownNameError, nearest_names
+from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names
 from smarts.registry import import_own, load_module
 from smarts.shipped import local
 from smarts.zoo.entry import ZooEntry
@@ -76,6 +76,12 @@ def import_folder(folder: str | Path) -> str:
         OwnCodeError: There is no such folder, its name cannot be imported or is taken, or its code raises.
     """
     path = Path(folder).absolute()
+    if not path.exists():
+        raise OwnCodeError(
+            "there is no such folder with agents",
+            place=str(path),
+            remedy="if it was moved, `smarts-bench zoo add` it from its new place",
+        )
     import_own([path])
     load_module(path.stem, "folder")
     return path.stem

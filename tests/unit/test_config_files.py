@@ -119,6 +119,18 @@ def test_files_that_cannot_be_read_at_all(write, text, said):
     assert any(said in problem for problem in problems(write(text)))
 
 
+def test_sections_may_be_merged_with_others_of_the_file(write):
+    merged = "{all: &all {name: a, seats: 2, wheels: [{radius: 1}]}, own: {<<: *all, seats: 3}}"
+    cars = read_config(write(f"cars: {merged}\n"), Fleet).cars
+    assert [(car.name, car.seats) for car in cars.values()] == [("a", 2), ("a", 3)]
+
+
+def test_keys_that_yaml_takes_for_something_else_than_texts(write):
+    found = problems(write("on: 1\nnmae: a\nwheels: [{radius: 1}]\n"))
+    assert "car.yaml:2: there is no key nmae; did you mean 'name'?" in found
+    assert any("keys should be strings" in each for each in found)
+
+
 def test_a_missing_file_and_one_that_is_not_text(tmp_path):
     assert any("No such file" in problem for problem in problems(tmp_path / "none.yaml"))
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")

@@ -94,6 +94,7 @@ def test_unknown_keywords_are_named_with_environment_and_remedy(name, make):
     ("make", "keyword", "said"),
     [
         (lambda **options: HiWayEnv(["loop"], {"a": LANER}, **options), "observation", "observation"),
+        (lambda **options: HiWayEnv(["loop"], {"a": LANER}, **options), "headles", "'headless'"),
         (lambda **options: VectorHiWayEnv(1, ["loop"], 1, **options), "action_mask", "action_mask"),
         (lambda **options: VectorHiWayEnv(1, ["loop"], 1, **options), "render_mode", "smarts-bench render"),
     ],
@@ -118,8 +119,9 @@ def test_the_original_names_are_aliases(closing):
     ):
         env = closing(RLlibHiWayEnv({"scenarios": ["loop"], **config}))
         assert env.possible_agents == ["b"]
-    with raises(InterfaceError, "HiWayEnv", values=["agent_specs"]):
-        HiWayEnv(["loop"])
+    for given in ({}, {"agent_specs": {"a": LANER}, "agent_interfaces": {"b": LANER}}):
+        with raises(InterfaceError, "HiWayEnv", values=["agent_specs"]):
+            HiWayEnv(["loop"], **given)
 
 
 def test_numbers_of_a_vector_reset(closing):

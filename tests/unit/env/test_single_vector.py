@@ -116,8 +116,10 @@ def test_what_is_refused():
     env = SingleHiWayVectorEnv(2, ["loop"])
     with raises(SmartsError, "step", values=["reset()"]):
         env.step(np.zeros(2, int))
+    with raises(SmartsError, "reset", values=["reset_mask"]):
+        env.reset(options={"reset_mask": np.array([True, False])})
     env.reset()
-    for wrong in (0, [0, 0, 0]):
+    for wrong in (0, [0, 0, 0], [0, [1, 2]]):
         with raises(ActionError, values=[(2,)]):
             env.step(wrong)  # type: ignore[arg-type]
     with raises(ActionError, "simulation 1", values=[4]):

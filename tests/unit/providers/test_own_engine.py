@@ -1,4 +1,4 @@
-"""Users' own traffic engines: what they raise and return is checked, and named with file and line."""
+"""Users' own traffic engines: what they raise, return and write is checked, and named with file and line."""
 
 from typing import Any
 
@@ -58,6 +58,10 @@ class Leaves(Mine):
     def step(self, env_mask):
         sys.exit(0)
 
+class Infinite(Mine):
+    def step(self, env_mask):
+        self.world.vehicles.position[1, 0, 1] = np.inf
+
 class Fails(Mine):
     def step(self, env_mask):
         self.world.vehicles.speed[0] = np.nan
@@ -114,6 +118,7 @@ def play(engine, world):
         ("Narrow", "class Narrow", "is_full is "),
         ("Resets", "class Resets", "KeyError: 'flow'"),
         ("Leaves", "sys.exit(0)", "SystemExit: 0"),
+        ("Infinite", "class Infinite", "speed of a vehicle are [0.0, inf, 0.0, 0.0]"),
         ("Accepts", "class Accepts", "can_accept returns None for 1 vehicles"),
         ("Gives", "class Gives", "can_give returns array"),
     ],
@@ -121,7 +126,7 @@ def play(engine, world):
 def test_mistakes_are_errors_with_engine_key_file_and_line(make, name, line, said):
     lines = ENGINE.splitlines()
     number = next(number for number, each in enumerate(lines, 1) if line in each)
-    number += {"Resets": 2, "Accepts": 1, "Gives": 1}.get(name, 0)
+    number += {"Resets": 2, "Infinite": 1, "Accepts": 1, "Gives": 1}.get(name, 0)
     values = [f"'{make.file.stem}:{name}'", "traffic_engine", said]
     with raises(OwnCodeError, f"{make.file}:{number}", values=values):
         play(*make(name))

@@ -1,5 +1,6 @@
 """Copies of libsumo are independent, work in all kinds of processes, and leave nothing on disk."""
 
+import errno
 import multiprocessing
 import os
 import subprocess
@@ -166,6 +167,15 @@ def test_load_errors_name_the_packages_to_install(tmp_path):
     errors = ask(ASK, PYTHONPATH=os.pathsep.join([str(tmp_path), *sys.path]))[1]
     assert "libsumo does not load" in errors
     assert "apt-get install -y libgl1 libx11-6" in errors
+
+
+def test_at_the_limit_of_open_files_no_package_is_asked_for(monkeypatch):
+    def used_up(name):
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(sumo_library.os, "memfd_create", used_up)
+    with pytest.raises(OSError, match="Too many open files"):
+        sumo_library._load(98)
 
 
 def test_maps_with_a_projection_load_without_warnings(country):

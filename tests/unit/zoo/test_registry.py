@@ -181,7 +181,7 @@ def test_a_folder_without_an_agent(tmp_path):
     (folder / "__init__.py").write_text("")
     with pytest.raises(SmartsError, match="registers no agent"):
         add_folder(folder)
-    with pytest.raises(OwnCodeError):
+    with pytest.raises(OwnCodeError, match="zoo add"):
         add_folder(tmp_path / "nowhere")
 
 
