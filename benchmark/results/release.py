@@ -52,7 +52,7 @@ _Digests = Annotated[
 class Entry(Section):
     """A policy, and what is claimed of it."""
 
-    algorithm: FolderName
+    algorithm: Annotated[FolderName, Field(max_length=100)]
     task: FolderName
     scenarios: Annotated[list[str], Field(min_length=1)]
     traffic: FolderName

@@ -80,6 +80,7 @@ def first(**changes):
         (first(scenarios=["loop@dense"]), "plays loop@dense, which is another task than loop"),
         (first(algorithm="robustness"), "results need the name robustness for something else"),
         (first(algorithm="../x"), "policies[0].algorithm"),
+        (first(algorithm="x" * 300), "policies[0].algorithm"),
         (first(files={}), "policy.json is not the file that its manifest describes"),
     ],
 )
