@@ -49,16 +49,17 @@ def open_evaluation(manifest: Manifest, out: Path) -> int:
         ResultsError: The folder holds anything but an evaluation of the same submission.
     """
     file, another = out / VERDICTS, "choose another --out"
-    if not file.exists():
-        if others := sorted(each.name for each in out.iterdir() if not each.name.startswith(".")):
-            raise ResultsError(
-                f"holds something else: {', '.join(others[:5])}", place=str(out), remedy=another
-            )
-        write_verdicts(manifest, out, secrets.randbits(31), ())
-    said = read_mapping(file, remedy=another)
-    if said.get(SUBMISSION) != _digest_of(manifest):
-        raise ResultsError("holds the evaluation of another submission", place=str(out), remedy=another)
-    return said[FRESH_SEED]
+    others = sorted(each.name for each in out.glob("[!.]*") if each != file)
+    said = read_mapping(file, remedy=another) if file.exists() else {}
+    if said.get(SUBMISSION) == _digest_of(manifest):
+        return said[FRESH_SEED]
+    # Where nothing was played, a wrong address may have been given.
+    if others or said.get("verdicts"):
+        told = "the evaluation of another submission" if said else f"something else: {', '.join(others[:5])}"
+        raise ResultsError(f"holds {told}", place=str(out), remedy=another)
+    seed = secrets.randbits(31)
+    write_verdicts(manifest, out, seed, ())
+    return seed
 
 
 def _digest_of(manifest: Manifest) -> str:

@@ -26,7 +26,7 @@ from benchmark.results.release import (
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import judging, verifying
 from benchmark.running.judging import differences, equal_digests, memorized, p_value
-from benchmark.running.submission_folder import write_claims
+from benchmark.running.submission_folder import open_evaluation, write_claims
 from benchmark.running.submissions import submitted
 from smarts.agents.hosting.options import HostError
 from smarts.errors import TrafficError
@@ -98,6 +98,17 @@ def test_the_results_of_trainings_are_never_removed(tmp_path):
     with raises(ResultsError, tmp_path / "results", values=["holds something else: mine"]):
         verified(root, tmp_path / "results")
     assert (place / "checkpoint").exists()
+
+
+def test_a_folder_in_which_nothing_was_played_is_of_the_next_submission(tmp_path):
+    wrong, right = (
+        submitted(str(write_submission(tmp_path / name, name=name)), **AS_GIVEN)[0]
+        for name in ("wrong", "right")
+    )
+    out = tmp_path / "out"
+    out.mkdir()
+    open_evaluation(wrong, out)
+    assert open_evaluation(right, out) == open_evaluation(right, out)
 
 
 def test_a_folder_is_of_one_submission_and_keeps_its_marks(tmp_path):
