@@ -109,4 +109,7 @@ class MobilDriver(Driver):
 
 
 class AggressiveDriver(MobilDriver):
-    """Drives 20% above the limit, close behind leaders, and takes small gaps, beside it and at junctions."""
+    """Drives 20% above the limit, close behind leaders, and takes small gaps, beside it and at junctions.
+
+    That is by the options of `aggressive-v0` in the zoo; without them it is a `MobilDriver`.
+    """

@@ -76,6 +76,15 @@ def test_an_action_that_the_adapter_made_wrong_is_refused(closing):
     env.step({})
 
 
+@pytest.mark.parametrize("wrong", [None, np.zeros(2)])
+def test_a_reward_adapter_returns_a_number(closing, wrong):
+    spec = AgentSpec(interface=PLAIN, reward_adapter=lambda seen, reward: wrong)
+    env = closing(hiway_parallel_env(["loop"], {"a": spec}))
+    env.reset(1)
+    with raises(InterfaceError, "AgentSpec.reward_adapter", values=["'a'"]):
+        env.step({"a": 0})
+
+
 def test_an_observation_adapter_needs_a_space():
     spec = AgentSpec(interface=PLAIN, observation_adapter=speed)
     with raises(InterfaceError, "AgentSpec.observation_space", values=["'a'"]):
