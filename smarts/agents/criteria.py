@@ -8,9 +8,6 @@ from typing import Annotated
 from smarts.agents.checks import InterfaceError, NumberFrom0, Sequence, WholeFrom0, checked
 from smarts.types.events import Event
 
-MOST_AGENTS = 10_000
-"""The most agents of a simulation."""
-
 
 @checked
 class AgentsListAlive:

@@ -87,6 +87,8 @@ def _understanding(old_names: Mapping[str, str]) -> Callable[[type[Made]], type[
                     remedy=f"{twice[0]!r} is the old name of the same field: leave it out",
                 )
             fields = {old_names.get(name, name): value for name, value in named.items()}
+            # The original takes None for a sensor that is off.
+            fields |= {name: False for name in SENSOR_OPTIONS if name in fields and fields[name] is None}
             further = {name: fields.pop(name) for name in [*fields] if name in SENSORS and name not in known}
             if further:
                 fields["further_sensors"] = tuple((dict(fields.get("further_sensors", ())) | further).items())

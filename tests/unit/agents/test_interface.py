@@ -80,6 +80,10 @@ def test_lidars():
     assert SensorParams(0, 6.3, [0, 1], 1, 5, 0, 0).laser_angles == (0.0, 1.0)
 
 
+def test_none_switches_a_sensor_off():
+    assert AgentInterface(waypoint_paths=None, ogm=None) == AgentInterface()  # type: ignore[arg-type]
+
+
 def test_old_names_are_understood():
     old = AgentInterface(waypoints=Waypoints(9), neighborhood_vehicles=True, ogm=True, rgb=True, lidar=True)
     new = AgentInterface(
