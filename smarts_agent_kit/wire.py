@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -168,7 +169,7 @@ def _decoded(frame: bytes | bytearray) -> Message:
     if isinstance(frame, bytes):
         frame = bytearray(frame)
     arrays = {each.name: _array(frame, body + each.begin, each) for each in places}
-    return Message(kind, dict(values), arrays, number)
+    return Message(kind, deepcopy(values) if values else {}, arrays, number)  # the head may be kept
 
 
 class _Place(NamedTuple):

@@ -169,3 +169,9 @@ def nested(levels):
 def test_the_deepest_values_and_tuples_arrive():
     values = {"deep": nested(15), "pair": (1, "b")}
     assert decode(encode(Message("about", values))).values == {**values, "pair": [1, "b"]}
+
+
+def test_values_are_the_receivers_own():
+    frame = encode(Message("make", {"options": {"lanes": [1]}}))
+    decode(frame).values["options"]["lanes"].append(2)
+    assert decode(frame).values == {"options": {"lanes": [1]}}
