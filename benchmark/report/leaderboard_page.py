@@ -20,7 +20,11 @@ PROTOCOL: Column = ("protocol", "Environment and budget; ranks hold within one o
 EXPERIMENT: Column = ("experiment", "Folder of its results", True)
 PARADIGM: Column = ("paradigm", "What agents know in training and execution", True)
 ALGORITHM: Column = ("algorithm", "Algorithm or scripted policy", True)
-STATUS: Column = ("evaluated", "Of a release or a submission: the worst of its seeds", True)
+STATUS: Column = (
+    "evaluated",
+    "Of a release or a submission: the worst of its seeds; fewer than three have no rank",
+    True,
+)
 SUBMITTED_COLUMNS: list[Column] = [
     ("submission", "Name and author", True),
     ALGORITHM,

@@ -194,7 +194,7 @@ def checkpoint_error(error: Exception, place: Path) -> ResultsError:
             "--checkpoint last or best",
         )
     return ResultsError(
-        f"the checkpoint is damaged: {type(error).__name__}: {error}",
+        f"the checkpoint is damaged, or of another version of this program: {type(error).__name__}: {error}",
         place=str(place),
         remedy=OTHER_CHECKPOINT,
     )

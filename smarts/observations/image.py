@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import PositiveFloat, PositiveInt
 
 from smarts.arrays import Bools
 from smarts.observations.context import AdapterContext
@@ -34,7 +35,9 @@ class Image(Feature):
 
     in_vector = False
 
-    def __init__(self, context: AdapterContext, size: int = 64, resolution: float = 1.0) -> None:
+    def __init__(
+        self, context: AdapterContext, size: PositiveInt = 64, resolution: PositiveFloat = 1.0
+    ) -> None:
         super().__init__(context)
         self._size, self._resolution = size, float(resolution)
 

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import yaml
+from pydantic import TypeAdapter, ValidationError
 
 from smarts.errors import SmartsError, nearest_names
 from smarts.observations import FEATURES
@@ -64,7 +65,16 @@ class FeatureChoice:
                     place="observation",
                     remedy=nearest_names(str(option), known),
                 )
-        made: Any = guarded(kind, f"the feature {self.name!r}") if self.is_own else kind
+        if self.is_own:
+            return guarded(kind, f"the feature {self.name!r}")(context, **self.options)
+        types: Mapping[str, Any] = get_type_hints(kind.__init__, include_extras=True)
+        for option, value in self.options.items():
+            try:
+                TypeAdapter(types[option]).validate_python(value, strict=True)
+            except ValidationError as error:
+                problem = f"{option} of the feature {self.name!r} is {value!r}"
+                raise SmartsError(problem, place="observation", remedy=error.errors()[0]["msg"]) from error
+        made: Any = kind
         return made(context, **self.options)
 
 

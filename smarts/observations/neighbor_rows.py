@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from pydantic import PositiveFloat, PositiveInt
 
 from smarts.arrays import Ints, Singles
 from smarts.errors import SmartsError, nearest_names
@@ -63,8 +64,8 @@ class NeighborRows(Feature):
     def __init__(
         self,
         context: AdapterContext,
-        rows: int = NEIGHBORS,
-        radius: float = RADIUS,
+        rows: PositiveInt = NEIGHBORS,
+        radius: PositiveFloat = RADIUS,
         columns: Sequence[str] = COLUMNS,
     ) -> None:
         super().__init__(context)

@@ -65,11 +65,19 @@ def test_what_is_no_observation(given, shown):
     assert shown in str(raised.value)
 
 
-def test_options_that_a_feature_does_not_have():
+@pytest.mark.parametrize(
+    ("feature", "shown"),
+    [
+        ({"image": {"sise": 8}}, "sise"),
+        ({"image": {"size": -1}}, "size of the feature 'image' is -1"),
+        ({"neighbor_rows": {"rows": "8"}}, "rows of the feature 'neighbor_rows' is '8'"),
+        ({"neighbor_rows": {"columns": ["ahed"]}}, "ahead"),
+    ],
+)
+def test_options_that_are_none(feature, shown):
     with pytest.raises(SmartsError) as raised:
-        ArrayObservation(context_of(made_world(1.0)), {"features": [{"image": {"sise": 8}}]})
-    assert raised.value.place == "observation"
-    assert "sise" in str(raised.value)
+        ArrayObservation(context_of(made_world(1.0)), {"features": [feature]})
+    assert shown in str(raised.value)
 
 
 @pytest.mark.parametrize("name", FEATURES)
