@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -24,9 +25,10 @@ def git(*arguments):
 
 
 def untracked():
-    """Return what git does not track, but for what running leaves."""
+    """Return what git does not track, but for what running leaves, also that of tests beside this one."""
     lines = git("status", "--porcelain", "--ignored", "--untracked-files=normal")
-    return {line for line in lines if "__pycache__" not in line and "_cache/" not in line}
+    left = re.compile(r"__pycache__|_cache/|\.hypothesis/|scenarios/.*/build/")
+    return {line for line in lines if not left.search(line)}
 
 
 @pytest.fixture(scope="module")
