@@ -41,7 +41,7 @@ def publisher(server, **options) -> ClientConnection:
 
 
 def _connected(address, **options) -> ClientConnection:
-    # No pings: kernels that are compiled let nobody answer for a while.
+    # No pings: while kernels compile, the server answers none.
     given: dict[str, Any] = {"close_timeout": 0.2, "ping_interval": None, **options}
     return connect(address, **given)
 

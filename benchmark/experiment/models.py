@@ -37,7 +37,7 @@ class TrainingTask(Section):
     """What a policy is trained and tested on: a scenario, or several of them in turns."""
 
     name: FolderName
-    """Of its folder and of its column in the report."""
+    """Name of its folder and of its column in the report."""
     scenarios: Annotated[tuple[Scenario, ...], SEVERAL]
     """Names of the suite or folders, each perhaps with "@variation"."""
 

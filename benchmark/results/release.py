@@ -128,7 +128,7 @@ class Verdict:
     scores: dict[str, float]
     """As re-derived; empty if refused."""
     digests: list[int]
-    """Of episodes: how many are those claimed, of how many that were compared."""
+    """Number of episodes as claimed, and of those compared."""
     fresh: dict[str, Any]
     """Seed, number and scores of the fresh episodes."""
     knows_test: bool

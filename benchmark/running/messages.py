@@ -51,12 +51,12 @@ class RunProgress:
     phase: str
     """TRAINING, TESTING or FINISHED."""
     share: float = 0.0
-    """Of the budget, or of the test."""
+    """Share of the budget, or of the test, that is done."""
     iteration: int = 0
     agent_steps: int = 0
     """Simulation steps of 0.1 s, once for each agent."""
     seconds: float = 0.0
-    """Of training, earlier parts of the run included."""
+    """Time of training [s], earlier parts of the run included."""
     agent_steps_per_second: float = 0.0
     returns: float = float("nan")
     """Mean of the last episodes and agents."""

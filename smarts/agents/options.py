@@ -8,7 +8,7 @@ from typing import Annotated
 from smarts.agents.checks import Count, InterfaceError, Number, Positive, Sequence, WholeFrom0, checked
 
 MOST_RAYS = 200_000
-"""Of a lidar, so that its points fit into memory."""
+"""Most points of a lidar, so that they fit into memory."""
 
 
 @checked

@@ -101,7 +101,7 @@ class Outlet:
         self._to_make: deque[Callable[[], Content] | bytes] = deque()
         """Messages that the thread makes, and those that came after them."""
         self._bytes = 0
-        """Of what waits; messages that are still to be made have none."""
+        """Bytes that wait; messages that are still to be made count as none."""
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._bell, self._ringing = socket.socketpair()

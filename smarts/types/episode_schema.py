@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 VERSION = 6
-"""Of the format."""
+"""Number of the format of recorded episodes."""
 
 TEXT, NUMBERS, INTEGERS = "text", "list<float32>", "list<int32>"
 """Kinds of columns beside those of numpy: strings, and lists of numbers of any length."""

@@ -34,7 +34,7 @@ def built():
 
 
 ENGINES = tuple(TRAFFIC_ENGINES)
-"""Ours, without those that other tests bring."""
+"""The engines of this program, without those that other tests register."""
 
 
 @pytest.fixture(params=[*ENGINES, pytest.param(LONGER, marks=pytest.mark.nightly)])
