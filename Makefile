@@ -14,7 +14,7 @@ SYSTEM := $(VENV)/.system
 LIBRARIES := libGL.so.1 libX11.so.6 libXext.so.6 libXrender.so.1 libexpat.so.1 libatomic.so.1
 DEBIAN := libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1
 
-.PHONY: help install packages run traffic test test-fast check format build-scenario docs pictures page lock clean
+.PHONY: help install packages run traffic test test-fast check format build-scenario pages docs pictures page lock clean
 
 help:  ## list the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -48,6 +48,9 @@ format: $(INSTALLED)  ## format the code
 build-scenario: $(INSTALLED)  ## build one scenario by hand: make build-scenario scenario=scenarios/loop
 	@test -n "$(scenario)" || { echo "usage: make build-scenario scenario=DIRECTORY" >&2; exit 2; }
 	$(BIN)/smarts-bench scenario build "$(scenario)"
+
+pages: $(INSTALLED)  ## write the API reference from the docstrings, and the examples into their pages
+	$(BIN)/python -m docs.write_pages
 
 docs: $(INSTALLED)  ## build the documents: site/index.html, which needs no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --clean

@@ -7,7 +7,7 @@
 | `yaml` without a title | read as an experiment file |
 | `diff` with `title="file"` | its context lines are in that file of the repository |
 | `text` with `title="Output"` | compared with the output of the block before it; `...` matches anything |
-| `--8<-- "examples/..."` | that example is copied to the folder; `test_examples.py` runs it |
+| `python` with `title="examples/..."` | that example, written to the folder; `test_examples.py` runs it |
 
 An HTML comment before a block changes when it runs: `<!-- nightly: why -->` defers it to `make nightly`,
 `<!-- not run: why -->` excludes it.
@@ -31,7 +31,6 @@ from markdown_it import MarkdownIt
 ROOT = Path(__file__).parents[1]
 LANGUAGES = {"python", "yaml", "xml", "diff", "console", "text"}
 NOTE = re.compile(r"<!-- (nightly|not run): (.+?) -->\s*$")
-SNIPPET = re.compile(r'--8<-- "(.+)"\n')
 TITLE = re.compile(r'title="(.+?)"')
 TOLERANT = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
@@ -57,6 +56,11 @@ class Block:
     def is_code(self) -> bool:
         """Return whether the block is code, not output or a drawing."""
         return self.language in LANGUAGES - {"text"}
+
+    @property
+    def is_example(self) -> bool:
+        """Return whether the block is a file of `examples/`."""
+        return self.title.startswith("examples/")
 
 
 def blocks_of(page: Path) -> list[Block]:
@@ -118,16 +122,11 @@ class Page:
             began = process_time() + _of_children()
             output = self._run(block)
             yield block, output, process_time() + _of_children() - began
-            if block.expected is not None and not SNIPPET.match(block.text):
+            if block.expected is not None and not block.is_example:
                 same = doctest.OutputChecker().check_output(block.expected, output, TOLERANT)
                 assert same, f"{block.place} prints\n{output}\nand the page says\n{block.expected}"
 
     def _run(self, block: Block) -> str:
-        if example := SNIPPET.match(block.text):
-            source = ROOT / example[1]
-            assert source.is_relative_to(ROOT / "examples"), block.place
-            (self._folder / source.name).write_text(source.read_text())
-            return ""
         if block.language == "diff":
             lines = (ROOT / block.title).read_text().splitlines()
             for is_kept, group in itertools.groupby(block.text.splitlines(), lambda line: line[0] == " "):
@@ -137,7 +136,7 @@ class Page:
                 assert found or not is_kept, f"{block.place}: {around}"
             return ""
         if block.title:
-            file = self._folder / block.title
+            file = self._folder / (Path(block.title).name if block.is_example else block.title)
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(block.text)
             return ""

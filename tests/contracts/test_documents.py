@@ -1,6 +1,5 @@
 """The pages are what they say: their blocks run, and print what the pages show."""
 
-import importlib
 import re
 import subprocess
 import sys
@@ -10,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from algorithms.registry import ALGORITHMS
+from docs.write_pages import texts
 from smarts.agents.sensors import SENSORS
 from smarts.types.traffic import TRAFFIC_ENGINES
-from tests.blocks import LANGUAGES, ROOT, SNIPPET, Page, blocks_of
+from tests.blocks import LANGUAGES, ROOT, Page, blocks_of
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 MODULES = [
@@ -27,15 +27,6 @@ ALWAYS_RUN = ("README.md", "extending.md")
 """Pages whose blocks `make test` runs."""
 NOT_RUN = 10
 """Blocks that are not run at most: those that install, need a cluster, or measure for minutes."""
-API = {
-    "smarts.env": "env",
-    "smarts.agents": "agents",
-    "smarts.sstudio": "sstudio",
-    "algorithms": "algorithms",
-    "benchmark": "benchmark",
-    "benchmark.metrics": "metrics",
-}
-"""Page of the reference for each module whose names are public."""
 LOADED = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"(?:https?:)?//[^\"]+\"")
 
 
@@ -81,17 +72,9 @@ def test_few_blocks_are_not_run():
     assert len(left_out) <= NOT_RUN, [block.place for block in left_out]
 
 
-def test_examples_that_pages_show_exist():
-    shown = [match[1] for block in BLOCKS if (match := SNIPPET.match(block.text))]
-    assert shown
-    assert all((ROOT / example).exists() for example in shown)
-
-
-@pytest.mark.parametrize("module", API)
-def test_the_reference_has_all_public_names(module):
-    page = (ROOT / "docs" / "api" / f"{API[module]}.md").read_text()
-    shown = {*re.findall(r"^::: (\S+)$", page, re.MULTILINE)}
-    assert shown == {f"{module}.{name}" for name in importlib.import_module(module).__all__}
+def test_pages_repeat_the_examples_and_docstrings():
+    old = [str(page.relative_to(ROOT)) for page, text in texts() if page.read_text() != text]
+    assert not old, "run: make pages"
 
 
 @pytest.mark.nightly

@@ -8,14 +8,14 @@ import sys
 
 import pytest
 
-from tests.blocks import ROOT, SNIPPET, TOLERANT, blocks_of
+from tests.blocks import ROOT, TOLERANT, blocks_of
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SHOWN = {
-    ROOT / match[1]: block.expected
+    ROOT / block.title: block.expected
     for page in (ROOT / "docs").rglob("*.md")
     for block in blocks_of(page)
-    if block.expected and (match := SNIPPET.match(block.text))
+    if block.expected and block.is_example
 }
 """The output of examples that the pages show."""
 SHORT = ("single_agent", "many_simulations", "own_observation")

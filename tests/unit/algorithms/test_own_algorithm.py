@@ -23,10 +23,6 @@ def example(monkeypatch):
     return own
 
 
-def test_the_page_shows_the_example():
-    assert f'--8<-- "{EXAMPLE}"' in Path("docs/develop/algorithms_inside.md").read_text()
-
-
 def test_it_values_what_comes_after_a_time_limit(example):
     """Reward 1 for ever at gamma 0.9 is worth 10; 4.28 if time limits were ends."""
     rig = Rig("mine", Constant, lr=0.01, tau=0.5, gamma=0.9)
