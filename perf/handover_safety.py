@@ -229,10 +229,8 @@ class Safety:
         return sum(len(watch.seen) - len(watch.left) for watch in run)
 
 
-def print_safety(tables: dict[str, Safety]) -> None:
-    """Print the figures of some runs side by side: with hand-overs / without."""
-    print("\n" + " " * 44 + "".join(f"{name:>20}" for name in tables) + "   target")
-    columns = [[*safety.rows()] for safety in tables.values()]
-    for cells in zip(*columns, strict=True):
-        values = "".join(f"{' / '.join(filter(None, cell[1:3])):>20}" for cell in cells)
-        print(f"{cells[0][0]:44}{values}   {cells[0][3]}")
+def print_safety(safety: Safety) -> None:
+    """Print the figures of some runs: with hand-overs / without."""
+    print(f"\n{'':44}{'':>20}   target")
+    for name, *values, target in safety.rows():
+        print(f"{name:44}{' / '.join(filter(None, values)):>20}   {target}")

@@ -1,15 +1,14 @@
 """What hand-overs of vehicles between SUMO and agents do to the vehicles, and what they cost.
 
     python -m perf.handovers                                     # 10,000 hand-overs, all scenarios and models
-    python -m perf.handovers --handovers 200 --scenarios city --models kinematic --drivers fallback
-    python -m perf.handovers --drivers keep-lane idm             # by agents of the zoo in bubbles
+    python -m perf.handovers --handovers 200 --scenarios city --models kinematic
 
 Vehicles of mixed traffic (cars, buses, trucks) are taken over wherever they are, driven by the fallback
-controller for 1 to 8 s, and handed back as soon as the gate opens; or agents of the zoo drive them in bubbles
-at random places. Beside each run plays another with the same seed and no hand-over. Errors are differences of
+controller for 1 to 8 s, and handed back as soon as the gate opens. Beside each run plays another
+with the same seed and no hand-over. Errors are differences of
 a step from a steady continuation of the step before: along and across the vehicle's course [m], of its
 heading [rad], and of its speed [m/s]; beside them those of traffic that no agent has touched. The last table
-has all runs of each driver, with hand-overs / without.
+has all runs, with hand-overs / without.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -26,7 +24,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from perf.handover_drivers import run_driven
 from perf.handover_errors import Tally, print_tally, step_errors
 from perf.handover_safety import Safety, Watch, print_safety
 from smarts.agents import AgentInterface, DoneCriteria, PooledAgents
@@ -42,8 +39,6 @@ from smarts.types.vehicles import Owner, VehicleKind
 SCENARIOS = ("city", "intersection", "roundabout", "on_ramp_merge", "off_ramp_merge")
 Model = Literal["kinematic", "bullet"]
 MODELS: tuple[Model, ...] = ("kinematic", "bullet")
-FALLBACK = "fallback"
-DRIVERS = (FALLBACK, "keep-lane", "idm")
 STEPS = 600
 """Steps of an episode."""
 HELD = 16
@@ -306,44 +301,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--handovers", type=int, default=10_000)
     parser.add_argument("--scenarios", nargs="+", default=SCENARIOS)
-    parser.add_argument(
-        "--models", nargs="+", default=MODELS, choices=MODELS, help="of the fallback's vehicles"
-    )
-    parser.add_argument("--drivers", nargs="+", default=DRIVERS, choices=DRIVERS)
+    parser.add_argument("--models", nargs="+", default=MODELS, choices=MODELS)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args(arguments)
-    tables = {driver: Safety() for driver in given.drivers}
-    with TemporaryDirectory() as folder:
-        for driver, safety in tables.items():
-            if driver == FALLBACK:
-                _run_fallback(given, safety, Path(folder))
-                continue
-            each = -(-given.handovers // len(given.scenarios))
-            for scenario in given.scenarios:
-                begin = time.perf_counter()
-                change = partial(with_big_vehicles, folder=Path(folder))
-                made = run_driven(scenario, driver, each, given.seed, STEPS, change, safety)
-                print(
-                    f"{scenario}, {driver}: {made} hand-overs, {time.perf_counter() - begin:.0f} s",
-                    flush=True,
-                )
-    print_safety(tables)
-
-
-def _run_fallback(given: argparse.Namespace, safety: Safety, folder: Path) -> None:
-    """Make the hand-overs in which the fallback controller drives, and print their errors."""
     each = -(-given.handovers // (len(given.scenarios) * len(given.models)))
-    whole = Tally()
-    for model in given.models:
-        for scenario in given.scenarios:
-            tally, begin = Tally(), time.perf_counter()
-            made = run_scenario(scenario, model, each, given.seed, tally, folder, safety)
-            seconds = time.perf_counter() - begin
-            print(f"\n{scenario}, {model}: {made} hand-overs in {tally.steps} steps, {seconds:.0f} s")
-            print_tally(tally)
-            whole.join(tally)
+    whole, safety = Tally(), Safety()
+    with TemporaryDirectory() as folder:
+        for model in given.models:
+            for scenario in given.scenarios:
+                tally, begin = Tally(), time.perf_counter()
+                made = run_scenario(scenario, model, each, given.seed, tally, Path(folder), safety)
+                seconds = time.perf_counter() - begin
+                print(f"\n{scenario}, {model}: {made} hand-overs in {tally.steps} steps, {seconds:.0f} s")
+                print_tally(tally)
+                whole.join(tally)
     print("\nall of them; worst allowed: take 0.05, 0.25, -, 0.8; release 0.05, 0.15, 0.05, 0.6")
     print_tally(whole)
+    print_safety(safety)
 
 
 if __name__ == "__main__":

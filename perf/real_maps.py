@@ -1,25 +1,22 @@
 """How well vehicles keep their lanes on maps that the project did not make.
 
-    python -m perf.real_maps MAP... [--vehicle sedan bus truck] [--routes 40] [--seed 0] [--each]
+    python -m perf.real_maps MAP... [--vehicle sedan bus truck] [--routes 40] [--seed 0]
 
 One vehicle at a time in Bullet, no traffic, `keep_lane` in every decision at the lanes' speed limits, from
 rest, along random routes of 300 to 600 m on lanes that are open to it, without turnarounds. A map is any file
 that a scenario may name. A drive ends off the road (the event `off_road`: the footprint's centre is on no
 lane and in no junction), at the end of its route, on another road ("strayed"), or too late.
 
-Columns: drives that ended off the road; those of them in turns so tight that no path of the vehicle's centre
-stays in the lane ("narrow"); where they ended; the median and the largest of all drives' largest offsets from
-the middle of a lane [m]; the share of steps in which a corner of the footprint was off the road.
+Columns: drives that ended off the road; how all ended; the median and the largest of all drives' largest
+offsets from the middle of a lane [m]; the share of steps in which a corner of the footprint was off the road.
 """
 
 from __future__ import annotations
 
 import argparse
-import math
-import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +24,7 @@ from numpy.typing import NDArray
 
 from smarts.controllers.set import ControllerSet
 from smarts.dynamics import vehicle
-from smarts.errors import SmartsError
 from smarts.geometry.frames import wrap_angle
-from smarts.geometry.polylines import subdivide, without_repeats
 from smarts.providers.vehicle import FleetVehicles
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
@@ -53,8 +48,6 @@ SLOWEST = 2.5
 """Mean speed at which a vehicle comes to the end of its route in time [m/s]."""
 STRAYED = 20.0
 """Off its route for this long, a vehicle is on its way elsewhere: it took another lane [s]."""
-AROUND, LEAST_BEND = 25, 0.03
-"""Points of a route around a place that are its turn, where they bend by more than this [1/m]."""
 EXIT = 30.0
 """What is this far behind a junction is its exit [m]."""
 TURNED_BACK = 2.7
@@ -75,14 +68,13 @@ class Drive:
     """Where it left the road (one of `PLACES`), "done", "strayed" (on another road) or "late"."""
     offset: float = 0.0
     """The largest from the middle of a lane [m]."""
-    shoulder: float = 0.0
-    """Share of the steps in which a corner of the footprint was off the road."""
+    shoulder: int = 0
+    """Steps in which a corner of the footprint was off the road."""
+    steps: int = 0
     strayed: int = 0
     """Steps since it was last on its route."""
     place: str = ""
     """The lane near which it left the road, and where on it."""
-    trace: list[tuple[float, ...]] = field(default_factory=list)
-    """x, y, heading, speed, steering, offset, lane, s of each step."""
 
 
 class _Drives:
@@ -114,13 +106,11 @@ def turnarounds(graph: LaneGraph) -> set[tuple[int, int]]:
     return found
 
 
-def random_lanes(
-    graph: LaneGraph, kind: VehicleKind, generator: np.random.Generator, turning_back: bool
-) -> list[int]:
+def random_lanes(graph: LaneGraph, kind: VehicleKind, generator: np.random.Generator) -> list[int]:
     """Return lanes that follow each other, from a road lane on, without a lane change."""
     kinds = [LaneKind.CAR] + [LaneKind.BUS] * (kind == VehicleKind.BUS)
     usable = np.isin(graph.kind, kinds)
-    excluded = set() if turning_back else turnarounds(graph)
+    excluded = turnarounds(graph)
     begins = np.flatnonzero(usable & ~graph.is_internal & (graph.length > 15.0))
     best: list[int] = []
     for _ in range(20):
@@ -142,13 +132,13 @@ def random_lanes(
     return best
 
 
-def drive_all(graph: LaneGraph, name: str, routes: int, seed: int, turning_back: bool = False) -> list[Drive]:
+def drive_all(graph: LaneGraph, name: str, routes: int, seed: int) -> list[Drive]:
     """Drive one vehicle along each of some random routes."""
     generator = np.random.default_rng(seed)
     kind, shape = KINDS[name], vehicle(name)
     drives = []
     for _ in range(routes):
-        lanes = random_lanes(graph, kind, generator, turning_back)
+        lanes = random_lanes(graph, kind, generator)
         drives.append(Drive(lanes, float(sum(graph.length[lanes]))))
     world = World(worlds=routes, capacity=1, agents=1, lanes=len(graph.lane_ids), vias=1)
     atlas = RoadAtlas([graph])
@@ -217,18 +207,15 @@ def _follow(
             if row in vehicles.failures:
                 raise vehicles.failures[row]
             rows[row] = not _note(graph, world, row, drives[row], length)
-    for drive in drives:
-        drive.shoulder /= max(len(drive.trace), 1)
 
 
 def _note(graph: LaneGraph, world: World, row: int, drive: Drive, length: float) -> bool:
     """Record one vehicle's step; return whether its drive is over."""
     vehicles, agents = world.vehicles, world.agents
-    x, y = vehicles.position[row, 0].tolist()
     lane, s, t = (getattr(vehicles, name)[row, 0] for name in ("lane", "lane_position", "lane_offset"))
-    heading, speed = vehicles.heading[row, 0], vehicles.speed[row, 0]
-    drive.trace.append((x, y, heading, speed, agents.steering[row, 0], t, float(lane), s))
-    drive.shoulder += agents.corners_on_road[row, 0] < 4
+    speed = vehicles.speed[row, 0]
+    drive.steps += 1
+    drive.shoulder += int(agents.corners_on_road[row, 0] < 4)
     drive.offset = max(drive.offset, abs(float(t)))
     left = graph.length[drive.lanes[-1]] - s
     on_route = agents.on_route[row, 0]
@@ -247,50 +234,13 @@ def _note(graph: LaneGraph, world: World, row: int, drive: Drive, length: float)
     return drive.ends != "late"
 
 
-def needed_offset(graph: LaneGraph, drive: Drive, name: str) -> float:
-    """Return how far from the lane any path of the vehicle's centre is in the turn where a drive ended [m].
-
-    The lane is taken for two straights and an arc of radius r that turns by phi, the path for two straights
-    and an arc of the turning circle's radius R, as far outside before and behind the turn as it is inside in
-    its middle: (R - r) (1 / cos(phi / 2) - 1) / (1 / cos(phi / 2) + 1) = (R - r) tan(phi / 4)^2. No path is
-    nearer to the lane, even if the steering turned at once.
-    """
-    shape = vehicle(name)
-    circle = math.hypot(
-        shape.wheelbase / math.tan(shape.steering.max_angle), shape.cog_to_rear_axle - shape.centre_to_cog
-    )
-    line = subdivide(without_repeats(np.concatenate([graph.centreline(lane) for lane in drive.lanes])), 1.0)
-    distance = np.hypot(*(line - drive.trace[-1][:2]).T)
-    nearest = int(distance.argmin())
-    line = line[max(nearest - AROUND, 0) : nearest + AROUND]
-    steps = np.diff(line, axis=0)
-    turns = wrap_angle(np.diff(np.arctan2(steps[:, 1], steps[:, 0])))
-    length = np.hypot(*steps.T)[1:]
-    sign = 1.0 if turns[turns > 0.0].sum() > -turns[turns < 0.0].sum() else -1.0
-    bends = sign * turns > LEAST_BEND * length
-    turn = abs(turns[bends].sum())
-    radius = length[bends].sum() / max(turn, 1e-3)
-    return max(circle - radius, 0.0) * math.tan(0.25 * min(turn, math.pi)) ** 2
-
-
-def report(graph: LaneGraph, title: str, name: str, drives: Sequence[Drive], each: bool) -> None:
-    """Print a row of the table and, if wanted, each drive that left the road."""
+def report(title: str, drives: Sequence[Drive]) -> None:
+    """Print a row of the table."""
     count = {end: sum(drive.ends == end for drive in drives) for end in ENDS}
-    off = sum(count[place] for place in PLACES)
     offsets: NDArray[np.float64] = np.array([drive.offset for drive in drives])
-    shoulder = np.mean([drive.shoulder for drive in drives])
-    narrow = 0
-    for drive in drives:
-        if drive.ends in PLACES:
-            needed = needed_offset(graph, drive, name)
-            half = 0.5 * float(np.mean(graph.width[drive.lanes]))
-            drive.place += f"; needs {needed:.1f} m beside the lane's middle, which has {half:.1f}"
-            narrow += needed > half
-    cells = [f"{off:9d}", f"{narrow:9d}", *(f"{count[name]:9d}" for name in count)]
-    print(f"{title:32s}{''.join(cells)}{np.median(offsets):9.2f}{offsets.max():9.2f}{shoulder:9.1%}")
-    for number, drive in enumerate(drives):
-        if each and drive.ends != "done":
-            print(f"    route {number}: {drive.ends}, {drive.place}")
+    shoulder = np.mean([drive.shoulder / max(drive.steps, 1) for drive in drives])
+    cells = "".join(f"{number:9d}" for number in (sum(count[place] for place in PLACES), *count.values()))
+    print(f"{title:32s}{cells}{np.median(offsets):9.2f}{offsets.max():9.2f}{shoulder:9.1%}")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -302,22 +252,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--vehicle", nargs="+", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--routes", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--each", action="store_true", help="name each place where a vehicle left the road")
-    parser.add_argument("--turnarounds", action="store_true", help="let routes turn back on their own road")
     options = parser.parse_args(arguments)
-    heads = "".join(f"{head:>9s}" for head in ("off-road", "narrow", *ENDS))
+    heads = "".join(f"{head:>9s}" for head in ("off-road", *ENDS))
     title = f"map, vehicle, {options.routes} routes"
     print(f"{title:32s}{heads}{'median':>9s}{'worst m':>9s}{'corner':>9s}")
     with tempfile.TemporaryDirectory() as folder:
         for path in options.maps:
-            try:
-                graph = load(path, Path(folder))
-            except SmartsError as error:
-                print(error, file=sys.stderr)
-                sys.exit(2)
+            graph = load(path, Path(folder))
             for name in options.vehicle:
-                drives = drive_all(graph, name, options.routes, options.seed, options.turnarounds)
-                report(graph, f"{path.name.partition('.')[0]} {name}", name, drives, options.each)
+                drives = drive_all(graph, name, options.routes, options.seed)
+                report(f"{path.name.partition('.')[0]} {name}", drives)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from smarts.providers import sumo_library
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_traffic import SumoTraffic, sumo_options
 from smarts.roads.lane_graph import LaneGraph
@@ -27,7 +26,6 @@ from smarts.types.world import World
 DT, SEED = 0.1, 7
 EGOS = 4
 BLOCK = 50
-COPIES = 8
 READ = (0x42, 0x43, 0x40, 0x72, 0x51, 0x56, 0xB7)
 """SUMO's numbers for position, angle, speed, acceleration, lane, lane position and allowed speed."""
 
@@ -145,43 +143,6 @@ def measure(name: str, steps: int, repeats: int) -> None:
     print(f"  reset: {resets['ours'] * 1e3:.1f} ms of {allowed * 1e3:.1f} ms allowed (10 ms + 1.3 x bare)")
 
 
-def resident() -> float:
-    """Return this process's resident memory [MB]."""
-    with open("/proc/self/statm") as statm:
-        return int(statm.read().split()[1]) * 4096 / 1e6
-
-
-def measure_copies(count: int) -> None:
-    """Print time and memory of each of some new copies of libsumo."""
-    for index in range(2 * COPIES, 2 * COPIES + count):
-        before = resident()
-        seconds = timed(lambda index=index: sumo_library._load(index))
-        print(f"copy {index}: {seconds * 1e3:5.1f} ms, {resident() - before:5.1f} MB")
-
-
-def measure_code(files: TrafficFiles, rounds: int = 20) -> None:
-    """Print the time of a step of copies of libsumo in turn, with code of their own and with shared code."""
-    share = sumo_library.share_code
-    sumo_library.share_code = lambda copy, original: None
-    own = [Bare(files) for _ in range(COPIES)]
-    sumo_library.share_code = share
-    shared = [Bare(files) for _ in range(COPIES)]
-    for run in (*own, *shared):
-        run.reset()
-    times: dict[str, list[float]] = {"alone": [], "own": [], "shared": []}
-    for _ in range(rounds):
-        for label, group in (("alone", own[:1]), ("own", own), ("shared", shared)):
-            times[label].append(timed(lambda group=group: [run.step() for run in group], BLOCK) / len(group))
-    alone, apart, together = (np.median(each) * 1e6 for each in times.values())
-    ratio = np.median(np.divide(times["shared"], times["own"]))
-    print(
-        f"a step of SUMO: {alone:.0f} us alone; one of {COPIES} copies in turn: {apart:.0f} us with code of"
-    )
-    print(f"  its own, {together:.0f} us with shared code ({ratio:.2f} of it)")
-    for run in (*own, *shared):
-        run.close()
-
-
 def main() -> None:
     """Measure what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
@@ -189,9 +150,6 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=600)
     parser.add_argument("--repeats", type=int, default=5)
     arguments = parser.parse_args()
-    # First, since a copy that has been loaded keeps the code that it runs.
-    measure_code(build_scenario(arguments.scenarios[0]).traffic["random_social_vehicles"])
-    measure_copies(4)
     for name in arguments.scenarios:
         measure(name, arguments.steps, arguments.repeats)
 

@@ -6,19 +6,16 @@ Trains the algorithms of the paper's table at the intersection with traffic, wit
 process: with exact traffic and with `environment: {traffic_step: ...}` in turn, iteration by iteration, until
 each has had its time. Prints agent-steps (simulation steps of 0.1 s x agents on the road) and agents'
 decisions for each second of this process' processor time, the share of sampling (simulation and policy) in
-it, and the ratio of agent-steps. With
-`--stages`, a second table has the time of each stage for a step of one simulation; the clocks take some, too.
+it, and the ratio of agent-steps.
 """
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import logging
 import tempfile
 import time
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -28,7 +25,6 @@ import ray
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import Run, runs_of
 from benchmark.running.training import algorithm_of
-from perf.step import Clock
 
 FILE = """extends: paper_table.yaml
 tasks: [{scenario}]
@@ -61,19 +57,6 @@ class Timed:
         self._runner = algo.env_runner_group.local_env_runner
         self._sample, self._runner._sample_fragment = self._runner._sample_fragment, self._watched
         self.steps, self.seconds, self.sampling = 0, 0.0, 0.0
-        self.env_steps = 0
-        """Steps of all simulations."""
-        self.spent: dict[str, float] = defaultdict(float)
-        """Time of each stage [s], after `watch_stages`."""
-
-    def watch_stages(self) -> None:
-        """Time the stages of the simulation and the policy, after the first iteration."""
-        simulation, sampler = self._runner.env._runner.simulation, self._runner._sampler
-        plain = simulation._stages
-        parts = {part.name: getattr(plain, part.name) for part in dataclasses.fields(plain)}
-        clocks = {name: Clock(part, name, self.spent) for name, part in parts.items()}
-        simulation._stages = dataclasses.replace(plain, **clocks)
-        sampler.policies = Clock(sampler.policies, "policy", self.spent)
 
     def train(self) -> None:
         """Make one iteration."""
@@ -83,8 +66,7 @@ class Timed:
 
     def forget(self) -> None:
         """Begin to count again: the first iteration compiles, loads and fills buffers."""
-        self.steps, self.seconds, self.sampling, self.env_steps = 0, 0.0, 0.0, 0
-        self.spent.clear()
+        self.steps, self.seconds, self.sampling = 0, 0.0, 0.0
 
     @property
     def rate(self) -> float:
@@ -96,15 +78,7 @@ class Timed:
         rollout = self._sample(steps)
         self.sampling += time.process_time() - begin
         self.steps += self.interval * rollout.agent_steps()
-        self.env_steps += self.interval * rollout.env_steps()
         return rollout
-
-    def stages(self) -> dict[str, float]:
-        """Return the time of each stage for a step of one simulation [us]."""
-        spent = dict(self.spent)
-        spent["adapter, episodes, calls"] = self.sampling - sum(spent.values())
-        spent["learner"] = self.seconds - self.sampling
-        return {name: 1e6 * seconds / self.env_steps for name, seconds in spent.items()}
 
 
 def measure(algorithm: str, options: argparse.Namespace) -> None:
@@ -117,8 +91,6 @@ def measure(algorithm: str, options: argparse.Namespace) -> None:
             algo = algorithms.enter_context(algorithm_of(run))
             ways[name] = Timed(algo, run.task_setting.environment.decision_interval)
             ways[name].train()
-            if options.stages:
-                ways[name].watch_stages()
             ways[name].forget()
         while any(way.seconds < seconds for way in ways.values()):
             min(ways.values(), key=lambda way: way.seconds).train()
@@ -128,19 +100,6 @@ def measure(algorithm: str, options: argparse.Namespace) -> None:
             rates = f"{way.rate:,.0f}", f"{way.rate / way.interval:,.0f}"
             cells = algorithm, name, *rates, share, f"{way.rate / base:.2f}"
             print("| " + " | ".join(cells) + " |", flush=True)
-        if options.stages:
-            print(stage_table({name: way.stages() for name, way in ways.items()}), flush=True)
-
-
-def stage_table(columns: Mapping[str, Mapping[str, float]]) -> str:
-    """Return the stages that take a microsecond or more, as a Markdown table."""
-    stages = {stage for column in columns.values() for stage in column}
-    most = {stage: max(column.get(stage, 0.0) for column in columns.values()) for stage in stages}
-    rows = [["stage [us]", *columns], ["---"] * (len(columns) + 1)]
-    for stage in sorted((stage for stage in most if most[stage] >= 1.0), key=lambda stage: -most[stage]):
-        rows.append([stage, *(f"{column.get(stage, 0.0):.0f}" for column in columns.values())])
-    rows.append(["all", *(f"{sum(column.values()):.0f}" for column in columns.values())])
-    return "\n" + "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
 def main() -> None:
@@ -152,7 +111,6 @@ def main() -> None:
     parser.add_argument("--scenario", default="intersection")
     parser.add_argument("--traffic-step", type=float, default=0.5, help="[s] (default 0.5)")
     parser.add_argument("--seconds", type=float, default=60.0, help="of processor time for each (default 60)")
-    parser.add_argument("--stages", action="store_true", help="time the stages, too")
     parser.add_argument("--set", nargs="*", default=(), metavar="KEY=VALUE", help="of the experiment")
     options = parser.parse_args()
     logging.getLogger("ray").setLevel(logging.ERROR)

@@ -1,38 +1,97 @@
 """Scores on games of other publications: level-based foraging, simple_spread, random matrices.
 
     python -m perf.yardsticks [--games foraging spread matrices] [--algorithms vdn ppo ...] [--seeds 1 2 3]
-    python -m perf.yardsticks --page
 
 Trains each algorithm on each game for which there is a recipe (`perf/yardstick_games/recipes.py`), one run
-after another, and evaluates it 20 times, greedily and sampled. Each run writes its curve below
-results/yardsticks (`--out`), then the page and the picture are made again. Runs whose file is there are left
-out: the same command resumes, and trains an interrupted run again from its beginning.
+after another, and evaluates it 20 times, greedily and sampled. Each run writes its curve
+below results/yardsticks (`--out`). Runs whose file is there are left out: the same command resumes, and
+trains an interrupted run again from its beginning.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 import json
 import logging
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from perf.yardstick_games import results
 from perf.yardstick_games.recipes import RECIPES, YARDSTICKS, Recipe
-from perf.yardstick_games.results import RANDOM, SEED, Evaluation, RunFile
 
 if TYPE_CHECKING:
     from algorithms.joint.sampler import EvaluatedStep
 
+FOLDER = Path(__file__).resolve().parents[1] / "results" / "yardsticks"
+RANDOM = "random"
 EVALUATIONS, EPISODES, RANDOM_EPISODES = 20, 200, 2_000
 EVALUATION_SEED = 20
 """Of the episodes of all evaluations, whatever the training's seed."""
+
+
+class Evaluation(NamedTuple):
+    """Mean scores after so many environment steps.
+
+    Attributes:
+        steps: Environment steps of training.
+        greedy: Score of greedy play, NaN for random play.
+        sampled: Score of play as in training.
+        looped: Share of the greedy episodes in which all agents saw again what they had seen before.
+        seconds: Processor time of the training so far [s].
+    """
+
+    steps: int
+    greedy: float
+    sampled: float
+    looped: float
+    seconds: float
+
+
+class RunFile(NamedTuple):
+    """A run: what made it, and its curve.
+
+    Attributes:
+        game: Name of the game.
+        algorithm: Name of the algorithm, or "random".
+        seed: Of the training.
+        about: Command, commit and settings.
+        curve: Evaluations, the last at the end of the training.
+    """
+
+    game: str
+    algorithm: str
+    seed: int
+    about: Mapping[str, Any]
+    curve: list[Evaluation]
+
+
+def file_of(folder: Path, game: str, algorithm: str, seed: int) -> Path:
+    """Return where a run lies."""
+    return folder / game / f"{algorithm}_{seed}.csv"
+
+
+def write(folder: Path, run: RunFile) -> None:
+    """Write a run; a file is never half written."""
+    out = io.StringIO()
+    out.write(f"# {json.dumps(dict(run.about))}\n")
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(Evaluation._fields)
+    rows.writerows(
+        [e.steps, f"{e.greedy:.4f}", f"{e.sampled:.4f}", f"{e.looped:.3f}", f"{e.seconds:.0f}"]
+        for e in run.curve
+    )
+    file = file_of(folder, run.game, run.algorithm, run.seed)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_suffix(".part")
+    part.write_text(out.getvalue())
+    part.replace(file)
 
 
 def origin() -> dict[str, str]:
@@ -63,7 +122,7 @@ def trained(game: str, algorithm: str, seed: int, steps: int, episodes: int) -> 
     algo.stop()
     about = {
         **ORIGIN,
-        SEED: EVALUATION_SEED,
+        "evaluation_seed": EVALUATION_SEED,
         "num_envs": recipe.num_envs,
         "fragment": recipe.fragment,
         "limit_ends": recipe.limit_ends,
@@ -155,7 +214,7 @@ def jobs(arguments: argparse.Namespace) -> list[tuple[str, str, int]]:
         for name in RECIPES[game]
         if name in (arguments.algorithms or RECIPES[game])
     ]
-    return [job for job in wanted if not results.file_of(arguments.out, *job).exists()]
+    return [job for job in wanted if not file_of(arguments.out, *job).exists()]
 
 
 def train_all(arguments: argparse.Namespace, wanted: Sequence[tuple[str, str, int]]) -> None:
@@ -168,15 +227,8 @@ def train_all(arguments: argparse.Namespace, wanted: Sequence[tuple[str, str, in
     ray.init(address="local", num_cpus=1, include_dashboard=False, logging_level=logging.ERROR)
     for game, algorithm, seed in wanted:
         steps = arguments.steps or RECIPES[game][algorithm].steps or YARDSTICKS[game].steps
-        results.write(arguments.out, trained(game, algorithm, seed, steps, arguments.episodes))
-        write_page(arguments.out)
+        write(arguments.out, trained(game, algorithm, seed, steps, arguments.episodes))
     ray.shutdown()
-
-
-def write_page(folder: Path) -> None:
-    """Write the page and the picture."""
-    results.draw(folder)
-    (folder / "README.md").write_text(results.page(folder))
 
 
 def parsed() -> argparse.Namespace:
@@ -190,23 +242,20 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--steps", type=int, help="environment steps of each run (default: the game's)")
     parser.add_argument("--episodes", type=int, default=EPISODES, help="of each evaluation")
-    parser.add_argument("--out", type=Path, default=results.FOLDER)
-    parser.add_argument("--page", action="store_true", help="only make the page again")
+    parser.add_argument("--out", type=Path, default=FOLDER)
     return parser.parse_args()
 
 
 def main() -> None:
-    """Train what is missing and write the page."""
+    """Train what is missing."""
     arguments = parsed()
-    wanted = [] if arguments.page else jobs(arguments)
-    for game in [] if arguments.page else arguments.games:
-        if not results.file_of(arguments.out, game, RANDOM, 1).exists():
-            results.write(arguments.out, random_play(game, 1, RANDOM_EPISODES))
+    wanted = jobs(arguments)
+    for game in arguments.games:
+        if not file_of(arguments.out, game, RANDOM, 1).exists():
+            write(arguments.out, random_play(game, 1, RANDOM_EPISODES))
     if wanted:
         print(f"{len(wanted)} runs: {json.dumps(wanted)}", flush=True)
         train_all(arguments, wanted)
-    write_page(arguments.out)
-    print(f"wrote {arguments.out / 'README.md'}")
 
 
 if __name__ == "__main__":

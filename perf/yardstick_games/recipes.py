@@ -2,27 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from smarts.registry import load_own
-
-
-class Published(NamedTuple):
-    """A score from elsewhere.
-
-    Attributes:
-        algorithm: Its name there.
-        score: In the units of the game's score.
-        steps: Environment steps of its training.
-        mode: How it played, "greedy" or "sampled".
-        source: Where it is published.
-    """
-
-    algorithm: str
-    score: float
-    steps: int
-    mode: Literal["greedy", "sampled"]
-    source: str
 
 
 class Yardstick(NamedTuple):
@@ -34,7 +16,6 @@ class Yardstick(NamedTuple):
         measure: What the score is.
         scale: Factor on an episode's return, summed over agents.
         offset: Added to it.
-        published: Scores from elsewhere.
     """
 
     target: str
@@ -42,7 +23,6 @@ class Yardstick(NamedTuple):
     measure: str
     scale: float = 1.0
     offset: float = 0.0
-    published: tuple[Published, ...] = ()
 
     def score(self, total: float) -> float:
         """Return the score of an episode's return, summed over agents."""
@@ -73,18 +53,11 @@ class Recipe(NamedTuple):
     limit_ends: bool = False
 
 
-_PAPER = "Papoudakis et al. 2021 (EPyMARL)"
 YARDSTICKS = {
     "foraging": Yardstick(
         "perf.yardstick_games.foraging:Foraging",
         2_000_000,
         "share of the food loaded, Foraging-8x8-2p-2f-coop-v3 (1 is best)",
-        published=(
-            Published("VDN", 1.00, 2_000_000, "greedy", _PAPER),
-            Published("QMIX", 0.96, 2_000_000, "greedy", _PAPER),
-            Published("IPPO", 1.00, 20_000_000, "sampled", _PAPER),
-            Published("MAPPO", 1.00, 20_000_000, "sampled", _PAPER),
-        ),
     ),
     "spread": Yardstick(
         "perf.yardstick_games.spread:Spread",

@@ -11,7 +11,6 @@ from tests.blocks import ROOT
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
 SMALLEST = {
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
-    "energy": ["--sequences", "20", "--seconds", "0.1"],
     "games": ["--games", "pg promise", "--seeds", "1"],
     "hosts": ["--rounds", "20", "--steps", "10"],
     "handovers": [
@@ -21,21 +20,13 @@ SMALLEST = {
         "intersection",
         "--models",
         "kinematic",
-        "--drivers",
-        "fallback",
-        "idm",
     ],
-    "manoeuvres": [],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
-    "planners": ["--scenes", "4"],
     "roads": ["--poses", "50", "--repeats", "1"],
     "same_episodes": [str(ROOT), str(ROOT), "--scenarios", "loop", "--apis", "vector", "--steps", "5"],
     "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],
-    "social_drivers": ["--kinds", "normal", "--encounters", "1"],
     "size": [],
-    "traffic_step": ["--scenarios", "two_way", "--policies", "keep_lane", "--episodes", "8"],
     "traffic": ["--scenarios", "loop", "--steps", "50", "--repeats", "1"],
-    "zoo_manoeuvres": ["u-turn-v0", "--episodes", "4", "--steps", "10", "--set", "after=1"],
 }
 """Arguments of the scripts that run in the tests' process."""
 OFTEN = ("step", "same_episodes")
@@ -44,18 +35,12 @@ IN_OWN_PROCESS = {
     "envision": ["--seconds", "2"],
     "joint": ["--seconds", "0.01"],
     "training": [
-        *("--algorithms", "ppo", "--scenario", "two_way", "--seconds", "0.01", "--stages"),
+        *("--algorithms", "ppo", "--scenario", "two_way", "--seconds", "0.01"),
         *("--set", "settings.ppo.rollout_fragment_length=32"),
     ],
 }
 """Arguments of scripts that start Ray, other processes or a browser."""
-ELSEWHERE = {
-    "endurance",
-    "gpu_learner",
-    "real_maps",
-    "scenario_traffic",
-    "yardsticks",
-}
+ELSEWHERE = {"endurance", "gpu_learner", "real_maps", "yardsticks"}
 """Scripts that take minutes, or have their own tests."""
 
 
@@ -87,13 +72,6 @@ def test_script_in_its_own_process(script):
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr[-3000:]
     assert ended.stdout.strip()
-
-
-def test_zoo_manoeuvres_takes_whole_batches(monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["zoo_manoeuvres", "--episodes", "3"])
-    with pytest.raises(SystemExit):
-        importlib.import_module("perf.zoo_manoeuvres").main()
-    assert "multiple of 4" in capsys.readouterr().err
 
 
 def test_gpu_learner_says_that_there_is_no_gpu(monkeypatch, capsys):

@@ -1,11 +1,8 @@
 """Drivers of version 1's tasks: their kinds differ where a vehicle cuts across, and agents meet them."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from perf.social_drivers import ENCOUNTERS, build, gives_way
 from scenarios.drivers import ALL_KINDS, KINDS
 from smarts.agents.benchmark import benchmark_interface
 from smarts.sim.assembly import assemble
@@ -13,41 +10,7 @@ from smarts.sstudio.build import build_scenario
 from smarts.types.agent_states import UNSET
 from smarts.types.vehicles import Owner
 
-SEEDS = range(2)
 FULL = "random_social_vehicles"
-
-
-@pytest.fixture(scope="module")
-def yields(tmp_path_factory):
-    """Return how many of two drivers of a kind give way in an encounter."""
-
-    def yields(name, kind, drawn):
-        folder = Path(tmp_path_factory.mktemp("driver"))
-        built = build(ENCOUNTERS[name], KINDS[kind], folder)
-        return sum(gives_way(ENCOUNTERS[name], built, drawn, seed) for seed in SEEDS)
-
-    return yields
-
-
-@pytest.mark.parametrize(("kind", "count"), [("aggressive", 2), ("inattentive", 0)])
-def test_only_inattentive_drivers_do_not_brake_for_one_who_crosses(yields, kind, count):
-    # The vehicle, 6.8 m with the width of the driver's, needs 1.1 s; the driver would arrive after 0.5 s.
-    assert yields("crossing", kind, 0.5) == count
-
-
-@pytest.mark.parametrize(("kind", "count"), [("courteous", 2), ("aggressive", 0)])
-def test_aggressive_drivers_take_gaps_that_courteous_ones_do_not(yields, kind, count):
-    assert yields("gap", kind, 4.0) == count
-
-
-@pytest.mark.parametrize(("kind", "count"), [("courteous", 2), ("aggressive", 0)])
-def test_courteous_drivers_keep_room_for_one_who_cuts_in(yields, kind, count):
-    assert yields("cut_in", kind, 9.0) == count
-
-
-def test_nobody_gives_way_to_one_who_comes_much_later(yields):
-    # With priority, 30 s after the driver.
-    assert yields("gap", "courteous", 30.0) == 0
 
 
 def test_kinds_are_mixed():

@@ -1,7 +1,4 @@
-"""The games of `perf/yardstick_games` equal those of the published packages, and their page is up to date."""
-
-import subprocess
-import sys
+"""The games of `perf/yardstick_games` equal those of the published packages."""
 
 import gymnasium
 import lbforaging  # noqa: F401 - registers the game
@@ -14,14 +11,11 @@ from algorithms.joint.env import episode_seed
 from algorithms.joint.making import check_environment
 from algorithms.joint.rollout import View
 from algorithms.joint.sampler import EvaluatedStep
-from perf.yardstick_games import results
 from perf.yardstick_games.foraging import LOAD, Foraging, near_food
 from perf.yardstick_games.matrices import Matrices, scaled
-from perf.yardstick_games.recipes import RECIPES, YARDSTICKS, Published, Yardstick
-from perf.yardstick_games.results import Evaluation, RunFile
+from perf.yardstick_games.recipes import RECIPES, YARDSTICKS
 from perf.yardstick_games.spread import Spread
-from perf.yardsticks import Loops, configured, random_play
-from tests.blocks import ROOT
+from perf.yardsticks import Loops, configured, file_of, main, random_play
 
 SEED = 7
 
@@ -154,42 +148,6 @@ def test_recipes_set_what_algorithms_have_and_suit_the_game(game):
         check_environment(config, config.algo_class.runner_class)
 
 
-def test_the_page_shows_means_over_seeds_and_the_best_of_the_mean(tmp_path):
-    curves = {1: [(0, 0.0), (10, 0.8), (20, 0.6)], 2: [(0, 0.0), (10, 0.6), (20, 1.0)]}
-    for seed, points in curves.items():
-        curve = [Evaluation(steps, greedy, greedy / 2, 0.25, 3.0) for steps, greedy in points]
-        results.write(tmp_path, RunFile("foraging", "vdn", seed, {"commit": "abc"}, curve))
-    results.write(tmp_path, RunFile("foraging", "random", 1, {}, [Evaluation(0, np.nan, 0.01, np.nan, 0.0)]))
-    page = results.page(tmp_path)
-    few = "0.80 (2 seeds) | 1: 0.60, 2: 1.00 | 0.80 (2 seeds) | 0.40 (2 seeds) | 0.40 (2 seeds) | 0.25"
-    assert f"| `vdn` | 2 | 20 | {few} |" in page
-    assert "| `random` | | | | | | 0.01 | | |" in page
-    for seed in (4, 5, 6):
-        curve = [Evaluation(20, 0.1 * seed, 0.5, 0.0, 3.0)]
-        results.write(tmp_path, RunFile("foraging", "ppo", seed, {}, curve))
-    several = "0.50 | 4: 0.40, 5: 0.50, 6: 0.60 | 0.50 | 0.50 | 0.50 | 0.00"
-    assert f"| `ppo` | 3 | 20 | {several} |" in results.page(tmp_path)
-    assert results.read(results.file_of(tmp_path, "foraging", "vdn", 1)).about == {"commit": "abc"}
-
-
-def test_a_published_score_stands_in_the_column_of_its_mode():
-    greedy, sampled = (Published("x", 0.5, 1_000, mode, "y") for mode in ("greedy", "sampled"))
-    assert results.published(greedy) == "| *x, y* | | *1,000* | | | *0.50* | |  | |"
-    assert results.published(sampled) == "| *x, y* | | *1,000* | | |  | | *0.50* | |"
-
-
-def test_the_page_says_which_episodes_were_played():
-    own, fixed = (RunFile("foraging", "vdn", 1, about, []) for about in ({}, {results.SEED: 20}))
-    assert results.episodes_of([own, own]) == "Episodes are each training seed's own."
-    assert results.episodes_of([fixed]) == "The episodes are the same for all training seeds."
-    assert "1 of 2 runs" in results.episodes_of([own, fixed])
-
-
-def test_scores_are_scaled_returns():
-    game = Yardstick("", 1, "", scale=2.0, offset=-75.0, published=(Published("x", 0.0, 1, "greedy", ""),))
-    assert game.score(-31.25) == -137.5
-
-
 def test_episodes_loop_where_all_agents_see_again_what_they_saw_before():
     loops = Loops()
     for first, second in (((1, 1), (1, 1)), ((2, 1), (1, 2)), ((1, 1), (1, 1))):
@@ -205,27 +163,23 @@ def test_random_play_scores_what_is_expected():
     assert random_play("foraging", 1, 200).curve[-1].sampled < 0.05
 
 
-def test_the_committed_page_is_what_the_command_writes():
-    assert (results.FOLDER / "README.md").read_text() == results.page()
-
-
 @pytest.mark.nightly
-def test_the_command_trains_what_is_missing_and_writes_the_page(tmp_path):
-    arguments = ["--games", "matrices", "--algorithms", "vdn", "--seeds", "1", "--steps", "1024"]
-    command = [
-        sys.executable,
-        "-m",
-        "perf.yardsticks",
-        *arguments,
+def test_the_command_trains_what_is_missing(tmp_path, monkeypatch, capsys):
+    run = (
+        "--games",
+        "matrices",
+        "--algorithms",
+        "vdn",
+        "--seeds",
+        "1",
+        "--steps",
+        "1024",
         "--episodes",
         "10",
-        "--out",
-        str(tmp_path),
-    ]
-    first = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert first.returncode == 0, first.stderr[-3000:]
-    run = results.read(results.file_of(tmp_path, "matrices", "vdn", 1))
-    assert run.curve[-1].steps == 1024
-    assert "`vdn`" in (tmp_path / "README.md").read_text()
-    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    assert "runs" not in again.stdout
+    )
+    monkeypatch.setattr("sys.argv", ["yardsticks", *run, "--out", str(tmp_path)])
+    main()
+    assert file_of(tmp_path, "matrices", "vdn", 1).read_text().splitlines()[-1].startswith("1024,")
+    assert "1 runs" in capsys.readouterr().out
+    main()
+    assert "runs" not in capsys.readouterr().out

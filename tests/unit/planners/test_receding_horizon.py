@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from perf.planners import SIZE, drive, lane_change, scene
 from smarts.geometry.boxes import box_gaps, boxes_overlap
 from smarts.geometry.frames import wrap_angle
 from smarts.planners import Limits, Neighbours, PlanStatus, RecedingHorizonPlanner
@@ -14,6 +13,8 @@ from smarts.planners.optimal_control import _driven, _gaps
 from smarts.types.streams import Purpose, stream
 
 CAR = Limits()
+SIZE = np.array([5.0, 2.0])
+"""Of all vehicles [m]."""
 
 
 @pytest.fixture(scope="module")
@@ -138,9 +139,10 @@ def test_absent_neighbours_count_as_none(planner):
 
 
 def test_equal_calls_give_equal_bits_and_rows_are_independent(planner):
-    scenes = [scene(5, number) for number in range(8)]
-    states, targets = (np.stack([getattr(one, name) for one in scenes]) for name in ("state", "target"))
-    rows = np.stack([one.neighbours for one in scenes])
+    draw = stream(5, Purpose.AGENTS)
+    states, targets = np.tile([0.0, 0, 0, 8, 0], (8, 1)), np.tile([6.0, 48, 0, 0, 8], (8, 1))
+    targets[:, 2] = draw.uniform(-4.0, 4.0, 8)
+    rows = draw.uniform([10, -8, -0.2, 2], [60, 8, 0.2, 9], (8, 3, 4))
     paths = np.concatenate([np.zeros((8, 3, 1)), rows], axis=2)[:, :, None]
     around = Neighbours(paths, np.tile(SIZE, (8, 3, 1)))
     states[3] = np.nan
@@ -164,21 +166,3 @@ def test_the_last_path_is_driven_on_when_planning_fails(planner):
     over = planner.plan(lost, np.array([[3, 32, 3, 0, 8.0]]), None, kept.path, 3.0)
     assert over.status[0] == PlanStatus.FAILED
     assert np.isnan(over.path).all()
-
-
-def test_scenes_are_equal_for_equal_seeds():
-    one, same, other = scene(3, 4), scene(3, 4), scene(4, 4)
-    assert all(np.array_equal(a, b) for a, b in zip(one[1:], same[1:], strict=True))
-    assert not np.array_equal(one.state, other.state)
-    assert lane_change(stream(0, Purpose.AGENTS)).neighbours.shape == (3, 4)
-
-
-def test_scenes_are_driven_to_their_targets(planner):
-    outcomes = [drive(scene(1, number), planner) for number in range(20)]
-    assert sum(outcome.reached for outcome in outcomes) >= 19
-
-
-@pytest.mark.nightly
-def test_two_hundred_scenes_are_driven_to_their_targets(planner):
-    outcomes = [drive(scene(0, number), planner) for number in range(200)]
-    assert sum(outcome.reached for outcome in outcomes) >= 190

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from benchmark.running.zoo_contract import ZooDrive
-from perf.zoo_manoeuvres import TRAFFIC, look
 from smarts.observations.surroundings import Lane, Own
 from smarts.types.events import Outcome
 from smarts.zoo import make_spec
@@ -14,6 +13,7 @@ from smarts.zoo.driving import beside
 from .batches import batch_of, seen_of
 
 GAP = 4.0
+TRAFFIC = "random_social_vehicles"
 LEFT, RIGHT, NONE = 1, -1, 0
 
 
@@ -90,14 +90,16 @@ class Noting(CutIn):
         super().begun(batch, seen, change)
 
 
-def behind(now):
-    """Return the gap to the next vehicle in the own lane [m], infinite for none."""
-    gaps = [
-        now.place - place - 0.5 * (now.length + length)
-        for lane, place, length in now.others.values()
-        if lane == now.lane and place < now.place
-    ]
-    return min(gaps, default=np.inf)
+def look(drive, row, ego):
+    """Return the lane and the edge of an ego, and the gap to the next vehicle behind it in its lane [m]."""
+    world, roads = drive.world, drive.scene.atlas.roads
+    vehicles, slot = world.vehicles, int(world.agents.slot[row, ego])
+    lane, place = vehicles.lane[row], vehicles.lane_position[row]
+    length = vehicles.length[row]
+    follows = vehicles.alive[row] & (lane == lane[slot]) & (place < place[slot])
+    gaps = place[slot] - place[follows] - 0.5 * (length[slot] + length[follows])
+    edge = roads.lane_edge[roads.lane_base[world.map[row]] + lane[slot]]
+    return int(lane[slot]), int(edge), gaps.min(initial=np.inf)
 
 
 def test_cut_in_changes_closely_in_front_of_another():
@@ -110,13 +112,13 @@ def test_cut_in_changes_closely_in_front_of_another():
         drive.reset()
         while drive.active.any() and step < 300:
             for ego in map(tuple, np.argwhere(drive.active).tolist()):
-                now, was = look(drive, *ego), last.get(ego)
+                lane, edge, gap = look(drive, *ego)
                 is_close = agent.begins.get(ego, np.inf) < GAP + SPARE
-                if is_close and ego not in crossed and was.edge == now.edge and was.lane != now.lane:
-                    crossed[ego] = step, behind(now)
+                if is_close and ego not in crossed and last[ego][1] == edge and last[ego][0] != lane:
+                    crossed[ego] = step, gap
                 if ego in crossed and step == crossed[ego][0] + 20:
-                    kept.append(behind(now))
-                last[ego] = now
+                    kept.append(gap)
+                last[ego] = lane, edge
             drive.step()
             step += 1
         outcomes = {*drive.outcomes.values()}

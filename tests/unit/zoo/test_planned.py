@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from perf.zoo_manoeuvres import drive_all
 from smarts.agents import ActionSpaceType, AgentInterface, DoneCriteria
 from smarts.controllers.abilities import Abilities
 from smarts.controllers.action_formats import PATH_POINTS
@@ -20,7 +19,6 @@ from smarts.observations.u_turn import POINTS as TURN_POINTS
 from smarts.observations.u_turn import TURN_LANE, TURN_STATE
 from smarts.planners import PlanStatus, resample
 from smarts.types.agent_states import AgentStatus
-from smarts.types.events import Outcome
 from smarts.types.vehicles import VehicleKind
 from smarts.zoo import make_agent
 from smarts.zoo.lane_frames import to_lane, to_map
@@ -179,17 +177,6 @@ def test_vehicles_keep_the_agility_of_their_kind():
     known = [kind for kind in VehicleKind if kind != VehicleKind.TRAILER]
     lengths = np.array([vehicle(kind.name.lower()).length for kind in known])
     assert agilities(lengths + 0.05).tolist() == Abilities.of_all().agility[known].tolist()
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("planner", ["bezier", "sumo"])
-def test_overtaking_by_other_planners(planner):
-    """Of eight egos behind trucks at 6 m/s some pass, some arrive in the right lane, and all are unharmed."""
-    egos, outcomes = drive_all("overtaking-v0", "overtaking", {"planner": planner}, episodes=4, seed=7)
-    assert sum(each.passed > 0 for each in egos) >= 2
-    assert sum(each.has_changed for each in egos) >= 3
-    assert outcomes.count(Outcome.GOAL) >= 3
-    assert {*outcomes} <= {Outcome.GOAL, Outcome.MISSED_GOAL}
 
 
 FAULTS = ["nan", *(pytest.param(each, marks=pytest.mark.nightly) for each in ("infeasible", "unconverged"))]
