@@ -119,12 +119,9 @@ def test_a_ray_of_the_caller_has_its_cpus_again(tmp_path):
     [
         ({"env_runners": 5}, []),
         ({"env_runners": 6}, [7, 6]),
-        ({"learners": 5, "env_runners": 1}, [7, 6]),
-        ({"learner_gpus": 2}, []),
         ({"learner_gpus": 3}, [3, 2]),
         ({"learners": 3, "learner_gpus": 0.6}, []),
         ({"learners": 4, "learner_gpus": 0.6}, [4, 3]),  # one on each
-        ({"learners": 2, "learner_gpus": 2}, [2, 1]),  # on one machine
     ],
 )
 def test_a_run_that_could_never_be_placed_is_refused(needed, named):
@@ -142,11 +139,8 @@ def test_a_run_that_could_never_be_placed_is_refused(needed, named):
     ("needed", "most"),
     [
         ({}, 16),
-        ({"env_runners": 3}, 4),
-        ({"learner_gpus": 0.5}, 4),
         ({"learner_gpus": 0.6}, 2),  # one on each
         ({"learners": 2, "learner_gpus": 0.6}, 1),
-        ({"env_runners": 20}, 1),
         ({"learner_gpus": 1, "parallel": 5}, 5),
     ],
 )
@@ -154,15 +148,3 @@ def test_as_many_runs_begin_as_there_is_room_for(tmp_path, monkeypatch, needed, 
     monkeypatch.setattr(ray, "cluster_resources", lambda: {"CPU": 16.0, "GPU": 2.0})
     monkeypatch.setattr(jobs, "living_nodes", lambda: [{"CPU": 16.0, "GPU": 2.0}])
     assert JobScheduler([], tmp_path, Resources(**needed))._most_at_once() == most
-
-
-def test_each_process_of_a_run_has_a_bundle():
-    one, gpu = {"CPU": 1.0}, {"CPU": 1.0, "GPU": 0.5}
-    assert Resources().bundles == [one]
-    assert Resources(env_runners=2, learner_gpus=0.5).bundles == [gpu, one, one]
-    resources = Resources(env_runners=1, learners=2, learner_gpus=0.5)
-    assert resources.bundles == [one, one, gpu, gpu]
-    assert len(resources.bundles) == resources.processes
-    assert sum(each.get("GPU", 0.0) for each in resources.bundles) == resources.learner_gpus * max(
-        resources.learners, 1
-    )

@@ -91,15 +91,6 @@ def test_the_table_of_another_seed_is_not_counted_twice(tmp_path):
     assert "of another run" in results.problems[f"{PLACE.replace('1', '2')}/episodes.parquet"]
 
 
-def test_a_run_without_a_checkpoint_is_not_trained_anew_for_another_test(tmp_path):
-    folder = finished(tmp_path)
-    other = {**TESTED, "episodes": 7}
-    with raises(ResultsError, folder.table, values=[TESTED]):
-        folder.is_finished(other)
-    folder.checkpoint.mkdir()
-    assert not folder.is_finished(other)
-
-
 def test_a_scripted_policy_needs_no_checkpoint_to_be_tested_again(tmp_path):
     folder = RunFolder(write_run(tmp_path, "parked", [agent_episodes(CRASHES, mode="scripted")], seed=-1))
     folder.note(status=FINISHED, tested=TESTED)
@@ -131,15 +122,4 @@ def test_a_line_of_progress_that_was_cut_is_left_out_and_a_damaged_one_is_named(
     assert said in results.problems[f"{PLACE}/progress.csv"]
     with raises(ResultsError, folder.progress) as caught:
         begin_progress(folder.progress, 2)
-    assert "remove it" in caught.value.remedy
-
-
-def test_a_file_that_is_no_json_is_named(tmp_path):
-    folder = finished(tmp_path)
-    for file in (folder.run, tmp_path / "command.json"):
-        file.write_text("[")
-        assert "cannot be read" in "".join(read_results(tmp_path).problems.values())
-    folder.run.write_text("[]")
-    with raises(ResultsError, folder.run) as caught:
-        folder.check({})
     assert "remove it" in caught.value.remedy

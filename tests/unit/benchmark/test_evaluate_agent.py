@@ -2,13 +2,11 @@
 
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from benchmark.cli import app
 from benchmark.running.evaluate_agent import evaluate_agent
 from smarts.agents.hosting.options import HostError
 from smarts.errors import SmartsError
-from tests.served_agents import kit_agent, served
+from tests.served_agents import served
 
 DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:misbehaving-v0"
 TEST = {"scenarios": ["intersection"], "traffic": "no_social_vehicles", "episodes": 2, "agents": 2}
@@ -25,12 +23,6 @@ def test_an_agent_at_an_address_scores_exactly_what_it_scores_in_process(tmp_pat
 
 
 @pytest.mark.slow
-def test_an_agent_of_the_kit_is_evaluated(tmp_path):
-    with kit_agent(tmp_path) as address:
-        assert len(evaluate_agent(address, **{**TEST, "episodes": 1})) == 2
-
-
-@pytest.mark.slow
 def test_an_agent_that_fails_has_no_score():
     serve = ("-m", "benchmark.cli", "serve", MISBEHAVING, "--address", "127.0.0.1:0")
     command = (*serve, "--set", "how=answer_too_few")
@@ -43,26 +35,3 @@ def test_an_agent_that_fails_has_no_score():
 def test_agents_that_cannot_be_evaluated_are_errors(locator):
     with pytest.raises(SmartsError):
         evaluate_agent(locator, **TEST)
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["evaluate", "a_run", "--agent", "idm-v0"],
-        ["serve", "idm-v0", "--address", "nowhere"],
-        ["serve", "idm-v0", "--address", "0.0.0.0:0"],
-        ["zoo", "install", "no-such-v0"],
-    ],
-)
-def test_wrong_commands_end_with_exit_code_2(arguments):
-    ended = CliRunner().invoke(app, arguments)
-    assert ended.exit_code == 2 or (
-        isinstance(ended.exception, SmartsError) and ended.exception.exit_code == 2
-    )
-
-
-@pytest.mark.slow
-def test_an_evaluation_names_its_agent():
-    given = ["--scenario", "intersection", "--traffic", "no_social_vehicles", "--episodes", "1"]
-    ended = CliRunner().invoke(app, ["evaluate", "--agent", DRAWING, "--agents", "1", *given])
-    assert f"{DRAWING}: 1 agent-episodes of intersection, no_social_vehicles" in ended.stdout

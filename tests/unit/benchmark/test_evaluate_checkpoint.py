@@ -4,14 +4,12 @@ import pytest
 
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import run_from, runs_of
-from benchmark.results.commands import COMMAND, read_commands
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.trained_run import read_run
 from benchmark.running.training import unpickled
 from smarts.config import ConfigError
-from tests.hand_made_results import write_experiment
 from tests.raising import raises
 
 
@@ -59,19 +57,6 @@ def test_a_folder_that_is_not_there_leads_to_the_nearest(tmp_path):
     with raises(ResultsError, "nowhere") as caught:
         read_run(RunFolder(tmp_path / "not" / "nowhere"))
     assert "exported policy" in caught.value.remedy
-
-
-def test_what_is_wrong_with_what_was_asked_for_last(tmp_path):
-    problems = {}
-    write_experiment(tmp_path, bugdet=1)
-    assert read_commands(tmp_path, problems) == (("smarts-bench run hand.yaml",), [None])
-    assert problems == {
-        f"{COMMAND}, part 1": "not an experiment of this version: there is no key bugdet; did you mean "
-        "'budget'?; correct or remove that part"
-    }
-    (tmp_path / COMMAND).write_text("[")
-    assert read_commands(tmp_path, problems) == ((), [])
-    assert problems[COMMAND].endswith("; remove it, and `run` writes it again")
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,14 @@
 """`evaluate --out`: one evaluation in a folder, and nothing else lost; options that would have no effect."""
 
-import threading
 from contextlib import suppress
 
 import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
-from benchmark.results.files import ResultsError, locked
+from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.evaluation_folder import MARK, evaluation_folder
+from benchmark.running.evaluation_folder import evaluation_folder
 from tests.raising import raises
 
 ONE = {"policy": "ppo, two_way", "scenarios": ["two_way"], "traffic": "none"}
@@ -47,13 +46,6 @@ def test_an_evaluation_that_fails_leaves_the_earlier_one(tmp_path):
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_what_a_kill_leaves_is_no_foreign_file(tmp_path):
-    (tmp_path / ".partial-evaluation.json").write_text("{")
-    (tmp_path / ".partial-evaluation").mkdir()
-    folder = evaluated(tmp_path)
-    assert folder.table.exists()
-
-
 def test_another_evaluation_is_refused_and_nothing_is_lost(tmp_path):
     folder = evaluated(tmp_path)
     for other in ({"traffic": "dense"}, {"policy": "dqn, two_way"}):
@@ -71,26 +63,6 @@ def test_folders_of_something_else_are_refused(tmp_path, name):
     assert [each.name for each in tmp_path.iterdir()] == [name]
     with raises(ResultsError, str(tmp_path / name), values=[name]):
         evaluated(tmp_path / name)
-
-
-def test_two_evaluations_do_not_write_to_one_folder(tmp_path):
-    has_begun, may_end = threading.Event(), threading.Event()
-
-    def first():
-        with locked(tmp_path):
-            has_begun.set()
-            may_end.wait(60)
-
-    other = threading.Thread(target=first)
-    other.start()
-    try:
-        assert has_begun.wait(60)
-        with raises(ResultsError, str(tmp_path), values=["is writing here"]):
-            evaluated(tmp_path)
-        assert not (tmp_path / MARK).exists()
-    finally:
-        may_end.set()
-        other.join()
 
 
 @pytest.mark.parametrize(

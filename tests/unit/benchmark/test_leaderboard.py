@@ -2,17 +2,13 @@
 
 import csv
 
-import numpy as np
 import pytest
 import yaml
 from typer.testing import CliRunner
 
 from benchmark.cli import app
-from benchmark.report.comparing import compare_sides, read_side
 from benchmark.report.leaderboard import make_leaderboard
 from benchmark.report.leaderboard_page import write_leaderboard
-from benchmark.results.files import ResultsError
-from smarts.errors import UnknownNameError
 from tests.hand_made_results import (
     ALONE,
     BUDGET,
@@ -23,7 +19,6 @@ from tests.hand_made_results import (
     write_run,
     write_test,
 )
-from tests.raising import raises
 
 GOOD = [["goal", "goal"]] * 12
 BAD = [["collision", "collision"]] * 12
@@ -134,32 +129,6 @@ def test_summary_is_the_interquartile_mean_over_cells(tmp_path):
     )
 
 
-def test_one_experiment_twice(tmp_path):
-    one = experiment(tmp_path / "one", {"ppo": GOOD})
-    with raises(ResultsError, tmp_path / "other" / ".." / "one"):
-        make_leaderboard([one, tmp_path / "other" / ".." / "one"])
-
-
-def test_an_experiment_of_which_nothing_is_finished_is_noted_beside_others(tmp_path):
-    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": BAD})
-    write_experiment(tmp_path / "two")
-    board = make_leaderboard([one, tmp_path / "two"])
-    assert {(place.algorithm, place.rank) for place in board.places} == {("ppo", 1), ("dqn", 2)}
-    assert board.problems == ("two: 1 of 1 runs are not finished",)
-
-
-def test_metrics_that_only_describe_differ_or_do_not(tmp_path):
-    write_experiment(tmp_path)
-    for name, least, slope in (("ppo", 1, 1), ("dqn", 5, 1), ("maac", 9, -1)):
-        drove = agent_episodes(GOOD, mode="greedy", stochastic_states=10.0)
-        drove["stochasticity"] = least + slope * (np.arange(len(drove)) % 5)
-        write_run(tmp_path, name, [drove])
-    for other, said in (("ppo", "differs"), ("maac", "tie")):
-        code, text = compared(tmp_path / "dqn", tmp_path / other, "--metric", "stochasticity")
-        assert code == 0
-        assert text.splitlines()[1].endswith(f"  {said}")
-
-
 def test_a_comparison_names_what_only_one_side_has(tmp_path):
     one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD})
     two = experiment(tmp_path / "two", {"ppo": BAD})
@@ -192,56 +161,10 @@ def test_two_experiments(tmp_path):
     assert "tie" in done.output
 
 
-def test_two_algorithms(tmp_path):
-    root = experiment(tmp_path / "one", {"ppo": GOOD, "parked": SLOW})
-    first, second = read_side(root / "ppo"), read_side(root / "scripted" / "parked")
-    row = compare_sides(first, second, ["completion_rate"], "greedy").iloc[0]
-    assert (row["value"], row["pairs"], row["better"]) == (1.0, 12, "one: ppo")
-    with pytest.raises(UnknownNameError, match="completion"):
-        compare_sides(first, second, ["completion"], "greedy")
-    (root / "maac").mkdir()
-    with raises(ResultsError, root / "maac"):
-        read_side(root / "maac")
-
-
-def test_a_comparison_tells_how_many_seeds_each_side_was_trained_with(tmp_path):
-    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD, "parked": SLOW})
-    table = agent_episodes(GOOD, mode="greedy", training_seed=2)
-    write_run(one, "dqn", [table], seed=2, budget=BUDGET, traffic=ALONE)
-    code, said = compared(one / "ppo", one / "dqn")
-    title, *lines = said.splitlines()
-    assert (code, len(lines)) == (0, 2)
-    for line in lines:
-        assert line[title.index("seeds") :].startswith("1 / 2 ")
-    (row,) = compare_sides(
-        read_side(one / "dqn"), read_side(one / "scripted" / "parked"), ["completion_rate"], "greedy"
-    ).to_dict("records")
-    assert (row["first_seeds"], row["second_seeds"]) == (2, 0)
-
-
-def test_nothing_in_common(tmp_path):
-    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD})
-    two = experiment(tmp_path / "two", {"maac": GOOD, "maddpg": GOOD})
-    three = experiment(tmp_path / "three", {"ppo": GOOD}, traffic=SOCIAL)
-    with raises(ResultsError, f"{one}, {two}", values=["ppo", "maddpg"]):
-        compare_sides(read_side(one), read_side(two), ["completion_rate"], "greedy")
-    with raises(ResultsError, f"{one}, {three}"):
-        compare_sides(read_side(one), read_side(three), ["completion_rate"], "greedy")
-
-
 def compared(*arguments):
     """Return exit code and what a comparison says, or its error."""
     done = CliRunner().invoke(app, ["compare", *map(str, arguments)])
     return done.exit_code, done.exception or done.output
-
-
-def test_sides_of_one_name_are_told_apart(tmp_path):
-    one = experiment(tmp_path / "one" / "mine", {"ppo": GOOD})
-    two = experiment(tmp_path / "two" / "mine", {"ppo": BAD})
-    said = compared(one, two)[1]
-    assert f"{one}: ppo  {two}: ppo" in said
-    assert said.splitlines()[1].endswith(f"{one}: ppo")
-    assert compared(one, tmp_path / "two" / ".." / "one" / "mine")[1].problem == "is given twice"
 
 
 def test_a_comparison_says_what_it_left_out(tmp_path):
@@ -261,11 +184,3 @@ def test_a_comparison_says_what_it_left_out(tmp_path):
         f"left out: one: dqn/intersection/{ALONE}/seed_1: run.json: cannot be read" in compared(one, two)[1]
     )
     assert "run.json: cannot be read" in compared(one / "dqn", two)[1].problem
-
-
-def test_a_page_in_the_place_of_a_folder_is_named(tmp_path):
-    one = experiment(tmp_path / "one", {"ppo": GOOD})
-    with pytest.raises(ResultsError) as caught:
-        write_leaderboard([one], one, "greedy")
-    assert caught.value.remedy == "there is a folder; name a file"
-    assert "place that can be written to" in compared(one, one / "ppo", "--csv", "/proc/x.csv")[1].remedy

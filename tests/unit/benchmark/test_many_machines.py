@@ -5,14 +5,11 @@ import os
 import shutil
 import signal
 
-import numpy as np
 import pytest
-import ray
 import yaml
 
 from benchmark.metrics.table import read_table
 from benchmark.results.progress import read_progress
-from smarts.env.vector import VectorHiWayEnv
 from tests.clusters import ON_A_NODE, ROOT, Driver, eventually, nodes
 from tests.commands import finish, wait_for
 
@@ -164,40 +161,3 @@ def test_a_driver_and_an_env_runner_that_are_lost(driver):
         # By the second command; the run itself has lost nothing.
         assert len(json.loads((run / "run.json").read_text())["continued"]) == 1
         assert driver.is_hidden()
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-def test_a_node_with_agents_that_is_lost():
-    """Every step completes; the agents act again on the machines that are left."""
-    social = [{"agent": "idm-v0", "options": {"tau": 1.0 + number / 10}} for number in range(3)]
-    with nodes(1, 1) as cluster:
-        head, other = cluster.nodes
-        ray.init(address=cluster.address, log_to_driver=False)
-        env = VectorHiWayEnv(2, ["loop"], 1, social_agents=social, hosts={"*": "ray"})
-        try:
-            for _ in range(20):  # until Ray has put one of them there
-                env.reset(seed=3)
-                if other in cluster.workers("ray::_Actor").values():
-                    break
-                env.close()
-                env = VectorHiWayEnv(2, ["loop"], 1, social_agents=social, hosts={"*": "ray"})
-            drive(env, 5)
-            cluster.kill(other)
-            assert drive(env, 40)
-            for seed in range(4, 40):  # Ray may start them on the lost node until it misses it
-                env.reset(seed=seed)
-                if not (failures := drive(env, 5)):
-                    break
-            assert not failures
-            assert [*cluster.workers("ray::_Actor").values()] == [head] * 3
-        finally:
-            env.close()
-            ray.shutdown()
-        eventually(lambda: not cluster.workers("ray::_Actor"))
-
-
-def drive(env, steps):
-    """Drive without changing lanes; return what agents have failed at, step by step."""
-    taken = [env.step([np.zeros((2, 1), int)]) for _ in range(steps)]
-    return [each.social_failures for each in taken if each.social_failures]

@@ -47,32 +47,6 @@ def test_holds_and_transfers_of_others_change_no_metric(tmp_path):
     assert_same_metrics(alone, beside)
 
 
-def test_what_becomes_of_a_vehicle_after_its_ego_is_not_measured(tmp_path):
-    """The ego's vehicle is traffic again at once, or waits for its release."""
-    at = at_speed(5.0, 20)
-    states = [*ENDED, *[AgentStatus.LEAVING] * 10]
-    released, leaving = (
-        Drive(
-            ["road_0"],
-            at[:count],
-            agent="ego",
-            outcome=Outcome.TIME_OUT,
-            actions=[(0, 0), (5, 2)],
-            columns={"end_step": 10, "distance_travelled": 5.0},
-            agents={"state": states[:count]},
-        )
-        for count in (11, 21)
-    )
-    beside = Drive(["road_0"], at_speed(5.0, 20, begin=40.0))
-    one, other = (
-        episode_of(tmp_path / str(place), ROAD, drive, beside)
-        for place, drive in enumerate((released, leaving))
-    )
-    assert np.array_equal(one.driving, other.driving)
-    assert one.driving.sum() == 11
-    assert_same_metrics(one, other)
-
-
 def test_learners_that_have_one_column_in_turn_are_measured_each(tmp_path):
     first = Drive(["road_0"], at_speed(5.0, 20), agent="first", actions=[(0, 0)], outcome=Outcome.GOAL)
     second = Drive(["road_0"], at_speed(8.0, 20), agent="second", begin=21, outcome=Outcome.COLLISION)
@@ -93,10 +67,3 @@ def test_learners_that_have_one_column_in_turn_are_measured_each(tmp_path):
     assert np.nanmax(both.agent_column("distance_travelled"), 0) == pytest.approx([10.0, 16.0])
     assert [both.decisions(agent).step.tolist() for agent in (0, 1)] == [[0], [21, 26]]
     assert_same_metrics(both, apart)
-
-
-def test_an_episode_in_which_nothing_was_taken_has_no_agents(tmp_path):
-    social = Drive(["road_0"], at_speed(5.0, 20), agent="social", columns={"interface": 0})
-    episode = episode_of(tmp_path, ROAD, social)
-    assert episode.count == 0
-    assert not episode.driving.size

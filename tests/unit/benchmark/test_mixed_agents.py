@@ -1,9 +1,6 @@
 """Agents of an experiment that act and drive differently: `environment.agents` as a mapping."""
 
-from pathlib import Path
-
 import numpy as np
-import pandas as pd
 import pytest
 from gymnasium.spaces import Box, Discrete
 
@@ -13,8 +10,6 @@ from benchmark.experiment.runs import run_from, runs_of, with_defaults
 from benchmark.running.environments import environment
 from benchmark.running.experiment import check_task_settings
 from smarts.config import ConfigError
-from smarts.sim.episode_files import RecordedEpisode, episodes_in
-from tests.commands import begin, finish
 
 MIXED = """
 algorithms: [ppo]
@@ -55,19 +50,6 @@ def test_what_an_agent_does_not_say_is_the_environments(file):
     }
 
 
-def test_one_network_of_all_agents_needs_equal_actions(file):
-    with pytest.raises(ConfigError) as error:
-        read_experiment(file, ["algorithms=['mat']"])
-    assert "algorithms[0]" in str(error.value)
-    assert "Continuous" in str(error.value)
-
-
-def test_models_of_others_need_others(file):
-    with pytest.raises(ConfigError) as error:
-        read_experiment(file, ["algorithms=['opponent_q']", "environment.agents={car: {}}"])
-    assert "algorithms[0]" in str(error.value)
-
-
 def test_a_run_with_them_is_recognised_by_its_content(file):
     content = next(runs_of(read_experiment(file))).content()
     assert content["environment"]["agents"]["truck"] == {"vehicle": "truck", "action": "Continuous"}
@@ -98,8 +80,6 @@ def test_the_environment_has_them_by_name(file):
     ("change", "place", "value"),
     [
         ("car: {vehicel: bus}", "environment.agents.car.vehicel", "'vehicle'"),
-        ("car: {observation: raw}", "environment.agents.car.observation", "'action'"),
-        ("car: {vehicle: tank}", "environment.agents.car.vehicle", "tank"),
         ("d: {}, e: {}", "environment.agents", "5 egos"),
     ],
 )
@@ -115,7 +95,6 @@ def test_mistakes_are_named(file, change, place, value):
     ("change", "place"),
     [
         ("algorithms=[dqn]", "algorithms[0]"),
-        ("scripted=[keep_lane]", "scripted[0]"),
         ("training.sharing={x: [car, bus]}", "training.sharing"),
     ],
 )
@@ -133,25 +112,3 @@ def test_groups_of_agents_with_different_spaces_are_refused_before_ray_starts(fi
         check_task_settings(experiment)
     assert "'x'" in str(caught.value)
     assert "truck" in str(caught.value)
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-def test_they_are_trained_tested_recorded_and_reported(file):
-    out = file.parent / "results"
-    code, _, err = finish(begin("run", str(file), "--out", str(out)))
-    assert code == 0, err
-    run = out / "mixed/ppo/intersection/no_social_vehicles/seed_1"
-    table = pd.read_parquet(run / "episodes.parquet")
-    assert set(table["agent"]) == {"car", "truck", "bus"}
-    recorded = [RecordedEpisode(path) for path in episodes_in(run / "episodes/greedy-intersection")]
-    assert len(recorded) == 2
-    for episode in recorded:
-        assert {*episode.table("agents")["name"]} >= {"car", "truck", "bus"}
-    assert (out / "mixed/report/report.md").exists()
-    code, _, err = finish(
-        begin("evaluate", str(run), "--episodes", "1", "--mode", "greedy", "--out", str(out / "again"))
-    )
-    assert code == 0, err
-    tested = [*Path(out / "again").rglob("*.parquet")]
-    assert tested

@@ -7,7 +7,6 @@ from benchmark.experiment.config import read_experiment
 from benchmark.report.comparing import read_side
 from benchmark.report.content import make_report
 from benchmark.report.robustness import robustness_of
-from benchmark.report.writing import write_report
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
 from benchmark.running.jobs import JobScheduler, jobs_of
@@ -86,12 +85,3 @@ def test_packed_runs_are_not_repeated_and_not_trained_on(tmp_path):
     with pytest.raises(ResultsError, match="it was tested in another way"):
         scheduler("evaluation.episodes=3")
     assert [state.status for state in scheduler("seeds=[2,3]").states] == ["finished", "waiting"]
-
-
-def test_a_report_without_its_page_is_written_again(tmp_path):
-    """Git keeps report.md and not report.html."""
-    write_experiment(tmp_path)
-    write_run(tmp_path, "ppo", [agent_episodes([["goal"]], mode="greedy")])
-    page = write_report(tmp_path)
-    page.unlink()
-    assert write_report(tmp_path).exists()

@@ -1,9 +1,6 @@
 """Trained policies in one's own loop: the same actions as `evaluate` plays, whatever the environment."""
 
-import json
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 
@@ -228,14 +225,3 @@ def test_a_step_of_another_environment_is_named(make):
         with raises(ActionError, "Policy.act", values=["trained with"]):
             policy.act(now._replace(**wrong))
     assert policy.act(now)[0].shape == (2, 2)
-
-
-def test_no_cluster_is_started(make):
-    _, folder = make("a2c")
-    program = (
-        "import json, ray\nfrom benchmark import load_policy\n"
-        f"load_policy({str(folder.path)!r})\nprint(json.dumps(ray.is_initialized()))"
-    )
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert json.loads(ended.stdout.splitlines()[-1]) is False
-    assert "DeprecationWarning" not in ended.stderr

@@ -57,22 +57,6 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     assert lines("finished") == [f"{NAME}: finished"]
 
 
-@pytest.mark.parametrize("phase", ["training", "testing"])
-def test_a_job_of_which_nothing_is_heard_is_named_once_a_minute(monkeypatch, phase):
-    log = io.StringIO()
-    clock = 1000.0
-    monkeypatch.setattr(live.time, "monotonic", lambda: clock)
-    shown = LiveProgress(Console(file=log, width=40))
-    state = JobState(NAME, phase, RunProgress(phase, 0.5), heard=clock)  # type: ignore[arg-type]
-    for _ in range(90):
-        shown.show([state])
-        clock += 5.0
-    text = f"{NAME}: {phase} 50%, no message for"
-    assert [line for line in log.getvalue().splitlines() if "no message" in line] == [
-        f"{text} {minutes} min (docs/guide/troubleshooting.md)" for minutes in (5, 6, 7)
-    ]
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_whatever_is_ended_says_how_to_go_on(tmp_path, capsys, number):
     before = signal.getsignal(signal.SIGTERM)

@@ -4,7 +4,6 @@ import importlib.util
 from pathlib import Path
 
 from benchmark.report.writing import write_report
-from benchmark.results.run_folder import TESTING, RunFolder
 from tests.hand_made_results import agent_episodes, pack, write_experiment, write_run
 
 SCRIPT = Path(__file__).parents[3] / "results" / "recompute.py"
@@ -40,21 +39,3 @@ def test_rates_are_recomputed_and_a_wrong_one_is_found(tmp_path, capsys):
     values.write_text("\n".join(line for line in right.splitlines() if "completion_rate" not in line))
     assert recompute(tmp_path) == 1
     assert "ended by goal, of which the report says nothing" in capsys.readouterr().out
-
-
-def test_a_run_that_is_not_finished_is_left_out_as_in_reports(tmp_path, capsys):
-    write_experiment(tmp_path, algorithms=["dqn"], seeds=[1, 2])
-    write_run(tmp_path, "dqn", [agent_episodes([["goal", "collision"]], mode="greedy")])
-    folder = write_run(tmp_path, "dqn", [agent_episodes([["goal", "goal"]], mode="greedy")], seed=2)
-    RunFolder(folder).note(status=TESTING)
-    write_report(tmp_path)
-    assert recompute(tmp_path) == 0
-    assert "rates of 1 cells compared, largest difference 0\n" in capsys.readouterr().out
-
-
-def test_an_empty_table_does_not_pass(tmp_path, capsys):
-    write_experiment(tmp_path, algorithms=["dqn"])
-    write_run(tmp_path, "dqn", None)
-    write_report(tmp_path)
-    assert recompute(tmp_path) == 1
-    assert f"nothing to compare: {tmp_path}" in capsys.readouterr().out

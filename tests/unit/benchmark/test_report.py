@@ -10,22 +10,19 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from algorithms.registry import ALGORITHMS
 from benchmark.metrics import METRICS
-from benchmark.report.against_paper import WORDS, compare_with
+from benchmark.report.against_paper import compare_with
 from benchmark.report.content import make_report
-from benchmark.report.curves import seeds_curve
-from benchmark.report.latex import escaped, main_table
+from benchmark.report.latex import main_table
 from benchmark.report.markdown import report_text, table
 from benchmark.report.marl_eval import marl_eval_json
 from benchmark.report.overview import COLUMNS, overview_rows
 from benchmark.report.paper import printed, task_differences, task_label
 from benchmark.report.provenance import gaps
 from benchmark.report.radar import axes_of_radar, draw_radar
-from benchmark.report.style import line, new_figure
+from benchmark.report.style import new_figure
 from benchmark.report.summary import draw_profile, summaries_of
 from benchmark.report.tables import (
     DIFFERENCE_COLUMNS,
@@ -38,13 +35,11 @@ from benchmark.report.tables import (
 from benchmark.report.values import Value
 from benchmark.report.wording import (
     COUNTERPARTS,
-    MODE_NOTES,
     TASK_DIFFERENCES,
     count,
     figures,
     intervals,
     mark,
-    mark_meaning,
     not_counted,
     printed_text,
     standing,
@@ -54,7 +49,6 @@ from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
 from tests.hand_made_results import (
     ALONE,
-    ENVIRONMENT,
     SOCIAL,
     agent_episodes,
     write_experiment,
@@ -248,31 +242,12 @@ class TestAgainstThePaper:
         assert social.not_known == ("random", "parked")
         assert not_counted(social).startswith("not counted: not known whether random, parked passes")
 
-    def test_another_environment_beside_the_papers_figures_is_named(self, tmp_path):
-        write_experiment(tmp_path)
-        usual = {"agents": 4, "reward": "v1"}
-        write_test(tmp_path, "ppo", PERFECT, environment=usual)
-        said = "driven with reward v1, where the tasks after the paper have reward none"
-        assert f"Intersection, No Social Vehicle: {said}." in standing(report_of(tmp_path))
-
     def test_an_own_scenario_of_the_same_name_is_none_of_the_papers(self, tmp_path):
         write_experiment(tmp_path)
         run = write_test(tmp_path, "ppo", PERFECT)
         for scenario, is_the_papers in (("intersection", True), ("/home/me/intersection", False)):
             (run / "config.yaml").write_text(f"algorithm: ppo\nscenarios: [{scenario}]\n")
             assert report_of(tmp_path).has_paper == is_the_papers
-
-    def test_the_meaning_of_a_mark_has_the_differences(self, folder):
-        cell = cells_of(make_report(read_results(folder.parent)), "ppo")["intersection", ALONE]
-        assert mark(cell) in WORDS
-        assert "collision +0.15 [" in mark_meaning(cell)
-        assert "completion +0.68 [" in mark_meaning(cell)
-
-
-def test_own_algorithms_have_looks_of_their_own():
-    names = ["mine-One", "mine-Two", "ppo"]
-    looks = {str(line(name, names)) for name in (*ALGORITHMS, *names)}
-    assert len(looks) == len(ALGORITHMS) + 2
 
 
 def test_ranks_and_ties(tmp_path):
@@ -331,22 +306,6 @@ def test_runs_that_must_not_be_averaged_or_compared_do_not_count_and_are_marked(
     assert {*report.values[is_noted]["algorithm"]} == {"dqn"}
 
 
-def test_seeds_under_other_defaults_are_not_averaged_without_a_word(tmp_path):
-    """Seed 1 was begun when gamma was 0.5 by default; DQN's seed 2 gives it so."""
-    write_experiment(tmp_path, algorithms=["ppo", "dqn"], seeds=[1, 2])
-    given = {("ppo", 1): {}, ("ppo", 2): {}, ("dqn", 1): {}, ("dqn", 2): {"gamma": 0.5}}
-    for (name, seed), settings in given.items():
-        table = agent_episodes(PERFECT, mode="greedy")
-        run = write_run(tmp_path, name, [table], seed=seed, settings=settings)
-        facts = json.loads((run / "run.json").read_text())
-        if seed == 1:
-            facts["defaults"] = {"gamma": 0.5}
-        (run / "run.json").write_text(json.dumps(facts))
-    report = report_of(tmp_path)
-    assert report.unlike == {("ppo", "intersection", ALONE): "seeds were not trained alike"}
-    assert any("ppo, intersection" in said and "settings.gamma (0.5" in said for said in standing(report))
-
-
 def test_only_runs_of_one_protocol_that_may_be_compared_are(tmp_path):
     """DQN's seeds were trained apart, Net-Q with another budget: neither has a pair, Holm's family is 2."""
     write_experiment(tmp_path, algorithms=["dqn", "ppo", "maac", "networked_q"], scripted=["parked"])
@@ -384,23 +343,6 @@ def test_the_scenario_of_most_runs_is_compared(tmp_path):
         *[("", 1), ("", 1)],
         *[(reason, None), (reason, None)],
     ]
-
-
-def test_algorithms_in_different_scenarios_are_not_ranked(tmp_path):
-    write_experiment(tmp_path, algorithms=["dqn", "ppo"])
-    for name in ("dqn", "ppo"):
-        write_test(tmp_path, name, PERFECT, scenarios={f"/of/{name}/intersection": name})
-    cells = [row.cells[0] for row in report_of(tmp_path).main_table("greedy")]
-    assert [(cell.unlike, cell.rank) for cell in cells] == [("scenarios differ between runs", None)] * 2
-
-
-def test_scripted_policies_alone_have_notes_and_a_table_of_their_own(tmp_path):
-    write_experiment(tmp_path, algorithms=[], scripted=["parked"])
-    write_test(tmp_path, "parked", MIXED)
-    report = report_of(tmp_path)
-    text = report_text(report, summaries_of(report), ())
-    assert [mode for mode, note in MODE_NOTES.items() if note in text] == ["scripted"]
-    assert report.modes == ["scripted"]
 
 
 def page_of(folder):
@@ -550,18 +492,6 @@ def test_an_own_experiment_is_reported_without_a_word_on_the_paper(tmp_path):
     assert "the paper's figures" not in text
 
 
-def test_a_cell_of_the_paper_with_other_drivers_is_none_of_the_papers(tmp_path):
-    other = ENVIRONMENT | {"social_agents": [{"agent": "idm-v0"}]}
-    for root, environment in ((tmp_path / "paper", ENVIRONMENT), (tmp_path / "own", other)):
-        write_experiment(root)
-        write_test(root, "ppo", MIXED, environment=environment)
-    assert make_report(read_results(tmp_path / "paper")).has_paper
-    report = make_report(read_results(tmp_path / "own"))
-    cell = cells_of(report, "ppo")["intersection", ALONE]
-    assert not report.has_paper
-    assert (cell.printed, cell.comparison, cell.misprint) == ((), None, "")
-
-
 def test_page_text_and_table_have_the_same_numbers(folder):
     rows = csv.DictReader(io.StringIO((folder / "values.csv").read_text()))
     values = {(row["algorithm"], row["mode"], row["metric"]): row for row in rows}
@@ -585,30 +515,6 @@ def test_page_text_and_table_have_the_same_numbers(folder):
     assert interval in texts
 
 
-def test_not_available_has_its_reason_and_no_number(folder):
-    rows = csv.DictReader(io.StringIO((folder / "values.csv").read_text()))
-    found = {row["metric"]: row for row in rows if (row["algorithm"], row["mode"]) == ("ppo", "greedy")}
-    assert (found["cut_in_ratio"]["value"], found["cut_in_ratio"]["low"]) == ("", "")
-    assert found["cut_in_ratio"]["note"] == "n/a: no lane change was completed"
-    assert found["agility"]["value"] == "0.5"
-    markdown = (folder / "report.md").read_text()
-    line = next(line for line in markdown.splitlines() if line.startswith("| Cut-in ratio |"))
-    number = re.search(r"n/a \((\d+)\)", line)[1]
-    assert f"{number}. n/a: no lane change was completed" in markdown
-    assert "n/a: no lane change was completed" in [text for _, text in page_of(folder).texts]
-
-
-def test_latex_prints_names_as_they_are(folder):
-    latex = (folder / "main_table_greedy.tex").read_text()
-    assert r"centralised\_v" in latex
-    printed_lines = [line for line in latex.splitlines() if not line.startswith("%")]
-    assert not re.search(r"(?<!\\)_", "".join(printed_lines))
-    assert latex.count("{") == latex.count("}")
-    rows = [line for line in printed_lines if line.endswith(r"\\")]
-    assert {len(re.findall(r"(?<!\\)&", line)) for line in rows[1:]} == {2}
-    assert escaped("50%_{\\") == r"50\%\_\{\textbackslash{}"
-
-
 def test_pictures_are_pictures(folder):
     for name in ("radar", "radar_all", "learning_curves", "outcomes"):
         assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
@@ -624,15 +530,6 @@ def test_what_cannot_be_measured_is_a_gap_in_the_radar(folder):
     assert (drawn["agility"], drawn["stability"]) == (0.5, 0.25)
     assert np.isnan(drawn["control_diversity"])
     assert axes.get_ylim() == (0.0, 1.0)
-
-
-def test_curves_end_where_their_seeds_end():
-    long = pd.DataFrame({"agent_steps": [0, 100], "return": [0.0, 1.0]})
-    short = pd.DataFrame({"agent_steps": [0, 25, 50], "return": [1.0, np.nan, 0.0]})
-    steps, rows = seeds_curve([long, short], "return")
-    np.testing.assert_allclose(rows[0], steps / 100)
-    np.testing.assert_allclose(rows[1], np.where(steps <= 50, 1 - steps / 50, np.nan))
-    assert seeds_curve([], "return")[0].size == 0
 
 
 def test_a_report_takes_the_place_of_a_report_and_of_nothing_else(tmp_path):

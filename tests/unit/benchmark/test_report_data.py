@@ -1,10 +1,7 @@
 """What a report reads: whole runs are used, everything else is named."""
 
-from benchmark.report.provenance import gaps, totals
-from benchmark.results.files import ResultsError
 from benchmark.results.reading import NOT_BEGUN, UNREADABLE, read_results
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
-from tests.raising import raises
 
 TWO = [["goal", "goal"], ["collision", "goal"]]
 
@@ -53,17 +50,6 @@ def test_damaged_and_foreign_files_are_named_and_left_out(tmp_path):
     assert [run.status for run in results.runs if run.algorithm == "dqn"] == [UNREADABLE, NOT_BEGUN]
 
 
-def test_unreadable_episodes_of_one_name_are_counted_by_run(tmp_path):
-    write_experiment(tmp_path, seeds=[1, 2])
-    for seed in (1, 2):
-        (table,) = greedy()
-        table.attrs["episodes"]["corrupted"] = {"seed42-world0100003-episode0": "half a file"}
-        write_run(tmp_path, "ppo", [table], seed=seed)
-    results = read_results(tmp_path)
-    assert "2 episodes that cannot be read: discarded." in totals(results)
-    assert f"episode ppo/intersection/{ALONE}/seed_1: seed42-world0100003-episode0" in dict(gaps(results))
-
-
 def test_without_a_whole_file_of_commands_the_runs_count(tmp_path):
     write_run(tmp_path, "ppo", greedy())
     assert "missing" in read_results(tmp_path).problems["command.json"]
@@ -72,10 +58,3 @@ def test_without_a_whole_file_of_commands_the_runs_count(tmp_path):
     assert "did you mean 'ppo'" in results.problems["command.json, part 1"]
     assert results.commands == ("smarts-bench run hand.yaml",)
     assert [str(run) for run in results.finished] == [f"ppo, intersection, {ALONE}, seed 1"]
-
-
-def test_no_results(tmp_path):
-    with raises(ResultsError, tmp_path / "nowhere"):
-        read_results(tmp_path / "nowhere")
-    with raises(ResultsError, tmp_path):
-        read_results(tmp_path)

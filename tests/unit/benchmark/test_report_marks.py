@@ -1,11 +1,9 @@
 """Which way a report's marks, orders and pictures point: the good one is called good in every file."""
 
 import re
-from dataclasses import replace
 
 import pandas as pd
 import pytest
-import yaml
 from matplotlib.colors import to_rgba
 
 from benchmark.report import wording
@@ -13,18 +11,14 @@ from benchmark.report.content import Report, TableCell, make_report
 from benchmark.report.curves import SHOWN, draw_curves
 from benchmark.report.html import report_page
 from benchmark.report.latex import main_table
-from benchmark.report.leaderboard import make_leaderboard
-from benchmark.report.markdown import report_text
 from benchmark.report.outcomes import draw_outcomes
 from benchmark.report.protocol import protocol_of
-from benchmark.report.provenance import circumstances
 from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.summary import Summaries
 from benchmark.report.tables import difference_notes
 from benchmark.report.values import by_key, measure_cells
-from benchmark.report.wording import intervals, mark, pairs_notes
+from benchmark.report.wording import mark
 from benchmark.results.reading import read_results
-from benchmark.results.run_folder import FINISHED, RunFolder
 from tests.hand_made_results import (
     ALONE,
     ENVIRONMENT,
@@ -87,17 +81,6 @@ class TestMarks:
         }
 
 
-def test_half_an_interval_is_none(report):
-    cell = cell_of(report, "ppo")
-    assert cell.collision
-    assert cell.completion
-    unknown = float("nan")
-    for name in ("collision", "completion"):
-        value = replace(getattr(cell, name), low=unknown, high=unknown)
-        assert intervals(replace(cell, **{name: value})) == "no interval"
-    assert intervals(cell).count("[") == 2
-
-
 def test_outcomes_are_those_of_the_main_mode(report):
     axes = new_figure(3, 3).add_subplot()
     draw_outcomes(axes, report, "intersection", ALONE)
@@ -123,11 +106,6 @@ def test_a_learning_curve_is_the_mean_of_its_seeds_in_their_band(report):
     assert (box.ymin, box.ymax) == (0.0, 0.5)
 
 
-def test_the_summary_begins_with_the_best(report):
-    summaries = make_leaderboard([report.results.root]).summaries
-    assert [(each.algorithm, each.completion) for each in summaries] == [("ppo", 1.0), ("dqn", 0.75)]
-
-
 @pytest.mark.parametrize(
     ("changes", "is_same"),
     [
@@ -149,34 +127,6 @@ def test_results_of_other_environments_are_not_compared(tmp_path, changes, is_sa
     assert (protocols[0] == protocols[1]) == is_same
 
 
-def test_a_run_without_its_table_is_not_finished(tmp_path):
-    tested = {"episodes": 2}
-    folder = RunFolder(write_test(tmp_path, "ppo", GOOD[:2]))
-    folder.note(status=FINISHED, tested=tested)
-    assert folder.is_finished(tested)
-    folder.checkpoint.mkdir()
-    assert not folder.is_finished({"episodes": 3})
-    folder.table.unlink()
-    assert not folder.is_finished(tested)
-
-
-def test_all_files_say_what_the_words_mean_and_count_ties_in_each_mode(report):
-    bound = "the paper's by Wilson's at 20 trials (40 agent-episodes / a design effect of 2)"
-    assert f"% {wording.BOLD}" in main_table(report, "greedy")
-    for text in (
-        report_page(report, Summaries({"completion": {}}), None).replace("&#39;", "'"),
-        report_text(report, Summaries({"completion": {}}), ()),
-        main_table(report, "greedy"),
-    ):
-        assert bound in text
-    notes = [note for note in difference_notes(report) if "are decided" in note]
-    for mode, note in zip(report.modes, notes, strict=True):
-        decided = int((report.differences[mode]["wins"] != "").sum())
-        assert note.startswith(f"{mode.capitalize()}: {decided} differences are decided")
-        assert "of them with training seeds as the unit 0 of the 0 that have one;" in note
-    assert len(notes) == 2
-
-
 def test_the_differences_that_training_seeds_decide_are_counted(tmp_path):
     """PPO completes 1, 1 and 0.95, DQN 0, 0 and 0.05: t = 0.967 / sqrt(2 x 0.05^2 / 9) is 41 at 4 degrees."""
     write_experiment(tmp_path, algorithms=["ppo", "dqn"], seeds=[1, 2, 3])
@@ -189,15 +139,6 @@ def test_the_differences_that_training_seeds_decide_are_counted(tmp_path):
     assert said.startswith(
         "Greedy: 2 differences are decided, of them with training seeds as the unit 2 of the 2 that have one;"
     )
-
-
-def test_episodes_that_begin_alike_count_together_and_the_remedy_is_named():
-    notes = ["", "2 episodes played by one only, 9 episodes with the start of another"]
-    notes += ["9 episodes with the start of another"]
-    together, left_out = pairs_notes(notes)
-    assert together.startswith("9 episodes begin as another does, and count together with it")
-    assert "start_variation" in together
-    assert left_out == "left out: 2 episodes played by one only"
 
 
 @pytest.mark.parametrize(
@@ -225,20 +166,3 @@ def test_tables_and_pages_say_alike_what_intervals_cover(seeds, label, said):
     (value,) = by_key(rows).values()
     cell = TableCell("intersection", ALONE, value, value, (), None, (), "", None, False)
     assert wording.count(cell) == said
-
-
-def test_the_circumstances_of_runs_are_told(tmp_path):
-    for seed in (1, 2):
-        folder = RunFolder(write_test(tmp_path, "ppo", GOOD[:2], seed=seed))
-    name = "Continued after an interruption, or tested again"
-    assert name not in dict(circumstances(read_results(tmp_path)))
-    folder.note_continuation({"commit": "0123"})
-    folder.note(commit="0123456789ab+")
-    config = yaml.safe_load(folder.config.read_text())
-    own = {"imports": ["/home/a/mine.py", "/home/a/more"], "own_code": {"mine:Reward": "0123"}}
-    folder.config.write_text(yaml.safe_dump({**config, **own}))
-    found = dict(circumstances(read_results(tmp_path)))
-    assert found[name] == ["PPO in 1 of 2 runs"]
-    assert "0123456789ab+" in found["Commit (+: with changes that were not committed)"]
-    assert found["Own code"] == ["/home/a/mine.py, /home/a/more"]
-    assert found["Digests of own code"] == ["mine:Reward 0123"]

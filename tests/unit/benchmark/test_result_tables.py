@@ -27,12 +27,3 @@ def test_the_tables_are_those_of_the_results_and_a_changed_figure_is_found(table
         changed = text.replace(row, row.replace("/ 1.00", "/ 0.99", 1))
         assert changed != text
         assert tables.with_tables(changed, named, values, name) == text
-
-
-START, END = "<!-- table paper -->", "<!-- end of table -->"
-
-
-def test_the_text_around_a_table_stays(tables):
-    text = "\n".join(["Before.", START, "| old |", END, "Behind.", "<!-- table modes -->", "| x |", END, ""])
-    found = tables.with_tables(text, ["paper"], {}, "page.md")
-    assert found == text.replace("| old |", tables.lines_of("paper", {}))

@@ -1,6 +1,5 @@
 """Results on disk are whole or not there, whatever fails or is killed when."""
 
-import json
 import os
 import pickle
 import shutil
@@ -13,11 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmark.experiment.algorithm_settings import settings_of, settings_table
-from benchmark.experiment.config import Budget, read_experiment
-from benchmark.experiment.environment import Environment
+from benchmark.experiment.algorithm_settings import settings_of
+from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of
-from benchmark.report.provenance import circumstances
 from benchmark.results.commands import keep_command, read_commands
 from benchmark.results.files import (
     PARTIAL,
@@ -27,18 +24,14 @@ from benchmark.results.files import (
     read_json,
     recover_folder,
     replace_folder,
-    write_json,
 )
-from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
-from benchmark.results.progress import add_progress, begin_progress, read_progress
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.jobs import JobScheduler, jobs_of
 from benchmark.running.messages import Began
-from benchmark.running.training import check_checkpoint, checkpoint_files, config_of
+from benchmark.running.training import check_checkpoint, checkpoint_files
 from benchmark.running.writing import RunWriter
-from tests.hand_made_results import agent_episodes, finish_runs, write_experiment, write_run
+from tests.hand_made_results import finish_runs, write_experiment
 from tests.raising import raises
 
 ROOT = Path(__file__).parents[3]
@@ -57,15 +50,6 @@ class FakeAlgo:
         os.makedirs(path)
         with open(f"{path}/weights", "w") as file:
             file.write(self.content)
-
-
-def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):
-    file = tmp_path / "a.json"
-    write_json(file, {"a": 1})
-    with pytest.raises(TypeError):
-        write_json(file, {"a": object()})
-    assert read_json(file) == {"a": 1}
-    assert [*tmp_path.iterdir()] == [file]
 
 
 def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
@@ -181,29 +165,6 @@ def test_a_budget_may_grow_and_nothing_else_may_change(tmp_path, there, here, fi
     assert not folder.is_extended(contents[1])
 
 
-def test_a_larger_budget_needs_a_checkpoint_to_train_on_from(tmp_path):
-    folder = RunFolder(tmp_path / "run")
-    folder.open({"budget": {"agent_steps": 1}})
-    folder.note(status="finished")
-    folder.check({"budget": {"agent_steps": 1}})
-    with pytest.raises(ResultsError) as caught:
-        folder.check({"budget": {"agent_steps": 2}})
-    assert caught.value.place == str(folder.checkpoint)
-
-
-def test_keys_that_a_version_did_not_have_are_their_defaults(tmp_path):
-    folder = RunFolder(tmp_path / "run")
-    whole = {"environment": Environment().model_dump(mode="json"), "budget": Budget().model_dump(mode="json")}
-    first = {"environment": {"agents": 4}, "budget": {"agent_steps": whole["budget"]["agent_steps"]}}
-    folder.open(first)
-    folder.note(status="finished")
-    folder.check(whole)
-    assert not folder.is_extended(whole)
-    changed = {**whole, "environment": {**whole["environment"], "decision_interval": 3}}
-    with raises(ResultsError, folder.config, values=["environment.decision_interval (5, here 3)"]):
-        folder.check(changed)
-
-
 def test_own_code_may_be_added_and_none_be_exchanged(tmp_path):
     folder = RunFolder(tmp_path / "run")
     folder.open({"a": 1})
@@ -241,23 +202,6 @@ def test_a_run_that_has_left_nothing_takes_a_corrected_config(tmp_path):
     assert folder.read_config() == {"a": 2}
 
 
-def test_a_damaged_config_says_what_to_do(tmp_path):
-    folder = RunFolder(tmp_path)
-    folder.config.write_text("a: [")
-    with pytest.raises(ResultsError) as caught:
-        folder.read_config()
-    assert "remove the run's folder" in caught.value.remedy
-
-
-def test_a_test_is_not_written_over_the_results_of_a_run(tmp_path):
-    run = write_run(tmp_path / "mine", "ppo", [agent_episodes([["goal"]], mode="greedy")])
-    written = (run / "episodes.parquet").read_bytes()
-    with pytest.raises(ResultsError) as caught:
-        evaluate_checkpoint(run, out=run)
-    assert caught.value.place == str(run)
-    assert (run / "episodes.parquet").read_bytes() == written
-
-
 def test_a_folder_that_is_filled_by_parts_keeps_all_commands_and_expects_all_runs(tmp_path):
     write_experiment(tmp_path, seeds=[1, 2])
     _, (first,) = read_commands(tmp_path, {})
@@ -269,55 +213,6 @@ def test_a_folder_that_is_filled_by_parts_keeps_all_commands_and_expects_all_run
     assert results.commands == ("smarts-bench run hand.yaml", "c", "b")
     assert [(run.algorithm, run.seed) for run in results.runs] == [("dqn", 1), ("ppo", 1), ("ppo", 2)]
     assert not results.problems
-
-
-def test_what_a_run_goes_on_with_is_kept_beside_what_it_began_with(tmp_path):
-    write_experiment(tmp_path)
-    folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes([["goal"]], mode="greedy")]))
-    began = read_json(folder.run)
-    for commit in ("second", "third"):
-        folder.note_continuation({"begun": "later", "commit": commit, "python": began["python"]})
-    told = dict(circumstances(read_results(tmp_path)))
-    assert told["Commit"] == [began["commit"], "second", "third"]
-    assert told["Python"] == [began["python"]]
-    assert read_json(folder.run)["commit"] == began["commit"]
-
-
-def test_a_damaged_run_file_is_named(tmp_path):
-    folder = RunFolder(tmp_path / "run")
-    folder.open({})
-    folder.note(status="training")
-    folder.run.write_text('{"status": "fin')
-    with raises(ResultsError, folder.run):
-        folder.open({})
-
-
-def test_lines_after_the_checkpoint_are_made_again(tmp_path):
-    folder = RunFolder(tmp_path)
-    begin_progress(folder.progress, 0)
-    for iteration in range(1, 6):
-        counts = {"iteration": iteration, "agent_steps": 10 * iteration, "seconds": float(iteration)}
-        add_progress(folder.progress, {**dict.fromkeys(PROGRESS_COLUMNS, ""), **counts})
-    with folder.progress.open("a") as file:
-        file.write("6,12")  # cut short by a kill
-    begin_progress(folder.progress, 3)
-    assert read_progress(folder.progress)["iteration"].tolist() == [1, 2, 3]
-
-
-def test_an_unwritable_folder_is_named(tmp_path):
-    (tmp_path / "file").write_text("")
-    with raises(ResultsError, tmp_path / "file" / "results"), locked(tmp_path / "file" / "results"):
-        pass
-
-
-def test_checkpoints_carry_how_far_training_was(tmp_path):
-    folder = RunFolder(tmp_path)
-    assert folder.training_state() is None
-    save(folder, "1", {"iteration": 1})
-    save(folder, "2", {"iteration": 2})
-    assert folder.training_state() == {"iteration": 2}
-    assert (folder.checkpoint / "weights").read_text() == "2"
-    assert {path.name for path in tmp_path.iterdir()} == {"checkpoint"}
 
 
 def test_a_changed_bit_of_a_checkpoint_is_refused(tmp_path):
@@ -338,23 +233,6 @@ def test_weights_of_a_checkpoint_that_are_not_finite_are_refused(tmp_path):
         file.write_bytes(pickle.dumps(weights))
         with nullcontext() if last == 0.5 else raises(ResultsError, file, values=["policy.0.bias"]):
             check_checkpoint(tmp_path)
-
-
-def test_a_setting_that_is_written_down_at_its_default_makes_no_other_run(tmp_path):
-    file = tmp_path / "one.yaml"
-    file.write_text("algorithms: [ppo]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n")
-    (plain,), (written,), (other,) = (
-        runs_of(read_experiment(file, changes))
-        for changes in ((), ("settings.ppo={lr: 0.0003, epochs: 4}",), ("settings.ppo={lr: 0.1}",))
-    )
-    assert written.settings == {"lr": 0.0003, "epochs": 4}
-    for first, second in ((plain, written), (written, plain)):
-        folder = RunFolder(tmp_path / str(len(first.settings)))
-        folder.open(first.content())
-        folder.note(status="finished")
-        folder.check(second.content())
-        with raises(ResultsError, folder.config, values=["settings.lr", "0.1"]):
-            folder.check(other.content())
 
 
 def test_a_run_keeps_the_defaults_of_its_begin(tmp_path):
@@ -383,23 +261,6 @@ def test_a_run_keeps_the_defaults_of_its_begin(tmp_path):
         folder.check(run.content())
     assert "set the old values in `settings`" in caught.value.remedy
     folder.check(as_then.content())
-
-
-def test_the_defaults_of_a_run_are_those_that_it_is_trained_with(tmp_path):
-    """In experiments a replay buffer is not kept, though the library's default is to keep it."""
-    file = tmp_path / "one.yaml"
-    file.write_text("algorithms: [dqn]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n")
-    (run,) = runs_of(read_experiment(file))
-    folder = RunFolder(tmp_path / "run")
-    writer = RunWriter(run, folder)
-    writer.take(Began({"commit": "abc"}, {}))
-    writer.close()
-    config = config_of(run)
-    assert folder.facts()["defaults"] == {
-        name: json.loads(json.dumps(getattr(config, name))) for name in settings_of("dqn").model_fields
-    }
-    shown = {name: default for name, default, *_ in settings_table("dqn")}
-    assert shown["checkpoint_replay"] == "false"
 
 
 def test_episodes_that_are_wanted_and_not_there_are_played_again(tmp_path):

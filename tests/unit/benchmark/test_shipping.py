@@ -151,13 +151,6 @@ def test_equal_code_makes_equal_archives(tmp_path):
     assert not Path(code["working_dir"]).exists()
 
 
-def test_without_a_cluster_nothing_is_shipped(tmp_path):
-    experiment = experiment_of(tmp_path)
-    alone = experiment.model_copy(update={"resources": type(experiment.resources)()})
-    with shipped_code(alone) as code:
-        assert code is None
-
-
 def test_what_cannot_be_shipped_is_named(tmp_path, monkeypatch):
     logging = {"agents": 1, "hosts": {"idm-v0": {"where": "ray", "log": "decisions"}}}
     experiment = experiment_of(tmp_path, environment=logging)
@@ -177,18 +170,6 @@ def test_what_cannot_be_shipped_is_named(tmp_path, monkeypatch):
     (tmp_path / "own.py").unlink()
     with raises(ResultsError, tmp_path / "own.py"), shipped_code(silent):
         pass
-
-
-def test_paths_are_themselves_on_the_drivers_machine(tmp_path, monkeypatch):
-    assert shipped.local(tmp_path) == tmp_path == shipped.original(tmp_path)
-    monkeypatch.setattr(shipped, "SHIPPED", tmp_path / "shipped")
-    here = tmp_path / "shipped" / "home" / "own.py"
-    write_files(here.parent, {"own.py": b""})
-    assert shipped.local("/home/own.py") == here
-    assert shipped.original(here) == Path("/home/own.py")
-    assert shipped.local("home/own.py") == Path("home/own.py")
-    assert shipped.local("/home/other.py") == Path("/home/other.py")
-    shipped.restore_times()  # without the file of times
 
 
 def test_the_temporary_folder_of_a_killed_process_is_removed_by_the_next_one(tmp_path, monkeypatch):

@@ -34,15 +34,6 @@ def _rays():
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("_rays")
-def test_several_are_in_processes_of_their_own_and_keep_their_numbers():
-    assert dict(side_by_side(operator.mul, [(k, k) for k in range(5)], 2)) == {k: k * k for k in range(5)}
-    processes = {process for _, process in side_by_side(os.getpid, [()] * 4, 2)}
-    assert processes
-    assert os.getpid() not in processes
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("_rays")
 def test_an_error_of_a_call_is_raised_as_it_is_and_a_lost_process_is_named():
     with pytest.raises(ZeroDivisionError):
         [*side_by_side(operator.floordiv, [(1, 1), (1, 0), (1, 1)], 2)]

@@ -10,7 +10,6 @@ from benchmark.experiment.runs import task_settings_of, with_defaults
 from benchmark.running.environments import environment
 from benchmark.running.experiment import check_task_settings
 from benchmark.running.played import digest_of
-from smarts.agents.options import InterfaceError
 from smarts.config import ConfigError
 from smarts.sstudio.build import build_scenario
 
@@ -72,21 +71,10 @@ def test_where_an_agent_acts_is_no_part_of_a_run_and_when_is():
     assert Environment(**timely).content() == timely
 
 
-def test_an_experiment_is_kept_with_all_that_its_hosts_say():
-    hosts = {"idm-v0": "process", "mobil-v0": {"where": "process", "deadline_ms": 50.0, "patience": 3.0}}
-    environment = Environment(hosts={**hosts, "*": {"where": "ray", "log": "decisions"}})
-    for unset in (False, True):
-        written = environment.model_dump(mode="json", exclude_unset=unset)
-        assert Environment(**written).hosts == environment.hosts
-    assert "hosts" not in Environment().model_dump(mode="json")
-
-
 @pytest.mark.parametrize(
     ("hosts", "count"),
     [
-        ("{smarts.zoo:idm-v0: elsewhere}", 1),
         ("{smarts.zoo:idm-v0: {deadline_ms: 20, delay_steps: 3}}", 1),
-        ("{smarts.zoo:idm-v0: {replay: /no/such/folder}}", 1),
         ("{mobil-v0: process}", 1),
         ("{smarts.zoo:idm-v0: {where: process, patience: 0, delay: 3}, mobil-v0: ray}", 3),
     ],
@@ -122,34 +110,15 @@ def test_they_are_part_of_what_a_run_is(read):
     assert digest_of(built, plain) != digest_of(built, social), "their missions count"
 
 
-def test_without_them_a_run_is_the_same_as_before_there_were_any():
-    kept = Environment(agents=2).model_dump(mode="json")
-    assert not kept.keys() & {"social_agents", "learn_in_bubbles", "episode_time"}
-
-
 @pytest.mark.parametrize(
     ("given", "key"),
     [
         ("social_agents: [{agent: 'smarts.zoo:nobody-v0'}]", "social_agents[0]"),
         ("social_agents: [{agent: 'smarts.zoo:idm-v0', options: {colour: red}}]", "social_agents[0]"),
-        ("social_agents: [{agent: 'smarts.zoo:idm-v0', number: 2}]", "social_agents[0]"),
         ("learn_in_bubbles: true", "episode_time"),
-        ("episode_time: 20", "episode_time"),
     ],
 )
 def test_mistakes_are_found_in_the_file(read, given, key):
     with pytest.raises(ConfigError) as error:
         read(f"{BASE}environment:\n  {given}\n")
     assert any(f"environment.{key}" in str(problem) for problem in error.value.problems)
-
-
-def test_more_agents_than_missions(read):
-    with pytest.raises(InterfaceError) as error:
-        check_task_settings(read(BASE + SOCIAL.replace("count: 2", "count: 4")))
-    assert error.value.place == "social_agents in intersection"
-
-
-def test_no_bubble_to_learn_in(read):
-    with pytest.raises(InterfaceError) as error:
-        check_task_settings(read(BASE + "environment: {learn_in_bubbles: true, episode_time: 20}"))
-    assert error.value.place == "learn_in_bubbles"

@@ -70,11 +70,6 @@ def test_every_cell_is_covered(covered):
     assert 0.93 <= np.mean([*shares.values()]) <= 0.97
 
 
-@pytest.mark.slow
-def test_naive_wilson_fails_where_the_agents_of_an_episode_share_a_fate(covered):
-    assert max(naive for cell, (_, naive) in covered.items() if cell[2] == 1.0) < 0.91
-
-
 def test_wilson_of_no_event_in_ten():
     low, high = wilson_interval(0.0, 10.0)
     assert low == 0.0

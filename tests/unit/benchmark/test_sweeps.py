@@ -80,15 +80,6 @@ def test_population_based_training_stays_within_bounds():
     assert explored["hidden"] == [[8], [16]]
 
 
-def test_population_based_training_explores_what_the_algorithm_has():
-    section = Tune(
-        parameters={"lr": {"uniform": [0.1, 0.2]}, "clip": {"uniform": [0.1, 0.3]}}, scheduler="pbt"
-    )
-    assert {*scheduler_of(section, "ppo", 5)._hyperparam_mutations} == {"lr", "clip"}
-    assert {*scheduler_of(section, "dqn", 5)._hyperparam_mutations} == {"lr"}
-    assert within_bounds(section, {"lr": 0.3}) == {"lr": 0.2}
-
-
 @pytest.mark.parametrize(
     "setting",
     [None, 128, 1e-05, [[0, 0.001], [100000, 1e-05]], "128"],
@@ -196,13 +187,6 @@ def test_a_search_that_was_stopped_before_its_first_trial_begins_again(experimen
         assert tune.Tuner.can_restore(str(tmp_path / "trials"))
 
 
-def test_an_algorithm_is_searched_in_what_it_has(experiment):
-    changes = ["algorithms=[ppo, dqn]", "tune.parameters={lr: [0.1], epochs: [1, 2], capacity: [1000]}"]
-    section = experiment(*changes).tune
-    assert {*space_of(section, "ppo")} == {"lr", "epochs"}
-    assert {*space_of(section, "dqn")} == {"lr", "capacity"}
-
-
 def test_the_best_on_average_over_cells_is_chosen(experiment, tmp_path):
     """0.2 is best in either cell by itself for none: 0.9 and 0.0, 0.0 and 0.8, 0.5 and 0.6."""
     trials = {
@@ -234,9 +218,3 @@ def test_cells_with_different_settings_are_not_averaged():
     one, other = (pd.DataFrame({"lr": [0.1, lr], "completion": [0.5, 0.6]}) for lr in (0.2, 0.3))
     with raises(SweepError, values=["different settings"]):
         mean_over_cells([one, other], ["lr"], "completion", "here")
-
-
-def test_repeated_trials_of_a_choice_are_averaged_in_each_cell():
-    table = pd.DataFrame({"lr": [0.1, 0.1, 0.2], "completion": [0.2, 0.6, 0.5]})
-    found = mean_over_cells([table], ["lr"], "completion", "here")
-    assert found.to_dict("list") == {"lr": [0.2, 0.1], "completion": [0.5, 0.4]}

@@ -11,12 +11,10 @@ from benchmark.experiment.runs import TaskSetting, scripted_runs_of
 from benchmark.metrics import join_tables
 from benchmark.metrics.table import read_table
 from benchmark.report.writing import write_report
-from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running.testing import Part, measure_part, play_scripted
 from smarts.types.events import Outcome
 from tests.hand_made_results import agent_episodes, write_run
-from tests.raising import raises
 from tests.recordings import Drive, at_speed, record, straight
 
 ROAD = straight(lanes=2, length=200.0)
@@ -80,11 +78,6 @@ def test_a_report_shows_episodes_of_the_trainings_variations(tmp_path):
         (run / "config.yaml").write_text(yaml.safe_dump(config | {"scenarios": [scenario]}))
         text = write_report(tmp_path, episodes=True).with_suffix(".md").read_text()
         assert re.findall(r"\[([a-z ]+):[^]]*\]\(episodes/", text) == shown
-
-
-def test_a_test_in_which_nothing_counts_is_refused(tmp_path):
-    with raises(ResultsError, values=[10]):
-        measured(tmp_path, 2, invalid=range(100))
 
 
 def test_a_scripted_policy_gets_the_observation_that_it_reads(tmp_path):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from benchmark.experiment.config import read_experiment
-from benchmark.experiment.environment import Environment
-from benchmark.experiment.runs import runs_of, scripted_runs_of, task_settings_of
+from benchmark.experiment.runs import task_settings_of
 from benchmark.running.environments import environment
 from smarts.config import ConfigError
 from smarts.types.actions import LaneAction
@@ -37,22 +36,6 @@ def test_an_episode_ends_in_time(read, given, ended):
         for _ in range(3):
             now = env.step([np.full((1, 1), LaneAction.keep_lane)])
     assert {row: metrics["steps"] for row, metrics in now.metrics.items()} == ended
-
-
-def test_it_is_part_of_what_a_run_is_only_if_given(read):
-    texts = ("friction: 0.9", "time_limit: 60")
-    (plain,), (limited,) = (
-        task_settings_of(read(f"scripted: [parked]\nenvironment: {{{text}}}")) for text in texts
-    )
-    assert "time_limit" not in plain.content()["environment"]
-    assert limited.content()["environment"]["time_limit"] == 60
-    assert Environment(**limited.content()["environment"]) == limited.environment
-
-
-def test_scripted_policies_need_no_algorithm(read):
-    experiment = read("scripted: [parked, creep]")
-    assert [*runs_of(experiment)] == []
-    assert [run.policy for run in scripted_runs_of(experiment)] == ["parked", "creep"]
 
 
 @pytest.mark.parametrize("scripted", ["", "scripted: []"])

@@ -5,7 +5,6 @@ from contextlib import closing
 import pytest
 
 from benchmark.experiment.config import read_experiment
-from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import task_settings_of
 from benchmark.running.environments import create, environment
 from smarts.config import ConfigError
@@ -46,23 +45,12 @@ def test_training_has_the_longer_step_and_all_else_the_exact_one(read):
     assert sumo_seconds(environment(setting, num_envs=1)) == pytest.approx(0.1)
 
 
-def test_it_is_part_of_what_a_run_is_only_if_given(read):
-    (plain,), (longer,) = (task_settings_of(read(text)) for text in ("friction: 0.9", "traffic_step: 0.5"))
-    assert "traffic_step" not in plain.content()["environment"]
-    assert longer.content()["environment"]["traffic_step"] == 0.5
-    assert Environment(**longer.content()["environment"]) == longer.environment
-
-
 @pytest.mark.parametrize(
     "given",
     [
         "traffic_step: 0.05",
-        "traffic_step: 0.25",
-        "traffic_step: 1.5",
-        "traffic_step: fast",
         "traffic_step: 0.5, traffic_engine: ConstantSpeed",
         "traffic_step: 0.5, social_agents: [{agent: 'smarts.zoo:idm-v0'}]",
-        "traffic_step: 0.5, learn_in_bubbles: true, episode_time: 20",
     ],
 )
 def test_mistakes_are_found_in_the_file(read, given):

@@ -22,7 +22,7 @@ from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.running import experiment as running
 from benchmark.running.experiment import check_version
-from smarts.config import ConfigError, fitted
+from smarts.config import fitted
 from smarts.errors import SmartsError
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
 from tests.raising import raises
@@ -145,29 +145,6 @@ class TestRefusals:
     def test_settings_of_the_environment_that_differ_are_named(self, frozen, changes, named):
         assert changed_settings(1, fitted({"agents": 2, **changes}, Environment)) == named
 
-    def test_the_error_has_one_short_line_for_each_kind_of_difference(self, tmp_path, frozen, monkeypatch):
-        experiment = self.experiment(tmp_path).model_copy(
-            update={"environment": Environment(agents=3, friction=0.5)}
-        )
-        played = {ALONE: {f"a_scenario_with_a_long_name_{number}": "abd" for number in range(50)}}
-        monkeypatch.setattr(running, "scenarios_by_traffic", lambda experiment: played)
-        content = yaml.safe_load(frozen.read_text())
-        content[1] |= {"reward": "0000", "metrics": "0000"}
-        frozen.write_text(yaml.safe_dump(content))
-        version.versions.cache_clear()
-        with pytest.raises(SmartsError) as caught:
-            check_version(experiment)
-        said = str(caught.value)
-        assert " ... " not in said
-        _, scenarios, reward, metrics, settings, remedy = said.splitlines()
-        assert "a_scenario_with_a_long_name_0" in scenarios
-        assert "47 more" in scenarios
-        assert "smarts/rewards" in reward
-        assert "benchmark/metrics" in metrics
-        assert "agents is 3, in the version 2" in settings
-        assert "friction is 0.5, in the version None" in settings
-        assert "remedy" in remedy
-
     def test_a_version_is_frozen_once(self, frozen):
         with raises(SmartsError, str(frozen), values=[1, "version 2", "--replace"]):
             frozen_text(1, {}, Environment())
@@ -194,10 +171,6 @@ class TestRefusals:
             assert version.has_settings_of(1, *place, run.settings)
             assert not version.has_settings_of(1, *place, {**run.settings, "lr": 0.9})
             assert not version.has_settings_of(None, *place, run.settings)
-
-    def test_an_unknown_version(self, tmp_path, frozen):
-        with pytest.raises(ConfigError, match="7"):
-            self.experiment(tmp_path, "benchmark_version: 7\n")
 
     def test_a_run_is_not_continued_under_another_version(self, tmp_path, frozen):
         versioned, other = (self.experiment(tmp_path, more) for more in ("benchmark_version: 1\n", ""))
@@ -258,27 +231,3 @@ class TestResults:
         old = read_results(tmp_path / "old")
         assert version_lines(old.runs) == []
         assert "before version 1" in dict(circumstances(old))["Benchmark version"][0]
-
-    def test_say_how_settings_were_tuned_where_these_are_the_versions(self, tmp_path, frozen):
-        content = yaml.safe_load(frozen.read_text())
-        content[1]["training"] = {
-            "settings": {
-                name: {f"intersection/{ALONE}": version.settings_digest({"lr": 0.5})}
-                for name in ("ppo", "dqn")
-            },
-            "tuning": {"results": "a/sweep", "algorithms": {"ppo": {"trials": 12, "agent_steps": 3000}}},
-        }
-        frozen.write_text(yaml.safe_dump(content))
-        version.versions.cache_clear()
-        write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac"])
-        write(tmp_path, "ppo", 1, settings={"lr": 0.5})
-        write(tmp_path, "dqn", 1, settings={"lr": 0.5})
-        write(tmp_path, "maac", 1, submission={"status": "confirmed"})
-
-        def said():
-            return dict(circumstances(read_results(tmp_path))).get("Tuning")
-
-        assert said() == [
-            "DQN: none that is known",
-            "PPO: 12 trials of 3,000 agent-steps each (a/sweep)",
-        ]

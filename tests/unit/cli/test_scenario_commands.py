@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 
 from benchmark.cli import main
-from smarts.sstudio.locating import suite
-from tests.commands import begin, finish
 
 TINY = {
     "map.nod.xml": """<nodes>
@@ -67,11 +65,6 @@ def test_help_reaches_no_heavy_import():
     assert "scenario" in result.stdout
 
 
-def test_list_names_the_suite_in_order(smarts_bench):
-    result = smarts_bench("scenario", "list")
-    assert [line.split()[0] for line in result.stdout.splitlines()] == list(suite())
-
-
 def test_build_reports_and_is_idempotent(smarts_bench, tiny):
     first, second = smarts_bench("scenario", "build", tiny), smarts_bench("scenario", "build", tiny)
     assert first.returncode == second.returncode == 0, first.stderr
@@ -119,36 +112,13 @@ def test_show_draws_a_scenario(smarts_bench, tiny):
     assert out.stat().st_size > 5_000
 
 
-@pytest.mark.slow
-def test_what_is_left_out_of_a_map_is_said_once(tiny):
-    assert finish(begin("scenario", "build", str(tiny)))[0] == 0
-    (net,) = tiny.glob("build/*/map.net.xml")
-    bad = '<connection from="first" to="gone" fromLane="0" toLane="0"/></net>'
-    (tiny / "map.net.xml").write_text(net.read_text().replace("</net>", bad))
-    code, *written = finish(begin("scenario", "build", str(tiny)))
-    assert code == 0, written
-    said = [line for line in "".join(written).splitlines() if "left out 1 of" in line]
-    assert len(said) == 1
-    assert "'first_0' to 'gone_0'" in said[0]
-
-
-def test_show_draws_a_map_without_a_scenario_file(smarts_bench, tiny):
-    (tiny / "scenario.py").unlink()
-    out = tiny / "map.png"
-    result = smarts_bench("scenario", "show", tiny, "--out", out)
-    assert result.returncode == 0, result.stderr
-    assert out.exists()
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["build", "intersektion"], "did you mean 'intersection'"),
         (["build"], "no scenario is named"),
-        (["build", "loop", "--all"], "both names and --all"),
         (["show", "TINY", "--out", "picture.bmpx"], "picture.bmpx"),
         (["run", "TINY", "--traffic", "bussy"], "did you mean 'busy'"),
-        (["run", "TINY", "--seconds", "-1"], "--seconds"),
     ],
 )
 def test_bad_input_ends_in_one_message_and_exit_code_2(smarts_bench, tiny, arguments, said):

@@ -1,12 +1,9 @@
 """`smarts-bench zoo`: what it prints, and what it refuses."""
 
-import shutil
-
 import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
-from benchmark.cli.zoo import options_of
 from smarts.errors import SmartsError, UnknownNameError
 from smarts.zoo.agents import AGENTS
 from tests.raising import raises
@@ -60,14 +57,6 @@ def test_a_folder_is_added(folder, tmp_path):
     assert "added-v0" not in (tmp_path / "zoo.yaml").read_text()
 
 
-def test_an_agent_in_place_of_another_is_said(folder):
-    first, second = folder.with_name("first_zoo"), folder.with_name("second_zoo")
-    for copy in (first, second):
-        shutil.copytree(folder, copy)
-    assert "in place of" not in run("zoo", "add", first) + run("zoo", "add", first)
-    assert f"in place of the one in {first}" in run("zoo", "add", second)
-
-
 def test_bad_input_is_named(folder):
     for words, error in (
         (("describe", "idn-v0"), UnknownNameError),
@@ -80,11 +69,3 @@ def test_bad_input_is_named(folder):
     ):
         with pytest.raises(error):
             run("zoo", *words)
-
-
-def test_options_are_yaml():
-    given = ["tau=2", "poses=[[0, 0], [1, 0]]", "relative=true", "name=x=y"]
-    wanted = {"tau": 2, "poses": [[0, 0], [1, 0]], "relative": True, "name": "x=y"}
-    assert options_of(given) == wanted
-    with pytest.raises(SmartsError):
-        options_of(["poses=[1"])
