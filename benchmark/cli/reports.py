@@ -75,38 +75,25 @@ def leaderboard(
     typer.echo(out)
 
 
-def check_traffic(
-    results: Results,
-) -> None:
-    """Check cells by their scripted policies; exit code 0 if all checks pass, 1 if one fails or is not known.
+def check_traffic(results: Results) -> None:
+    """Check that social vehicles matter; exit code 0 if all cells pass, 1 if one fails or is not known.
 
-    Traffic, of each cell with social vehicles that has scripted policies:
+    Checked is each cell with social vehicles that has scripted policies:
 
     Keep-lane or random driving has to collide at least 0.10 more often than on empty roads (p < 0.01).
 
     Gap acceptance has to meet social vehicles in 80% of its agent-episodes.
 
-    Tasks, of each cell, if the experiment names `empty_road` or `creep` among `scripted`:
-
-    Gap acceptance has to complete 0.9, and to end otherwise than on empty roads; random and empty-road
-    driving have to complete less, and creeping has to have a lower return and to complete less among social
-    vehicles.
-
     What was not played, or in too few episodes, is not known.
     """
-    from benchmark.report.task_check import ASKING, score_table, task_checks
-    from benchmark.report.traffic_check import traffic_checks
-    from benchmark.report.verdicts import all_hold
+    from benchmark.report.traffic_check import score_table, traffic_checks
     from benchmark.results.reading import read_results
 
     found = read_results(results)
-    checks, tasks = traffic_checks(found), task_checks(found)
+    checks = traffic_checks(found)
     typer.echo(score_table(found) + "\n")
     typer.echo("\n".join(map(str, checks)) or "no scripted policy is named in a cell with social vehicles")
-    not_asked = f"tasks are not checked: no cell has {' or '.join(ASKING)} among its scripted policies"
-    typer.echo("\n" + ("\n".join(map(str, tasks)) or not_asked))
-    verdicts = [*(check.passes for check in checks), *(task.passes for task in tasks)]
-    if not verdicts or not all_hold(verdicts):
+    if not checks or not all(check.passes for check in checks):
         raise typer.Exit(1)
 
 

@@ -89,15 +89,6 @@ KINDS = (
 )
 
 
-@dataclass(frozen=True)
-class Plot:
-    """A cell's plot, for a page."""
-
-    title: str
-    source: str
-    """Data URI."""
-
-
 def note_of(kind: Kind, report: Report) -> str:
     """Return what one has to know to read a kind of plot."""
     return kind.note.format(MODE_NOTES[report.modes[0]])
@@ -108,8 +99,8 @@ def cell_title(task: str, traffic: str) -> str:
     return f"{task_label(task)}: {SHORT_TRAFFIC.get(traffic, traffic_label(traffic))}"
 
 
-def draw_cells(kind: Kind, report: Report) -> list[Plot]:
-    """Return a plot for each cell."""
+def draw_cells(kind: Kind, report: Report) -> list[tuple[str, str]]:
+    """Return title and source (a data URI) of each cell's plot."""
     import matplotlib as mpl
 
     plots = []
@@ -118,7 +109,8 @@ def draw_cells(kind: Kind, report: Report) -> list[Plot]:
             figure = new_figure(*_size(kind, report))
             panels = _panels(figure, kind, [(task, traffic)])
             kind.draw(_one_or_all(panels[0]), report, task, traffic)
-            plots.append(Plot(cell_title(task, traffic), _source(kind, figure)))
+            source = as_dots(figure) if kind.panels > 1 else as_lines(figure)
+            plots.append((cell_title(task, traffic), source))
     return plots
 
 
@@ -126,10 +118,6 @@ def _size(kind: Kind, report: Report) -> tuple[float, float]:
     """Return width and height of a cell's plot [inch]; bars need some for each row."""
     width, height = kind.size
     return width, 0.7 + 0.27 * len(report.names) if kind.name == "outcomes" else height
-
-
-def _source(kind: Kind, figure: Any) -> str:
-    return as_dots(figure) if kind.panels > 1 else as_lines(figure)
 
 
 def draw_all(kind: Kind, report: Report) -> bytes:

@@ -12,7 +12,7 @@ import pandas as pd
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics.results import Frame, measured_in
-from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.paper import algorithm_label, cell_label
 from benchmark.report.protocol import (
     SUBMITTED,
     described,
@@ -74,7 +74,7 @@ class Place:
     @property
     def cell(self) -> str:
         """Name of the cell."""
-        return f"{task_label(self.task)}, {traffic_label(self.traffic)}"
+        return cell_label(self.task, self.traffic)
 
 
 @dataclass(frozen=True)

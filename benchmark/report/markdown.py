@@ -10,7 +10,7 @@ from benchmark.report import overview, provenance, tables, wording
 from benchmark.report.content import Report, TableCell
 from benchmark.report.episode_pages import EpisodeLinks
 from benchmark.report.figures import KINDS, note_of
-from benchmark.report.paper import algorithm_label, task_differences, task_label, traffic_label
+from benchmark.report.paper import algorithm_label, cell_label, task_differences
 from benchmark.report.robustness import TITLE, Entry, Robustness
 from benchmark.report.summary import COLUMNS, IMPROVEMENT_COLUMNS, PROFILE, PROFILE_NOTE, Summaries
 
@@ -22,8 +22,8 @@ def report_text(
     report: Report,
     summaries: Summaries,
     pictures: Iterable[str],
-    links: Sequence[EpisodeLinks] = (),
-    robustness: Robustness | None = None,
+    links: Sequence[EpisodeLinks],
+    robustness: Robustness,
 ) -> str:
     """Return a report as Markdown.
 
@@ -61,7 +61,7 @@ def report_text(
         if kind.name in there:
             parts += [f"## {kind.title}", f"![{kind.title}]({kind.name}.png)", note_of(kind, report)]
     parts += ["## All metrics", *_metrics(report), "## Generalization", _generalization(report)]
-    if robustness is not None and robustness.is_there:
+    if robustness.is_there:
         parts += [f"## {TITLE}", *_robustness(robustness)]
     if links:
         parts += [
@@ -97,7 +97,7 @@ def _escaped(text: str) -> str:
 
 def _main_table(report: Report, mode: str) -> str:
     columns = report.columns
-    titles = ["Algorithm", *(f"{task_label(task)}, {traffic_label(traffic)}" for task, traffic in columns)]
+    titles = ["Algorithm", *(cell_label(task, traffic) for task, traffic in columns)]
     rows = []
     for row in report.main_table(mode):
         name = algorithm_label(row.algorithm) + (" (scripted)" if row.is_scripted else "")
@@ -128,9 +128,8 @@ def _metrics(report: Report) -> list[str]:
         lines = []
         for number, metric in enumerate(report.metrics):
             cells = [row.cells[number] for row in own]
-            unit = f" [{METRICS[metric].unit}]" if METRICS[metric].unit else ""
-            lines.append([METRICS[metric].label + unit, *map(_entry, cells)])
-        parts.append(f"### {task_label(task)}, {traffic_label(traffic)}")
+            lines.append([tables.metric_title(metric), *map(_entry, cells)])
+        parts.append(f"### {cell_label(task, traffic)}")
         parts.append(table(["Metric", *(row.label for row in own)], lines))
     parts.append("\n".join(f"{number}. {note}" for number, note in enumerate(notes, start=1)))
     return parts

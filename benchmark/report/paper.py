@@ -77,6 +77,11 @@ def task_label(name: str) -> str:
     return {**paper()["tasks"], **counterparts}.get(name, name.replace("_", " ").capitalize())
 
 
+def cell_label(task: str, traffic: str) -> str:
+    """Return the name of a cell: of its task and its traffic."""
+    return f"{task_label(task)}, {traffic_label(traffic)}"
+
+
 def traffic_label(name: str) -> str:
     """Return the paper's name of a kind of traffic, or its own in words."""
     return paper()["traffic"].get(name, name.replace("_", " ").capitalize())

@@ -14,7 +14,7 @@ from benchmark.metrics import METRICS, compare, compute
 from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
-from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.paper import algorithm_label, cell_label
 from benchmark.results.robustness import (
     CONDITION,
     PARTNER,
@@ -199,7 +199,7 @@ def _matrices(report: Report, values: Frame, needing: set[str]) -> Iterator[Matr
                 )
                 for policy in policies
             ]
-            title = f"{task_label(task)}, {traffic_label(traffic)}: {titles[kind]}"
+            title = f"{cell_label(task, traffic)}: {titles[kind]}"
             yield Matrix(title, tuple(map(_label, columns)), tuple(rows))
 
 
@@ -245,8 +245,7 @@ def _notes(played: Played, values: Frame, needing: set[str]) -> Iterator[str]:
             counts = dict(zip(map(algorithm_label, cell["policy"]), cell["note"], strict=True))
             if len({*counts.values()}) > 1:
                 said = "; ".join(f"{policy}: {note}" for policy, note in counts.items())
-                where = f"{task_label(task)}, {traffic_label(traffic)}"
-                yield f"{where}: XP is not of equally many partners: {said}."
+                yield f"{cell_label(task, traffic)}: XP is not of equally many partners: {said}."
     there = [each for name, each in conditions().items() if (values["with"] == name).any()]
     if there:
         said = "; ".join(f"{each.label}: {each.meaning[0].lower()}{each.meaning[1:]}" for each in there)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from algorithms.registry import ALGORITHMS
-from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.paper import algorithm_label, cell_label
 from benchmark.results.files import read_mapping
 from benchmark.results.reading import RunResult
 from benchmark.results.release import (
@@ -46,7 +46,7 @@ class Submitted(Verdict):
     @property
     def cell(self) -> str:
         """Name of the cell."""
-        return f"{task_label(self.task)}, {traffic_label(self.traffic)}"
+        return cell_label(self.task, self.traffic)
 
     @property
     def remarks(self) -> list[str]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
-from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.paper import algorithm_label, cell_label
 from benchmark.report.style import TEXT, line, new_figure, png
 from benchmark.statistics import (
     interquartile_mean,
@@ -114,7 +114,7 @@ def summaries_of(report: Report) -> Summaries:
     )
     found: dict[str, dict[str, Floats]] = {score: {} for score in SCORES}
     left_out = [
-        f"{algorithm_label(name)} ({task_label(task)}, {traffic_label(traffic)}: {reason})"
+        f"{algorithm_label(name)} ({cell_label(task, traffic)}: {reason})"
         for (name, task, traffic), reason in report.unlike.items()
         if name in report.algorithms
     ]

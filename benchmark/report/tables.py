@@ -12,7 +12,7 @@ from benchmark.metrics import METRICS
 from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.report.values import MODES, p_text
+from benchmark.report.values import p_text
 from benchmark.report.wording import left_out, pairs_notes
 
 GENERALIZATION_COLUMNS = {
@@ -79,15 +79,11 @@ class MetricsRow:
         """Name of the algorithm, and how many training seeds."""
         return algorithm_label(self.algorithm) + (f" ({self.seeds})" if self.seeds else "")
 
-    @property
-    def task_label(self) -> str:
-        """Name of the task."""
-        return task_label(self.task)
 
-    @property
-    def traffic_label(self) -> str:
-        """Name of the traffic."""
-        return traffic_label(self.traffic)
+def metric_title(metric: str) -> str:
+    """Return a metric's name, with its unit in brackets."""
+    unit = f" [{METRICS[metric].unit}]" if METRICS[metric].unit else ""
+    return METRICS[metric].label + unit
 
 
 def metrics_table(report: Report) -> tuple[list[MetricsRow], list[str]]:
@@ -193,8 +189,3 @@ def _seeds(report: Report, row: dict[str, Any]) -> str:
         value = report.value(row[name], row["task"], row["task_traffic"], report.modes[0], row["metric"])
         found.append(str((value.seeds if value else 0) or "-"))
     return " / ".join(found)
-
-
-def mode_choices(report: Report) -> list[tuple[str, str]]:
-    """Return the modes for a filter."""
-    return [(mode, mode) for mode in MODES if mode in report.modes]

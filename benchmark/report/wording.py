@@ -12,10 +12,9 @@ from benchmark.report.content import Report, TableCell
 from benchmark.report.paper import (
     Printed,
     algorithm_label,
+    cell_label,
     counterpart,
     impossible_sum,
-    task_label,
-    traffic_label,
 )
 from benchmark.report.protocol import described, differing_scenarios, differing_trainings
 from benchmark.report.versions import version_lines
@@ -89,14 +88,6 @@ def intervals(cell: TableCell) -> str:
         return ""
     found = [cell.collision.interval, cell.completion.interval]
     return " / ".join(found) if all(found) else "no interval"
-
-
-def interval_meaning(cell: TableCell) -> str:
-    """Return what the intervals are of."""
-    if cell.completion is None:
-        return ""
-    note = cell.completion.note
-    return note or f"95% interval: {cell.completion.label}"
 
 
 def printed_text(cells: tuple[Printed, ...]) -> str:
@@ -193,7 +184,7 @@ def _protocols(report: Report) -> list[str]:
         if len(entries) > 1:
             parts = zip(entries.values(), described([*entries]), strict=True)
             text = "; ".join(f"{', '.join(sorted(names))}: {what}" for names, what in parts)
-            said.setdefault(text, []).append(_place(*column))
+            said.setdefault(text, []).append(cell_label(*column))
     return [
         f"Ranks hold within one protocol only, and there are several in {'; '.join(cells)}: {text}."
         for text, cells in said.items()
@@ -214,12 +205,8 @@ def _environments(report: Report) -> list[str]:
         found, rebuilt = described([json.dumps(each, sort_keys=True) for each in both])
         if found != rebuilt:
             text = f"driven with {found}, where the tasks after the paper have {rebuilt}"
-            said.setdefault(text, []).append(_place(run.task, run.traffic))
+            said.setdefault(text, []).append(cell_label(run.task, run.traffic))
     return [f"{'; '.join(dict.fromkeys(cells))}: {text}." for text, cells in said.items()]
-
-
-def _place(task: str, traffic: str) -> str:
-    return f"{task_label(task)}, {traffic_label(traffic)}"
 
 
 def _against_paper(report: Report, mode: str) -> list[str]:
@@ -240,7 +227,7 @@ def _against_paper(report: Report, mode: str) -> list[str]:
     left_out: dict[tuple[str, str], list[str]] = {}
     for row, cell in every:
         if not cell.counts:
-            place = _place(cell.task, cell.traffic)
+            place = cell_label(cell.task, cell.traffic)
             named = left_out.setdefault((place, ", ".join(_reasons(cell))), [])
             named.append(algorithm_label(row.algorithm))
     if left_out:
@@ -253,12 +240,12 @@ def left_out(report: Report) -> list[str]:
     """Return what is not compared: runs that must not be, and pairs of different protocols."""
     entries: dict[str, list[str]] = {}
     for (name, *cell), reason in report.unlike.items():
-        entries.setdefault(reason, []).append(f"{algorithm_label(name)} in {_place(*cell)}")
+        entries.setdefault(reason, []).append(f"{algorithm_label(name)} in {cell_label(*cell)}")
     said = [f"Left out, since {reason}: {'; '.join(names)}." for reason, names in entries.items()]
     cells = []
     for column in report.columns:
         protocols = {protocol for (_, *cell), protocol in report.compared.items() if (*cell,) == column}
-        cells += [_place(*column)] if len(protocols) > 1 else []
+        cells += [cell_label(*column)] if len(protocols) > 1 else []
     return said + ([f"Pairs of different protocols are left out in {'; '.join(cells)}."] if cells else [])
 
 
