@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from benchmark.experiment.config import Experiment
-    from benchmark.running.api import run
+    from benchmark.running.experiment import run
     from benchmark.running.policy import Policy, load_policy
 
 __all__ = ["Experiment", "Policy", "load_policy", "run"]
@@ -23,7 +23,7 @@ _PLACES = {
     "Experiment": "benchmark.experiment.config",
     "Policy": "benchmark.running.policy",
     "load_policy": "benchmark.running.policy",
-    "run": "benchmark.running.api",
+    "run": "benchmark.running.experiment",
 }
 _SIBLINGS = ("algorithms", "smarts")
 """Packages that this one imports, and that lie beside it."""

@@ -103,9 +103,9 @@ def verify(
     """
     from benchmark.results.release import CONFIRMED
     from benchmark.running.experiment import interruptible
-    from benchmark.running.submission_folder import write_claims
     from benchmark.running.submissions import submitted
     from benchmark.running.verifying import verify as evaluate
+    from benchmark.running.verifying import write_claims
 
     manifest, folder = submitted(
         submission,
@@ -118,6 +118,8 @@ def verify(
 
     def work() -> int:
         confirmed = True
+        for each in manifest.missing:
+            typer.echo(f"missing: {each}")
         for verdict in evaluate(manifest, folder, out, **test, parallel=parallel):
             scores = ", ".join(f"{name} {value:.3f}" for name, value in verdict.scores.items())
             equal, compared = verdict.digests

@@ -57,8 +57,7 @@ def robustness(
     """
     from benchmark.report.writing import write_report
     from benchmark.running.experiment import interruptible
-    from benchmark.running.robustness import play_robustness
-    from benchmark.running.robustness_checks import Given
+    from benchmark.running.robustness import Given, play_robustness
 
     chosen = {
         name: tuple(each for each in given if each != NONE)

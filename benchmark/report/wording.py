@@ -17,8 +17,8 @@ from benchmark.report.paper import (
     impossible_sum,
 )
 from benchmark.report.protocol import described, differing_scenarios, differing_trainings
-from benchmark.report.versions import version_lines
 from benchmark.results.plurals import counted
+from benchmark.results.versions import version_lines
 
 MODE_TITLES = {"greedy": "Greedy", "sampled": "Sampled", SCRIPTED: "Scripted"}
 MODE_NOTES = {

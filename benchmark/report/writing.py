@@ -9,10 +9,16 @@ import pandas as pd
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report, make_report
-from benchmark.report.episode_pages import EPISODES, EpisodeLinks, write_episodes
+from benchmark.report.episode_pages import (
+    EPISODES,
+    EpisodeLinks,
+    are_pages,
+    keep_pages,
+    note_links,
+    write_episodes,
+)
 from benchmark.report.figures import KINDS, draw_all
 from benchmark.report.html import report_page
-from benchmark.report.kept_pages import are_pages, keep_pages, note_links
 from benchmark.report.latex import main_table
 from benchmark.report.markdown import report_text
 from benchmark.report.marl_eval import marl_eval_json

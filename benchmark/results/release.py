@@ -71,7 +71,7 @@ class Entry(Section):
     """Scenario -> digest of each test episode, in their order; held-out variations too."""
 
     def __str__(self) -> str:
-        return f"{self.algorithm}, {self.task}, {self.traffic}, seed {self.seed}"
+        return f"{self.cell}, seed {self.seed}"
 
     @property
     def place(self) -> Path:

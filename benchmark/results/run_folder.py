@@ -21,6 +21,7 @@ from typing import Any
 import yaml
 
 from benchmark.experiment.runs import OWN_CODE, changed_settings, default_settings, is_larger, with_defaults
+from benchmark.metrics import read_table
 from benchmark.results.files import (
     ResultsError,
     first_line,
@@ -34,6 +35,7 @@ from benchmark.results.files import (
     write_versioned,
     write_whole,
 )
+from smarts.errors import SmartsError
 
 CHECKPOINT, BEST, TABLE, EPISODES = "checkpoint", "best", "episodes.parquet", "episodes"
 """Of a run's folder."""
@@ -84,8 +86,10 @@ class RunFolder:
 
     @property
     def has_table(self) -> bool:
-        """Whether the test's table is there."""
-        return self.table.exists()
+        """Whether the test's table is there and whole."""
+        with suppress(SmartsError):
+            return len(read_table(self.table)) > 0
+        return False
 
     @property
     def has_episodes(self) -> bool:

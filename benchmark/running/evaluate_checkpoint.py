@@ -18,9 +18,8 @@ from benchmark.results.run_folder import RunFolder, changed_code
 from benchmark.running.evaluation_folder import check_free, evaluation_folder
 from benchmark.running.importing import named_own_code
 from benchmark.running.played import scenario_digests
-from benchmark.running.policy import Policy
+from benchmark.running.policy import Policy, read_run
 from benchmark.running.testing import EVALUATION_SEED, play_test
-from benchmark.running.trained_run import read_run
 from smarts.config import fitted
 from smarts.sstudio.build import build_scenario
 

@@ -13,7 +13,7 @@ import ray
 
 from algorithms.joint.spec import JointSpec
 from benchmark.experiment.algorithm_settings import CONFIGS
-from benchmark.experiment.config import Experiment
+from benchmark.experiment.config import Experiment, check_whole, read_experiment
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import Run, task_settings_of
@@ -21,6 +21,7 @@ from benchmark.experiment.version import differences
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
 from benchmark.results.plurals import counted
+from benchmark.results.reading import Results, read_results
 from benchmark.results.run_folder import ENDED_BY, FINISHED
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import given_hosts
@@ -263,3 +264,25 @@ def _stoppable() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def run(experiment: Experiment | str | Path, out: str | Path = "results") -> Results:
+    """Train and test an experiment, and return its results; what is finished already is not done again.
+
+    Failed runs are printed to stderr and are among `Results.unfinished`. A script that calls this has to keep
+    own code in files or packages of its own, which other processes can import.
+
+    Args:
+        experiment: What is to be run, or the file that says so; an experiment made in Python needs a name.
+        out: Folder of all results; the experiment's own is in it.
+
+    Raises:
+        ConfigError: With all mistakes that an experiment file would be refused for.
+        SmartsError: A scenario is wrong, or the folder cannot be used.
+        KeyboardInterrupt: After Ctrl-C; the same call continues.
+    """
+    made = experiment if isinstance(experiment, Experiment) else read_experiment(Path(experiment))
+    checked = check_whole(made)
+    root = Path(out) / checked.name
+    run_experiment(checked, root)
+    return read_results(root)

@@ -24,8 +24,7 @@ from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import VERSION, Run
 from benchmark.results.files import replace_folder
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.policy_modules import checked_modules
-from benchmark.running.trained_run import read_run
+from benchmark.running.policy import checked_modules, read_run
 from smarts.agents.hosting.facts import facts_of
 from smarts.errors import SmartsError
 from smarts.observations.arrays import VECTOR

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,20 +14,116 @@ from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 
 from algorithms.joint.env import CARRIED, MEMORY, AgentBlock, JointStep, VectorJointEnv
+from algorithms.joint.module import LearnerModule
 from algorithms.joint.policies import Policies
 from algorithms.joint.sampler import Sampler
+from algorithms.joint.signature import check_signature
 from algorithms.joint.spec import JointSpec
 from algorithms.joint.threads import torch_threads
-from benchmark.experiment.runs import Run
+from benchmark.experiment.runs import Run, run_from
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.given_steps import GivenSteps, among, check_step, fill, mask_in
-from benchmark.running.policy_modules import checked_modules
-from benchmark.running.trained_run import read_run
-from benchmark.running.training import config_of, unpickled
+from benchmark.running.training import check_checkpoint, config_of, unpickled
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorStep
 from smarts.errors import ActionError, nearest_names
+from smarts.registry import import_own
+
+
+def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
+    """Return the policy networks of a run's checkpoint by group.
+
+    Raises:
+        ResultsError: The checkpoint is damaged.
+        CheckpointError: The run's algorithm, or a setting of its networks, is another than the checkpoint's.
+    """
+    check_checkpoint(checkpoint)
+    built = unpickled(checkpoint / "env_runner" / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]
+    check_signature(built["config"].checkpoint_signature(), config_of(run).checkpoint_signature())
+    return policy_modules(checkpoint)
+
+
+def policy_modules(checkpoint: Path) -> dict[str, Any]:
+    """Return the policy networks of a checkpoint by group.
+
+    Raises:
+        ResultsError: It is damaged.
+    """
+    root = checkpoint / "learner_group" / "learner" / "rl_module"
+    folders = sorted(root.glob("*/"))
+    described = {folder: unpickled(folder / "class_and_ctor_args.pkl") for folder in folders}
+    made = {
+        folder.name: _module(folder, given)
+        for folder, given in described.items()
+        if not issubclass(given["class"], LearnerModule)  # critics, mixers
+    }
+    groups = [group.id for group in next(iter(made.values())).spec.groups] if made else []
+    if not made or not {*groups} <= made.keys():
+        raise ResultsError("holds no policy of each group", place=str(root), remedy="train it further")
+    return {group: made[group] for group in groups}
+
+
+def _module(folder: Path, described: Mapping[str, Any]) -> Any:
+    """Return a network, as it is described, with the weights of a checkpoint."""
+    named = described["ctor_args_and_kwargs"][1]
+    wanted = {key: named[key] for key in ("observation_space", "action_space", "model_config")}
+    with _quiet():
+        module = described["class"](**wanted, inference_only=True)
+    module.set_state(unpickled(folder / "module_state.pkl"))
+    module.eval()
+    return module
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep RLlib from warning of what its own constructor of modules does."""
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        yield
+    finally:
+        logging.disable(before)
+
+
+def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
+    """Return the run of a folder and import its own code.
+
+    Args:
+        folder: The run's.
+        imports: Files and folders of own code, by default the ones of the training.
+
+    Raises:
+        ResultsError: There is none, or its config is damaged.
+        OwnCodeError: A file or folder of own code does not exist.
+    """
+    if not folder.path.exists():
+        beside = folder.path.parent.iterdir() if folder.path.parent.is_dir() else ()
+        near = nearest_names(folder.path.name, (each.name for each in beside if each.is_dir()))
+        raise ResultsError(
+            "there is no such folder",
+            place=str(folder.path),
+            remedy=near
+            if near.startswith("did you mean")
+            else "give the folder of a run or of an exported policy",
+        )
+    try:
+        facts = folder.facts()
+        run = run_from(folder.read_config())
+        tested = (facts.get("tested") or {}).get("metrics")
+        metrics = None if tested is None else tuple(tested)
+        own = tuple(str(Path(path).absolute()) for path in imports) or run.task_setting.imports
+        import_own(own)
+        return replace(run, task_setting=replace(run.task_setting, imports=own, metrics=metrics))
+    except (ResultsError, ValueError) as error:
+        reason = error.problem if isinstance(error, ResultsError) else error
+        raise ResultsError(
+            f"not a run: {reason}",
+            place=(error.place if isinstance(error, ResultsError) else "") or str(folder.config),
+            remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1, or that "
+            "of an exported policy",
+        ) from error
+
 
 STEPS = "num_env_steps_sampled_lifetime"
 MODES = ("greedy", "sampled")

@@ -24,8 +24,8 @@ from benchmark.results.release import (
     read_manifest,
     scores_of,
 )
-from benchmark.results.run_folder import CONTINUED, SCENARIOS, RunFolder
-from benchmark.results.versions import check_one_version, unlike_version
+from benchmark.results.run_folder import SCENARIOS, RunFolder
+from benchmark.results.versions import check_one_version, commits_of, unlike_version
 from benchmark.running.exporting import export_policy
 from smarts_agent_kit.weights import file_digest
 
@@ -117,7 +117,7 @@ def _check_free(out: Path, name: str, author: str, runs: Sequence[RunResult]) ->
 def _wrong(runs: Sequence[RunResult]) -> Iterator[str]:
     """Yield what forbids a release."""
     number = runs[0].benchmark_version
-    commits = {commit for run in runs for commit in _commits(run)}
+    commits = {commit for run in runs for commit in commits_of(run)}
     seen: dict[tuple[str, str], str] = {}
     for run in runs:
         for scenario, digest in run.facts.get(SCENARIOS, {}).items():
@@ -132,11 +132,6 @@ def _wrong(runs: Sequence[RunResult]) -> Iterator[str]:
             yield f"{run}: the scenario {scenario} is not as version {number} froze it"
         for name in unlike_version(number, run.config["environment"]):
             yield f"{run}: environment.{name} is not as version {number} froze it"
-
-
-def _commits(run: RunResult) -> list[str]:
-    facts = (run.facts, *run.facts.get(CONTINUED, ()))
-    return [str(each.get("commit") or "unknown") for each in facts]
 
 
 def _missing(results: Results, runs: Sequence[RunResult]) -> Iterator[str]:
@@ -175,7 +170,7 @@ def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Pat
         seed=run.seed,
         benchmark_version=run.benchmark_version,
         agent=policy.relative_to(folder).as_posix(),
-        commit=_commits(run)[-1],
+        commit=commits_of(run)[-1],
         files={each.name: file_digest(each.read_bytes()) for each in sorted(policy.iterdir())},
         scores=scores_of(run.table),
         episodes=episode_digests(run.table),

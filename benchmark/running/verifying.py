@@ -9,6 +9,8 @@ A policy's run.json is written first, so that the folders of other runs are neve
 
 from __future__ import annotations
 
+import json
+import secrets
 import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,16 +23,30 @@ import yaml
 
 from benchmark.experiment.config import Evaluation
 from benchmark.experiment.runs import TaskSetting
+from benchmark.experiment.version import CODE, ENVIRONMENT, versions
 from benchmark.metrics import read_table
 from benchmark.metrics.results import Frame
-from benchmark.results.files import locked, named_failures, previous_of, write_whole
+from benchmark.results.files import (
+    ResultsError,
+    locked,
+    named_failures,
+    previous_of,
+    read_mapping,
+    replace_folder,
+    write_files,
+    write_json,
+    write_whole,
+)
 from benchmark.results.release import (
     ADDRESS,
     CONFIRMED,
     FRESH_SEED,
+    MANIFEST,
     MARKED,
+    POLICIES,
     REFUSED,
     SUBMISSION,
+    VERDICTS,
     Entry,
     Manifest,
     Verdict,
@@ -44,13 +60,13 @@ from benchmark.running.judging import differences, equal_digests, memorized
 from benchmark.running.machine import machine
 from benchmark.running.played import scenario_digests
 from benchmark.running.side_by_side import side_by_side
-from benchmark.running.submission_folder import identity, open_evaluation, write_verdicts
-from benchmark.running.submissions import RefusedError, agent_of, check_manifest, task_of
+from benchmark.running.submissions import RefusedError, agent_of, check_manifest, files_of, task_of
 from benchmark.running.testing import EVALUATION_SEED
 from smarts.agents.hosting.options import HostError
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.policy import BatchAgent
 from smarts.errors import ActionError, OwnCodeError, SmartsError
+from smarts_agent_kit.weights import file_digest
 
 FRESH = "fresh"
 """Folder of the fresh episodes, in a policy's."""
@@ -272,3 +288,107 @@ def _judged(
             fresh=fresh,
             knows_test=bool(known) and status != REFUSED,
         )
+
+
+def open_evaluation(manifest: Manifest, out: Path) -> int:
+    """Begin or resume an evaluation, and return the seed of its fresh episodes.
+
+    Raises:
+        ResultsError: The folder holds anything but an evaluation of the same submission.
+    """
+    file, another = out / VERDICTS, "choose another --out"
+    others = sorted(each.name for each in out.glob("[!.]*") if each != file)
+    said = read_mapping(file, remedy=another) if file.exists() else {}
+    if said.get(SUBMISSION) == _digest_of(manifest):
+        return said[FRESH_SEED]
+    # Where nothing was played, a wrong address may have been given.
+    if others or said.get("verdicts"):
+        told = "the evaluation of another submission" if said else f"something else: {', '.join(others[:5])}"
+        raise ResultsError(f"holds {told}", place=str(out), remedy=another)
+    seed = secrets.randbits(31)
+    write_verdicts(manifest, out, seed, ())
+    return seed
+
+
+def _digest_of(manifest: Manifest) -> str:
+    return file_digest(json.dumps(manifest.content(), sort_keys=True).encode())
+
+
+def write_verdicts(manifest: Manifest, out: Path, seed: int, verdicts: Sequence[Verdict]) -> None:
+    """Write verdicts.json.
+
+    Args:
+        manifest: Of the submission.
+        out: The folder.
+        seed: Of the fresh episodes.
+        verdicts: Of its policies.
+    """
+    content = {
+        "benchmark_version": manifest.benchmark_version,
+        SUBMISSION: _digest_of(manifest),
+        FRESH_SEED: seed,
+        "verdicts": [asdict(each) for each in verdicts],
+    }
+    write_json(out / VERDICTS, content)
+
+
+def identity(manifest: Manifest, entry: Entry, folder: Path) -> str:
+    """Return a digest of an entry and of the files of its policy as they are now."""
+    files = {}
+    if not entry.agent.startswith(ADDRESS):
+        files = {file.name: file_digest(file.read_bytes()) for file in files_of(folder / entry.agent)}
+    return file_digest(repr((_digest_of(manifest), entry.model_dump(), files)).encode())
+
+
+def write_claims(manifest: Manifest, folder: Path, out: Path) -> Path | None:
+    """Write a submission that claims what an evaluation of one without claims gave, and return its folder.
+
+    It holds the policies that were evaluated, and nothing else of their folders.
+
+    Returns:
+        None if the submission claims something itself, or a policy was refused or has changed since.
+
+    Raises:
+        ResultsError: The folder is in use, or cannot be written to.
+    """
+    if any(entry.episodes for entry in manifest.policies):
+        return None
+    target = out / SUBMISSION
+    with locked(out):
+        for entry in manifest.policies:
+            facts = RunFolder(out / entry.place).facts()
+            if facts.get("status") != FINISHED:
+                return None
+            if facts[SUBMISSION]["entry"] != identity(manifest, entry, folder):
+                return None
+        replace_folder(target, lambda partial: _write_claims(manifest, folder, out, partial))
+    return target
+
+
+def _write_claims(manifest: Manifest, folder: Path, out: Path, partial: Path) -> None:
+    number = manifest.benchmark_version
+    assert number is not None
+    frozen = versions()[number]
+    entries: list[Entry] = []
+    played: dict[str, dict[str, str]] = {}
+    for entry in manifest.policies:
+        place = RunFolder(out / entry.place)
+        table = read_table(place.table)
+        given: dict[str, Any] = {"scores": scores_of(table), "episodes": episode_digests(table)}
+        if not entry.agent.startswith(ADDRESS):
+            name = f"{POLICIES}/{'_'.join((entry.algorithm, entry.task, entry.traffic, str(entry.seed)))}"
+            files = {file.name: file.read_bytes() for file in files_of(folder / entry.agent)}
+            write_files(partial / name, files)
+            given["agent"] = name
+            given["files"] = {each: file_digest(content) for each, content in files.items()}
+        entries.append(entry.model_copy(update=given))
+        played.setdefault(entry.traffic, {}).update(place.facts()[SCENARIOS])
+    claimed = manifest.model_copy(
+        update={
+            "code": {part: frozen[part] for part in CODE},
+            "environment": frozen[ENVIRONMENT],
+            "scenarios": played,
+            "policies": entries,
+        }
+    )
+    write_json(partial / MANIFEST, claimed.content())

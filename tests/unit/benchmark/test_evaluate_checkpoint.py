@@ -7,7 +7,7 @@ from benchmark.experiment.runs import run_from, runs_of
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
-from benchmark.running.trained_run import read_run
+from benchmark.running.policy import read_run
 from benchmark.running.training import unpickled
 from smarts.config import ConfigError
 from tests.raising import raises

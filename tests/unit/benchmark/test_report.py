@@ -22,6 +22,7 @@ from benchmark.report.overview import COLUMNS, overview_rows
 from benchmark.report.paper import printed, task_differences, task_label
 from benchmark.report.provenance import gaps
 from benchmark.report.radar import axes_of_radar, draw_radar
+from benchmark.report.robustness import robustness_of
 from benchmark.report.style import new_figure
 from benchmark.report.summary import draw_profile, summaries_of
 from benchmark.report.tables import (
@@ -487,7 +488,7 @@ def test_an_own_experiment_is_reported_without_a_word_on_the_paper(tmp_path):
     assert report.traffic_checks
     assert not report.has_paper
     assert standing(report) == []
-    text = report_text(report, summaries_of(report), ())
+    text = report_text(report, summaries_of(report), (), (), robustness_of(report))
     assert "gainst the paper" not in text
     assert "the paper's figures" not in text
 

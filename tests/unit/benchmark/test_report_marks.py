@@ -13,6 +13,7 @@ from benchmark.report.html import report_page
 from benchmark.report.latex import main_table
 from benchmark.report.outcomes import draw_outcomes
 from benchmark.report.protocol import protocol_of
+from benchmark.report.robustness import robustness_of
 from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.summary import Summaries
 from benchmark.report.tables import difference_notes
@@ -72,7 +73,7 @@ class TestMarks:
         assert r"{\small 0.83 / 0.2$^{(\ast\ast)}$}" in sampled
 
     def test_the_colour_on_the_page_is_theirs(self, report):
-        page = report_page(report, Summaries({"completion": {}}), None)
+        page = report_page(report, Summaries({"completion": {}}), None, (), robustness_of(report))
         found = re.findall(r'paper (0\.\d+ / 0\.\d+) <span class="([\w-]+)"[^>]*>([\w -]*)</span>', page)
         assert set(found) == {
             ("0.1 / 0.07", "better", "better"),

@@ -22,8 +22,7 @@ from benchmark.running import robustness
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
 from benchmark.running.playing_together import TrainedDriver
-from benchmark.running.robustness import play_robustness
-from benchmark.running.robustness_checks import Given, cells_of
+from benchmark.running.robustness import Given, cells_of, play_robustness
 from benchmark.running.testing import play_scripted
 from benchmark.running.training import train_and_evaluate
 from benchmark.running.writing import RunWriter

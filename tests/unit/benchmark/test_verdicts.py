@@ -25,8 +25,8 @@ from benchmark.results.release import (
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import judging, verifying
 from benchmark.running.judging import differences, equal_digests, memorized, p_value
-from benchmark.running.submission_folder import write_claims
 from benchmark.running.submissions import submitted
+from benchmark.running.verifying import write_claims
 from smarts.agents.hosting.options import HostError
 from smarts.errors import TrafficError
 from tests.hand_made_results import ALONE, agent_episodes

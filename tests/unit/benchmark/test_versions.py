@@ -16,10 +16,10 @@ from benchmark.report.comparing import compare_sides, read_side
 from benchmark.report.content import make_report
 from benchmark.report.leaderboard import make_leaderboard
 from benchmark.report.provenance import circumstances
-from benchmark.report.versions import version_lines
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
+from benchmark.results.versions import version_lines
 from benchmark.running import experiment as running
 from benchmark.running.experiment import check_version
 from smarts.config import fitted
