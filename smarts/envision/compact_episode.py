@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Ints
-from smarts.envision.recorded_lights import recorded_lights
 from smarts.errors import RecordError, SmartsError
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.stream.container import framed
@@ -80,8 +79,7 @@ def messages_of(episode: RecordedEpisode, steps: Ints, policy: str = "") -> Iter
     yield from encoder.static({**static, "names": episode.table("names")})
     tables = {table.name: episode.table(table.name) for table in STEPPED if table is not OUTCOMES}
     tables[OUTCOMES.name] = _outcomes(episode.table("agents"))
-    near = {**episode.table("vehicles"), "lights": recorded_lights(episode, graph)}
-    tables["vehicles"] = _with_distant(near, episode.table("distant"), episode.table("names"))
+    tables["vehicles"] = _with_distant(*map(episode.table, ("vehicles", "distant", "names")))
     in_order = {
         name: _by_step(columns) for name, columns in tables.items() if _rows(columns) or name == "vehicles"
     }
@@ -148,7 +146,8 @@ def _with_distant(near: Columns, distant: Columns, names: Columns) -> Columns:
         **{name: names[name][row] for name in ("kind", "length", "width")},
         **{name: distant[name] / PER_METRE for name in ("x", "y", "speed")},
         "heading": distant["heading"] / PER_RADIAN,
-        "lights": np.zeros(len(row), np.int8),
+        "lane": np.full(len(row), -1, np.int32),
+        "acceleration": np.zeros(len(row)),
     }
     return {name: np.concatenate([near[name], column]) for name, column in far.items()}
 

@@ -8,9 +8,10 @@ import math
 import os
 import threading
 import time
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,8 @@ from smarts.types.events import Outcome
 
 SUFFIX = ".smarts"
 """Of files with one compact episode."""
-MOST_CACHED = 256 << 20
-"""Bytes of compact episodes that are kept."""
+MOST_CACHED = 32
+"""Compact episodes that are kept, the last ones that were asked for."""
 _ID_DIGITS = 12
 _EPISODES = "episodes"
 _FOLDERS_TO_RUN = 3
@@ -92,30 +93,18 @@ class EpisodeLibrary:
         self._entries: dict[Path, tuple[int, Entry]] = {}
         """Of episodes that were read, with the time of their last change."""
         self._making = threading.Lock()
-        self._made: OrderedDict[str, tuple[int, bytes]] = OrderedDict()
-        """Compact episodes by id, the last used ones up to `MOST_CACHED` bytes, with times of changes."""
+        self._made = lru_cache(MOST_CACHED)(lambda path, changed: read_compact(path))
         self._find()
 
     def entries(self, seconds: float = math.inf) -> list[Entry]:
-        """Return what is there now, damaged episodes included.
+        """Return what is there now, damaged episodes included; what has not changed is not read again.
 
         Args:
-            seconds: Time for reading; the episodes for which it does not suffice are `unread`. One is read
-                in any case.
+            seconds: Time for reading; the episodes for which it does not suffice are `unread`.
         """
         with self._lock:
-            roots = self._find()
-            found = {number: self._known(number, root) for number, root in roots.items()}
-            unread = [number for number, entry in found.items() if entry.unread]
-            # What is missing may be brought back.
-            damaged = [number for number, entry in found.items() if entry.error]
-            # The search for them, and waiting for another call, take as long as they take.
-            until = time.monotonic() + seconds
-            for number in unread + damaged:
-                found[number] = self._read(number, roots[number])
-                if time.monotonic() >= until:
-                    break
-        return list(found.values())
+            roots, until = self._find(), time.monotonic() + seconds
+            return [self._entry(number, root, until) for number, root in roots.items()]
 
     def _find(self) -> dict[str, Path]:
         """Bring the paths up to date; return the folder that was given of each."""
@@ -143,31 +132,18 @@ class EpisodeLibrary:
         if path is None:
             return None
         with self._making:
-            changed, found = _changed(path), self._made.get(number)
-            if found is None or found[0] != changed:
-                found = self._made[number] = changed, read_compact(path)
-            self._made.move_to_end(number)
-            while len(self._made) > 1 and sum(len(each) for _, each in self._made.values()) > MOST_CACHED:
-                self._made.popitem(last=False)
-            return found[1]
+            return self._made(path, _changed(path))
 
-    def _known(self, number: str, root: Path) -> Entry:
-        """Return what was read of an episode that has not changed since, or else its place."""
+    def _entry(self, number: str, root: Path, until: float) -> Entry:
         path = self._paths[number]
         try:
-            changed, entry = self._entries[path]
-            if changed == _changed(path):
-                return entry
-        except (KeyError, OSError):
-            pass
-        return Entry(number, _label(path), _run(path, root), unread=True)
-
-    def _read(self, number: str, root: Path) -> Entry:
-        path = self._paths[number]
-        try:
-            changed = _changed(path)
-            entry = _entry_of(number, path, root)
-            self._entries[path] = changed, entry
+            changed, (known, entry) = _changed(path), self._entries.get(path, (0, None))
+            # What a damaged one lacks may be brought back.
+            if entry is None or known != changed or entry.error:
+                if time.monotonic() >= until:
+                    return Entry(number, _label(path), _run(path, root), unread=True)
+                entry = _entry_of(number, path, root)
+                self._entries[path] = changed, entry
             return entry
         except OSError as error:
             return Entry(number, _label(path), _run(path, root), error=str(error.strerror or error))

@@ -23,7 +23,7 @@ from shapely import Point
 from smarts.arrays import Floats
 from smarts.envision.bubble_shapes import BUBBLE, bubble_shapes, moved, rings_of
 from smarts.envision.route_lines import CAR_LENGTH, place_on_map, pose_on_map, route_line, start_pose
-from smarts.envision.vehicle_shapes import footprints, vehicle_shapes
+from smarts.envision.vehicle_shapes import CAR, EGOS, footprints, vehicle_shapes
 from smarts.envision.whole_files import written_whole
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sim.moments import Moment
@@ -40,8 +40,6 @@ LANE_LINE = "#ffffff"
 LEFT_EDGE = "#d9a400"
 FLOW = "#4c78a8"
 STOP = "#2ca02c"
-EGOS = ("#d62728", "#e0627d", "#9e2a6b", "#8c564b")
-CAR = "#2c5f8a"
 BUS = "#1b7f5c"
 TRUCK = "#4d4d4d"
 LARGE_VEHICLES = {
@@ -51,6 +49,8 @@ LARGE_VEHICLES = {
     VehicleKind.TRAILER: TRUCK,
 }
 EGO_SIZE = (CAR_LENGTH, 2.0)
+MARGIN = 12.0
+"""Around the missions' routes on a sheet [m]."""
 FLATTEST, MOST_UPRIGHT = 0.12, 0.5
 """Minimum and maximum of height / width of a scenario on a sheet."""
 
@@ -58,7 +58,7 @@ Picture = tuple[BuiltScenario, str | None, Moment]
 """A scenario, the name of its traffic variation, and the vehicles to draw."""
 
 
-def scenario_picture(picture: Picture, out: Path, *, edges: bool = False, dpi: int = 150) -> None:
+def scenario_picture(picture: Picture, out: Path, *, edges: bool = False) -> None:
     """Draw one scenario, with `edges` also the ids of its roads, to a file; the suffix is the format."""
     built, traffic, _ = picture
     figure = Figure(figsize=(12, 12 * _aspect(built.roads()) + 1.0), layout="constrained")
@@ -68,13 +68,12 @@ def scenario_picture(picture: Picture, out: Path, *, edges: bool = False, dpi: i
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     figure.legend(handles=_legend([picture]), loc="outside lower center", ncols=6, frameon=False)
-    _write(figure, out, dpi)
+    _write(figure, out, 150)
 
 
-def scenario_sheet(
-    pictures: Sequence[Picture], out: Path, *, edges: bool = False, columns: int = 2, dpi: int = 100
-) -> None:
-    """Draw several scenarios side by side to one file, each cropped to its missions' routes."""
+def scenario_sheet(pictures: Sequence[Picture], out: Path, *, edges: bool = False) -> None:
+    """Draw several scenarios in two columns to one file, each cropped to its missions' routes."""
+    columns = 2
     windows = [_mission_window(built) for built, _, _ in pictures]
     aspects = [height / width for _, _, width, height in windows]
     rows = [max(aspects[first : first + columns]) for first in range(0, len(aspects), columns)]
@@ -89,7 +88,7 @@ def scenario_sheet(
     for axes in figure.axes:
         axes.set_axis_off()
     figure.legend(handles=_legend(pictures), loc="outside lower center", ncols=6, frameon=False)
-    _write(figure, out, dpi)
+    _write(figure, out, 100)
 
 
 def draw_roads(axes: Axes, roads: LaneGraph) -> None:
@@ -228,14 +227,14 @@ def _draw_scenario(axes: Axes, picture: Picture, *, edges: bool) -> None:
     axes.autoscale_view()
 
 
-def _mission_window(built: BuiltScenario, margin: float = 12.0) -> tuple[float, float, float, float]:
+def _mission_window(built: BuiltScenario) -> tuple[float, float, float, float]:
     """Return x and y of the centre, width and height [m] of a window on the missions' routes."""
     roads = built.roads()
     missions = expand(built.scenario.ego_missions or ())
     routes = [mission.route for mission in missions if not isinstance(mission, t.EndlessMission)]
     lines = [route_line(roads, route) for route in routes if isinstance(route, t.Route)]
     points = np.concatenate(lines) if lines else roads.point_xy
-    low, high = points.min(0) - margin, points.max(0) + margin
+    low, high = points.min(0) - MARGIN, points.max(0) + MARGIN
     (x, y), (width, height) = (low + high) / 2, high - low
     width = max(width, height / MOST_UPRIGHT)
     return float(x), float(y), float(width), float(max(height, width * FLATTEST))

@@ -19,8 +19,6 @@ from starlette.requests import HTTPConnection, Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
-from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
-from websockets.http11 import Request as Handshake
 
 from smarts.envision.episode_library import EpisodeLibrary, as_json
 from smarts.envision.live import LiveHub
@@ -33,8 +31,6 @@ LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _MOST_TOKEN_BYTES = 1024
 _STANDSTILL = 60_000
 """A connection that takes nothing for so long is ended [ms]."""
-_SILENCE = 60.0
-"""A publisher that answers no ping for so long is dropped: its process is stopped [s]."""
 _READING = 2.0
 """Time for reading episodes before they are listed; the page asks again for the rest [s]."""
 _FRAMES = "frame-ancestors 'self' http://localhost:* http://127.0.0.1:*"
@@ -123,16 +119,6 @@ class Guard:
         return send_with_headers
 
 
-class _Sockets(WebSocketsSansIOProtocol):
-    """WebSockets of viewers and of publishers; the latter must answer pings, since they are sent little."""
-
-    def handle_connect(self, event: Handshake) -> None:
-        """Open a connection."""
-        if event.path.partition("?")[0] == "/publish":
-            self.ping_interval, self.ping_timeout = _SILENCE / 3, _SILENCE
-        super().handle_connect(event)
-
-
 class ViewServer:
     """Serves the page and episodes.
 
@@ -171,10 +157,10 @@ class ViewServer:
             log_config=None,  # uvicorn's own closes the handlers of all others in the process
             log_level="error",
             access_log=False,
-            ws=_Sockets,
+            ws="websockets-sansio",
             ws_max_size=MOST_BYTES,
             ws_per_message_deflate=True,
-            # The answer to a ping waits behind all that a slow viewer is to get first; see `_Sockets`.
+            # The answer to a ping waits behind all that a slow viewer is to get first.
             ws_ping_timeout=None,
             timeout_graceful_shutdown=1,
             lifespan="off",

@@ -5,23 +5,28 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from smarts.arrays import Floats
 from smarts.envision.bubble_shapes import bubble_shapes, moved
-from smarts.envision.episode_legend import SOCIAL
-from smarts.envision.episode_picture import DOTS_PER_INCH, LIGHTS, Image
-from smarts.envision.scenario_picture import CAR, EGOS, draw_roads
-from smarts.envision.vehicle_shapes import air_lock_stripes, leaving_hatch, vehicle_shapes
+from smarts.envision.scenario_picture import draw_roads
+from smarts.envision.vehicle_shapes import (
+    CAR,
+    DOTS_PER_INCH,
+    EGOS,
+    SOCIAL,
+    Canvas,
+    Image,
+    driven_vehicles,
+    label_beside,
+    light_bars,
+)
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.bubbles import BubbleStates
 from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.mission import GoalKind
-from smarts.types.traffic import Signal
 
 WIDTH, HEIGHT = 800, 600
 """Of a picture [pixels]."""
@@ -50,10 +55,8 @@ class WorldPicture:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._figure = Figure(figsize=(WIDTH / DOTS_PER_INCH, HEIGHT / DOTS_PER_INCH), dpi=DOTS_PER_INCH)
-        self._canvas = FigureCanvasAgg(self._figure)
         self._axes: Any = None
-        self._background: Any = None
+        self._canvas: Any = None
         self._shown: tuple[int, Window] | None = None
 
     def image(self, row: int, start: EpisodeStart, bubbles: BubbleStates | None = None) -> Image:
@@ -65,18 +68,16 @@ class WorldPicture:
             bubbles: Where bubbles are; None: there are none.
         """
         self._prepare(start, row)
-        self._canvas.restore_region(self._background)
-        artists = [
-            *self._bubble_artists(row, start, bubbles),
-            *self._light_artists(row, start),
-            *self._vehicle_artists(row),
-            *self._ego_artists(row, start),
-            self._title(row, start),
-        ]
-        for artist in sorted(artists, key=lambda each: each.get_zorder()):
-            self._axes.draw_artist(artist)
-            artist.remove()
-        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
+        roads, signals = self._scene.atlas.graphs[start.map], self._scene.world.signals[row]
+        return self._canvas.image(
+            [
+                *self._bubble_artists(row, start, bubbles),
+                light_bars(self._axes, roads, enumerate(signals.tolist())),
+                *self._vehicle_artists(row),
+                *self._ego_artists(row, start),
+                self._title(row, start),
+            ]
+        )
 
     def _prepare(self, start: EpisodeStart, row: int) -> None:
         """Draw roads, unless they are the last ones."""
@@ -85,15 +86,14 @@ class WorldPicture:
         if shown == self._shown:
             return
         self._shown, (x, y, width) = shown, shown[1]
-        self._figure.clear()
-        self._axes = self._figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        figure = Figure(figsize=(WIDTH / DOTS_PER_INCH, HEIGHT / DOTS_PER_INCH), dpi=DOTS_PER_INCH)
+        self._axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         draw_roads(self._axes, roads)
         height = width * HEIGHT / WIDTH
         self._axes.set_xlim(x - width / 2, x + width / 2)
         self._axes.set_ylim(y - height / 2, y + height / 2)
         self._axes.set_axis_off()
-        self._canvas.draw()
-        self._background = self._canvas.copy_from_bbox(self._figure.bbox)
+        self._canvas = Canvas(figure)
 
     def _window(self, start: EpisodeStart, row: int, roads: LaneGraph) -> Window:
         """Return what is shown: the egos' routes, or the surroundings of one of them."""
@@ -124,14 +124,7 @@ class WorldPicture:
         colours = [self._colour(each) for each in agents]
         x, y = vehicles.position[row, slots].T
         places = x, y, vehicles.heading[row, slots], vehicles.length[row, slots], vehicles.width[row, slots]
-        drivers = [CAR if seen else colour for seen, colour in zip(observes, colours, strict=True)]
-        shapes: list[Any] = [*vehicle_shapes(*places, colours=drivers, edge_width=0.6)]
-        if observes.any():
-            chosen = [colour for seen, colour in zip(observes, colours, strict=True) if seen]
-            shapes.append(air_lock_stripes(*(each[observes] for each in places), colours=chosen))
-        if leaves.any():
-            shapes.append(leaving_hatch(*(each[leaves] for each in places)))
-        return [self._axes.add_collection(shape, autolim=False) for shape in shapes]
+        return driven_vehicles(self._axes, places, colours, observes, leaves)
 
     def _colour(self, agent_id: int) -> str:
         if agent_id == UNSET:
@@ -150,23 +143,8 @@ class WorldPicture:
         for agent_id, slot in enumerate(world.agents.slot[row, : world.egos].tolist()):
             if slot >= 0:
                 x, y = world.vehicles.position[row, slot].tolist()
-                style = {"fontsize": 8, "weight": "bold", "color": self._colour(agent_id), "clip_on": True}
-                frame = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
-                place = {"xytext": (9, 9), "textcoords": "offset pixels"}
-                artists.append(
-                    self._axes.annotate(str(agent_id), (x, y), zorder=10, bbox=frame, **place, **style)
-                )
+                artists.append(label_beside(self._axes, str(agent_id), (x, y), self._colour(agent_id)))
         return artists
-
-    def _light_artists(self, row: int, start: EpisodeStart) -> list[Any]:
-        roads, signals = self._scene.atlas.graphs[start.map], self._scene.world.signals[row]
-        bars, colours = [], []
-        for lane in np.flatnonzero(signals).tolist():
-            if (light := Signal(int(signals[lane]))) in LIGHTS:
-                half, end = float(roads.width[lane]) / 2, float(roads.length[lane])
-                bars.append([roads.pose_at(lane, end, t)[:2] for t in (-half, half)])
-                colours.append(LIGHTS[light])
-        return [self._axes.add_collection(LineCollection(bars, colors=colours, linewidths=3, zorder=3))]
 
     def _bubble_artists(self, row: int, start: EpisodeStart, states: BubbleStates | None) -> list[Any]:
         artists = []

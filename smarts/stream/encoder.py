@@ -4,14 +4,26 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Ints, Longs
+from smarts.geometry.frames import wrap_angle
+from smarts.stream.arrays import unpacked_array, unpacked_runs
 from smarts.stream.container import Message
-from smarts.stream.motion import AIR_LOCK, BRAKES, COLLIDED, LEAVING, Motion, steps_message
+from smarts.stream.motion import (
+    AIR_LOCK,
+    BRAKES,
+    COLLIDED,
+    LEAVING,
+    LEFT,
+    RIGHT,
+    Motion,
+    steps_message,
+)
 from smarts.stream.tables import (
     LIVE,
     STATIC,
@@ -28,8 +40,10 @@ from smarts.types.events import Event
 Tables = Mapping[str, Mapping[str, Any]]
 """Columns by the names of tables and columns."""
 
-LIGHTS_SHIFT = 3
-"""`vehicles.lights` are the bits of `Motion.flags` from this one on: brake, left, right."""
+BRAKING = -0.5
+"""Vehicles show their brake lights at this acceleration or below [m/s^2]."""
+TURN_ANGLE = 0.4
+"""Vehicles show a turn indicator on a way through a junction that bends by more [rad]."""
 _BRAKE = 0.05
 """An agent shows its brake lights at this position of the pedal."""
 _FINEST = 256
@@ -61,7 +75,8 @@ class EpisodeEncoder:
         self._told: set[int] = set()
         self._names: dict[int, str] = {}
         self._collided: set[int] = set()
-        self._holds = _Holds()
+        self._indicators = turn_indicators(road_map["lanes"])
+        self._holds = _Holds({"agent_id": (), "first_step": (), "agent": ()})
 
     def opening(self) -> list[dict[str, Any]]:
         """Return the messages of the episode and its map."""
@@ -75,8 +90,7 @@ class EpisodeEncoder:
             keys = _key(names["slot"], names["generation"]).tolist()
             self._names |= dict(zip(keys, names["name"], strict=True))
         if "agents" in tables:
-            self._holds = _Holds()
-            self._holds.add(tables["holds"] if "holds" in tables else _kept_columns(tables["agents"]))
+            self._holds = _Holds(tables["holds"] if "holds" in tables else _kept_columns(tables["agents"]))
         return self._stamped(
             [
                 message
@@ -129,9 +143,8 @@ class EpisodeEncoder:
 
     def untold(self) -> EpisodeEncoder:
         """Return an encoder for one more reader, which numbers and names vehicles as this one does."""
-        origin = float(self._origin[0]), float(self._origin[1])
-        other = EpisodeEncoder(self._map, origin, self._facts, self._stamp)
-        other.number_as(self)
+        other = copy(self)
+        other._told, other._collided = set(), set(self._collided)
         return other
 
     def number_as(self, other: EpisodeEncoder) -> None:
@@ -169,8 +182,9 @@ class EpisodeEncoder:
     ) -> tuple[NDArray[np.uint16], NDArray]:
         """Return the flags and the steering angles of rows [rad], shape (N,) each."""
         step = np.asarray(vehicles["step"])
-        flags = np.asarray(vehicles["owner"]).astype(np.uint16)
-        flags |= np.asarray(vehicles["lights"]).astype(np.uint16) << LIGHTS_SHIFT
+        flags, lane = np.asarray(vehicles["owner"]).astype(np.uint16), np.asarray(vehicles["lane"])
+        flags |= self._indicators[np.where((lane >= 0) & (lane < len(self._indicators) - 1), lane, -1)]
+        flags[np.asarray(vehicles["acceleration"]) <= BRAKING] |= BRAKES
         steering = np.zeros(len(step))
         since = {number: -1 for number in self._collided}
         if states is not None and len(states["step"]):
@@ -224,18 +238,26 @@ class EpisodeEncoder:
         return [{**message, **self._stamp} for message in messages]
 
 
+def turn_indicators(lanes: Mapping[str, Any]) -> NDArray[np.uint16]:
+    """Return the turn indicators of each lane as bits of `Motion.flags`, shape (L + 1,); the last is 0."""
+    start = unpacked_array(lanes["start"]).astype(np.int64)
+    x, y = (unpacked_runs(lanes[name], start[:-1]) for name in "xy")
+    heading = np.arctan2(np.diff(y), np.diff(x))
+    has_line = np.diff(start) >= 2
+    first, last = np.where(has_line, start[:-1], 0), np.where(has_line, start[1:] - 2, 0)
+    bend = wrap_angle(heading[last] - heading[first])
+    is_turn = has_line & (unpacked_array(lanes["junction"]) == 1) & (np.abs(bend) > TURN_ANGLE)
+    bits = np.where(is_turn, np.where(bend > 0.0, LEFT, RIGHT), 0)
+    return np.append(bits, 0).astype(np.uint16)
+
+
 class _Holds:
     """Which agent has each column, since when."""
 
-    def __init__(self) -> None:
-        self._at, self._agent = np.zeros(0, np.int64), np.zeros(0, np.int64)
-
-    def add(self, holds: Columns) -> None:
-        """Take further rows of `holds`."""
-        at = np.append(self._at, _key(np.asarray(holds["agent_id"]), np.asarray(holds["first_step"])))
-        agent = np.append(self._agent, holds["agent"])
+    def __init__(self, holds: Columns) -> None:
+        at = _key(np.asarray(holds["agent_id"]), np.asarray(holds["first_step"]))
         order = np.argsort(at, kind="stable")
-        self._at, self._agent = at[order], agent[order]
+        self._at, self._agent = at[order], np.asarray(holds["agent"])[order]
 
     def agents(self, agent_id: NDArray, step: NDArray) -> Longs:
         """Return the agents that have columns in some steps, -1 where there is none."""

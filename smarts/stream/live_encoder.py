@@ -11,12 +11,9 @@ from smarts.arrays import Floats
 from smarts.errors import RecordError
 from smarts.stream.container import Message
 from smarts.stream.encoder import EpisodeEncoder
-from smarts.stream.live_indicators import LiveIndicators
 from smarts.stream.tables import OUTCOMES, Columns, table_messages
 from smarts.types.episode_schema import AGENT_STATES, BUBBLE_POSES, DECISIONS, SIGNALS, VEHICLES, Table
 
-BRAKING = -0.5
-"""Vehicles show their brake lights at this acceleration or below [m/s^2]."""
 MOST_VEHICLES = 65_535
 """At a time."""
 _BLOCKS = VEHICLES, AGENT_STATES, DECISIONS
@@ -62,7 +59,6 @@ class LiveEncoder:
         if before is not None and before.serial == serial:
             # Viewers know the vehicles of this episode by their numbers.
             self._encoder.number_as(before._encoder)
-        self._indicators = LiveIndicators(road_map, max(1e-3, float(facts.get("dt", 0.1))))
         self._static: dict[str, Columns] = {}
         self._outcomes: Columns = {}
         self._frame: _Frame | None = None
@@ -150,8 +146,6 @@ class LiveEncoder:
             raise self._bad(f"{len(vehicles['step'])} vehicles")
         if any((tables[name]["step"] != step).any() for name in ("vehicles", "agent_states")):
             raise self._bad("rows of another step")
-        braking = (vehicles["acceleration"] <= BRAKING).astype(np.int8)
-        vehicles["lights"] = braking | self._indicators.lights(vehicles, step)
         agents = np.array([*map(int, message["agent"])], np.int64)
         for rows in tables.values():
             if "agent_id" in rows:

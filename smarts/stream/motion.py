@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Floats, Ints
-from smarts.errors import RecordError
-from smarts.stream.arrays import packed_array, packed_runs, unpacked_array, unpacked_runs
+from smarts.stream.arrays import damaged, packed_array, packed_runs, unpacked_array, unpacked_runs
 
 PER_METRE = 100
 """Units of x, y and speed: 1 cm, 1 cm/s."""
@@ -129,16 +128,16 @@ def motion_of(message: dict[str, Any]) -> Motion:
     if len(steps) != 1 or "count" in message:
         begin, count = (unpacked_array(message.get(name)).astype(np.int64) for name in ("begin", "count"))
     if not (len(number) == len(begin) == len(count)) or (count < 1).any() or count.sum() > MOST_ROWS:
-        raise _damaged(f"{len(number)} runs of {count.sum()} rows")
+        raise damaged(f"{len(number)} runs of {count.sum()} rows")
     if (begin < 0).any() or (begin + count > len(steps)).any() or (np.diff(steps) <= 0).any():
-        raise _damaged("runs that are longer than the steps, or steps in disorder")
+        raise damaged("runs that are longer than the steps, or steps in disorder")
     starts = np.cumsum(count) - count
     x, y, heading, speed, steer = (unpacked_runs(message.get(name), starts) for name in _COLUMNS)
     columns = x, y, heading, speed, steer
     flags = unpacked_array(message.get("flags"))
     rows = int(count.sum())
     if any(len(column) != rows for column in (*columns, flags)):
-        raise _damaged(f"columns that have not {rows} rows")
+        raise damaged(f"columns that have not {rows} rows")
     place = np.arange(rows) - np.repeat(starts - begin, count)
     return Motion(np.repeat(number, count).astype(np.int32), steps[place], *columns, flags.astype(np.uint16))
 
@@ -148,11 +147,3 @@ def _first_of_runs(number: NDArray, place: NDArray) -> Bools:
     first = np.ones(len(number), np.bool_)
     first[1:] = (number[1:] != number[:-1]) | (place[1:] != place[:-1] + 1)
     return first
-
-
-def _damaged(problem: str) -> RecordError:
-    return RecordError(
-        f"a damaged message 'steps': {problem}",
-        place="the stream",
-        remedy="bring the file back from a copy, or make it again",
-    )

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.errors import RecordError
-from smarts.stream.arrays import packed_array, unpacked_array
+from smarts.stream.arrays import damaged, packed_array, unpacked_array
 from smarts.stream.container import VERSION, Message
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.agent_states import AgentStatus, ChangePhase
@@ -136,10 +135,10 @@ def columns_of(message: Message) -> dict[str, Any]:
     """
     named = message.get("columns")
     if not isinstance(named, dict):
-        raise _damaged(message, "no columns")
+        raise damaged("a table without columns")
     columns = {str(name): values_of(named, name) for name in named}
     if len({len(each) for each in columns.values()}) > 1:
-        raise _damaged(message, "columns of different lengths")
+        raise damaged("a table whose columns have different lengths")
     return columns
 
 
@@ -152,7 +151,7 @@ def values_of(columns: Message, name: str) -> Any:
     try:
         return _values(columns[name])
     except (KeyError, TypeError, AttributeError, IndexError, ValueError) as error:
-        raise _damaged(columns, f"column {name}: {error}") from error
+        raise damaged(f"the column {name}: {error}") from error
 
 
 def _parts(rows: int, columns: Columns) -> list[tuple[int, int]]:
@@ -203,11 +202,3 @@ def _values(column: Any) -> Any:
 def _plain(value: Any) -> Any:
     """Return a number or text that msgpack knows."""
     return value.item() if isinstance(value, np.generic) else value
-
-
-def _damaged(message: Message, problem: str) -> RecordError:
-    return RecordError(
-        f"a damaged table '{message.get('name', message.get('type'))}': {problem}",
-        place="the stream",
-        remedy="bring the file back from a copy, or make it again",
-    )

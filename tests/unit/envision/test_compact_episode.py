@@ -1,19 +1,15 @@
 """Compact episodes against the recordings that they are made of."""
 
-import shutil
-
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 import shapely
 
 from smarts.envision.compact_episode import compact_episode
-from smarts.errors import RecordError, SmartsError
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.stream.arrays import unpacked_array, unpacked_runs
-from smarts.stream.motion import AIR_LOCK, BRAKES, COLLIDED, LEAVING, OWNER_BITS
+from smarts.stream.motion import AIR_LOCK, COLLIDED, LEAVING, OWNER_BITS
 from smarts.stream.reading import CompactEpisode
-from smarts.stream.road_map import CENTRE, DASHED, EDGE, NO_LINE, map_message, origin_of
+from smarts.stream.road_map import CENTRE, EDGE, map_message, origin_of
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Event, Outcome
 from smarts.types.traffic import Signal
@@ -60,22 +56,6 @@ def test_every_row_is_there_to_the_centimetre(recorded):
     np.testing.assert_array_equal(motion.flags[found] & OWNER_BITS, rows["owner"][order])
 
 
-def test_brakes_shine_while_a_vehicle_slows_down(recorded):
-    motion = CompactEpisode(compact_episode(recorded)).motion
-    car = motion.number == 1
-    shines = motion.step[car & ((motion.flags & BRAKES) != 0)]
-    # Speeds 10, 9.5, 8, 6, 6 m/s: it slows down in the steps that end at 81, 82 and 83.
-    assert shines.tolist() == [81, 82, 83]
-
-
-def test_rows_of_agents_say_which_row_of_agents_they_are(recorded):
-    tables = CompactEpisode(compact_episode(recorded)).tables
-    assert set(tables["agent_states"]["agent"]) == {0}
-    outcomes = tables["outcomes"]
-    assert outcomes["outcome"].tolist() == [Outcome.COLLISION]
-    assert outcomes["agent"].tolist() == [0]
-
-
 @pytest.mark.parametrize("name", ["intersection", "bubbles"])
 def test_a_file_that_is_cut_plays_up_to_the_cut(name):
     data = (FOLDER / f"{name}.smarts").read_bytes()
@@ -98,20 +78,6 @@ def test_a_part_of_an_episode_has_what_lasts_from_before(recorded):
     assert episode.tables["agent_states"]["step"].min() == 100
     assert episode.tables["decisions"]["step"].tolist() == [40]
     assert (episode.motion.flags & COLLIDED).all()
-
-
-def test_a_part_that_is_empty_is_refused(recorded):
-    with pytest.raises(SmartsError):
-        compact_episode(recorded, 1000.0, None)
-
-
-def test_a_table_without_a_column_is_refused(recorded, tmp_path):
-    shutil.copytree(recorded.folder.parent, tmp_path / "copy")
-    folder = tmp_path / "copy" / recorded.folder.name
-    file = folder / "agents.parquet"
-    pq.write_table(pq.read_table(file).drop_columns(["outcome"]), file)
-    with pytest.raises(RecordError, match=str(folder)):
-        compact_episode(RecordedEpisode(folder))
 
 
 def test_the_bytes_of_a_vehicle_and_step():
@@ -153,19 +119,6 @@ def test_the_map_is_less_than_two_centimetres_off(graph):
     for lane in range(len(graph.lane_ids)):
         drawn = shapely.LineString(xy[start[lane] : start[lane + 1]])
         assert shapely.hausdorff_distance(drawn, shapely.LineString(graph.centreline(lane))) < 0.021
-
-
-def test_lines_between_lanes(graph):
-    lanes = map_message(graph, "d")["lanes"]
-    left, right = unpacked_array(lanes["left"]), unpacked_array(lanes["right"])
-    for edge in graph.road_edges:
-        rows = graph.edge_lanes(graph.edge_number(edge))
-        assert right[rows[0]] == EDGE
-        assert left[rows[-1]] == EDGE
-        for lane in rows[:-1]:
-            assert left[lane] == DASHED
-            assert right[lane + 1] == DASHED
-    assert set(left[graph.is_internal]) <= {NO_LINE}
 
 
 def test_roads_of_two_directions_have_a_line_between_them():

@@ -2,10 +2,7 @@ import base64
 import hashlib
 import html.parser
 
-import pytest
-
-from smarts.envision.viewer_page import MOST_BYTES, Embedded, page_with, policy_of
-from smarts.errors import SmartsError
+from smarts.envision.viewer_page import Embedded, page_with, policy_of
 from tests.viewers import PAGE
 
 HOSTILE = "</script><img src=x onerror=alert(1)>\"'&"
@@ -46,8 +43,3 @@ def test_the_policy_names_the_code_and_the_style_that_were_built():
         if attrs.get("http-equiv") == "Content-Security-Policy"
     )
     assert policy == policy_of(PAGE) == policy_of(with_episode)
-
-
-def test_a_page_that_is_too_large_is_refused():
-    with pytest.raises(SmartsError, match="long"):
-        page_with([Embedded("1", "long", bytes(MOST_BYTES))], PAGE)

@@ -35,12 +35,9 @@ def test_a_window_shows_one_picture_after_another_in_the_same_figure(monkeypatch
         shown.show(picture(above, below))
         canvas = shown._figure.canvas
         canvas.draw()
-        pixels = np.asarray(canvas.buffer_rgba())[..., :3]
-        middle = pixels.shape[1] // 2
+        middle = np.asarray(canvas.buffer_rgba())[:, canvas.get_width_height()[0] // 2, :3]
         # The picture keeps its proportions and fills the figure's height or width.
-        rows = pixels[:, middle]
-        assert tuple(rows[len(rows) // 4]) == above
-        assert tuple(rows[-len(rows) // 4]) == below
+        assert (tuple(middle[len(middle) // 4]), tuple(middle[-len(middle) // 4])) == (above, below)
     assert plt.get_fignums() == figures
     shown.close()
     assert len(plt.get_fignums()) == len(figures) - 1

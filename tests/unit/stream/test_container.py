@@ -15,10 +15,6 @@ from smarts.types.episode_schema import EXTRAS, SIGNALS
 MESSAGES = [{"type": "a", "n": 1}, {"type": "b", "text": "é<script>"}, {"type": "c", "d": b"\0" * 40}]
 
 
-def test_messages_come_back_in_order():
-    assert list(messages_in(b"".join(framed(MESSAGES)))) == MESSAGES
-
-
 def test_a_file_that_is_cut_at_any_byte_has_what_is_before_the_cut():
     data = b"".join(framed(MESSAGES))
     ends = np.cumsum([len(part) for part in framed(MESSAGES)]).tolist()

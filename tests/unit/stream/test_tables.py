@@ -5,8 +5,11 @@ import pytest
 
 from smarts.stream import tables
 from smarts.stream.container import pack, unpack
-from smarts.stream.tables import MOST_ROWS, STEPPED, columns_of, table_messages
-from smarts.types.episode_schema import SIGNALS
+from smarts.stream.encoder import turn_indicators
+from smarts.stream.motion import LEFT, RIGHT
+from smarts.stream.road_map import map_message
+from smarts.stream.tables import STEPPED, columns_of, table_messages
+from tests.maps import crossing
 
 (OBSERVATIONS,) = (table for table in STEPPED if table.name == "observations")
 
@@ -44,11 +47,14 @@ def test_large_grids_arrive_in_several_messages(monkeypatch, rows, shape, parts)
         np.testing.assert_array_equal(got, given)
 
 
-@pytest.mark.parametrize("rows", [0, MOST_ROWS, MOST_ROWS + 1])
-def test_rows_are_split_by_their_number(rows):
-    columns = {name: np.arange(rows) for name in SIGNALS.names}
-    columns["signal"] = np.zeros(rows)
-    messages = table_messages(SIGNALS, columns, append=True)
-    assert len(messages) == max(1, -(-rows // MOST_ROWS))
-    assert all(message["append"] for message in messages)
-    assert joined(messages)["step"] == [*range(rows)]
+def test_vehicles_show_indicators_where_they_turn():
+    graph = crossing()
+    inside, headings = np.flatnonzero(graph.is_internal), graph.point_heading
+    bend = np.array([headings[graph.point_start[i + 1] - 1] - headings[graph.point_start[i]] for i in inside])
+    bend = (bend + np.pi) % (2 * np.pi) - np.pi
+    expected = np.select([bend > 0.4, bend < -0.4], [LEFT, RIGHT], 0)
+    assert {*expected.tolist()} == {0, LEFT, RIGHT}
+    found = turn_indicators(map_message(graph, "")["lanes"])
+    assert found[inside].tolist() == expected.tolist()
+    assert not found[:-1][~graph.is_internal].any()
+    assert not found[-1]
