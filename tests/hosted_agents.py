@@ -65,9 +65,6 @@ class Misbehaving(BatchAgent):
     def leave(self, count):
         os._exit(7)
 
-    def raise_error(self, count):
-        raise ValueError("not today")
-
     def raise_lines(self, count):
         raise ValueError("not\ntoday \x1b[31m red\udc80" + 2000 * " x\t")
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from smarts.agents.hosting.log import messages_of
 from smarts.env.vector import VectorHiWayEnv
 
 DRAWING, MISBEHAVING = "tests.hosted_agents:drawing-v0", "tests.hosted_agents:misbehaving-v0"
@@ -62,14 +61,3 @@ def workers_of(link):
 def host_of(env):
     """Return where an environment's social agents act."""
     return env._runner._requests._host
-
-
-def decided(log):
-    """Return seeds and steps of the decisions in a log: those in time, and late ones."""
-    taken, late = set(), set()
-    for file in Path(log).glob("*.decisions"):
-        _, *messages = messages_of(file)
-        for message in messages:
-            keys = zip(message.arrays["seed"].tolist(), message.arrays["step"].tolist(), strict=True)
-            (late if message.values.get("late") else taken).update(keys)
-    return taken, late

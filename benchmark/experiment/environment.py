@@ -88,10 +88,6 @@ class Host(Section):
     """Steps from an answer to when it is carried out."""
     memory: Annotated[float, Field(gt=0)] = 8.0
     """Of a process [GB]."""
-    log: str = ""
-    """Folder to which decisions are written, late ones too; "": none."""
-    replay: str = ""
-    """Folder of such a log, in place of the agent; "": none."""
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
@@ -205,7 +201,7 @@ def _timing(host: str | Host) -> dict[str, Any]:
     """Return the settings of a host that change its agents' actions."""
     if isinstance(host, str):
         return {}
-    names = ("deadline_ms", "delay_steps", "replay")
+    names = ("deadline_ms", "delay_steps")
     found = {name: getattr(host, name) for name in names if getattr(host, name)}
     if host.patience != Host.model_fields["patience"].default:
         found["patience"] = host.patience

@@ -62,7 +62,7 @@ class SeparateAgents(RemoteAgent):
     """
 
     def __init__(self, agent: RemoteAgent) -> None:
-        super().__init__(agent.start, agent.options)
+        super().__init__(agent.start, agent.facts, agent.options)
         self._agents: dict[int, RemoteAgent] = {}
 
     def act(self, obs: ActionBatch) -> NDArray:
@@ -76,7 +76,7 @@ class SeparateAgents(RemoteAgent):
         answers = []
         for row, vehicle in enumerate(obs.agent_id.tolist()):
             if vehicle not in self._agents:
-                self._agents[vehicle] = RemoteAgent(self.start, self.options)
+                self._agents[vehicle] = RemoteAgent(self.start, self.facts, self.options)
             answers.append(self._agents[vehicle].act(_row_of(obs, row)))
         if len({each.shape for each in answers}) > 1:
             shapes = ", ".join(str(each.shape[1:]) for each in answers)

@@ -1,7 +1,7 @@
 """The archive of code that Ray brings to the machines of a cluster, which have only third-party packages.
 
 It holds this program with its compiled kernels, own code, scenarios with their builds, and folders of added
-agents, logs to be replayed. `smarts.shipped` says where the user's files are in it.
+agents. `smarts.shipped` says where the user's files are in it.
 """
 
 from __future__ import annotations
@@ -25,8 +25,6 @@ from benchmark.experiment.runs import task_settings_of
 from benchmark.results.files import ResultsError
 from benchmark.running.machine import COMMIT, commit
 from benchmark.running.played import held_out_of
-from smarts.agents.hosting.log import SUFFIX
-from smarts.errors import SmartsError
 from smarts.shipped import PROGRAM, SHIPPED, TIMES
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.cache import BuildCache
@@ -53,12 +51,11 @@ def shipped_code(experiment: Experiment) -> Iterator[dict[str, Any] | None]:
 
     Raises:
         ResultsError: A file cannot be read, or all of them are too large.
-        SmartsError: A scenario cannot be built, or `hosts` has a `log`, or the relative path of one.
+        SmartsError: A scenario cannot be built.
     """
     if experiment.resources.address is None:
         yield None
         return
-    _check_hosts(experiment)
     with tempfile.TemporaryDirectory(prefix="smarts-bench-") as folder:
         archive = Path(folder, "code.zip")
         try:
@@ -70,33 +67,6 @@ def shipped_code(experiment: Experiment) -> Iterator[dict[str, Any] | None]:
         _check_size(archive)
         zoo = {"SMARTS_ZOO": str(zoo_file().absolute())}
         yield {"working_dir": str(archive), "worker_process_setup_hook": SET_UP, "env_vars": zoo}
-
-
-def _check_hosts(experiment: Experiment) -> None:
-    """Raise if decisions of hosts are to be written, or read from a path that other machines do not have."""
-    for locator, host in experiment.environment.hosts.items():
-        place = f"environment.hosts.{locator}"
-        if isinstance(host, str):
-            continue
-        if host.log:
-            raise SmartsError(
-                f"log is {host.log!r}, a folder of this machine",
-                place=f"{place}.log",
-                remedy="leave it out, or run without resources.address",
-            )
-        if host.replay and not Path(host.replay).is_absolute():
-            raise SmartsError(
-                f"replay is {host.replay!r}, a path from where this command runs",
-                place=f"{place}.replay",
-                remedy=f"give the absolute path: {_normal(Path(host.replay).absolute())}",
-            )
-
-
-def _replayed(experiment: Experiment) -> Iterator[Path]:
-    """Yield the files of the logs that are replayed."""
-    hosts = experiment.environment.hosts.values()
-    for folder in dict.fromkeys(host.replay for host in hosts if not isinstance(host, str) and host.replay):
-        yield from sorted(_normal(Path(folder)).glob(f"*{SUFFIX}"))
 
 
 def _check_size(archive: Path) -> None:
@@ -156,7 +126,6 @@ def _files(experiment: Experiment) -> Iterator[Path]:
     for path in experiment.imports:
         yield from _in(Path(path))
     yield from _zoo()
-    yield from _replayed(experiment)
     for location, artefacts in _scenarios(experiment):
         folder = location.directory
         yield from _in(folder / location.map_file if location.map_file else folder)

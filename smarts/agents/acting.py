@@ -1,4 +1,4 @@
-"""The host of social policies in this process: `dispatch` takes requests, `gather` returns the answers.
+"""The social policies of this process: `dispatch` takes requests, `gather` returns the answers.
 
 Policies elsewhere compute in between (`smarts.agents.hosting`); those here compute in `gather`. A request has
 all vehicles of one policy that decide now, in all simulations, so a policy gets one request in a step.
@@ -67,30 +67,6 @@ class Answer(NamedTuple):
         return self.at(kept) if kept.any() else None
 
 
-class AgentHost(Protocol):
-    """Runs the social policies."""
-
-    def begin(self) -> None:
-        """Make the policies ready; called at each reset."""
-        ...
-
-    def dispatch(self, requests: Mapping[int, Request]) -> None:
-        """Send requests by the policy's number, without waiting."""
-        ...
-
-    def gather(self) -> Sequence[Answer]:
-        """Return the answers to all requests; called in every step."""
-        ...
-
-    def forget(self, rows: Collection[int]) -> None:
-        """Drop the requests of some simulations and what agents remember there: other episodes begin."""
-        ...
-
-    def close(self) -> None:
-        """End the policies; may be called again."""
-        ...
-
-
 class InProcess:
     """Runs the policies in this process: they decide when their actions are fetched, however long they take.
 
@@ -106,9 +82,6 @@ class InProcess:
             number: _player(policy) for number, policy in enumerate(policies) if policy.acts_here
         }
         self._asked: list[tuple[int, Request]] = []
-
-    def begin(self) -> None:
-        """Do nothing: the policies are there."""
 
     def dispatch(self, requests: Mapping[int, Request]) -> None:
         """Keep the requests."""

@@ -118,16 +118,6 @@ def check_instance(
         raise _refusal(name, value, place, f"give {example}")
 
 
-def check_list(name: str, value: Any, kind: type | tuple[type, ...], example: str, place: str = "") -> None:
-    """Raise unless a value is a list (or tuple) of values of a type; a text is not a list of letters.
-
-    Raises:
-        InterfaceError: The value is something else; the remedy shows an example.
-    """
-    if not isinstance(value, list | tuple) or not all(isinstance(item, kind) for item in value):
-        raise _refusal(name, value, place, f"give a list such as {example}")
-
-
 def check_truth(name: str, value: Any, place: str = "") -> None:
     """Raise unless a value is True or False."""
     check_instance(name, value, (bool, np.bool_), "True or False", place)

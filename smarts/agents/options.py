@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from smarts.agents.checks import Count, InterfaceError, Number, Positive, Sequence, WholeFrom0, checked
-
-MOST_RAYS = 200_000
-"""Most points of a lidar, so that they fit into memory."""
+from smarts.agents.checks import Count, Number, Positive, Sequence, WholeFrom0, checked
+from smarts.agents.checks import InterfaceError as InterfaceError
 
 
 @checked
@@ -64,12 +62,6 @@ class SensorParams:
     """Without effect, as in the original [m]."""
     noise_sigma: Number
     """Without effect, as in the original [m]."""
-
-    def __post_init__(self) -> None:
-        rays = len(self.laser_angles) * self.rays_around
-        if not 1 <= rays <= MOST_RAYS:
-            problem = f"laser_angles and angle_resolution make {rays} rays"
-            raise InterfaceError(problem, place="SensorParams", remedy=f"give 1 to {MOST_RAYS} rays")
 
     @property
     def rays_around(self) -> int:

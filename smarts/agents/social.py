@@ -14,7 +14,6 @@ from smarts.agents.checks import (
     Positive,
     Sequence,
     check_instance,
-    check_list,
     checked,
 )
 from smarts.agents.hosting.options import HERE, HostOptions, Starter
@@ -52,13 +51,11 @@ class SocialPolicy:
     """Starts the agent elsewhere; None: it acts in this process."""
     host: HostOptions = HERE
     """In what time it acts."""
-    options: str = ""
-    """The arguments of its policy, as `Wanted` has them."""
 
     @property
     def acts_here(self) -> bool:
         """Whether it acts in this process."""
-        return self.start is None and not self.host.replay
+        return self.start is None
 
 
 class Wanted(NamedTuple):
@@ -144,14 +141,12 @@ def bubble_learning(bubbles: Any, episode_time: Any) -> BubbleLearning | None:
             place="episode_time",
             remedy="give the length of episodes [s], such as episode_time=60",
         )
-    if bubbles is True:
-        return BubbleLearning(episode_time)
-    check_list("learn_in_bubbles", bubbles, str, "['left-turn'], or True for all bubbles")
-    if not bubbles:
+    learning = BubbleLearning(episode_time, () if bubbles is True else bubbles)
+    if bubbles is not True and not learning.bubbles:
         raise InterfaceError(
             "learn_in_bubbles is empty", place="learn_in_bubbles", remedy="name bubbles, or give True for all"
         )
-    return BubbleLearning(episode_time, bubbles)
+    return learning
 
 
 def social_agents(given: Any) -> tuple[SocialAgents, ...]:

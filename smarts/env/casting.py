@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from smarts.agents.acting import FAILURES, built_agent
-from smarts.agents.hosting.facts import check_period, facts_from
+from smarts.agents.hosting.facts import check_period
 from smarts.agents.hosting.links import InChildProcess, is_address
-from smarts.agents.hosting.log import FILE_REMEDY, Recorded, not_recorded, recorded
 from smarts.agents.hosting.options import (
     IN_PROCESS,
     OTHERS,
@@ -19,7 +18,7 @@ from smarts.agents.hosting.options import (
     Starter,
     host_of,
 )
-from smarts.agents.hosting.remote import RemoteAgent, Started
+from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.policy import Agent, BatchAgent
@@ -145,14 +144,12 @@ def _check_hosts(hosts: HostsByLocator, policies: Sequence[SocialPolicy]) -> Non
 
 
 def check_agent(locator: str, options: Mapping[str, Any], hosts: HostsByLocator = HOSTS_HERE) -> None:
-    """Raise unless an agent of the zoo can be made and drive, or a log has its decisions.
+    """Raise unless an agent of the zoo can be made and drive.
 
     Raises:
         SmartsError: It cannot; names the locator.
     """
-    start = _policy(Part(locator, locator, options, ""), hosts).start
-    if isinstance(start, Started):
-        start.close()
+    _policy(Part(locator, locator, options, ""), hosts)
 
 
 def _check_learning(scenarios: Sequence[BuiltScenario], learning: BubbleLearning) -> None:
@@ -232,7 +229,7 @@ def _policy(part: Part, hosts: HostsByLocator = HOSTS_HERE) -> SocialPolicy:
     """Make a policy once, to see what it observes; whoever runs it makes its own."""
     host = host_of(hosts, part.locator)
     try:
-        return _replayed(part, host, hosts) if host.replay else _made(part, host, hosts)
+        return _made(part, host, hosts)
     except SmartsError as error:
         raise _at(part.place, error) from error
     except FAILURES as error:
@@ -249,64 +246,21 @@ def _made(part: Part, host: HostOptions, hosts: HostsByLocator) -> SocialPolicy:
     interface = _interface(spec, part.locator)
     agent: Any = built_agent(spec, part.locator)
     is_batch, place = isinstance(agent, BatchAgent), f"agent {part.locator!r}"
-    try:
-        if is_batch:
-            check_features(agent.observation, place)
-        return _as_policy(
-            part,
-            spec.replace(interface=interface),
-            period=check_period(getattr(agent, "period", 1), place),
-            step_length=getattr(agent, "step_length", None),
-            observation=agent.observation if is_batch else None,
-            start=_start(part, agent, host, is_named=part.locator in hosts),
-            host=replace(host, replay=""),
-        )
-    except BaseException:
-        if isinstance(agent, RemoteAgent):
-            agent.close()
-        raise
-
-
-def _replayed(part: Part, host: HostOptions, hosts: HostsByLocator) -> SocialPolicy:
-    """Return a policy of which a log knows all, or of an agent of this process that `OTHERS` stands for.
-
-    Raises:
-        HostError: The folder holds no log of the agent, or a damaged one.
-    """
-    found = recorded(host.replay)
-    key = wanted(part.locator, part.options)
-    for each in found:
-        if (each.agent, each.options) == (key.locator, key.options):
-            return _recorded_policy(part, host, each)
-    missing = not_recorded(host.replay, found, key.locator, key.options)
-    is_logged = key.locator in [each.agent for each in found]
-    if is_logged or part.locator in hosts or is_address(part.locator):
-        raise missing
-    policy = _made(part, host, hosts)
-    if policy.start is not None:
-        if isinstance(policy.start, Started):
-            policy.start.close()
-        raise missing
-    return policy
-
-
-def _recorded_policy(part: Part, host: HostOptions, log: Recorded) -> SocialPolicy:
-    """Return a policy as an agent has described itself in a log.
-
-    Raises:
-        HostError: The description is damaged, or of another version; names the file.
-    """
-    place = f"agent {part.locator!r}"
-    try:
-        facts = facts_from(log.about, place)
-        check_features(facts.observation, place)
-        spec = AgentSpec(_interface(AgentSpec(facts.interface), place))
-    except Exception as error:  # the file may hold anything
-        problem = error.problem if isinstance(error, SmartsError) else f"{type(error).__name__}: {error}"
-        raise HostError(
-            f"describes no agent of this version: {problem}", place=str(log.file), remedy=FILE_REMEDY
-        ) from error
-    return _as_policy(part, spec, period=facts.period, observation=facts.observation, host=host)
+    if is_batch:
+        check_features(agent.observation, place)
+    return SocialPolicy(
+        name=part.name,
+        locator=part.locator,
+        spec=spec.replace(interface=interface),
+        interface=0,
+        period=check_period(getattr(agent, "period", 1), place),
+        step_length=getattr(agent, "step_length", None),
+        is_boid=bool(part.boid),
+        keep_alive=part.keep_alive,
+        observation=agent.observation if is_batch else None,
+        start=_start(part, agent, host, is_named=part.locator in hosts),
+        host=host,
+    )
 
 
 def check_features(observation: Any, place: str) -> None:
@@ -319,19 +273,6 @@ def check_features(observation: Any, place: str) -> None:
         feature_list(observation)
     except SmartsError as error:
         raise _at(place, error) from error
-
-
-def _as_policy(part: Part, spec: AgentSpec, **about: Any) -> SocialPolicy:
-    return SocialPolicy(
-        name=part.name,
-        locator=part.locator,
-        spec=spec,
-        interface=0,
-        is_boid=bool(part.boid),
-        keep_alive=part.keep_alive,
-        options=wanted(part.locator, part.options).options,
-        **about,
-    )
 
 
 def _start(part: Part, agent: Agent, host: HostOptions, *, is_named: bool) -> Starter | None:
@@ -348,15 +289,12 @@ def _start(part: Part, agent: Agent, host: HostOptions, *, is_named: bool) -> St
                 place=place,
                 remedy="leave `where` out of its entry in hosts",
             )
-        started, start = agent.start, agent.start.start
-        if not isinstance(start, InChildProcess) or start.memory == host.memory:
-            return started
-        started.close()
-        return replace(start, memory=host.memory)
+        start = agent.start
+        return replace(start, memory=host.memory) if isinstance(start, InChildProcess) else start
     if host.where == IN_PROCESS:
-        if is_named and (host.deadline_ms is not None or host.log):
+        if is_named and host.deadline_ms is not None:
             raise HostError(
-                "deadline_ms or log is given, and the agent acts in process, where it is never late",
+                "deadline_ms is given, and the agent acts in process, where it is never late",
                 place=place,
                 remedy="give where: process, or delay_steps",
             )

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smarts.agents.acting import AgentHost
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.env.actions import ActionEncoder
 from smarts.env.decisions import choose_observed, join_events
@@ -90,7 +89,6 @@ class SimulationRunner:
         assembly: The simulations, and what belongs to them.
         listeners: Get every step.
         period: Steps from one decision of the egos to the next.
-        host: Runs the social policies; by default each where it has its place.
     """
 
     def __init__(
@@ -99,7 +97,6 @@ class SimulationRunner:
         listeners: Sequence[StepListener],
         *,
         period: int = 1,
-        host: AgentHost | None = None,
     ) -> None:
         self.simulation, self.actions, self.scene = assembly.simulation, assembly.actions, assembly.scene
         self.world = self.simulation.world
@@ -114,7 +111,7 @@ class SimulationRunner:
         self._schedule, self._recorder = assembly.schedule, assembly.recorder
         self._listeners = tuple(listeners)
         self._notes: list[DecisionNotes] = []
-        self._requests = SocialAgentRequests(assembly, at_once, host) if assembly.policies else None
+        self._requests = SocialAgentRequests(assembly, at_once) if assembly.policies else None
         self._entries = assembly.entries
         self._pool, self.learns_in_bubbles = assembly.pool, assembly.learns_in_bubbles
         """Whether the egos come and go with the vehicles in bubbles."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.acting import AgentHost, Answer, Failed, Late, Request
+from smarts.agents.acting import Answer, Failed, Late, Request
 from smarts.agents.hosting.hosts import Hosts
 from smarts.agents.hosting.options import HostError
 from smarts.agents.policy import ActionBatch
@@ -56,18 +56,17 @@ class SocialAgentRequests:
     Args:
         assembly: The simulations, their pool and their social policies.
         encoder: Takes the actions.
-        host: Runs the policies; by default each where it has its place.
 
     Raises:
         HostError: The requests to an agent elsewhere would be too large.
         Exception: Whatever an agent raises when it is made.
     """
 
-    def __init__(self, assembly: Assembly, encoder: ActionEncoder, host: AgentHost | None = None) -> None:
+    def __init__(self, assembly: Assembly, encoder: ActionEncoder) -> None:
         self._world, self._pool = assembly.simulation.world, assembly.pool
         self._actions, self._encoder = assembly.actions, encoder
         self._policies = assembly.policies
-        self._host = Hosts(self._policies) if host is None else host
+        self._host = Hosts(self._policies)
         self._observers = [
             _Observer(assembly, number, policy) for number, policy in enumerate(self._policies)
         ]

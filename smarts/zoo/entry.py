@@ -117,26 +117,22 @@ class ZooEntry:
 
     def _check_options(self, called: Callable[..., Any], options: Mapping[str, Any], more: Any) -> None:
         """Raise unless the entry point, or its interface, takes the options, and none is missing."""
-        parameters = inspect.signature(called).parameters
-        for name, each in parameters.items():
-            is_needed = each.default is each.empty and each.kind not in (
-                each.VAR_POSITIONAL,
-                each.VAR_KEYWORD,
-            )
-            if is_needed and name not in options:
+        parameters = inspect.signature(called).parameters.values()
+        known = [each for each in parameters if each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)]
+        place = f"agent {self.locator!r}"
+        for each in known:
+            if each.default is each.empty and each.name not in options:
                 raise SmartsError(
-                    f"the agent needs the option {name!r}",
-                    place=f"agent {self.locator!r}",
-                    remedy=f"give it: make_spec({self.locator!r}, {name}=...), or policy_kwargs of an actor",
+                    f"the agent needs the option {each.name!r}",
+                    place=place,
+                    remedy=f"give it: make_spec({self.locator!r}, {each.name}=...), or policy_kwargs",
                 )
-        if any(each.kind == each.VAR_KEYWORD for each in parameters.values()):
-            return
-        for name in options:
-            if name not in parameters and name not in more:
+        names = [*(each.name for each in known), *more]
+        takes_all = any(each.kind == each.VAR_KEYWORD for each in parameters)
+        for name in () if takes_all else options:
+            if name not in names:
                 raise SmartsError(
-                    f"the agent has no option {name!r}",
-                    place=f"agent {self.locator!r}",
-                    remedy=nearest_names(name, [*parameters, *more]),
+                    f"the agent has no option {name!r}", place=place, remedy=nearest_names(name, names)
                 )
 
 

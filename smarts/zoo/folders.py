@@ -116,14 +116,6 @@ def _content() -> Mapping[str, Any]:
 
 
 def _entry(name: str, about: Mapping[str, Any]) -> ZooEntry:
-    author, m_level, provenance, licence = (str(about.get(key, "")) for key in _METADATA)
     kind = SeparateEntry if AGENT in about else ZooEntry
-    return kind(
-        name,
-        str(about.get(AGENT, "")),
-        author=author,
-        m_level=m_level,
-        provenance=provenance,
-        licence=licence,
-        folder=about["folder"],
-    )
+    known: dict[str, Any] = {key: str(about.get(key, "")) for key in _METADATA}
+    return kind(name, str(about.get(AGENT, "")), folder=about["folder"], **known)

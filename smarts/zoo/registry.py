@@ -15,19 +15,28 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from smarts.agents.acting import built_agent
 from smarts.agents.hosting.links import AtAddress, is_address
 from smarts.agents.hosting.remote import remote_spec
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import Agent
+from smarts.agents.social import interface_of
 from smarts.agents.spec import AgentSpec
-from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names, shown
+from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.registry import guarded, load_module, own_error
-from smarts.zoo import originals
 from smarts.zoo.agents import AGENTS
 from smarts.zoo.entry import EntryPoint, ZooEntry, check_name, entry_of
 from smarts.zoo.folders import added_agents, import_folder, write_added
 from smarts.zoo.separate import SeparateEntry, has_project, read_entries
 
+ORIGINALS = "zoo.policies"
+"""The module of the original's agents, which its scenario files name."""
+SERVED = {
+    "keep-lane-agent-v0": "keep-lane-v0",
+    "non-interactive-agent-v0": "non-interactive-v0",
+    "chase-via-points-agent-v0": "chase-via-points-v0",
+}
+"""Name there -> name here."""
 GROUP = "smarts.zoo"
 """The group of a package's entry points that are agents."""
 
@@ -103,15 +112,8 @@ def make_agent(locator: str, **kwargs: Any) -> tuple[Agent, AgentInterface]:
         SmartsError: As `make_spec`; or what its spec builds has no method `act`.
     """
     spec = make_spec(locator, **kwargs)
-    agent = guarded(spec.build_agent, f"making the agent {locator!r}")()
-    if not callable(getattr(agent, "act", None)):
-        raise OwnCodeError(
-            f"the agent {locator!r} is {shown(agent)}, which has no method act",
-            place="AgentSpec.agent_builder",
-            remedy="derive it from smarts.agents.Agent or smarts.agents.policy.BatchAgent",
-        )
-    assert spec.interface is not None
-    return agent, spec.interface
+    agent = guarded(built_agent, f"making the agent {locator!r}")(spec, f"agent {locator!r}")
+    return agent, interface_of(spec)
 
 
 def build_agent(locator: str, **kwargs: Any) -> Agent:
@@ -137,7 +139,7 @@ def find_entry(locator: str) -> ZooEntry:
         OwnCodeError: Its module cannot be imported or raises.
     """
     module, _, name = str(locator).rpartition(":")
-    if module == originals.MODULE:
+    if module == ORIGINALS:
         return AGENTS[_original(name)]
     check_name(name)
     if module in ("", __package__):
@@ -284,12 +286,15 @@ def _registered_by(module: str, name: str) -> ZooEntry:
 
 def _original(name: str) -> str:
     """Return the name that stands for an agent of the original."""
-    if name in originals.SERVED:
-        return originals.SERVED[name]
+    if name in SERVED:
+        return SERVED[name]
+    is_replay = name == "replay-agent-v0"
     raise UnknownNameError(
         f"the original's agent {name!r} is not part of this project",
-        place=f"agent '{originals.MODULE}:{name}'",
-        remedy=originals.NOT_SERVED.get(name) or nearest_names(name, originals.SERVED),
+        place=f"agent '{ORIGINALS}:{name}'",
+        remedy="record an episode, then drive by its poses with 'trajectory-v0'"
+        if is_replay
+        else nearest_names(name, SERVED),
     )
 
 

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import MISSING, fields, is_dataclass
-from enum import Enum
 from typing import Any, NamedTuple
 
+from pydantic import TypeAdapter, ValidationError
+
 from smarts.agents.checks import InterfaceError
-from smarts.agents.criteria import DoneCriteria, EventConfiguration
 from smarts.agents.hosting.options import HostError
-from smarts.agents.interface import OLD_NAMES, SENSOR_OPTIONS, AgentInterface
+from smarts.agents.interface import OLD_NAMES, AgentInterface
 from smarts.errors import SmartsError, nearest_names, shown
 from smarts.registry import is_own_name
 from smarts.types.actions import ActionSpaceType
 from smarts_agent_kit.agents import LONGEST_DECISION
 
-_OPTIONS: Mapping[str, type] = {
-    **SENSOR_OPTIONS,
-    "done_criteria": DoneCriteria,
-    "event_configuration": EventConfiguration,
-}
+_INTERFACE = TypeAdapter(AgentInterface)
 _REFUSED = ("further_sensors", "custom_renders")
 """Fields that may name code of the user's."""
 
@@ -29,9 +25,16 @@ def facts_of(interface: AgentInterface) -> dict[str, Any]:
     """Return an interface as plain values: the fields that differ from their defaults.
 
     Raises:
-        HostError: A field cannot be sent.
+        HostError: It has sensors of the user's own, which cannot be sent.
     """
-    return {each.name: _plain(each.name, value) for each, value in _changed(interface)}
+    if interface.further_sensors:
+        raise HostError(
+            f"the sensors {shown(interface.further_sensors)} cannot be sent",
+            place="AgentInterface",
+            remedy="let the agent act in process, or leave them out",
+        )
+    facts = _INTERFACE.dump_python(interface, mode="json", exclude_defaults=True)
+    return facts if interface.action is None else facts | {"action": interface.action.name}
 
 
 def interface_from(facts: Any, place: str) -> AgentInterface:
@@ -42,33 +45,27 @@ def interface_from(facts: Any, place: str) -> AgentInterface:
     """
     if isinstance(facts, AgentInterface):
         return facts
+    remedy = 'give its class fields of AgentInterface: interface = {"action": "Lane"}'
     if not isinstance(facts, Mapping):
-        raise HostError(
-            f"the agent's interface is {shown(facts)}",
-            place=place,
-            remedy='give its class the attribute interface = {"action": "Lane"}',
-        )
-    known = [each.name for each in fields(AgentInterface) if each.name not in _REFUSED]
-    for name in facts:
-        if name not in known and name not in OLD_NAMES:
-            raise HostError(
-                f"an interface has no field {shown(name)} that an agent elsewhere may have",
-                place=place,
-                remedy=nearest_names(str(name), known),
-            )
+        raise HostError(f"the agent's interface is {shown(facts)}", place=place, remedy=remedy)
+    values = {OLD_NAMES.get(name, name): value for name, value in facts.items()}
     try:
-        return AgentInterface(
-            **{name: _value(OLD_NAMES.get(str(name)) or str(name), given) for name, given in facts.items()}
-        )
-    except HostError:
-        raise
-    except (SmartsError, TypeError, ValueError) as error:
-        problem = error.problem if isinstance(error, SmartsError) else str(error)
-        raise HostError(
-            f"the agent's interface is wrong: {problem}",
-            place=place,
-            remedy=error.remedy if isinstance(error, SmartsError) else "see AgentInterface for its fields",
-        ) from error
+        for name in values.keys() & {*_REFUSED}:
+            raise InterfaceError(f"an agent elsewhere cannot have {name}")
+        action = values.get("action")
+        if isinstance(action, str):
+            if action not in ActionSpaceType.__members__:
+                remedy = nearest_names(action, ActionSpaceType.__members__)
+                raise InterfaceError(f"there is no action {action!r}")
+            values["action"] = ActionSpaceType[action].value
+        # As JSON, in which dicts stand for options and lists for tuples.
+        return _INTERFACE.validate_json(json.dumps(values))
+    except SmartsError as error:
+        problem, remedy = error.problem, error.remedy or remedy
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        problem = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+    raise HostError(f"the agent's interface is wrong: {problem}", place=place, remedy=remedy)
 
 
 class Facts(NamedTuple):
@@ -136,45 +133,3 @@ def check_period(period: Any, place: str) -> int:
             remedy=f"give a whole number of steps from 1 to {LONGEST_DECISION}",
         )
     return period
-
-
-def _changed(owner: Any) -> list[tuple[Any, Any]]:
-    """Return the fields of a dataclass that differ from their defaults, and their values."""
-    found = []
-    for each in fields(owner):
-        default = each.default if each.default_factory is MISSING else each.default_factory()
-        value = getattr(owner, each.name)
-        if each.init and value != default:
-            found.append((each, value))
-    return found
-
-
-def _plain(name: str, value: Any) -> Any:
-    if isinstance(value, Enum):
-        return value.name
-    if is_dataclass(value) and name in _OPTIONS and type(value) is _OPTIONS[name]:
-        return {each.name: _plain("", inner) for each, inner in _changed(value)}
-    if isinstance(value, tuple):
-        return [_plain("", each) for each in value]
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    raise HostError(
-        f"{name or 'a value'} is {shown(value)}, which cannot be sent",
-        place="AgentInterface",
-        remedy="let the agent act in process, or give plain values",
-    )
-
-
-def _value(name: str, given: Any) -> Any:
-    """Return a field's value from a plain one."""
-    if name == "action" and isinstance(given, str):
-        if given not in ActionSpaceType.__members__:
-            raise InterfaceError(
-                f"there is no action {given!r}", remedy=nearest_names(given, ActionSpaceType.__members__)
-            )
-        return ActionSpaceType[given]
-    if name in _OPTIONS and isinstance(given, Mapping):
-        return _OPTIONS[name](
-            **{key: tuple(each) if isinstance(each, list) else each for key, each in given.items()}
-        )
-    return tuple(given) if isinstance(given, list) else given

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from smarts.agents.acting import Answer, Failed, InProcess, Late, Request
 from smarts.agents.hosting.links import SocketLink
-from smarts.agents.hosting.log import DecisionLog, Replayed
 from smarts.agents.hosting.options import HostError, Link, Starter, about, patience
-from smarts.agents.hosting.remote import Started, step_of, words
+from smarts.agents.hosting.remote import step_of, words
 from smarts.agents.policy import ActionBatch
 from smarts.agents.social import SocialPolicy
 from smarts_agent_kit.channel import wait_for
@@ -45,7 +44,9 @@ class Hosts:
 
     def __init__(self, policies: Sequence[SocialPolicy]) -> None:
         self._here = InProcess(policies)
-        self._away = {number: _away(policy) for number, policy in enumerate(policies) if not policy.acts_here}
+        self._away = {
+            number: _Away(policy, policy.start) for number, policy in enumerate(policies) if policy.start
+        }
         self._owner: int | None = None
         """The process that has started the agents; None: none has."""
 
@@ -88,7 +89,7 @@ class Hosts:
         """Return the answers to all requests, by the policy's number."""
         self._check_owner()
         answers, begun = [*self._here.gather()], time.monotonic()
-        waiting = [away for away in self._away.values() if isinstance(away, _Away) and away.is_asked]
+        waiting = [away for away in self._away.values() if away.is_asked]
         while waiting:
             for away in _wait_for_any(waiting, begun) or waiting:
                 away.settle()
@@ -123,13 +124,6 @@ class Hosts:
                 place="hosts",
                 remedy="make the environment in the process that steps it",
             )
-
-
-def _away(policy: SocialPolicy) -> _Away | Replayed:
-    if policy.host.replay:
-        return Replayed(policy.host.replay, policy.locator, policy.options)
-    assert policy.start is not None
-    return _Away(policy, policy.start)
 
 
 @dataclass
@@ -167,15 +161,12 @@ class _Away:
         self._starter, self._options = starter, policy.host
         self.link: Link | None = None
         self._opening: _Opening | None = None
-        self._about: Mapping[str, Any] | None = None
         self._has_answered = False  # since it was started
         self._failures = self._skipped = 0  # failures in a row, requests since the last one
         self._problem = ""
         self._number = 0  # of the last request
         self._asked: deque[_Asked] = deque()
         self._answers: list[tuple[Request, Actions]] = []
-        folder = policy.host.log
-        self._log = DecisionLog(folder, policy.locator, policy.options) if folder else None
         # The holds that the agent knows, by (env_id, agent_id).
         self._known: dict[tuple[int, int], int] = {}
         self._last_holds: tuple[bytes, ...] = ()  # of the last request
@@ -206,24 +197,7 @@ class _Away:
             HostError: It is not.
         """
         assert self.link is not None
-        self._meet(about(self.link, self._starter.place))
-
-    def _meet(self, said: Mapping[str, Any]) -> None:
-        """Take what the agent says about itself when it was started.
-
-        Raises:
-            HostError: It is another agent than before.
-        """
-        if self._about is None:
-            self._about = said
-            if self._log is not None:
-                self._log.begin(said)
-        elif said != self._about:
-            raise HostError(
-                "it is another agent than at the beginning",
-                place=self._starter.place,
-                remedy="make the environment again",
-            )
+        about(self.link, self._starter.place)
 
     def ask(self, request: Request) -> None:
         """Send a request; while an answer that is late is owed, the agents of this request are late, too."""
@@ -285,11 +259,6 @@ class _Away:
         if opening is not None and opening.link is not None:
             self._use(opening.link)
         self._close_link()
-        if isinstance(self._starter, Started):
-            with suppress(Exception):
-                self._starter.close()
-        if self._log is not None:
-            self._log.close()
 
     def _close_link(self) -> None:
         self._asked.clear()
@@ -300,13 +269,9 @@ class _Away:
 
     def _answer(self, request: Request, actions: Actions) -> None:
         self._answers.append((request, actions))
-        if self._log is not None:
-            self._log.write(request, actions)
 
     def _note_late(self, request: Request) -> None:
         self._answers.append((request, [Late()] * len(request.batch.env_id)))
-        if self._log is not None:
-            self._log.write_late(request)
 
     @property
     def _patience(self) -> float:
@@ -335,7 +300,6 @@ class _Away:
         """
         if self.link is not None and self.link.about is None and message.kind == "about":
             self.link.about = message.values
-            self._meet(message.values)
             return
         asked, values = self._asked[0], message.values
         if message.kind not in ("acted", "failed") or message.number != asked.number:

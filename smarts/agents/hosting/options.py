@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
-from smarts.agents.checks import InterfaceError, check_instance, check_number, check_whole
-from smarts.errors import SmartsError, nearest_names, shown
+from pydantic import Field
+
+from smarts.agents.checks import InterfaceError, Plain, check_instance, checked
+from smarts.errors import SmartsError
 from smarts_agent_kit.service import one_line
 from smarts_agent_kit.wire import Message
 
 IN_PROCESS, PROCESS, RAY = "in_process", "process", "ray"
-WHERE = (IN_PROCESS, PROCESS, RAY)
 ADDRESS = "tcp://"
 """Begins the locator of an agent that is served at an address."""
 OTHERS = "*"
@@ -75,8 +75,6 @@ class Starter(Protocol):
         ...
 
 
-LEAST_MEMORY = 0.1
-"""Of a process [GB]; less does not suffice for Python and NumPy."""
 START_TIME = 60.0
 """How long an agent may take to be made, and to answer for the first time [s]."""
 
@@ -120,7 +118,7 @@ def about(link: Link, place: str) -> Mapping[str, Any]:
     return message.values
 
 
-@dataclass(frozen=True)
+@checked
 class HostOptions:
     """Where an agent's policy acts, and in what time.
 
@@ -128,42 +126,28 @@ class HostOptions:
         InterfaceError: A value is not what it has to be.
     """
 
-    where: str = IN_PROCESS
+    PLACE: ClassVar = "hosts"
+
+    where: Literal["in_process", "process", "ray"] = IN_PROCESS
     """"in_process", "process" (on this machine) or "ray" (an actor). Agents at an address, and those with an
     environment of their own, have their place: for them the default stands for it."""
-    patience: float = 10.0
+    patience: Annotated[float, Plain, Field(gt=0, le=3600)] = 10.0
     """How long an answer is waited for before the agent's host is ended and started again [s]; the first one
     of a process for `START_TIME` at least."""
-    deadline_ms: float | None = None
+    deadline_ms: Annotated[float, Plain, Field(gt=0, le=3.6e6)] | None = None
     """Answers that come later than this after the question are dropped [ms]; None: each is waited for."""
-    delay_steps: int = 0
+    delay_steps: Annotated[int, Plain, Field(ge=0, le=LONGEST_DELAY)] = 0
     """Steps from an answer to when it is carried out."""
-    memory: float = 8.0
-    """Of a process [GB]."""
-    log: str = ""
-    """Folder to which the decisions of an agent elsewhere are written, late ones too; "": none."""
-    replay: str = ""
-    """Folder of such a log, in place of the agent; "": none."""
+    memory: Annotated[float, Plain, Field(ge=0.1, le=1e6)] = 8.0
+    """Of a process [GB]; less than 0.1 does not suffice for Python and NumPy."""
 
     def __post_init__(self) -> None:
-        if self.where not in WHERE:
+        if self.deadline_ms is not None and self.delay_steps:
             raise InterfaceError(
-                f"where is {shown(self.where)}", place="hosts", remedy=nearest_names(str(self.where), WHERE)
-            )
-        check_number("patience", self.patience, above=True, most=3600.0, place="hosts")
-        check_whole("delay_steps", self.delay_steps, 0, LONGEST_DELAY, "hosts")
-        check_number("memory", self.memory, least=LEAST_MEMORY, most=1e6, place="hosts")
-        for name in ("log", "replay"):
-            check_instance(name, getattr(self, name), str, "the path of a folder", "hosts")
-        if self.deadline_ms is None:
-            return
-        if self.delay_steps:
-            raise InterfaceError(
-                f"deadline_ms is {shown(self.deadline_ms)}, and delay_steps is {self.delay_steps}",
+                f"deadline_ms is {self.deadline_ms:g}, and delay_steps is {self.delay_steps}",
                 place="hosts",
                 remedy="give one of them: a deadline in time, or a delay in steps",
             )
-        check_number("deadline_ms", self.deadline_ms, above=True, most=3.6e6, place="hosts")
 
 
 HERE = HostOptions()
@@ -188,14 +172,8 @@ def _read(entry: Any) -> HostOptions:
     if isinstance(entry, HostOptions):
         return entry
     if isinstance(entry, str):
-        return HostOptions(entry)
+        return HostOptions(where=entry)  # type: ignore[arg-type] - it is checked
     check_instance("an entry", entry, Mapping, "'process', or {'where': 'process', 'patience': 5}", "hosts")
-    fields = [*HostOptions.__dataclass_fields__]
-    for name in entry:
-        if name not in fields:
-            raise InterfaceError(
-                f"there is no field {shown(name)}", place="hosts", remedy=nearest_names(str(name), fields)
-            )
     return HostOptions(**entry)
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.agents.hosting.facts import facts_from
+from smarts.agents.hosting.facts import Facts, facts_from
 from smarts.agents.hosting.options import HERE, HostError, HostOptions, Link, Starter, about, patience
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.agents.spec import AgentSpec
@@ -19,66 +17,13 @@ from smarts_agent_kit.service import checked_actions, is_ending, one_line, reque
 from smarts_agent_kit.wire import Message
 
 
-class Started:
-    """A starter whose agent has been started, to ask what it is: the first `open` returns that one.
-
-    Args:
-        start: Starts the agent.
-
-    Raises:
-        SmartsError: It does not start, or what it says of itself cannot be.
-    """
-
-    def __init__(self, start: Starter) -> None:
-        self.start, self.place, self._owner = start, start.place, os.getpid()
-        self._link: Link | None = start.open()
-        try:
-            self.facts = facts_from(about(self._link, self.place), self.place)
-        except BaseException:
-            self.close()
-            raise
-
-    def open(self) -> Link:
-        """Return a link to an agent; see `Starter`."""
-        link, self._link = self._link, None
-        if link is None:
-            return self.start.open()
-        if self._owner == os.getpid() and _is_there(link):
-            return link
-        link.close()
-        return self.start.open()
-
-    def close(self) -> None:
-        """End the agent, unless a link to it was returned; may be called again."""
-        link, self._link = self._link, None
-        if link is not None:
-            link.close()
-
-    def __del__(self) -> None:
-        if getattr(self, "_link", None) is not None:
-            self.close()
-
-    def __getstate__(self) -> Mapping[str, Any]:
-        return {**self.__dict__, "_link": None}
-
-
-def _is_there(link: Link) -> bool:
-    """Return whether the agent behind a link that has been idle is there still."""
-    try:
-        return link.receive() is None
-    except Exception:  # of a socket, of Ray, of the wire
-        return False
-
-
 class RemoteAgent(BatchAgent):
     """Asks an agent elsewhere, and waits for its answers.
 
     Args:
-        start: Starts the agent.
+        start: Starts the agent, before the first request.
+        facts: What the agent has said about itself.
         options: Say how long its answers are waited for.
-
-    Raises:
-        HostError: It does not start.
     """
 
     # Each has its own.
@@ -86,9 +31,9 @@ class RemoteAgent(BatchAgent):
     observation: Any  # pyright: ignore[reportIncompatibleVariableOverride]
     period: Any  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def __init__(self, start: Starter, options: HostOptions = HERE) -> None:
-        self.start, self.options = start if isinstance(start, Started) else Started(start), options
-        self.interface, self.observation, self.period = self.start.facts
+    def __init__(self, start: Starter, facts: Facts, options: HostOptions = HERE) -> None:
+        self.start, self.facts, self.options = start, facts, options
+        self.interface, self.observation, self.period = facts
         self._link: Link | None = None
         self._number = 0
         self._is_closed = self._has_answered = False
@@ -143,7 +88,6 @@ class RemoteAgent(BatchAgent):
         link, self._link, self._is_closed = self._link, None, True
         if link is not None:
             link.close()
-        self.start.close()
 
     def __del__(self) -> None:
         if getattr(self, "_link", None) is not None:
@@ -168,5 +112,9 @@ def remote_spec(start: Starter) -> AgentSpec:
     Raises:
         HostError: It does not start, or has no interface.
     """
-    started = Started(start)
-    return AgentSpec(started.facts.interface, RemoteAgent, [started])
+    link = start.open()
+    try:
+        facts = facts_from(about(link, start.place), start.place)
+    finally:
+        link.close()
+    return AgentSpec(facts.interface, RemoteAgent, [start, facts])

@@ -26,28 +26,13 @@ def test_the_papers_listing():
     assert spec.agent_builder == spec.policy_builder == AgentPolicy.from_function
 
 
-def test_the_originals_later_listing():
-    spec = AgentSpec(agent_params={"agent_function": lambda _: 1}, agent_builder=Agent.from_function)
-    assert spec.build_agent().act(None) == 1
-
-
-def test_adapters_are_neutral_by_default():
-    spec = AgentSpec()
-    assert spec.observation_adapter("seen") == "seen"
-    assert spec.action_adapter("act") == "act"
-    assert spec.reward_adapter("seen", 2.0) == 2.0
-    assert spec.info_adapter("seen", 2.0, {"a": 1}) == {"a": 1}
-
-
 @pytest.mark.parametrize(
     ("params", "given", "named"),
     [
         (None, (), {}),
         ({"a": 1}, (), {"a": 1}),
         ([1, 2], (1, 2), {}),
-        ((1, 2), (1, 2), {}),
         (3, (3,), {}),
-        ("ab", ("ab",), {}),
     ],
 )
 def test_how_parameters_are_given(params, given, named):

@@ -2,6 +2,7 @@
 
 import socket
 import struct
+from contextlib import suppress
 
 import msgpack
 import numpy as np
@@ -39,24 +40,15 @@ def test_what_is_decoded_is_what_was_encoded(values, arrays):
         assert got.flags.aligned
 
 
-def test_arrays_in_any_order_of_memory_arrive_by_their_indices():
-    array = np.arange(24, dtype=">f8").reshape(2, 3, 4).transpose(2, 0, 1)[::2]
-    got = decode(encode(Message("act", {}, {"a": array}))).arrays["a"]
-    assert got.tolist() == array.tolist()
-    assert got.dtype == np.float64
-
-
 @pytest.mark.parametrize(
     "message",
     [
         Message("act", {}, {"a": np.array(["text"])}),
         Message("act", {"a": object()}),
-        Message("act", {"a": 2**65}),
-        Message("act", {"inner": {3: "a number as the key"}}),
         Message("act", {"a": "x" * 2**19}),
         Message("act", {}, {"a": np.zeros(LARGEST, np.int8)}),
     ],
-    ids=["text", "value", "whole number", "key", "head", "size"],
+    ids=["text", "value", "head", "size"],
 )
 def test_what_is_not_sent_is_an_error(message):
     with pytest.raises(WireError):
@@ -79,23 +71,15 @@ NESTED = b"\x93\xa3act\x81\xa1a" + b"\x91" * 900 + b"\x90\x90"
     [
         b"",
         struct.pack("<IIQ", 2**30, 4, 0),
-        struct.pack("<IIQ", 12, 4, 0),
-        struct.pack("<IIQ", 20, 6, 0) + msgpack.packb(["act", {}, b""])[:6],
         framed(b"\xc1"),
         framed(["run", {}, []]),
         framed(["act", {1: 2}, []]),
-        framed(["act", {"a": b"bytes"}, []]),
         framed(["act", {"a": msgpack.ExtType(5, b"x")}, []]),
         framed(NESTED),
-        framed(["act", {}, 1]),
         framed(["act", {}, [["a", "object", [1]]]], b"12345678"),
         framed(["act", {}, [["a", "float64", [2]]]], b"12345678"),
-        framed(["act", {}, [["a", "float64", [1]]]], b"123456789"),
         framed(["act", {}, [["a", "float64", [-1]]]], b"12345678"),
         framed(["act", {}, [["a", "int8", [0, *[2**23] * 7]]]]),
-        framed(["act", {}, [["a", "int8", [1] * 40]]], b"1"),
-        framed(["act", {}, [["a", "int8", [1]], ["a", "int8", [1]]]], b"12"),
-        framed(["act", {}, [[["a"], "int8", [1]]]], b"1"),
     ],
 )
 def test_what_is_no_message_is_an_error(frame):
@@ -103,40 +87,19 @@ def test_what_is_no_message_is_an_error(frame):
         decode(frame)
 
 
-def fuzzed(seed, count):
-    """Yield messages with some bytes changed, cut off, put in or drawn at random."""
-    draws = np.random.default_rng(seed)
+def test_fuzzed_frames_are_messages_or_errors():
+    draws, messages = np.random.default_rng(1), 0
     whole = encode(
-        Message(
-            "act",
-            {"number": 7, "more": [1.5, "text", None]},
-            {"a": np.arange(12.0), "b": np.ones((2, 3), bool)},
-        )
+        Message("act", {"more": [1.5, "text", None]}, {"a": np.arange(12.0), "b": np.ones(3, bool)})
     )
-    for _ in range(count):
-        frame = bytearray(whole)
+    for _ in range(FUZZED):
+        frame = bytearray(whole[: draws.integers(len(whole) // 2, 2 * len(whole))])
         for place in draws.integers(0, len(frame), draws.integers(0, 6)):
             frame[place] = draws.integers(256)
-        kind = draws.integers(4)
-        if kind == 1:
-            frame = frame[: draws.integers(len(frame))]
-        elif kind == 2:
-            place = draws.integers(len(frame))
-            frame[place:place] = draws.bytes(draws.integers(1, 40))
-        elif kind == 3:
-            frame = bytearray(draws.bytes(draws.integers(0, 200)))
-        yield bytes(frame)
-
-
-def test_fuzzed_frames_are_messages_or_errors():
-    messages = 0
-    for frame in fuzzed(1, FUZZED):
-        try:
+        with suppress(WireError):
             message = decode(frame)
-        except WireError:
-            continue
-        assert sum(array.nbytes for array in message.arrays.values()) <= len(frame)
-        messages += 1
+            assert sum(array.nbytes for array in message.arrays.values()) <= len(frame)
+            messages += 1
     assert 0 < messages < FUZZED
 
 
@@ -160,15 +123,6 @@ def test_messages_of_any_size_cross_a_socket_in_parts():
     with pytest.raises(ClosedError):
         far.receive()
     far.close()
-
-
-def nested(levels):
-    return [nested(levels - 1)] if levels else 1
-
-
-def test_the_deepest_values_and_tuples_arrive():
-    values = {"deep": nested(15), "pair": (1, "b")}
-    assert decode(encode(Message("about", values))).values == {**values, "pair": [1, "b"]}
 
 
 def test_values_are_the_receivers_own():

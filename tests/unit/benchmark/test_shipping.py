@@ -22,9 +22,6 @@ from benchmark.running.scratch import scratch_folder
 from benchmark.running.shipping import shipped_code
 from benchmark.running.writing import RunWriter
 from smarts import shipped
-from smarts.agents.hosting.log import DecisionLog, recorded
-from smarts.agents.hosting.options import HostError
-from smarts.errors import SmartsError
 from smarts.sstudio.build import build_scenario
 from tests.raising import raises
 
@@ -118,29 +115,6 @@ print(json.dumps([*places, version("smarts-bench"), commit(), locate("loop").lab
         assert (there / name).stat().st_mtime_ns == nanoseconds == (shipped.PROGRAM / name).stat().st_mtime_ns
 
 
-def write_log(tmp_path):
-    """Write the log of an agent without decisions; return its folder."""
-    log = DecisionLog(tmp_path / "decisions", "idm-v0", "{}")
-    log.begin({"observation": ["speed"]})
-    log.close()
-    return tmp_path / "decisions"
-
-
-def test_logs_to_be_replayed_are_shipped_and_found(tmp_path, monkeypatch):
-    folder = write_log(tmp_path)
-    replaying = {"agents": 1, "hosts": {"idm-v0": {"replay": str(folder)}, "*": "process"}}
-    experiment = experiment_of(tmp_path, environment=replaying)
-    there = tmp_path / "there"
-    with shipped_code(experiment) as code, zipfile.ZipFile(code["working_dir"]) as archive:
-        archive.extractall(there)
-    folder.rename(tmp_path / "only_on_the_drivers_machine")
-    with raises(HostError, values=[folder]):
-        recorded(folder)
-    monkeypatch.setattr(shipped, "SHIPPED", there / "shipped")
-    (found,) = recorded(folder)
-    assert (found.agent, found.about) == ("idm-v0", {"observation": ["speed"]})
-
-
 def test_equal_code_makes_equal_archives(tmp_path):
     experiment = experiment_of(tmp_path)
     contents = []
@@ -152,17 +126,7 @@ def test_equal_code_makes_equal_archives(tmp_path):
 
 
 def test_what_cannot_be_shipped_is_named(tmp_path, monkeypatch):
-    logging = {"agents": 1, "hosts": {"idm-v0": {"where": "ray", "log": "decisions"}}}
-    experiment = experiment_of(tmp_path, environment=logging)
-    with raises(SmartsError, "environment.hosts.idm-v0.log", values=["decisions"]), shipped_code(experiment):
-        pass
-    environment = type(experiment.environment)
-    replaying = environment(agents=1, hosts={"idm-v0": {"replay": os.path.relpath(write_log(tmp_path))}})
-    relative = experiment.model_copy(update={"environment": replaying})
-    place, value = "environment.hosts.idm-v0.replay", tmp_path / "decisions"
-    with raises(SmartsError, place, values=[value]), shipped_code(relative):
-        pass
-    silent = experiment.model_copy(update={"environment": environment(agents=1)})
+    silent = experiment_of(tmp_path)
     (tmp_path / "own.py").write_bytes(b"#" + os.urandom(2_000_000).hex().encode())
     monkeypatch.setattr(shipping, "MOST_BYTES", 1_000_000)
     with raises(ResultsError, tmp_path / "own.py"), shipped_code(silent):

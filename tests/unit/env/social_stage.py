@@ -77,7 +77,9 @@ class Played:
         policies = [policy_of(keep if host else acting, social)]
         parts = assemble(scenarios, [LANER] * egos, cast=Cast(tuple(policies)))
         self.parts = dataclasses.replace(parts, schedule=Traffic(parts.schedule, change))
-        self.runner = SimulationRunner(self.parts, [], host=host, **options)
+        self.runner = SimulationRunner(self.parts, [], **options)
+        if host is not None:
+            self.runner._requests._host = host
         self.world, self.agent_id = parts.simulation.world, egos
 
     def reset(self, episode=0):

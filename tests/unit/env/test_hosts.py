@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from contextlib import closing
 from itertools import pairwise
 
@@ -101,10 +102,43 @@ def test_late_decisions_of_policies_with_one_name_are_added_up():
     assert [after - before for before, after in pairwise(counts)] == [2, 2, 2]
 
 
-def test_an_agent_of_this_process_is_never_late(tmp_path):
-    for given in ({"deadline_ms": 10.0}, {"log": str(tmp_path)}):
-        with pytest.raises(HostError):
-            environment([{"agent": DRAWING}], {DRAWING: given})
+def test_late_answers_are_dropped_and_counted():
+    """The agent sleeps for 0.3 s at its third request, and nothing else is slow."""
+    social = [{"agent": MISBEHAVING, "options": {"how": "sleep"}}, {"agent": DRAWING}]
+    with closing(environment(social, {MISBEHAVING: {"where": "process", "deadline_ms": 60.0}})) as env:
+        env.reset()
+        late = []
+        for result in steps(env, 60):
+            assert not result.social_failures
+            late.append(result.social_infos.get(0, {}).get("late_decisions", {}).get(MISBEHAVING, 0))
+            time.sleep(0.01)
+    assert 2 <= max(late) < 60
+
+
+def test_an_agent_of_this_process_is_never_late():
+    with pytest.raises(HostError):
+        environment([{"agent": DRAWING}], {DRAWING: {"deadline_ms": 10.0}})
+
+
+FORKED_BEFORE = """
+import os
+from tests.hosting import DRAWING, environment, steps
+from tests.leftovers import descendants
+env = environment([{"agent": DRAWING}], {DRAWING: {"where": "process"}})
+child = os.fork()
+env.reset()
+started = descendants()
+assert not any(result.social_failures for result in steps(env, 3))
+assert child or descendants() == started
+env.close()
+if not child:
+    os._exit(0)
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+"""
+
+
+def test_an_environment_that_is_forked_before_its_first_reset_starts_its_agents_once():
+    subprocess.run([sys.executable, "-c", FORKED_BEFORE], check=True, timeout=60)
 
 
 @pytest.mark.parametrize("where", ["in_process", "process"])
