@@ -12,11 +12,12 @@ import importlib.util
 import inspect
 import re
 import sys
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
-from types import ModuleType, TracebackType
+from types import ModuleType
 from typing import Any, TypeVar
 
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names, shown
@@ -76,18 +77,18 @@ class Registry(Mapping[str, Any]):
             UnknownNameError: There is none of this name; the remedy names the nearest ones.
             OwnCodeError: A `module:Class`, or what `add` registered, is not importable or not such a part.
         """
-        if name in self._own:
-            return self._own[name]
-        if name in self._added:
-            return adopted(self.kind, self._places[name], self._adopt or (lambda name, found: found))
-        if name in self._places:
+        if name in self._places and name not in self._added:
             module, _, attribute = self._places[name].partition(":")
             return getattr(importlib.import_module(module), attribute)
+        adopt = self._adopt or (lambda name, found: found)
+        if name in self._places:
+            return adopted(self.kind, self._places[name], adopt)
         if self._adopt is None or not is_own_name(name):
             raise UnknownNameError(
                 f"there is no {self.kind} {name!r}", remedy=nearest_names(name, self._places)
             )
-        self._own[name] = adopted(self.kind, name, self._adopt)
+        if name not in self._own:
+            self._own[name] = adopted(self.kind, name, adopt)
         return self._own[name]
 
     def add(self, name: str, place: str) -> None:
@@ -216,7 +217,7 @@ def guarded(function: Called, doing: str) -> Called:
         OwnCodeError: Whatever it raises, but for errors of this project; or it is no function.
     """
     if not callable(function):
-        raise OwnCodeError(f"{doing} gives {shown(function)} in place of a function", place=_named_in(doing))
+        raise OwnCodeError(f"{doing} gives {shown(function)} in place of a function")
 
     @functools.wraps(function)
     def call(*values: Any, **named: Any) -> Any:
@@ -227,10 +228,10 @@ def guarded(function: Called, doing: str) -> Called:
         except FAILURES as error:
             if is_of_ray(error):
                 raise
-            lines = [*_lines(error.__traceback__)]
+            *_, last = traceback.extract_tb(error.__traceback__)
             # One that cannot be called with these arguments has no line in the traceback.
-            last = ":".join(map(str, lines[-1])) if len(lines) > 1 else definition_of(function)
-            raise own_error(error, doing, place_of(error) or last) from error
+            place = definition_of(function) if last.filename == __file__ else f"{last.filename}:{last.lineno}"
+            raise own_error(error, doing, place_of(error) or place) from error
 
     return call  # type: ignore[return-value]
 
@@ -251,18 +252,6 @@ def definition_of(part: Any) -> str:
         return ""
 
 
-def _named_in(doing: str) -> str:
-    """Return the file and line that define the `module:Class` in a text; "" without one."""
-    found = OWN_NAME.search(doing)
-    if found is None:
-        return ""
-    module, _, path = found[0].partition(":")
-    part: Any = sys.modules.get(module)
-    for attribute in path.split("."):
-        part = getattr(part, attribute, None)
-    return definition_of(part)
-
-
 _OWN_ROOTS: dict[str, Path] = {}
 """Top-level module of own code -> its file or folder."""
 _GIVEN: dict[str, Path] = {}
@@ -276,19 +265,9 @@ class _GivenFinder(MetaPathFinder):
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """Return where a given module is (importlib)."""
-        place = _GIVEN.get(fullname)
-        if place is None or path is not None:
+        if path is not None or fullname not in _GIVEN:
             return None
-        if place.is_file():
-            return importlib.util.spec_from_file_location(fullname, place)
-        init = place / "__init__.py"
-        if init.is_file():
-            return importlib.util.spec_from_file_location(
-                fullname, init, submodule_search_locations=[str(place)]
-            )
-        spec = ModuleSpec(fullname, None, is_package=True)
-        spec.submodule_search_locations = [str(place)]
-        return spec
+        return PathFinder.find_spec(fullname, [str(_GIVEN[fullname].parent)])
 
 
 _FINDER = _GivenFinder()
@@ -328,6 +307,7 @@ def import_own(paths: Iterable[str | Path]) -> None:
                 f"the name {name!r} is taken by {taken}", place=str(given), remedy="rename the file or folder"
             )
         _GIVEN[name] = _OWN_ROOTS[name] = path
+    importlib.invalidate_caches()  # the files may be newer than what Python knows of their folder
     if _GIVEN and _FINDER not in sys.meta_path:
         sys.meta_path.insert(0, _FINDER)
 
@@ -353,14 +333,8 @@ def place_of(error: BaseException) -> str:
     if isinstance(error, SyntaxError) and error.filename and error.filename.endswith(".py"):
         return f"{error.filename}:{error.lineno}"
     places = [
-        f"{file}:{line}"
-        for file, line in _lines(error.__traceback__)
-        if any(Path(file).is_relative_to(root) for root in _OWN_ROOTS.values())
+        f"{frame.filename}:{frame.lineno}"
+        for frame in traceback.extract_tb(error.__traceback__)
+        if any(Path(frame.filename).is_relative_to(root) for root in _OWN_ROOTS.values())
     ]
     return places[-1] if places else ""
-
-
-def _lines(traceback: TracebackType | None) -> Iterator[tuple[str, int]]:
-    while traceback is not None:
-        yield traceback.tb_frame.f_code.co_filename, traceback.tb_lineno
-        traceback = traceback.tb_next

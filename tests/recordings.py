@@ -88,17 +88,9 @@ def record(
     rows["episode"] = [
         {
             **dict(version=VERSION, program="", scenario="hand_made", traffic="", map=store.map(graph)),
-            **dict(
-                seed=1,
-                world=0,
-                episode=0,
-                traffic_engine="SUMO",
-                traffic_seed=0,
-                dt=DT,
-                steps=steps,
-                is_complete=True,
-            ),
-            **dict(is_invalid=False, remark="", limit=0, most_vehicles=0, traffic_overlaps=0),
+            **dict(seed=1, world=0, episode=0, traffic_engine="SUMO", traffic_seed=0, dt=DT, steps=steps),
+            **dict(is_complete=True, is_invalid=False, remark="", limit=0, most_vehicles=0),
+            "traffic_overlaps": 0,
             **facts,
         }
     ]
@@ -177,21 +169,10 @@ def _write_agent(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: in
                 **{name: column[k] for name, column in agents.items()},
             }
         )
-    for step, action in drive.actions:
-        kind = int(ActionSpaceType.Lane)
-        rows["decisions"].append(
-            dict(
-                step=step,
-                agent_id=agent_id,
-                action=kind,
-                value_0=action,
-                action_mask=drive.action_mask,
-                is_effective=True,
-            )
-        )
-    rows["decisions"] += [
-        {"agent_id": agent_id, "action_mask": drive.action_mask, **row} for row in drive.decisions
-    ]
+    taken = {"action": int(ActionSpaceType.Lane), "is_effective": True}
+    decisions = [{"step": step, "value_0": action, **taken} for step, action in drive.actions]
+    own = {"agent_id": agent_id, "action_mask": drive.action_mask}
+    rows["decisions"] += [own | row for row in (*decisions, *drive.decisions)]
     for step, name, values in drive.extras:
         rows["extras"].append(dict(step=step, agent_id=agent_id, name=name, values=list(values)))
     x, y, heading = graph.pose_at(graph.lane_of_id(drive.lanes[0]), float(np.asarray(drive.s)[0]))

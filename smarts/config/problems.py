@@ -82,16 +82,6 @@ def explained(
     ]
 
 
-def mistaken_keys(error: ValidationError, values: Any) -> list[Key]:
-    """Return the keys of what a model finds wrong, or of the list members around it, the last first."""
-    found = set()
-    for each in error.errors(include_url=False):
-        key = _key(each, values)
-        numbers = [place for place, part in enumerate(key) if isinstance(part, int)]
-        found.add(key[: numbers[0] + 1] if numbers else key)
-    return sorted(found, key=lambda key: [(str(type(part)), part) for part in key], reverse=True)
-
-
 def _problem(
     error: dict[str, Any], model: type[BaseModel], values: Any, place_of: Callable[[Key], str]
 ) -> Problem:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from smarts.config.problems import ConfigError, Key, Problem, explained, mistaken_keys, shown
+from smarts.config.problems import ConfigError, Key, Problem, explained, shown
 from smarts.config.sources import COMMAND_LINE, Source, read_files, read_override
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -59,60 +59,25 @@ def read_config(
             where this one has none; sections are merged, everything else (lists and `{}` too) is replaced.
         model: The type of the content.
         overrides: Values that replace the file's, as in "budget.minutes=5"; the value is read as YAML.
-        check: Finds mistakes in how values fit together. Values that the model finds wrong are left out for
-            it, so that all mistakes are told at once.
+        check: Finds mistakes in how values fit together, if each fits the model.
 
     Raises:
-        ConfigError: With all mistakes: of syntax, names, types, ranges.
+        ConfigError: With all mistakes of names, types and ranges, or all that `check` finds.
     """
     sources = [*read_files(file, str(file)), *map(read_override, overrides)]
     values = reduce(_merged, (source.values for source in sources))
     place = partial(_place, sources)
     problems = [problem for source in sources for problem in source.repeated]
-    wrong: list[Key] = []
     try:
         found = model.model_validate(values)
     except ValidationError as error:
-        problems += explained(error, model, values, place)
-        wrong = mistaken_keys(error, values)
-        found = _validated(model, reduce(_without, wrong, values))
-    problems += [
-        Problem(
-            place(fault.key), f"{shown(fault.key)}: {fault.text}" if fault.key else fault.text, fault.remedy
-        )
-        for fault in (check(found) if found else ())
-        if not _is_of_any(fault.key, wrong)
-    ]
-    if problems or not found:
+        raise ConfigError([*problems, *explained(error, model, values, place)]) from error
+    for fault in check(found):
+        text = f"{shown(fault.key)}: {fault.text}" if fault.key else fault.text
+        problems.append(Problem(place(fault.key), text, fault.remedy))
+    if problems:
         raise ConfigError(problems)
     return found
-
-
-def _validated(model: type[Model], values: dict[str, Any]) -> Model | None:
-    """Return values as a model, None if it needs others."""
-    try:
-        return model.model_validate(values)
-    except ValidationError:
-        return None
-
-
-def _without(values: Any, key: Key) -> Any:
-    """Return values without the one at a key, and without a list that has nothing else."""
-    if not key:  # of the whole
-        return {}
-    if isinstance(values, list):
-        return [each for number, each in enumerate(values) if number != key[0]]
-    kept = {name: value for name, value in values.items() if name != key[0]}
-    inner = values.get(key[0])
-    if len(key) > 1 and isinstance(inner, dict | list) and (rest := _without(inner, key[1:])) != []:
-        kept[key[0]] = rest
-    return kept
-
-
-def _is_of_any(key: Key, wrong: Iterable[Key]) -> bool:
-    """Return whether a key is around or inside a wrong one, or in a list whose numbers differ for one."""
-    lists = [each[:-1] if isinstance(each[-1], int) else each for each in wrong if each]
-    return any(key and key[: len(each)] == each[: len(key)] for each in lists)
 
 
 def _place(sources: Sequence[Source], key: Key) -> str:

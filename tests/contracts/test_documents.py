@@ -25,8 +25,6 @@ BLOCKS = [block for page in [*PAGES, *MODULES] for block in blocks_of(page)]
 WITH_CODE = sorted({block.page for block in BLOCKS if block.is_code})
 ALWAYS_RUN = ("README.md", "extending.md")
 """Pages whose blocks `make test` runs."""
-NOT_RUN = 10
-"""Blocks that are not run at most: those that install, need a cluster, or measure for minutes."""
 LOADED = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"(?:https?:)?//[^\"]+\"")
 
 
@@ -65,11 +63,6 @@ def test_pages_count_all_algorithms():
 def test_every_block_has_a_language_that_is_run():
     strange = [f"{block.place}: {block.language!r}" for block in BLOCKS if block.language not in LANGUAGES]
     assert not strange
-
-
-def test_few_blocks_are_not_run():
-    left_out = [block for block in BLOCKS if block.note.startswith("not run")]
-    assert len(left_out) <= NOT_RUN, [block.place for block in left_out]
 
 
 def test_pages_repeat_the_examples_and_docstrings():

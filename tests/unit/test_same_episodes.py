@@ -1,14 +1,13 @@
 """What `python perf/same_episodes.py` reads out of values, and how it names a difference."""
 
 import math
-from dataclasses import make_dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from perf.same_episodes import difference, digest, leaves, texts
+from perf.same_episodes import difference, digest, texts
 
 
 class Point(NamedTuple):
@@ -19,18 +18,6 @@ class Point(NamedTuple):
 
 class Light(IntEnum):
     STOP = 1
-
-
-def test_a_record_reads_like_a_dict_of_its_fields_without_those_that_are_none():
-    other = make_dataclass("Other", ["name", "x"])("a", 2.0)
-    assert digest("it", Point(2.0)) == digest("it", other) == digest("it", {"x": 2.0, "name": "a"})
-
-
-def test_every_array_has_its_path():
-    found = {
-        name: array.tolist() for name, array in leaves("it", {"points": [Point(2.0)], "light": Light.STOP})
-    }
-    assert found == {"it.light": 1, "it.points.length": 1, "it.points[0].x": 2.0, "it.points[0].name": "a"}
 
 
 @pytest.mark.parametrize(
@@ -46,11 +33,6 @@ def test_every_array_has_its_path():
 )
 def test_bits_types_and_shapes_are_seen(one, other):
     assert digest("it", one) != digest("it", other)
-
-
-def test_not_a_number_equals_itself_and_a_set_has_no_order():
-    assert digest("it", math.nan) == digest("it", math.nan)
-    assert digest("it", {"b", "a"}) == digest("it", {"a", "b"})
 
 
 def test_a_difference_names_the_first_item_that_differs_and_both_values():

@@ -71,18 +71,6 @@ def test_where_an_agent_acts_is_no_part_of_a_run_and_when_is():
     assert Environment(**timely).content() == timely
 
 
-<<<<<<< HEAD
-=======
-def test_an_experiment_is_kept_with_all_that_its_hosts_say():
-    hosts = {"idm-v0": "process", "mobil-v0": {"where": "process", "deadline_ms": 50.0, "patience": 3.0}}
-    environment = Environment(hosts={**hosts, "*": {"where": "ray", "memory": 2.0}})
-    for unset in (False, True):
-        written = environment.model_dump(mode="json", exclude_unset=unset)
-        assert Environment(**written).hosts == environment.hosts
-    assert "hosts" not in Environment().model_dump(mode="json")
-
-
->>>>>>> c7563720 (Hosts write and replay no logs of decisions; an agent elsewhere is started where it acts)
 @pytest.mark.parametrize(
     ("hosts", "count"),
     [

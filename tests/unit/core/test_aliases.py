@@ -2,21 +2,7 @@ import math
 
 import pytest
 
-from smarts.core.colors import Colors, SceneColors
-from smarts.core.condition_state import ConditionState
 from smarts.core.coordinates import Heading, Point, Pose
-
-
-def test_colours_are_rgba_in_unit_range():
-    for colour in (*Colors, *SceneColors):
-        assert len(colour.value) == 4
-        assert all(0 <= channel <= 1 for channel in colour.value)
-    assert Colors.Blue.value == (0, 153 / 255, 1, 1)
-    assert SceneColors.Agent.value == Colors.Red.value
-
-
-def test_only_true_counts_as_true():
-    assert [state for state in ConditionState if state] == [ConditionState.TRUE]
 
 
 @pytest.mark.parametrize(

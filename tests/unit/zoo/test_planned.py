@@ -1,6 +1,7 @@
 """Drivers that plan: frames of lanes, manoeuvres in simulations, and what happens when planning fails."""
 
 import math
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from smarts.types.agent_states import AgentStatus
 from smarts.types.vehicles import VehicleKind
 from smarts.zoo import make_agent
 from smarts.zoo.lane_frames import to_lane, to_map
-from smarts.zoo.planned import agilities, leaves_lanes, neighbours_of, plan_paths
+from smarts.zoo.planned import agilities, neighbours_of, plan_paths
 from tests.faulty_planner import Faulty
 
 from .batches import batch_of, seen_of, two_lanes, with_ways
@@ -48,17 +49,6 @@ def test_poses_in_the_frame_of_a_lane(station, offset, turn):
     np.testing.assert_allclose(to_map(arc(), found)[0, 0], pose, atol=0.05)
 
 
-def test_beyond_its_ends_a_lane_is_straight():
-    ways = arc()
-    begin, end = ways[0, 0], ways[0, -1]
-    behind = begin - np.array([10.0 * math.cos(begin[2]), 10.0 * math.sin(begin[2]), 0.0])
-    ahead = end + np.array([10.0 * math.cos(end[2]), 10.0 * math.sin(end[2]), 0.0])
-    found = to_lane(ways, np.array([[behind, ahead]]))[0]
-    last = 2.0 * (POINTS - 1 - BEHIND)
-    np.testing.assert_allclose(found, [[-30.0, 0.0, 0.0], [last + 10.0, 0.0, 0.0]], atol=1e-9)
-    np.testing.assert_allclose(to_map(ways, found[None])[0], [behind, ahead], atol=0.25)
-
-
 def test_neighbours_keep_their_lane_on_a_bend():
     """One 20 m ahead in the lane to the left, at 10 m/s, is 20 + 10 * 50 / 46.8 m ahead a second later."""
     angle, radius = 20.0 / RADIUS, RADIUS - 3.2
@@ -73,13 +63,6 @@ def test_neighbours_keep_their_lane_on_a_bend():
     assert found.size[0, 0].tolist() == [15.0, 2.5], "a vehicle of 8 m instead of 5 m needs 3 m more"
 
 
-def test_paths_that_leave_the_lanes_of_a_manoeuvre():
-    paths = np.zeros((3, 5, 5))
-    paths[:, :, 2] = [[-3.2, -3.9, -2, 0, 0.9], [-3.2, -4.3, -2, 0, 0], [-3.2, -2, 0, 1.1, 0]]
-    assert leaves_lanes(paths, np.full(3, -3.2)).tolist() == [False, True, True]
-    assert leaves_lanes(-paths, np.full(3, 3.2)).tolist() == [False, True, True]
-
-
 def test_plans_ask_for_the_acceleration_that_the_controller_makes_of_lacking_speed():
     times = np.linspace(0.0, 2.0, 21)
     paths = np.zeros((2, 21, 5))
@@ -91,25 +74,16 @@ def test_plans_ask_for_the_acceleration_that_the_controller_makes_of_lacking_spe
     assert actions[1, 3, :21] == pytest.approx(paths[1, :, 4]), "for braking it looks ahead"
 
 
-def test_unknown_planners_are_named():
-    name = "overtaking-v0"
-    for planner in ("beziers", "nowhere:Planner"):
-        with pytest.raises(SmartsError) as error:
-            make_agent(name, planner=planner)
-        assert str(planner).partition(":")[0] in str(error.value)
-
-
 def test_a_planner_that_cannot_turn_round_is_refused():
     with pytest.raises(SmartsError) as error:
         make_agent("u-turn-v0", planner="sumo")
     assert "bezier" in error.value.remedy
 
 
-@pytest.mark.parametrize("speed", [1.5, 3.4])
 @pytest.mark.parametrize("planner", ["bezier", "receding_horizon"])
-def test_a_half_circle_leads_into_its_lane_without_turning_back(planner, speed):
+def test_a_half_circle_leads_into_its_lane_without_turning_back(planner):
     """The receding horizon ends up to 1 m beyond the first point of the lane."""
-    batch = batch_of(seen_of(speed=speed, allowed=10.0))
+    batch = batch_of(seen_of(speed=3.4, allowed=10.0))
     batch.observations[LANE_WAYS] = np.zeros((1, 3, POINTS, 3))
     batch.observations[LANE_WAYS][..., 0] = 2.0 * (np.arange(POINTS) - BEHIND)
     lane = [[-2.0 * point, 9.6, math.pi] for point in range(TURN_POINTS)]
@@ -154,18 +128,17 @@ def test_a_lane_change_leads_to_its_lane_however_late(steps):
     assert math.hypot(*paths[-1][:2, -1]) == pytest.approx(RADIUS + 3.2, abs=0.5)
 
 
-@pytest.mark.parametrize("radius", [20.0, 30.0])
-def test_lane_changes_in_bends_are_slow(radius):
+def test_lane_changes_in_bends_are_slow():
     """The lateral acceleration in the other lane is at most 3 m/s^2."""
+    radius = 20.0
     agent = make_agent("overtaking-v0")[0]
     path = agent.act(bend(radius, speed=12.0))[0]
     assert math.hypot(*path[:2, -1]) > radius + 1.6, "it changes lanes"
     assert path[3].max() <= 1.02 * math.sqrt(3.0 * (radius + 3.2))
 
 
-@pytest.mark.parametrize("planner", ["receding_horizon", "sumo"])
-def test_lane_changes_on_fast_roads(planner):
-    agent = make_agent("overtaking-v0", planner=planner)[0]
+def test_lane_changes_on_fast_roads():
+    agent = make_agent("overtaking-v0")[0]
     seen = seen_of(speed=25.0, allowed=25.0, demanded=-1.0)
     seen.lanes[:, 2, Lane.OPEN], seen.lanes[:, 0, Lane.LEFT] = 1.0, 300.0
     path = agent.act(with_ways(batch_of(seen)))[0]
@@ -179,84 +152,60 @@ def test_vehicles_keep_the_agility_of_their_kind():
     assert agilities(lengths + 0.05).tolist() == Abilities.of_all().agility[known].tolist()
 
 
-FAULTS = ["nan", *(pytest.param(each, marks=pytest.mark.nightly) for each in ("infeasible", "unconverged"))]
-
-
 class Listener:
-    """Keeps of each frame who has failed, and where the social agent's vehicle is."""
+    """Keeps of each frame which agents have failed, and where the social agent's vehicle is."""
 
-    def __init__(self, env):
+    def __init__(self):
         self.failures, self.places, self.given = [], [], []
-        self._env = env
 
     def collect(self, frame, is_last):
-        if frame.actions is None:
-            return
-        self.failures.append(dict(frame.social_failures))
-        slot = frame.world.agents.slot[0, 1]
-        self.places.append(frame.world.vehicles.position[0, slot].copy())
-        self.given.append(bool(frame.actions.given[0, 1]))
+        if frame.actions is not None:
+            self.failures.append(dict(frame.social_failures))
+            slot = frame.world.agents.slot[0, 1]
+            self.places.append(frame.world.vehicles.position[0, slot].copy())
+            self.given.append(bool(frame.actions.given[0, 1]))
 
     def reset(self, egos):
         pass
 
 
-def overtake(monkeypatch, fault, failing):
-    """Let a social agent overtake by a planner that fails in some calls; return frames and infos."""
-    monkeypatch.setattr(Faulty, "fault", fault)
+def overtake(monkeypatch, failing):
+    """Let a social agent overtake by a planner that fails at times; return frames and statuses of plans."""
     monkeypatch.setattr(Faulty, "failing", failing)
     monkeypatch.setattr(Faulty, "plans", [])
     social = [{"agent": "overtaking-v0", "options": {"planner": "tests.faulty_planner:Faulty"}}]
     never = DoneCriteria(collision=False, off_road=False, off_route=False)
     ego = AgentInterface(action=ActionSpaceType.Lane, vehicle_model="kinematic", done_criteria=never)
-    env = VectorHiWayEnv(1, ["overtaking"], {"ego": ego}, social_agents=social)
-    listener = Listener(env)
-    try:
+    listener = Listener()
+    with closing(VectorHiWayEnv(1, ["overtaking"], {"ego": ego}, social_agents=social)) as env:
         env._runner.listen(listener)
         env.reset(1)
-        infos = []
-        for _ in range(300):
-            result = env.step(BRAKES)
-            infos.append(dict(result.social_failures.get(0, {})))
-            if any(infos) or len(Faulty.plans) > max(8, len(failing)):
-                break
-        active = env._runner.world.agents.state[0, 1] == AgentStatus.ACTIVE
+        while not any(listener.failures) and len(Faulty.plans) <= max(8, len(failing)):
+            env.step(BRAKES)
+        assert env._runner.world.agents.state[0, 1] == AgentStatus.ACTIVE
         for _ in range(20):
             env.step(BRAKES)
-    finally:
-        env.close()
-    return listener, infos, active
+    return listener, [int(each.status[0]) for each in Faulty.plans]
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_while_planning_fails_the_last_plan_is_driven(monkeypatch, fault):
+def test_while_planning_fails_the_last_plan_is_driven(monkeypatch):
     failing = range(3, 6)
-    _, infos, active = overtake(monkeypatch, fault, failing)
-    statuses = [int(each.status[0]) for each in Faulty.plans]
-    assert len(statuses) >= 9
+    listener, statuses = overtake(monkeypatch, failing)
     assert [number for number, status in enumerate(statuses) if status] == [*failing]
     assert {statuses[number] for number in failing} == {PlanStatus.SHIFTED}
-    assert not any(infos)
-    assert active
+    assert not any(listener.failures)
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_when_the_last_plan_is_over_the_fallback_drives_in_the_same_step(monkeypatch, fault):
-    listener, infos, active = overtake(monkeypatch, fault, range(3, 1000))
-    statuses = [int(each.status[0]) for each in Faulty.plans]
+def test_when_the_last_plan_is_over_the_fallback_drives_in_the_same_step(monkeypatch):
+    listener, statuses = overtake(monkeypatch, range(3, 40))
     assert statuses[:3] == [PlanStatus.PLANNED] * 3
-    assert statuses[3:-1] == [PlanStatus.SHIFTED] * (len(statuses) - 4)
-    assert len(statuses) > 6
+    assert {*statuses[3:-1]} == {PlanStatus.SHIFTED}
     assert statuses[-1] == PlanStatus.FAILED, "it is not asked again"
     (failed,) = [step for step, each in enumerate(listener.failures) if each]
     assert [*listener.failures[failed]] == [(0, 1)]
     assert "cannot act" in listener.failures[failed][0, 1]
-    assert infos[-1] == {name: listener.failures[failed][0, 1] for name in infos[-1]}
-    assert len(infos[-1]) == 1
     assert listener.given[failed - 1]
     assert not listener.given[failed], "the fallback drives in this step"
-    assert active
     ways = np.hypot(*np.diff(listener.places, axis=0).T)
-    assert len(ways) >= failed + 20, "the episode goes on"
     assert (ways[failed - 3 : failed + 3] > 0.2).all()
     assert np.abs(np.diff(ways[failed - 5 : failed + 10])).max() < 0.1, "no jump of the speed above 10 m/s^2"
