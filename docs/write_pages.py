@@ -1,6 +1,6 @@
 """Writes what pages repeat from the code: `make pages`.
 
-- `docs/api/`: the reference, from signatures and docstrings.
+- `docs/api/`: the reference, from signatures, docstrings and schemas.
 - Blocks with `title="examples/..."`: that file.
 """
 
@@ -13,10 +13,12 @@ from pathlib import Path
 
 import griffe
 
+from docs import schema_pages
+
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLE = re.compile(r'(```\w+ title="(examples/[^"]+)"\n).*?(^```$)', re.DOTALL | re.MULTILINE)
-MADE = "<!-- Made by `make pages` from the docstrings: change those. -->"
+MADE = "<!-- Made by `make pages` from the code: change that. -->"
 TYPES = {
     "Scenario": "Scenario Variation StartVariation ScenarioMetadata MapSpec",
     "Missions": "Mission EndlessMission LapMission GroupedLapMission Via UTurn CutIn",
@@ -98,6 +100,11 @@ def texts() -> Iterator[tuple[Path, str]]:
                     has_methods = bool(section) or not members
                     parts.append(_entry(_load(f"{module}.{member}"), member, 2 + bool(section), has_methods))
         yield ROOT / "docs" / "api" / f"{name}.md", "\n\n".join(parts) + "\n"
+    for name, title, parts in (
+        ("sensors", "Sensors", schema_pages.sensors()),
+        ("episodes", "Tables of recorded episodes", schema_pages.episodes()),
+    ):
+        yield ROOT / "docs" / "api" / f"{name}.md", "\n\n".join([f"# {title}", MADE, *parts]) + "\n"
     for page in PAGES:
         text = page.read_text()
         if page.parent.name != "api":

@@ -13,15 +13,13 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import pandas as pd
-
 from benchmark.report.paper import printed
 from benchmark.results.files import write_whole
 from smarts.errors import SmartsError
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "benchmark_v1"
-FILES = {"README.md": ("paper",), "docs/guide/benchmark_v1.md": ("modes", "seeds", "partners")}
+FILES = {"README.md": ("paper",), "docs/guide/benchmark_v1.md": ("modes", "partners")}
 """File -> its tables."""
 TASKS, ALONE, SOCIAL = (
     ("two_way", "double_merge", "intersection"),
@@ -48,8 +46,6 @@ PLAYS = {
     "self-play": "alone",
     "XP": "with partners",
     "wet_road": "wet road",
-    "latency_100": "100 ms",
-    "latency_300": "300 ms",
     "latency_500": "500 ms",
 }
 """Column of robustness.csv -> heading."""
@@ -110,29 +106,6 @@ def modes_table(values: Values) -> Iterable[Sequence[str]]:
         yield (label, *("; ".join(filter(None, each)) for each in parts))
 
 
-def seeds_table(values: Values) -> Iterable[Sequence[str]]:
-    """Yield rows of greedy rates by training seed, counted from the tests' rows."""
-    names = ["algorithm", "task", "task_traffic", "training_seed"]
-    kept = [
-        ("mode", "==", "greedy"),
-        ("split", "==", "train"),
-        ("is_invalid", "==", False),
-        ("agents", ">", 0),
-    ]
-    table = pd.read_parquet(RESULTS / "episodes.parquet", columns=[*names, "outcome"], filters=kept)
-    ends = pd.DataFrame({end: table["outcome"] == end for end in ("collision", "goal")})
-    rates = ends.groupby([table[name] for name in names]).mean()
-    yield ("", *TITLES)
-    for name, label in ALGORITHMS.items():
-        yield (
-            label,
-            *(
-                "; ".join(f"{a:.2f} / {b:.2f}" for a, b in rates.loc[(name, *cell)].to_numpy())
-                for cell in CELLS
-            ),
-        )
-
-
 def partners_table(_: Values) -> Iterable[Sequence[str]]:
     """Yield rows of greedy rates of each policy alone, with others' partners, and under other conditions."""
     yield ("cell", "policy", *PLAYS.values(), "worst partner")
@@ -156,7 +129,7 @@ def partners_table(_: Values) -> Iterable[Sequence[str]]:
             yield (task.replace("_", " "), label, *figures, with_last)
 
 
-TABLES = {"paper": paper_table, "modes": modes_table, "seeds": seeds_table, "partners": partners_table}
+TABLES = {"paper": paper_table, "modes": modes_table, "partners": partners_table}
 
 
 def lines_of(name: str, values: Values) -> str:

