@@ -108,7 +108,7 @@ def modes_table(values: Values) -> Iterable[Sequence[str]]:
 
 def partners_table(_: Values) -> Iterable[Sequence[str]]:
     """Yield rows of greedy rates of each policy alone, with others' partners, and under other conditions."""
-    yield ("cell", "policy", *PLAYS.values(), "worst partner")
+    yield ("task", "policy", *PLAYS.values())
     with (RESULTS / "report" / "robustness.csv").open(newline="") as file:
         plays: dict[tuple[str, ...], dict[str, float]] = {}
         for row in csv.DictReader(file):
@@ -121,12 +121,8 @@ def partners_table(_: Values) -> Iterable[Sequence[str]]:
                 for key, rates in plays.items()
                 if key[:2] == (f"{task}_v1", name)
             }
-            alone = {("partner", "self-play"), ("partner", "XP")}
-            partners = [key for key in own if key[0] == "partner" and key not in alone]
-            last = min(partners, key=lambda key: plays[f"{task}_v1", name, *key]["completion_rate"])
             figures = [next(own[key] for key in own if key[1] == play) for play in PLAYS]
-            with_last = f"{own[last]} ({ALGORITHMS.get(last[1], last[1])})"
-            yield (task.replace("_", " "), label, *figures, with_last)
+            yield (task.replace("_", " "), label, *figures)
 
 
 TABLES = {"paper": paper_table, "modes": modes_table, "partners": partners_table}
