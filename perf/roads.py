@@ -141,12 +141,13 @@ def report_kernels(graph: LaneGraph, count: int, repeats: int) -> None:
     places, heading = np.empty((count, 2)), np.empty(count)
     aside = generator.normal(scale=0.8, size=count)
     bind(kernels.poses_at, atlas.roads)(world, lane, s, aside, places, heading)
-    found, paths = NearestLanes.allocate(count), WaypointPaths.allocate(count, PATHS, LOOKAHEAD)
+    found, paths = NearestLanes.allocate(count), WaypointPaths.allocate(PATHS, LOOKAHEAD)
     mask, unknown = sum(1 << kind for kind in ROAD_LANES), np.full(count, np.nan)
     locate, is_on_road = bind(kernels.locate, atlas.roads, table), bind(footprints.is_on_road, atlas.roads)
     write = bind(write_waypoints, atlas.roads, table)
     no_route = np.full(count, -1, np.int32)
     points = places.tolist()
+    starts = [*zip(points, zip(lane.tolist(), number.tolist(), strict=True), strict=True)]
     few = places[:50]
 
     def row(name: str, kernel: Callable, plain_name: str, other: Callable, share: float = 1.0) -> None:
@@ -181,15 +182,11 @@ def report_kernels(graph: LaneGraph, count: int, repeats: int) -> None:
         lambda: plain.on_road(places),
     )
     row(
-        f"waypoints, {paths.waypoint_count.shape[1]} x {LOOKAHEAD} along route",
-        lambda: write(world, places, unknown, lane, number, unknown, mask, 1.0, paths),
+        f"waypoints, {PATHS} x {LOOKAHEAD} along route",
+        lambda: [write(0, (x, y, np.nan), *at, np.nan, mask, 1.0, paths) for (x, y), at in starts],
         "np.interp, own lane only",
         lambda: plain.waypoints(lane[:50], s[:50], routes[:50]),
         50 / count,
-    )
-    written = int(paths.waypoint_count.sum())
-    print(
-        f"  the kernel wrote {written / count:.1f} waypoints per pose in {paths.path_count.mean():.2f} paths"
     )
     ends = [(route[0], other[-1]) for route, other in itertools.pairwise(begins[:50])]
     (search,) = best_of(repeats, lambda: [shortest_route(graph, *pair) for pair in ends])

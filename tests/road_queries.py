@@ -57,15 +57,13 @@ class RoadQueries(RoadAtlas):
                 remaining[i] = table.end[table.start[corridor + 1] - 1] - done[i]
         return done, remaining
 
-    def waypoints(
-        self, table, maps, position, lane, routes, hint=None, *, paths=8, lookahead=32, spacing=1.0, out=None
-    ):
-        found = WaypointPaths.allocate(len(maps), paths, lookahead) if out is None else out
-        hint = np.full(len(maps), np.nan) if hint is None else _floats(hint)
+    def waypoints(self, table, m, xy, lane, route=-1, hint=np.nan, *, paths=8, lookahead=32, spacing=1.0):
+        """Return a vehicle's paths, rows as in `WaypointPaths.point`, and how many were left out."""
+        found, mask = WaypointPaths.allocate(paths, lookahead), _mask(ROAD_LANES)
+        place, numbers = (*map(float, xy), np.nan), map(int, (lane, route))
         ask = bind(write_waypoints, self.roads, table)
-        places = _ints(maps), _floats(position), np.full(len(maps), np.nan), _ints(lane), _ints(routes), hint
-        ask(*places, _mask(ROAD_LANES), float(spacing), found)
-        return found
+        count, left_out = ask(int(m), place, *numbers, float(hint), mask, float(spacing), found)
+        return [found.point[k, : found.length[k]] for k in range(count)], left_out
 
 
 def _ints(values):

@@ -1,4 +1,4 @@
-"""Control by throttle, brake and steering."""
+"""Control by throttle, brake, and steering or its rate."""
 
 from __future__ import annotations
 
@@ -29,3 +29,9 @@ class Continuous:
         """Write the actuators of the chosen agents; see `Controller`."""
         out.mode[chosen] = self.mode
         out.actuators[chosen] = np.clip(actions.values[chosen, :3], LEAST, MOST)
+
+
+class ActuatorDynamic(Continuous):
+    """Takes throttle and brake in [0, 1] and the steering rate in [-1, 1], in full locks per second."""
+
+    mode: ClassVar[CommandMode] = CommandMode.ACTUATORS_RATE

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from smarts.arrays import Floats
-from smarts.controllers.abilities import Abilities
+from smarts.dynamics.performance import Abilities
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, wrapped
 from smarts.roads.arrays import Roads

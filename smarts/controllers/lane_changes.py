@@ -6,9 +6,9 @@ import math
 
 from smarts.arrays import Bools
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at, wrapped
+from smarts.geometry.segments import wrapped
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.kernels import lane_length, pose_on_lane
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.lane_ways import next_row, place_on_lane, row_of
 from smarts.types.actions import LaneAction
@@ -82,9 +82,8 @@ def steered_lane(state: State, roads: Roads, routes: RouteTable, b: int, a: int)
 def _is_along(state: State, roads: Roads, b: int, slot: int, lane: int) -> bool:
     """Return whether a vehicle heads along its lane; it may not where it swings wide across another lane."""
     vehicles = state.vehicles
-    s = vehicles.lane_position[b, slot]
-    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
-    return math.cos(vehicles.heading[b, slot] - centre_at(roads, point, s)[2]) > 0.0
+    heading = pose_on_lane(roads, lane, vehicles.lane_position[b, slot])[2]
+    return math.cos(vehicles.heading[b, slot] - heading) > 0.0
 
 
 @kernel
@@ -170,8 +169,7 @@ def latch(
     if phase == _REQUESTED and abs(t) < 0.5 * (width + vehicles.width[b, slot]):
         phase = _MOVING
     if is_changing(phase) and abs(t) < SETTLED_OFFSET:
-        point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
-        heading = centre_at(roads, point, s)[2]
+        heading = pose_on_lane(roads, lane, s)[2]
         if abs(wrapped(vehicles.heading[b, slot] - heading)) < SETTLED_TURN:
             phase = _SETTLED
     agents.change_phase[b, a] = phase

@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 
 from smarts.arrays import Bools, Floats
-from smarts.controllers.abilities import Abilities
 from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_path
 from smarts.controllers.lane_changes import is_changing, latch
@@ -18,7 +17,7 @@ from smarts.controllers.leaders import limit_by_leaders
 from smarts.controllers.stop_lines import limit_by_lights, limit_by_right_of_way
 from smarts.controllers.task_path import write_task_reference
 from smarts.controllers.tracking import SPEED_GAIN
-from smarts.dynamics.performance import performance
+from smarts.dynamics.performance import Abilities, performance
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable

@@ -18,13 +18,12 @@ import numpy as np
 from smarts.arrays import Bools, Floats
 from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.controllers.trajectory_tracking import write_paths
-from smarts.dynamics import layout, vehicle, vehicle_names
+from smarts.dynamics.performance import Abilities
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, Commands
-from smarts.types.vehicles import VehicleKind
 from smarts.types.world import State
 
 OFFSET_WEIGHT = 1.0
@@ -41,20 +40,6 @@ ROUNDS = 12
 """Iterations of the alternating direction method."""
 PENALTY = 50.0
 """Penalty of this method on the squared difference of curvature [m^2]."""
-LOCK_SHARE = 0.95
-"""Share of the steering lock that plans use; the rest is for tracking."""
-
-
-def sharpest_curvatures() -> Floats:
-    """Return the maximum planned curvature of each `VehicleKind` [1/m], shape (K,); inf without a model."""
-    known = vehicle_names()
-    found = np.full(len(VehicleKind), np.inf)
-    for kind in VehicleKind:
-        name = kind.name.lower()
-        if name in known:
-            lock = float(layout.pack(name, "linear")["max_steering"])
-            found[kind] = math.tan(LOCK_SHARE * lock) / vehicle(name).wheelbase
-    return found
 
 
 class ModelPredictive:
@@ -70,7 +55,7 @@ class ModelPredictive:
     def __init__(self, scene: Scene) -> None:
         state = scene.world.state
         self._write = LateBound(write_paths, state)
-        self._plan = LateBound(plan_references, state, sharpest_curvatures())
+        self._plan = LateBound(plan_references, state, Abilities.of_all().sharpest)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write a plan along each chosen agent's path; see `Controller`."""

@@ -1,20 +1,21 @@
-"""Control by a target pose and the time to reach it."""
+"""Control by target poses, with the time to reach them, and by changes of pose."""
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
-from smarts.arrays import Bools
-from smarts.controllers.action_formats import FAR, ActionFormat, NumbersFormat
+from smarts.arrays import Bools, Floats
+from smarts.controllers.action_formats import FAR, ActionFormat, NumbersFormat, rejection
 from smarts.controllers.placing import PLAN, place_by_targets
 from smarts.geometry.binding import LateBound
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, Commands
 
-TURN = 2 * np.pi
-"""Largest magnitude of a target's heading [rad]."""
+BOUNDS = [-FAR, -FAR, -2 * np.pi, 0], [FAR, FAR, 2 * np.pi, 1000]
+"""Of a target: x, y [m], heading [rad], time [s]."""
 
 
 class TargetPose:
@@ -27,7 +28,7 @@ class TargetPose:
         scene: The world, its maps and its routes.
     """
 
-    action_format: ClassVar[ActionFormat] = NumbersFormat([-FAR, -FAR, -TURN, 0], [FAR, FAR, TURN, 1000])
+    action_format: ClassVar[ActionFormat] = NumbersFormat(*BOUNDS)
     follows_lanes: ClassVar[bool] = False
     relative: ClassVar[bool] = False
 
@@ -41,3 +42,33 @@ class TargetPose:
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the poses of the chosen agents; see `Controller`."""
         self._place.to(actions, out)(chosen)
+
+
+class PoseByVehicle(NumbersFormat):
+    """The format of a `TargetPose` action, or of a mapping from the agent's vehicle to it, as in SMARTS."""
+
+    def parse(self, action: Any, place: str, most_points: int) -> Floats:
+        """Return x, y [m], heading [rad], time [s]; see `ActionFormat`."""
+        if isinstance(action, Mapping):
+            if len(action) != 1:
+                problem = f"has poses of {len(action)} vehicles"
+                raise rejection(action, problem, place, "give that of the agent's vehicle")
+            (action,) = action.values()
+        return super().parse(action, place, most_points)
+
+
+class MultiTargetPose(TargetPose):
+    """Drives the agent's vehicle to a target pose, given per vehicle; see `TargetPose`."""
+
+    action_format: ClassVar[ActionFormat] = PoseByVehicle(*BOUNDS)
+
+
+class RelativeTargetPose(TargetPose):
+    """Moves a vehicle by dx, dy [m] along the map's axes and turns it by dheading [rad].
+
+    The vehicle moves straight and at constant speed, and arrives at the agent's next decision. Without a new
+    action it then stands still.
+    """
+
+    action_format: ClassVar[ActionFormat] = NumbersFormat([-6, -6, -np.pi], [6, 6, np.pi])
+    relative: ClassVar[bool] = True

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from smarts.arrays import Floats
-from smarts.controllers.abilities import Abilities
 from smarts.controllers.lane_path import NEAR_SPACING, limit_speeds, write_reference
+from smarts.dynamics.performance import Abilities
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.curves import curve_into, pose_along, station_near, stations_of

@@ -35,12 +35,11 @@ from smarts.dynamics.fleet import Fleet, MotionError
 from smarts.dynamics.layout import MODELS, TYRE_MODELS
 from smarts.dynamics.motion import Motion, Road, SubstepDriver, Wheels
 from smarts.dynamics.parameters import VehicleParameters, vehicle, vehicle_names
-from smarts.dynamics.tyre_faults import FLAT_TYRE, SOUND_TYRE, TyreFault
+from smarts.dynamics.tyre_faults import FLAT_TYRE, TyreFault
 
 __all__ = [
     "FLAT_TYRE",
     "MODELS",
-    "SOUND_TYRE",
     "TYRE_MODELS",
     "Box",
     "Fleet",

@@ -185,7 +185,7 @@ class Fleet:
         self.road.offset[row] = height
 
     def set_fault(self, row: int, wheel: int, fault: TyreFault = FLAT_TYRE) -> None:
-        """Set the fault of one tyre until the vehicle despawns; `SOUND_TYRE` removes it.
+        """Set the fault of one tyre until the vehicle despawns; `TyreFault()` removes it.
 
         Args:
             row: Of the vehicle.

@@ -19,6 +19,5 @@ class TyreFault:
     """Rolling resistance over load that comes on top."""
 
 
-SOUND_TYRE = TyreFault()
 FLAT_TYRE = TyreFault(radius=0.93, stiffness=0.3, grip=0.7, resistance=0.1)
 """An aired-out tyre: orders of magnitude only, no measured set lies behind them."""

@@ -57,6 +57,15 @@ def _axes(heading: ArrayLike) -> Floats:
 
 
 @kernel
+def slab(begin: float, direction: float, low: float, high: float) -> tuple[float, float]:
+    """Return between which distances a ray is between two walls; the first is larger if never."""
+    if direction == 0.0:
+        return (-np.inf, np.inf) if low <= begin <= high else (np.inf, -np.inf)
+    one, other = (low - begin) / direction, (high - begin) / direction
+    return min(one, other), max(one, other)
+
+
+@kernel
 def box_gaps(
     pose: Pose, half_length: float, half_width: float, pose2: Pose, half_length2: float, half_width2: float
 ) -> Gaps:

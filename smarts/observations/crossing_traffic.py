@@ -7,12 +7,11 @@ import numpy as np
 from smarts.arrays import Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
-from smarts.observations.heading_errors import row_ahead
 from smarts.observations.scales import SIGHT, SPEED_SCALE, compressed
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
 from smarts.roads.lane_graph import Yields
-from smarts.roads.lane_ways import next_row
+from smarts.roads.lane_ways import next_row, row_of
 from smarts.sensors.nearest import keep_nearest
 from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State
@@ -52,7 +51,7 @@ def meetings_ahead(
     base, lane, count = roads.lane_base[m], vehicles.lane[b, slot], 0
     if lane < 0:
         return 0
-    row = row_ahead(roads, routes, base, m, routes.number[b, a], lane, state.agents.route_progress[b, a])
+    row = row_of(routes, m, routes.number[b, a], base + lane, base, state.agents.route_progress[b, a])
     length = vehicles.length[b, slot]
     begin, was_inside = -vehicles.lane_position[b, slot] - 0.5 * length, False
     while row >= 0 and begin <= SIGHT:

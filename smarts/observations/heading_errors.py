@@ -8,23 +8,13 @@ from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at, find_row, lane_length
+from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.lane_ways import row_of
 from smarts.types.world import State
 
 WAYPOINTS = 20
 SPACING = 1.0
 """Between waypoints [m]."""
-
-
-@kernel
-def row_ahead(
-    roads: Roads, table: RouteTable, base: int, free: int, route: int, lane: int, done: float
-) -> int:
-    """Return the table's row of a lane on the route, or, off the route, in the corridor without one."""
-    row = -1
-    if route >= 0:
-        row = find_row(table, table.free + route, base + lane, done)
-    return row if row >= 0 else table.start[free] + lane
 
 
 @kernel
@@ -70,9 +60,9 @@ class HeadingErrors(Feature):
         out[:] = 0.0
         if lane < 0:
             return
-        row = row_ahead(roads, routes, base, m, route, lane, done)
+        row = row_of(routes, m, route, base + lane, base, done)
         if target >= 0 and target != lane:
-            other = row_ahead(roads, routes, base, m, route, target, done)
+            other = row_of(routes, m, route, base + target, base, done)
             # Only beside the own lane: a target on another road is one that was passed.
             if routes.group[other] == routes.group[row]:
                 own_end = lane_length(roads, base + lane)

@@ -56,4 +56,4 @@ class Image(Feature):
         arrays = GridOut(image, np.zeros(image.shape[:2], np.float32))
         scene, agent_ids = self.context.scene, self.context.agent_ids
         known = self._resolution, road, boxes, road_raster(scene.atlas)
-        return bind_write(TopDownRgb.write, scene, agent_ids, arrays, *known)
+        return bind_write(TopDownRgb.write, scene, agent_ids, arrays, known)

@@ -7,11 +7,10 @@ import numpy as np
 from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
-from smarts.observations.heading_errors import row_ahead
 from smarts.observations.scales import SIGHT, compressed
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
-from smarts.roads.lane_ways import next_row
+from smarts.roads.lane_ways import next_row, row_of
 from smarts.types.world import State
 
 
@@ -25,7 +24,7 @@ def distance_to_junction(state: State, roads: Roads, routes: RouteTable, b: int,
     base, lane = roads.lane_base[m], vehicles.lane[b, slot]
     if lane < 0:
         return np.inf
-    row = row_ahead(roads, routes, base, m, routes.number[b, a], lane, state.agents.route_progress[b, a])
+    row = row_of(routes, m, routes.number[b, a], base + lane, base, state.agents.route_progress[b, a])
     begin = -vehicles.lane_position[b, slot] - 0.5 * vehicles.length[b, slot]
     while row >= 0 and begin <= SIGHT:
         lane = int(routes.lane[row])

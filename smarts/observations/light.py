@@ -7,8 +7,8 @@ import numpy as np
 from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
-from smarts.observations.heading_errors import row_ahead
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.lane_ways import row_of
 from smarts.roads.lights import light_ahead
 from smarts.types.world import State
 
@@ -28,5 +28,5 @@ class Light(Feature):
         lane, done = state.vehicles.lane[b, state.agents.slot[b, a]], state.agents.route_progress[b, a]
         out[0] = 0.0
         if lane >= 0:
-            row = row_ahead(roads, routes, base, m, routes.number[b, a], lane, done)
+            row = row_of(routes, m, routes.number[b, a], base + lane, base, done)
             out[0] = LIGHTS[light_ahead(routes, row, base, free, state.signals[b])]

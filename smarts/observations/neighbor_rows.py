@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from pydantic import PositiveFloat, PositiveInt
 
-from smarts.arrays import Ints, Singles
+from smarts.arrays import Singles
 from smarts.errors import SmartsError, nearest_names
 from smarts.geometry.compiling import kernel
 from smarts.observations.context import AdapterContext
@@ -83,24 +84,17 @@ class NeighborRows(Feature):
         meaning = "the nearest vehicles, a row each; zeros for none"
         return (Field("neighbor_rows", shape, np.float32, -1.0, 1.0, "", meaning),)
 
-    def known(self) -> tuple[float, Ints]:
+    def known(self) -> tuple[Any, ...]:
         """Return the radius [m], and the numbers of the columns."""
-        return self._radius, np.array([COLUMNS.index(name) for name in self._columns])
+        return ((self._radius, np.array([COLUMNS.index(name) for name in self._columns])),)
 
     @staticmethod
     @kernel
     def write(
-        state: State,
-        roads: Roads,
-        routes: RouteTable,
-        b: int,
-        g: int,
-        a: int,
-        out: Singles,
-        radius: float,
-        columns: Ints,
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: Singles, known: Any
     ) -> None:
         """Write an agent's rows, shape (rows, columns); see `Feature`."""
+        radius, columns = known
         vehicles, own = state.vehicles, state.agents.slot[b, a]
         found, squares = np.empty(len(out), np.int32), np.empty(len(out))
         count = neighbors_within(vehicles, b, own, radius, found, squares)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import NamedTuple
+from collections import namedtuple
+from typing import Any
 
 import numpy as np
 
 from smarts.arrays import Floats
 from smarts.dynamics.performance import performance
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at
 from smarts.observations.context import AdapterContext
 from smarts.observations.feature import Feature
 from smarts.observations.way_ahead import (
@@ -21,7 +21,7 @@ from smarts.observations.way_ahead import (
     write_way,
 )
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.kernels import lane_length, pose_on_lane
 from smarts.roads.lane_ways import place_on_lane, row_of
 from smarts.roads.paces import Performance
 from smarts.roads.right_of_way import gap_to_wait
@@ -103,9 +103,7 @@ _ENDLESS, _NOBODY = 0, int(Owner.NOBODY)
 _NO_CHANGE = (int(ChangePhase.NONE), int(ChangePhase.SETTLED), int(ChangePhase.ABORTED))
 
 
-class _Out(NamedTuple):
-    own_vehicle: Floats
-    lane_traffic: Floats
+_Out = namedtuple("_Out", "own_vehicle lane_traffic")
 
 
 class Surroundings(Feature):
@@ -138,24 +136,17 @@ class Surroundings(Feature):
 
     arrays = _Out
 
-    def known(self) -> tuple[Performance, float]:
+    def known(self) -> tuple[Any, ...]:
         """Return what vehicles can do, and the driver's margins."""
-        return performance(self.context.scene.atlas), self._margins
+        return ((performance(self.context.scene.atlas), self._margins),)
 
     @staticmethod
     @kernel
     def write(
-        state: State,
-        roads: Roads,
-        routes: RouteTable,
-        b: int,
-        g: int,
-        a: int,
-        out: _Out,
-        performance: Performance,
-        margins: float,
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out, known: Any
     ) -> None:
         """Write an agent's numbers; see `Feature`."""
+        performance, margins = known
         own, lanes = out.own_vehicle[b, g], out.lane_traffic[b, g]
         _write(state, roads, routes, performance, b, a, margins, own, lanes)
 
@@ -192,8 +183,7 @@ def _write(
         row = row_of(routes, m, route, first_lane + here, first_lane, hint)
         s, t = place_on_lane(roads, routes.lane[row], x, y, height)
     lane = int(routes.lane[row])
-    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
-    turn = vehicles.heading[b, slot] - centre_at(roads, point, s)[2]
+    turn = vehicles.heading[b, slot] - pose_on_lane(roads, lane, s)[2]
     own[_OFFSET], own[_TURN] = t, math.atan2(math.sin(turn), math.cos(turn))
     goal = _distance_to_goal(state, b, a)
     light, light_gap = _write_lane(state, roads, routes, b, slot, row, s, route, goal, lanes[0])

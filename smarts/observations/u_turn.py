@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
 from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at
 from smarts.observations.feature import Feature
 from smarts.observations.way_ahead import SPACING, gap_behind
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.curves import curve_into, sharpest_bend, stations_of
-from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.kernels import lane_length, pose_on_lane
 from smarts.roads.lane_ways import place_on_lane
 from smarts.roads.turning import is_footprint_over_road, is_opposite
 from smarts.types.interface import Field
@@ -32,9 +31,7 @@ SPARE = 0.4
 """Added to the vehicle's width where the road has to be wide enough [m]."""
 
 
-class _Out(NamedTuple):
-    turn_lane: Floats
-    turn_state: Floats
+_Out = namedtuple("_Out", "turn_lane turn_state")
 
 
 class UTurnPlace(Feature):
@@ -95,9 +92,6 @@ def _write_turn(state: State, roads: Roads, b: int, a: int, way: Floats, turn: F
 @kernel
 def _write_lane(roads: Roads, lane: int, s: float, way: Floats) -> None:
     """Write points along a lane, up to its end."""
-    first, end = roads.point_start[lane], roads.point_start[lane + 1]
     for i in range(len(way)):
         place = min(s + i * SPACING, lane_length(roads, lane))
-        point = segment_at(roads.point_s, first, end, place)
-        x, y, heading = centre_at(roads, point, place)
-        way[i, 0], way[i, 1], way[i, 2] = x, y, heading
+        way[i, 0], way[i, 1], way[i, 2] = pose_on_lane(roads, lane, place)

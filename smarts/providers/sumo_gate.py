@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from smarts.controllers.drivable_path import RESERVED
-from smarts.controllers.model_predictive import sharpest_curvatures
+from smarts.dynamics.performance import Abilities
 from smarts.geometry.binding import bind
 from smarts.providers.gates import compare_with_chord, find_too_close
 from smarts.providers.sumo_library import SumoLibrary
@@ -74,7 +74,7 @@ class SumoGate:
         self._found = np.zeros(1, np.bool_)
         self._onward: dict[str, tuple[str, ...]] = {}
         self._swings: dict[tuple[int, float], float] = {}
-        self._radii: list[float] = (1.0 / np.maximum(sharpest_curvatures(), 1e-9)).tolist()
+        self._radii: list[float] = (1.0 / np.maximum(Abilities.of_all().sharpest, 1e-9)).tolist()
         self._bound_to: LaneGraph | None = None
 
     def reset(self, roads: LaneGraph) -> None:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.controllers import tracking
-from smarts.controllers.abilities import Abilities
 from smarts.dynamics import MODELS, Box, Fleet, MotionError, SubstepDriver, vehicle
+from smarts.dynamics.performance import Abilities
 from smarts.errors import SmartsError
 from smarts.geometry.binding import LateBound, bind
 from smarts.providers.gates import NEAR, SOON, find_too_close

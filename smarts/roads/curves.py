@@ -10,7 +10,7 @@ from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at, wrapped
 from smarts.roads.arrays import Roads
-from smarts.roads.kernels import centre_at
+from smarts.roads.kernels import pose_on_lane
 
 PIECES = 64
 """Chords by which lengths along a curve are measured."""
@@ -29,8 +29,7 @@ def curve_into(roads: Roads, begin: Floats, lane: int, s: float) -> Floats:
         lane: Numbered across all maps.
         s: Where on its centreline the curve ends [m].
     """
-    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
-    x, y, heading = centre_at(roads, point, s)
+    x, y, heading = pose_on_lane(roads, lane, s)
     turn = abs(wrapped(heading - begin[2]))
     handle = math.hypot(x - begin[0], y - begin[1]) / 3.0
     if turn > 1e-3:

@@ -6,8 +6,9 @@ from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.curves import curve_into, pose_along, station_near, stations_of
-from smarts.roads.kernels import candidates, find_row, place_on_map
-from smarts.roads.waypoints import WaypointPaths, clear_waypoints, foot, walk_lane, write_waypoint
+from smarts.roads.kernels import candidates, place_on_map
+from smarts.roads.lane_ways import row_of
+from smarts.roads.waypoints import WaypointPaths, foot, walk_lane
 from smarts.types.guidance import Guidance, GuidePhase
 
 _APPROACH, _MANOEUVRE = int(GuidePhase.APPROACH), int(GuidePhase.MANOEUVRE)
@@ -26,15 +27,15 @@ def write_led_path(
     guidance: Guidance,
     b: int,
     a: int,
-    world: int,
-    place: tuple[float, float, float, int],
-    route: int,
+    m: int,
+    place: tuple[float, float, float],
+    lane: int,
     hint: float,
     mask: int,
     spacing: float,
     paths: WaypointPaths,
 ) -> None:
-    """Write the path of an agent that is led as the only one of `paths`, which are one vehicle's.
+    """Write the path of an agent that is led as the first of `paths`.
 
     In a manoeuvre it begins beside the vehicle on the curve and continues along the curve's target lane;
     before, it is the vehicle's own lane. At forks it takes the first branch along the route.
@@ -42,62 +43,52 @@ def write_led_path(
     Args:
         roads: The maps' lanes.
         table: The routes.
-        guidance: Of all agents.
+        guidance: Guidance of all agents.
         b: Simulation.
         a: Agent.
-        world: Map number.
-        place: The vehicle's x, y, height [m] and lane within the map.
-        route: Number of the agent's route, -1 without one.
-        hint: Distance gone along it [m].
+        m: Map number.
+        place: The vehicle's x, y, height [m].
+        lane: The vehicle's lane within the map.
+        hint: Distance gone along the agent's route [m].
         mask: Bit k is set if lanes of kind k count.
         spacing: Between waypoints [m].
         paths: Written.
     """
-    x, y, height, lane = place
-    base, i = int(roads.lane_base[world]), 0
+    base, i, points = int(roads.lane_base[m]), 0, paths.point[0]
     if guidance.phase[b, a] == _MANOEUVRE:
         lane = int(guidance.lane[b, a])
         control = curve_into(roads, guidance.begin[b, a], base + lane, guidance.s[b, a])
-        i, s = _write_curve(roads, table, world, control, x, y, height, mask, spacing, paths)
+        i, s = _write_curve(roads, table, m, control, place, mask, spacing, points)
         s += guidance.s[b, a]
     else:
-        s = foot(roads, base + lane, x, y, height)
-    row = find_row(table, table.free + route, base + lane, hint) if route >= 0 else -1
-    if row < 0:
-        row = table.start[world] + lane
-    while row >= 0 and i < paths.heading.shape[2]:
-        i, s = walk_lane(roads, table.lane[row], s, i, spacing, base, 0, 0, paths)
+        s = foot(roads, base + lane, *place)
+    row = row_of(table, m, table.number[b, a], base + lane, base, hint)
+    while row >= 0 and i < len(points):
+        i, s = walk_lane(roads, table.lane[row], s, i, spacing, points)
         first = table.onward_start[row]
         row = int(table.onward[first]) if table.onward_start[row + 1] > first else -1
-    clear_waypoints(paths, 0, 0, i)
-    paths.waypoint_count[0, 0], paths.path_count[0], paths.left_out[0] = i, 1, 0
-    for path in range(1, paths.heading.shape[1]):
-        paths.waypoint_count[0, path] = 0
-        clear_waypoints(paths, 0, path, 0)
+    paths.length[0] = i
 
 
 @kernel
 def _write_curve(
     roads: Roads,
     table: RouteTable,
-    world: int,
+    m: int,
     control: Floats,
-    x: float,
-    y: float,
-    height: float,
+    place: tuple[float, float, float],
     mask: int,
     spacing: float,
-    paths: WaypointPaths,
+    points: Floats,
 ) -> tuple[int, float]:
     """Write waypoints from a position to a curve's end; return the next one's number and its overhang [m]."""
-    base, i = int(roads.lane_base[world]), 0
-    stations = stations_of(control)
-    station = station_near(control, stations, x, y)[0]
-    room = candidates()
-    while i < paths.heading.shape[2] and station < stations[-1]:
+    i, stations, room = 0, stations_of(control), candidates()
+    station = station_near(control, stations, place[0], place[1])[0]
+    while i < len(points) and station < stations[-1]:
         x, y, heading = pose_along(control, stations, station)
-        lane, s, _, _, _ = place_on_map(roads, table, world, x, y, height, heading, -1, mask, room)
-        write_waypoint(roads, base, base + lane, s, (x, y, heading), 0, 0, i, paths)
+        lane, s, _, _, _ = place_on_map(roads, table, m, x, y, place[2], heading, -1, mask, room)
+        points[i, 0], points[i, 1], points[i, 2] = x, y, heading
+        points[i, 3], points[i, 4] = roads.lane_base[m] + lane, s
         station += spacing
         i += 1
     return i, station - stations[-1]

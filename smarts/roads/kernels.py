@@ -368,8 +368,7 @@ def poses_at(
             position[i, 0], position[i, 1], heading[i] = np.nan, np.nan, np.nan
             continue
         number = roads.lane_base[maps[i]] + lane[i]
-        point = segment_at(roads.point_s, roads.point_start[number], roads.point_start[number + 1], s[i])
-        x, y, heading[i] = centre_at(roads, point, s[i])
+        x, y, heading[i] = pose_on_lane(roads, number, s[i])
         position[i, 0] = x - t[i] * math.sin(heading[i])
         position[i, 1] = y + t[i] * math.cos(heading[i])
 
@@ -380,6 +379,14 @@ def centre_at(roads: Roads, point: int, s: float) -> tuple[float, float, float]:
     a, b = roads.point_xy[point], roads.point_xy[point + 1]
     share = (s - roads.point_s[point]) / (roads.point_s[point + 1] - roads.point_s[point])
     return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), _heading_at(roads, point, s)
+
+
+@kernel
+def pose_on_lane(roads: Roads, lane: int, s: float) -> tuple[float, float, float]:
+    """Return x, y [m] and heading [rad] of a lane's centreline at `s` [m]; see `centre_at`."""
+    return centre_at(
+        roads, segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s), s
+    )
 
 
 @kernel

@@ -7,39 +7,38 @@ from collections.abc import Callable
 from functools import lru_cache, wraps
 from typing import Concatenate, ParamSpec, TypeVar, cast
 
-from smarts.roads.lane_graph import LaneGraph
-
+Map = TypeVar("Map")
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
-GraphFunction = Callable[Concatenate[LaneGraph, Arguments], Result]
+MapFunction = Callable[Concatenate[Map, Arguments], Result]
 
 
 def remembered(
     most: int,
-) -> Callable[[GraphFunction[Arguments, Result]], GraphFunction[Arguments, Result]]:
-    """Return a decorator for functions of a lane graph that keeps, for each graph, the `most` latest results.
+) -> Callable[[MapFunction[Map, Arguments, Result]], MapFunction[Map, Arguments, Result]]:
+    """Return a decorator for functions of a lane graph or an atlas that keeps `most` results of each.
 
-    Unlike a plain `lru_cache`, it does not keep graphs alive.
+    Unlike a plain `lru_cache`, it does not keep maps alive.
     """
 
-    def decorate(function: GraphFunction[Arguments, Result]) -> GraphFunction[Arguments, Result]:
-        memories: weakref.WeakKeyDictionary[LaneGraph, Callable] = weakref.WeakKeyDictionary()
+    def decorate(function: MapFunction[Map, Arguments, Result]) -> MapFunction[Map, Arguments, Result]:
+        memories: weakref.WeakKeyDictionary[Map, Callable] = weakref.WeakKeyDictionary()
 
-        def memory_of(graph: LaneGraph) -> Callable:
-            reference = weakref.ref(graph)
+        def memory_of(source: Map) -> Callable:
+            reference = weakref.ref(source)
 
             @lru_cache(maxsize=most)
             def memory(*args, **kwargs):
-                # The caller holds the graph, so it exists.
-                return function(cast(LaneGraph, reference()), *args, **kwargs)
+                # The caller holds the map, so it exists.
+                return function(cast(Map, reference()), *args, **kwargs)
 
             return memory
 
         @wraps(function)
-        def with_memory(graph: LaneGraph, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
-            if graph not in memories:
-                memories[graph] = memory_of(graph)
-            return memories[graph](*args, **kwargs)
+        def with_memory(source: Map, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+            if source not in memories:
+                memories[source] = memory_of(source)
+            return memories[source](*args, **kwargs)
 
         return with_memory
 

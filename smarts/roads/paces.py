@@ -9,9 +9,9 @@ import numpy as np
 
 from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at, wrapped
+from smarts.geometry.segments import wrapped
 from smarts.roads.arrays import Roads
-from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.kernels import lane_length, pose_on_lane
 
 LATERAL = 3.0
 """Lateral acceleration in turns [m/s^2]."""
@@ -81,7 +81,6 @@ def paces_in(roads: Roads, lane: int, agility: Floats) -> Floats:
         lane: The lane.
         agility: See `Performance`, shape (K,).
     """
-    first, last = roads.point_start[lane], roads.point_start[lane + 1] - 1
     limit = roads.lane_speed[lane]
     # Headings every metre, and some before and behind the lane, where the way is straight.
     length = lane_length(roads, lane)
@@ -89,7 +88,7 @@ def paces_in(roads: Roads, lane: int, agility: Floats) -> Floats:
     headings = np.empty(count + 2 * _BEFORE)
     for i in range(len(headings)):
         s = min(max(float(i - _BEFORE), 0.0), length)
-        headings[i] = centre_at(roads, segment_at(roads.point_s, first, last + 1, s), s)[2]
+        headings[i] = pose_on_lane(roads, lane, s)[2]
     taken = np.zeros(len(agility))
     for i in range(_BEFORE, count + _BEFORE):
         bend = abs(wrapped(headings[i + 2] - headings[i - 2])) / 4.0

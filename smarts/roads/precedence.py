@@ -13,9 +13,8 @@ import numpy as np
 from smarts.arrays import Floats, Ints
 from smarts.geometry.boxes import box_gaps
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads
-from smarts.roads.kernels import centre_at
+from smarts.roads.kernels import lane_length, pose_on_lane
 from smarts.roads.lane_graph import ConflictKind, Yields
 from smarts.types.vehicles import STANDING
 from smarts.types.world import State
@@ -206,14 +205,14 @@ def is_in_the_way(state: State, roads: Roads, b: int, slot: int, other: int, pla
         place: Row of the meeting in `Roads.conflict_lane`.
         lane: The own lane there.
     """
-    vehicles, begin, end = state.vehicles, roads.point_start[lane], roads.point_start[lane + 1]
+    vehicles = state.vehicles
     half, half_width = 0.5 * vehicles.length[b, slot], 0.5 * vehicles.width[b, slot]
     there = (vehicles.position[b, other, 0], vehicles.position[b, other, 1], vehicles.heading[b, other])
     length, width = 0.5 * vehicles.length[b, other], 0.5 * vehicles.width[b, other]
     s = max(roads.conflict_extent[place, 0] - half, 0.0)
-    last = min(roads.conflict_extent[place, 1] + half, roads.point_s[end - 1])
+    last = min(roads.conflict_extent[place, 1] + half, lane_length(roads, lane))
     while s <= last:
-        here = centre_at(roads, segment_at(roads.point_s, begin, end, s), s)
+        here = pose_on_lane(roads, lane, s)
         if max(box_gaps(here, half, half_width, there, length, width)) < ASIDE_GAP:
             return True
         s += ALONG_STEP

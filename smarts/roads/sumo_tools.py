@@ -6,7 +6,7 @@ import os
 import signal
 import tempfile
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
+from importlib.metadata import distribution
 from pathlib import Path
 
 from smarts.errors import MapError
@@ -71,10 +71,7 @@ def run_tool(tool: str, arguments: Sequence[str], folder: Path, place: str) -> t
 def sumo_folder() -> Path:
     """Return the folder of the SUMO package."""
     # Importing the package would set SUMO_HOME for the whole process; only its place is needed.
-    spec = find_spec("sumo")
-    assert spec is not None
-    assert spec.origin is not None
-    return Path(spec.origin).parent
+    return Path(str(distribution("eclipse-sumo").locate_file("sumo")))
 
 
 def _environment() -> dict[str, str]:

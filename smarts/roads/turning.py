@@ -13,7 +13,7 @@ from smarts.roads.arrays import Roads
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.curves import PIECES, curve_into, pose_on
 from smarts.roads.footprints import count_corners_on_road, is_on_road
-from smarts.roads.kernels import centre_at, height_at, lane_length
+from smarts.roads.kernels import centre_at, height_at, lane_length, pose_on_lane
 from smarts.roads.lane_graph import OPPOSITE
 from smarts.roads.waypoints import foot
 
@@ -25,8 +25,7 @@ _ROAD = sum(1 << kind for kind in ROAD_LANES)
 @kernel
 def is_opposite(roads: Roads, heading: float, lane: int, s: float) -> bool:
     """Return whether a lane's direction at arc length `s` [m] is opposite to `heading` [rad]."""
-    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
-    return bool(np.cos(centre_at(roads, point, s)[2] - heading) <= OPPOSITE)
+    return bool(np.cos(pose_on_lane(roads, lane, s)[2] - heading) <= OPPOSITE)
 
 
 @kernel

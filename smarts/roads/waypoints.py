@@ -10,13 +10,13 @@ import numpy as np
 from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.frames import FARTHEST
-from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at, find_row, lane_length, nearest_segment
+from smarts.roads.kernels import centre_at, lane_length, nearest_segment, pose_on_lane
+from smarts.roads.lane_ways import row_of
 
 
 class WaypointPaths(NamedTuple):
-    """Paths of E vehicles: at most K paths each, of at most W waypoints. What is beyond a count is zero.
+    """Room for the paths of a vehicle: at most K paths of at most W waypoints each.
 
     A vehicle's paths begin beside it, one in each lane of its road (inside a junction, in each of the lanes
     that connect the same two roads, or with a route, that connect the route's road before with the one
@@ -34,43 +34,15 @@ class WaypointPaths(NamedTuple):
     A vehicle that is off its route gets the paths of its road without a route; one that is nowhere gets none.
     """
 
-    path_count: Ints
-    """Shape (E,)."""
-    left_out: Ints
-    """Paths that did not fit, not counting where they would fork, shape (E,)."""
-    waypoint_count: Ints
-    """Waypoints of each path, shape (E, K)."""
-    position: Floats
-    """[m], shape (E, K, W, 2)."""
-    heading: Floats
-    """[rad], shape (E, K, W)."""
-    width: Floats
-    """Of the lane [m], shape (E, K, W)."""
-    speed_limit: Floats
-    """[m/s], shape (E, K, W)."""
-    lane: Ints
-    """Lane within the map, shape (E, K, W)."""
-    lane_index: Ints
-    """Place of the lane across its road, 0 is the rightmost, shape (E, K, W)."""
-    lane_offset: Floats
-    """Arc length along the lane [m], shape (E, K, W)."""
+    length: Ints
+    """Waypoints of each path, shape (K,)."""
+    point: Floats
+    """Waypoints: x, y [m], heading [rad], lane in all maps, arc length along it [m], shape (K, W, 5)."""
 
     @classmethod
-    def allocate(cls, vehicles: int, paths: int, lookahead: int) -> WaypointPaths:
-        """Return empty buffers for E vehicles, K paths and W waypoints."""
-        shape = (vehicles, paths, lookahead)
-        return cls(
-            path_count=np.zeros(vehicles, np.int32),
-            left_out=np.zeros(vehicles, np.int32),
-            waypoint_count=np.zeros((vehicles, paths), np.int32),
-            position=np.zeros((*shape, 2)),
-            heading=np.zeros(shape),
-            width=np.zeros(shape),
-            speed_limit=np.zeros(shape),
-            lane=np.zeros(shape, np.int32),
-            lane_index=np.zeros(shape, np.int32),
-            lane_offset=np.zeros(shape),
-        )
+    def allocate(cls, paths: int, lookahead: int) -> WaypointPaths:
+        """Return room for K paths of W waypoints."""
+        return cls(np.zeros(paths, np.int32), np.zeros((paths, lookahead, 5)))
 
 
 @kernel
@@ -111,43 +83,38 @@ def _follow(
     row: int,
     s: float,
     spacing: float,
-    base: int,
-    e: int,
     first_path: int,
     limit: int,
     paths: WaypointPaths,
-    forks: Ints,
-    fork_s: Floats,
 ) -> tuple[int, int]:
     """Write the paths that begin at `s` of a row as far as they fit.
 
     Returns the number of paths after them, at most `limit`, and how many branches were left out.
 
-    `forks` (rows, first waypoint, path that it copies) and `fork_s` are room for as many branches still to
-    follow as a vehicle has paths. They are a stack that forgets its oldest branches where it is full: each
-    branch followed is a path, so there is no room for what is forgotten.
+    `forks` are branches still to follow: row, first waypoint, path that it copies, arc length. They are a
+    stack that forgets its oldest branches where it is full: each branch followed is a path, so there is no
+    room for what is forgotten.
     """
-    lookahead = paths.heading.shape[2]
-    forks[0, 0], forks[0, 1], forks[0, 2], fork_s[0] = row, 0, -1, s
+    most, lookahead, _ = paths.point.shape
+    forks = np.empty((max(1, most), 4))
+    forks[0, 0], forks[0, 1], forks[0, 2], forks[0, 3] = row, 0, -1, s
     open_forks, path = 1, first_path
     while open_forks > 0 and path < limit:
         open_forks -= 1
-        place = open_forks % len(forks)
-        row, i, parent, s = forks[place, 0], forks[place, 1], forks[place, 2], fork_s[place]
-        _copy_waypoints(paths, e, parent, path, i)
+        fork = forks[open_forks % len(forks)]
+        row, i, parent, s = int(fork[0]), int(fork[1]), int(fork[2]), fork[3]
+        paths.point[path, :i] = paths.point[parent, :i]
         while row >= 0:
-            i, s = walk_lane(roads, table.lane[row], s, i, spacing, base, e, path, paths)
+            i, s = walk_lane(roads, table.lane[row], s, i, spacing, paths.point[path])
             if i == lookahead:
                 break
             first, last = table.onward_start[row], table.onward_start[row + 1]
             for entry in range(last - 1, first, -1):
-                place = open_forks % len(forks)
-                forks[place, 0], forks[place, 1], forks[place, 2] = table.onward[entry], i, path
-                fork_s[place] = s
+                fork = forks[open_forks % len(forks)]
+                fork[0], fork[1], fork[2], fork[3] = table.onward[entry], i, path, s
                 open_forks += 1
             row = int(table.onward[first]) if last > first else -1
-        paths.waypoint_count[e, path] = i
-        clear_waypoints(paths, e, path, i)
+        paths.length[path] = i
         path += 1
     return path, open_forks
 
@@ -158,16 +125,10 @@ def _follow_own_lane_first(
     table: RouteTable,
     group: tuple[int, int],
     own: int,
-    x: float,
-    y: float,
-    height: float,
+    place: tuple[float, float, float],
     mask: int,
     spacing: float,
-    base: int,
-    e: int,
     paths: WaypointPaths,
-    forks: Ints,
-    fork_s: Floats,
 ) -> tuple[int, int]:
     """Write the paths of a group of rows that has too many; see `WaypointPaths` for which are kept.
 
@@ -176,16 +137,10 @@ def _follow_own_lane_first(
         table: The routes.
         group: The group's first row, and the one after its last.
         own: The row that the vehicle is on.
-        x: Of the vehicle [m].
-        y: Of the vehicle [m].
-        height: Of the road under it [m].
+        place: The vehicle's x, y, height [m].
         mask: Bit k is set if lanes of kind k have paths.
         spacing: Between waypoints [m].
-        base: The map's first lane.
-        e: The vehicle.
         paths: Written.
-        forks: Room, see `_follow`.
-        fork_s: Room, see `_follow`.
 
     Returns:
         The number of paths, and how many branches were left out.
@@ -196,24 +151,22 @@ def _follow_own_lane_first(
     for row in range(first, last):
         lane = table.lane[row]
         if mask >> roads.lane_kind[lane] & 1:
-            begin[row - first] = s = _start(roads, table, row, x, y, height)
+            begin[row - first] = s = _start(roads, table, row, *place)
             if s >= 0.0:
-                point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
-                at_x, at_y, _ = centre_at(roads, point, s)
-                away[row - first] = -1.0 if row == own else math.hypot(at_x - x, at_y - y)
-    room, left_out = paths.heading.shape[1], 0
-    for place in np.argsort(away, kind="mergesort"):
-        if begin[place] >= 0.0:
-            kept[place], missing = _follow(
-                roads, table, first + place, begin[place], spacing, base, e, 0, room, paths, forks, fork_s
-            )
-            room -= kept[place]
+                x, y, _ = pose_on_lane(roads, lane, s)
+                away[row - first] = -1.0 if row == own else math.hypot(x - place[0], y - place[1])
+    room, left_out = len(paths.length), 0
+    for number in np.argsort(away, kind="mergesort"):
+        if begin[number] >= 0.0:
+            row = first + number
+            kept[number], missing = _follow(roads, table, row, begin[number], spacing, 0, room, paths)
+            room -= kept[number]
             left_out += missing
     count = 0
-    for place in range(last - first):
-        if kept[place] > 0:
-            row, s, limit = first + place, begin[place], count + kept[place]
-            count, _ = _follow(roads, table, row, s, spacing, base, e, count, limit, paths, forks, fork_s)
+    for number in range(last - first):
+        if kept[number] > 0:
+            row, limit = first + number, count + kept[number]
+            count, _ = _follow(roads, table, row, begin[number], spacing, count, limit, paths)
     return count, left_out
 
 
@@ -229,131 +182,63 @@ def _group_of(table: RouteTable, row: int) -> tuple[int, int]:
 
 
 @kernel
-def clear_waypoints(paths: WaypointPaths, e: int, path: int, first: int) -> None:
-    """Set the waypoints of a path to zero from number `first` on."""
-    for i in range(first, paths.heading.shape[2]):
-        paths.position[e, path, i, 0], paths.position[e, path, i, 1] = 0.0, 0.0
-        paths.heading[e, path, i], paths.width[e, path, i], paths.speed_limit[e, path, i] = 0.0, 0.0, 0.0
-        paths.lane[e, path, i], paths.lane_index[e, path, i], paths.lane_offset[e, path, i] = 0, 0, 0.0
-
-
-@kernel
-def _copy_waypoints(paths: WaypointPaths, e: int, source: int, target: int, count: int) -> None:
-    for i in range(count):
-        paths.position[e, target, i, 0] = paths.position[e, source, i, 0]
-        paths.position[e, target, i, 1] = paths.position[e, source, i, 1]
-        paths.heading[e, target, i] = paths.heading[e, source, i]
-        paths.width[e, target, i] = paths.width[e, source, i]
-        paths.speed_limit[e, target, i] = paths.speed_limit[e, source, i]
-        paths.lane[e, target, i] = paths.lane[e, source, i]
-        paths.lane_index[e, target, i] = paths.lane_index[e, source, i]
-        paths.lane_offset[e, target, i] = paths.lane_offset[e, source, i]
-
-
-@kernel
-def walk_lane(
-    roads: Roads,
-    lane: int,
-    s: float,
-    i: int,
-    spacing: float,
-    base: int,
-    e: int,
-    path: int,
-    paths: WaypointPaths,
-) -> tuple[int, float]:
+def walk_lane(roads: Roads, lane: int, s: float, i: int, spacing: float, points: Floats) -> tuple[int, float]:
     """Write waypoints from `s` to the lane's end; return the next one's number and its overhang [m]."""
     point, last_point = roads.point_start[lane], roads.point_start[lane + 1] - 2
     length = lane_length(roads, lane)
-    lookahead = paths.heading.shape[2]
-    while i < lookahead and s <= length:
+    while i < len(points) and s <= length:
         while point < last_point and roads.point_s[point + 1] <= s:
             point += 1
-        write_waypoint(roads, base, lane, s, centre_at(roads, point, s), e, path, i, paths)
+        points[i, 0], points[i, 1], points[i, 2] = centre_at(roads, point, s)
+        points[i, 3], points[i, 4] = lane, s
         i += 1
         s += spacing
     return i, s - length
 
 
 @kernel
-def write_waypoint(
-    roads: Roads,
-    base: int,
-    lane: int,
-    s: float,
-    pose: tuple[float, float, float],
-    e: int,
-    path: int,
-    i: int,
-    paths: WaypointPaths,
-) -> None:
-    """Write waypoint `i` of a path, at a pose: x, y [m], heading [rad]; `base` is the map's first lane."""
-    paths.position[e, path, i, 0], paths.position[e, path, i, 1], paths.heading[e, path, i] = pose
-    paths.width[e, path, i] = roads.lane_width[lane]
-    paths.speed_limit[e, path, i] = roads.lane_speed[lane]
-    paths.lane[e, path, i] = lane - base
-    paths.lane_index[e, path, i] = roads.lane_index[lane]
-    paths.lane_offset[e, path, i] = s
-
-
-@kernel
 def write_waypoints(
     roads: Roads,
     table: RouteTable,
-    maps: Ints,
-    position: Floats,
-    height: Floats,
-    lane: Ints,
-    route: Ints,
-    hint: Floats,
+    m: int,
+    place: tuple[float, float, float],
+    lane: int,
+    route: int,
+    hint: float,
     mask: int,
     spacing: float,
     paths: WaypointPaths,
-) -> None:
-    """Write the waypoint paths of each vehicle; see `WaypointPaths` for what they are.
+) -> tuple[int, int]:
+    """Write the waypoint paths of a vehicle; see `WaypointPaths` for what they are.
 
     Args:
         roads: The maps' lanes.
         table: The routes.
-        maps: Map of each vehicle, shape (E,).
-        position: [m], shape (E, 2); where it is not finite, there are no paths.
-        height: Of the road under it [m], shape (E,).
-        lane: Lane within its map that the vehicle is on, -1 for none, shape (E,).
-        route: Number of its route, -1 for none, shape (E,).
+        m: Map number.
+        place: The vehicle's x, y and the height of the road under it [m]; where they are not finite, there
+            are no paths.
+        lane: Lane within the map that the vehicle is on, -1 for none.
+        route: Number of its route, -1 for none.
         hint: Distance gone along the route before [m], NaN if unknown; for routes that use a lane twice.
         mask: Bit k is set if lanes of kind k have paths.
         spacing: Between waypoints [m].
         paths: Written.
+
+    Returns:
+        The number of paths, and how many were left out, not counting where they would fork.
     """
-    most = paths.heading.shape[1]
-    most_forks = max(1, most)
-    forks = np.empty((most_forks, 3), np.int32)
-    fork_s = np.empty(most_forks)
-    for e in range(len(maps)):
-        count, left_out = 0, 0
-        x, y = position[e, 0], position[e, 1]
-        if lane[e] >= 0 and abs(x) < FARTHEST and abs(y) < FARTHEST:
-            base = roads.lane_base[maps[e]]
-            row = -1
-            if route[e] >= 0:
-                row = find_row(table, table.free + route[e], base + lane[e], hint[e])
-            if row < 0:
-                row = table.start[maps[e]] + lane[e]
-            group = _group_of(table, row)
-            for each in range(group[0], group[1]):
-                s = -1.0
-                if mask >> roads.lane_kind[table.lane[each]] & 1:
-                    s = _start(roads, table, each, x, y, height[e])
-                if s >= 0.0:
-                    count, missing = _follow(
-                        roads, table, each, s, spacing, base, e, count, most, paths, forks, fork_s
-                    )
-                    left_out += missing
-            if left_out > 0:
-                count, left_out = _follow_own_lane_first(
-                    roads, table, group, row, x, y, height[e], mask, spacing, base, e, paths, forks, fork_s
-                )
-        paths.path_count[e], paths.left_out[e] = count, left_out
-        for path in range(count, paths.heading.shape[1]):
-            paths.waypoint_count[e, path] = 0
-            clear_waypoints(paths, e, path, 0)
+    count, left_out = 0, 0
+    if lane < 0 or not (abs(place[0]) < FARTHEST and abs(place[1]) < FARTHEST):
+        return count, left_out
+    base = roads.lane_base[m]
+    own = row_of(table, m, route, base + lane, base, hint)
+    group = _group_of(table, own)
+    for row in range(group[0], group[1]):
+        if mask >> roads.lane_kind[table.lane[row]] & 1:
+            s = _start(roads, table, row, *place)
+            if s >= 0.0:
+                count, missing = _follow(roads, table, row, s, spacing, count, len(paths.length), paths)
+                left_out += missing
+    if left_out > 0:
+        return _follow_own_lane_first(roads, table, group, own, place, mask, spacing, paths)
+    return count, left_out

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from dataclasses import dataclass, field
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import Accelerometer
-from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.sensors.bounds import HARDEST, HARDEST_JERK, HARDEST_TURN, HARDEST_TURN_JERK, clipped
@@ -32,11 +32,7 @@ class MotionChange(NamedTuple):
     """[rad/s^3]"""
 
 
-class _Out(NamedTuple):
-    linear_acceleration: Singles
-    angular_acceleration: Singles
-    linear_jerk: Singles
-    angular_jerk: Singles
+_Out = namedtuple("_Out", "linear_acceleration angular_acceleration linear_jerk angular_jerk")
 
 
 @dataclass(frozen=True)

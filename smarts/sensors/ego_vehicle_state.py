@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.sensors.bounds import (
@@ -68,17 +68,11 @@ class EgoVehicleObservation(NamedTuple):
         return self.road_id
 
 
-class _Out(NamedTuple):
-    position: Floats
-    bounding_box: Singles
-    heading: Singles
-    speed: Singles
-    steering: Singles
-    yaw_rate: Singles
-    linear_velocity: Singles
-    lane: Ints
-    lane_index: Ints
-    distance_travelled: Singles
+_Out = namedtuple(
+    "_Out",
+    "position bounding_box heading speed steering yaw_rate linear_velocity lane lane_index "
+    "distance_travelled",
+)
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Pixels, Singles
+from smarts.arrays import Pixels
 from smarts.geometry.compiling import kernel
 from smarts.geometry.raster import paint_box, place_in_view
 from smarts.sensors.bounds import FARTHEST, LARGEST_BOX, clipped, clipped_above
@@ -37,12 +38,8 @@ class GridMap(NamedTuple):
     """Shape (height, width, channels)."""
 
 
-class GridOut(NamedTuple):
-    """The arrays of a picture's fields."""
-
-    data: Pixels
-    """Shape (B, G, height, width, channels)."""
-    resolution: Singles
+GridOut = namedtuple("GridOut", "data resolution")
+"""The arrays of a picture's fields."""
 
 
 def grid_fields(height: int, width: int, channels: int, most: int, meaning: str) -> tuple[Field, ...]:

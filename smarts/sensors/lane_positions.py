@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from smarts.agents.options import LanePositions
-from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.sensors.bounds import FARTHEST, clipped
@@ -17,9 +17,7 @@ from smarts.types.coordinates import RefLinePoint
 from smarts.types.interface import Field
 from smarts.types.world import State
 
-
-class _Out(NamedTuple):
-    lane_position: Singles
+_Out = namedtuple("_Out", "lane_position")
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from smarts.agents.options import Lidar
-from smarts.arrays import Bytes, Floats, Singles
+from smarts.arrays import Floats
+from smarts.geometry.boxes import slab
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.levels import meets
@@ -28,12 +30,8 @@ LidarPointCloud = tuple[list[Floats], list[bool], list[tuple[Floats, Floats]]]
 """Points [m], infinite where a ray has no hit; whether each ray has a hit; origin and vector of each."""
 
 
-class _Out(NamedTuple):
-    """Shape (B, G, R, ...), R rays."""
-
-    point: Floats
-    hit: Bytes
-    ray: Singles
+_Out = namedtuple("_Out", "point hit ray")
+"""Shape (B, G, R, ...), R rays."""
 
 
 @dataclass(frozen=True)
@@ -68,23 +66,15 @@ class LidarPoints(KernelSensor):
     def known(self, scene: Scene) -> tuple[Any, ...]:
         """Return what the kernel needs besides the state."""
         boxes = np.empty((scene.world.vehicles.alive.shape[1], 7))
-        return self.directions(), float(self.option.sensor_params.max_distance), boxes
+        return ((self.directions(), float(self.option.sensor_params.max_distance), boxes),)
 
     @staticmethod
     @kernel
     def write(
-        state: State,
-        roads: Roads,
-        routes: RouteTable,
-        b: int,
-        g: int,
-        a: int,
-        out: _Out,
-        directions: Floats,
-        reach: float,
-        boxes: Floats,
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out, known: Any
     ) -> None:
         """Write an agent's readings; see `KernelSensor`."""
+        directions, reach, boxes = known
         vehicles, own = state.vehicles, state.agents.slot[b, a]
         count = _boxes_within(vehicles, b, own, reach, boxes)
         x = clipped(vehicles.position[b, own, 0], FARTHEST)
@@ -119,28 +109,19 @@ class LidarPoints(KernelSensor):
 
 
 @kernel
-def _slab(begin: float, direction: float, low: float, high: float) -> tuple[float, float]:
-    """Return between which distances a ray is between two walls; the first is larger if never."""
-    if direction == 0.0:
-        return (-np.inf, np.inf) if low <= begin <= high else (np.inf, -np.inf)
-    one, other = (low - begin) / direction, (high - begin) / direction
-    return min(one, other), max(one, other)
-
-
-@kernel
 def _distance_to_box(x: float, y: float, z: float, dx: float, dy: float, dz: float, box: Floats) -> float:
     """Return how far along a ray a box is met, infinite if it is not.
 
     The box is x, y of its centre, cosine and sine of its heading, length, width and height.
     """
     px, py = x - box[0], y - box[1]
-    near_along, far_along = _slab(
+    near_along, far_along = slab(
         px * box[2] + py * box[3], dx * box[2] + dy * box[3], -0.5 * box[4], 0.5 * box[4]
     )
-    near_across, far_across = _slab(
+    near_across, far_across = slab(
         py * box[2] - px * box[3], dy * box[2] - dx * box[3], -0.5 * box[5], 0.5 * box[5]
     )
-    near_up, far_up = _slab(z, dz, 0.0, box[6])
+    near_up, far_up = slab(z, dz, 0.0, box[6])
     near, far = max(near_along, near_across, near_up), min(far_along, far_across, far_up)
     return near if 0.0 <= near <= far else np.inf
 

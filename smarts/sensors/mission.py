@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Bytes, Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.sensors.bounds import FARTHEST, MOST, clipped, clipped_above
@@ -45,14 +45,7 @@ class MissionObservation(NamedTuple):
     """Laps completed."""
 
 
-class _Out(NamedTuple):
-    goal: Bytes
-    goal_position: Floats
-    goal_radius: Singles
-    route_length: Singles
-    remaining: Singles
-    laps: Ints
-    lap: Ints
+_Out = namedtuple("_Out", "goal goal_position goal_radius route_length remaining laps lap")
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import NeighborhoodVehicles
-from smarts.arrays import Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
@@ -47,19 +47,11 @@ class VehicleObservation(NamedTuple):
         return self.road_id
 
 
-class _Out(NamedTuple):
-    """Shape (B, G, ...), K vehicles each."""
-
-    count: Ints  # pyright: ignore[reportIncompatibleMethodOverride]
-    slot: Ints
-    generation: Ints
-    position: Floats
-    bounding_box: Singles
-    heading: Singles
-    speed: Singles
-    lane: Ints
-    lane_index: Ints
-    lane_position: Singles
+_Out = namedtuple(
+    "_Out",
+    "count slot generation position bounding_box heading speed lane lane_index lane_position",
+)
+"""Shape (B, G, ...), K vehicles each."""
 
 
 @dataclass(frozen=True)
@@ -88,23 +80,16 @@ class NeighborhoodVehicleStates(KernelSensor):
     def known(self, scene: Scene) -> tuple[Any, ...]:
         """Return what the kernel needs besides the state."""
         radius, most = self.option.radius, self.option.most
-        return math.inf if radius is None else float(radius), np.empty(most, np.int32), np.empty(most)
+        reach = math.inf if radius is None else float(radius)
+        return ((reach, np.empty(most, np.int32), np.empty(most)),)
 
     @staticmethod
     @kernel
     def write(
-        state: State,
-        roads: Roads,
-        routes: RouteTable,
-        b: int,
-        g: int,
-        a: int,
-        out: _Out,
-        radius: float,
-        found: Ints,
-        squares: Floats,
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out, known: Any
     ) -> None:
         """Write an agent's readings; see `KernelSensor`."""
+        radius, found, squares = known
         vehicles, own = state.vehicles, state.agents.slot[b, a]
         count = nearest_vehicles(vehicles, b, own, radius, found, squares)
         out.count[b, g] = count

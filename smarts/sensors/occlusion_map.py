@@ -11,6 +11,7 @@ import numpy as np
 
 from smarts.agents.options import OcclusionMap
 from smarts.arrays import Floats, Ints
+from smarts.geometry.boxes import slab
 from smarts.geometry.compiling import kernel
 from smarts.geometry.raster import place_in_view
 from smarts.roads.arrays import Roads, RouteTable
@@ -39,24 +40,15 @@ class VisibleArea(PictureSensor):
     def known(self, scene: Scene) -> tuple[Any, ...]:
         """Return what the kernel needs besides the state."""
         ray, distance = _lines_of_sight(self.option)
-        return float(self.option.resolution), ray, distance, np.empty(_rays(*ray.shape))
+        return ((float(self.option.resolution), ray, distance, np.empty(_rays(*ray.shape))),)
 
     @staticmethod
     @kernel
     def write(
-        state: State,
-        roads: Roads,
-        routes: RouteTable,
-        b: int,
-        g: int,
-        a: int,
-        out: GridOut,
-        resolution: float,
-        ray: Ints,
-        distance: Floats,
-        reach: Floats,
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: GridOut, known: Any
     ) -> None:
         """Write an agent's readings; see `KernelSensor`."""
+        resolution, ray, distance, reach = known
         rows, columns = ray.shape
         corner = 0.5 * resolution * math.hypot(rows, columns)
         vehicles, position = state.vehicles, state.vehicles.position
@@ -116,14 +108,9 @@ def _shade(reach: Floats, ahead: float, aside: float, turn: float, length: float
     for number in range(first, min(last, first + rays - 1) + 1):
         angle = (number + 0.5) * 2.0 * math.pi / rays - math.pi - turn
         dx, dy = math.cos(angle), math.sin(angle)
-        near, far = 0.0, np.inf
-        for begin, step, half in ((along, dx, 0.5 * length), (across, dy, 0.5 * width)):
-            if step == 0.0:
-                if abs(begin) > half:
-                    far = -1.0
-            else:
-                one, other = (-half - begin) / step, (half - begin) / step
-                near, far = max(near, min(one, other)), min(far, max(one, other))
-        if near <= far:
+        near_along, far_along = slab(along, dx, -0.5 * length, 0.5 * length)
+        near_across, far_across = slab(across, dy, -0.5 * width, 0.5 * width)
+        near = max(0.0, near_along, near_across)
+        if near <= min(far_along, far_across):
             ray = number % rays
             reach[ray] = min(reach[ray], near)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from smarts.agents.options import OGM
-from smarts.arrays import Pixels
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.levels import meets
@@ -31,22 +30,15 @@ class OccupancyGrid(PictureSensor):
 
     def known(self, scene: Scene) -> tuple[Any, ...]:
         """Return what the kernel needs besides the state."""
-        return float(self.option.resolution), np.ones(1, np.uint8)
+        return ((float(self.option.resolution), np.ones(1, np.uint8)),)
 
     @staticmethod
     @kernel
     def write(
-        state: State,
-        roads: Roads,
-        routes: RouteTable,
-        b: int,
-        g: int,
-        a: int,
-        out: GridOut,
-        resolution: float,
-        occupied: Pixels,
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: GridOut, known: Any
     ) -> None:
         """Write an agent's readings; see `KernelSensor`."""
+        resolution, occupied = known
         vehicles, own = state.vehicles, state.agents.slot[b, a]
         x, y, heading = viewer(vehicles, b, own)
         out.data[b, g] = 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from smarts.arrays import Bools, Ints
 from smarts.roads.atlas import ROAD_LANES, RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.memory import remembered
 
 
 class RoadLinks(NamedTuple):
@@ -27,17 +27,9 @@ class RoadLinks(NamedTuple):
     """Of the lanes that lead into a lane the one that turns least, -1 if there is none, shape (L,)."""
 
 
-_known: weakref.WeakKeyDictionary[RoadAtlas, RoadLinks] = weakref.WeakKeyDictionary()
-
-
+@remembered(most=1)
 def road_links(atlas: RoadAtlas) -> RoadLinks:
-    """Return the links of an atlas; they are derived once."""
-    if atlas not in _known:
-        _known[atlas] = _derive(atlas)
-    return _known[atlas]
-
-
-def _derive(atlas: RoadAtlas) -> RoadLinks:
+    """Return the (remembered) links of an atlas."""
     beside: list[list[int]] = []
     own_count, ahead, behind = [], [], []
     for graph, base in zip(atlas.graphs, atlas.roads.lane_base, strict=False):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -13,6 +12,7 @@ from smarts.geometry.compiling import kernel
 from smarts.geometry.raster import cut_view, near_blocks, paint_band, paint_outline
 from smarts.roads.atlas import ROAD_LANES, RoadAtlas
 from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.memory import remembered
 
 ROAD = 1
 """Bit of cells on a lane for motor vehicles, or inside a junction."""
@@ -54,14 +54,16 @@ class RoadRaster(NamedTuple):
     """Rows and columns of each map's blocks, shape (M, 2)."""
 
 
-_known: weakref.WeakKeyDictionary[RoadAtlas, RoadRaster] = weakref.WeakKeyDictionary()
-
-
+@remembered(most=1)
 def road_raster(atlas: RoadAtlas) -> RoadRaster:
-    """Return the pictures of an atlas's maps; they are drawn once."""
-    if atlas not in _known:
-        _known[atlas] = _pack([_draw(graph) for graph in atlas.graphs])
-    return _known[atlas]
+    """Return the (remembered) pictures of an atlas's maps."""
+    pictures = [_draw(graph) for graph in atlas.graphs]
+    return RoadRaster(
+        *_in_a_row([picture for picture, _, _ in pictures]),
+        np.array([origin for _, origin, _ in pictures]),
+        np.array([size for _, _, size in pictures]),
+        *_in_a_row([near_blocks(picture) for picture, _, _ in pictures]),
+    )
 
 
 @kernel
@@ -105,19 +107,6 @@ def paint_road(
         resolution,
         colours,
         view,
-    )
-
-
-def _pack(pictures: list[tuple[Pixels, Floats, float]]) -> RoadRaster:
-    cells, near = (
-        [picture for picture, _, _ in pictures],
-        [near_blocks(picture) for picture, _, _ in pictures],
-    )
-    return RoadRaster(
-        *_in_a_row(cells),
-        np.array([origin for _, origin, _ in pictures]),
-        np.array([size for _, _, size in pictures]),
-        *_in_a_row(near),
     )
 
 

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import math
+from collections import namedtuple
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import RoadWaypoints as RoadWaypointOption
-from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
+from smarts.arrays import Bools, Ints
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at, lane_length, project_on_lanes
+from smarts.roads.kernels import lane_length, pose_on_lane
 from smarts.roads.lane_ways import place_on_lane
 from smarts.roads.scene import Scene
-from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
+from smarts.roads.waypoints import foot
+from smarts.sensors.bounds import MOST
 from smarts.sensors.protocol import KernelSensor, Readings, Seen
 from smarts.sensors.road_links import RoadLinks, road_links
-from smarts.sensors.waypoint import Waypoint, clear_waypoints, waypoint_fields, waypoints_of
+from smarts.sensors.waypoint import Waypoint, clear_waypoints, waypoint_fields, waypoints_of, write_waypoint
 from smarts.types.interface import Field
 from smarts.types.world import State
 
@@ -31,21 +31,12 @@ class RoadWaypoints(NamedTuple):
     """By the id of the lane that is beside the vehicle; one path for each."""
 
 
-class _Out(NamedTuple):
-    """Shape (B, G, ...), K lanes of W waypoints each."""
-
-    lane_count: Ints
-    left_out: Ints
-    oncoming: Bytes
-    waypoint_count: Ints
-    beside: Ints
-    position: Floats
-    heading: Singles
-    lane_width: Singles
-    speed_limit: Singles
-    lane: Ints
-    lane_index: Ints
-    lane_offset: Singles
+_Out = namedtuple(
+    "_Out",
+    "lane_count left_out oncoming waypoint_count beside position heading lane_width speed_limit "
+    "lane lane_index lane_offset",
+)
+"""Shape (B, G, ...), K lanes of W waypoints each."""
 
 
 @dataclass(frozen=True)
@@ -75,43 +66,31 @@ class RoadWaypointsAround(KernelSensor):
 
     def known(self, scene: Scene) -> tuple[Any, ...]:
         """Return what the kernel needs besides the state."""
-        foot = np.empty(1, np.int32), np.empty(1), np.empty(1)
-        return self.option.horizon, road_links(scene.atlas), *foot
+        return ((self.option.horizon, road_links(scene.atlas)),)
 
     @staticmethod
     @kernel
     def write(
-        state: State,
-        roads: Roads,
-        routes: RouteTable,
-        b: int,
-        g: int,
-        a: int,
-        out: _Out,
-        horizon: int,
-        links: RoadLinks,
-        number: Ints,
-        foot: Floats,
-        offset: Floats,
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out, known: Any
     ) -> None:
         """Write an agent's readings; see `KernelSensor`."""
+        horizon, links = known
         base = roads.lane_base[state.map[b]]
         vehicles, most = state.vehicles, out.beside.shape[2]
         v, count = state.agents.slot[b, a], 0
-        position, height = vehicles.position[b, v : v + 1], vehicles.height[b, v : v + 1]
+        place = vehicles.position[b, v, 0], vehicles.position[b, v, 1], vehicles.height[b, v]
         out.left_out[b, g] = 0
         if vehicles.lane[b, v] >= 0:
             own = base + vehicles.lane[b, v]
             first, last = links.beside_start[own], links.beside_start[own + 1]
-            kept = _nearest_lanes(roads, links.beside[first:last], own, most, position, height)
+            kept = _nearest_lanes(roads, links.beside[first:last], own, most, place)
             out.left_out[b, g] = last - first - np.count_nonzero(kept)
             for entry in range(first, last):
                 if not kept[entry - first]:
                     continue
-                number[0] = links.beside[entry] - base
-                project_on_lanes(roads, state.map[b : b + 1], number, position, height, foot, offset)
+                lane = links.beside[entry]
                 out.oncoming[b, g, count] = entry - first >= links.own_count[own]
-                _write_lane(roads, links, base, links.beside[entry], foot[0], horizon, b, g, count, out)
+                _write_lane(roads, links, base, lane, foot(roads, lane, *place), horizon, b, g, count, out)
                 clear_waypoints(out, b, g, count, out.waypoint_count[b, g, count])
                 count += 1
         out.lane_count[b, g] = count
@@ -131,14 +110,15 @@ class RoadWaypointsAround(KernelSensor):
 
 
 @kernel
-def _nearest_lanes(roads: Roads, lanes: Ints, own: int, most: int, position: Floats, height: Floats) -> Bools:
+def _nearest_lanes(
+    roads: Roads, lanes: Ints, own: int, most: int, place: tuple[float, float, float]
+) -> Bools:
     """Return which lanes there is room for: a vehicle's own one, and of the others the nearest."""
     kept = np.ones(len(lanes), np.bool_)
     if len(lanes) > most:
         away = np.empty(len(lanes))
-        for place, lane in enumerate(lanes):
-            offset = place_on_lane(roads, lane, position[0, 0], position[0, 1], height[0])[1]
-            away[place] = -1.0 if lane == own else abs(offset)
+        for number, lane in enumerate(lanes):
+            away[number] = -1.0 if lane == own else abs(place_on_lane(roads, lane, *place)[1])
         kept[np.argsort(away, kind="mergesort")[most:]] = False
     return kept
 
@@ -165,17 +145,9 @@ def _one_on(roads: Roads, links: RoadLinks, lane: int, s: float) -> tuple[int, f
 
 
 @kernel
-def _write(roads: Roads, base: int, lane: int, s: float, b: int, g: int, k: int, w: int, out: _Out) -> None:
-    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
-    x, y, heading = centre_at(roads, point, s)
-    out.position[b, g, k, w, 0] = clipped(x, FARTHEST)
-    out.position[b, g, k, w, 1] = clipped(y, FARTHEST)
-    out.heading[b, g, k, w] = clipped(heading, math.pi)
-    out.lane_width[b, g, k, w] = clipped_above(roads.lane_width[lane], LARGEST_BOX)
-    out.speed_limit[b, g, k, w] = clipped_above(roads.lane_speed[lane], FASTEST)
-    out.lane[b, g, k, w] = lane - base
-    out.lane_index[b, g, k, w] = roads.lane_index[lane]
-    out.lane_offset[b, g, k, w] = clipped_above(s, FARTHEST)
+def _write(roads: Roads, base: int, lane: int, s: float, place: tuple[int, int, int, int], out: _Out) -> None:
+    pose = pose_on_lane(roads, lane, s)
+    write_waypoint(roads, base, lane, s, pose, roads.lane_speed[lane], place, out)
 
 
 @kernel
@@ -200,11 +172,11 @@ def _write_lane(
     at, s = lane, foot
     for step in range(behind):
         at, s = _one_back(roads, links, at, s)
-        _write(roads, base, at, s, b, g, k, behind - 1 - step, out)
+        _write(roads, base, at, s, (b, g, k, behind - 1 - step), out)
     count = behind
     at, s = lane, foot
     while at >= 0 and count <= behind + horizon:
-        _write(roads, base, at, s, b, g, k, count, out)
+        _write(roads, base, at, s, (b, g, k, count), out)
         count += 1
         at, s = _one_on(roads, links, at, s)
     out.beside[b, g, k], out.waypoint_count[b, g, k] = behind, count

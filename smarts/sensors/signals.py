@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import enum
+from collections import namedtuple
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import Signals
-from smarts.arrays import Bytes, Floats, Ints, Singles
+from smarts.arrays import Bytes, Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import find_row, lane_length
+from smarts.roads.kernels import lane_length
+from smarts.roads.lane_ways import row_of
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, MOST, clipped, clipped_above
 from smarts.sensors.nearest import keep_nearest
@@ -55,14 +57,8 @@ _LIGHTS = {
 }
 
 
-class _Out(NamedTuple):
-    """Shape (B, G, ...), K lights each."""
-
-    count: Ints  # pyright: ignore[reportIncompatibleMethodOverride]
-    state: Bytes
-    stop_point: Floats
-    distance: Singles
-    lane: Ints
+_Out = namedtuple("_Out", "count state stop_point distance lane")
+"""Shape (B, G, ...), K lights each."""
 
 
 @dataclass(frozen=True)
@@ -93,35 +89,22 @@ class SignalsAhead(KernelSensor):
         most = self.option.most
         found = np.empty(most, np.int32), np.empty(most)
         ahead = np.empty(_MOST_OPEN, np.int32), np.empty(_MOST_OPEN)
-        return scene.routes.number, float(self.option.lookahead), *found, *ahead
+        return ((float(self.option.lookahead), *found, *ahead),)
 
     @staticmethod
     @kernel
     def write(
-        state: State,
-        roads: Roads,
-        routes: RouteTable,
-        b: int,
-        g: int,
-        a: int,
-        out: _Out,
-        route: Ints,
-        lookahead: float,
-        lanes: Ints,
-        far: Floats,
-        rows: Ints,
-        begins: Floats,
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out, known: Any
     ) -> None:
         """Write an agent's readings; see `KernelSensor`."""
+        lookahead, lanes, far, rows, begins = known
         vehicles, agents, signals = state.vehicles, state.agents, state.signals
         v = agents.slot[b, a]
         own, base, count = vehicles.lane[b, v], roads.lane_base[state.map[b]], 0
         if own >= 0:
-            row = -1
-            if route[b, a] >= 0:
-                done = agents.route_progress[b, a]
-                row = find_row(routes, routes.free + route[b, a], base + own, done)
-            if row < 0 or routes.onward_start[row] == routes.onward_start[row + 1]:
+            done = agents.route_progress[b, a]
+            row = row_of(routes, state.map[b], routes.number[b, a], base + own, base, done)
+            if routes.onward_start[row] == routes.onward_start[row + 1]:
                 row = int(routes.start[state.map[b]] + own)
             left = lane_length(roads, base + own) - clipped(vehicles.lane_position[b, v], FARTHEST)
             count = _find(roads, routes, row, base, left, lookahead, signals[b], rows, begins, lanes, far)

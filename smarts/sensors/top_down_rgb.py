@@ -20,7 +20,6 @@ from smarts.sensors.road_raster import (
     DIVIDER,
     PATH,
     ROAD,
-    RoadRaster,
     paint_road,
     road_raster,
 )
@@ -87,28 +86,19 @@ class TopDownRgb(PictureSensor):
         """Return what the kernel needs besides the state."""
         resolution = float(self.option.resolution)
         colours = _colours(lines=resolution <= FINE), _vehicle_colours()
-        return resolution, *colours, road_raster(scene.atlas)
+        return ((resolution, *colours, road_raster(scene.atlas)),)
 
     @staticmethod
     @kernel
     def write(
-        state: State,
-        roads: Roads,
-        routes: RouteTable,
-        b: int,
-        g: int,
-        a: int,
-        out: GridOut,
-        resolution: float,
-        road: Pixels,
-        boxes: Pixels,
-        raster: RoadRaster,
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: GridOut, known: Any
     ) -> None:
         """Paint road and vehicles around an agent; see `KernelSensor`.
 
         `road` is the result of `road_colours`; `boxes` are the colours of traffic, of other agents, and of
         the own vehicle, shape (3, channels).
         """
+        resolution, road, boxes, raster = known
         vehicles, own = state.vehicles, state.agents.slot[b, a]
         x, y, heading = viewer(vehicles, b, own)
         view = out.data[b, g]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import Vias as ViaOption
-from smarts.arrays import Bytes, Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
@@ -43,15 +43,8 @@ class Vias(NamedTuple):
         return tuple(point for point in self.near_via_points if point.hit)
 
 
-class _Out(NamedTuple):
-    """Shape (B, G, ...), K points each."""
-
-    count: Ints  # pyright: ignore[reportIncompatibleMethodOverride]
-    position: Floats
-    lane: Ints
-    lane_index: Ints
-    required_speed: Singles
-    hit: Bytes
+_Out = namedtuple("_Out", "count position lane lane_index required_speed hit")
+"""Shape (B, G, ...), K points each."""
 
 
 @dataclass(frozen=True)
@@ -76,23 +69,15 @@ class ViaPoints(KernelSensor):
     def known(self, scene: Scene) -> tuple[Any, ...]:
         """Return what the kernel needs besides the state."""
         most = self.option.most
-        return float(self.option.acquisition_range), np.empty(most, np.int32), np.empty(most)
+        return ((float(self.option.acquisition_range), np.empty(most, np.int32), np.empty(most)),)
 
     @staticmethod
     @kernel
     def write(
-        state: State,
-        roads: Roads,
-        routes: RouteTable,
-        b: int,
-        g: int,
-        a: int,
-        out: _Out,
-        reach: float,
-        order: Ints,
-        far: Floats,
+        state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out, known: Any
     ) -> None:
         """Write an agent's readings; see `KernelSensor`."""
+        reach, order, far = known
         vehicles, missions, agents = state.vehicles, state.missions, state.agents
         count = 0
         v = agents.slot[b, a]

@@ -9,7 +9,8 @@ import numpy as np
 
 from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
-from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST
+from smarts.roads.arrays import Roads
+from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
 from smarts.sensors.protocol import Readings, Seen
 from smarts.types.coordinates import Heading
 from smarts.types.interface import Field
@@ -62,6 +63,26 @@ def waypoint_fields(paths: int, waypoints: int) -> tuple[Field, ...]:
         Field("lane_index", shape, np.int32, 0, MOST, "", "place across the road, 0 is the rightmost"),
         Field("lane_offset", shape, single, 0, far, "m", "along the lane from its begin"),
     )
+
+
+@kernel
+def write_waypoint(
+    roads: Roads,
+    base: int,
+    lane: int,
+    s: float,
+    pose: tuple[float, float, float],
+    limit: float,
+    place: tuple[int, int, int, int],
+    out: Any,
+) -> None:
+    """Write a waypoint at a lane's `s` [m], x, y [m], heading [rad], to simulation, agent, path, number."""
+    out.position[place][0], out.position[place][1] = clipped(pose[0], FARTHEST), clipped(pose[1], FARTHEST)
+    out.heading[place] = clipped(pose[2], math.pi)
+    out.lane_width[place] = clipped_above(roads.lane_width[lane], LARGEST_BOX)
+    out.speed_limit[place] = clipped_above(limit, FASTEST)
+    out.lane[place], out.lane_index[place] = lane - base, roads.lane_index[lane]
+    out.lane_offset[place] = clipped_above(s, FARTHEST)
 
 
 @kernel

@@ -29,7 +29,7 @@ class ActionSpaceType(enum.IntEnum):
     """Throttle, brake, steering."""
     Lane = 1, "smarts.controllers.lane_actions:LaneActions"
     """A `LaneAction`."""
-    ActuatorDynamic = 2, "smarts.controllers.actuator_dynamic:ActuatorDynamic"
+    ActuatorDynamic = 2, "smarts.controllers.continuous:ActuatorDynamic"
     """Throttle, brake, rate of steering [1/s]."""
     LaneWithContinuousSpeed = 3, "smarts.controllers.lane_following:LaneFollowing"
     """Target speed [m/s], lane change: -1 right, 0, 1 left."""
@@ -37,7 +37,7 @@ class ActionSpaceType(enum.IntEnum):
     """x, y [m], heading [rad], time until there [s]."""
     Trajectory = 5, "smarts.controllers.trajectory_tracking:TrajectoryTracking"
     """A path of x, y, heading, speed, to be tracked."""
-    MultiTargetPose = 6, "smarts.controllers.multi_target_pose:MultiTargetPose"
+    MultiTargetPose = 6, "smarts.controllers.target_pose:MultiTargetPose"
     """A target pose for each vehicle of the agent."""
     MPC = 7, "smarts.controllers.model_predictive:ModelPredictive"
     """A path of x, y, heading, speed, to be tracked by model-predictive control."""
@@ -47,7 +47,7 @@ class ActionSpaceType(enum.IntEnum):
     """Speed [m/s], or acceleration [m/s^2] and yaw rate [rad/s]."""
     Empty = 10, "smarts.controllers.empty:Empty"
     """Nothing."""
-    RelativeTargetPose = 11, "smarts.controllers.relative_target_pose:RelativeTargetPose"
+    RelativeTargetPose = 11, "smarts.controllers.target_pose:RelativeTargetPose"
     """Changes of x, y [m] and heading [rad], to be reached in one step."""
 
 

@@ -24,11 +24,11 @@ from smarts.agents.checks import check_instance
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch
 from smarts.arrays import Bools, Floats, Ints
-from smarts.controllers.abilities import Abilities
 from smarts.controllers.action_formats import PATH_POINTS
 from smarts.controllers.lane_path import limit_speeds
 from smarts.controllers.tracking import SPEED_GAIN
 from smarts.dynamics import vehicle, vehicle_names
+from smarts.dynamics.performance import Abilities
 from smarts.observations.lane_ways import BEHIND, LANE_WAYS
 from smarts.observations.nearby import NEARBY
 from smarts.observations.surroundings import OWN, Lane, Own

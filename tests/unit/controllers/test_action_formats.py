@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from gymnasium.spaces import Discrete
 
 from smarts.controllers import action_format, action_space
 from smarts.controllers.action_formats import NumbersFormat, PathFormat, Rejected, numbers_of
 from smarts.errors import ActionError
-from smarts.types.actions import Actions, ActionSpaceType, LaneAction
+from smarts.types.actions import Actions, ActionSpaceType
 
 COUNT, POINTS = 6, 40
 PLACE = "action of 'ego'"
@@ -48,24 +47,6 @@ def test_the_first_invalid_action_of_a_batch_is_named(samples, kind):
     rejected = action_format(kind).parse_batch(given)
     assert isinstance(rejected, Rejected)
     assert rejected.first == 2
-
-
-def test_spaces_are_new_each_time():
-    """Each environment seeds its own space."""
-    assert action_space(ActionSpaceType.Lane) is not action_space(ActionSpaceType.Lane)
-    assert action_space(ActionSpaceType.Lane) == Discrete(len(LaneAction))
-
-
-@pytest.mark.parametrize(
-    ("kind", "rows"), [(ActionSpaceType.TargetPose, slice(2)), (ActionSpaceType.Trajectory, slice(2))]
-)
-def test_places_on_maps_in_surveyors_coordinates_are_taken(kind, rows):
-    """UTM in Munich; OpenDRIVE maps keep such coordinates."""
-    found, place = action_format(kind), [690_000.25, 5_336_000.25]
-    given = np.ones(len(found.space().sample()))
-    given[rows] = place
-    given = given[:, None] if found.has_path else given
-    assert found.parse(given, PLACE, POINTS).ravel()[rows].tolist() == place
 
 
 def test_numbers_are_clipped_and_whole_columns_rounded():

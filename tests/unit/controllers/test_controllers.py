@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from smarts.controllers import CONTROLLERS, action_space
 from smarts.controllers.lane_actions import LaneFormat
 from smarts.errors import ActionError
-from smarts.types.actions import ActionSpaceType, CommandMode
+from smarts.types.actions import ActionSpaceType
 from smarts.types.vehicles import VehicleKind
 from tests import maps
 from tests.unit.controllers.rig import agent, winding
@@ -23,13 +22,6 @@ def straight(rig):
         return rig([agent(20.0, y, speed=speed)], graph=graph, kind=kind, **options)
 
     return make
-
-
-@pytest.mark.parametrize("kind", T)
-def test_every_action_type_has_a_controller(kind):
-    made = CONTROLLERS[kind.name]
-    assert made.action_format.space() == action_space(kind)
-    assert isinstance(made.follows_lanes, bool)
 
 
 @pytest.mark.parametrize(("given", "number"), [("keep_lane", 0), ("change_lane_left", 2), (3, 3), (1.0, 1)])
@@ -55,12 +47,6 @@ class TestContinuous:
         assert driven.agents.steering[0, 0] > 0.01
         assert driven.world.vehicles.yaw_rate[0, 0] > 0.0
 
-    def test_out_of_range_is_clipped(self, straight):
-        driven = straight(T.Continuous)
-        driven.act(7.0, -3.0, -9.0)
-        driven.step()
-        assert driven.commands.actuators[0, 0].tolist() == [1.0, 0.0, -1.0]
-
 
 def test_the_steering_turns_at_the_commanded_rate(straight):
     driven = straight(T.ActuatorDynamic, speed=2.0)
@@ -68,14 +54,6 @@ def test_the_steering_turns_at_the_commanded_rate(straight):
     angles = [float(driven.step().agents.steering[0, 0]) for _ in range(8)]
     lock = float(driven.vehicles.fleet._cars["max_steering"][0])
     assert np.diff(angles) == pytest.approx(0.5 * 0.1 * lock)
-
-
-def test_empty_lets_the_vehicle_roll(straight):
-    driven = straight(T.Empty)
-    driven.act()
-    driven.step(10)
-    assert driven.commands.mode[0, 0] == CommandMode.NONE
-    assert 9.0 < driven.speed < 10.0
 
 
 def sinus(length=300.0, speed=10.0, amplitude=3.0, wave=80.0):
@@ -110,37 +88,6 @@ def test_tracks_a_path(rig, kind, vehicle):
     assert driven.speed == pytest.approx(10.0, abs=0.2)
 
 
-def bend(begin, end, radius=28.0):
-    """Return a path at 6 m/s with points 1 m apart: straight for 15 m from (20, 0), then to the left."""
-    along = np.arange(begin, end)
-    turn = np.maximum(along - 15.0, 0.0) / radius
-    x = 20.0 + np.minimum(along, 15.0) + radius * np.sin(turn)
-    return np.column_stack([0.0 * along, x, radius * (1.0 - np.cos(turn)), turn, 0.0 * along + 6.0])
-
-
-@pytest.mark.parametrize(
-    ("kind", "vehicle", "is_renewed"),
-    [
-        (T.Trajectory, VehicleKind.BUS, False),
-        (T.Trajectory, VehicleKind.PASSENGER, True),
-        (T.MPC, VehicleKind.PASSENGER, False),
-        (T.MPC, VehicleKind.BUS, True),
-    ],
-)
-def test_stays_on_a_long_bend(rig, kind, vehicle, is_renewed):
-    """The path is given once, or in each step again from the vehicle's position, as waypoints are."""
-    driven = rig([agent(20.0, 0.0, speed=6.0, kind=vehicle)], graph=maps.straight(length=600.0), kind=kind)
-    driven.act(path=bend(0.0, 64.0))
-    whole, far = bend(0.0, 100.0), []
-    for _ in range(80):
-        driven.step()
-        far.append(distance_to(whole, driven.position))
-        if is_renewed:
-            nearest = float(np.linalg.norm(whole[:, 1:3] - driven.position, axis=1).argmin())
-            driven.act(path=bend(nearest, nearest + 40.0))
-    assert max(far) < 0.3
-
-
 @pytest.mark.parametrize("kind", [T.Trajectory, T.MPC])
 def test_stops_beyond_the_end_of_a_path(rig, kind):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(length=600.0), kind=kind)
@@ -160,15 +107,6 @@ def test_speeds_below_zero_stop_the_vehicle(rig, kind):
     driven.act(path=path)
     driven.step(30)
     assert driven.speed == pytest.approx(0.0, abs=0.05)
-
-
-@pytest.mark.parametrize("kind", [T.Trajectory, T.MPC])
-def test_returns_to_a_path_from_an_offset(rig, kind):
-    driven = rig([agent(20.0, 2.0, speed=10.0)], graph=maps.straight(length=600.0), kind=kind)
-    driven.act(path=sinus(length=200.0, amplitude=0.0))
-    y = driven.track(120)[:, 1]
-    assert y.min() > -0.3
-    assert y[-1] == pytest.approx(0.0, abs=0.15)
 
 
 def test_model_predictive_control_cuts_a_corner_that_is_too_sharp(rig):
@@ -200,14 +138,6 @@ class TestTargetPose:
             [40.0 + math.cos(0.1) * driven.speed * 0.1, 3.2 + 0.1], abs=0.02
         )
 
-    def test_constant_motion_stays_constant(self, straight):
-        driven = straight(T.TargetPose)
-        driven.act(35.0, 0.0, 0.0, 1.5)
-        log = driven.log(15, "speed", "acceleration")
-        assert log[:, 0] == pytest.approx(10.0)
-        assert log[:, 1] == pytest.approx(0.0, abs=1e-9)
-        assert driven.tracks.poses[0, 0, :, 0] == pytest.approx(34.0 + 0.1 * np.arange(1, 11))
-
     def test_relative_poses_act_once(self, straight):
         driven = straight(T.RelativeTargetPose)
         driven.act(1.0, 0.1, 0.05)
@@ -219,16 +149,6 @@ class TestTargetPose:
         assert driven.world.vehicles.heading[0, 0] == pytest.approx(0.05)
         assert driven.speed == 0.0
 
-    def test_equal_changes_of_pose_are_a_constant_speed(self, straight):
-        driven = straight(T.RelativeTargetPose, speed=0.0)
-        for way, speed in ((1.0, 10.0), (-0.5, -5.0)):
-            for _ in range(4):
-                driven.act(way, 0.0, 0.0)
-                driven.step()
-                assert driven.speed == pytest.approx(speed)
-            assert driven.world.vehicles.acceleration[0, 0] == pytest.approx(0.0, abs=1e-9)
-        assert driven.position[0] == pytest.approx(20.0 + 4 * 0.5)
-
     def test_a_change_of_pose_lasts_until_the_next_decision(self, straight):
         driven = straight(T.RelativeTargetPose, speed=0.0)
         driven.agents.period[0, 0] = 5
@@ -236,17 +156,6 @@ class TestTargetPose:
         log = driven.log(7, "speed")
         assert log[:, 0] == pytest.approx([2.0] * 5 + [0.0] * 2)
         assert driven.position[0] == pytest.approx(21.0)
-
-    def test_several_vehicles_of_one_agent(self, rig):
-        cars = [agent(20.0, 0.0, speed=10.0), agent(20.0, 3.2, speed=10.0)]
-        driven = rig(cars, graph=maps.straight(length=200.0), kind=T.MultiTargetPose)
-        driven.act(30.0, 0.0, 0.0, 1.0, agent_id=0)
-        driven.act(28.0, 6.4, 0.0, 1.0, agent_id=1)
-        driven.step(10)
-        assert driven.world.vehicles.position[0, :2].tolist() == [
-            pytest.approx([30, 0]),
-            pytest.approx([28, 6.4]),
-        ]
 
     def test_a_far_target_is_approached_at_100_m_s(self, straight):
         """The target is 150 m away, and the time one step."""

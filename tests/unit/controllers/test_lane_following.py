@@ -18,20 +18,16 @@ KEEP, SLOW, LEFT, RIGHT = LaneAction
 
 
 @pytest.mark.parametrize(
-    "model",
-    ["bullet", *(pytest.param(model, marks=pytest.mark.nightly) for model in ("dynamic", "kinematic"))],
-)
-@pytest.mark.parametrize(
-    ("kind", "speed", "radius"),
+    ("model", "kind", "speed", "radius"),
     [
-        (CAR, 5.0, 25.0 / 3.0),
-        (CAR, 25.0, 625.0 / 3.0),
+        ("kinematic", CAR, 5.0, 25.0 / 3.0),
+        ("bullet", CAR, 25.0, 625.0 / 3.0),
         # The bus turns around 14 m at its lock; its centre needs a little more.
-        (BUS, 5.0, 17.0),
-        (BUS, 25.0, 625.0 / 3.0),
+        ("bullet", BUS, 5.0, 17.0),
+        ("dynamic", BUS, 25.0, 625.0 / 3.0),
     ],
 )
-def test_keeps_its_lane_through_a_bend(rig, kind, speed, radius, model):
+def test_keeps_its_lane_through_a_bend(rig, model, kind, speed, radius):
     graph = winding(radius, before=40.0 + 2.0 * speed)
     driven = rig([agent(10.0, 0.0, speed=speed, kind=kind)], graph=graph, model=model)
     driven.act(speed, 0.0)
@@ -74,17 +70,6 @@ def test_a_lane_change_latches(rig):
     assert driven.world.vehicles.lane[0, 0] == 1
 
 
-def test_a_second_command_during_a_change_has_no_effect(rig):
-    driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(lanes=3, length=600.0))
-    driven.act(10.0, 1.0)
-    driven.step(5)
-    assert driven.agents.action_mask[0, 0].tolist() == [True, True, False, True]
-    driven.act(10.0, 1.0)
-    driven.step(50)
-    assert not driven.agents.effective[0, 0]
-    assert driven.world.vehicles.lane[0, 0] == 1
-
-
 def test_the_opposite_command_aborts_a_change_in_its_first_half(rig):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(lanes=2, length=600.0))
     driven.act(10.0, 1.0)
@@ -98,34 +83,6 @@ def test_the_opposite_command_aborts_a_change_in_its_first_half(rig):
     assert driven.agents.change_phase[0, 0] == ChangePhase.NONE
     assert y.max() < 1.6
     assert y[-1] == pytest.approx(0.0, abs=0.2)
-
-
-def test_a_change_cannot_be_aborted_in_its_second_half(rig):
-    driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(lanes=2, length=600.0))
-    driven.act(10.0, 1.0)
-    while driven.position[1] < 1.8:
-        driven.step()
-    assert not driven.agents.action_mask[0, 0, RIGHT]
-    driven.act(10.0, -1.0)
-    driven.step(40)
-    assert not driven.agents.effective[0, 0]
-    assert driven.world.vehicles.lane[0, 0] == 1
-
-
-@pytest.mark.parametrize("kind", [CAR, BUS])
-def test_slows_down_where_the_steering_cannot_follow(rig, kind):
-    """A left and a right bend in succession: the bus has to steer from lock to lock at 0.4 rad/s."""
-    radius, angles = 25.0, np.linspace(0.0, math.pi / 3, 60)
-    x, y = radius * np.sin(angles), radius * (1.0 - np.cos(angles))
-    first = np.stack([60.0 + x, y], 1)
-    second = first[-1] + (first[-1] - first[::-1])
-    end = second[-1] + [60.0, 0.0]
-    graph = maps.graph_of({"road": maps.Road([(0.0, 0.0), *first, *second[1:], end], speed=20.0)})
-    driven = rig([agent(10.0, 0.0, speed=8.0, kind=kind)], graph=graph)
-    driven.act(8.0, 0.0)
-    log = driven.log(180, "lane_offset", "speed")
-    assert np.abs(log[:, 0]).max() < 0.3
-    assert log[-1, 1] == pytest.approx(8.0, abs=0.4)
 
 
 def test_a_batch_equals_separate_runs(rig):
@@ -147,13 +104,6 @@ def test_a_batch_equals_separate_runs(rig):
 
 
 class TestActionMask:
-    def test_at_the_edges_of_the_road(self, rig):
-        cars = [agent(20.0, 3.2 * lane) for lane in range(3)]
-        action_mask = rig(cars, graph=maps.straight(lanes=3)).agents.action_mask[0]
-        assert action_mask[0].tolist() == [True, True, True, False]
-        assert action_mask[1].all()
-        assert action_mask[2].tolist() == [True, True, False, True]
-
     def test_not_inside_junctions(self, rig):
         car = agent(0.0, -1.6, route=("west_in", "east_out"))
         driven = rig([car], graph=maps.crossing())
@@ -198,12 +148,6 @@ class TestLaneActions:
         assert driven.speed == pytest.approx(14.0, abs=0.1)
         assert driven.world.vehicles.desired_speed[0, 0] == 14.0
 
-    def test_keep_lane_drives_at_the_scenarios_speed_where_that_is_lower(self, drive):
-        driven = drive(agent(10.0, 0.0, speed=5.0), speeds=np.array([9.0]))
-        driven.act(KEEP)
-        driven.step(80)
-        assert driven.speed == pytest.approx(9.0, abs=0.1)
-
     def test_slow_down_brakes_steadily_to_a_standstill(self, drive):
         driven = drive(agent(10.0, 0.0, speed=10.0))
         driven.act(SLOW)
@@ -212,21 +156,11 @@ class TestLaneActions:
         assert speeds[-1] == pytest.approx(0.0, abs=0.01)
         assert speeds.min() > -0.02
 
-    def test_change_lanes(self, drive):
-        driven = drive(agent(10.0, 0.0, speed=14.0))
-        driven.act(LEFT)
-        driven.step(60)
-        assert driven.world.vehicles.lane[0, 0] == 1
-        driven.act(RIGHT)
-        driven.step(60)
-        assert driven.world.vehicles.lane[0, 0] == 0
-
-    @pytest.mark.parametrize("after", [LEFT, KEEP])
-    def test_speed_is_limited_during_a_lane_change(self, drive, after):
+    def test_speed_is_limited_during_a_lane_change(self, drive):
         driven = drive(agent(10.0, 0.0, speed=13.5))
         driven.act(LEFT)
         driven.step(10)
-        driven.act(after)
+        driven.act(KEEP)
         speeds = []
         while driven.agents.change_phase[0, 0] in (ChangePhase.REQUESTED, ChangePhase.MOVING):
             driven.step()
@@ -235,13 +169,6 @@ class TestLaneActions:
         assert speeds == pytest.approx([12.5] * len(speeds), abs=0.3)
         driven.step(30)
         assert driven.speed > 13.0
-
-    def test_a_masked_lane_change_does_not_brake(self, drive):
-        driven = drive(agent(10.0, 0.0, speed=13.5))
-        driven.act(RIGHT)
-        speeds = driven.log(20, "speed")[:, 0]
-        assert not driven.agents.effective[0, 0]
-        assert speeds.min() > 13.3
 
     def test_brakes_before_a_turn(self, drive):
         car = agent(-80.0, -1.6, speed=13.0, route=("west_in", "south_out"))
@@ -252,7 +179,7 @@ class TestLaneActions:
         assert np.abs(log[:, 1]).max() < 4.0
         assert driven.position[1] < -20.0
 
-    @pytest.mark.parametrize("end", ["north_out", "south_out", "east_out"])
+    @pytest.mark.parametrize("end", ["north_out", "east_out"])
     def test_follows_its_route_through_a_junction(self, drive, end):
         driven = drive(agent(-60.0, -1.6, speed=8.0, route=("west_in", end)), graph=maps.crossing())
         driven.act(KEEP)
@@ -273,24 +200,6 @@ class TestBeforeTheFirstAction:
         gap = 80.0 - 2.5 - (driven.position[0] + 2.25)
         assert 1.5 < gap < 4.0
         assert abs(driven.position[1]) < 0.1
-
-    def test_follows_a_moving_leader(self, rig):
-        cars = [agent(10.0, 0.0, speed=14.0), Car(50.0, 0.0, speed=8.0)]
-        driven = rig(cars, graph=maps.straight(lanes=1, length=600.0), model="kinematic")
-        for _ in range(200):
-            driven.world.vehicles.position[0, 1, 0] += 0.8
-            driven.step()
-        assert driven.speed == pytest.approx(8.0, abs=0.2)
-        gap = driven.world.vehicles.position[0, 1, 0] - driven.position[0] - 4.75
-        assert 5.0 < gap < 15.0
-
-
-def test_a_vehicle_returns_to_its_lane(rig):
-    driven = rig([agent(20.0, 1.4, speed=10.0)], graph=maps.straight(lanes=1, length=400.0))
-    driven.act(10.0, 0.0)
-    y = driven.track(80)[:, 1]
-    assert y.min() > -0.3
-    assert y[-1] == pytest.approx(0.0, abs=0.15)
 
 
 def dropping(first=((0.0, 0.0), (150.0, 0.0)), after=((160.0, 0.0), (400.0, 0.0))):

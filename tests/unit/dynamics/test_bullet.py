@@ -8,10 +8,7 @@ import pytest
 
 from smarts.dynamics import Box, Fleet, layout
 from smarts.dynamics.bullet import BulletWorld
-from smarts.dynamics.quiet_pybullet import pybullet
-from smarts.errors import SmartsError
 from tests.fleets import put_body
-from tests.raising import raises
 
 DT = 0.01
 
@@ -57,12 +54,6 @@ def fly(start, seconds, dt):
     return bodies[0]
 
 
-def test_more_worlds_than_a_process_can_have_are_refused(monkeypatch):
-    monkeypatch.setattr(pybullet, "connect", lambda method: -1)
-    with raises(SmartsError, "Bullet"):
-        Fleet(3, 1)
-
-
 def test_free_flight_against_an_independent_integrator():
     inertia = np.array(layout.pack("passenger", "pacejka")["inertia"])
     start = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0, 3.0, -2.0, 1.0, 0.4, 0.3, 0.8])
@@ -77,19 +68,6 @@ def test_free_flight_against_an_independent_integrator():
         assert momentum == pytest.approx(inertia * start[10:], abs=8.0 * dt / 0.01)
     assert errors[0] < 0.01
     assert errors[1] < 0.6 * errors[0], "first order in the sub-step"
-
-
-def test_a_dropped_car_falls_freely_and_lands_on_its_wheels():
-    with Fleet(1, 1, step=DT, substeps=1) as fleet:
-        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 10.0)
-        fleet.road.offset[0] = -1.0
-        airborne = 0
-        for _ in range(400):
-            fleet.step(np.zeros((1, 3)))
-            airborne += fleet.wheels.load[0].max() == 0.0
-        # 1 m less the springs' extension of up to 0.12 m: 0.42 s to 0.45 s, and perhaps a bounce.
-        assert 0.40 < airborne * DT < 0.75
-        assert fleet.wheels.load[0] == pytest.approx([2958.4, 2958.4, 2404.2, 2404.2], rel=0.02)
 
 
 def test_rear_end_collision_keeps_momentum():
@@ -117,18 +95,6 @@ def test_a_box_pushes_and_is_not_pushed():
             ahead.append(fleet.motion.position[0, 1] - front)
         # Pushed sideways by a bus at 10 m/s, which hits it again whenever the tyres have slowed it.
         assert 0.5 * 1.61 - 0.05 < min(ahead[5:]) < max(ahead[5:]) < 0.5 * 1.61 + 1.0
-
-
-def test_boxes_leave_and_change():
-    with Fleet(1, 1) as fleet:
-        wall = Box((20.0, 0.0, 1.0), 0.0, 0.0, 4.0, 8.0, 2.0)
-        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 20.0)
-        fleet.place_boxes(0, {1: wall, 2: wall})
-        fleet.step(np.zeros((1, 3)))
-        fleet.place_boxes(0, {})
-        for _ in range(20):
-            fleet.step(np.zeros((1, 3)))
-        assert fleet.motion.position[0, 0] > 35.0
 
 
 @pytest.mark.parametrize("speed", [5.0, 30.0])
@@ -227,11 +193,6 @@ class TestTouches:
         touches = self.first(self.body(0.0), box=bus)
         # The car's front right of it; 6 m behind its centre a bus at 1 rad/s swings at 6 m/s.
         assert max(touch.speed for touch in touches) == pytest.approx(6.0 - 0.5, rel=0.01)
-
-    def test_of_nobody(self):
-        assert not self.first(self.body(0.0, 12.0), self.body(6.0))
-        # These overlap, but Bullet need not part them: they are parting.
-        assert not self.first(self.body(0.0, 4.0), self.body(self.LENGTH - 0.01, 12.0))
 
     @pytest.mark.parametrize(("axis", "reach"), [(0, 5.5), (1, 2.5)])
     def test_of_bodies_that_are_as_large_as_told(self, axis, reach):

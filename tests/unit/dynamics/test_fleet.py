@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smarts.dynamics import FLAT_TYRE, MODELS, Box, Fleet, MotionError, vehicle
+from smarts.dynamics import FLAT_TYRE, MODELS, Box, Fleet, MotionError
 from smarts.errors import UnknownNameError
 from tests.raising import raises
 
@@ -93,18 +93,6 @@ def test_spawn_shows_the_pose_it_was_given(model):
         assert fleet.motion.heading[1] == pytest.approx(2.5)
 
 
-def test_wheels_stand_under_the_car():
-    car = vehicle("bus")
-    with Fleet(1, 2) as fleet:
-        fleet.spawn(1, "bus", (100.0, 50.0), np.pi / 2)
-        front = 50.0 + 0.5 * car.length - car.front_overhang
-        half = 0.5 * car.front.track
-        assert fleet.wheels.position[1, 0] == pytest.approx([100.0 - half, front])
-        assert fleet.wheels.position[1, 1] == pytest.approx([100.0 + half, front])
-        rear = fleet.wheels.position[1, 2:].mean(axis=0)
-        assert rear == pytest.approx([100.0, front - car.wheelbase])
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_heading_stays_in_its_range_through_west(model):
     with Fleet(1, 1) as fleet:
@@ -118,15 +106,6 @@ def test_heading_stays_in_its_range_through_west(model):
         assert min(headings) > -np.pi
         assert max(headings) <= np.pi
         assert np.ptp(headings) > 6.0
-
-
-def test_controls_out_of_range_are_clipped():
-    with Fleet(2, 1) as fleet:
-        for row in range(2):
-            fleet.spawn(row, "passenger", (0.0, 0.0), 0.0, 5.0)
-        for _ in range(10):
-            fleet.step(np.array([[7.0, -3.0, np.inf], [1.0, 0.0, 1.0]]))
-        assert fingerprint(fleet, slice(0, 1)) == fingerprint(fleet, slice(1, 2))
 
 
 @pytest.mark.parametrize("model", ["bullet", "dynamic"])
@@ -159,16 +138,6 @@ def test_another_process_gives_the_same_bits():
         for row in wild_controls(4, 60):
             fleet.step(row)
         assert fingerprint(fleet, slice(0, 4)) == other
-
-
-def test_a_road_without_friction_lets_it_slide():
-    with Fleet(1, 1) as fleet:
-        fleet.road.friction[:] = 0.0
-        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 10.0)
-        for _ in range(20):
-            fleet.step(np.array([[0.0, 1.0, 1.0]]))
-        assert fleet.motion.velocity[0, 0] > 9.5
-        assert abs(fleet.motion.heading[0]) < 0.2
 
 
 @pytest.mark.parametrize(

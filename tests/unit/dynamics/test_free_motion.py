@@ -37,40 +37,6 @@ def test_a_tumbling_body_moves_as_in_bullet(name, spin):
     world.close()
 
 
-def test_bullet_and_we_limit_the_same_velocities():
-    car = layout.pack("passenger", "pacejka")
-    bodies = np.zeros((2, layout.BODY_SIZE))
-    bodies[:, 6] = 1.0
-    world = BulletWorld(bodies, 0.01)
-    world.add(1, car)
-    velocity = np.array([[400.0, -300.0, 20.0], [0.0, 0.0, 250.0]])
-    world.substep([velocity.tolist()] * 2)
-    integrate(car, bodies[0], velocity, 0.01)
-    assert same_motion(bodies[:1], bodies[1:]) < 1e-9
-    assert bodies[0, 7] == 100.0
-    world.close()
-
-
-def test_driving_is_the_same_with_and_without_bullet():
-    rng = np.random.default_rng(0)
-    controls = np.zeros((3, 3))
-    with Fleet(1, 3) as ours, Fleet(1, 3) as bullets:
-        for fleet in (ours, bullets):
-            fleet.spawn(0, "passenger", (0.0, 0.0), 0.3, 15.0)
-            fleet.spawn(1, "bus", (0.0, 60.0), 1.3, 10.0)
-            fleet.spawn(2, "truck", (0.0, -60.0), -2.0, 0.0)
-        bullets.place_boxes(0, FAR)
-        driven = 0.0
-        for _ in range(80):
-            controls = np.clip(controls + rng.normal(0, 0.2, (3, 3)), -1, 1)
-            for fleet in (ours, bullets):
-                fleet.step(controls)
-            driven += np.abs(ours.motion.velocity[:, 0]).sum() * 0.1
-            assert np.abs(ours.motion.substeps - bullets.motion.substeps).max() < 1e-9
-            assert np.abs(ours.wheels.slip - bullets.wheels.slip).max() < 1e-7
-        assert driven > 50.0
-
-
 @pytest.mark.parametrize(
     ("heading", "speed", "place"),
     [
@@ -80,20 +46,16 @@ def test_driving_is_the_same_with_and_without_bullet():
         (np.pi, 14.0, (30.0, 1.75)),  # past each other, 14 cm apart
     ],
 )
-@pytest.mark.parametrize("beside", [False, True], ids=["alone", "beside a simulation in Bullet"])
-def test_whoever_meets_meets_in_bullet(heading, speed, place, beside):
+def test_whoever_meets_meets_in_bullet(heading, speed, place):
     """The same collision with and without having been out of Bullet before."""
-    with Fleet(2, 2) as ours, Fleet(2, 2) as bullets:
+    with Fleet(1, 2) as ours, Fleet(1, 2) as bullets:
         for fleet in (ours, bullets):
             fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 14.0)
             fleet.spawn(1, "passenger", place, heading, speed)
-            fleet.spawn(2, "passenger", (0.0, 0.0), 0.0, 10.0)
         bullets.place_boxes(0, FAR)
-        if beside:
-            ours.place_boxes(1, FAR)
         for _ in range(25):
             for fleet in (ours, bullets):
-                fleet.step(np.zeros((4, 3)))
+                fleet.step(np.zeros((2, 3)))
             apart = ours.motion.substeps - bullets.motion.substeps
             apart[..., 2] = np.sin(apart[..., 2])  # pi is -pi
             assert np.abs(apart).max() < 1e-6

@@ -53,12 +53,6 @@ def test_against_shapely():
     assert 0.2 < np.mean(expected) < 0.8
 
 
-def test_all_pairs_by_broadcasting():
-    centre = np.array([[0.0, 0.0], [4.0, 0.0], [20.0, 0.0]])
-    overlap = boxes_overlap(centre[:, None], np.zeros((3, 1)), CAR, centre, np.zeros(3), CAR)
-    assert overlap.tolist() == [[True, True, False], [True, True, False], [False, False, True]]
-
-
 class TestMayMeet:
     """`may_meet`, compared with boxes that are moved in small steps."""
 

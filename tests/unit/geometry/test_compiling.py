@@ -19,34 +19,9 @@ from fresh.lengths import double, METRES
 def total(x):
     return double(x) + METRES
 """
-CONSTANTS = """
-METRES = {metres}
-"""
 DERIVED = """
 from .constants import METRES
 FEET = 3 * METRES
-"""
-LENGTH_OF_ONE = """
-from smarts.geometry.compiling import kernel
-{statement}
-
-@kernel
-def scaled(x):
-    return {constant} * x
-"""
-FIELDS = """
-from typing import NamedTuple
-class Box(NamedTuple):
-    {first}: float
-    {second}: float
-"""
-BOXES = """
-from smarts.geometry.compiling import kernel
-from fresh.fields import Box
-
-@kernel
-def width_of(box: Box):
-    return box.width
 """
 
 
@@ -86,31 +61,6 @@ WAYS_TO_IMPORT_A_CONSTANT = [
 ]
 
 
-@pytest.mark.nightly
-def test_kernel_is_recompiled_after_a_change_of_an_imported_constant(package):
-    (package / "derived.py").write_text(DERIVED)
-    code = "import importlib\nfor i in range(7):\n"
-    code += "    scaled = importlib.import_module(f'fresh.way{i}').scaled\n"
-    code += "    print(scaled(10), sum(scaled.stats.cache_hits.values()))"
-    for number, (statement, constant, _) in enumerate(WAYS_TO_IMPORT_A_CONSTANT):
-        source = LENGTH_OF_ONE.format(statement=statement, constant=constant)
-        (package / f"way{number}.py").write_text(source)
-    # The third run reuses the machine code of the first.
-    for metres, hits in ((1, 0), (2, 0), (1, 1)):
-        (package / "constants.py").write_text(CONSTANTS.format(metres=metres))
-        expected = [f"{10 * unit * metres} {hits}" for _, _, unit in WAYS_TO_IMPORT_A_CONSTANT]
-        assert evaluate(package, code).splitlines() == expected
-
-
-@pytest.mark.nightly
-def test_kernel_is_recompiled_after_a_change_of_a_named_tuple(package):
-    (package / "boxes.py").write_text(BOXES)
-    code = "from fresh.boxes import *; print(width_of(Box(width=2.0, length=5.0)))"
-    for first, second in (("width", "length"), ("length", "width")):
-        (package / "fields.py").write_text(FIELDS.format(first=first, second=second))
-        assert evaluate(package, code) == "2.0"
-
-
 DIGESTS = """
 import sys
 from pathlib import Path
@@ -141,43 +91,6 @@ def test_digests_change_with_every_imported_module(package):
     first, second, third = map(str.split, lines)
     assert first == third
     assert [one == other for one, other in zip(first, second, strict=True)] == [False] * len(modules) + [True]
-
-
-@pytest.mark.nightly
-def test_a_notice_is_logged_when_the_first_kernel_is_compiled_but_not_when_it_is_cached(package):
-    (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
-    code = "import logging, sys; from numba import njit; from fresh.lengths import double\n"
-    code += "logging.basicConfig(stream=sys.stdout, format='%(message)s')\n"
-    code += "njit(lambda x: x + 1)(1); print('a user function')\n"
-    code += "double(1), double(1.0); print(sum(double.stats.cache_hits.values()))"
-    own, notice, hits = evaluate(package, code).splitlines()
-    assert (own, notice.partition(",")[0], hits) == ("a user function", "compiling kernels", "0")
-    assert evaluate(package, code).splitlines() == ["a user function", "2"]
-
-
-CALLERS = """
-import numpy as np
-from smarts.geometry.compiling import kernel
-from fresh.lengths import double
-
-@kernel
-def all_widths(narrow, wide):
-    return double(narrow) + double(wide) + double(-3) + double(True)
-"""
-
-
-@pytest.mark.nightly
-def test_kernel_is_compiled_once_for_all_integers_from_kernels_and_separately_for_python(package):
-    (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
-    (package / "callers.py").write_text(CALLERS)
-    code = "import numpy as np; from fresh.callers import all_widths, double\n"
-    code += "print(all_widths(np.int8(-128), 2**40), len(double.callee.signatures), len(double.signatures))\n"
-    code += "print(double(np.int8(-128)), len(double.signatures))"
-    # The callee has two signatures: one for integers, one for booleans.
-    expected = [f"{2 * (-128 + 2**40 - 3 + 1)} 2 0", "-256 1"]
-    assert evaluate(package, code).splitlines() == expected
-    # The caller's own cache entry suffices.
-    assert evaluate(package, code).splitlines() == [expected[0].replace(" 2 0", " 0 0"), expected[1]]
 
 
 TWO_AT_ONCE = """

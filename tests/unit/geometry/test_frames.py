@@ -27,8 +27,3 @@ def test_wrap_angle_returns_the_half_open_interval():
 def test_compass_points(compass, heading):
     assert heading_from_compass(compass) == pytest.approx(heading)
     assert compass_from_heading(heading) == pytest.approx(compass)
-
-
-def test_compass_round_trip():
-    degrees = np.linspace(0, 359.9, 500)
-    np.testing.assert_allclose(compass_from_heading(heading_from_compass(degrees)), degrees)

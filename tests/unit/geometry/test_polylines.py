@@ -8,10 +8,6 @@ from smarts.geometry import polylines
 CORNER = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 2.5]])
 
 
-def test_arc_lengths():
-    np.testing.assert_allclose(polylines.arc_lengths(CORNER), [0, 10, 12.5])
-
-
 def test_subdivide_keeps_vertices_and_length():
     fine = polylines.subdivide(CORNER, 1.0)
     assert len(fine) == 10 + 3 + 1

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smarts.geometry.raster import cut_view, near_blocks, paint_band, paint_box, paint_outline, place_in_view
+from smarts.geometry.raster import cut_view, near_blocks, paint_band, paint_box, paint_outline
 
 
 def points(*places):
@@ -18,13 +18,6 @@ def test_a_band_lies_beside_its_line_and_ends_with_it():
     expected = np.zeros((10, 20), np.uint8)
     expected[3:7, 2:18] = 4
     assert (cells == expected).all()
-
-
-def test_a_band_to_the_left_keeps_other_bits():
-    cells = np.ones((10, 20), np.uint8)
-    paint_band(cells, 0.0, 0.0, 1.0, points((2, 5), (18, 5)), 0, 2, 1.0, 2.0, 0.0, 2)
-    assert (cells[6, 2:18] == 3).all()
-    assert (cells == 3).sum() == 16
 
 
 def test_dashes():
@@ -44,12 +37,6 @@ def test_a_band_keeps_its_width_round_a_corner():
     assert (cells == (along | up | outside)).all()
 
 
-def test_bands_outside_the_raster_are_skipped():
-    cells = np.zeros((4, 4), np.uint8)
-    paint_band(cells, 0.0, 0.0, 1.0, points((-9, -9), (-5, -5)), 0, 2, -1.0, 1.0, 0.0, 1)
-    assert not cells.any()
-
-
 def test_an_outline_is_filled():
     cells = np.zeros((6, 6), np.uint8)
     triangle = points((9, 9), (1, 1), (5, 1), (1, 5))
@@ -62,13 +49,6 @@ def test_an_outline_is_filled():
     assert cells.max() == 1
 
 
-def test_positions_in_a_viewers_frame():
-    ahead, left = place_in_view(10.0, 23.0, 10.0, 20.0, math.pi / 2)
-    assert (ahead, left) == pytest.approx((3.0, 0.0))
-    ahead, left = place_in_view(9.0, 20.0, 10.0, 20.0, math.pi / 2)
-    assert (ahead, left) == pytest.approx((0.0, 1.0))
-
-
 def test_boxes_out_of_view_or_not_finite_are_skipped():
     view = np.zeros((8, 8, 1), np.uint8)
     colour = np.ones(1, np.uint8)
@@ -78,23 +58,6 @@ def test_boxes_out_of_view_or_not_finite_are_skipped():
     assert not view.any()
     paint_box(view, 1.0, 0.0, 0.0, 0.0, 4.0, 2.0, colour)
     assert view.sum() == 8
-
-
-def test_a_view_turns_with_the_viewer():
-    cells = np.arange(100, dtype=np.uint8)
-    view = np.zeros((4, 2, 1), np.uint8)
-    picture, raster = (
-        cells.reshape(10, 10, 1),
-        (cells, 10, 10, 100.0, 50.0, 1.0, near_blocks(cells.reshape(10, 10))),
-    )
-    same = cells[:, None]
-    cut_view(*raster, 105.0, 55.0, math.pi / 2, 1.0, same, view)
-    # North is up: the raster's rows, from south to north, are reversed.
-    assert (view == picture[3:7, 4:6][::-1]).all()
-    cut_view(*raster, 105.0, 55.0, 0.0, 1.0, same, view)
-    assert (view == picture[4:6, 3:7].transpose(1, 0, 2)[::-1, ::-1]).all()
-    cut_view(*raster, 1e7, -1e7, 0.0, 1.0, same, view)
-    assert not view.any()
 
 
 @pytest.mark.parametrize("channels", [1, 3])
@@ -113,14 +76,6 @@ def test_a_view_shows_the_cell_at_the_centre_of_each_pixel(channels):
         inside = (row >= 0) & (row < 30) & (column >= 0) & (column < 40)
         shown = np.where(inside, cells[np.clip(row, 0, 29), np.clip(column, 0, 39)], 0)
         assert (view == colours[shown]).mean() > 0.99  # centres on the edges of cells may go either way
-
-
-def test_blocks_near_something():
-    cells = np.zeros((17, 30), np.uint8)
-    cells[16, 25] = 2  # in the block (2, 3) of 3 x 4
-    expected = np.zeros((5, 6), np.uint8)
-    expected[2:5, 3:6] = 1
-    np.testing.assert_array_equal(near_blocks(cells), expected)
 
 
 @pytest.mark.parametrize("resolution", [0.05, 0.41])

@@ -12,16 +12,6 @@ def test_project_beside_a_segment():
     assert (share, square, cross) == pytest.approx((0.3, 16.0, 40.0))
 
 
-def test_project_behind_a_segment():
-    share, square, _ = segments.project(-3.0, 4.0, 0.0, 0.0, 10.0, 0.0)
-    assert (share, square) == pytest.approx((-0.3, 25.0))
-
-
-def test_project_onto_a_point():
-    share, square, _ = segments.project(3.0, 4.0, 0.0, 0.0, 0.0, 0.0)
-    assert (share, square) == (0.0, 25.0)
-
-
 @pytest.mark.parametrize(
     ("x", "y", "inside"), [(1, 1, True), (3, 3, False), (3, 1, True), (-1, 1, False), (1, 5, False)]
 )

@@ -13,7 +13,6 @@ from smarts.observations.lists import feature_list
 from smarts.observations.scales import compressed, expanded
 from smarts.roads.scene import Scene
 from smarts.types.actions import ActionSpaceType
-from smarts.types.agent_states import AgentStatus
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
 from smarts.types.vehicles import Owner
@@ -110,13 +109,6 @@ def test_neighbours_nearest_first_relative_to_oneself():
     assert not seen[2:].any()
 
 
-def test_headings_turn_with_the_bend():
-    radius = 30.0
-    made = world_of([Car(radius, 0.0, math.pi / 2, mission=mission("bend"))], maps=[bend(radius=radius)])
-    seen = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS]
-    np.testing.assert_allclose(seen, np.sin(np.arange(1, 21) / radius), atol=5e-3)
-
-
 def test_headings_are_those_of_the_lane_that_is_steered_for():
     made = world_of([Car(30.0, 0.0, math.pi / 2, mission=mission("bend"))], maps=[bend(lanes=3)])
     here = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS].copy()
@@ -172,20 +164,6 @@ def test_the_picture_from_above():
     assert picture[5, 12] == 64
 
 
-def test_pictures_are_stacked_oldest_first():
-    made = world_of([Car(50.0, 0.0, mission=mission("road")), Car(60.0, 0.0)], maps=[straight()])
-    observation = observation_of(made, features=with_image(32))
-    ahead = []
-    for x in (60.0, 61.0, 62.0):
-        made.world.vehicles.position[0, 1, 0] = x
-        picture = observe(observation)["image"][0, 0]
-        ahead.append([int(np.nonzero(picture[:, 16, k] == 160)[0].min()) for k in range(3)])
-    first = ahead[0][0]
-    assert ahead == [[first] * 3, [first, first, first - 1], [first, first - 1, first - 2]]
-    observation.reset(np.ones((1, 1), np.bool_))
-    assert not observation.arrays["image"].any()
-
-
 @pytest.mark.parametrize(
     ("arrival_order", "junctions", "expected"),
     [
@@ -208,35 +186,6 @@ def test_velocities_are_relative_to_where_the_vehicle_slides():
     made.world.vehicles.lateral_speed[0, 0] = 2.0
     seen = look(made)[0, 0, NEIGHBOURHOOD:FEATURES]
     np.testing.assert_allclose(expanded(seen[3:5], 30.0), [0.0, -2.0], atol=1e-5)
-
-
-def test_a_lane_of_another_road_is_not_steered_for():
-    route = mission("west_in", "north_out", goal=(1.6, 80.0))
-    made = world_of([Car(-15.0, -1.6, mission=route)], maps=[crossing()])
-    here = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS].copy()
-    graph = made.atlas.graphs[0]
-    made.world.agents.target_lane[0, 0] = next(
-        lane for lane, edge in enumerate(graph.lane_edge) if graph.edge_ids[edge] == "north_out"
-    )
-    np.testing.assert_array_equal(look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS], here)
-
-
-def test_beside_in_a_bend_is_at_the_same_angle():
-    angle = math.pi / 3
-    car = Car(30.0 * math.cos(angle), 30.0 * math.sin(angle), angle + math.pi / 2, mission=mission("bend"))
-    made = world_of([car], maps=[bend(lanes=3)])
-    made.world.agents.target_lane[0, 0] = 2
-    seen = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS]
-    np.testing.assert_allclose(seen[:10], np.sin(np.arange(1, 11) / (30 - 6.4)), atol=5e-3)
-
-
-def test_who_has_ended_is_not_before_anybody():
-    cars = [Car(20.0 * n, 0.0, mission=mission("road"), name=f"a{n}") for n in range(3)]
-    made = world_of(cars, maps=[straight()])
-    agents = made.world.agents
-    agents.arrival_number[0, :3], agents.arrival_junction[0, :3] = (4, 2, 3), 7
-    agents.state[0, 1] = AgentStatus.DONE
-    assert look(made, agents=3)[0, 0, -1] == 0.5
 
 
 @pytest.mark.parametrize(("lane", "due"), [(0, 2 / 3), (1, 1 / 3), (2, 0.0)])
@@ -263,26 +212,6 @@ def test_the_light_at_the_end_of_the_lane(signal, light):
     made = world_of([Car(-50.0, -1.6, mission=mission("west_in", "east_out"))], maps=[crossing()])
     show_lights(made, "west_in", east=signal, north=Signal.STOP, south=Signal.GO)
     assert look(made)[0, 0, LIGHT] == light
-
-
-@pytest.mark.parametrize("route", [("south_in", "east_out"), ("west_in",)], ids=["beside it", "at its end"])
-def test_off_the_route_the_light_with_which_most_may_go(route):
-    made = world_of([Car(-50.0, -1.6, mission=mission(*route))], maps=[crossing()])
-    show_lights(made, "west_in", east=Signal.STOP, north=Signal.CAUTION, south=Signal.STOP)
-    assert look(made)[0, 0, LIGHT] == -0.5
-
-
-def test_in_the_junction_the_light_is_behind():
-    made = world_of([Car(-5.0, -1.6, mission=mission("west_in", "east_out"))], maps=[crossing()])
-    show_lights(made, "west_in", east=Signal.STOP)
-    assert look(made)[0, 0, LIGHT] == 0.0
-
-
-def test_share_of_the_time_that_one_may_stand():
-    made = world_of([Car(50.0, 0.0, mission=mission("road"))], maps=[straight()])
-    made.world.step[0] = 150
-    made.world.agents.last_moved_step[0, 0] = 100
-    assert look(made)[0, 0, RESTED] == 0.25
 
 
 def test_each_may_stand_for_its_own_time():
@@ -314,33 +243,3 @@ def test_sectors_are_counter_clockwise_from_straight_ahead():
         seen[2], [1 - 20 / 50, -math.log(6) / math.log(31), 1 - 4 / 5, 0.0, far], atol=1e-6
     )
     assert not seen[[1, 3, 4, 5, 6, 7]].any()
-
-
-def test_the_papers_observation():
-    made = world_of([Car(50.0, 0.0, mission=mission("road"))], maps=[straight()])
-    observation = observation_of(made, features="paper")
-    assert {name: array.shape[2:] for name, array in observation.arrays.items()} == {
-        "observation": (3 * (2 + 1 + 1 + 1 + 20 + 8 * 5),),
-        "image": (64, 64, 3),
-        "action_mask": (4,),
-    }
-
-
-def test_headings_follow_the_route_through_a_junction():
-    left = world_of(
-        [Car(-15.0, -1.6, mission=mission("west_in", "north_out", goal=(1.6, 80.0)))], maps=[crossing()]
-    )
-    right = world_of(
-        [Car(-15.0, -1.6, mission=mission("west_in", "south_out", goal=(-1.6, -80.0)))], maps=[crossing()]
-    )
-    assert look(left)[0, 0, HEADINGS + WAYPOINTS - 1] > 0.7
-    assert look(right)[0, 0, HEADINGS + WAYPOINTS - 1] < -0.7
-
-
-@pytest.mark.parametrize(("degrees", "sector"), [(22, 0), (23, 1), (-22, 0), (-23, 7), (179, 4), (-179, 4)])
-def test_sectors_are_centred(degrees, sector):
-    angle = math.radians(degrees)
-    other = Car(50.0 + 20 * math.cos(angle), 20 * math.sin(angle))
-    made = world_of([Car(50.0, 0.0, mission=mission("road")), other], maps=[straight()])
-    seen = look(made, features={"frames": 1, "features": ["neighbor_sectors"]}).reshape(8, 5)
-    assert np.flatnonzero(seen[:, 0]).tolist() == [sector]

@@ -11,8 +11,8 @@ import pytest
 
 from smarts.observations.crossing_traffic import VALUES, VEHICLES
 from smarts.observations.scales import SIGHT, SPEED_SCALE, expanded
-from tests.maps import crossing, straight
-from tests.unit.observations.test_features import look, mission
+from tests.maps import crossing
+from tests.unit.observations.test_features import look
 from tests.unit.roads.test_right_of_way import SOUTH_WAITS, TO_THE_NORTH, WEST_WAITS
 from tests.worlds import Car, world_of
 
@@ -43,12 +43,6 @@ def rows_of(seen):
 def test_how_far_the_junction_is(y, distance):
     (seen,) = seen_by(from_the_south(y), feature="junction_ahead")
     assert expanded(seen, SIGHT) == pytest.approx(distance, abs=1e-3)
-
-
-def test_a_road_without_a_junction():
-    agent = Car(20.0, 0.0, mission=mission("road"))
-    assert seen_by(agent, maps=[straight()], feature="junction_ahead") == 1.0
-    assert not seen_by(agent, Car(60.0, 3.2), maps=[straight()]).any()
 
 
 @pytest.mark.parametrize(("rules", "priority"), [(SOUTH_WAITS, 1), (WEST_WAITS, -1), (None, 0)])
@@ -83,7 +77,3 @@ def test_inside_the_junction():
 )
 def test_vehicles_that_do_not_matter(other):
     assert not seen_by(from_the_south(), other).any()
-
-
-def test_an_agent_behind_the_junction():
-    assert not seen_by(from_the_south(30.0), from_the_west(-40.0)).any()

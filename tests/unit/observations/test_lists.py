@@ -13,7 +13,6 @@ from smarts.observations import FEATURES
 from smarts.observations.arrays import VECTOR
 from smarts.observations.feature import Feature
 from smarts.observations.lists import FeatureChoice, feature_list, observation_names
-from smarts.types.actions import ActionSpaceType
 from tests.maps import straight
 from tests.raising import raises
 from tests.unit.observations.test_features import ArrayObservation, context_of, mission, observe
@@ -33,18 +32,6 @@ def test_an_observation_is_a_name_a_dict_or_a_list():
     assert longer.features == feature_list("benchmark").features
     assert feature_list(longer) is longer
     assert feature_list(["goal", "speed"]) == feature_list({"features": ["goal", "speed"]})
-
-
-def test_an_observation_names_its_reward():
-    rewards = {name: feature_list(name).reward for name in observation_names()}
-    assert rewards == {
-        "benchmark": "benchmark",
-        "neighbor_rows": "benchmark",
-        "paper": "paper",
-        "raw": "route_metres",
-    }
-    assert feature_list({"base": "paper", "frames": 2}).reward == "paper"
-    assert feature_list(["goal"]).reward == "benchmark"
 
 
 @pytest.mark.parametrize(
@@ -107,11 +94,6 @@ def test_the_layout_is_where_the_numbers_are(agents):
     assert layout["arrival_order"].stop == seen.shape[2]
 
 
-def test_agents_that_steer_have_no_mask():
-    context = context_of(made_world(1.0), action=ActionSpaceType.Continuous)
-    assert [field.name for field in ArrayObservation(context, "benchmark").fields] == [VECTOR]
-
-
 class Twice(Feature):
     """Half the speed, twice."""
 
@@ -160,12 +142,6 @@ def test_numbers_of_an_own_feature_that_are_out_of_bounds(own_module):
         observe(observation)
     assert "own_features:Twice" in str(raised.value)
     assert "3.0" in str(raised.value)
-
-
-def test_what_is_no_feature(own_module):
-    with pytest.raises(OwnCodeError) as raised:
-        feature_list({"features": ["own_features:NONE"]})
-    assert "own_features:NONE" in str(raised.value)
 
 
 class NoKernel(Feature):

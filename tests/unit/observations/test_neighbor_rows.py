@@ -57,24 +57,6 @@ def test_rows_have_the_numbers_of_other_features():
     assert np.abs(urgencies[:, None] - rows[:, 9]).min(axis=1).max() < 1e-5
 
 
-def test_turning_the_world_changes_nothing():
-    def around(angle):
-        turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-        (x, y), (x2, y2) = turn @ [15.0, 4.0], turn @ [-8.0, -3.0]
-        others = [Car(50 + x, y, angle + 0.4, 8.0), Car(50 + x2, y2, angle, 3.0)]
-        agent = Car(50.0, 0.0, angle, 6.0, mission=mission("road"))
-        return rows_of(agent, *others)
-
-    np.testing.assert_allclose(around(1.1), around(0.0), atol=1e-5)
-
-
-def test_the_nearest_eight_are_kept():
-    agent = Car(50.0, 0.0, mission=mission("road"))
-    rows = rows_of(agent, *(Car(50.0 + n, 10.0) for n in range(-6, 6)))
-    assert (rows[:, 0] > 0.0).all()
-    np.testing.assert_allclose(np.sort(1 - rows[:, 0])[-1] * RADIUS, math.hypot(4, 10), rtol=1e-4)
-
-
 def test_rows_radius_and_columns_are_chosen():
     cars = [Car(50.0, 0.0, 0.3, 5.0, mission=mission("road")), Car(65.0, 3.0, 1.0), Car(120.0, 6.0, 0.2, 9.0)]
     made = world_of(cars, maps=[straight()])

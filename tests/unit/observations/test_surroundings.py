@@ -44,13 +44,6 @@ def test_an_empty_road():
     assert lanes[:, Lane.ALLOWED] == pytest.approx(straight().speed_limit[0])
 
 
-def test_no_lane_beyond_the_outer_ones():
-    for y, closed in ((0.0, RIGHT), (2 * width(), LEFT)):
-        _, lanes = look(world_of([Car(50.0, y, mission=mission("road"))], maps=[straight()]))
-        assert lanes[closed, Lane.OPEN] == 0.0
-        assert lanes[OWN, Lane.OPEN] == lanes[3 - closed, Lane.OPEN] == 1.0
-
-
 def test_gaps_are_from_bumper_to_bumper():
     w = width()
     cars = [
@@ -76,13 +69,6 @@ def test_a_vehicle_between_two_lanes_is_in_both():
     _, lanes = look(world_of(cars, maps=[straight()]))
     assert lanes[[OWN, LEFT], Lane.AHEAD] == pytest.approx([15.0, 15.0])
     assert np.isinf(lanes[RIGHT, Lane.AHEAD])
-
-
-def test_a_vehicle_across_the_lane_is_a_leader_that_stands():
-    cars = [Car(60.0, width(), mission=mission("road")), Car(80.0, width(), math.pi / 2, 5.0)]
-    _, lanes = look(world_of(cars, maps=[straight()]))
-    assert lanes[OWN, Lane.AHEAD] == pytest.approx(20.0 - 2.5 - 0.9)
-    assert lanes[OWN, Lane.AHEAD_SPEED] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -133,12 +119,6 @@ def crossing_lane(begin, end):
     arms = ("west", "south", "east", "north")
     pairs = [(a, b) for a in arms for b in arms if a != b]
     return f":junction_{pairs.index((begin, end))}_0"
-
-
-def test_where_others_go_first():
-    """See tests/unit/roads/test_right_of_way.py."""
-    assert wait_for()[Own.YIELD_GAP] == np.inf
-    assert wait_for(Car(-40.0, -1.6, 0.0, 10.0))[Own.YIELD_GAP] == pytest.approx(17.5)
 
 
 @pytest.mark.parametrize("light", [Signal.STOP, Signal.CAUTION])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from smarts.planners import BezierPlanner, Limits, PlanStatus
-from smarts.planners.bezier import control_points, drivable_curve
 
 STILL = [0.0, 0.0, 0.0, 0.0, 0.0]
 
@@ -64,23 +63,6 @@ def test_speed_stays_below_the_limits_between_all_rows():
     assert changes.min() > -1.01 * limits.braking
 
 
-def test_left_and_right_are_mirror_images():
-    left = plan([0, 0, 0, 9, 0], [5, 40, 3.5, 0, 9])
-    right = plan([0, 0, 0, 9, 0], [5, 40, -3.5, 0, 9])
-    np.testing.assert_allclose(left * [1, 1, -1, -1, 1], right, atol=1e-12)
-
-
-def test_handles_are_lengthened_until_the_vehicle_can_drive_the_curve():
-    begin, end = np.array([0, 0, 0.0]), np.array([9, 4, 0.0])
-    short = control_points(begin, end, 1.0)
-    control, _, bends = drivable_curve(begin, end, 0.2)
-    least, _, least_bends = drivable_curve(begin, end, 1e-3)
-    assert np.hypot(*short[1]) == pytest.approx(math.hypot(9, 4) / 3)
-    assert bends.max() <= drivable_curve(begin, end, np.inf)[2].max()
-    assert least_bends.max() <= bends.max()
-    assert least.shape == control.shape == (4, 2)
-
-
 def test_a_curve_that_is_too_sharp_fails_and_the_last_path_goes_on():
     planner, state = BezierPlanner(), np.array([[0, 0, 0, 5.0, 0]])
     sharp = np.array([[3, 0, 4, math.pi, 5.0]])
@@ -94,13 +76,3 @@ def test_a_curve_that_is_too_sharp_fails_and_the_last_path_goes_on():
     np.testing.assert_allclose(kept.path[0, :, 0], times, atol=1e-9)
     np.testing.assert_allclose(kept.path[0, :, 1], 5 + 5 * times, atol=1e-6)
     assert planner.plan(state, sharp, None, last, 4.5).status[0] == PlanStatus.FAILED
-
-
-def test_a_row_of_a_batch_equals_the_row_alone():
-    states = np.array([[0, 0, 0, 5, 0], [np.nan, 0, 0, 5, 0], [9, 1, 2, 8, 0.01]])
-    targets = np.array([[4, 30, 3, 0, 9], [4, 30, 3, 0, 9], [5, 0, 30, 2.2, 4.0]])
-    both = BezierPlanner().plan(states, targets)
-    assert both.status.tolist() == [PlanStatus.PLANNED, PlanStatus.FAILED, PlanStatus.PLANNED]
-    for n in range(3):
-        alone = BezierPlanner().plan(states[n : n + 1], targets[n : n + 1])
-        np.testing.assert_array_equal(alone.path[0], both.path[n])

@@ -27,18 +27,6 @@ def test_poses_between_and_beyond_the_rows():
     np.testing.assert_allclose(found[0], expected, atol=1e-12)
 
 
-def test_one_row_is_a_drive_at_constant_velocity():
-    found = resample(np.array([[[0.0, 1, 1, math.pi, 3]]]), np.array([[0.0, 2.0]]))
-    np.testing.assert_allclose(found[0, :, 1:3], [[1, 1], [-5, 1]], atol=1e-12)
-
-
-def test_before_its_time_one_row_is_that_row():
-    rows = np.full((2, 5), math.nan)
-    rows[0] = 1.0, 2, 3, 4, 5
-    found = resample(rows[None, :1], np.array([[0.0]]))
-    np.testing.assert_allclose(found, [[[0.0, 2, 3, 4 - 2 * math.pi, 5]]])
-
-
 def test_the_shorter_turn_is_taken_across_the_back():
     path = np.array([[[0.0, 0, 0, 3.0, 1], [1, 0, 0, -3.0, 1]]])
     heading = resample(path, np.array([[0.5]]))[0, 0, 3]

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from smarts.geometry.boxes import box_gaps, boxes_overlap
+from smarts.geometry.boxes import box_gaps
 from smarts.geometry.frames import wrap_angle
 from smarts.planners import Limits, Neighbours, PlanStatus, RecedingHorizonPlanner
 from smarts.planners.optimal_control import _driven, _gaps
@@ -80,13 +80,6 @@ def test_a_quarter_circle_keeps_its_curvature(planner):
     np.testing.assert_allclose(path[-1, 1:3], target[1:3], atol=0.3)
 
 
-def test_left_and_right_are_mirror_images(planner):
-    left = plan(planner, [0, 0, 0, 9, 0], [5, 45, 3.5, 0, 9])
-    right = plan(planner, [0, 0, 0, 9, 0], [5, 45, -3.5, 0, 9])
-    np.testing.assert_allclose(left * [1, 1, -1, -1, 1], right, atol=1e-3)
-    np.testing.assert_allclose(left[-1, 1:], [45, 3.5, 0, 9], atol=0.1)
-
-
 def test_paths_do_not_depend_on_place_and_direction(planner):
     here = plan(planner, [0, 0, 0, 8, 0], [5, 35, 6, 0.5, 8], neighbours([20, 0, 0, 3]))
     turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -114,28 +107,6 @@ def test_it_stops_behind_a_vehicle_that_stands_across_the_way(planner):
     path = plan(planner, [0, 0, 0, 8, 0], [5, 40, 0, 0, 8], wall)
     assert 20.0 < path[-1, 1] <= 30 - 1.0 - 2.5 - 0.4
     assert np.abs(path[:, 2]).max() < 3.0
-
-
-def test_it_passes_a_standing_vehicle(planner):
-    around = neighbours([25, 0, 0, 0])
-    path = plan(planner, [0, 0, 0, 8, 0], [6, 48, 0, 0, 8], around)
-    assert not boxes_overlap(path[:, 1:3], path[:, 3], SIZE, [25, 0], 0.0, SIZE).any()
-    np.testing.assert_allclose(path[-1, 1:3], [48, 0], atol=0.5)
-
-
-def test_neighbours_beyond_the_room_that_are_far_do_not_matter(planner):
-    near = ([25, 0, 0, 0], [20, 8, 0, 5], [10, -8, 0, 5])
-    far = ([300, 300, 0, 0], [-200, 90, 0, 5])
-    state, target = [0, 0, 0, 8, 0], [6, 48, 0, 0, 8]
-    np.testing.assert_array_equal(
-        plan(planner, state, target, neighbours(*near)), plan(planner, state, target, neighbours(*far, *near))
-    )
-
-
-def test_absent_neighbours_count_as_none(planner):
-    state, target = [0, 0, 0, 8, 0], [6, 48, 3, 0, 8]
-    absent = neighbours([np.inf, 0, 0, 0], [20, np.nan, 0, 5])
-    np.testing.assert_array_equal(plan(planner, state, target), plan(planner, state, target, absent))
 
 
 def test_equal_calls_give_equal_bits_and_rows_are_independent(planner):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.planners import CarFollowing, Neighbours, PlanStatus, SumoPlanner, resample
-from smarts.planners.sumo import LANE, brake_gap, follow_speed, is_secure, stop_speed
+from smarts.planners.sumo import LANE, brake_gap, follow_speed, stop_speed
 from tests.unit.providers.conftest import Country, World
 from tests.unit.providers.test_sumo_shadows import LEFT, RIGHT, drivers
 
@@ -126,15 +126,6 @@ def test_the_equations_by_hand():
     assert follow_speed(20.0, 15.0, 0.0, model) == pytest.approx(15.0 - 0.1 * 1.2 * 5.625)
 
 
-@pytest.mark.parametrize(("x", "secure"), [(-25.0, False), (-40.0, True), (12.0, False), (25.0, True)])
-def test_secure_gaps(x, secure):
-    """Behind: 2.5 + 5 m, 15 m for its second, and 22.5 - 8.4 m more on which it brakes: about 37 m."""
-    other = np.array([[0.0, x, 0.0, 0.0, 15.0 if x < 0 else 10.0]])
-    target = np.zeros(5)
-    found = is_secure(0.0, 10.0, target, other, SIZE[None], SIZE, CarFollowing())
-    assert found == secure
-
-
 def test_rows_are_independent_and_failures_keep_the_last_path():
     states = np.array([[0, 0, 0, 10, 0], [0, 0, 1.2, 10, 0], [np.nan, 0, 0, 10, 0]])
     targets = np.tile([6, 100, LANE, 0, 12.0], (3, 1))
@@ -146,12 +137,3 @@ def test_rows_are_independent_and_failures_keep_the_last_path():
     kept = planner.plan(states, targets, None, last, 1.0)
     assert kept.status.tolist() == [PlanStatus.PLANNED, PlanStatus.SHIFTED, PlanStatus.SHIFTED]
     np.testing.assert_allclose(kept.path[1, 0, 1:], resample(last[1:2], np.array([[1.0]]))[0, 0, 1:])
-
-
-def test_any_direction_on_the_map():
-    here = plan([0, 0, 0, 10, 0], [6, 100, LANE, 0, 12])
-    turned = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    target = [6, *(np.array([100, LANE]) @ turned + [7, -3]), math.pi / 2, 12]
-    there = plan([7, -3, math.pi / 2, 10, 0], target)
-    np.testing.assert_allclose(there[:, 1:3], here[:, 1:3] @ turned + [7, -3], atol=1e-9)
-    np.testing.assert_allclose(there[:, 4], here[:, 4], atol=1e-9)

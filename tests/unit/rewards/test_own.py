@@ -41,39 +41,6 @@ def test_a_decision_is_worth_the_sum_of_its_steps():
     assert seen > 50
 
 
-class Metres:
-    """What was driven since the step before, by a memory of its own."""
-
-    def __init__(self):
-        self.before = None
-
-    def reset(self, agents):
-        if self.before is not None:
-            self.before[agents] = np.nan
-
-    def __call__(self, step):
-        now = step.distance_travelled
-        if self.before is None:
-            self.before = np.full(now.shape, np.nan)
-        gone = np.where(step.driving, now - self.before, 0.0)
-        self.before = np.where(step.driving, now, self.before)
-        # The first step after the entry is the first that is asked for, and has nothing before it.
-        return np.nan_to_num(gone, nan=0.0) + 0.0 * step.speed
-
-
-def speed_times_dt(step):
-    return step.speed * step.dt
-
-
-def test_numbers_are_of_the_same_vehicles():
-    by_speed, by_distance = (
-        np.array([step.rewards for _, step in play(reward, 20)]) for reward in (speed_times_dt, Metres)
-    )
-    # Distance is summed from positions, of which one more is before the first step.
-    assert np.allclose(by_speed[1:], by_distance[1:], atol=0.35)
-    assert by_speed[1:].max() > 2.0
-
-
 class NothingMore:
     weights = "paper"
 

@@ -5,7 +5,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from smarts.errors import MapError
 from smarts.roads import agent_routes
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
@@ -80,9 +79,3 @@ def test_a_table_that_grows_is_as_a_new_one(atlas, spare, monkeypatch):
         routes.assign_agent(row, agent_id, route)
         given[row, agent_id] = row, route
         check(routes, atlas, given)
-
-
-def test_a_route_that_is_none_is_an_error(atlas):
-    routes = AgentRoutes(atlas, 1, 1)
-    with pytest.raises(MapError):
-        routes.assign_agent(0, 0, ("nowhere",))

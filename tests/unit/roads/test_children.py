@@ -50,20 +50,6 @@ def test_children_end_with_their_parent(tmp_path, number):
         assert ends(child)
 
 
-def test_exit_codes_and_output(tmp_path):
-    with open(tmp_path / "said", "w+b") as said:
-        assert (
-            run("import sys; print('no'); print('yes', file=sys.stderr); sys.exit(3)", tmp_path, stderr=said)
-            == 3
-        )
-        said.seek(0)
-        assert said.read() == b"yes\n"
-
-
-def test_children_have_no_input(tmp_path):
-    assert run("import sys; sys.exit(len(sys.stdin.read()))", tmp_path) == 0
-
-
 def test_the_time_limit(tmp_path, monkeypatch):
     monkeypatch.setenv(TIME_LIMIT_VARIABLE, "0.5")
     with pytest.raises(TimeoutError, match=r"0\.5 s"):

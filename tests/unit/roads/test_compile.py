@@ -3,7 +3,6 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import numpy as np
 import pytest
 import sumo
 
@@ -14,7 +13,6 @@ from smarts.roads.routes import shortest_route
 from smarts.roads.sources import find_map_source
 from smarts.roads.sumo_net import read_net
 from tests.raising import raises
-from tests.road_queries import RoadQueries
 
 from . import maps
 
@@ -86,26 +84,6 @@ def test_opendrive(tmp_path):
     assert notes == MapNotes()
 
 
-def test_lanes_of_opendrive_that_taper_are_counted(tmp_path):
-    width = '<width sOffset="0" a="3.5" b="0" c="0" d="0"/>'
-    _, notes = compiled(opendrive(tmp_path, (width, width.replace('b="0"', 'b="-0.02"'))))
-    assert notes.remarks == ("1 of 3 lanes taper; on the map, each is a strip of constant width",)
-
-
-def test_another_installation_of_sumo_makes_no_difference(tmp_path, monkeypatch):
-    """Where SUMO_HOME says so, netconvert takes the lanes and speeds of OpenStreetMap's roads from there."""
-    nets = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        shutil.copy(DATA / "village.osm", tmp_path / name / "map.osm")
-        nets.append(compiled(tmp_path / name)[0].read_bytes())
-        types = tmp_path / "home" / "data" / "typemap" / "osmNetconvert.typ.xml"
-        types.parent.mkdir(parents=True, exist_ok=True)
-        types.write_text('<types><type id="highway.residential" numLanes="7" speed="3"/></types>')
-        monkeypatch.setenv("SUMO_HOME", str(tmp_path / "home"))
-    assert nets[0] == nets[1]
-
-
 def test_osm(tmp_path):
     shutil.copy(DATA / "village.osm", tmp_path / "map.osm")
     out, notes = compiled(tmp_path)
@@ -120,15 +98,6 @@ def osm_of(folder, highway, more=""):
     text = (DATA / "village.osm").read_text().replace('v="residential"', f'v="{highway}"{more}')
     (folder / "map.osm").write_text(text.replace('v="primary"', f'v="{highway}"'))
     return folder
-
-
-@pytest.mark.parametrize("highway", ["raceway", "road"])
-def test_osm_roads_that_cars_use(tmp_path, highway):
-    out, notes = compiled(osm_of(tmp_path, highway))
-    graph = read_net(out)
-    assert {edge.lstrip("-").split("#")[0] for edge in graph.road_edges} == {"100", "101"}
-    assert (graph.kind == LaneKind.CAR).all()
-    assert notes.warnings == ()
 
 
 @pytest.mark.parametrize("highway", ["service", "busway"])
@@ -226,58 +195,6 @@ def test_bad_links_of_a_net_are_left_out(tmp_path, nets, old, new, problem):
     subprocess.run(command, check=True)
 
 
-def test_lanes_inside_junctions_are_built_where_a_light_needs_them(tmp_path):
-    """Lights are shown by lanes inside junctions: agents would not see one that only SUMO's vehicles obey."""
-    lane = '<lane id="{0}_0" index="0" speed="10" length="50" shape="{1}"/>'
-    edges = [
-        f'<edge id="{name}" from="{begin}" to="{end}">{lane.format(name, shape)}</edge>'
-        for name, begin, end, shape in (("one", "a", "b", "0,0 50,0"), ("two", "b", "c", "50,0 100,0"))
-    ]
-    light = '<tlLogic id="b" type="static" programID="0" offset="0"><phase duration="9" state="r"/></tlLogic>'
-    kinds = {"a": ("dead_end", 0), "b": ("traffic_light", 50), "c": ("dead_end", 100)}
-    junctions = [
-        f'<junction id="{name}" type="{kind}" x="{x}" y="0" intLanes="" shape="{x},2 {x},-2"/>'
-        for name, (kind, x) in kinds.items()
-    ]
-    link = '<connection from="one" to="two" fromLane="0" toLane="0" tl="b" linkIndex="0" dir="s" state="O"/>'
-    head = '<net version="1.16">'
-    (tmp_path / "map.net.xml").write_text(f"{head}{''.join(edges)}{light}{''.join(junctions)}{link}</net>")
-    out, notes = compiled(tmp_path)
-    graph = read_net(out)
-    assert len(notes.warnings) == 1
-    assert "'b'" in notes.warnings[0]
-    (inside,) = graph.successors(graph.lane_number("one", 0))
-    assert graph.is_internal[inside]
-    assert (graph.signal_ids[graph.signal[inside]], graph.signal_link[inside]) == ("b", 0)
-
-
-def test_a_net_without_lanes_inside_junctions_that_needs_none(tmp_path):
-    """Old nets have such junctions in the middle of straight roads."""
-    lane = '<lane id="{0}_0" index="0" speed="10" length="50" shape="{1}"/>'
-    edges = [
-        f'<edge id="{name}" from="{begin}" to="{end}">{lane.format(name, shape)}</edge>'
-        for name, begin, end, shape in (("one", "a", "b", "0,0 50,0"), ("two", "b", "c", "50,0 100,0"))
-    ]
-    request = '<request index="0" response="0" foes="0" cont="0"/>'
-    kinds = {"a": ("dead_end", "", ""), "b": ("priority", "one_0", request), "c": ("dead_end", "two_0", "")}
-    junctions = [
-        f'<junction id="{name}" type="{kind}" x="0" y="0" incLanes="{lanes}" intLanes="" shape="0,2 0,-2">'
-        f"{inside}</junction>"
-        for name, (kind, lanes, inside) in kinds.items()
-    ]
-    link = '<connection from="one" to="two" fromLane="0" toLane="0" dir="s" state="M"/>'
-    (tmp_path / "map.net.xml").write_text(f'<net version="0.13">{"".join(edges + junctions)}{link}</net>')
-    out, notes = compiled(tmp_path)
-    graph = read_net(out)
-    assert notes == MapNotes()
-    assert shortest_route(graph, "one", "two") == ("one", "two")
-    atlas = RoadQueries([graph])
-    table = atlas.route_table([(0, ("one", "two"))])
-    world = np.zeros(1, np.int32)
-    paths = atlas.waypoints(table, world, np.array([[45.0, 0.0]]), world, world, lookahead=12)
-    np.testing.assert_allclose(paths.position[0, 0, :, 0], 45 + np.arange(12))
-
-
 LOOSE = """<junction id="50" name="loose">
     <connection id="0" incomingRoad="2" connectingRoad="3" contactPoint="start">
         <laneLink from="-1" to="-1"/><laneLink from="-2" to="-2"/>
@@ -299,18 +216,6 @@ def test_bad_links_of_a_foreign_map_are_left_out(tmp_path):
     (warning,) = notes.warnings
     assert warning.startswith("left out 1 connections with 2 lane links")
     assert "junction '50', road '2' to '3'" in warning
-
-
-def test_bad_links_of_a_foreign_road_are_left_out(tmp_path):
-    link = '<link><successor elementType="road" elementId="9" contactPoint="start"/></link><planView>'
-    lane = '<lane id="-1" type="driving" level="false">'
-    out, notes = compiled(
-        opendrive(tmp_path, ("<planView>", link), (lane, f'{lane}<link><successor id="-1"/></link>'))
-    )
-    assert set(read_net(out).road_edges) == {"1", "-1"}
-    (warning,) = notes.warnings
-    assert warning.startswith("left out ")
-    assert "'9' is not known" in warning
 
 
 def test_what_netconvert_fails_on_in_opendrive_without_need(tmp_path):
@@ -342,15 +247,6 @@ def test_left_hand_traffic_in_opendrive(tmp_path):
     error = error_of(opendrive(tmp_path, ('junction="-1"', 'junction="-1" rule="LHT"')))
     assert "to the left" in error.problem
     assert "road '1'" in error.place
-
-
-def test_names_that_trouble_command_lines(tmp_path, monkeypatch):
-    folder = maps.write(tmp_path / "two maps, --really", **maps.cross())
-    (folder / "map.netccfg").write_text('<configuration><no-turnarounds value="false"/></configuration>')
-    out, _ = compiled(folder)
-    monkeypatch.chdir(folder.parent)
-    again, _ = compiled(Path(folder.name), Path("again.net.xml"))
-    assert again.read_bytes() == out.read_bytes()
 
 
 def test_an_existing_output_survives_a_failure(tmp_path):

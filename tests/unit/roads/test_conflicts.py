@@ -61,21 +61,6 @@ def test_right_turn_merges_with_the_straight_road(cross):
     assert cross.length[straight] - other[0] < 8
 
 
-def test_left_turn_crosses_oncoming_traffic(cross):
-    before, after = through(cross, "west_in_1", "north_out_1")
-    (oncoming,) = through(cross, "east_in_0", "west_out_0")
-    kinds = [found[0] for lane in (before, after) if (found := conflict(cross, lane, oncoming))]
-    assert kinds == [ConflictKind.CROSS]
-
-
-def test_lanes_that_do_not_meet(cross):
-    (eastbound,) = through(cross, "west_in_1", "east_out_1")
-    (beside,) = through(cross, "west_in_0", "east_out_0")
-    (oncoming,) = through(cross, "east_in_1", "west_out_1")
-    assert conflict(cross, eastbound, beside) is None
-    assert conflict(cross, eastbound, oncoming) is None
-
-
 def test_lanes_that_diverge_are_no_conflict(cross):
     (straight,) = through(cross, "west_in_1", "east_out_1")
     for turn in through(cross, "west_in_1", "north_out_1"):
@@ -110,35 +95,11 @@ def test_extents_hold_the_whole_overlap(graphs):
                     assert swept.intersection(area).area < 0.35
 
 
-def test_ring_of_a_roundabout(graphs):
-    graph = graphs["roundabout"]
-    entry = through(graph, "east_in_0", "ring_east_0")
-    ring = through(graph, "ring_south_0", "ring_east_0")
-    kinds = {found[0] for a in entry for b in ring if (found := conflict(graph, a, b))}
-    assert ConflictKind.MERGE in kinds
-
-
 def rules(graph, lane, other):
     """Return the `Yields` of two lanes."""
     rows = range(graph.conflict_start[lane], graph.conflict_start[lane + 1])
     (row,) = [row for row in rows if graph.conflict_lane[row] == other]
     return Yields(graph.conflict_yields[row])
-
-
-def test_a_turn_to_the_left_gives_way_to_oncoming_traffic(cross):
-    before, after = through(cross, "west_in_1", "north_out_1")
-    (oncoming,) = through(cross, "east_in_0", "west_out_0")
-    lane = after if conflict(cross, after, oncoming) else before
-    assert rules(cross, lane, oncoming) is Yields.THIS
-    assert rules(cross, oncoming, lane) is Yields.OTHER
-
-
-def test_entries_of_a_roundabout_give_way_to_the_ring(graphs):
-    graph = graphs["roundabout"]
-    entry = through(graph, "east_in_0", "ring_east_0")
-    ring = through(graph, "ring_south_0", "ring_east_0")
-    found = {rules(graph, a, b) for a in entry for b in ring if conflict(graph, a, b)}
-    assert found == {Yields.THIS}
 
 
 def test_at_an_all_way_stop_each_gives_way_to_each(compile_to):
@@ -168,14 +129,6 @@ def connections_by_lane(net):
                         found[via] = node, connection
                         via = net.getLane(via).getOutgoing()[0].getViaLaneID()
     return found
-
-
-def test_at_lights_no_two_lanes_give_way_to_each_other(graphs, sumo_nets):
-    """In SUMO's file some do."""
-    links = [connection for _, connection in connections_by_lane(sumo_nets["cross"]).values()]
-    node = sumo_nets["cross"].getNode("centre")
-    assert any(node.forbids(a, b) and node.forbids(b, a) for a in links for b in links)
-    assert Yields.BOTH not in graphs["cross"].conflict_yields
 
 
 def test_right_of_way_is_that_of_sumo(graphs, sumo_nets):

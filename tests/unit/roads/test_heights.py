@@ -11,7 +11,7 @@ from smarts.roads.compile import compile_map
 from smarts.roads.lane_ways import place_on_lane
 from smarts.roads.sources import find_map_source
 from smarts.roads.sumo_net import read_net
-from tests.maps import bridge, ramp, straight
+from tests.maps import bridge, ramp
 from tests.road_queries import RoadQueries
 
 from .maps import write
@@ -65,13 +65,6 @@ def test_heights_of_an_osm_map(tmp_path):
     assert below < 3.0
 
 
-def test_maps_without_layers_stay_flat(tmp_path):
-    shutil.copy(DATA / "village.osm", tmp_path / "map.osm")
-    graph = graph_from(tmp_path)
-    assert not graph.point_z.any()
-    assert not graph.has_levels
-
-
 @pytest.mark.parametrize("heading", [0.0, np.pi / 2, np.nan])
 @pytest.mark.parametrize(("height", "lane"), [(0.0, 0), (2.9, 0), (5.1, 1), (8.0, 1)])
 def test_a_lane_is_found_at_its_height_whatever_the_heading(height, lane, heading):
@@ -105,9 +98,3 @@ def test_a_place_on_a_lane_that_leads_over_itself_is_at_its_height(height, s):
     assert queries.locate([0], place, height=[height]).s == pytest.approx([s], abs=0.1)
     found, _ = bind(place_on_lane, queries.roads)(0, 60.0, 0.0, height)
     assert found == pytest.approx(s, abs=0.1)
-
-
-def test_maps_of_a_batch_have_their_own_heights():
-    queries = RoadQueries([straight(), bridge()])
-    found = queries.locate([0, 1], np.array([[50.0, 0.0], [0.0, 50.0]]), height=[0.0, 8.0])
-    assert found.lane.tolist() == [0, 1]

@@ -6,18 +6,7 @@ import pytest
 
 from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneGraph
-from smarts.roads.sumo_net import read_net
 from tests.raising import raises
-
-
-def test_numbers_of_edges_and_lanes(cross):
-    edge = cross.edge_number("west_in")
-    assert cross.edge_ids[edge] == "west_in"
-    lane = cross.lane_number("west_in", 1)
-    assert cross.lane_ids[lane] == "west_in_1"
-    assert cross.lane_of_id("west_in_1") == lane
-    assert (cross.lane_edge[lane], cross.lane_index[lane]) == (edge, 1)
-    assert list(cross.edge_lanes(edge)) == [lane - 1, lane]
 
 
 def test_unknown_edge_names_the_nearest(cross):
@@ -40,18 +29,6 @@ def test_pose_on_a_straight_lane(cross):
     assert cross.pose_at(cross.lane_number("north_in", 0), 10.0, 1.0) == pytest.approx(
         (-3.8, 90.0, -math.pi / 2)
     )
-
-
-def test_pose_beyond_the_ends(cross):
-    lane = cross.lane_number("west_in", 0)
-    assert cross.pose_at(lane, -2.0) == pytest.approx((-102.0, -4.8, 0.0))
-    assert cross.pose_at(lane, cross.length[lane] + 3.0)[0] == pytest.approx(-100 + cross.length[lane] + 3)
-
-
-def test_the_arc_length_of_a_position_by_which_the_lane_is_twice_as_long(cross):
-    lane = cross.lane_number("west_in", 0)
-    reckoned = dataclasses.replace(cross, sumo_length=2.0 * cross.length)
-    assert reckoned.arc_length(lane, 30.0) == pytest.approx(15.0)
 
 
 def test_sumo_drives_the_length_of_the_shape_where_another_is_given(cross):
@@ -77,12 +54,6 @@ def test_saved_graph_is_the_same_graph(tmp_path, graphs):
             np.testing.assert_array_equal(before, after)
 
 
-def test_saved_bytes_depend_on_the_map_only(tmp_path, nets):
-    for copy in ("one", "two"):
-        read_net(nets["roundabout"]).save(tmp_path / copy)
-    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
-
-
 @pytest.mark.parametrize("content", [None, b"PK\x03\x04 cut off"])
 def test_a_damaged_file(tmp_path, content):
     path = tmp_path / "lanes.npz"
@@ -98,8 +69,3 @@ def test_a_file_of_another_version(tmp_path, cross, monkeypatch):
     monkeypatch.setattr("smarts.roads.lane_graph.FORMAT", 999)
     with raises(MapError, path):
         LaneGraph.load(path)
-
-
-def test_arrays_are_read_only(cross):
-    with pytest.raises(ValueError, match="read-only"):
-        cross.length[0] = 1.0

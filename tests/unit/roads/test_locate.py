@@ -58,16 +58,6 @@ def test_lane_position(atlas, x, y, lane, s, t):
     assert locate(atlas, x, y) == (lane, pytest.approx(s), pytest.approx(t))
 
 
-def test_driving_the_wrong_way_does_not_change_the_lane(atlas):
-    assert locate(atlas, -50, 2.0, heading=0.0)[0] == "west_out_1"
-
-
-def test_behind_a_dead_end(atlas):
-    found = atlas.locate(world(), np.array([[-103.0, -0.8]]))
-    assert atlas.graphs[0].lane_ids[found.lane[0]] == "west_in_1"
-    assert (found.s[0], found.t[0], found.distance[0]) == pytest.approx((0, 0.8, math.hypot(3, 0.8)))
-
-
 def test_heading_decides_where_junction_lanes_cross(atlas):
     # Eastbound and northbound centrelines cross here.
     assert leads_to(atlas, locate(atlas, 1.6, -1.6, heading=0.0)[0]) == "east_out_1"
@@ -95,12 +85,6 @@ def test_nowhere(atlas, value):
     assert atlas.on_road(world(2), np.array([[value, 0.0], [-50, -4.8]])).tolist() == [False, True]
     s, t = atlas.project(world(2), found.lane, np.array([[value, 0.0], [-50, -4.8]]))
     assert np.isnan(s).tolist() == np.isnan(t).tolist() == [True, False]
-
-
-def test_far_away(atlas):
-    found = atlas.locate(world(), np.array([[90_000.0, 4.8]]))
-    assert atlas.graphs[0].lane_ids[found.lane[0]] == "east_in_0"
-    assert found.distance[0] == pytest.approx(89_900)
 
 
 def test_kinds_of_lanes(compile_to):
@@ -164,18 +148,6 @@ def test_gaps_between_lanes_of_an_old_map(compile_to):
     assert old.corners_on_road(world(), [(50, -2.45)], [0.0], [4.0], [1.6]) == [4]
 
 
-def test_junction_outline_is_road_if_wanted(graphs):
-    graph = graphs["roundabout"]
-    ring = RoadQueries([graph])
-    outlines = [shapely.Polygon(graph.junction_outline(n)) for n in range(len(graph.junction_ids))]
-    places = np.random.default_rng(0).uniform(-30, 30, (5000, 2))
-    inside = shapely.contains_xy(shapely.union_all(outlines), places)
-    on_lane = ring.on_road(world(5000), places, junctions=False)
-    gaps = inside & ~on_lane
-    assert gaps.sum() > 10
-    np.testing.assert_array_equal(ring.on_road(world(5000), places), inside | on_lane)
-
-
 def test_route_distances(atlas):
     graph = atlas.graphs[0]
     table = atlas.route_table([(0, ("west_in", "east_out"))])
@@ -184,18 +156,6 @@ def test_route_distances(atlas):
     done, remaining = atlas.route_distances(table, world(4), world(4), lane, np.array([10.0, 89.6, 4.0, 4.0]))
     np.testing.assert_allclose(done, [10, 89.6, 89.6 + 20.8 + 4, np.nan])
     np.testing.assert_allclose(done[:3] + remaining[:3], 89.6 + 20.8 + 89.6)
-
-
-def test_route_distances_on_the_second_time_round(graphs):
-    graph = graphs["roundabout"]
-    ring = RoadQueries([graph])
-    route = ("ring_east", "ring_north", "ring_west", "ring_south", "ring_east")
-    table = ring.route_table([(0, route)])
-    lane = np.full(3, graph.lane_number("ring_east", 0), np.int32)
-    hint = np.array([np.nan, 8.0, 110.0])
-    done, _ = ring.route_distances(table, world(3), world(3), lane, np.full(3, 5.0), hint)
-    assert done[0] == done[1] < 10
-    assert done[2] > 100
 
 
 def test_the_wedge_between_two_lanes_that_meet_at_an_angle_is_road():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smarts.roads.corridors import route_corridor
-from smarts.roads.kernels import find_row, lane_length
+from smarts.roads.kernels import find_row
 from smarts.roads.routes import random_route
 from tests.road_queries import RoadQueries
 
@@ -56,11 +56,6 @@ def test_locate(atlas, segments, scene):
     assert ties < 0.05 * len(world)
 
 
-def test_lane_lengths(atlas):
-    expected = np.concatenate([graph.length for graph in atlas.graphs]).tolist()
-    assert [lane_length(atlas.roads, lane) for lane in range(len(expected))] == expected
-
-
 def test_project_and_poses_are_inverse(atlas, scene):
     """On straight stretches exactly; in bends to the turn between two points of the centreline."""
     world, position, heading, *_ = scene
@@ -75,15 +70,6 @@ def test_project_and_poses_are_inverse(atlas, scene):
     assert error[on_lane].max() < 0.5
 
 
-def test_poses_equal_those_of_the_graph(atlas, scene):
-    world, position, *_ = scene
-    found = atlas.locate(world, position)
-    back, heading = atlas.poses(world, found.lane, found.s, found.t)
-    for i, m in enumerate(world):
-        expected = atlas.graphs[m].pose_at(int(found.lane[i]), found.s[i], found.t[i])
-        assert [*back[i], heading[i]] == pytest.approx(expected, abs=1e-9)
-
-
 def test_one_call_for_all_maps_equals_one_call_each(atlas, scene):
     world, position, heading, *_ = scene
     together = atlas.locate(world, position, heading)
@@ -96,29 +82,22 @@ def test_one_call_for_all_maps_equals_one_call_each(atlas, scene):
         np.testing.assert_array_equal(alone.t, together.t[rows])
 
 
-@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("with_route", [True, False])
-def test_waypoints(atlas, segments, scene, with_route, every):
+def test_waypoints(atlas, segments, scene, with_route):
     world, position, heading, routes, table = scene
     numbers = np.arange(len(world), dtype=np.int32) if with_route else np.full(len(world), -1, np.int32)
     found = atlas.locate(world, position, heading, numbers, table)
-    paths = atlas.waypoints(table, world, position, found.lane, numbers, paths=32, lookahead=60)
     # Maps take turns, so that every so many rounds have all maps.
-    for i, (m, route) in enumerate(routes):
-        if i // len(NAMES) % every:
-            continue
-        graph = atlas.graphs[m]
-        row = find_row(table, len(NAMES) + i, atlas.roads.lane_base[m] + found.lane[i], np.nan)
+    for i in (i for i in range(len(world)) if i // len(NAMES) % 4 == 0):
+        m, route = routes[i]
+        graph, base = atlas.graphs[m], atlas.roads.lane_base[m]
+        row = find_row(table, len(NAMES) + i, base + found.lane[i], np.nan)
         leg = (table.group[row] - table.group[table.start[len(NAMES) + i]]) // 2
         followed = (route, leg) if with_route and row >= 0 else (None, None)
         expected = reference.waypoints(segments[m], found.lane[i], *position[i], *followed, lookahead=60)[:32]
-        assert paths.path_count[i] == len(expected)
-        for k, path in enumerate(expected):
-            count = paths.waypoint_count[i, k]
-            assert count == len(path)
-            assert paths.lane[i, k, :count].tolist() == [lane for lane, _ in path]
-            np.testing.assert_allclose(paths.lane_offset[i, k, :count], [s for _, s in path], atol=1e-6)
-            poses = np.array([graph.pose_at(lane, s) for lane, s in path]).reshape(-1, 3)
-            np.testing.assert_allclose(paths.position[i, k, :count], poses[:, :2], atol=1e-6)
-            np.testing.assert_allclose(paths.heading[i, k, :count], poses[:, 2], atol=1e-6)
-            assert not paths.position[i, k, count:].any()
+        options = {"paths": 32, "lookahead": 60}
+        paths, _ = atlas.waypoints(table, m, position[i], found.lane[i], numbers[i], **options)
+        assert len(paths) == len(expected)
+        for path, way in zip(paths, expected, strict=True):
+            rows = [(*graph.pose_at(lane, s), base + lane, s) for lane, s in way]
+            np.testing.assert_allclose(path, np.array(rows).reshape(-1, 5), atol=1e-6)

@@ -10,15 +10,11 @@ from smarts.observations.arrays import ArrayObservation
 from smarts.observations.surroundings import OWN_VEHICLE, Own
 from smarts.roads.precedence import is_in_the_way
 from smarts.roads.right_of_way import gap_to_wait
-from smarts.roads.sumo_net import read_net
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
-from smarts.zoo.driving import LINE_OVERLAP, Idm
 from tests.maps import crossing
 from tests.unit.observations.test_features import context_of
 from tests.worlds import Car, world_of
-
-from . import maps
 
 ARMS = ("west", "south", "east", "north")
 TURNS = [(a, b) for a in ARMS for b in ARMS if a != b]
@@ -93,10 +89,6 @@ def from_the_west(x, speed, **more):
     return Car(x, -1.6, 0.0, speed, **more)
 
 
-def test_an_empty_junction():
-    assert wait_for(rules=SOUTH_WAITS) == np.inf
-
-
 @pytest.mark.parametrize(
     ("x", "speed", "waits"),
     [(-40.0, 10.0, True), (-89.0, 3.0, False), (-60.0, 0.0, False), (-0.5, 0.0, True)],
@@ -132,15 +124,6 @@ def test_a_turn_to_the_left_waits_for_oncoming_vehicles_that_do_not_signal_other
     oncoming = Car(-1.6, 45.0, -math.pi / 2, 10.0)
     turns = (turn,) if turn else ()
     gap = wait_for(oncoming, rules=rules, mission=TO_THE_WEST, turns=turns)
-    assert (gap == LINE) == waits
-
-
-@pytest.mark.parametrize(("turn", "waits"), [("south_out", False), ("east_out", True), (None, True)])
-def test_a_vehicle_in_the_junction_is_on_the_ways_that_it_signals(turn, waits):
-    """Where it is, the way to the left has hardly left the way straight on."""
-    rules = {("south", "north"): [("north", "east")]}
-    oncoming = Car(-1.6, 7.0, -math.pi / 2, 1.0)
-    gap = wait_for(oncoming, rules=rules, turns=(turn,) if turn else ())
     assert (gap == LINE) == waits
 
 
@@ -264,17 +247,6 @@ def test_where_all_have_to_stop_a_vehicle_waits_for_one_that_goes(x, speed, acce
     assert gap == pytest.approx(1.0 if waits else np.inf)
 
 
-def test_where_all_have_to_stop_one_that_comes_lets_one_that_stands_go_first():
-    for step in range(0, 400, 40):
-        standing = from_the_west(-13.5, 0.0, mission=TO_THE_EAST)
-        made = world_of(
-            [Car(1.6, -30.0, math.pi / 2, 8.0, TO_THE_NORTH), standing], maps=[crossing(gives_way=ALL_STOP)]
-        )
-        made.world.step[:] = step
-        assert gap_of(made, 0) == LINE
-        assert gap_of(made, 1) == np.inf
-
-
 @pytest.mark.parametrize("since", [(100, 90), (90, 100), (100, 100)])
 def test_where_all_have_to_stop_the_first_that_stopped_goes(since):
     """Of two that stop in one step, that of the lower slot."""
@@ -299,55 +271,6 @@ def test_where_all_have_to_stop_they_take_turns_if_the_first_does_not_go():
         (goes,) = [agent for agent in range(2) if gap_of(made, agent) == np.inf]
         went.add(goes)
     assert went == {0, 1}
-
-
-@pytest.mark.parametrize(("kind", "stops"), [("allway_stop", True), ("right_before_left", False)])
-def test_an_empty_junction_of_sumo(compile_to, kind, stops):
-    graph = read_net(compile_to(kind, maps.junction(kind)))
-    made = world_of([Car(1.6, -30.0, math.pi / 2, 8.0, TO_THE_NORTH)], maps=[graph])
-    line = graph.centreline(graph.lane_of_id("south_in_0"))[-1, 1]
-    assert gap_of(made) == pytest.approx(line - (-30.0 + 2.5) if stops else np.inf, abs=0.01)
-
-
-def test_four_vehicles_stop_and_cross_an_all_way_stop():
-    """Two whose ways cross are never in the middle at the same time."""
-    model, dt, cars, place = Idm(), 0.1, [], np.full(4, -40.0)
-    straight: dict[str, tuple[int, int]] = {
-        "west": (1, 0),
-        "south": (0, 1),
-        "east": (-1, 0),
-        "north": (0, -1),
-    }
-    across: dict[str, str] = dict(zip(ARMS, (*ARMS[2:], *ARMS[:2]), strict=True))
-    for arm, (x, y) in straight.items():
-        mission = AgentMission(
-            route=(f"{arm}_in", f"{across[arm]}_out"),
-            goal=GoalKind.POSITION,
-            goal_position=(80.0 * x, 80.0 * y),
-        )
-        cars.append(Car(1.6 * y - 40.0 * x, -1.6 * x - 40.0 * y, math.atan2(y, x), 8.0, mission))
-    made = world_of(cars, maps=[crossing(gives_way=ALL_STOP)])
-    vehicles, slots = made.world.vehicles, made.world.agents.slot[0, :4]
-    along = np.array([*straight.values()], float)
-    slowest = np.full(4, np.inf)
-    for _ in range(600):
-        gaps = np.array([gap_of(made, agent) for agent in range(4)])
-        speed = vehicles.speed[0, slots]
-        acceleration = model.acceleration(speed, np.full(4, 10.0), gaps + LINE_OVERLAP, np.zeros(4))
-        faster = np.maximum(speed + acceleration * dt, 0.0)
-        vehicles.acceleration[0, slots], vehicles.speed[0, slots] = (faster - speed) / dt, faster
-        vehicles.position[0, slots] += along * (faster * dt)[:, None]
-        made.world.step += 1
-        made.match()
-        place = (vehicles.position[0, slots] * along).sum(1)
-        at_line = (place > -17.0) & (place < -12.5)
-        slowest[at_line] = np.minimum(slowest, faster)[at_line]
-        is_in_the_middle = np.abs(place) < 4.0
-        assert not (is_in_the_middle[[0, 2]].any() and is_in_the_middle[[1, 3]].any())
-        if (place > 20.0).all():
-            break
-    assert (place > 20.0).all()
-    assert (slowest < 0.5).all()
 
 
 @pytest.mark.parametrize(

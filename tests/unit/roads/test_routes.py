@@ -6,7 +6,7 @@ import pytest
 from smarts.errors import MapError
 from smarts.geometry.binding import bind
 from smarts.roads.atlas import RoadAtlas
-from smarts.roads.corridors import free_corridor, route_corridor
+from smarts.roads.corridors import route_corridor
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.lane_ways import next_row, row_of
 from smarts.roads.routes import CARS, edge_graph, random_route, shortest_route
@@ -44,10 +44,6 @@ def test_shortest_by_length_and_by_time(diamond):
 
 def test_via(diamond):
     assert shortest_route(diamond, "in", "out", via=["fast_2"]) == ("in", "fast_1", "fast_2", "out")
-
-
-def test_one_edge(diamond):
-    assert shortest_route(diamond, "in", "in") == ("in",)
 
 
 def test_a_lap_of_the_ring(graphs):
@@ -151,37 +147,9 @@ def test_corridor_of_a_left_turn(cross):
     assert corridor.before.tolist() == [-1, -1, -1, 2, -1, -1]
 
 
-def test_corridor_length_is_the_cost_of_the_route(graphs):
-    generator = np.random.default_rng(2)
-    graph = graphs["city"]
-    edges = edge_graph(graph)
-    for _ in range(30):
-        route = random_route(graph, generator)
-        first = edges.cost[graph.edge_number(route[0])]
-        assert route_corridor(graph, route).length == pytest.approx(first + cost_of(graph, edges, route))
-
-
-def test_corridor_of_a_lap_has_the_first_road_twice(graphs):
-    graph = graphs["roundabout"]
-    route = shortest_route(graph, "ring_east", "ring_east", lap=True)
-    corridor = route_corridor(graph, route)
-    rows = np.flatnonzero(corridor.lane == graph.lane_number("ring_east", 0))
-    assert corridor.begin[rows].tolist() == pytest.approx([0, corridor.begin[rows[1]]])
-    assert corridor.begin[rows[1]] > 100
-
-
 def test_corridor_with_a_gap(cross):
     with raises(MapError, values=["west_in", "west_out"]):
         route_corridor(cross, ("west_in", "west_out"))
-
-
-def test_free_corridor_has_all_lanes(cross):
-    corridor = free_corridor(cross, CARS)
-    assert corridor.lane.tolist() == list(range(len(cross.lane_ids)))
-    lane = cross.lane_number("west_in", 0)
-    exits = corridor.onward[corridor.onward_start[lane] : corridor.onward_start[lane + 1]]
-    assert exits.tolist() == cross.successors(lane).tolist()
-    assert np.isnan(corridor.begin).all()
 
 
 def test_lane_changes_that_a_route_demands():
@@ -213,10 +181,6 @@ def test_lane_changes_of_cars_do_not_lead_into_bus_lanes(compile_to):
 def test_lane_changes_to_where_no_way_leads():
     roads = {"a": Road([(0.0, 0.0), (100.0, 0.0)], 2)}
     assert route_corridor(graph_of(roads), ("a",)).changes.tolist() == [[1, 0], [0, -1]]
-
-
-def test_a_corridor_without_a_route_demands_no_lane_changes(cross):
-    assert not free_corridor(cross, CARS).changes.any()
 
 
 @pytest.mark.parametrize("route", [("in", "out"), ()])

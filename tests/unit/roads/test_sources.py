@@ -62,12 +62,6 @@ def test_a_file_of_another_kind(tmp_path):
         find_map_source(tmp_path, "map.png")
 
 
-def test_half_a_plain_map(tmp_path):
-    touch(tmp_path, "map.edg.xml")
-    with raises(MapError, values=["map.nod.xml", "map.edg.xml"]):
-        find_map_source(tmp_path, "map.edg.xml")
-
-
 def test_folder_with_several_maps(tmp_path):
     touch(tmp_path, "a.xodr", "b.osm")
     with raises(MapError, values=["a, b"]):

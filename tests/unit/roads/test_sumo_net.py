@@ -11,43 +11,6 @@ from smarts.roads.sumo_net import read_net
 from . import maps
 
 
-def ids(graph, lanes):
-    return [graph.lane_ids[lane] for lane in lanes]
-
-
-def test_lanes_of_a_cross(cross):
-    lane = cross.lane_number("west_in", 0)
-    assert len(cross.road_edges) == 8
-    assert (cross.width[lane], cross.speed_limit[lane]) == (3.2, 15.0)
-    assert cross.length[lane] == pytest.approx(89.6)
-    assert not cross.is_internal[lane]
-    assert cross.junction_ids[cross.edge_to[cross.lane_edge[lane]]] == "centre"
-    assert cross.junction_ids[cross.edge_from[cross.lane_edge[lane]]] == "west"
-
-
-def test_neighbours(graphs):
-    bend = graphs["curve"]
-    right, middle, left = (bend.lane_number("bend", index) for index in range(3))
-    assert (bend.right[right], bend.left[right]) == (-1, middle)
-    assert (bend.right[middle], bend.left[middle]) == (right, left)
-    assert (bend.right[left], bend.left[left]) == (middle, -1)
-    back = bend.lane_number("back", 0)
-    assert (bend.right[back], bend.left[back]) == (-1, -1)
-
-
-def test_a_left_turn_has_two_lanes_inside_the_junction(cross):
-    lane = cross.lane_number("west_in", 1)
-    straight, turn = cross.successors(lane)
-    assert cross.is_internal[[straight, turn]].all()
-    assert ids(cross, cross.successors(straight)) == ["east_out_1"]
-    (second,) = cross.successors(turn)
-    assert cross.is_internal[second]
-    assert ids(cross, cross.successors(second)) == ["north_out_1"]
-    assert cross.predecessors(second).tolist() == [turn]
-    assert cross.predecessors(turn).tolist() == [lane]
-    assert cross.junction_ids[cross.lane_junction[turn]] == "centre"
-
-
 def test_links_equal_sumolibs(graphs, sumo_nets):
     for name, graph in graphs.items():
         expected = set()
@@ -77,14 +40,6 @@ def test_centrelines(graphs):
         assert (graph.point_heading > -math.pi).all()
 
 
-def test_lanes_begin_where_those_before_end(graphs):
-    for graph in graphs.values():
-        for lane in range(len(graph.lane_ids)):
-            for after in graph.successors(lane):
-                gap = graph.centreline(after)[0] - graph.centreline(lane)[-1]
-                assert np.hypot(*gap) < 0.01
-
-
 def test_signals(cross, graphs):
     assert cross.signal_ids == ("centre",)
     links = []
@@ -96,24 +51,6 @@ def test_signals(cross, graphs):
     assert sorted(links) == list(range(16))
     assert (cross.signal[~cross.is_internal] == -1).all()
     assert (graphs["roundabout"].signal == -1).all()
-
-
-def test_roundabout(graphs):
-    graph = graphs["roundabout"]
-    ring = {graph.edge_ids[edge] for edge in np.flatnonzero(graph.edge_is_roundabout)}
-    assert ring == {"ring_east", "ring_north", "ring_west", "ring_south"}
-
-
-def test_junction_outlines(cross):
-    centre = cross.junction_outline(cross.junction_ids.index("centre"))
-    assert np.abs(centre).max() == pytest.approx(10.4)
-    assert len(cross.junction_outline(cross.junction_ids.index("west"))) == 0
-
-
-def test_lane_kinds(compile_to):
-    graph = read_net(compile_to("kinds", maps.lane_kinds()))
-    kinds = [LaneKind(graph.kind[graph.lane_number("road", index)]) for index in range(5)]
-    assert kinds == [LaneKind.FOOT, LaneKind.BICYCLE, LaneKind.BUS, LaneKind.CAR, LaneKind.CLOSED]
 
 
 @pytest.mark.parametrize(
@@ -131,31 +68,6 @@ def test_lane_kinds(compile_to):
 )
 def test_lane_kind(allow, disallow, surface, kind):
     assert lane_kind(allow, disallow, surface) is kind
-
-
-def test_length_attribute_of_sumo_is_kept_apart(compile_to):
-    sources = maps.cross()
-    sources["edg"] = sources["edg"].replace('<edge id="west_in" ', '<edge id="west_in" length="197.1" ')
-    graph = read_net(compile_to("long", sources))
-    lane = graph.lane_number("west_in", 0)
-    assert graph.length[lane] == pytest.approx(89.6)
-    assert graph.sumo_length[lane] == pytest.approx(197.1)
-
-
-def test_opposite_lane(compile_to):
-    graph = read_net(
-        compile_to(
-            "opposite",
-            {
-                "nod": '<nodes><node id="a" x="0" y="0"/><node id="b" x="100" y="0"/></nodes>',
-                "edg": """<edges>
-                    <edge id="there" from="a" to="b"><lane index="0"><neigh lane="back_0"/></lane></edge>
-                    <edge id="back" from="b" to="a"/>
-                </edges>""",
-            },
-        )
-    )
-    assert ids(graph, [graph.opposite[graph.lane_number("there", 0)]]) == ["back_0"]
 
 
 def test_an_internal_lane_of_a_centimetre_points_where_the_lane_before_does(tmp_path, nets):

@@ -10,7 +10,6 @@ from smarts.errors import MapError
 from smarts.roads.children import TIME_LIMIT_VARIABLE
 from smarts.roads.compile import compile_map
 from smarts.roads.sources import find_map_source
-from smarts.roads.sumo_net import read_net
 from tests.raising import raises
 
 from . import maps
@@ -31,12 +30,6 @@ def test_eastings_with_the_number_of_the_zone(nets, tmp_path):
     assert "offset" in error.remedy
 
 
-def test_folders_with_commas(tmp_path):
-    out = tmp_path / "b,c" / "out.net.xml"
-    compile_map(find_map_source(maps.write(tmp_path / "a,b", **maps.cross())), out)
-    assert read_net(out).road_edges
-
-
 def test_half_a_network_is_noticed(tmp_path, monkeypatch):
     """On a full disk netconvert writes half a file and reports success."""
     tool = tmp_path / "sumo" / "bin" / "netconvert"
@@ -49,16 +42,6 @@ def test_half_a_network_is_noticed(tmp_path, monkeypatch):
         compile_map(find_map_source(folder), tmp_path / "out" / "net.xml")
     assert caught.value.remedy == "make room on that disk"
     assert list((tmp_path / "out").iterdir()) == []
-
-
-def test_files_named_in_options_belong_to_the_map(tmp_path):
-    folder = maps.write(tmp_path, **maps.cross())
-    for name in ("roads.typ.xml", "more.typ.xml"):
-        (folder / name).write_text("<types/>")
-    value = "roads.typ.xml, more.typ.xml,absent.typ.xml"
-    (folder / "map.netccfg").write_text(f'<configuration><type-files value="{value}"/></configuration>')
-    names = [file.name for file in find_map_source(folder).files]
-    assert names[-3:] == ["map.netccfg", "roads.typ.xml", "more.typ.xml"]
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import math
 
 import pytest
 
-from smarts.agents.options import Signals
 from smarts.sensors.mission import MissionAndGoal
 from smarts.sensors.signals import SignalsAhead
 from smarts.sensors.via_data import ViaPoints
@@ -13,7 +12,6 @@ from smarts.types.traffic import Signal
 from tests.maps import Road, graph_of
 from tests.unit.sensors.seeing import (
     RADIUS,
-    STRAIGHT_ON,
     TO_THE_LEFT,
     at_crossing,
     in_bend,
@@ -37,13 +35,6 @@ def test_goal_in_a_curve():
     assert goal["remaining"] == pytest.approx((math.pi / 2 - 0.5) * (RADIUS - 3.2), abs=0.05)
 
 
-def test_what_remains_from_a_junction_on():
-    made = at_crossing(Car(3.0, -1.6, mission=STRAIGHT_ON))
-    goal = seen(MissionAndGoal(), made)
-    assert goal["remaining"] == pytest.approx(7.0 + 80.0, abs=1e-3)
-    assert goal["goal"] == GoalKind.ENDLESS
-
-
 def vias_in_bend():
     def via(angle, lane):
         radius = RADIUS - 3.2 * lane
@@ -61,13 +52,6 @@ def test_via_points_in_a_curve_come_by_distance():
     assert near["required_speed"][:3].tolist() == [8.0, 9.0, 8.0]
     assert near["hit"][:3].tolist() == [1, 0, 0]
     assert near["position"][0] == pytest.approx([RADIUS * math.cos(0.3), RADIUS * math.sin(0.3)])
-
-
-def test_via_points_behind_a_junction_are_seen_when_near():
-    via = Via((40.0, -1.6), lane=-1, radius=2.0, speed=5.0)
-    mission = AgentMission(("west_in", "east_out"), vias=(via,))
-    assert seen(ViaPoints(), at_crossing(Car(-0.5, -1.6, mission=mission)))["count"] == 0
-    assert seen(ViaPoints(), at_crossing(Car(0.5, -1.6, mission=mission)))["count"] == 1
 
 
 def lights(made, **shown):
@@ -92,18 +76,6 @@ def test_off_the_route_all_lights_ahead_are_seen():
     made = at_crossing(Car(-30.0, -1.6, mission=AgentMission(("south_in", "north_out"))))
     ahead = seen(SignalsAhead(), lights(made, north=Signal.STOP, east=Signal.GO, south=Signal.CAUTION))
     assert sorted(ahead["state"].tolist()) == [0, Signal.STOP, Signal.CAUTION, Signal.GO]
-
-
-def test_lights_are_seen_from_so_far():
-    made = at_crossing(Car(-30.0, -1.6, mission=TO_THE_LEFT))
-    lights(made, north=Signal.STOP)
-    assert seen(SignalsAhead(Signals(lookahead=19.9)), made)["count"] == 0
-    assert seen(SignalsAhead(Signals(lookahead=20.1)), made)["count"] == 1
-
-
-def test_in_the_junction_the_light_is_behind():
-    made = at_crossing(Car(-5.0, -1.6, mission=STRAIGHT_ON))
-    assert seen(SignalsAhead(), lights(made, east=Signal.STOP))["count"] == 0
 
 
 def test_distance_to_a_light_is_along_the_curve():

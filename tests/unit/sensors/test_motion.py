@@ -42,14 +42,6 @@ def test_state_in_a_curve():
     assert ego["distance_travelled"] == 12.5
 
 
-def test_state_in_a_junction():
-    made = at_crossing(Car(3.0, -1.2, 0.0, 5.0, mission=STRAIGHT_ON))
-    lane = seen(EgoVehicleState(), made)["lane"]
-    graph = made.atlas.graphs[0]
-    assert graph.is_internal[lane]
-    assert graph.lane_ids[graph.successors(lane)[0]] == "east_out_0"
-
-
 def test_place_in_a_curve():
     made = in_bend(on_bend(0.5, RADIUS + 0.5, mission=BEND))
     s, t, h = seen(LanePosition(), made)["lane_position"]
@@ -57,11 +49,6 @@ def test_place_in_a_curve():
     assert s == pytest.approx(0.5 * RADIUS, abs=0.01)
     assert t == pytest.approx(-0.5, abs=1e-3)
     assert h == 0
-
-
-def test_place_in_a_junction():
-    made = at_crossing(Car(3.0, -1.2, 0.0, 5.0, mission=STRAIGHT_ON))
-    assert seen(LanePosition(), made)["lane_position"] == pytest.approx([13.0, 0.4, 0.0], abs=1e-5)
 
 
 def test_acceleration_and_jerk_in_a_steady_curve():
@@ -84,18 +71,6 @@ def test_acceleration_and_jerk_in_a_steady_curve():
     )
     assert motion["angular_acceleration"] == 0
     assert motion["angular_jerk"] == 0
-
-
-def test_braking_in_a_junction():
-    made = at_crossing(Car(0.0, -1.6, 0.0, 8.0, mission=STRAIGHT_ON))
-    made.advance()
-    made.world.vehicles.acceleration[0, 0] = -3.0
-    made.world.vehicles.yaw_acceleration[0, 0] = 0.2
-    motion = seen(AccelerationAndJerk(), made)
-    assert motion["linear_acceleration"] == pytest.approx([-3.0, 0.0])
-    assert motion["linear_jerk"] == pytest.approx([-30.0, 0.0])
-    assert motion["angular_acceleration"] == pytest.approx(0.2)
-    assert motion["angular_jerk"] == pytest.approx(2.0)
 
 
 def test_there_is_no_jerk_from_another_vehicle():

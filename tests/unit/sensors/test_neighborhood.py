@@ -43,27 +43,8 @@ def test_radius_is_of_the_straight_line():
     assert seen(sensor(radius=20.0), made)["count"] == 1
 
 
-def test_those_in_the_junction_are_on_its_lanes():
-    made = at_crossing(
-        Car(-20.0, -1.6, mission=STRAIGHT_ON), Car(1.6, -3.0, math.pi / 2), Car(-30.0, 1.6, math.pi)
-    )
-    near = seen(sensor(), made)
-    graph = made.atlas.graphs[0]
-    assert [graph.is_internal[lane] for lane in near["lane"][:2]] == [False, True]
-    assert graph.lane_ids[near["lane"][0]] == "west_out_0"
-    # South to north, begun 10 m before the middle.
-    assert near["lane_position"][1] == pytest.approx([7.0, 0, 0], abs=1e-5)
-
-
 def test_of_equally_far_ones_the_lower_slot_comes_first_and_room_is_limited():
     made = at_crossing(
         Car(0, 0, mission=STRAIGHT_ON), Car(0, 30), Car(10, 0), Car(0, -10), Car(-10, 0), Car(0, 5)
     )
     assert seen(sensor(most=3), made)["slot"].tolist() == [5, 2, 3]
-
-
-def test_who_has_left_is_not_seen():
-    made = at_crossing(Car(0, 0, mission=STRAIGHT_ON), Car(5, 0), Car(9, 0))
-    made.world.registry.dismiss(0, 1)
-    near = seen(sensor(), made)
-    assert (near["count"], near["slot"][0]) == (1, 2)

@@ -77,11 +77,6 @@ def test_the_own_vehicle():
     assert ego.mission.route_length == 110.0
 
 
-def test_it_is_printed_in_a_few_lines():
-    assert "distance_travelled" in repr(Stage(FULL).look())
-    assert len(repr(Stage(FULL).look())) < 1000
-
-
 def test_others_signals_and_vias():
     stage = Stage(FULL)
     graph = stage.made.atlas.graphs[0]
@@ -129,17 +124,6 @@ def test_pictures_and_points():
     assert np.linalg.norm(rays[0][1]) == pytest.approx(20.0)
 
 
-def test_what_is_off_is_none():
-    seen = Stage(AgentInterface(accelerometer=False, lane_positions=False)).look()
-    for name in (
-        *("neighborhood_vehicle_states", "waypoint_paths", "road_waypoints", "signals", "lidar_point_cloud"),
-        *("drivable_area_grid_map", "occupancy_grid_map", "top_down_rgb", "occlusion_map"),
-    ):
-        assert getattr(seen, name) is None, name
-    assert seen.ego_vehicle_state.linear_jerk is None
-    assert seen.ego_vehicle_state.lane_position is None
-
-
 def test_events_and_time():
     stage = Stage(FULL)
     world = stage.made.world
@@ -157,14 +141,6 @@ def test_events_and_time():
     assert stage.look(events=int(Event.REACHED_GOAL)).events.reached_goal
     world.agents.state[0, 0] = AgentStatus.SHADOWING
     assert not stage.look().under_this_agent_control
-
-
-def test_agents_with_other_options_see_by_their_own():
-    stage = Stage(FULL, FULL.replace(rgb=RGB(8, 8, 1.0), signals=False))
-    assert stage.look(0).top_down_rgb.data.shape == (16, 32, 3)
-    assert stage.look(1).top_down_rgb.data.shape == (8, 8, 3)
-    assert stage.look(1).signals is None
-    assert stage.look(1).ego_vehicle_state.id == "second"
 
 
 def test_an_observation_outlives_its_frame():

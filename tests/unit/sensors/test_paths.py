@@ -48,38 +48,6 @@ def test_paths_in_a_curve_are_the_lanes_beside():
     assert not paths["position"][2:].any()
 
 
-def test_a_path_ends_with_the_route():
-    paths = seen(ahead(), in_bend(on_bend(1.4, mission=BEND)))
-    # (pi / 2 - 1.4) 30 m = 5.1 m are left, in the left lane 4.6 m.
-    assert paths["waypoint_count"][:2].tolist() == [6, 5]
-
-
-def test_a_path_leads_straight_through_a_junction():
-    made = at_crossing(Car(-12.0, -1.5, mission=STRAIGHT_ON))
-    paths = seen(ahead(), made)
-    assert (paths["path_count"], paths["waypoint_count"][0]) == (1, 32)
-    expected = np.stack((-12.0 + np.arange(32), np.full(32, -1.6)), -1)
-    assert paths["position"][0] == pytest.approx(expected, abs=1e-6)
-    graph = made.atlas.graphs[0]
-    names = [graph.lane_ids[lane] for lane in paths["lane"][0]]
-    assert names[:2] == ["west_in_0"] * 2
-    assert [name[0] for name in names[3:22]] == [":"] * 19
-    assert names[23:] == ["east_out_0"] * 9
-
-
-def test_the_route_decides_where_a_path_turns():
-    paths = seen(ahead(lookahead=60), at_crossing(Car(-12.0, -1.6, mission=TO_THE_LEFT)))
-    assert paths["path_count"] == 1
-    assert paths["heading"][0, -1] == pytest.approx(math.pi / 2)
-    assert paths["position"][0, -1, 0] == pytest.approx(1.6)
-
-
-def test_off_the_route_all_ways_are_open():
-    made = at_crossing(Car(-1.6, 30.0, -math.pi / 2, mission=STRAIGHT_ON))
-    paths = seen(ahead(lookahead=60), made)
-    assert paths["path_count"] == 3
-
-
 def test_the_whole_road_has_oncoming_lanes():
     made = at_crossing(Car(-40.0, -1.0, mission=STRAIGHT_ON))
     road = seen(around(horizon=10), made)
@@ -115,15 +83,6 @@ def test_the_road_in_a_curve_and_at_its_end():
     circle = RADIUS * np.stack((np.cos(angles), np.sin(angles)), -1)
     assert road["position"][0, :9] == pytest.approx(circle, abs=0.01)
     assert not road["position"][0, 9:].any()
-
-
-def test_in_a_junction_the_road_goes_straight_on():
-    made = at_crossing(Car(0.0, -1.6, mission=STRAIGHT_ON))
-    road = seen(around(horizon=20), made)
-    assert road["lane_count"] == 1
-    expected = np.stack((np.arange(-20.0, 21.0), np.full(41, -1.6)), -1)
-    assert road["position"][0] == pytest.approx(expected, abs=1e-6)
-    assert road["beside"][0] == 20
 
 
 def test_beyond_the_road_the_way_that_turns_least_is_taken():
@@ -176,14 +135,3 @@ def test_a_manoeuvre_is_a_path_out_of_the_lane_and_on_along_the_other():
     assert paths["lane_index"][0].tolist() == [0, 0, 1, 1, 1, 1, 0, *[0] * 8]
     assert paths["lane_offset"][0, 7:] == pytest.approx(150.9 + 3.0 * np.arange(8), abs=0.2)
     assert paths["lane_width"][0] == pytest.approx(3.2)
-
-
-def test_on_a_manoeuvre_the_path_begins_beside_the_vehicle():
-    curve = {"begin": (50.0, 0.0, 0.0), "lane": 1, "s": 80.0}
-    paths = led(GuidePhase.MANOEUVRE, x=65.0, **curve)
-    # Half-way of the change, at (65, 1.6), is nearest to (65, 0) but for the slope.
-    x, y = paths["position"][0, 0]
-    assert (x, y) == pytest.approx((64.8, 1.57), abs=0.1)
-    # Behind the curve it is lane 1.
-    assert paths["position"][0, 6:, 1] == pytest.approx(3.2)
-    assert paths["lane"][0, -1] == 1

@@ -51,19 +51,6 @@ def test_road_in_a_curve():
     assert expected[clear].sum() > 1000
 
 
-def test_road_at_a_junction():
-    car = Car(-20.0, -1.6, 0.0, mission=STRAIGHT_ON)
-    picture = seen(DrivableArea(DrivableAreaGridMap(**SHAPE)), at_crossing(car))["data"][:, :, 0]
-    points = places(car)
-    x, y = abs(points[..., 0]), abs(points[..., 1])
-    arms = ((y < 3.0) | (x < 3.0)) & (np.maximum(x, y) < 85)
-    beside = (y > 3.4) & (x > 10.2)
-    assert picture[arms].all()
-    assert not picture[beside].any()
-    assert arms.sum() > 500
-    assert beside.sum() > 500
-
-
 def test_occupied_pixels_are_those_in_footprints():
     cars = [on_bend(0.7, mission=BEND), on_bend(1.0), on_bend(0.5, RADIUS - 3.2, length=12.0)]
     picture = seen(OccupancyGrid(OGM(**SHAPE)), in_bend(*cars))["data"][:, :, 0]
@@ -83,14 +70,6 @@ def test_colours_at_a_junction():
         assert (picture[inside(points, car, -0.01)] == levels).all()
     road = [round(255 * channel) for channel in SceneColors.Road.value[:3]]
     assert (picture == road).all(axis=-1).mean() > 0.05
-
-
-def test_other_agents_have_their_colour_and_lines_are_drawn():
-    cars = [on_bend(0.7, mission=BEND), on_bend(1.0, mission=BEND)]
-    picture = seen(TopDownRgb(RGB(256, 256, 0.2)), in_bend(*cars))["data"]
-    for colour in (SceneColors.SocialAgent, SceneColors.LaneDivider, SceneColors.EdgeDivider):
-        levels = [round(255 * channel) for channel in colour.value[:3]]
-        assert (picture == levels).all(axis=-1).sum() > 50, colour
 
 
 def is_hidden(points, eye, car):
@@ -118,17 +97,6 @@ def test_what_lies_behind_vehicles_is_hidden():
     assert picture[~is_hidden(points, eye, wider)].all()
     assert (picture == 1 - hidden)[~inside(points, wider)].mean() > 0.99
     assert surely.sum() > 50
-
-
-def test_the_near_face_of_what_hides_is_seen():
-    # It is 17.5 m ahead: the pixel up to 18 m shows it, the next one lies behind it.
-    picture = seen(
-        VisibleArea(OcclusionMap(**SHAPE)),
-        at_crossing(Car(-50.0, -1.6, mission=STRAIGHT_ON), Car(-30.0, -1.6, length=5.0)),
-    )["data"][:, :, 0]
-    middle = HEIGHT // 2 - round(18.0 / SIZE)
-    assert picture[middle, WIDTH // 2] == 1
-    assert picture[middle - 1, WIDTH // 2] == 0
 
 
 def beams(*angles, reach=50.0):

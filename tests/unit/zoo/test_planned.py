@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from smarts.agents import ActionSpaceType, AgentInterface, DoneCriteria
-from smarts.controllers.abilities import Abilities
 from smarts.controllers.action_formats import PATH_POINTS
 from smarts.controllers.tracking import SPEED_GAIN
 from smarts.dynamics import vehicle
+from smarts.dynamics.performance import Abilities
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import SmartsError
 from smarts.observations.lane_ways import BEHIND, LANE_WAYS, POINTS
