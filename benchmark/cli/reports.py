@@ -64,7 +64,7 @@ def leaderboard(
 
     Of several paths, files and folders that are no experiment's are left out, and named.
     """
-    from benchmark.report.leaderboard_page import write_leaderboard
+    from benchmark.report.leaderboard import write_leaderboard
     from benchmark.results.reading import holds_results
 
     kept = [root for root in results if not root.exists() or holds_results(root)]

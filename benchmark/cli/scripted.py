@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from benchmark.cli.experiments import Import
-from benchmark.results.files import try_writing, write_whole
+from benchmark.results.files import write_whole
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
 
 if TYPE_CHECKING:
@@ -70,7 +70,10 @@ def scripted(
     _check_policies(chosen)
     for name in scenarios:
         locate(name)
-    _check_table(out)
+    if out is not None and out.suffix != ".csv":
+        raise SmartsError(
+            f"the table {out.name!r} is no CSV file", place="--out", remedy="use the suffix .csv"
+        )
     header: str | None = _line(COLUMNS[:3], COLUMNS[3], "s", SHOWN)
     lines: list[Sequence[str]] = [COLUMNS]
     for policy, name in itertools.product(chosen, scenarios):
@@ -137,14 +140,3 @@ def _line(names: Sequence[str], episodes: str, seconds: str, shares: Sequence[st
     return f"{policy:<16}{scenario:<18}{traffic:<24}{episodes:>8}{seconds:>5}" + "".join(
         f"{share:>{20 if name in WITH_INTERVAL else 12}}" for name, share in zip(SHOWN, shares, strict=True)
     )
-
-
-def _check_table(out: Path | None) -> None:
-    """Raise `SmartsError` if the table cannot be written, before anything is played."""
-    if out is None:
-        return
-    if out.suffix != ".csv":
-        raise SmartsError(
-            f"the table {out.name!r} is no CSV file", place="--out", remedy="use the suffix .csv"
-        )
-    try_writing(out)

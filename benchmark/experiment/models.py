@@ -8,7 +8,6 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from benchmark.experiment.algorithm_settings import settings_of
 from benchmark.experiment.environment import Environment
-from benchmark.experiment.search_spaces import SearchSpace
 from benchmark.experiment.values import (
     SEVERAL,
     Address,
@@ -22,6 +21,7 @@ from benchmark.experiment.values import (
     Policies,
     Positive,
     Scenario,
+    SearchSpace,
     Seeds,
     distinct,
     name_of,

@@ -37,8 +37,6 @@ CODE = {
     "metrics": ("benchmark/metrics", "benchmark/statistics"),
 }
 """Part -> folders of its code."""
-MOST_NAMED = 3
-"""Scenarios, and settings, that an error names."""
 LONGEST = 60
 """Characters of a setting's value that it names."""
 
@@ -136,7 +134,7 @@ def differences(version: int, played: Played, environment: Environment) -> list[
     """
     lines = []
     if scenarios := changed_scenarios(version, played):
-        lines.append(f"scenarios: {_some(scenarios)}: restore their folders, or play the version's")
+        lines.append(f"scenarios: {'; '.join(scenarios)}: restore their folders, or play the version's")
     for part in changed_code(version):
         lines.append(f"code of {part}: in {' and '.join(CODE[part])}: restore what is there")
     if settings := changed_settings(version, environment):
@@ -147,14 +145,8 @@ def differences(version: int, played: Played, environment: Environment) -> list[
             else name
             for name in settings
         ]
-        lines.append(f"settings: in environment: {_some(named)}: set them back")
+        lines.append(f"settings: in environment: {'; '.join(named)}: set them back")
     return lines
-
-
-def _some(names: list[str]) -> str:
-    """Return the first names, and how many more there are."""
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return "; ".join(names[:MOST_NAMED]) + more
 
 
 def prescribed(version: int | None, algorithm: str, task: str, traffic: str) -> dict[str, Any]:

@@ -15,8 +15,7 @@ from benchmark.metrics.results import Frame
 from benchmark.report.protocol import described, differing_scenarios, differing_trainings, protocol_of
 from benchmark.report.ranking import CELL
 from benchmark.results.files import ResultsError
-from benchmark.results.packed import RUNS
-from benchmark.results.reading import Results, RunResult, holds_results, read_results
+from benchmark.results.reading import RUNS, Results, RunResult, holds_results, read_results
 from benchmark.results.versions import check_one_version
 
 COLUMNS = (

@@ -22,8 +22,15 @@ from benchmark.report.against_paper import (
 )
 from benchmark.report.paper import Printed, misprint, paper, printed
 from benchmark.report.protocol import protocol_of, unlike_runs
-from benchmark.report.ranking import CELL, RANKED_BY, Standing, differences, of_cell, ranks
-from benchmark.report.seed_differences import with_seed_differences
+from benchmark.report.ranking import (
+    CELL,
+    RANKED_BY,
+    Standing,
+    differences,
+    of_cell,
+    ranks,
+    with_seed_differences,
+)
 from benchmark.report.traffic_check import TrafficCheck, traffic_checks
 from benchmark.report.values import (
     GENERALIZATION,
@@ -99,7 +106,7 @@ class Report:
     rates_at_90: Frame
     """The two rates with 90% intervals, whose ends are one-sided 95% ends."""
     differences: dict[str, Frame]
-    """By mode; of `benchmark.report.seed_differences.with_seed_differences`, within each protocol."""
+    """By mode; of `benchmark.report.ranking.with_seed_differences`, within each protocol."""
     unlike: dict[tuple[str, str, str], str]
     """Of `benchmark.report.protocol.unlike_runs`."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,8 +11,10 @@ import pandas as pd
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import SCRIPTED
+from benchmark.metrics import METRICS
 from benchmark.metrics.results import Frame, measured_in
-from benchmark.report.paper import algorithm_label, cell_label
+from benchmark.report.html import fill
+from benchmark.report.paper import algorithm_label, cell_label, task_label, traffic_label
 from benchmark.report.protocol import (
     SUBMITTED,
     described,
@@ -23,7 +25,8 @@ from benchmark.report.protocol import (
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
 from benchmark.report.submissions import Mark, Submitted, has_no_runs, marks_of, read_submitted
 from benchmark.report.values import MODES, Value, by_key, measure_cells
-from benchmark.results.files import ResultsError
+from benchmark.report.wording import COMPARED
+from benchmark.results.files import ResultsError, write_whole
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.statistics import interquartile_mean
 from smarts.registry import is_own_name
@@ -288,3 +291,87 @@ def _problems(experiments: dict[str, Results]) -> list[str]:
             lines.append(f"{name}: {len(results.unfinished)} of {len(results.runs)} runs are not finished")
         lines += [f"{name}: {place}: {reason}" for place, reason in results.problems.items()]
     return lines
+
+
+Column = tuple[str, str, bool]
+"""Title, meaning, whether it is left-aligned."""
+
+PROTOCOL: Column = ("protocol", "Environment and budget; ranks hold within one only", True)
+EXPERIMENT: Column = ("experiment", "Folder of its results", True)
+PARADIGM: Column = ("paradigm", "What agents know in training and execution", True)
+ALGORITHM: Column = ("algorithm", "Algorithm or scripted policy", True)
+STATUS: Column = (
+    "evaluated",
+    "Of a release or a submission: the worst of its seeds; fewer than three have no rank",
+    True,
+)
+SUBMITTED_COLUMNS: list[Column] = [
+    ("submission", "Name and author", True),
+    ALGORITHM,
+    ("cell", "Task and traffic", True),
+    ("seed", "Of training", False),
+    ("completion", "Completion rate: claimed / of the episodes played here", False),
+    ("collision", "Collision rate: claimed / of the episodes played here", False),
+    ("digests", "Played episodes with the claimed digest, of those claimed", False),
+    ("evaluated", "Confirmed, marked or refused", True),
+    ("why", "Why it is marked or refused", True),
+]
+
+
+def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:
+    """Write the leaderboard of several experiments.
+
+    Raises:
+        ResultsError: One is not there or given twice, or the page cannot be written.
+    """
+    page = leaderboard_page(make_leaderboard(roots, mode))
+    write_whole(out, lambda file: file.write_text(page, encoding="utf-8"))
+
+
+def leaderboard_page(board: Leaderboard) -> str:
+    """Return a leaderboard as an HTML page."""
+    submitted, has_status = board.submitted, any(place.status for place in board.places)
+    several = [PROTOCOL] if len(board.protocols) > 1 else []
+    rates, own = _columns(RANKED_BY), _columns(board.own_metrics)
+    means = _columns(RANKED_BY, "Interquartile mean of: ")
+    columns: list[Column] = [
+        ("cell", "Task and traffic", True),
+        *several,
+        ("rank", "In the cell, among the same protocol", False),
+        *(ALGORITHM, EXPERIMENT, PARADIGM),
+        *rates,
+        *own,
+        ("seeds", "Number of training seeds", False),
+        ("episodes", "Of the test, all seeds together", False),
+        *([STATUS] if has_status else []),
+    ]
+    summary_columns: list[Column] = [
+        *(ALGORITHM, *several, EXPERIMENT, PARADIGM),
+        *means,
+        ("cells", "Number of cells", False),
+    ]
+    places = board.places
+    return fill(
+        "leaderboard.html.j2",
+        mode=board.mode,
+        compared=COMPARED,
+        problems=board.problems,
+        protocols=list(board.protocols.items()),
+        places=places,
+        summaries=board.summaries,
+        columns=columns,
+        summary_columns=summary_columns,
+        letters=[(letter, letter) for letter in board.protocols],
+        tasks=[(name, task_label(name)) for name in dict.fromkeys(each.task for each in places)],
+        traffics=[(name, traffic_label(name)) for name in dict.fromkeys(each.traffic for each in places)],
+        paradigms=[(name, name) for name in sorted({each.paradigm for each in places})],
+        submitted=submitted,
+        has_status=has_status,
+        submitted_columns=SUBMITTED_COLUMNS,
+        metrics=[METRICS[name] for name in (*RANKED_BY, *board.own_metrics)],
+    )
+
+
+def _columns(metrics: Iterable[str], before: str = "") -> list[Column]:
+    """Return the columns of metrics; `before` begins their meaning."""
+    return [(METRICS[name].label, before + METRICS[name].meaning, False) for name in metrics]

@@ -15,6 +15,7 @@ from benchmark.metrics.differences import SIGNIFICANCE
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, cell_label
+from benchmark.results.release import RATES
 from benchmark.results.robustness import (
     CONDITION,
     PARTNER,
@@ -22,7 +23,6 @@ from benchmark.results.robustness import (
     read_played,
     reference_rows,
 )
-from benchmark.results.run_tables import RATES
 from benchmark.statistics import holm
 
 TITLE = "Cross-play and robustness"

@@ -44,22 +44,6 @@ def write_whole(file: Path, write: Callable[[Path], Any]) -> None:
             raise
 
 
-def try_writing(file: Path) -> None:
-    """Raise if a file cannot be written; an existing file is not changed.
-
-    Raises:
-        ResultsError: The disk is full, or the folder cannot be written to.
-    """
-    partial = file.with_name(f"{PARTIAL}-{file.name}")
-    with named_failures(file):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            partial.write_bytes(b"x" * 4096)
-            _to_disk(partial)
-        finally:
-            partial.unlink(missing_ok=True)
-
-
 def write_json(file: Path, content: Any) -> None:
     """Write a JSON file, whole or not at all; see `write_whole`."""
     text = json.dumps(content, indent=1) + "\n"

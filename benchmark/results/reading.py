@@ -1,4 +1,12 @@
-"""The results of an experiment: finished and unfinished runs, and damaged files that are left out."""
+"""The results of an experiment: finished and unfinished runs, and damaged files that are left out.
+
+Git keeps finished runs and plays in few files, which `results/pack.py` writes:
+
+runs.json         place of a run -> contents of its run.json and config.yaml, counts of its episodes
+progress.parquet  lines of all progress.csv
+episodes.parquet  agent-episodes of all tests
+robustness/       runs.json: place of a play -> content of its play.json; episodes.parquet
+"""
 
 from __future__ import annotations
 
@@ -12,24 +20,85 @@ from typing import Any
 import pandas as pd
 
 from benchmark.experiment.config import Experiment
-from benchmark.experiment.runs import SCRIPTED_SEED, VERSION, scripted_runs_of, training_folder, trainings_of
+from benchmark.experiment.runs import (
+    SCRIPTED,
+    SCRIPTED_SEED,
+    VERSION,
+    scripted_runs_of,
+    training_folder,
+    trainings_of,
+)
 from benchmark.metrics import METRICS, join_tables, read_table
 from benchmark.metrics.results import Frame
-from benchmark.metrics.table import COUNTS
+from benchmark.metrics.table import COUNTS, EPISODE_KEYS, START
 from benchmark.results.commands import COMMAND, read_commands
-from benchmark.results.files import ResultsError
-from benchmark.results.packed import PLACE, PROGRESS, packed_contents
+from benchmark.results.files import ResultsError, read_versioned
 from benchmark.results.progress import read_progress
 from benchmark.results.release import MANIFEST, VERDICTS
-from benchmark.results.run_folder import FINISHED, SCENARIOS, TABLE, RunFolder
-from benchmark.results.run_tables import LABELS, Names, names_of
+from benchmark.results.run_folder import BUDGET, FINISHED, SCENARIOS, TABLE, RunFolder
 from smarts.errors import OwnCodeError, SmartsError
 from smarts.registry import file_name, import_own, is_own_name
+
+RUNS, PROGRESS = "runs.json", "progress.parquet"
+PLACE = "place"
+"""Column of the run's or play's folder, relative to the experiment's."""
+
+
+def packed_contents(root: Path) -> dict[str, Any]:
+    """Return place -> content of what is packed in a folder."""
+    return read_versioned(root / RUNS) if (root / RUNS).exists() else {}
+
+
+def run_folder(root: Path, place: Path, packed: Mapping[str, Any]) -> RunFolder:
+    """Return a run's folder, or what is packed of it, if there is no folder.
+
+    Args:
+        root: Of the experiment.
+        place: Of the run.
+        packed: Of `packed_contents`.
+    """
+    folder, content = RunFolder(root / place), packed.get(place.as_posix())
+    return folder if content is None or folder.run.exists() else PackedRun(folder.path, content)
+
+
+class PackedRun(RunFolder):
+    """A finished run that is packed: what its folder would say of it."""
+
+    def __init__(self, path: Path, content: Mapping[str, Any]) -> None:
+        super().__init__(path)
+        self._packed = content
+
+    def facts(self) -> dict[str, Any]:
+        """Return the content of run.json."""
+        return dict(self._packed["run"])
+
+    def read_config(self) -> dict[str, Any]:
+        """Return the content of config.yaml."""
+        return dict(self._packed["config"])
+
+    @property
+    def has_lost_checkpoint(self) -> bool:
+        """Whether it was trained."""
+        return BUDGET in self._packed["config"]
+
+    @property
+    def has_table(self) -> bool:
+        """Whether the test's table is there, packed with those of other runs."""
+        return True
+
 
 NOT_BEGUN, UNREADABLE = "not begun", "unreadable"
 """States of runs beside those in run.json."""
 REPORT = "report"
 """Folder of the report, in an experiment's results."""
+LABELS = {
+    *("algorithm", "training_seed", "task", "task_traffic", "mode", "split", "agent", "is_invalid", "agents"),
+    *EPISODE_KEYS,
+    *START,
+}
+"""Columns that every table of a run has."""
+Names = tuple[str, str, str, int]
+"""Of a run: algorithm or policy, task, traffic, training seed."""
 TESTED_AGAIN = "remove it, and the same `run` command tests the run again if its checkpoint is there"
 """Remedy of a damaged table."""
 
@@ -255,3 +324,13 @@ def _no_rows() -> Frame:
     table = pd.DataFrame({name: [] for name in sorted(LABELS)})
     table.attrs[COUNTS] = {"measured": 0, "invalid": 0, "incomplete": 0, "corrupted": {}}
     return table
+
+
+def names_of(folder: Path) -> Names | None:
+    """Return the names of the run in a folder, by the end of its path; None if it is not a run's."""
+    kind, second, third, last = folder.parts[-4:] if len(folder.parts) >= 4 else [""] * 4
+    if kind == SCRIPTED:
+        return second, third, last, SCRIPTED_SEED
+    if last.startswith("seed_") and last[5:].isdecimal():
+        return kind, second, third, int(last[5:])
+    return None

@@ -20,8 +20,11 @@ from benchmark.experiment.values import FolderName
 from benchmark.metrics.results import Frame, compute
 from benchmark.results.digests import check_files
 from benchmark.results.files import ResultsError, read_mapping
-from benchmark.results.run_tables import RATES
 from smarts.config import ConfigError, Section, fitted
+
+RATES = ("completion_rate", "collision_rate")
+"""Metrics that every table has, with a number for each agent that took part. Columns of other metrics may be
+absent or lack numbers: the metric is n/a then."""
 
 MANIFEST, POLICIES = "manifest.json", "policies"
 SUBMISSION = "submission"

@@ -21,8 +21,7 @@ from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED
 from benchmark.metrics import read_table
 from benchmark.metrics.results import Frame
 from benchmark.results.files import ResultsError, read_versioned
-from benchmark.results.packed import packed_contents
-from benchmark.results.reading import Results, RunResult, packed_rows
+from benchmark.results.reading import Results, RunResult, packed_contents, packed_rows
 from smarts.errors import SmartsError
 
 ROBUSTNESS = "robustness"
@@ -119,7 +118,7 @@ def plays_of(root: Path) -> dict[str, tuple[Callable[[], dict[str, Any]], Callab
 def _alike(facts: Sequence[Mapping[str, Any]], problems: dict[str, str]) -> list[int]:
     """Return the plays that can stand in one table: of one training seed, and in each cell of one extent.
 
-    Of several numbers of episodes and commits, that of most plays stays. The others are named.
+    The number of episodes and the commit of most plays stay; the others are named.
     """
     seeds = sorted({int(each["training_seed"]) for each in facts})
     kept = [k for k, each in enumerate(facts) if each["training_seed"] == seeds[0]]

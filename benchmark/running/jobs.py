@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import signal
+import tempfile
 import threading
 import time
 from collections import deque
@@ -20,7 +23,7 @@ from ray.util.scheduling_strategies import PlacementGroupSchedulingStrategy
 from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_of
 from benchmark.results.files import write_files
-from benchmark.results.packed import packed_contents, run_folder
+from benchmark.results.reading import packed_contents, run_folder
 from benchmark.results.run_folder import CHECKPOINT, FINISHED, TRAINING, RunFolder
 from benchmark.running.cluster import (
     check_ray,
@@ -32,9 +35,9 @@ from benchmark.running.cluster import (
 )
 from benchmark.running.importing import named_own_code
 from benchmark.running.messages import BACKLOG, STARTING, WAITING, Kept, Message, RunProgress
-from benchmark.running.scratch import scratch_folder
 from benchmark.running.writing import RunWriter
 from smarts.errors import SmartsError, shortened
+from smarts.locked_folders import make_locked, remove_left
 from smarts.registry import import_own
 
 ATTEMPTS = 3
@@ -280,3 +283,21 @@ def _execute(job: Job, checkpoint: Mapping[str, bytes]) -> Iterator[Message]:
                 yield from train_and_evaluate(job, scratch, is_stopping)
             else:
                 yield from play_scripted(job, scratch)
+
+
+PREFIX = "smarts-bench-run-"
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Provide a folder for all temporary files of this process; it is removed at the end."""
+    place, before = Path(tempfile.gettempdir()), tempfile.tempdir
+    remove_left(place, PREFIX)
+    folder, lock = make_locked(place, PREFIX)
+    tempfile.tempdir = str(folder)
+    try:
+        yield folder
+    finally:
+        tempfile.tempdir = before
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(lock)

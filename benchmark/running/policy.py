@@ -41,15 +41,6 @@ def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
     check_checkpoint(checkpoint)
     built = unpickled(checkpoint / "env_runner" / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]
     check_signature(built["config"].checkpoint_signature(), config_of(run).checkpoint_signature())
-    return policy_modules(checkpoint)
-
-
-def policy_modules(checkpoint: Path) -> dict[str, Any]:
-    """Return the policy networks of a checkpoint by group.
-
-    Raises:
-        ResultsError: It is damaged.
-    """
     root = checkpoint / "learner_group" / "learner" / "rl_module"
     folders = sorted(root.glob("*/"))
     described = {folder: unpickled(folder / "class_and_ctor_args.pkl") for folder in folders}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
 from benchmark.results.files import ResultsError, locked, read_versioned, write_versioned
 from benchmark.results.reading import Results, RunResult, read_results
+from benchmark.results.release import RATES
 from benchmark.results.robustness import (
     CONDITION,
     PARTNER,
@@ -32,7 +33,6 @@ from benchmark.results.robustness import (
     trained_state,
 )
 from benchmark.results.run_folder import RunFolder, changed_code
-from benchmark.results.run_tables import RATES
 from benchmark.results.versions import check_one_version
 from benchmark.running.environments import environment
 from benchmark.running.importing import named_own_code
@@ -180,7 +180,6 @@ def _cell(results: Results, task: str, traffic: str, seed: int, given: Given) ->
             remedy=f"give --episodes {episodes} or fewer",
         )
     trained = {name: _read(results.root, run, given) for name, run in runs.items()}
-    _check_environments(runs, where)
     setting = next(iter(trained.values())).task_setting
     _check_cross_play(setting, given.partners)
     scripted = {file_name(name): name for name in given.partners}
@@ -226,20 +225,6 @@ def _read(root: Path, run: RunResult, given: Given) -> Run:
     return found
 
 
-def _check_environments(runs: Mapping[str, RunResult], where: str) -> None:
-    """Raise unless all policies of a cell were trained to see and act alike."""
-    (first, one), *others = runs.items()
-    for name, other in others:
-        here, there = one.config.get("environment") or {}, other.config.get("environment") or {}
-        differing = sorted(key for key in {*here, *there} if here.get(key) != there.get(key))
-        if differing:
-            raise ResultsError(
-                f"{first} and {name} were trained in different environments: {', '.join(differing)}",
-                place=where,
-                remedy="choose algorithms of one environment with --algorithm",
-            )
-
-
 def _check_cross_play(setting: TaskSetting, partners: Sequence[str]) -> None:
     """Raise unless there are agents of two policies, which act alike."""
     given = setting.environment
@@ -279,7 +264,6 @@ def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Itera
     with locked(root / ROBUSTNESS):
         facts = machine()
         plays = [(cell, play) for cell in cells for play in plays_of(cell, given)]
-        _keep_longer(root, plays)
         missing, there = [], 0
         for cell, play in plays:
             wanted = _wanted(cell, play)
@@ -291,19 +275,6 @@ def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Itera
         for number, _ in side_by_side(_play, missing, parallel):
             there += 1
             yield f"{there}/{len(plays)} {missing[number][2]}"
-
-
-def _keep_longer(root: Path, plays: Sequence[tuple[Cell, Play]]) -> None:
-    """Raise if plays of more episodes would be replaced."""
-    for cell, play in plays:
-        file = root / play.folder / PLAY
-        found = read_versioned(file)["episodes"] if file.exists() else 0
-        if found > cell.episodes:
-            raise ResultsError(
-                f"a play of {found} episodes would be replaced by one of {cell.episodes}",
-                place=str(file.parent),
-                remedy=f"give --episodes {found}, or remove {root / ROBUSTNESS}",
-            )
 
 
 def plays_of(cell: Cell, given: Given) -> Iterator[Play]:
@@ -332,12 +303,9 @@ def _wanted(cell: Cell, play: Play) -> dict[str, Any]:
 
 def _is_there(folder: Path, wanted: Mapping[str, Any]) -> bool:
     """Return whether a play is there, with its rows, by the same code and checkpoints."""
-    try:
-        found = read_versioned(folder / PLAY)
-        read_play(folder)
-    except SmartsError:
-        return False
-    return wanted.items() <= found.items()
+    with suppress(SmartsError):
+        return wanted.items() <= read_versioned(folder / PLAY).items() and len(read_play(folder)) > 0
+    return False
 
 
 def _play(root: Path, cell: Cell, play: Play, facts: Mapping[str, Any]) -> None:

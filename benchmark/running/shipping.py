@@ -14,7 +14,6 @@ import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache
 from glob import escape
 from importlib.metadata import version
 from pathlib import Path
@@ -41,7 +40,7 @@ SET_UP = "smarts.shipped.restore_times"
 """What each process calls first."""
 LIBRARIES = {"site-packages", "dist-packages"}
 """Folders of installed packages."""
-_KERNEL = re.compile(r"(\w+)\.((?:callee_)?(.*))_[0-9a-f]{12}-\d+\.py\d+\w*\.nbi")
+_KERNEL = re.compile(r"(\w+)\.((?:callee_)?.*)_[0-9a-f]{12}-\d+\.py\d+\w*\.nbi")
 """Index of a compiled kernel: module, function, digest of the sources, line."""
 
 
@@ -195,7 +194,7 @@ def _kernels() -> Iterator[Path]:
     newest: dict[tuple[Path, str, str], Path] = {}
     for index in (PROGRAM / "smarts").rglob("__pycache__/*.nbi"):
         found = _KERNEL.fullmatch(index.name)
-        if found is None or not _defines(index.parent.with_name(f"{found[1]}.py"), found[3]):
+        if found is None:
             continue
         key = index.parent, found[1], found[2]
         if key not in newest or index.stat().st_mtime > newest[key].stat().st_mtime:
@@ -203,16 +202,6 @@ def _kernels() -> Iterator[Path]:
     for (folder, *_), index in newest.items():
         yield index
         yield from folder.glob(f"{escape(index.stem)}.*.nbc")
-
-
-@cache
-def _text(source: Path) -> str:
-    return source.read_text(encoding="utf-8") if source.is_file() else ""
-
-
-def _defines(source: Path, function: str) -> bool:
-    """Return whether a source file still has a function; caches keep those that it had."""
-    return f"def {function.rpartition('.')[2]}(" in _text(source)
 
 
 def _times(files: Mapping[str, Path]) -> dict[str, int]:

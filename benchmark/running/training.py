@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import ray
 from ray import cloudpickle
 from ray.tune.registry import register_env
 
 from algorithms.errors import AlgorithmError, DamagedCheckpointError
 from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.evaluation import evaluate
+from algorithms.joint.runner import JointEnvRunner, SampleResult
 from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
 from benchmark.experiment.runs import Run
 from benchmark.results.digests import OTHER_CHECKPOINT, check_digests, with_digests
@@ -33,11 +35,12 @@ from benchmark.results.run_folder import (
     RunFolder,
 )
 from benchmark.running.environments import NAME, create, environment
+from benchmark.running.importing import named_own_code
 from benchmark.running.machine import machine
 from benchmark.running.messages import Began, Kept, Line, Message, Noted, RunProgress
-from benchmark.running.own_runner import own_code_runner
 from benchmark.running.played import scenario_digests
 from benchmark.running.testing import EVALUATION_SEED, play_test, results_of
+from smarts.errors import OwnCodeError
 from smarts.registry import import_own
 
 CHECKPOINT_SECONDS = 60.0
@@ -341,3 +344,36 @@ class Training:
 
 def _now() -> str:
     return time.strftime("%Y-%m-%dT%H:%M:%S%z")
+
+
+class _Imports:
+    """Paths that are imported wherever this is unpickled."""
+
+    def __init__(self, paths: Sequence[str]) -> None:
+        self._paths = tuple(paths)
+        import_own(self._paths)
+
+    def __reduce__(self):
+        return _Imports, (self._paths,)
+
+
+class OwnCodeRunner(JointEnvRunner):
+    """Answers with errors of own code, which end the run; other errors end the runner, which is restarted."""
+
+    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> SampleResult:
+        """Take over weights and counters, return a fragment."""
+        try:
+            with named_own_code("the run's own code"):
+                return super().request(state, steps)
+        except OwnCodeError as error:
+            failure = AlgorithmError(error.problem, place=error.place, remedy=error.remedy)
+            return SampleResult(self.worker_index, failure, self.get_metrics())
+
+
+def own_code_runner(paths: Sequence[str]) -> type[JointEnvRunner]:
+    """Return the class of environment runners of a run with these files and folders of own code.
+
+    RLlib's runners are actors, whose arguments name classes of the user's: Ray unpickles the actor's class
+    first. This one is in no module, so it is pickled whole, with the paths.
+    """
+    return type("ImportingRunner", (OwnCodeRunner,), {"__module__": __name__, "imports": _Imports(paths)})

@@ -66,15 +66,8 @@ class Tally:
         Wilson's interval with the episode as unit: agents of one episode may end alike, so n agent-episodes
         count as n / agents independent ones (the largest possible design effect).
         """
-        return wilson(self.share(outcome), self.outcomes.total() / self.agents)
-
-
-def wilson(share: float, count: float) -> tuple[float, float]:
-    """Return Wilson's 95% interval (1927) of a share of `count` independent trials, [0, 1] without trials."""
-    if count <= 0:
-        return 0.0, 1.0
-    low, high = wilson_interval(share, count)
-    return float(low), float(high)
+        low, high = wilson_interval(self.share(outcome), self.outcomes.total() / self.agents)
+        return float(low), float(high)
 
 
 class Ended(NamedTuple):

@@ -2,14 +2,12 @@
 
 import math
 
-import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import t as student
 
 from benchmark.metrics import compare, compute
-from benchmark.report.ranking import differences, ranks
-from benchmark.report.seed_differences import COLUMNS, with_seed_differences
+from benchmark.report.ranking import SEED_COLUMNS, differences, ranks, with_seed_differences
 from tests.hand_made_results import agent_episodes
 
 GOOD, BAD = [["goal", "goal"]] * 12, [["collision", "collision"]] * 12
@@ -80,24 +78,6 @@ def test_a_tie_is_of_entries_between_which_nothing_is_decided():
     }
 
 
-def commanding(count, speed, steering, **labels):
-    table = agent_episodes([["goal", "goal"]] * count, **labels)
-    return table.assign(speed_commands=speed, steering_commands=steering, command_metres=100.0)
-
-
-def test_a_value_needs_enough_to_measure_and_has_its_count():
-    row = compute(commanding(12, 1.0, 1.0), metrics=["control_diversity"]).iloc[0]
-    assert math.isnan(row["value"])
-    assert (row["n"], row["count"], row["counted"]) == (24, 48.0, "commands")
-    table = commanding(12, 3.0, 1.0)
-    table.loc[table.index[:12], "steering_commands"] = 0.0
-    row = compute(table, metrics=["control_diversity"]).iloc[0]
-    # 72 commands along and 12 across.
-    parts = np.array([72.0, 12.0]) / 84.0
-    assert (row["value"], row["count"]) == (pytest.approx(-(parts * np.log2(parts)).sum()), 84.0)
-    assert row["low"] < row["value"] < row["high"]
-
-
 class TestGeneralization:
     def table(self, *, train=10, **held_out):
         """Return 10 training episodes of one agent, `train` of them at the goal, and held-out ones."""
@@ -155,4 +135,4 @@ class TestByTrainingSeeds:
     def test_there_is_none_of_seeds_that_agree_or_are_few(self, first, second):
         row = self.row(first, second)
         assert math.isfinite(row["p_value"])
-        assert all(math.isnan(row[name]) for name in COLUMNS)
+        assert all(math.isnan(row[name]) for name in SEED_COLUMNS)

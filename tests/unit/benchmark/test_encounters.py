@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from benchmark.metrics.encounters import (
@@ -166,14 +165,6 @@ class TestOrder:
         assert found["pushed_in"] == 0.0
         assert term("collaborative", "encounters_with_egos", episode) == 1.0
         assert math.isnan(term("collaborative", "encounters_with_social_vehicles", episode))
-
-    def test_braking_that_is_imposed(self, tmp_path):
-        # The other brakes with 3, then 5 m/s^2 before it arrives, and with 8 m/s^2 long after.
-        brakes = np.zeros(121)
-        brakes[[10, 20, 115]] = -3.0, -5.0, -8.0
-        episode = meeting(tmp_path, FASTER, QUICKLY, acceleration=brakes, **SECOND_TO_COME)
-        assert value("imposed_braking", episode) == 5.0
-        assert math.isnan(value("imposed_braking", meeting(tmp_path / "first", QUICKLY, QUICKLY)))
 
 
 class TestHowItEnds:

@@ -27,17 +27,9 @@ def folder(run, tmp_path):
     return folder
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("intersecton", "--scenario: scenarios[0]: there is no scenario 'intersecton', neither in the suite"),
-        ("intersecton", "did you mean 'intersection'"),
-    ],
-)
-def test_a_scenario_that_does_not_exist_is_one_message(folder, name, said):
-    with pytest.raises(ConfigError) as caught:
-        evaluate_checkpoint(folder.path, scenarios=[name])
-    assert said in str(caught.value)
+def test_a_scenario_that_does_not_exist_is_one_message(folder):
+    with pytest.raises(ConfigError, match=r"scenarios.0.: .*'intersecton'.* did you mean 'intersection'"):
+        evaluate_checkpoint(folder.path, scenarios=["intersecton"])
 
 
 def test_a_run_whose_scenario_does_not_exist_any_more(run, folder):

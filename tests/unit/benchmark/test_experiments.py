@@ -5,19 +5,15 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pandas as pd
 import pytest
-import yaml
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of, scripted_runs_of, task_settings_of
 from benchmark.experiment.schema import schema
-from benchmark.running.sweeping import is_complete
 from smarts.config import ConfigError
 
 CONFIGS = Path(__file__).parents[3] / "configs"
-SEARCHED = CONFIGS.parent / "results" / "tune_v1"
 
 
 @pytest.fixture
@@ -60,16 +56,6 @@ def test_every_algorithm_x_task_x_traffic_x_seed_is_a_run(write):
     assert len(scripted_runs_of(experiment)) == 4
 
 
-def test_settings_of_one_algorithm_go_before_those_of_all(write):
-    file = write(
-        "algorithms: [ppo, dqn]\ntasks: [loop]\ntraining: {lr: 0.1, epochs: 3, sharing: all}\n"
-        "settings: {ppo: {lr: 0.2}}\n"
-    )
-    experiment = read_experiment(file)
-    assert experiment.settings_of("ppo") == {"lr": 0.2, "epochs": 3, "sharing": "all"}
-    assert experiment.settings_of("dqn") == {"lr": 0.1, "sharing": "all"}  # has no epochs
-
-
 CELLS = """
 algorithms: [ppo, dqn]
 tasks: [loop, {name: both, scenarios: [loop, city]}]
@@ -98,21 +84,6 @@ def test_cells_have_budgets_and_settings_of_their_own(write):
         for algorithm, lr in (("ppo", 0.2), ("dqn", 0.1)):
             found = runs[algorithm, f"both, {traffic}"]
             assert found == ({"lr": lr}, {"agent_steps": 20, "minutes": 5.0})
-
-
-def test_the_settings_of_version_1_are_those_that_its_search_found():
-    """Each algorithm had as many trials; the best in validation is taken."""
-    tuned = yaml.safe_load((CONFIGS / "tuned_v1.yaml").read_text())["settings"]
-    searched = read_experiment(CONFIGS / "tune_v1.yaml")
-    assert tuned.keys() == {*searched.algorithms}
-    for algorithm, settings in tuned.items():
-        folder = SEARCHED / algorithm / "both" / "random_social_vehicles"
-        assert is_complete(folder, searched.tune, algorithm)
-        trials = pd.read_csv(folder / "trials.csv", float_precision="round_trip")
-        best = trials.sort_values("completion", ascending=False, kind="stable")
-        assert {name: str(best[name].iloc[0]) for name in settings} == {
-            name: str(value) for name, value in settings.items()
-        }
 
 
 @pytest.mark.parametrize(
@@ -229,13 +200,6 @@ def test_mistakes_of_all_kinds_are_told_at_once_with_their_lines(write):
     assert len(told.splitlines()) == 6
 
 
-def test_a_file_whose_name_cannot_name_a_folder_needs_a_name(tmp_path):
-    file = tmp_path / "my exp.yaml"
-    file.write_text("algorithms: [ppo]\ntasks: [loop]\n")
-    assert f"{file}:1: the file's name 'my exp' cannot name a folder" in said(file)
-    assert read_experiment(file, ["name=mine"]).name == "mine"
-
-
 def test_reading_a_file_loads_neither_torch_nor_ray_nor_the_simulation():
     code = (
         "import sys; from pathlib import Path\n"
@@ -246,14 +210,6 @@ def test_reading_a_file_loads_neither_torch_nor_ray_nor_the_simulation():
     config = str(CONFIGS / "paper_table.yaml")
     out = subprocess.run([sys.executable, "-c", code, config], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == ""
-
-
-def test_a_setting_of_all_algorithms_must_suit_each(write):
-    file = write("algorithms: [ppo, maac]\ntasks: [loop]\ntraining: {hidden: []}\n")
-    (problem,) = said(file).splitlines()
-    assert f"{file}:3: training.hidden: 'maac' cannot have []; " in problem
-    assert "settings: {maac: {hidden: [64, 64]}}" in problem
-    assert read_experiment(file, ["algorithms=[ppo]"]).settings_of("ppo") == {"hidden": []}
 
 
 def test_the_schema_knows_every_setting():

@@ -7,8 +7,7 @@ import yaml
 from typer.testing import CliRunner
 
 from benchmark.cli import app
-from benchmark.report.leaderboard import make_leaderboard
-from benchmark.report.leaderboard_page import write_leaderboard
+from benchmark.report.leaderboard import make_leaderboard, write_leaderboard
 from tests.hand_made_results import (
     ALONE,
     BUDGET,
@@ -17,7 +16,6 @@ from tests.hand_made_results import (
     write_degenerate,
     write_experiment,
     write_run,
-    write_test,
 )
 
 GOOD = [["goal", "goal"]] * 12
@@ -165,22 +163,3 @@ def compared(*arguments):
     """Return exit code and what a comparison says, or its error."""
     done = CliRunner().invoke(app, ["compare", *map(str, arguments)])
     return done.exit_code, done.exception or done.output
-
-
-def test_a_comparison_says_what_it_left_out(tmp_path):
-    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD})
-    two = experiment(tmp_path / "two", {"ppo": BAD})
-    assert "left out" not in compared(one / "ppo", two / "ppo")[1]
-    lost = write_test(two, "ppo", BAD, seed=2) / "episodes.parquet"
-    lost.write_bytes(b"")
-    place = lost.relative_to(two).as_posix()
-    (one / "dqn" / "intersection" / ALONE / "seed_1" / "run.json").write_text("{")
-    code, said = compared(one / "ppo", two / "ppo")
-    assert code == 0
-    assert f"left out: two: {place}: not a table of results" in said
-    # Another algorithm's.
-    assert "dqn" not in said
-    assert (
-        f"left out: one: dqn/intersection/{ALONE}/seed_1: run.json: cannot be read" in compared(one, two)[1]
-    )
-    assert "run.json: cannot be read" in compared(one / "dqn", two)[1].problem

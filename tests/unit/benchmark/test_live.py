@@ -1,6 +1,5 @@
 """The paper's programmatic interface, in its own loop and in small."""
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,17 +21,6 @@ def log(metric, *steps, episode: Any = 0):
         metric.log_step(
             {"a": None}, {"a": action}, {"a": reward}, {"a": bool(outcome)}, infos, episode=episode
         )
-
-
-def test_rates_returns_and_what_is_not_known():
-    metric = Metric(num_episodes=2)
-    log(metric, (0, 1.0, ""), (0, 2.0, "goal"), (0, 100.0, ""), episode="first")
-    log(metric, (0, -2.0, "collision"), episode="second")
-    found = metric.compute()
-    assert found["completion_rate"] == found["collision_rate"] == 0.5
-    assert found["return"] == pytest.approx((3.0 - 2.0) / 2)
-    assert found["safety"] == 0.5
-    assert math.isnan(found["progress_speed"])
 
 
 @dataclass

@@ -106,24 +106,6 @@ class TestStabilityOfStopAndGo:
         assert found["mean_jerk"] == pytest.approx(2.0 * is_measured)
         assert found["stability"] == pytest.approx(0.5 * is_measured)
 
-    def test_standing_says_nothing_of_sideways_forces_and_the_place_in_the_lane(self, tmp_path):
-        is_driving = np.array(([False] * 20 + [True] * 20) * 3)
-        sways = np.where(np.arange(120) % 2, 0.5, -0.5)
-        found = self.sums(
-            tmp_path,
-            np.where(is_driving, 5.0, 0.0),
-            np.zeros(120),
-            t=np.where(is_driving, 0.0, sways),
-            lateral_acceleration=np.where(is_driving, 1.5, 6.0),
-        )
-        assert found["offset_deviation"] == pytest.approx(0.0)
-        assert found["mean_lateral_acceleration"] == pytest.approx(1.5)
-        assert found["stability"] == pytest.approx(0.5)
-        found = self.sums(
-            tmp_path, np.where(is_driving, 5.0, 0.0), np.zeros(120), t=np.where(is_driving, sways, 0.0)
-        )
-        assert found["offset_deviation"] == pytest.approx(0.5)
-
 
 class TestDecisions:
     def drive(self, folder, actions=(), extras=(), action_mask=15):

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 import benchmark.report
-from benchmark.report.leaderboard import Leaderboard
-from benchmark.report.leaderboard_page import leaderboard_page
+from benchmark.report.leaderboard import Leaderboard, leaderboard_page
 
 SCRIPT = (Path(benchmark.report.__file__).with_name("templates") / "rows.js").read_text(encoding="utf-8")
 

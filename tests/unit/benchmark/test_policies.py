@@ -204,24 +204,3 @@ def test_what_is_no_observation_is_named(make):
         load_policy(folder.path, checkpoint="best")
     with pytest.raises(ResultsError, match="greedyy"):
         load_policy(folder.path, mode="greedyy")
-
-
-def test_a_step_of_another_environment_is_named(make):
-    _, folder = make("pg")
-    policy = load_policy(folder.path)
-    env = VectorHiWayEnv(2, ["loop"], 2, traffic=["no_social_vehicles"])
-    try:
-        now = env.reset(7)
-    finally:
-        env.close()
-    (leaves,) = now.observations
-    (leaf, seen), *_ = leaves.items()
-    for wrong in (
-        {"masks": (None,)},
-        {"observations": ({leaf: seen[..., :-1]},)},
-        {"observations": ({leaf: seen[:, :1]},)},
-        {"observations": (leaves, leaves)},
-    ):
-        with raises(ActionError, "Policy.act", values=["trained with"]):
-            policy.act(now._replace(**wrong))
-    assert policy.act(now)[0].shape == (2, 2)

@@ -1,17 +1,12 @@
 """What a log says while an experiment runs: one line each, with names, and how it is ended."""
 
 import io
-import os
-import signal
 import time
 from dataclasses import replace
 
-import pytest
 from rich.console import Console
 
 from benchmark.running import live
-from benchmark.running.exit_codes import INTERRUPTED
-from benchmark.running.experiment import interruptible, resumable
 from benchmark.running.jobs import JobState
 from benchmark.running.live import LiveProgress
 from benchmark.running.messages import RunProgress
@@ -55,22 +50,3 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     assert lines("failed", error="[red] no") == [f"{NAME}: failed: [red] no"]
     assert lines("failed", error="[red] no") == []
     assert lines("finished") == [f"{NAME}: finished"]
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_whatever_is_ended_says_how_to_go_on(tmp_path, capsys, number):
-    before = signal.getsignal(signal.SIGTERM)
-    # As in a shell's background, Ctrl-C may be ignored where the tests run.
-    ctrl_c = signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    def work():
-        os.kill(os.getpid(), number)
-        return 0
-
-    try:
-        assert interruptible(work, resumable(tmp_path)) == INTERRUPTED
-    finally:
-        signal.signal(signal.SIGINT, ctrl_c)
-    assert str(tmp_path) in capsys.readouterr().err
-    assert signal.getsignal(signal.SIGTERM) == before
-    assert interruptible(lambda: 7, "nothing") == 7

@@ -20,18 +20,12 @@ from benchmark.report.markdown import report_text, table
 from benchmark.report.marl_eval import marl_eval_json
 from benchmark.report.overview import COLUMNS, overview_rows
 from benchmark.report.paper import printed, task_differences, task_label
-from benchmark.report.provenance import gaps
 from benchmark.report.radar import axes_of_radar, draw_radar
 from benchmark.report.robustness import robustness_of
 from benchmark.report.style import new_figure
 from benchmark.report.summary import draw_profile, summaries_of
 from benchmark.report.tables import (
-    DIFFERENCE_COLUMNS,
-    GENERALIZATION_COLUMNS,
     difference_notes,
-    difference_rows,
-    generalization_rows,
-    metrics_table,
 )
 from benchmark.report.values import Value
 from benchmark.report.wording import (
@@ -243,13 +237,6 @@ class TestAgainstThePaper:
         assert social.not_known == ("random", "parked")
         assert not_counted(social).startswith("not counted: not known whether random, parked passes")
 
-    def test_an_own_scenario_of_the_same_name_is_none_of_the_papers(self, tmp_path):
-        write_experiment(tmp_path)
-        run = write_test(tmp_path, "ppo", PERFECT)
-        for scenario, is_the_papers in (("intersection", True), ("/home/me/intersection", False)):
-            (run / "config.yaml").write_text(f"algorithm: ppo\nscenarios: [{scenario}]\n")
-            assert report_of(tmp_path).has_paper == is_the_papers
-
 
 def test_ranks_and_ties(tmp_path):
     write_experiment(tmp_path, algorithms=["dqn", "ppo", "maac"], scripted=["parked"])
@@ -271,19 +258,6 @@ def test_ranks_and_ties(tmp_path):
     }
     assert pairs["dqn", "parked"] == "dqn"
     assert pairs["dqn", "maac"] == ""
-
-
-def test_ranks_hold_within_one_protocol(tmp_path):
-    write_experiment(tmp_path, algorithms=["dqn", "ppo", "maac"])
-    small = {"agent_steps": 100, "minutes": None}
-    write_test(tmp_path, "dqn", HOPELESS, budget=small)
-    for name in ("ppo", "maac"):
-        write_test(tmp_path, name, PERFECT)
-    report = report_of(tmp_path)
-    ranks = {row.algorithm: row.cells[0].rank for row in report.main_table("greedy")}
-    assert ranks == {"dqn": None, "ppo": 1, "maac": 1}
-    (said,) = (line for line in standing(report) if "protocol" in line)
-    assert said.endswith("DQN: budget.agent_steps 100; MAAC, PPO: budget.agent_steps 1000.")
 
 
 def test_runs_that_must_not_be_averaged_or_compared_do_not_count_and_are_marked(tmp_path):
@@ -401,31 +375,6 @@ def test_the_page_says_what_is_missing(folder):
     assert "smarts-bench run hand.yaml" in text
     assert "abacus" in text
     assert "0123456789ab" in text
-
-
-def test_how_many_seeds_there_are_is_said_wherever_figures_are(tmp_path):
-    write_experiment(tmp_path, algorithms=["dqn", "ppo"], seeds=[1, 2, 3], scripted=["parked"])
-    for seed in (1, 2):
-        write_test(tmp_path, "dqn", PERFECT, seed=seed)
-    held = agent_episodes(HOPELESS, mode="greedy", split="held_out", variation="mirrored")
-    write_run(tmp_path, "ppo", [agent_episodes(HOPELESS, mode="greedy"), held])
-    write_test(tmp_path, "parked", HOPELESS)
-    results = read_results(tmp_path)
-    report = make_report(results)
-    assert gaps(results) == [
-        (f"dqn, seed 3, intersection, {ALONE}", "not begun"),
-        (f"ppo, seeds 2, 3, intersection, {ALONE}", "not begun"),
-    ]
-    assert [row.label for row in metrics_table(report)[0]] == ["DQN (2 seeds)", "PPO (1 seed)", "parked"]
-    seeds = [*DIFFERENCE_COLUMNS].index("seeds")
-    found = {(row[3], row[4]): row[seeds] for row in difference_rows(report)}
-    assert found == {("DQN", "PPO"): "2 / 1", ("DQN", "parked"): "2 / -"}
-    assert {row[[*DIFFERENCE_COLUMNS].index("p")] for row in difference_rows(report)} == {"< 0.001"}
-    (row,) = generalization_rows(report)
-    assert row[[*GENERALIZATION_COLUMNS].index("seeds")] == "1"
-    counts = {row.algorithm: count(row.cells[0]) for row in report.main_table("greedy")}
-    assert counts["ppo"] == f"1 seed, {len(HOPELESS)} episodes; this checkpoint"
-    assert counts["parked"] == f"{len(HOPELESS)} episodes"
 
 
 def test_the_overview_has_a_line_for_each_algorithm_and_cell(tmp_path):

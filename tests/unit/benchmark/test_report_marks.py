@@ -16,7 +16,6 @@ from benchmark.report.protocol import protocol_of
 from benchmark.report.robustness import robustness_of
 from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.summary import Summaries
-from benchmark.report.tables import difference_notes
 from benchmark.report.values import by_key, measure_cells
 from benchmark.report.wording import mark
 from benchmark.results.reading import read_results
@@ -126,20 +125,6 @@ def test_results_of_other_environments_are_not_compared(tmp_path, changes, is_sa
         results = read_results(tmp_path / name)
         protocols.append(protocol_of(results.finished[0], results))
     assert (protocols[0] == protocols[1]) == is_same
-
-
-def test_the_differences_that_training_seeds_decide_are_counted(tmp_path):
-    """PPO completes 1, 1 and 0.95, DQN 0, 0 and 0.05: t = 0.967 / sqrt(2 x 0.05^2 / 9) is 41 at 4 degrees."""
-    write_experiment(tmp_path, algorithms=["ppo", "dqn"], seeds=[1, 2, 3])
-    goals = {"ppo": (20, 20, 19), "dqn": (0, 0, 1)}
-    for name, counts in goals.items():
-        for seed, count in enumerate(counts, start=1):
-            outcomes = [["goal"]] * count + [["collision"]] * (20 - count)
-            write_test(tmp_path, name, outcomes, seed=seed)
-    (said,) = difference_notes(make_report(read_results(tmp_path)))
-    assert said.startswith(
-        "Greedy: 2 differences are decided, of them with training seeds as the unit 2 of the 2 that have one;"
-    )
 
 
 @pytest.mark.parametrize(

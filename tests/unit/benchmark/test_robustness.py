@@ -1,6 +1,5 @@
 """Cross-play, wet roads and latency with tiny trainings: the tests' episodes wherever nothing differs."""
 
-import json
 import shutil
 
 import numpy as np
@@ -27,7 +26,6 @@ from benchmark.running.testing import play_scripted
 from benchmark.running.training import train_and_evaluate
 from benchmark.running.writing import RunWriter
 from smarts.errors import UnknownNameError
-from tests.raising import raises
 
 pytestmark = pytest.mark.slow
 
@@ -199,10 +197,6 @@ def test_what_is_there_is_not_played_again_and_what_is_lost_is(played, tmp_path,
     assert not read_played(read_results(root)).problems
 
 
-def changed_json(file, **changes):
-    file.write_text(json.dumps({**json.loads(file.read_text()), **changes}))
-
-
 @pytest.mark.parametrize(
     ("given", "kind", "said"),
     [
@@ -216,18 +210,3 @@ def test_what_is_not_there_is_named_before_anything_is_played(trained, given, ki
         cells_of(trained, given)
     assert said in str(caught.value)
     assert not (trained / ROBUSTNESS).exists()
-
-
-def test_runs_that_cannot_be_played_are_named(copy, monkeypatch):
-    ppo = run_place(copy, "ppo")
-    (ppo / "checkpoint").rename(ppo / "elsewhere")
-    with raises(ResultsError, str(ppo), values=["no last checkpoint"]):
-        cells_of(copy, Given())
-    (ppo / "elsewhere").rename(ppo / "checkpoint")
-    changed_json(ppo / "run.json", status="training")
-    with pytest.raises(ResultsError, match=r"not finished: ppo, .*training"):
-        cells_of(copy, Given())
-    assert cells_of(copy, Given(algorithms=("commnet",)))
-    changed_json(ppo / "run.json", status="finished", scenarios={"intersection": "0123"})
-    with raises(ResultsError, str(ppo), values=["the scenario 'intersection'"]):
-        cells_of(copy, Given())

@@ -17,8 +17,8 @@ from benchmark.results.files import ResultsError, files_in, write_files
 from benchmark.results.progress import read_progress
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import shipping
+from benchmark.running.jobs import scratch_folder
 from benchmark.running.messages import Began, Kept, Line, Noted, RunProgress
-from benchmark.running.scratch import scratch_folder
 from benchmark.running.shipping import shipped_code
 from benchmark.running.writing import RunWriter
 from smarts import shipped
@@ -139,7 +139,7 @@ def test_what_cannot_be_shipped_is_named(tmp_path, monkeypatch):
 def test_the_temporary_folder_of_a_killed_process_is_removed_by_the_next_one(tmp_path, monkeypatch):
     program = """
 import tempfile, time
-from benchmark.running.scratch import scratch_folder
+from benchmark.running.jobs import scratch_folder
 with scratch_folder() as folder:
     print(tempfile.mkdtemp(), flush=True)
     time.sleep(600)

@@ -2,11 +2,9 @@
 
 import operator
 import os
-import time
 
 import pytest
 import ray
-from ray._private import worker
 
 from benchmark.experiment.config import Resources
 from benchmark.results.files import ResultsError
@@ -39,20 +37,6 @@ def test_an_error_of_a_call_is_raised_as_it_is_and_a_lost_process_is_named():
         [*side_by_side(operator.floordiv, [(1, 1), (1, 0), (1, 1)], 2)]
     with raises(ResultsError, values=["lost", "--parallel 1"]):
         [*side_by_side(os._exit, [(1,), (1,)], 2)]
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-@pytest.mark.parametrize("process", ["gcs_server", "raylet"])
-def test_where_ray_itself_is_lost_the_same_command_continues(process):
-    ray.shutdown()
-    calls = side_by_side(time.sleep, [(0,), (60,), (60,)], 2)
-    assert next(calls) == (0, None)
-    (lost,) = worker._global_node.all_processes[process]
-    lost.process.kill()
-    lost.process.wait()
-    with raises(ResultsError, values=[process, "same command"]):
-        next(calls)
 
 
 @pytest.mark.nightly

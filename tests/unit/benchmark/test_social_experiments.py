@@ -1,7 +1,5 @@
 """Agents of the zoo, and learning in bubbles, in experiment files."""
 
-import json
-
 import pytest
 
 from benchmark.experiment.config import read_experiment
@@ -9,9 +7,7 @@ from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import task_settings_of, with_defaults
 from benchmark.running.environments import environment
 from benchmark.running.experiment import check_task_settings
-from benchmark.running.played import digest_of
 from smarts.config import ConfigError
-from smarts.sstudio.build import build_scenario
 
 BASE = "algorithms: [ppo]\ntasks: [intersection]\ntraffic: [no_social_vehicles]\nseeds: [1]\n"
 SOCIAL = """environment:
@@ -97,17 +93,6 @@ def test_agents_that_learn_in_bubbles_reach_the_environment(read):
         assert env.episodes[0].bubbles[0].policy == -1
     finally:
         env.close()
-
-
-def test_they_are_part_of_what_a_run_is(read):
-    plain, social = (
-        task_settings_of(read(text))[0] for text in (BASE + "environment: {agents: 1}", BASE + SOCIAL)
-    )
-    assert plain.content() != social.content()
-    assert json.loads(json.dumps(social.content()))["environment"]["social_agents"][0]["count"] == 2
-    assert Environment(**social.content()["environment"]) == social.environment
-    built = build_scenario("intersection")
-    assert digest_of(built, plain) != digest_of(built, social), "their missions count"
 
 
 @pytest.mark.parametrize(

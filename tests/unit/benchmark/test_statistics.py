@@ -76,14 +76,6 @@ def test_wilson_of_no_event_in_ten():
     assert high == pytest.approx(1.959964**2 / (10 + 1.959964**2))
 
 
-@pytest.mark.parametrize("rates", [[0.0, 0.0, 0.0], [0.5, 0.5, 0.505], [1.0, 1.0, 0.99875]])
-def test_seeds_that_agree_by_chance_tell_no_more_than_their_trials(rates):
-    low, high = arcsine_interval(rates, [50.0, 50.0, 50.0])
-    least = wilson_interval(np.mean(rates), 150.0)
-    assert low == pytest.approx(float(least[0]))
-    assert float(least[1]) <= high <= float(least[1]) + 1e-5
-
-
 def test_resampling_keeps_episodes_whole():
     totals = np.array([[1.0, 1.0], [0.0, 2.0], [3.0, 0.0]])
     drawn = bootstrap_counts([0, 0, 0], stream(1, Purpose.RESAMPLING), repeats=500) @ totals

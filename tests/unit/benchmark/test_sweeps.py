@@ -1,7 +1,6 @@
 """Searches: what the section `tune` of a file becomes, and what is refused before anything starts."""
 
 import json
-from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -37,14 +36,6 @@ def experiment(tmp_path):
         return read_experiment(file, overrides)
 
     return read
-
-
-def test_no_trial_becomes_a_copy_of_another_when_its_training_is_over():
-    section = Tune(parameters={"lr": {"uniform": [0.1, 0.2]}}, scheduler="pbt")
-    scheduler = scheduler_of(section, "ppo", 4)
-    assert scheduler.on_trial_result(None, "unknown", {"validation": 4}) == scheduler.CONTINUE
-    with pytest.raises(RuntimeError, match="metric"):
-        scheduler.on_trial_result(None, "unknown", {"validation": 3})
 
 
 def test_lists_are_grids_and_draws_keep_their_bounds():
@@ -154,25 +145,6 @@ def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, na
     with raises(SmartsError, values=[named]):
         sweep(experiment(*overrides), tmp_path / "results")
     assert not (tmp_path / "results").exists()
-
-
-def test_a_search_continues_with_further_imports_only(experiment, tmp_path):
-    (run,) = searched_runs(experiment())
-    section, file = Tune(parameters={"lr": [0.1]}), tmp_path / "search.json"
-
-    def importing(*paths):
-        return replace(run, task_setting=replace(run.task_setting, imports=paths))
-
-    _check_same_search(file, importing("/a/own.py"), section)
-    _check_same_search(file, importing("/a/own.py", "/a/more.py"), section)
-    for other, searched in (
-        (importing("/b/own.py"), section),
-        (replace(importing("/a/own.py"), seed=9), section),
-        (importing("/a/own.py"), Tune(parameters={"lr": [0.2]})),
-    ):
-        with pytest.raises(ResultsError) as caught:
-            _check_same_search(file, other, searched)
-        assert caught.value.place == str(file)
 
 
 def test_a_search_that_was_stopped_before_its_first_trial_begins_again(experiment, tmp_path):

@@ -18,8 +18,7 @@ from tests.hand_made_results import (
     write_experiment,
     write_run,
 )
-from tests.measuring import CROSS, ROAD, SOUTH_NORTH, WEST_EAST, following, meeting, sums
-from tests.recordings import LENGTH, Drive, across, at_speed, episode_of
+from tests.measuring import following, meeting, sums
 
 
 def met(episode):
@@ -30,24 +29,10 @@ class TestEncounters:
     def test_a_conflict_with_a_social_vehicle_counts(self, tmp_path):
         assert met(meeting(tmp_path, [10.0] * 60, [10.0] * 60)) == 1.0
 
-    def test_a_conflict_with_an_agent_does_not(self, tmp_path):
-        drives = [
-            Drive(across(CROSS, *WEST_EAST), at_speed(10.0, 60, 30.0), agent="a", route=WEST_EAST),
-            Drive(across(CROSS, *SOUTH_NORTH), at_speed(10.0, 60, 20.0), agent="b", route=SOUTH_NORTH),
-        ]
-        assert met(episode_of(tmp_path, CROSS, *drives)) == 0.0
-
     @pytest.mark.parametrize(("gap", "found"), [(9.9, 1.0), (10.1, 0.0)])
     def test_a_leader_counts_within_two_seconds(self, tmp_path, gap, found):
         # Both at 5 m/s.
         assert met(following(tmp_path, speed=5.0, steps=10, gap=gap)) == found
-
-    @pytest.mark.parametrize(("behind", "found"), [(17.0, 1.0), (25.0, 0.0)])
-    def test_a_lane_change_counts_near_a_social_vehicle(self, tmp_path, behind, found):
-        moves_over = np.clip((np.arange(61) - 20) * 0.25, 0.0, 3.2)
-        own = Drive(["road_0"], at_speed(10.0, 60, 100.0), t=moves_over, agent="a", route=["road"])
-        other = Drive(["road_1"], at_speed(10.0, 60, 100.0 - behind - LENGTH / 4), route=["road"])
-        assert met(episode_of(tmp_path, ROAD, own, other)) == found
 
 
 def write(root, *, collisions, by_random=0, share=None):

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from benchmark.metrics import read_table
-from benchmark.report.leaderboard import make_leaderboard
-from benchmark.report.leaderboard_page import write_leaderboard
+from benchmark.report.leaderboard import make_leaderboard, write_leaderboard
 from benchmark.report.submissions import MAY_EXCHANGE, Submitted, marks_of
 from benchmark.results.files import ResultsError, write_json
 from benchmark.results.release import (

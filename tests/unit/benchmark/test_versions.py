@@ -153,15 +153,6 @@ class TestRefusals:
         both = yaml.safe_load(frozen_text(2, {}, Environment()))
         assert both[1] == yaml.safe_load(frozen.read_text())[1]
 
-    def test_its_settings_were_searched_by_as_many_trials_for_each_algorithm(self, freezing):
-        experiment = read_experiment(ROOT / "configs/benchmark_v1.yaml")
-        known = version.tuning(experiment.benchmark_version)
-        assert known == freezing.tuning_of(Path("results/tune_v1"))
-        sizes = [known["algorithms"][run.algorithm] for run in runs_of(experiment)]
-        assert all(size == {"trials": 12, "agent_steps": 300_000} for size in sizes)
-        with raises(SmartsError, "results/tune_v1/dqn", values=["no search"]):
-            freezing.tuning_of(Path("results/tune_v1/dqn"))
-
     def test_its_settings_are_those_of_its_file(self, freezing):
         experiment = read_experiment(ROOT / "configs/benchmark_v1.yaml")
         known = version.versions()[1]["training"]

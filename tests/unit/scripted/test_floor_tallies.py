@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from benchmark.scripted.play import Tally, wilson
+from benchmark.scripted.play import Tally
 
 
 def test_shares_are_of_agent_episodes():
@@ -21,4 +21,4 @@ def test_the_unit_of_an_interval_is_the_episode():
     tally = Tally("keep_lane", "two_way", "none", agents=4)
     for _ in range(10):
         tally.add(Counter(goal=4), 100.0)
-    assert tally.interval("goal") == pytest.approx(wilson(1.0, 10))
+    assert tally.interval("goal") == pytest.approx((10 / (10 + 1.959964**2), 1.0))
