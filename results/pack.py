@@ -21,11 +21,10 @@ from benchmark.metrics import METRICS
 from benchmark.metrics.table import COUNTS
 from benchmark.results.commands import COMMAND
 from benchmark.results.files import write_versioned
-from benchmark.results.reading import PLACE, PROGRESS, RUNS
-from benchmark.results.reading import read_results
+from benchmark.results.reading import LABELS, PLACE, PROGRESS, RUNS, read_results
+from benchmark.results.release import RATES
 from benchmark.results.robustness import CONDITION, PARTNER, ROBUSTNESS, plays_of
 from benchmark.results.run_folder import TABLE
-from benchmark.results.release import LABELS, RATES
 
 BITS = 24
 """Bits of the significand of a packed measure."""

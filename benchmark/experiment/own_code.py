@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from benchmark.experiment.version import syntax_tree
 from smarts.registry import import_own, is_own_name, place_of_module
 from smarts.sstudio.encoding import digest
 
@@ -76,19 +77,10 @@ def _sources(module: str, roots: set[str]) -> dict[str, str]:
         except SyntaxError:  # of a module that is imported late, or never
             found[name] = text
             continue
-        found[name] = ast.dump(_without_docstrings(tree))
+        found[name] = syntax_tree(text)
         package = name if file.name == "__init__.py" else name.rpartition(".")[0]
         waiting += [*_imported(tree, package), name.rpartition(".")[0]]
     return found
-
-
-def _without_docstrings(tree: ast.Module) -> ast.Module:
-    """Remove the docstrings of a syntax tree, and return the tree."""
-    for node in ast.walk(tree):
-        has_body = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
-        if has_body and ast.get_docstring(node, clean=False) is not None:
-            del node.body[0]
-    return tree
 
 
 def _imported(tree: ast.AST, package: str) -> Iterator[str]:

@@ -67,12 +67,12 @@ def _digest_of(folders: list[Path]) -> str:
         for file in sorted(folder.rglob("*")):
             if file.suffix in (".py", ".yaml"):
                 text = file.read_text(encoding="utf-8")
-                meaning = _tree(text) if file.suffix == ".py" else json.dumps(yaml.safe_load(text))
+                meaning = syntax_tree(text) if file.suffix == ".py" else json.dumps(yaml.safe_load(text))
                 found.update(f"{file.relative_to(folder).as_posix()}\n{meaning}\n".encode())
     return found.hexdigest()
 
 
-def _tree(source: str) -> str:
+def syntax_tree(source: str) -> str:
     """Return the syntax tree of a module without texts that stand alone, such as docstrings."""
     tree = ast.parse(source)
     for node in ast.walk(tree):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,7 +20,7 @@ from benchmark.report.against_paper import (
     compare_with,
     degenerate_passes,
 )
-from benchmark.report.paper import Printed, misprint, paper, printed
+from benchmark.report.paper import Printed, algorithm_label, misprint, paper, printed
 from benchmark.report.protocol import protocol_of, unlike_runs
 from benchmark.report.ranking import (
     CELL,
@@ -43,6 +43,7 @@ from benchmark.report.values import (
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.versions import check_one_version
 
+SAME_TASK = "hardly differs from the cell without social vehicles"
 PROTOCOL = "protocol"
 """Column of agent-episodes that are compared."""
 
@@ -60,26 +61,19 @@ class TableCell:
     """The paper's."""
     comparison: Comparison | None
     """With the paper; None where one of the two has no figure or interval."""
-    passed_by: tuple[str, ...]
-    """Degenerate drivers that pass the paper's cell, which therefore does not count."""
-    misprint: str
-    """Why the paper's figures look like a misprint and do not count, "" if they do not."""
+    reasons: tuple[str, ...]
+    """Why the comparison with the paper does not count."""
     rank: int | None
     """Among the learning algorithms of the column with the same protocol; None without another one."""
     is_tied: bool
     """Whether one of the same rank is neither better nor worse."""
-    is_without_traffic: bool = False
-    """Whether it is a cell with social vehicles in name only, which therefore does not count."""
-    not_known: tuple[str, ...] = ()
-    """Degenerate drivers of which it is not known whether they pass, if ours does: it does not count."""
     unlike: str = ""
     """Why its runs must not be averaged or compared, "" if they may be."""
 
     @property
     def counts(self) -> bool:
         """Whether the comparison with the paper says anything."""
-        found = (self.passed_by, self.not_known, self.misprint, self.is_without_traffic, self.unlike)
-        return not any(found)
+        return not self.reasons
 
     @property
     def is_best(self) -> bool:
@@ -235,13 +229,6 @@ class Report:
         ours = self._figures(name, task, traffic, mode)
         standing = standings.get(name)
         comparison = compare_with(theirs, *ours) if ours else None
-        degenerate = degenerate_passes(
-            theirs,
-            lambda driver: (
-                None if (driver, task, traffic) in self.unlike else self._figures(driver, task, traffic, mode)
-            ),
-        )
-        not_known = tuple(driver for driver, passes in degenerate.items() if passes is None)
         return TableCell(
             task,
             traffic,
@@ -249,14 +236,40 @@ class Report:
             completion,
             theirs,
             comparison,
-            tuple(driver for driver, passes in degenerate.items() if passes),
-            misprint(name, task, traffic) if theirs else "",
+            tuple(self._reasons((name, task, traffic), mode, theirs, comparison)),
             standing.rank if standing else None,
             standing is not None and standing.is_tied,
-            any((x.task, x.traffic, x.passes) == (task, traffic, False) for x in self.traffic_checks),
-            not_known if comparison and comparison.word in PASSES else (),
             self.unlike.get((name, task, traffic), ""),
         )
+
+    def _reasons(
+        self,
+        place: tuple[str, str, str],
+        mode: str,
+        theirs: Sequence[Printed],
+        comparison: Comparison | None,
+    ) -> Iterator[str]:
+        """Yield why a comparison with the paper does not count."""
+        _, *cell = place
+
+        def figures(driver: str) -> BothLevels | None:
+            return None if (driver, *cell) in self.unlike else self._figures(driver, *cell, mode)
+
+        degenerate = degenerate_passes(theirs, figures)
+        passed, not_known = (
+            ", ".join(algorithm_label(driver) for driver, passes in degenerate.items() if passes is which)
+            for which in (True, None)
+        )
+        if passed:
+            yield f"{passed} passes"
+        if not_known and comparison and comparison.word in PASSES:
+            yield f"not known whether {not_known} passes"
+        if any([x.task, x.traffic] == cell and x.passes is False for x in self.traffic_checks):
+            yield SAME_TASK
+        if theirs and (why := misprint(*place)):
+            yield why
+        if place in self.unlike:
+            yield self.unlike[place]
 
     def _figures(self, name: str, task: str, traffic: str, mode: str) -> BothLevels | None:
         """Return collision and completion rate with intervals of both levels, None without a finished run."""

@@ -71,7 +71,6 @@ TASK_DIFFERENCES = {
 TASK_DIFFERENCES_TITLE = "Differences from the paper's tasks"
 BEST = "no other learning algorithm's checkpoints are better"
 BOLD = f"Bold: in the column, {BEST} (rank 1)."
-SAME_TASK = "hardly differs from the cell without social vehicles"
 NO_RUN = "no finished run"
 
 
@@ -103,21 +102,8 @@ def mark(cell: TableCell) -> str:
 
 def not_counted(cell: TableCell) -> str:
     """Return why the paper's cell does not count, and what else is odd about it; empty if neither."""
-    reasons = _reasons(cell)
-    found = [f"not counted: {', '.join(reasons)}" if reasons else "", impossible_sum(cell.printed)]
+    found = ["" if cell.counts else f"not counted: {', '.join(cell.reasons)}", impossible_sum(cell.printed)]
     return "; ".join(filter(None, found))
-
-
-def _reasons(cell: TableCell) -> list[str]:
-    passed, not_known = (", ".join(map(algorithm_label, x)) for x in (cell.passed_by, cell.not_known))
-    reasons = (
-        f"{passed} passes" if passed else "",
-        f"not known whether {not_known} passes" if not_known else "",
-        SAME_TASK if cell.is_without_traffic else "",
-        cell.misprint,
-        cell.unlike,
-    )
-    return [*filter(None, reasons)]
 
 
 def mark_meaning(cell: TableCell) -> str:
@@ -228,7 +214,7 @@ def _against_paper(report: Report, mode: str) -> list[str]:
     for row, cell in every:
         if not cell.counts:
             place = cell_label(cell.task, cell.traffic)
-            named = left_out.setdefault((place, ", ".join(_reasons(cell))), [])
+            named = left_out.setdefault((place, ", ".join(cell.reasons)), [])
             named.append(algorithm_label(row.algorithm))
     if left_out:
         named = [f"{place}: {', '.join(names)} ({reason})" for (place, reason), names in left_out.items()]

@@ -124,19 +124,12 @@ def check_room(resources: Resources, nodes: Sequence[Mapping[str, float]]) -> No
             place=f"resources.{largest}",
             remedy=f"give at most {max(0, cpus - needed + getattr(resources, largest))}",
         )
-    gpus = max((node.get("GPU", 0) for node in nodes), default=0)
-    if resources.learner_gpus > gpus:
+    share, learners = resources.learner_gpus, max(resources.learners, 1)
+    if share and learners > (most := learners_on(nodes, share)):
         raise ResultsError(
-            f"a learner needs {resources.learner_gpus:g} GPUs; no machine of Ray's has more than {gpus:g}",
+            f"{learners} learners need {share:g} GPUs each, on one machine each; Ray has room for {most}",
             place="resources.learner_gpus",
-            remedy=f"give at most {gpus:g}",
-        )
-    share = resources.learner_gpus
-    if share and resources.learners > (most := learners_on(nodes, share)):
-        raise ResultsError(
-            f"{resources.learners} learners need {share:g} GPUs each; Ray has room for {most}",
-            place="resources.learners",
-            remedy=f"give at most {most}",
+            remedy="ask for fewer of them, or of learners",
         )
 
 

@@ -89,15 +89,12 @@ def evaluate_agent(
             _environment(agent, interface, agents, f"agent {locator!r}"),
             Evaluation(episodes=episodes, keep_episodes=out is not None),
             num_envs=1,
-            imports=_absolute(imports),
+            imports=tuple(str(Path(each).absolute()) for each in imports),
         )
         evaluated = {"agent": locator, "options": repr(dict(options or {})), "agents": agents}
-        with (
-            evaluation_folder(out, evaluated | _played(task_setting)) as folder,
-            named_own_code(f"the agent {locator!r}"),
-        ):
-            _play(task_setting, folder, agent, locator)
-            return read_table(folder.table)
+        labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
+        with named_own_code(f"the agent {locator!r}"):
+            return _tested(task_setting, out, evaluated, agent, labels, SCRIPTED)
     finally:
         if isinstance(agent, RemoteAgent):
             agent.close()
@@ -113,27 +110,26 @@ def _environment(agent: BatchAgent, interface: AgentInterface, agents: int, plac
         "tyre_model": interface.tyre_model,
         "flat_tyres": [*interface.flat_tyres],
         "decision_interval": agent.period,
-        "observation": _listed(agent.observation),
+        "observation": [*seen] if isinstance(seen := agent.observation, tuple) else seen,
     }
     return fitted(given, Environment, place)
 
 
-def _absolute(imports: Sequence[str | Path]) -> tuple[str, ...]:
-    return tuple(str(Path(each).absolute()) for each in imports)
-
-
-def _played(task_setting: TaskSetting) -> dict[str, Any]:
-    return {
-        "scenarios": [*task_setting.task.scenarios],
-        "traffic": task_setting.traffic,
-        "episodes": task_setting.evaluation.episodes,
-    }
-
-
-def _play(task_setting: TaskSetting, folder: RunFolder, agent: BatchAgent, locator: str) -> None:
-    labels = {"algorithm": file_name(locator), "training_seed": SCRIPTED_SEED}
-    for share in play_agent(task_setting, folder, agent, labels):
-        print(f"{share:.0%}", file=sys.stderr)
+def _tested(
+    setting: TaskSetting,
+    out: Path | None,
+    evaluated: Mapping[str, Any],
+    agent: BatchAgent,
+    labels: Mapping[str, Any],
+    mode: str,
+) -> pd.DataFrame:
+    """Play a test into its folder, and return its table."""
+    played = {"scenarios": [*setting.task.scenarios], "traffic": setting.traffic}
+    played |= {"episodes": setting.evaluation.episodes}
+    with evaluation_folder(out, {**evaluated, **played}) as folder:
+        for share in play_agent(setting, folder, agent, labels, mode=mode):
+            print(f"{share:.0%}", file=sys.stderr)
+        return read_table(folder.table)
 
 
 def play_agent(
@@ -216,14 +212,10 @@ def evaluate_exported(
         fitted(trained.environment, Environment, str(path)),
         Evaluation(episodes=episodes, keep_episodes=out is not None),
         num_envs=1,
-        imports=_absolute(imports),
+        imports=tuple(str(Path(each).absolute()) for each in imports),
     )
     labels = {"algorithm": trained.algorithm, "training_seed": trained.seed}
-    evaluated = {"policy": str(path.resolve()), **_played(task_setting)}
-    with evaluation_folder(out, evaluated) as folder:
-        for share in play_agent(task_setting, folder, agent, labels, mode="greedy"):
-            print(f"{share:.0%}", file=sys.stderr)
-        return read_table(folder.table)
+    return _tested(task_setting, out, {"policy": str(path.resolve())}, agent, labels, "greedy")
 
 
 def driven(
@@ -288,10 +280,8 @@ def _actions(block: Block, agent: BatchAgent, batch: ActionBatch) -> NDArray:
         answer = checked_actions(agent.act(batch), len(batch.env_id))
     except WrongActionsError as error:
         raise OwnCodeError(f"the agent {error}", place=type(agent).__name__) from error
-    is_right = answer.shape[1:] == chosen.shape[2:]
-    if not is_right or (
-        chosen.dtype.kind in "iu" and not np.array_equal(answer, answer.astype(chosen.dtype))
-    ):
+    is_whole = chosen.dtype.kind not in "iu" or np.array_equal(answer, answer.astype(chosen.dtype))
+    if answer.shape[1:] != chosen.shape[2:] or not is_whole:
         raise OwnCodeError(
             f"the agent answered by {answer.dtype} of shape {answer.shape}",
             place=type(agent).__name__,
@@ -299,7 +289,3 @@ def _actions(block: Block, agent: BatchAgent, batch: ActionBatch) -> NDArray:
         )
     chosen[0, batch.agent_id] = answer
     return chosen
-
-
-def _listed(observation: Any) -> Any:
-    return [*observation] if isinstance(observation, tuple) else observation

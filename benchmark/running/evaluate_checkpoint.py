@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -11,7 +11,6 @@ from typing import Literal
 import pandas as pd
 
 from benchmark.experiment.config import Evaluation, TrainingTask
-from benchmark.experiment.runs import Run
 from benchmark.experiment.values import name_of
 from benchmark.metrics import read_table
 from benchmark.results.run_folder import RunFolder, changed_code
@@ -57,15 +56,24 @@ def evaluate_checkpoint(
     check_free(out)  # before anything is loaded
     folder = RunFolder(path)
     trained = read_run(folder, imports)
-    run = _with_test(trained, scenarios, traffic, episodes, modes, keep=out is not None)
+    task = trained.task_setting.task
+    if scenarios:
+        task = fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario")
+    evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=out is not None)
+    asked = {"task": task, "traffic": traffic or trained.task_setting.traffic, "evaluation": evaluation}
+    run = replace(trained, task_setting=replace(trained.task_setting, **asked))
     for scenario in run.task_setting.task.scenarios:
         build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
             run.task_setting.environment.mission_count
         )
-    for what in _changes(folder, trained, run):
+    task_setting = run.task_setting
+    changed = [f"the code of {name!r}" for name in changed_code(folder.read_config(), trained.content())]
+    if task_setting.traffic == trained.task_setting.traffic:
+        there = folder.changed_scenarios(scenario_digests(task_setting))
+        changed += [f"the scenario {name!r}" for name in there]
+    for what in changed:
         print(f"note: {path}: {what} has changed since this run", file=sys.stderr)
     kept = folder.kept(checkpoint)
-    task_setting = run.task_setting
     evaluated = {
         "policy": str(run),
         "run": str(path.resolve()),
@@ -83,33 +91,3 @@ def evaluate_checkpoint(
         for _ in play_test(run, answer, discount, lambda env, part, mode: policies[mode].play(env, part)):
             pass
         return read_table(answer.table)
-
-
-def _changes(folder: RunFolder, trained: Run, run: Run) -> Iterator[str]:
-    """Yield what is not as it was when a run was trained, as far as that is recorded."""
-    for name in changed_code(folder.read_config(), trained.content()):
-        yield f"the code of {name!r}"
-    if run.task_setting.traffic == trained.task_setting.traffic:
-        for name in folder.changed_scenarios(scenario_digests(run.task_setting)):
-            yield f"the scenario {name!r}"
-
-
-def _with_test(
-    run: Run,
-    scenarios: Sequence[str],
-    traffic: str | None,
-    episodes: int,
-    modes: tuple[Literal["greedy", "sampled"], ...],
-    *,
-    keep: bool,
-) -> Run:
-    task_setting = run.task_setting
-    task = task_setting.task
-    if scenarios:
-        values = {"name": name_of(scenarios), "scenarios": list(scenarios)}
-        task = fitted(values, TrainingTask, "--scenario")
-    evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=keep)
-    task_setting = replace(
-        task_setting, task=task, traffic=traffic or task_setting.traffic, evaluation=evaluation
-    )
-    return replace(run, task_setting=task_setting)

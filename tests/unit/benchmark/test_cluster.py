@@ -119,9 +119,9 @@ def test_a_ray_of_the_caller_has_its_cpus_again(tmp_path):
     [
         ({"env_runners": 5}, []),
         ({"env_runners": 6}, [7, 6]),
-        ({"learner_gpus": 3}, [3, 2]),
+        ({"learner_gpus": 3}, [1, 3, 0]),
         ({"learners": 3, "learner_gpus": 0.6}, []),
-        ({"learners": 4, "learner_gpus": 0.6}, [4, 3]),  # one on each
+        ({"learners": 4, "learner_gpus": 0.6}, [4, 0.6, 3]),  # one on each
     ],
 )
 def test_a_run_that_could_never_be_placed_is_refused(needed, named):
@@ -129,7 +129,8 @@ def test_a_run_that_could_never_be_placed_is_refused(needed, named):
     if not named:
         check_room(resources, nodes)
         return
-    with raises(ResultsError, f"resources.{next(iter(needed))}", values=named):
+    place = "learner_gpus" if "learner_gpus" in needed else "env_runners"
+    with raises(ResultsError, f"resources.{place}", values=named):
         check_room(resources, nodes)
     with pytest.raises(ResultsError):
         check_room(resources, [])

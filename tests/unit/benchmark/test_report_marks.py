@@ -150,5 +150,5 @@ def test_tables_and_pages_say_alike_what_intervals_cover(seeds, label, said):
     rows = measure_cells(pd.concat(parts, ignore_index=True), ["completion_rate"])
     assert [*rows["label"]] == [label]
     (value,) = by_key(rows).values()
-    cell = TableCell("intersection", ALONE, value, value, (), None, (), "", None, False)
+    cell = TableCell("intersection", ALONE, value, value, (), None, (), None, False)
     assert wording.count(cell) == said
