@@ -64,7 +64,7 @@ def agent_episodes(outcomes: Outcomes, *, split="train", variation="", starts_va
     table = pd.DataFrame(rows)
     invalid = sum("invalid" in ends for ends in outcomes)
     table.attrs["episodes"] = {
-        **{"measured": len(outcomes) - invalid, "invalid": invalid, "incomplete": 0, "corrupted": {}},
+        **{"measured": len(outcomes) - invalid, "invalid": invalid, "incomplete": 0, "corrupted": {}}
     }
     return table
 

@@ -118,8 +118,7 @@ def evaluate(
     scenario: Annotated[
         list[str] | None,
         typer.Option(
-            help="Scenario, or SCENARIO@VARIATION. Repeatable.",
-            show_default="those of the training",
+            help="Scenario, or SCENARIO@VARIATION. Repeatable.", show_default="those of the training"
         ),
     ] = None,
     traffic: Annotated[
@@ -127,8 +126,7 @@ def evaluate(
     ] = None,
     episodes: Annotated[int, typer.Option(help="Number of episodes for each mode.", min=1)] = 50,
     mode: Annotated[
-        list[Mode] | None,
-        typer.Option(help="Action selection. Repeatable.", show_default="both"),
+        list[Mode] | None, typer.Option(help="Action selection. Repeatable.", show_default="both")
     ] = None,
     checkpoint: Annotated[
         Literal["last", "best"] | None,

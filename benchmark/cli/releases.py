@@ -108,11 +108,7 @@ def verify(
     from benchmark.running.verifying import write_claims
 
     manifest, folder = submitted(
-        submission,
-        number=version,
-        scenarios=scenario or (),
-        traffic=traffic or (),
-        addresses=address or (),
+        submission, number=version, scenarios=scenario or (), traffic=traffic or (), addresses=address or ()
     )
     test = {"episodes": episodes, "held_out_episodes": held_out_episodes, "fresh": fresh}
 

@@ -49,8 +49,7 @@ def render(
         ),
     ] = None,
     speed: Annotated[
-        float | None,
-        typer.Option(help="Playback speed.", min=0.01, max=1000.0, show_default="1.0"),
+        float | None, typer.Option(help="Playback speed.", min=0.01, max=1000.0, show_default="1.0")
     ] = None,
     width: Annotated[int, typer.Option(help="Image width (pixels).", min=100, max=4000)] = 900,
 ) -> None:

@@ -65,12 +65,7 @@ def robustness(
         if given
     }
     given = Given(
-        episodes,
-        seed,
-        tuple(cell or ()),
-        tuple(algorithm or ()),
-        imports=tuple(import_ or ()),
-        **chosen,
+        episodes, seed, tuple(cell or ()), tuple(algorithm or ()), imports=tuple(import_ or ()), **chosen
     )
 
     def work() -> int:

@@ -19,22 +19,8 @@ FORMATS = (".png", ".jpg", ".pdf", ".svg")
 DAY = 86_400.0
 
 SCENARIO = "Scenario name, folder or map file; NAME@VARIATION for a held-out variation."
-Names = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="SCENARIO",
-        help=SCENARIO,
-        show_default=False,
-    ),
-]
-Name = Annotated[
-    str,
-    typer.Argument(
-        metavar="SCENARIO",
-        help=SCENARIO,
-        show_default=False,
-    ),
-]
+Names = Annotated[list[str] | None, typer.Argument(metavar="SCENARIO", help=SCENARIO, show_default=False)]
+Name = Annotated[str, typer.Argument(metavar="SCENARIO", help=SCENARIO, show_default=False)]
 Seed = Annotated[int, typer.Option(help="Random seed of the traffic.", min=0, max=2**63 - 1)]
 BuildSeed = Annotated[
     int | None,
@@ -46,8 +32,7 @@ BuildSeed = Annotated[
     ),
 ]
 Traffic = Annotated[
-    str | None,
-    typer.Option(help="Traffic variation.", show_default="the last, which has the most vehicles"),
+    str | None, typer.Option(help="Traffic variation.", show_default="the last, which has the most vehicles")
 ]
 
 
@@ -121,8 +106,7 @@ def show(
     everything: Annotated[bool, typer.Option("--all", help="Draw the whole suite on one sheet.")] = False,
     traffic: Traffic = None,
     seconds: Annotated[
-        float,
-        typer.Option(help="Simulated time before the reset (s).", min=0.0, max=DAY),
+        float, typer.Option(help="Simulated time before the reset (s).", min=0.0, max=DAY)
     ] = 0.0,
     seed: Seed = 42,
     edges: Annotated[

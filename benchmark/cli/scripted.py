@@ -35,8 +35,7 @@ COLUMNS = (
 
 def scripted(
     policies: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="POLICY", help="Policies to play.", show_default="all"),
+        list[str] | None, typer.Argument(metavar="POLICY", help="Policies to play.", show_default="all")
     ] = None,
     scenario: Annotated[
         list[str] | None,

@@ -137,9 +137,7 @@ def install(
 
 
 @app.command()
-def kit(
-    out: Annotated[Path, typer.Option(help="Folder of the wheel.")] = Path(),
-) -> None:
+def kit(out: Annotated[Path, typer.Option(help="Folder of the wheel.")] = Path()) -> None:
     """Write the wheel of the agents' kit, which an agent needs on another machine."""
     from benchmark.results.files import named_failures
     from smarts.zoo.kit_wheel import build_wheel

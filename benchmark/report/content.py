@@ -32,14 +32,7 @@ from benchmark.report.ranking import (
     with_seed_differences,
 )
 from benchmark.report.traffic_check import TrafficCheck, traffic_checks
-from benchmark.report.values import (
-    GENERALIZATION,
-    MODES,
-    Key,
-    Value,
-    by_key,
-    measure_cells,
-)
+from benchmark.report.values import GENERALIZATION, MODES, Key, Value, by_key, measure_cells
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.versions import check_one_version
 
@@ -243,11 +236,7 @@ class Report:
         )
 
     def _reasons(
-        self,
-        place: tuple[str, str, str],
-        mode: str,
-        theirs: Sequence[Printed],
-        comparison: Comparison | None,
+        self, place: tuple[str, str, str], mode: str, theirs: Sequence[Printed], comparison: Comparison | None
     ) -> Iterator[str]:
         """Yield why a comparison with the paper does not count."""
         _, *cell = place

@@ -209,11 +209,7 @@ def _letters(number: int) -> str:
 
 
 def _places(
-    table: Frame,
-    letter: str,
-    mode: str,
-    own: Sequence[str],
-    marks: Mapping[tuple[str, str, str, str], Mark],
+    table: Frame, letter: str, mode: str, own: Sequence[str], marks: Mapping[tuple[str, str, str, str], Mark]
 ) -> list[Place]:
     """Return the places under one protocol."""
     table = table[table["mode"].isin([mode, SCRIPTED])]

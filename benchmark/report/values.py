@@ -21,11 +21,7 @@ MODES = ("greedy", "sampled")
 """In the order in which they are shown."""
 GENERALIZATION = "generalization"
 """The metric of both splits; all others are of the training's variations."""
-OUTCOMES = (
-    "completion_rate",
-    "collision_rate",
-    *(name for name in METRICS if name.startswith("ended_")),
-)
+OUTCOMES = ("completion_rate", "collision_rate", *(name for name in METRICS if name.startswith("ended_")))
 """Metrics that are shares of outcomes and add up to 1."""
 LEAST_P = 0.001
 """Smaller p-values are not told apart."""

@@ -9,13 +9,7 @@ from benchmark.experiment.runs import SCRIPTED, with_defaults
 from benchmark.experiment.version import ENVIRONMENT, versions
 from benchmark.report.against_paper import NON_INFERIOR, PASSES, WORDS
 from benchmark.report.content import Report, TableCell
-from benchmark.report.paper import (
-    Printed,
-    algorithm_label,
-    cell_label,
-    counterpart,
-    impossible_sum,
-)
+from benchmark.report.paper import Printed, algorithm_label, cell_label, counterpart, impossible_sum
 from benchmark.report.protocol import described, differing_scenarios, differing_trainings
 from benchmark.results.plurals import counted
 from benchmark.results.versions import version_lines

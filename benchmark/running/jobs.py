@@ -25,14 +25,7 @@ from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_o
 from benchmark.results.files import write_files
 from benchmark.results.reading import packed_contents, run_folder
 from benchmark.results.run_folder import CHECKPOINT, FINISHED, TRAINING, RunFolder
-from benchmark.running.cluster import (
-    check_ray,
-    check_room,
-    is_stopping,
-    learners_on,
-    living_nodes,
-    stopping,
-)
+from benchmark.running.cluster import check_ray, check_room, is_stopping, learners_on, living_nodes, stopping
 from benchmark.running.importing import named_own_code
 from benchmark.running.messages import BACKLOG, STARTING, WAITING, Kept, Message, RunProgress
 from benchmark.running.writing import RunWriter

@@ -288,10 +288,7 @@ class Policy:
                 remedy=f"make it with decision_interval={given.decision_interval}, as in the training",
             )
         self._attached = env.watch(
-            given.observation,
-            given.reward,
-            adapter=given.adapter,
-            adapter_options=given.adapter_options,
+            given.observation, given.reward, adapter=given.adapter, adapter_options=given.adapter_options
         )
         self.reset()
 
@@ -335,13 +332,7 @@ class Policy:
         ended = self._playing_in(1)[0].alive & ~alive
         nothing = np.zeros(alive.shape, bool)
         return JointStep(
-            leaves,
-            np.zeros(alive.shape, np.float32),
-            ended,
-            nothing,
-            alive,
-            np.zeros(1, bool),
-            masks=masks,
+            leaves, np.zeros(alive.shape, np.float32), ended, nothing, alive, np.zeros(1, bool), masks=masks
         )
 
     def _rows_of(

@@ -31,12 +31,7 @@ from smarts_agent_kit.weights import file_digest
 
 
 def write_release(
-    root: Path,
-    out: Path,
-    *,
-    author: str = "",
-    is_partial: bool = False,
-    imports: Sequence[str | Path] = (),
+    root: Path, out: Path, *, author: str = "", is_partial: bool = False, imports: Sequence[str | Path] = ()
 ) -> Manifest:
     """Write the release of an experiment and return its manifest.
 

@@ -78,11 +78,7 @@ def play_test(
     def play_part(part: Part, indices: range, record: Path) -> None:
         with closing(
             environment(
-                run.task_setting,
-                scenarios=part.scenarios,
-                record=record,
-                discount=discount,
-                policy=run.label,
+                run.task_setting, scenarios=part.scenarios, record=record, discount=discount, policy=run.label
             )
         ) as env:
             play(env, indices, part.mode)

@@ -52,9 +52,7 @@ def trained_on(path: Path) -> Trained:
         foreign = [*own_names([content.get("observation"), trained.environment])]
     except (ConfigError, RecursionError) as error:
         raise SmartsError(
-            f"does not say what the policy was trained on: {error}",
-            place=str(path),
-            remedy="export it again",
+            f"does not say what the policy was trained on: {error}", place=str(path), remedy="export it again"
         ) from error
     if foreign:
         raise SmartsError(

@@ -245,11 +245,7 @@ def _table(setting: TaskSetting, agent: BatchAgent, entry: Entry, folder: RunFol
     return read_table(folder.table)
 
 
-def _judged(
-    manifest: Manifest,
-    outcomes: Sequence[_Outcome],
-    again: Mapping[str, Any],
-) -> Iterator[Verdict]:
+def _judged(manifest: Manifest, outcomes: Sequence[_Outcome], again: Mapping[str, Any]) -> Iterator[Verdict]:
     """Yield the verdicts on the entries of a submission.
 
     Args:

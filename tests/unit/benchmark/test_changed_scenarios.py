@@ -13,14 +13,7 @@ from benchmark.results.files import ResultsError
 from benchmark.running.experiment import run_experiment
 from benchmark.running.played import scenario_digests
 from smarts.sstudio.locating import SUITE
-from tests.hand_made_results import (
-    ALONE,
-    SOCIAL,
-    agent_episodes,
-    finish_runs,
-    write_experiment,
-    write_run,
-)
+from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, finish_runs, write_experiment, write_run
 from tests.raising import raises
 
 CONFIG = """

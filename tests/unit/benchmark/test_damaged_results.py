@@ -91,13 +91,7 @@ def test_a_scripted_policy_needs_no_checkpoint_to_be_tested_again(tmp_path):
     assert not folder.is_finished(TESTED)
 
 
-@pytest.mark.parametrize(
-    ("last", "said"),
-    [
-        (b"2,100", ""),
-        (b"2,x,5.0,200,,,,,,\n", "damaged: "),
-    ],
-)
+@pytest.mark.parametrize(("last", "said"), [(b"2,100", ""), (b"2,x,5.0,200,,,,,,\n", "damaged: ")])
 def test_a_line_of_progress_that_was_cut_is_left_out_and_a_damaged_one_is_named(tmp_path, last, said):
     write_experiment(tmp_path)
     folder = RunFolder(write_run(tmp_path, "ppo", [table_of()]))

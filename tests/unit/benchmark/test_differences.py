@@ -74,7 +74,7 @@ def test_a_tie_is_of_entries_between_which_nothing_is_decided():
     table = pd.DataFrame([dict(zip(names, row, strict=True)) for row in rows])
     found = ranks(table.assign(metric="completion_rate"), ["A", "B", "C"])
     assert {name: (each.rank, each.is_tied) for name, each in found.items()} == {
-        **{"A": (2, False), "B": (2, False), "C": (1, False)},
+        **{"A": (2, False), "B": (2, False), "C": (1, False)}
     }
 
 

@@ -4,27 +4,9 @@ import math
 
 import pytest
 
-from benchmark.metrics.encounters import (
-    COLLIDED,
-    FIRST,
-    SECOND,
-    UNRESOLVED,
-    WAITING,
-    find_encounters,
-)
+from benchmark.metrics.encounters import COLLIDED, FIRST, SECOND, UNRESOLVED, WAITING, find_encounters
 from smarts.types.events import Outcome
-from tests.measuring import (
-    CROSS,
-    QUICKLY,
-    SLOWLY,
-    SOUTH_NORTH,
-    WEST_EAST,
-    meeting,
-    sums,
-    term,
-    totals,
-    value,
-)
+from tests.measuring import CROSS, QUICKLY, SLOWLY, SOUTH_NORTH, WEST_EAST, meeting, sums, term, totals, value
 from tests.recordings import LENGTH, Drive, across, at_speed, at_speeds, episode_of
 
 
@@ -89,12 +71,7 @@ class TestOpening:
 
     @pytest.mark.parametrize(
         ("lead", "is_first", "is_second"),
-        [
-            (0.1, False, False),
-            (0.3, True, False),
-            (-0.1, False, False),
-            (-0.3, False, True),
-        ],
+        [(0.1, False, False), (0.3, True, False), (-0.1, False, False), (-0.3, False, True)],
     )
     def test_which_one_is_predicted_first(self, tmp_path, lead, is_first, is_second):
         # The agent arrives in 4 s.
@@ -169,8 +146,7 @@ class TestOrder:
 
 class TestHowItEnds:
     @pytest.mark.parametrize(
-        ("clears", "result", "counts"),
-        [(21.0, SECOND, [1.0, 0.0]), (22.0, WAITING, [0.0, 1.0])],
+        ("clears", "result", "counts"), [(21.0, SECOND, [1.0, 0.0]), (22.0, WAITING, [0.0, 1.0])]
     )
     def test_who_gives_way_clears_the_section_within_15_seconds(self, tmp_path, clears, result, counts):
         # The other enters after (86.5 - 2 - 20) m at 10 m/s, 6.45 s: until 21.5 s the agent may leave.

@@ -52,11 +52,7 @@ def test_a_folder_that_is_not_there_leads_to_the_nearest(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (b"cno_such_module\nName\n.", "no_such_module"),
-        (b"calgorithms.joint", "damaged"),
-    ],
+    ("content", "said"), [(b"cno_such_module\nName\n.", "no_such_module"), (b"calgorithms.joint", "damaged")]
 )
 def test_a_checkpoint_that_cannot_be_read_is_named(tmp_path, content, said):
     file = tmp_path / "state.pkl"

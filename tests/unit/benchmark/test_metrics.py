@@ -9,14 +9,7 @@ from benchmark.metrics.registry import METRICS
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.agent_states import ChangePhase
 from smarts.types.events import Outcome
-from tests.measuring import (
-    ROAD,
-    following,
-    sums,
-    term,
-    totals,
-    value,
-)
+from tests.measuring import ROAD, following, sums, term, totals, value
 from tests.recordings import DT, Drive, at_speed, at_speeds, episode_of
 
 
@@ -244,10 +237,7 @@ class TestOutcomes:
 
     @pytest.mark.parametrize(
         ("gap", "least"),
-        [
-            pytest.param(20.5, 1.6, id="2.1 s at first"),
-            pytest.param(50.0, 3.0, id="5 s at first"),
-        ],
+        [pytest.param(20.5, 1.6, id="2.1 s at first"), pytest.param(50.0, 3.0, id="5 s at first")],
     )
     def test_least_time_to_collision(self, tmp_path, gap, least):
         # 15 m/s behind 5 m/s for half a second.

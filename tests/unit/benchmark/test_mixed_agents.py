@@ -93,10 +93,7 @@ def test_mistakes_are_named(file, change, place, value):
 
 @pytest.mark.parametrize(
     ("change", "place"),
-    [
-        ("algorithms=[dqn]", "algorithms[0]"),
-        ("training.sharing={x: [car, bus]}", "training.sharing"),
-    ],
+    [("algorithms=[dqn]", "algorithms[0]"), ("training.sharing={x: [car, bus]}", "training.sharing")],
 )
 def test_what_cannot_act_as_all_of_them_is_refused(file, change, place):
     with pytest.raises(ConfigError) as caught:

@@ -191,10 +191,7 @@ def test_what_is_none_is_one_message_with_file_and_line(write, folder, change, p
 
 @pytest.mark.parametrize(
     ("imports", "said"),
-    [
-        ("nowhere.py", "there is no such Python file or folder"),
-        ("json.py", "the name 'json' is taken by"),
-    ],
+    [("nowhere.py", "there is no such Python file or folder"), ("json.py", "the name 'json' is taken by")],
 )
 def test_files_that_cannot_be_imported(tmp_path, imports, said):
     for name in ("my-file.py", "json.py"):
@@ -260,12 +257,7 @@ def package(tmp_path):
 
 @pytest.mark.parametrize(
     ("file", "counts"),
-    [
-        ("near.py", True),
-        ("inner/__init__.py", True),
-        ("../own_far.py", True),
-        ("other.py", False),
-    ],
+    [("near.py", True), ("inner/__init__.py", True), ("../own_far.py", True), ("other.py", False)],
 )
 def test_a_digest_covers_what_own_code_imports(package, file, counts):
     imports = [str(package), str(package.parent / "own_far.py")]

@@ -24,9 +24,7 @@ from benchmark.report.radar import axes_of_radar, draw_radar
 from benchmark.report.robustness import robustness_of
 from benchmark.report.style import new_figure
 from benchmark.report.summary import draw_profile, summaries_of
-from benchmark.report.tables import (
-    difference_notes,
-)
+from benchmark.report.tables import difference_notes
 from benchmark.report.values import Value
 from benchmark.report.wording import (
     COUNTERPARTS,
@@ -42,14 +40,7 @@ from benchmark.report.wording import (
 from benchmark.report.writing import differences_csv, write_report
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
-from tests.hand_made_results import (
-    ALONE,
-    SOCIAL,
-    agent_episodes,
-    write_experiment,
-    write_run,
-    write_test,
-)
+from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experiment, write_run, write_test
 
 MIXED = [["goal", "goal"], ["goal", "collision"], ["goal", "goal"], ["collision", "goal"]]
 """6 of 8 agents arrive, 2 collide; episodes are as different as if agents were independent."""
@@ -130,11 +121,7 @@ def test_a_cells_numbers(folder):
     reference = cells_of(report, "keep_lane", "sampled")["intersection", ALONE]
     assert (figures(reference), reference.printed, reference.rank) == ("1.00 / 0.00", (), None)
     missing = cells_of(report, "ppo")["intersection", SOCIAL]
-    assert (figures(missing), missing.comparison, printed_text(missing.printed)) == (
-        "",
-        None,
-        "0.5 / 0.45",
-    )
+    assert (figures(missing), missing.comparison, printed_text(missing.printed)) == ("", None, "0.5 / 0.45")
 
 
 def rate(value, low, high):
@@ -270,7 +257,7 @@ def test_runs_that_must_not_be_averaged_or_compared_do_not_count_and_are_marked(
     report = report_of(tmp_path)
     cells = {row.algorithm: row.cells[0] for row in report.main_table("greedy")}
     assert {name: (cell.unlike, cell.rank) for name, cell in cells.items()} == {
-        **{"dqn": (reason, None), "ppo": ("", 1), "maac": ("", 1)},
+        **{"dqn": (reason, None), "ppo": ("", 1), "maac": ("", 1)}
     }
     assert not cells["dqn"].counts
     assert count(cells["dqn"]).endswith(f"; {reason}")
@@ -294,10 +281,7 @@ def test_only_runs_of_one_protocol_that_may_be_compared_are(tmp_path):
     report = report_of(tmp_path)
     rows = [*csv.DictReader(io.StringIO(differences_csv(report)))]
     pairs = [(row["first"], row["second"]) for row in rows]
-    assert {*pairs} == {
-        ("maac", "ppo"),
-        *(("maac", "parked"), ("networked_q", "parked"), ("parked", "ppo")),
-    }
+    assert {*pairs} == {("maac", "ppo"), *(("maac", "parked"), ("networked_q", "parked"), ("parked", "ppo"))}
     assert len(pairs) == 8
     for row in rows[pairs.index(("maac", "ppo")) :][:1]:
         assert float(row["corrected"]) == pytest.approx(2 * float(row["p_value"]), rel=1e-4)

@@ -49,7 +49,7 @@ EVEN = np.array([True, False, True])
 NEUTRAL = {
     "neutral": Condition(
         label="Dry", meaning="As in training", environment={"friction": 0.9, "action_latency": 0.0}
-    ),
+    )
 }
 
 

@@ -7,17 +7,7 @@ import pytest
 
 from benchmark.metrics.collision_times import time_to_collision
 from smarts.types.events import Outcome
-from tests.measuring import (
-    CROSS,
-    ROAD,
-    WEST_EAST,
-    following,
-    meeting,
-    sums,
-    term,
-    totals,
-    value,
-)
+from tests.measuring import CROSS, ROAD, WEST_EAST, following, meeting, sums, term, totals, value
 from tests.recordings import DT, LENGTH, Drive, across, at_speed, episode_of
 
 
@@ -142,10 +132,7 @@ class TestHardBrakes:
             ROAD,
             Drive(["road_0"], at_speed(driven / steps / DT, steps, 200.0), agent="a", route=["road"]),
             Drive(
-                ["road_0"],
-                at_speed(10.0, steps, 200.0 - LENGTH - gap),
-                acceleration=brakes,
-                route=["road"],
+                ["road_0"], at_speed(10.0, steps, 200.0 - LENGTH - gap), acceleration=brakes, route=["road"]
             ),
         )
         found = sums("hard_brakes", episode)

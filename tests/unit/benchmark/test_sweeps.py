@@ -71,10 +71,7 @@ def test_population_based_training_stays_within_bounds():
     assert explored["hidden"] == [[8], [16]]
 
 
-@pytest.mark.parametrize(
-    "setting",
-    [None, 128, 1e-05, [[0, 0.001], [100000, 1e-05]], "128"],
-)
+@pytest.mark.parametrize("setting", [None, 128, 1e-05, [[0, 0.001], [100000, 1e-05]], "128"])
 def test_tables_of_trials_hold_settings_as_they_are(experiment, tmp_path, setting):
     table = pd.DataFrame({"lr": [text_of(setting), text_of(7)], "completion": [0.9, 0.1], "trial_id": "a"})
     table.to_csv(tmp_path / "trials.csv", index=False)

@@ -12,15 +12,7 @@ from benchmark.metrics import read_table
 from benchmark.report.leaderboard import make_leaderboard, write_leaderboard
 from benchmark.report.submissions import MAY_EXCHANGE, Submitted, marks_of
 from benchmark.results.files import ResultsError, write_json
-from benchmark.results.release import (
-    CONFIRMED,
-    MANIFEST,
-    MARKED,
-    REFUSED,
-    Entry,
-    episode_digests,
-    scores_of,
-)
+from benchmark.results.release import CONFIRMED, MANIFEST, MARKED, REFUSED, Entry, episode_digests, scores_of
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import judging, verifying
 from benchmark.running.judging import differences, equal_digests, memorized, p_value

@@ -57,12 +57,7 @@ LANES, PEDALS = Discrete(4), Box(-1.0, 1.0, (3,), np.float32)
 
 @pytest.mark.parametrize(
     ("returned", "space", "line"),
-    [
-        ("None", LANES, 9),
-        ("4", LANES, 9),
-        ("1 / 0", LANES, 10),
-        ("[0.0, 0.0]", PEDALS, 9),
-    ],
+    [("None", LANES, 9), ("4", LANES, 9), ("1 / 0", LANES, 10), ("[0.0, 0.0]", PEDALS, 9)],
 )
 def test_what_is_no_action_is_one_error_with_policy_file_and_line(tmp_path, returned, space, line):
     file, decide = act(tmp_path, returned, space)
