@@ -132,14 +132,7 @@ class AdapterDictEnv(DictEnv):
         adapted = self._with_mask(name, spec.info_adapter(seen, reward, info))
         if not acted:
             return reward, adapted
-        given = spec.reward_adapter(seen, reward)
-        if not isinstance(given, int | float | np.number):
-            raise InterfaceError(
-                f"the reward adapter of agent {name!r} returns {given!r}",
-                place="AgentSpec.reward_adapter",
-                remedy="let it return a number",
-            )
-        return given, adapted
+        return spec.reward_adapter(seen, reward), adapted
 
     def _read_masks(self) -> None:
         self._masks = [group.action_mask() for group in self._groups]

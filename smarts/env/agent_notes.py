@@ -26,38 +26,6 @@ REWARD_TERM = "reward/"
 """Begins the names of annotations with terms of rewards."""
 
 
-class RewardTerms:
-    """Each term of some agents' weighted reward by itself; their sum is the reward.
-
-    Args:
-        context: The agents.
-        weights: Of the reward.
-    """
-
-    def __init__(self, context: AdapterContext, weights: RewardWeights) -> None:
-        given = {name: value for name, value in dataclasses.asdict(weights).items() if value}
-        discount = given.pop("discount", 0.0)
-        self._parts = {
-            name: Rewards(context, RewardWeights(**{name: value, "discount": discount}))
-            for name, value in given.items()
-        }
-
-    def collect(self, frame: Frame, is_last: bool) -> None:
-        """Accumulate a step of a decision."""
-        for part in self._parts.values():
-            part.collect(frame, is_last)
-
-    def reset(self, egos: Bools) -> None:
-        """Begin episodes of some of the agents, shape (B, G)."""
-        for part in self._parts.values():
-            part.reset(egos)
-
-    @property
-    def values(self) -> dict[str, NDArray]:
-        """Terms of the last decision by name, shape (B, G) each."""
-        return {name: part.values for name, part in self._parts.items()}
-
-
 class RewardNotes:
     """Adds to the record what the rewards of agents consist of.
 
@@ -80,33 +48,35 @@ class RewardNotes:
         self._agent_ids, self._columns, self._runner = context.agent_ids, columns, runner
         self._mask = np.zeros(runner.alive.shape, np.bool_)
         self._mask[:, columns] = has_terms
-        self._terms = RewardTerms(context, weights) if weights is not None and any(has_terms) else None
+        self._terms = _terms(context, weights) if weights is not None and any(has_terms) else {}
         self._is_followed = np.zeros(runner.alive.shape, np.bool_)  # from the beginning of its episode
         self._follows = False  # any of them
 
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Accumulate a step of a decision."""
-        if self._terms is None or not self._follows:
+        if not self._follows:
             return
         if self._runner.wants_terms:
-            self._terms.collect(frame, is_last)
+            for term in self._terms.values():
+                term.collect(frame, is_last)
         else:
             self._is_followed[:], self._follows = False, False
 
     def reset(self, egos: Bools) -> None:
         """Begin episodes of these egos, shape (B, E); their terms are followed if they are wanted now."""
-        if self._terms is not None:
+        if self._terms:
             self._is_followed[egos] = self._runner.wants_terms
             self._follows = bool(self._is_followed.any())
-            self._terms.reset(egos[:, self._agent_ids])
+            for term in self._terms.values():
+                term.reset(egos[:, self._agent_ids])
 
     def before_decision(self) -> None:
         """Do nothing: rewards come after decisions."""
 
     def rewards(self) -> dict[str, NDArray]:
         """Return the terms of the last decision by the names of annotations, shape (B, E) each."""
-        terms = {} if self._terms is None or not self._follows else self._terms.values
-        return {f"{REWARD_TERM}{name}": self._wide(values) for name, values in terms.items()}
+        terms = self._terms if self._follows else {}
+        return {f"{REWARD_TERM}{name}": self._wide(term.values) for name, term in terms.items()}
 
     @property
     def mask(self) -> Bools:
@@ -179,3 +149,13 @@ def _weights(settings: EnvSettings) -> RewardWeights | None:
         return None
     weights = given_weights(reward)
     return weights if settings.discount is None else dataclasses.replace(weights, discount=settings.discount)
+
+
+def _terms(context: AdapterContext, weights: RewardWeights) -> dict[str, Rewards]:
+    """Return each term of some agents' weighted reward by itself; their sum is the reward."""
+    given = {name: value for name, value in dataclasses.asdict(weights).items() if value}
+    discount = given.pop("discount", 0.0)
+    return {
+        name: Rewards(context, RewardWeights(**{name: value, "discount": discount}))
+        for name, value in given.items()
+    }

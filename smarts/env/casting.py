@@ -34,12 +34,12 @@ from smarts.agents.social import (
 )
 from smarts.agents.spec import AgentSpec
 from smarts.bubbles.placing import agent_actor
-from smarts.env.bubble_drivers import check_action, check_drivers
 from smarts.errors import OwnCodeError, SmartsError, nearest_names
 from smarts.observations.lists import feature_list
 from smarts.sim.social_starts import wanted_by
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.built import BuiltScenario
+from smarts.types.actions import ActionSpaceType
 from smarts.zoo import find_entry, make_spec, search
 from smarts.zoo.serving import starter
 
@@ -101,7 +101,6 @@ def cast_of(
     added: Sequence[SocialAgents] = (),
     learning: BubbleLearning | None = None,
     hosts: HostsByLocator = HOSTS_HERE,
-    learner: AgentInterface | None = None,
 ) -> Cast:
     """Return the social policies of a run.
 
@@ -110,11 +109,10 @@ def cast_of(
         added: What the environment asks for.
         learning: In which bubbles the learning agents drive.
         hosts: Where agents act, by locator.
-        learner: Interface of the learning agents, to be checked against the bubbles in which they drive.
 
     Raises:
         SmartsError: A locator or its arguments are unknown; an agent cannot be made, does not act, or not
-            where it is to; a scenario has no bubble to learn in; or agents cannot drive a bubble's vehicles.
+            where it is to; or a scenario has no bubble to learn in.
     """
     casting = Casting(hosts=hosts)
     if learning:
@@ -123,7 +121,6 @@ def cast_of(
         search(built.source)
         for part in _parts(built, learning):
             casting.add(part)
-        check_drivers(built, casting.policies, casting.numbers, learning, learner)
     extra = [
         (casting.add(Part(each.agent, each.agent, each.options, "social_agents")), each.count)
         for each in added
@@ -158,16 +155,12 @@ def _check_learning(scenarios: Sequence[BuiltScenario], learning: BubbleLearning
         built.name: [bubble.id for bubble in built.scenario.bubbles or () if agent_actor(bubble)]
         for built in scenarios
     }
-    known = [*dict.fromkeys(bubble for ids in found.values() for bubble in ids)]
-    for bubble in learning.bubbles:
-        if bubble not in known:
-            raise InterfaceError(
-                f"there is no bubble {bubble!r}",
-                place="learn_in_bubbles",
-                remedy=nearest_names(bubble, known) if known else "use scenarios with bubbles",
-            )
+    known = {bubble for ids in found.values() for bubble in ids}
+    for bubble in {*learning.bubbles} - known:
+        remedy = nearest_names(bubble, known) if known else "use scenarios with bubbles"
+        raise InterfaceError(f"there is no bubble {bubble!r}", place="learn_in_bubbles", remedy=remedy)
     for name, ids in found.items():
-        if not any(learning.has(bubble) for bubble in ids):
+        if not any(map(learning.has, ids)):
             raise InterfaceError(
                 f"the scenario {name!r} has no bubble in which agents learn",
                 place="learn_in_bubbles",
@@ -318,5 +311,10 @@ def _interface(spec: AgentSpec, place: str) -> AgentInterface:
             place=place,
             remedy="give AgentSpec(interface=AgentInterface(...))",
         )
-    check_action(interface, place)
+    if interface.action in (None, ActionSpaceType.Empty):
+        raise InterfaceError(
+            f"the interface's action is {interface.action!r}: the agent cannot drive",
+            place=place,
+            remedy="give AgentInterface(action=...) an action type such as ActionSpaceType.Lane",
+        )
     return interface

@@ -133,19 +133,9 @@ class HiWayEnv(DictEnvApi, gym.Env):
         Returns:
             The adapter, with the latest `observations` and `rewards`; its agents are all of the
             environment's, in the order of `agent_ids`.
-
-        Raises:
-            InterfaceError: The agents differ in how they act or how long they may drive.
         """
-        interfaces = self._interfaces
-        if len({(each.action, each.max_episode_steps) for each in interfaces.values()}) > 1:
-            raise InterfaceError(
-                "the agents differ in how they act or how long they may drive",
-                place="HiWayEnv.watch",
-                remedy="give them equal interfaces",
-            )
         runner = self._env.runner
-        context = context_of(runner.scene, interfaces, 0, runner.period)
+        context = context_of(runner.scene, self._interfaces, 0, runner.period)
         make = adapter_class(adapter, adapter_options)
         made = make(context, observation, reward, discount, **(adapter_options or {}))
         runner.listen(made)

@@ -52,12 +52,6 @@ class PyMARLEnv(NotCopied):
         reward_scalarisation: Literal["sum", "mean"] = "sum",
         **options: Unpack[EnvOptions],
     ) -> None:
-        if reward_scalarisation not in ("sum", "mean"):
-            raise InterfaceError(
-                f"reward_scalarisation={reward_scalarisation!r}",
-                place="PyMARLEnv",
-                remedy="give 'sum' or 'mean'",
-            )
         settings = make_settings("PyMARLEnv", scenarios, agents, options=options)
         refuse_bubbles("PyMARLEnv", settings)
         self.episode_limit = _most_decisions(settings.interfaces(), settings.decision_interval)
@@ -100,17 +94,10 @@ class PyMARLEnv(NotCopied):
             ended the episode.
 
         Raises:
-            ActionError: An action is not among the agent's; there is not one for each agent; the episode is
-                over, or none has begun.
+            ActionError: An action is not among the agent's; the episode is over, or none has begun.
         """
         if not self._plays:
             raise ActionError("no episode is played", place="PyMARLEnv.step", remedy="call reset()")
-        if len(actions) != self.n_agents:
-            raise ActionError(
-                f"{len(actions)} actions for {self.n_agents} agents: {list(actions)}",
-                place="PyMARLEnv.step",
-                remedy=f"give one for each of {', '.join(self.agents)}; those of absent agents do nothing",
-            )
         was_there = self._env.present
         chosen = dict(zip(self.agents, (int(action) for action in actions), strict=True))
         observations, by_agent, _, truncated, infos = self._env.step(chosen)

@@ -203,17 +203,15 @@ class EnvSettings:
             scenarios,
             list(interfaces.values()),
             agents=list(interfaces),
-            cast=self._cast(scenarios, learning, next(iter(interfaces.values()))),
+            cast=self._cast(scenarios, learning),
             looked_at=observed,
             worlds=self.num_envs,
             seed=self.seed,
             options=shown(self.simulation, self.envision),
         )
 
-    def _cast(
-        self, scenarios: Sequence[BuiltScenario], learning: BubbleLearning | None, learner: AgentInterface
-    ) -> Cast:
-        """Return the social policies of the run; `learner` is the interface of the learning agents."""
+    def _cast(self, scenarios: Sequence[BuiltScenario], learning: BubbleLearning | None) -> Cast:
+        """Return the social policies of the run."""
         added, hosts = social_agents(self.social_agents), hosts_of(self.hosts)
         described = any(built.scenario.bubbles or built.scenario.social_agent_missions for built in scenarios)
         if not (described or added or learning or hosts):
@@ -221,7 +219,7 @@ class EnvSettings:
         # Only runs with social agents wait for the zoo.
         from smarts.env.casting import cast_of
 
-        return cast_of(scenarios, added, learning, hosts, learner)
+        return cast_of(scenarios, added, learning, hosts)
 
     def _build(self, scenario: str | Path, egos: int) -> BuiltScenario:
         built = build_scenario(scenario, egos=egos)
@@ -315,12 +313,6 @@ def check_agents(agents: Any) -> None:
     if not agents:
         raise InterfaceError("there are no agents", place="agents", remedy="name at least one")
     for name, given in agents.items():
-        if not isinstance(name, str) or name in ("", ALL):
-            raise InterfaceError(
-                f"an agent is called {name!r}",
-                place="agents",
-                remedy=f"give texts as names, not empty ones and not {ALL!r}, which stands for the episode",
-            )
         if not isinstance(_interface(given), AgentInterface):
             raise InterfaceError(
                 f"the interface of agent {name!r} is {_interface(given)!r}",

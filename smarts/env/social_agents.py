@@ -5,7 +5,6 @@ Axis letters: B simulations, A agents, C columns of an interface, N agents of a 
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Collection, Mapping
 from functools import cache
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 
 from smarts.agents.acting import Answer, Failed, Late, Request
 from smarts.agents.hosting.hosts import Hosts
-from smarts.agents.hosting.options import HostError
 from smarts.agents.policy import ActionBatch
 from smarts.agents.social import SocialPolicy, interface_of
 from smarts.arrays import Bools
@@ -33,14 +31,10 @@ from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.frame import Frame
 from smarts.types.streams import hold_seed
 from smarts.types.vehicles import Owner
-from smarts_agent_kit.wire import LARGEST, LARGEST_HEAD
 
 # Numbers: to compare an array with a member of an enumeration takes three times as long.
 _ACTIVE, _SHADOWING = int(AgentStatus.ACTIVE), int(AgentStatus.SHADOWING)
 
-
-REST = 64
-"""Bytes of a request for each agent, beside its observation."""
 
 Places = NDArray[np.intp]
 """Simulations, or columns, of N agents, shape (N,)."""
@@ -58,7 +52,6 @@ class SocialAgentRequests:
         encoder: Takes the actions.
 
     Raises:
-        HostError: The requests to an agent elsewhere would be too large.
         Exception: Whatever an agent raises when it is made.
     """
 
@@ -70,9 +63,6 @@ class SocialAgentRequests:
         self._observers = [
             _Observer(assembly, number, policy) for number, policy in enumerate(self._policies)
         ]
-        for policy, observer in zip(self._policies, self._observers, strict=True):
-            if policy.start is not None:
-                _check_size(policy, observer.largest_request, self._world.worlds)
         shape = self._world.agents.slot.shape
         self._asked = np.zeros(shape, np.int64)  # the last hold of each column that was asked
         self._failed = np.zeros(shape, np.int64)  # the last that failed
@@ -266,17 +256,6 @@ def _shape_of(kind: int) -> tuple[int, ...]:
     return action_space(kind).shape or ()
 
 
-def _check_size(policy: SocialPolicy, size: int, worlds: int) -> None:
-    """Raise if a request for all of a policy's columns is more than a message holds."""
-    if size > LARGEST:
-        raise HostError(
-            f"a request has up to {size / 2**20:.1f} MB in {worlds} simulations, and a message at most "
-            f"{LARGEST // 2**20} MB",
-            place=f"agent {policy.locator!r}",
-            remedy="step fewer simulations together, or let the agent observe less",
-        )
-
-
 class _Observer:
     """Makes the observations of one policy's agents as arrays; none for a policy that gets objects."""
 
@@ -299,14 +278,6 @@ class _Observer:
         )
         self._array = ArrayObservation(context, policy.observation)
         self._mask = np.zeros((assembly.simulation.world.worlds, len(agent_ids)), np.bool_)
-
-    @property
-    def largest_request(self) -> int:
-        """Bytes of a request for all columns in all simulations."""
-        if self._array is None:
-            return 0
-        seen = sum(math.prod(field.shape) * np.dtype(field.dtype).itemsize for field in self._array.fields)
-        return self._mask.size * (seen + REST) + LARGEST_HEAD
 
     def observe(self, rows: Places, columns: Places, is_first: Bools) -> dict[str, Any]:
         """Return copies of the observations of some agents by field, shape (N, *shape).

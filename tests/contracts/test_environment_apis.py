@@ -7,35 +7,13 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 from ray.rllib.utils.pre_checks.env import check_multiagent_environments
 
 from smarts.agents import AgentInterface, AgentPolicy, AgentSpec, AgentType
-from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, hiway_parallel_env
 from smarts.observations.lists import observation_names
 
 SCENARIOS = (
     "intersection",
     *(pytest.param(name, marks=pytest.mark.nightly) for name in ("double_merge", "two_way")),
 )
-PARTS = {
-    "VectorStep": {
-        "observations",
-        "rewards",
-        "terminated",
-        "truncated",
-        "alive",
-        "reset",
-        "final",
-        "masks",
-        "state",
-        "graph",
-        "failed",
-        "metrics",
-    },
-    "Final": {"rows", "observations", "masks", "state", "graph"},
-    "Spaces": {"blocks", "state", "has_graph"},
-    "Block": {"agents", "observation", "action", "masked"},
-}
-"""The fields that learners use, as in `algorithms.joint.env`; neither side imports the other."""
-MORE = {"VectorStep": {"social_failures", "social_infos"}}
-"""The fields that they do not use."""
 
 
 @pytest.fixture(params=SCENARIOS)
@@ -79,20 +57,6 @@ def test_rllib(scenario, masks):
     env = RLlibHiWayEnv({"scenarios": [scenario], "agent_specs": 2, "seed": 1, "headless": True, **masks})
     try:
         check_multiagent_environments(env)
-    finally:
-        env.close()
-
-
-def test_vector_environments_have_the_learners_fields():
-    env = VectorHiWayEnv(1, ["two_way"])
-    try:
-        step = env.reset(3)
-        for _ in range(300):
-            step = env.step([[[0, 0, 0, 0]]])
-            if step.final is not None:
-                break
-        parts = {"VectorStep": step, "Final": step.final, "Spaces": env.spaces, "Block": env.spaces.blocks[0]}
-        assert {name: set(part._fields) - MORE.get(name, set()) for name, part in parts.items()} == PARTS
     finally:
         env.close()
 

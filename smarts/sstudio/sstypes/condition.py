@@ -255,14 +255,6 @@ def parts(condition: Condition) -> Iterator[Condition]:
             yield from parts(part)
 
 
-def demanded(condition: Condition) -> Iterator[Condition]:
-    """Yield conditions that all hold whenever a condition does: itself, and parts that "and" combines."""
-    yield condition
-    if isinstance(condition, CompoundCondition) and condition.operator == ConditionOperator.CONJUNCTION:
-        yield from demanded(condition.first_condition)
-        yield from demanded(condition.second_condition)
-
-
 def _truth(holds: bool) -> ConditionState:
     return ConditionState.TRUE if holds else ConditionState.FALSE
 

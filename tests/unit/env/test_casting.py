@@ -11,7 +11,6 @@ from smarts.agents.social import SocialAgents
 from smarts.env import HiWayEnv, VectorHiWayEnv
 from smarts.env.casting import cast_of
 from smarts.errors import SmartsError
-from smarts.sim.assembly import Options
 from smarts.sim.schedule import Schedule
 from smarts.sstudio.build import build_scenario
 from smarts.types.agent_states import AgentStatus, agent_names
@@ -99,24 +98,6 @@ def test_groups_enter_at_once_or_take_turns(scenario):
     assert schedule.vias == 2
 
 
-def test_egos_are_as_without_social_agents(scenario):
-    built = [build_scenario(scenario)]
-    with_others, alone = schedule_of([scenario], 1), Schedule(built, agent_names(1))
-    for episode in range(3):
-        assert with_others.start(0, episode).agents[0] == alone.start(0, episode).agents[0]
-        assert len(alone.start(0, episode).agents) == 1
-
-
-def test_agents_that_count_in_steps_of_another_length_are_refused(closing):
-    other = Options(dt=0.05)
-    driver = [{"agent": "mobil-v0", "count": 1}]
-    with raises(InterfaceError, "Options.dt", values=["0.05", "0.1", "'mobil-v0'"]):
-        VectorHiWayEnv(1, ["intersection"], 1, social_agents=driver, simulation=other)
-    closing(VectorHiWayEnv(1, ["intersection"], 1, social_agents=driver))
-    drawn = [{"agent": "random-v0", "count": 1}]
-    closing(VectorHiWayEnv(1, ["intersection"], 1, social_agents=drawn, simulation=other))
-
-
 def test_social_agents_of_a_scenario_drive_in_every_environment(scenario):
     env = VectorHiWayEnv(2, [scenario], agents=1)
     try:
@@ -183,8 +164,6 @@ def test_more_agents_than_missions():
         {"agent": "smarts.zoo:nobody-v0"},
         {"agent": KEEP_LANE, "options": {"colour": "red"}},
         {"agent": KEEP_LANE, "number": 2},
-        {"count": 2},
-        KEEP_LANE,
     ],
 )
 def test_what_is_no_social_agent(added):
@@ -200,69 +179,3 @@ def test_an_unknown_locator_in_a_scenario_names_its_actor(tmp_path):
     assert "'pair'" in error.value.place
     assert "'first'" in error.value.place
     assert "nobody-v0" in error.value.problem
-
-
-FAILING = """
-from smarts.agents import Agent, AgentInterface, AgentSpec, ActionSpaceType, DoneCriteria
-from smarts.zoo import register
-
-class Fails(Agent):
-    def act(self, obs):
-        raise SystemExit("no idea")
-
-def spec():
-    return AgentSpec(AgentInterface(action=ActionSpaceType.Lane, done_criteria=DoneCriteria()), Fails)
-
-register("fails-v0", spec)
-"""
-
-
-def test_failures_in_the_steps_of_a_reset_are_in_its_infos(tmp_path, monkeypatch):
-    (tmp_path / "failing_agents.py").write_text(FAILING)
-    monkeypatch.syspath_prepend(tmp_path)
-    folder = written(tmp_path / "waiting", "failing_agents:fails-v0")
-    script = (folder / "scenario.py").read_text()
-    ego = '("west_out", 0, 60)'
-    assert ego + ")]" in script
-    (folder / "scenario.py").write_text(script.replace(ego + ")]", ego + ", 2.0)]"))
-    env = HiWayEnv([folder], {"me": benchmark_interface()})
-    try:
-        _, infos = env.reset(seed=1)
-        failures = infos["me"]["social_failures"]
-        raised = f"raised SystemExit: no idea ({tmp_path / 'failing_agents.py'}:7)"
-        assert failures["social-agent-pair-first"] == raised
-        *_, infos = env.step({"me": "keep_lane"})
-        assert "social-agent-pair-first" not in infos["me"].get("social_failures", {})
-    finally:
-        env.close()
-
-
-BUS = 't.VehicleTypeCondition("bus")'
-BUSES = f"airlock_condition={BUS}"
-CARS_TOO = f'{BUSES}.disjunction(t.VehicleTypeCondition("passenger"))'
-LATER_BUSES = f"airlock_condition=t.TimeWindowCondition(1, 9).conjunction({BUS})"
-
-
-@pytest.mark.parametrize(
-    ("vehicle", "condition", "fits"),
-    [
-        *(("bus", "", False), ("truck", BUSES, False), ("bus", CARS_TOO, False)),
-        *(("bus", LATER_BUSES, True), ("sedan", "", True)),
-    ],
-)
-def test_an_agent_that_asks_for_another_vehicle_than_comes_into_its_bubble(
-    tmp_path, vehicle, condition, fits
-):
-    folder = written(tmp_path / "crossing")
-    driver = f'actor("driver", "{KEEP_LANE}", policy_kwargs={{"vehicle_class": "{vehicle}"}})'
-    bubble = f't.Bubble(t.PositionalZone((0, 0), (40, 40)), {driver}, id="middle", {condition})'
-    text = (folder / "scenario.py").read_text()
-    text = text.replace("        ego_missions", f"        bubbles=[{bubble}],\n        ego_missions")
-    (folder / "scenario.py").write_text(text)
-    if fits:
-        assert cast_of([build_scenario(folder)]).policies
-        return
-    with pytest.raises(InterfaceError) as error:
-        VectorHiWayEnv(1, [folder], agents=1)
-    assert "bubble 'middle', actor 'driver'" in error.value.place
-    assert repr(vehicle) in error.value.problem

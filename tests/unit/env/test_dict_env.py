@@ -1,14 +1,11 @@
 """Environments with agents by name: results, errors, and settings."""
 
-import itertools
-
 import numpy as np
 from ray.rllib.env.env_context import EnvContext
 
-from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec, AgentType, DoneCriteria
-from smarts.agents.options import Waypoints
-from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
-from smarts.errors import ActionError, SmartsError
+from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec, AgentType
+from smarts.env import HiWayEnv, RLlibHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.errors import SmartsError
 from smarts.sim.assembly import Options
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from tests.raising import raises
@@ -38,17 +35,6 @@ def test_a_loop_that_acts_for_all_it_has_observations_of(closing):
     assert env.step({"a": "keep_lane"})[0] == {}
 
 
-def test_what_was_closed_or_never_reset_is_not_stepped(closing):
-    env = closing(HiWayEnv(["loop"], specs("a")))
-    with raises(SmartsError, "step", values=["reset()"]):
-        env.step({"a": 0})
-    env.reset()
-    env.close()
-    for call in (lambda: env.step({"a": 0}), env.reset):
-        with raises(SmartsError, "SimulationRunner"):
-            call()
-
-
 def test_only_the_traffic_that_was_asked_for(tmp_path):
     options = {"traffic": ["random_social_vehicles"], "simulation": Options(record=tmp_path)}
     env = hiway_parallel_env(["loop"], 1, **options)
@@ -59,22 +45,6 @@ def test_only_the_traffic_that_was_asked_for(tmp_path):
     assert played == ["random_social_vehicles"] * 3
     with raises(SmartsError, values=["no_such"]):
         hiway_parallel_env(["loop"], 1, traffic=["no_such"])
-
-
-def test_tyres_are_those_of_the_interface(closing):
-    def end(**tyres):
-        interface = AgentInterface(action=ActionSpaceType.Continuous, **tyres)
-        env = closing(HiWayEnv(["loop"], specs("a", interface=interface)))
-        env.reset(seed=1)
-        for _ in range(15):
-            seen, *_ = env.step({"a": (1.0, 0.0, 0.0)})
-        return seen["a"].ego_vehicle_state
-
-    sound, flat, linear = end(), end(flat_tyres=(0,)), end(tyre_model="linear")
-    assert flat.speed < sound.speed - 0.05
-    # What rolls harder on the left pulls to the left.
-    assert np.sin(float(flat.heading) - float(sound.heading)) > 1e-3
-    assert linear.position != sound.position
 
 
 def test_seeds_and_episodes(closing):
@@ -111,20 +81,6 @@ def test_adapters_of_the_spec(closing):
     assert observations["a"] < 0.1
 
 
-def test_infos_count_the_paths_that_do_not_fit(closing):
-    for paths, is_short in ((8, False), (1, True)):
-        interface = LANER.replace(waypoint_paths=Waypoints(paths=paths))
-        env = closing(HiWayEnv(["intersection"], specs("a", interface=interface)))
-        seen, infos = env.reset()
-        stepped = env.step({})
-        for each, info in ((seen["a"], infos["a"]), (stepped[0]["a"], stepped[4]["a"])):
-            assert ("left_out" in info) == is_short
-            own = each.ego_vehicle_state.lane_index
-            assert own in [path[0].lane_index for path in each.waypoint_paths]
-        if is_short:
-            assert info["left_out"]["waypoint_paths"] >= 1
-
-
 def test_agents_with_different_interfaces_side_by_side(closing):
     mixed = {
         "lane": LANER,
@@ -143,29 +99,6 @@ def test_agents_with_different_interfaces_side_by_side(closing):
     assert after["pedals"] > before["pedals"] + 1.0
     assert after["lane"] < max(before["lane"], 0.2)
     assert after["lane again"] < max(before["lane again"], 0.2)
-
-
-def test_a_single_agent_is_asked_to_reset_when_it_is_over(closing):
-    env = closing(SingleHiWayEnv(["two_way"]))
-    with raises(SmartsError, "step", values=["reset()"]):
-        env.step(0)
-    env.reset(seed=1)
-    for _ in itertools.count():
-        *_, terminated, truncated, info = env.step(0)
-        if terminated or truncated:
-            break
-    assert info["outcome"]
-    with raises(ActionError, "SingleHiWayEnv.step", values=["reset()"]):
-        env.step(0)
-
-
-def test_the_benchmarks_observation_serves_other_actions_without_a_mask(closing):
-    pedals = LANER.replace(action=ActionSpaceType.Continuous, done_criteria=DoneCriteria())
-    env = closing(hiway_parallel_env(["loop"], {"a": pedals}))
-    observations, infos = env.reset(seed=1)
-    assert env.action_space("a").shape == (3,)
-    assert env.observation_space("a").contains(observations["a"])
-    assert "action_mask" not in infos["a"]
 
 
 def test_each_environment_runner_of_rllib_plays_episodes_of_its_own(closing):

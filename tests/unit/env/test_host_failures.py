@@ -11,7 +11,6 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from smarts_agent_kit.service import LONGEST_PROBLEM
 from tests.hosting import (
     DRAWING,
     environment,
@@ -35,33 +34,6 @@ def test_an_agent_that_misbehaves_fails_alone(how):
     _, failures = played(social, hosts, count=6)
     (named,) = failures.values()
     assert len(named) == 2
-
-
-def test_an_agent_that_ends_itself_names_its_exit_code():
-    social, hosts = hosted("leave", patience=60.0)
-    _, failures = played(social, hosts, count=6)
-    assert len(failures[0]) == 2
-    assert all("exit code 7" in said for said in failures[0].values())
-
-
-@pytest.mark.parametrize("how", ["fork", "print_much", "read_input"])
-def test_an_agent_may_do_what_changes_nothing(how, capfd):
-    social, hosts = hosted(how)
-    _, failures = played(social, hosts, count=8)
-    assert failures == {}
-    out, err = capfd.readouterr()
-    assert "x" * 100 not in out
-    assert ("x" * 100 in err) == (how == "print_much")
-
-
-def test_what_an_agent_raises_is_said_in_the_same_words_everywhere():
-    social, hosts = hosted("raise_lines")
-    states, failures = played(social, hosts, count=6)
-    assert (states, failures) == played(social, {}, count=6)
-    (named,) = failures.values()
-    assert all(each.isprintable() and len(each) <= LONGEST_PROBLEM for each in named.values())
-    assert all("ValueError: not today" in each for each in named.values())
-    assert all(re.search(r"hosted_agents\.py:\d+\)$", each) for each in named.values())
 
 
 def test_a_host_that_is_stopped_is_ended_and_started_again():

@@ -2,8 +2,6 @@
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from contextlib import closing
 from itertools import pairwise
@@ -61,34 +59,6 @@ def test_a_reset_in_mid_episode_changes_nothing():
     assert found[0] == found[1]
 
 
-FORKED = """
-import os
-from smarts.agents.hosting.options import HostError
-from tests.hosting import DRAWING, environment, steps
-from tests.leftovers import descendants
-env = environment([{"agent": DRAWING, "count": 2}], {"*": "process"})
-env.reset()
-[*steps(env, 3)]
-child = os.fork()
-if child == 0:
-    try:
-        [*steps(env, 1)]
-    except HostError:
-        env.close()
-        os._exit(3)
-    os._exit(1)
-assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 3
-assert not any(result.social_failures for result in steps(env, 5))
-env.close()
-assert not descendants()
-"""
-
-
-def test_an_environment_that_is_forked_in_mid_episode_is_the_parents():
-    """And its agents end with it although the child has copies of all."""
-    subprocess.run([sys.executable, "-c", FORKED], check=True, timeout=60)
-
-
 def test_late_decisions_of_policies_with_one_name_are_added_up():
     """Policies of one locator with different options; both are stopped, and one may have answered before."""
     social = [{"agent": MISBEHAVING, "options": {"how": how}} for how in ("sleep", "nothing")]
@@ -120,27 +90,6 @@ def test_an_agent_of_this_process_is_never_late():
         environment([{"agent": DRAWING}], {DRAWING: {"deadline_ms": 10.0}})
 
 
-FORKED_BEFORE = """
-import os
-from tests.hosting import DRAWING, environment, steps
-from tests.leftovers import descendants
-env = environment([{"agent": DRAWING}], {DRAWING: {"where": "process"}})
-child = os.fork()
-env.reset()
-started = descendants()
-assert not any(result.social_failures for result in steps(env, 3))
-assert child or descendants() == started
-env.close()
-if not child:
-    os._exit(0)
-assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-"""
-
-
-def test_an_environment_that_is_forked_before_its_first_reset_starts_its_agents_once():
-    subprocess.run([sys.executable, "-c", FORKED_BEFORE], check=True, timeout=60)
-
-
 @pytest.mark.parametrize("where", ["in_process", "process"])
 def test_delayed_actions_are_those_of_earlier_steps(where):
     """An agent that is delayed by d steps acts at step k + d as it decided at step k."""
@@ -165,12 +114,8 @@ def test_delayed_actions_are_those_of_earlier_steps(where):
     "given",
     [
         {"idm-v0": "elsewhere"},
-        {"idm-v0": {"where": "process", "patience": 0}},
         {"idm-v0": {"patiense": 3}},
-        {"idm-v0": {"deadline_ms": 20.0, "delay_steps": 1}},
-        {"idm-v0": {"delay_steps": 1.5}},
         {"mobil-v0": "process"},
-        "process",
     ],
 )
 def test_hosts_that_cannot_be_are_errors_before_the_first_step(given):
@@ -186,22 +131,6 @@ def test_an_agent_of_objects_acts_in_this_process_alone():
     with closing(environment([{"agent": describing}], {"*": "process"})) as env:
         env.reset()
         assert not host_of(env).links
-
-
-def test_requests_that_no_message_holds_are_an_error_before_the_first_step():
-    large = "tests.hosted_agents:large-v0"
-    with pytest.raises(HostError) as raised:
-        environment([{"agent": large}], {large: "process"})
-    assert large in raised.value.place
-
-
-def test_an_agent_that_cannot_be_made_elsewhere_is_one_error():
-    """The folder of its module is gone when the process starts."""
-    with closing(environment([{"agent": DRAWING}], {"*": "process"})) as env:
-        start = host_of(env)._away[0]._starter
-        object.__setattr__(start, "values", {**start.values, "agent": "no_such_module:agent-v0"})
-        with pytest.raises(HostError):
-            env.reset()
 
 
 def test_hosts_start_with_the_first_episode_and_only_if_they_are_needed():

@@ -7,25 +7,16 @@ import pytest
 from shapely import Point, Polygon
 
 from algorithms.joint.conformance import check_vector_env
-from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
 from smarts.env import (
-    HiWayEnv,
-    PyMARLEnv,
-    RLlibHiWayEnv,
-    SingleHiWayEnv,
-    SingleHiWayVectorEnv,
     VectorHiWayEnv,
-    hiway_parallel_env,
 )
-from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Event, Outcome
 from smarts.types.vehicles import Owner
 
 LEFT_TURN = Path(__file__).parents[3] / "examples" / "left_turn_bubble"
 IN_BUBBLE = {"learn_in_bubbles": True, "episode_time": 40.0}
-BUS = benchmark_interface(vehicle_class="bus")
 
 
 def vector(worlds=1, agents=3, **options):
@@ -151,92 +142,15 @@ def test_the_contract_of_vector_environments():
         env.close()
 
 
-def test_a_row_of_a_batch_equals_the_run_alone():
-    results = []
-    for worlds in (3, 1):
-        env = vector(worlds)
-        try:
-            step, found = env.reset(9), []
-            for _ in range(60):
-                step = env.step([np.zeros((worlds, 3), int)])
-                found.append((step.alive[0].copy(), step.rewards[0].copy(), step.observations[0]))
-                found[-1] = (*found[-1][:2], {name: array[0].copy() for name, array in found[-1][2].items()})
-            results.append(found)
-        finally:
-            env.close()
-    for (alive, rewards, seen), (alive_1, rewards_1, seen_1) in zip(*results, strict=True):
-        assert np.array_equal(alive, alive_1)
-        assert np.array_equal(rewards, rewards_1)
-        assert all(np.array_equal(seen[name], seen_1[name]) for name in seen)
-
-
-def test_by_names_agents_end_and_appear_again():
-    names = [f"a{number}" for number in range(3)]
-    specs = {name: benchmark_interface() for name in names}
-    env = HiWayEnv([LEFT_TURN], specs, decision_interval=5, **IN_BUBBLE)
-    try:
-        observations, _ = env.reset(seed=1)
-        assert observations, "an episode begins with an agent"
-        driving, ended, again, over = set(observations), set(), 0, False
-        while not over:
-            observations, _, terminated, truncated, infos = env.step(dict.fromkeys(driving, "keep_lane"))
-            over = terminated["__all__"]
-            assert not (truncated["__all__"] and not over)
-            for name, seen in observations.items():
-                done = terminated[name] or truncated[name]
-                if done:
-                    assert infos[name]["outcome"] in ("left_bubble", "collision", "time_out")
-                again += name in ended and name not in driving
-                ended |= {name} if done else set()
-                assert seen.ego_vehicle_state is not None
-            driving = {name for name in observations if not (terminated[name] or truncated[name])}
-        assert again
-    finally:
-        env.close()
-
-
 @pytest.mark.parametrize(
     ("options", "place"),
     [
         ({"scenarios": ["loop"], **IN_BUBBLE}, "learn_in_bubbles"),
         ({"learn_in_bubbles": True}, "episode_time"),
-        ({"episode_time": 20.0}, "episode_time"),
-        ({"learn_in_bubbles": "left-turn", "episode_time": 20.0}, "learn_in_bubbles"),
         ({"learn_in_bubbles": ["left-trun"], "episode_time": 20.0}, "learn_in_bubbles"),
-        ({**IN_BUBBLE, "agents": {"a": benchmark_interface(), "b": BUS}}, "learn_in_bubbles"),
     ],
 )
 def test_what_is_no_learning_in_bubbles(options, place):
     with pytest.raises(InterfaceError) as error:
         VectorHiWayEnv(1, **{"scenarios": [LEFT_TURN], "agents": 2, **options})
     assert error.value.place == place
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"action": ActionSpaceType.Empty}, "Empty"),
-        ({"vehicle_class": "bus"}, "bus"),
-    ],
-)
-def test_agents_that_cannot_drive_the_vehicles_of_a_bubble(changes, said):
-    with pytest.raises(InterfaceError) as error:
-        HiWayEnv([LEFT_TURN], {"turner": benchmark_interface(**changes)}, **IN_BUBBLE)
-    assert "'left-turn'" in error.value.place
-    assert said in error.value.problem
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: hiway_parallel_env([LEFT_TURN], 2, **IN_BUBBLE),
-        lambda: RLlibHiWayEnv({"scenarios": [LEFT_TURN], "agents": 2, **IN_BUBBLE}),
-        lambda: SingleHiWayEnv([LEFT_TURN], **IN_BUBBLE),
-        lambda: SingleHiWayVectorEnv(1, [LEFT_TURN], **IN_BUBBLE),
-        lambda: PyMARLEnv([LEFT_TURN], 2, **IN_BUBBLE),
-    ],
-)
-def test_environments_whose_agents_do_not_begin_again(make):
-    with pytest.raises(InterfaceError) as error:
-        make()
-    assert "learn_in_bubbles" in error.value.problem

@@ -4,10 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Dict, Discrete
+from gymnasium.spaces import Box, Dict
 
-from smarts.agents import AgentSpec
-from smarts.agents.benchmark import benchmark_interface
 from smarts.env import (
     RLlibHiWayEnv,
     SingleHiWayEnv,
@@ -18,7 +16,6 @@ from smarts.env import (
 
 RIGHT = 3
 SEED = 3
-PLAIN = benchmark_interface()
 
 
 def made(kind, **options):
@@ -90,28 +87,3 @@ def test_an_illegal_lane_change_is_keep_lane(closing):
         *other, _ = keeping.step(0)
         np.testing.assert_array_equal(one[0], other[0])
         assert one[1:] == other[1:]
-
-
-def test_who_has_which_adapters_of_its_own(closing):
-    """A mask is about the action space: an action adapter does away with it, the other adapters do not."""
-    specs = {
-        "sees": AgentSpec(
-            interface=PLAIN,
-            observation_adapter=lambda seen: np.zeros(1, np.float32),
-            observation_space=Box(0, 1, (1,), np.float32),
-            info_adapter=lambda seen, reward, info: {"mine": 1},
-        ),
-        "acts": AgentSpec(interface=PLAIN, action_adapter=lambda _: 0, action_space=Discrete(2)),
-        "says": AgentSpec(interface=PLAIN, info_adapter=lambda seen, reward, info: None),
-    }
-    env = closing(hiway_parallel_env(["intersection"], specs))
-    _, infos = env.reset(seed=SEED)
-    assert {name: [*info] for name, info in infos.items()} == {
-        "sees": ["action_mask"],
-        "acts": [],
-        "says": ["action_mask"],
-    }
-    *_, infos = env.step(dict.fromkeys(specs, 0))
-    assert infos["sees"].keys() == {"mine", "action_mask"}
-    assert "action_mask" not in infos["acts"]
-    assert infos["says"] is None

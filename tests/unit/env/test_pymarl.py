@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface
-from smarts.agents.options import InterfaceError
 from smarts.env import PyMARLEnv, hiway_parallel_env
 from smarts.errors import ActionError
 from smarts.types.actions import ActionSpaceType
@@ -61,16 +60,6 @@ def test_an_episode_is_that_of_the_pettingzoo_environment(envs):
         lists.step([0, 0, 0])
 
 
-def test_sizes_are_those_of_what_it_returns(envs):
-    env, _ = envs
-    seen, _ = env.reset()
-    sizes = env.get_env_info()
-    assert [each.shape for each in seen] == [(sizes["obs_shape"],)] * sizes["n_agents"]
-    assert env.get_state().shape == (sizes["state_shape"],)
-    assert np.shape(env.get_avail_actions()) == (sizes["n_agents"], sizes["n_actions"])
-    np.testing.assert_array_equal(env.get_obs_agent(1), seen[1])
-
-
 def test_agents_that_stand_are_cut_at_the_limit():
     interface = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=23)
     with_limit = {name: interface for name in ("a", "b")}
@@ -89,35 +78,3 @@ def test_agents_that_stand_are_cut_at_the_limit():
     env.reset()
     env.step([0, 0])
     env.close()
-
-
-def test_a_seed_begins_with_the_next_reset(envs):
-    env, _ = envs
-    env.reset(seed=8)
-    first = env.get_state()
-    env.reset()
-    assert not np.array_equal(first, env.get_state())
-    env.seed(8)
-    env.reset()
-    np.testing.assert_array_equal(first, env.get_state())
-
-
-@pytest.mark.parametrize(
-    ("interface", "options"),
-    [
-        (AgentInterface(action=ActionSpaceType.Continuous, max_episode_steps=100), {}),
-        (AgentInterface(action=ActionSpaceType.Lane), {}),
-        (AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=9), {"reward_scalarisation": "max"}),
-    ],
-    ids=["continuous", "endless", "max"],
-)
-def test_what_it_cannot_serve_is_refused(interface, options):
-    with pytest.raises(InterfaceError):
-        PyMARLEnv(["intersection"], {"a": interface}, **options)
-
-
-def test_a_step_needs_an_action_for_each_agent(envs):
-    lists, _ = envs
-    lists.reset(seed=11)
-    with pytest.raises(ActionError, match=r"2 actions for 3 agents"):
-        lists.step([0, 0])

@@ -3,14 +3,11 @@
 import time
 
 import numpy as np
-import pytest
 
-from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
-from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv
-from smarts.errors import ActionError
+from smarts.agents import ActionSpaceType, AgentInterface
+from smarts.env import VectorHiWayEnv
 from smarts.sim.assembly import Options
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
-from tests.raising import raises
 
 SHORT = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=17)
 
@@ -33,35 +30,6 @@ def extras(episode, name):
         table["step"].tolist(), table["agent_id"].tolist(), table["name"], table["values"], strict=True
     )
     return {(step, agent_id): np.array(values) for step, agent_id, what, values in rows if what == name}
-
-
-def test_a_finished_episode_is_written_without_a_reset(closing, tmp_path):
-    specs = {"a": AgentSpec(interface=SHORT), "b": AgentSpec(interface=SHORT)}
-    options = Options(record=str(tmp_path))
-    env = closing(HiWayEnv(["two_way"], specs, decision_interval=5, simulation=options))
-    env.reset(seed=1)
-    returned, decisions, is_over = {}, 0, False
-    while not is_over:
-        env.annotate("mean_std", {"a": [[decisions, 0.5]], "b": [[-decisions, 0.25]]})
-        _, rewards, terminated, *_ = env.step({"a": 0, "b": 0})
-        returned |= {(5 * decisions, "ab".index(name)): reward for name, reward in rewards.items()}
-        decisions, is_over = decisions + 1, terminated["__all__"]
-    assert decisions == 4
-    (episode,) = written(tmp_path, 1).values()
-    assert episode.facts["is_complete"]
-    rewards = extras(episode, "reward")
-    assert rewards.keys() == returned.keys()
-    np.testing.assert_allclose([rewards[key].item() for key in returned], [*returned.values()], rtol=1e-6)
-    assert sum(returned.values()) > 1.0
-    said = extras(episode, "mean_std")
-    assert {key: numbers.tolist() for key, numbers in said.items()} == {
-        (5 * k, agent_id): [k, 0.5] if agent_id == 0 else [-k, 0.25]
-        for k in range(4)
-        for agent_id in range(2)
-    }
-    table = episode.table("decisions")
-    decided = zip(table["step"].tolist(), table["agent_id"].tolist(), strict=True)
-    assert set(decided) == returned.keys()
 
 
 def test_every_episode_of_a_vector_has_its_own_rewards(closing, tmp_path):
@@ -96,30 +64,3 @@ def test_every_episode_of_a_vector_has_its_own_rewards(closing, tmp_path):
             values[step, agent_id].tolist() == [10 * agent_id + step / 5] * 2 for step, agent_id in values
         )
         assert extras(episodes[key], "probabilities").keys() == {at for at in values if at[1] == 0}
-
-
-def test_environments_by_name_record_rewards_and_annotations(closing, tmp_path):
-    config = {"scenarios": ["two_way"], "agents": {"agent-0": SHORT}, "simulation": Options(record=tmp_path)}
-    env = closing(RLlibHiWayEnv(config))
-    env.reset(seed=1)
-    env.annotate("value", {"agent-0": 7})
-    total, truncated = 0.0, {}
-    for _ in range(4):
-        _, rewards, _, truncated, _ = env.step({"agent-0": 0})
-        total += rewards["agent-0"]
-    assert truncated["agent-0"] or truncated["__all__"]
-    (episode,) = written(tmp_path, 1).values()
-    assert sum(map(np.sum, extras(episode, "reward").values())) == pytest.approx(total)
-    assert extras(episode, "value")[0, 0].tolist() == [7]
-    with raises(ActionError, values=["agent0", "agent-0"]):
-        env.annotate("value", {"agent0": 7})
-
-
-def test_the_single_agent_says_it_without_its_name(closing, tmp_path):
-    env = closing(SingleHiWayEnv(["two_way"], SHORT, simulation=Options(record=tmp_path)))
-    env.reset(seed=1)
-    for number in range(4):
-        env.annotate("value", [number, 1])
-        env.step(0)
-    (episode,) = written(tmp_path, 1).values()
-    assert [values.tolist() for values in extras(episode, "value").values()] == [[k, 1] for k in range(4)]

@@ -1,8 +1,5 @@
 """Pictures of running simulations: what is drawn lies where the vehicles are."""
 
-import sys
-import types
-
 import matplotlib.colors
 import numpy as np
 import pytest
@@ -10,10 +7,8 @@ import pytest
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, SingleHiWayEnv, hiway_parallel_env
 from smarts.env.staying import StayingAgents
-from smarts.envision import window
 from smarts.envision.scenario_picture import CAR, EGOS
 from smarts.envision.world_picture import HEIGHT, WIDTH
-from smarts.errors import SmartsError
 
 
 def pixels(image, colour):
@@ -66,17 +61,6 @@ def test_pictures_change_with_the_simulation_and_not_with_the_drawing(parallel):
     assert parallel.metadata["render_fps"] == 2
 
 
-def test_a_long_way_is_followed(parallel):
-    env = SingleHiWayEnv(["city"], seed=3, render_mode="rgb_array")
-    env.reset(seed=3)
-    for _ in range(15):
-        env.step(0)
-    env.render()
-    world, axes = env._env.runner.world, env._env.renderer._picture._axes
-    assert _is_inside(axes, world.vehicles.position[0, world.agents.slot[0, 0]])
-    env.close()
-
-
 def test_the_original_environment_and_staying_agents_draw():
     env = HiWayEnv(["loop"], {"a": benchmark_interface()}, render_mode="rgb_array")
     env.reset(seed=1)
@@ -94,47 +78,3 @@ def test_without_a_mode_nothing_is_drawn():
     with pytest.warns(UserWarning, match="render_mode"):
         assert env.render() is None
     env.close()
-
-
-def test_other_modes_are_refused():
-    with pytest.raises(SmartsError, match="render mode"):
-        SingleHiWayEnv(["loop"], render_mode="ansi")
-
-
-def test_nothing_is_drawn_before_the_reset():
-    env = SingleHiWayEnv(["loop"], render_mode="rgb_array")
-    with pytest.raises(SmartsError, match="reset"):
-        env.render()
-    env.close()
-
-
-def test_in_a_notebook_each_step_takes_the_place_of_the_last_one(monkeypatch):
-    shown = []
-
-    class Handle:
-        def update(self, image):
-            shown.append(("update", image))
-
-    def display(image, display_id):
-        shown.append(("display", image))
-        return Handle()
-
-    module = types.SimpleNamespace(Image=lambda data: data, display=display)
-    monkeypatch.setitem(sys.modules, "IPython.display", module)
-    shell = types.SimpleNamespace(kernel=object())
-    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: shell))
-    env = SingleHiWayEnv(["loop"], render_mode="human")
-    env.reset(seed=1)
-    env.step(0)
-    env.close()
-    assert [what for what, _ in shown] == ["display", "update"]
-    assert all(image.startswith(b"\x89PNG") for _, image in shown)
-
-
-def test_without_a_display_a_window_is_refused_before_anything_is_built(monkeypatch):
-    # A script, also one that imports what notebooks are made of.
-    monkeypatch.setitem(sys.modules, "ipykernel", types.SimpleNamespace())
-    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: None))
-    monkeypatch.setattr(window, "_interactive", list)
-    with pytest.raises(SmartsError, match="display"):
-        SingleHiWayEnv(["no such scenario"], render_mode="human")

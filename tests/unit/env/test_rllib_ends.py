@@ -3,11 +3,8 @@
 import pytest
 from ray.rllib.env.multi_agent_episode import MultiAgentEpisode
 
-from smarts.agents import AgentInterface, AgentSpec
 from smarts.agents.benchmark import benchmark_interface
-from smarts.env import HiWayEnv, RLlibHiWayEnv
-from smarts.env.dict_env import StepResult
-from smarts.env.rllib import _dones
+from smarts.env import RLlibHiWayEnv
 
 
 def played(limits, drive=0):
@@ -47,18 +44,3 @@ def test_who_ends_in_the_scenario_is_terminated():
     assert cuts == {"a": False, "__all__": False}
     its = episode.agent_episodes["a"]
     assert (its.is_terminated, its.is_truncated) == (True, False)
-
-
-def test_the_paper_face_says_that_time_was_up():
-    env = HiWayEnv(["loop"], {"a": AgentSpec(interface=AgentInterface(max_episode_steps=2))})
-    try:
-        env.reset(seed=1)
-        assert [env.step({})[3]["__all__"] for _ in range(2)] == [False, True]
-    finally:
-        env.close()
-
-
-def test_where_some_of_the_last_agents_are_cut_short_the_episode_is_truncated():
-    ended, cut = {"a": True, "b": False}, {"a": False, "b": True}
-    result = StepResult({}, {}, ended, cut, {}, [], finished=True)
-    assert _dones(result) == ({**ended, "__all__": False}, {"a": False, "b": False, "__all__": True})

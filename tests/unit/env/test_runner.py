@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-import torch
 
-from smarts.agents import AgentInterface, DoneCriteria, EventConfiguration
 from smarts.env.vector import VectorHiWayEnv
-from smarts.errors import ActionError, SmartsError
-from smarts.types.actions import ActionSpaceType, LaneAction
-from smarts.types.agent_states import ChangePhase
+from smarts.errors import ActionError
+from smarts.types.actions import LaneAction
 from smarts.types.events import Outcome
 from tests.raising import raises
 
@@ -81,34 +78,6 @@ def test_an_episode_does_not_depend_on_those_before(new_env):
     assert reached == begun
 
 
-def test_a_held_lane_change_is_carried_out_once(new_env):
-    env = new_env(1, ["double_merge"], 1)
-    for episode in range(8):
-        now = env.reset(3, episode=episode)
-        for _ in range(40):
-            lane = LEFT if now.masks[0][0, 0, LEFT] else RIGHT if now.masks[0][0, 0, RIGHT] else None
-            if lane is not None:
-                return _change_once(env, lane)
-            now = env.step([np.array([[KEEP]])])
-            if now.reset[0]:
-                break
-    pytest.fail("no lane change was ever legal")
-
-
-def _change_once(env, change):
-    """The action holds for the five steps of the decision, and is carried out in the first of them."""
-    world = env._runner.world
-    before = int(world.agents.target_lane[0, 0])
-    env.step([np.array([[change]])])
-    assert world.agents.effective[0, 0]
-    target = int(world.agents.target_lane[0, 0])
-    assert target != before
-    assert world.agents.change_phase[0, 0] in (ChangePhase.REQUESTED, ChangePhase.MOVING)
-    for _ in range(8):
-        env.step([np.array([[KEEP]])])
-        assert world.agents.target_lane[0, 0] == target
-
-
 def test_finished_agents_are_zeros_after_their_last_observation(new_env):
     env = new_env(1, ["intersection"])
     now = env.reset(1)
@@ -156,37 +125,6 @@ def test_actions_out_of_range_are_refused_by_name(new_env):
     env.step([np.array([[0, 0]])])
 
 
-@pytest.mark.parametrize(
-    "actions",
-    [
-        *(0, torch.zeros((2, 1, 2), dtype=int), {0: np.zeros((1, 2), int)}),
-        *([np.zeros((1, 3), int)], [np.zeros(2, int)], [[[0, 1], [0]]], [[["a", "b"]]]),
-    ],
-    ids=["a number", "two blocks", "a dict", "three agents", "no rows", "ragged", "texts"],
-)
-def test_actions_of_another_shape_are_refused(new_env, actions):
-    env = new_env(1, ["two_way"], 2)
-    with raises(SmartsError, "step", values=["reset()"]):
-        env.step([np.zeros((1, 2), int)])
-    env.reset()
-    with pytest.raises(ActionError):
-        env.step(actions)
-    assert env._runner.world.step[0] == 0
-    env.close()
-    with raises(SmartsError, "SimulationRunner"):
-        env.step([np.zeros((1, 2), int)])
-
-
-@pytest.mark.parametrize("array", [np.array, torch.tensor], ids=["numpy", "torch"])
-def test_blocks_are_a_list_or_stacked(new_env, array):
-    env = new_env(1, ["two_way"], 2)
-    seen = []
-    for actions in ([array([[SLOW, KEEP]])], (array([[SLOW, KEEP]]),), array([[[SLOW, KEEP]]])):
-        env.reset(1)
-        seen.append(env.step(actions).observations[0][""].tobytes())
-    assert len(set(seen)) == 1
-
-
 def test_stride_deals_out_a_list_of_worlds(new_env):
     env = new_env(2, ["two_way"])
     now = env.reset(5, np.array([0, 1]), episode=3, stride=2)
@@ -196,19 +134,3 @@ def test_stride_deals_out_a_list_of_worlds(new_env):
             break
     row = int(np.flatnonzero(now.reset)[0])
     assert (env.episodes[row].world, env.episodes[row].episode) == (row + 2, 3)
-
-
-@pytest.mark.parametrize(("time", "outcome"), [(1.0, "not_moving"), (np.inf, "time_out")])
-def test_who_may_rest_for_ever(new_env, time, outcome):
-    resting = EventConfiguration(not_moving_time=time)
-    interface = AgentInterface(
-        action=ActionSpaceType.Lane,
-        max_episode_steps=150,
-        done_criteria=DoneCriteria(not_moving=True),
-        event_configuration=resting,
-    )
-    env = new_env(1, ["loop"], {"a": interface})
-    now = env.reset(1)
-    while not now.reset.any():
-        now = env.step([np.array([[SLOW]])])
-    assert now.metrics[0][outcome] == 1.0

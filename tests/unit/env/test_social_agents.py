@@ -9,13 +9,9 @@ from smarts.agents import (
     Agent,
 )
 from smarts.agents.acting import Answer
-from smarts.errors import ScenarioError
 from smarts.types.agent_states import AgentStatus
-from smarts.types.episode import TakeOver
 from smarts.types.vehicles import Owner
-from tests.raising import raises
 from tests.unit.env.social_stage import (
-    LANER,
     SOCIAL,
     Answers,
     beside,
@@ -103,33 +99,6 @@ def test_an_agent_whose_answer_is_no_action_fails_alone(play, action, told):
     assert len(asked) == 5, "the next episode's agent is another, and fails at once"
 
 
-def test_an_agent_that_raises_fails_in_the_frame_of_that_step(play):
-    def act(seen):
-        raise RuntimeError("no idea")
-
-    played, frames = play(act, beside), []
-    played.runner.listen(Listener(frames))
-    played.reset()
-    played.step()
-    ((place, problem),) = frames[-1].social_failures.items()
-    assert place == (0, 1)
-    assert problem.startswith(f"raised RuntimeError: no idea ({__file__}:")
-    played.step()
-    assert frames[-1].social_failures == {}
-    assert played.world.agents.release_step[0, SOCIAL] == -1, "its vehicle did not come from traffic"
-
-
-class Listener:
-    def __init__(self, frames):
-        self._frames = frames
-
-    def collect(self, frame, is_last):
-        self._frames.append(frame)
-
-    def reset(self, egos):
-        pass
-
-
 def test_a_vehicle_that_came_from_traffic_goes_back_when_its_agent_fails(play):
     played = play(lambda seen: "fly", trap())
     played.reset()
@@ -139,14 +108,6 @@ def test_a_vehicle_that_came_from_traffic_goes_back_when_its_agent_fails(play):
             break
     assert world.agents.release_step[0, SOCIAL] == world.step[0] - 1
     assert not played.runner.actions.given[0, SOCIAL]
-
-
-def test_the_episode_ends_with_the_egos_whatever_the_others_do(play):
-    short = LANER.replace(max_episode_steps=5)
-    played = play(Answers(), beside, social=short)
-    played.reset()
-    assert not played.step(8).finished[0]
-    assert played.world.agents.state[0, SOCIAL] == AgentStatus.VACANT
 
 
 @pytest.mark.parametrize("period", [1, 5])
@@ -162,44 +123,3 @@ def test_social_agents_decide_while_all_egos_wait(play, period):
     entered = int(played.world.step[0])
     assert entered >= 30
     assert [int(request.batch.step[0]) for _, request in answers.asked] == [*range(entered + 1)]
-
-
-def test_what_a_condition_remembers_is_forgotten_when_the_same_episode_begins_again(play):
-    remembered = []
-
-    class Remembers:
-        def evaluate(self, *, memory, time, **facts):
-            remembered.append(len(memory))
-            memory[self] = time
-            return False
-
-    def waiting(agents):
-        rule = TakeOver(condition=Remembers())
-        late = dataclasses.replace(
-            agents[0], name="social", interface=0, policy=0, entry_time=1.0, take_over=rule
-        )
-        return (*agents, late)
-
-    played = play(Answers(), waiting)
-    for _ in range(2):
-        played.reset(0)
-        played.step(15)
-    assert remembered.count(0) == 2
-    assert remembered.count(1) == len(remembered) - 2 > 2
-
-
-def test_where_nobody_ever_comes_the_error_says_so(play, monkeypatch):
-    monkeypatch.setattr("smarts.env.runner.MAX_ENTRY_WAIT", 100)
-
-    def never(agents):
-        return (dataclasses.replace(agents[0], take_over=TakeOver(vehicle="no such", patience=np.inf)),)
-
-    played = play(Answers(), never)
-    with raises(ScenarioError, "episode 0, agents [0]", values=["simulation 0"]):
-        played.reset()
-
-
-def test_names_of_agents_are_their_own(play):
-    played = play(Answers(), lambda agents: (*agents, dataclasses.replace(agents[0], interface=0, policy=0)))
-    with raises(ScenarioError, values=["'agent-0', 'agent-0'"]):
-        played.reset()

@@ -185,36 +185,6 @@ def test_requests_in_flight_are_dropped_where_other_episodes_begin():
     assert host.gather() == []
 
 
-def test_failures_while_the_ego_waits_are_in_the_next_result(play):
-    def waiting(agents):
-        ego, social = beside(agents)
-        return dataclasses.replace(ego, entry_time=3.0), social
-
-    played = play(lambda seen: "fly", waiting)
-    played.reset()
-    assert played.world.step[0] >= 30
-    assert [*played.step().social_failures[0]] == ["social"]
-    assert played.step().social_failures == {}
-    played.reset(1)
-    assert [*played.runner.take_social_failures()[0]] == ["social"]
-    assert played.step().social_failures == {}
-
-
-def test_a_failed_policy_leaves_others_alone():
-    class Fails(Batches):
-        def act(self, batch):
-            raise ValueError("never")
-
-    def change(agents):
-        ego, first, second = beside_both(agents)
-        return ego, first, dataclasses.replace(second, policy=1)
-
-    policies = [policy_of(kind, observation=kind.observation) for kind in (Fails, Batches)]
-    parts, failures = run(policies, change)
-    assert [[*named] for each in failures for named in each.values()] == [["social"]]
-    assert parts.actions.given[0, :3].tolist() == [False, False, True]
-
-
 def flock(period=1, act=lambda obs: dict.fromkeys(obs, "keep_lane"), interface=LANER, **options):
     """Return the policy of a boid, its class, and the lists of vehicles that it was asked about."""
     asked = []
@@ -230,35 +200,6 @@ def flock(period=1, act=lambda obs: dict.fromkeys(obs, "keep_lane"), interface=L
             return act(obs)
 
     return policy_of(Flock, interface, is_boid=True, period=period, **options), Flock, asked
-
-
-def each_period(period, entry_time=1.0):
-    """Return a change of starts: social agents that decide every `period` steps."""
-
-    def change(agents):
-        ego, first, second = beside_both(agents)
-        first, second = (dataclasses.replace(each, period=period) for each in (first, second))
-        return ego, first, dataclasses.replace(second, entry_time=entry_time)
-
-    return change
-
-
-def test_a_boid_whose_vehicles_decide_in_turns_stays_the_same():
-    policy, kind, asked = flock(period=2)
-    run([policy], each_period(2))
-    assert asked[-5:-1] == [["second"], ["social"], ["second"], ["social"]]
-    assert kind.made == 1
-
-
-@pytest.mark.parametrize(("enters", "made"), [(8, 1), (14, 2)])
-def test_a_boid_that_has_lost_its_vehicles_is_another_agent_next_time(enters, made):
-    """The first vehicle decides at steps 0 and 10, and leaves at step 12 or before."""
-    brief = dataclasses.replace(LANER, max_episode_steps=12)
-    policy, kind, asked = flock(period=10, interface=brief)
-    run([policy], each_period(10, 0.1 * enters), steps=30, interface=brief)
-    assert asked[0] == ["social"]
-    assert ["second"] in asked
-    assert kind.made == made
 
 
 @pytest.mark.parametrize(("second", "keep_alive"), [(1, False), (0, True)])

@@ -6,7 +6,7 @@ import pytest
 from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import AgentStart
 from smarts.types.mission import AgentMission
-from smarts.types.transfers import Reason, Refusal, Transfer, transfers
+from smarts.types.transfers import Reason, Transfer, transfers
 from smarts.types.vehicles import Owner
 from tests.unit.env.social_stage import LANER, SOCIAL, Answers, keep, trap
 
@@ -111,41 +111,3 @@ def test_an_agent_is_asked_in_the_step_in_which_it_enters_whoever_had_its_column
     asked = [(int(request.batch.step[0]), bool(request.batch.is_first[0])) for _, request in answers.asked]
     assert asked == [(1, True), (7, True)]
     assert len({int(request.batch.hold[0]) for _, request in answers.asked}) == 2
-
-
-def test_a_vehicle_taken_in_a_bend_is_where_sumo_had_it_and_stays_in_its_lane(play):
-    """SUMO has both bumpers on the lane's middle: a chord, its middle inside the arc by length^2 / 8 R.
-
-    An agent that keeps its lane takes it on from there, without a jump.
-    """
-    played = play(keep, scenario="roundabout")
-    played.reset(episode=5)
-    world, ownership = played.world, played.parts.ownership
-    vehicles = world.vehicles
-    slot = _turning(played)
-    curvature = float(vehicles.yaw_rate[0, slot] / vehicles.speed[0, slot])
-    aside = float(vehicles.length[0, slot]) ** 2 * curvature / 8
-    assert abs(aside) > 0.1
-    assert vehicles.lane_offset[0, slot] == pytest.approx(aside, abs=0.04)
-    ownership.submit(transfers([taking(played, slot)]))
-    for _ in range(10):
-        played.step()
-        assert vehicles.owner[0, slot] == Owner.AGENT
-        assert jumps(played, slot)[0] < 0.1
-        assert abs(vehicles.lane_offset[0, slot]) < abs(aside) + 0.1
-
-
-def _turning(played):
-    """Step until a vehicle of traffic has been on a bend of 12 to 25 m for some steps; return its slot."""
-    vehicles, steady = played.world.vehicles, {}
-    for _ in range(300):
-        played.step()
-        for slot in np.flatnonzero(vehicles.owner[0] == Owner.TRAFFIC).tolist():
-            curvature = abs(float(vehicles.yaw_rate[0, slot])) / max(float(vehicles.speed[0, slot]), 1.0)
-            key = slot, int(vehicles.lane[0, slot])
-            steady[key] = steady.get(key, 0) + 1 if 1 / 25 < curvature < 1 / 12 else 0
-            # SUMO keeps a vehicle on its way into a junction where others go first.
-            chosen = np.array([0], np.int32), np.array([slot], np.int32)
-            if steady[key] >= 8 and played.parts.ownership.can_take(*chosen)[0] == Refusal.NONE:
-                return slot
-    raise AssertionError("no vehicle turned")

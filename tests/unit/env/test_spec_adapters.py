@@ -6,11 +6,8 @@ from gymnasium.spaces import Box, Discrete
 
 from smarts.agents import AgentSpec
 from smarts.agents.benchmark import benchmark_interface
-from smarts.agents.options import InterfaceError
-from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.env import RLlibHiWayEnv, VectorHiWayEnv
 from smarts.env.adapters import ObservationAndReward
-from smarts.errors import ActionError
-from tests.raising import raises
 
 PLAIN = benchmark_interface()
 SPACE = Box(-1.0, 100.0, (1,), np.float32)
@@ -31,15 +28,9 @@ ADAPTED = AgentSpec(
 )
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda agents: hiway_parallel_env(["loop"], agents),
-        lambda agents: RLlibHiWayEnv({"scenarios": ["loop"], "agent_specs": agents}),
-    ],
-)
-def test_one_agent_by_its_spec_beside_one_by_arrays(closing, make):
-    env, plain = closing(make({"a": PLAIN, "b": ADAPTED})), closing(make({"a": PLAIN, "b": PLAIN}))
+def test_one_agent_by_its_spec_beside_one_by_arrays(closing):
+    env = closing(RLlibHiWayEnv({"scenarios": ["loop"], "agent_specs": {"a": PLAIN, "b": ADAPTED}}))
+    plain = closing(RLlibHiWayEnv({"scenarios": ["loop"], "agent_specs": {"a": PLAIN, "b": PLAIN}}))
     assert env.observation_spaces["b"] is SPACE
     assert env.action_spaces["b"] == Discrete(2)
     observations, _ = env.reset(seed=4)
@@ -58,42 +49,6 @@ def test_one_agent_by_its_spec_beside_one_by_arrays(closing, make):
     for _ in range(12):
         observations, *_ = env.step({"b": 0})
     assert observations["b"][0] < 0.2
-
-
-def test_a_single_agent_by_its_spec(closing):
-    env = closing(SingleHiWayEnv(["loop"], ADAPTED))
-    assert env.observation_space is SPACE
-    assert env.reset(seed=1)[0].shape == (1,)
-    assert env.step(1)[1] > 90.0
-
-
-def test_an_action_that_the_adapter_made_wrong_is_refused(closing):
-    spec = AgentSpec(interface=PLAIN, action_adapter=lambda action: "fly")
-    env = closing(hiway_parallel_env(["loop"], {"a": spec}))
-    env.reset(seed=1)
-    with raises(ActionError, "action of 'a'", values=["fly"]):
-        env.step({"a": 0})
-    env.step({})
-
-
-@pytest.mark.parametrize("wrong", [None, np.zeros(2)])
-def test_a_reward_adapter_returns_a_number(closing, wrong):
-    spec = AgentSpec(interface=PLAIN, reward_adapter=lambda seen, reward: wrong)
-    env = closing(hiway_parallel_env(["loop"], {"a": spec}))
-    env.reset(1)
-    with raises(InterfaceError, "AgentSpec.reward_adapter", values=["'a'"]):
-        env.step({"a": 0})
-
-
-def test_an_observation_adapter_needs_a_space():
-    spec = AgentSpec(interface=PLAIN, observation_adapter=speed)
-    with raises(InterfaceError, "AgentSpec.observation_space", values=["'a'"]):
-        hiway_parallel_env(["loop"], {"a": spec})
-
-
-def test_vector_refuses_python_adapters_by_name():
-    with raises(InterfaceError, "VectorHiWayEnv", values=["'b'", "action, info, observation, reward"]):
-        VectorHiWayEnv(1, ["loop"], {"a": PLAIN, "b": ADAPTED})
 
 
 class Doubled(ObservationAndReward):
