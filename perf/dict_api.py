@@ -73,11 +73,9 @@ class Worker:
         Raises:
             RuntimeError: The process has ended.
         """
-        streams = self._process.stdin, self._process.stdout
-        if streams[0] is None or streams[1] is None:
-            raise RuntimeError("the worker has no pipes")
-        print(int(reads), steps, file=streams[0], flush=True)
-        line = streams[1].readline()
+        process: Any = self._process
+        print(int(reads), steps, file=process.stdin, flush=True)
+        line = process.stdout.readline()
         if not line:
             raise RuntimeError(f"the worker ended with code {self._process.wait()}")
         return float(line)

@@ -5,8 +5,7 @@
 Trains an algorithm of each family at the intersection through `smarts-bench run`, beyond `--steps`
 agent-steps. Then its driver gets SIGKILL, the same command gets SIGTERM, the next one loses its environment
 runner, and trains on to the end of the budget. Prints the agent-steps at each interruption and after it.
-`pbt` is a population-based search: one trial has to take over the other's policy. Exits with 1 if a training
-lost more than what was made since its checkpoint, or did not end.
+Exits with 1 if a training lost more than what was made since its checkpoint, or did not end.
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ FAMILIES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "recurrent": ("ppo", {"gru": 32}),
     "sequence replay": ("qmix", {"gru": 32}),
     "networked": ("networked_q", {}),
-    "pbt": ("ppo", {}),
 }
 """Algorithm and settings by family."""
 PATIENCE = 900.0
@@ -128,24 +126,10 @@ def endure(name: str, steps: int, root: Path) -> tuple[str, bool]:
     return row, is_kept and code == 0
 
 
-def exploit(name: str, steps: int, root: Path) -> tuple[str, bool]:
-    """Search with a population of two; return its row, and whether one continued from the other's policy."""
-    training = _training(name, steps, root)
-    training.start()
-    code = training.process.wait(2 * PATIENCE)
-    trials = training.run.parents[3] / "trials"
-    exploits = [json.loads(line) for line in (trials / "pbt_global.txt").open()]
-    reports = {file.parent.name: [*map(json.loads, file.open())] for file in trials.glob("*/result.json")}
-    reached = [lines[-1]["agent_steps"] for lines in reports.values()]
-    row = f"{len(exploits)} exploits, trials end at {reached}, exit code {code}"
-    return f"{name:<16} {row}", code == 0 and bool(exploits) and min(reached) >= steps
-
-
 def _training(name: str, steps: int, root: Path) -> Training:
     """Return the command of a family, whose experiment is written."""
     algorithm, settings = FAMILIES[name]
     file = root / f"{name.replace(' ', '_')}.yaml"
-    is_search = name == "pbt"
     content = {
         "algorithms": [algorithm],
         "tasks": ["intersection"],
@@ -159,16 +143,13 @@ def _training(name: str, steps: int, root: Path) -> Training:
             "validations": VALIDATIONS,
             "validation_episodes": 2,
         },
-        "resources": {"env_runners": 0 if is_search else 1, "parallel": 2 if is_search else 1},
+        "resources": {"env_runners": 1, "parallel": 1},
     }
-    if is_search:
-        content["tune"] = {"parameters": {"lr": [1e-3, 1e-4]}, "scheduler": "pbt", "metric": "return"}
     file.write_text(json.dumps(content))  # JSON is YAML
-    command = "sweep" if is_search else "run"
     out = root / "results"
     out.mkdir(exist_ok=True)
     run = out / file.stem / algorithm / "intersection" / "no_social_vehicles" / "seed_1"
-    return Training([command, str(file), "--out", str(out)], run, out / "log.txt")
+    return Training(["run", str(file), "--out", str(out)], run, out / "log.txt")
 
 
 def main() -> int:
@@ -186,7 +167,7 @@ def main() -> int:
         print(ROW.format("", "SIGKILL", "SIGTERM", "lost worker", "end", "resumed", "status"), flush=True)
         all_well = True
         for name in given.families:
-            row, is_well = (exploit if name == "pbt" else endure)(name, given.steps, root)
+            row, is_well = endure(name, given.steps, root)
             print(row if is_well else f"{row}  FAILED", flush=True)
             all_well &= is_well
     return 0 if all_well else 1

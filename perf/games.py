@@ -37,21 +37,18 @@ def games() -> dict[str, Callable[[int], Any]]:
     coma, qtran, bicnet, maven = (
         importlib.import_module(f"test_{name}") for name in ("coma", "qtran", "bicnet", "maven")
     )
-    happo, memories, mat, opponents, qdpp = (
-        importlib.import_module(f"test_{name}")
-        for name in ("happo", "recurrent_ppo", "mat", "opponents", "qdpp")
+    happo, memories, mat, opponents = (
+        importlib.import_module(f"test_{name}") for name in ("happo", "recurrent_ppo", "mat", "opponents")
     )
 
     return {
-        "pg promise": partial(pg.promise_score, cut=False),
+        "pg promise": pg.promise_score,
         **{f"{name} cues": partial(games.cues_score, name) for name in games.CUES},
         "mf_ac cues": field.cues_score,
         "mf_ac cues, entropy_coeff=0.01": partial(field.cues_score, entropy_coeff=0.01),
         "maddpg product": games.product_score,
         "maac product": maac.product_score,
         "mf_q follow": partial(field.follow_score, graph="auto"),
-        "mf_q together": field.together_score,
-        "mf_q together, same_step": partial(field.together_score, update_at="same_step"),
         "networked_q gifts": networked.gifts_score,
         **{f"{name} two steps": partial(games.two_step_score, name) for name in ("qmix", "vdn")},
         **{f"{name} target": partial(games.target_score, name) for name in games.TARGET},
@@ -66,11 +63,6 @@ def games() -> dict[str, Callable[[int], Any]]:
         **{f"{name} matrix": partial(qtran.matrix_score, name=name) for name in ("vdn", "qmix")},
         "qdpp matrix": partial(qtran.matrix_score, name="qdpp", reward_scale=0.1),
         "qdpp matrix, own_share=1": partial(qtran.matrix_score, name="qdpp", reward_scale=0.1, own_share=1.0),
-        **{
-            f"{name} blocker": partial(qdpp.blocker_score, name=name)
-            for name in ("qdpp", "dqn", "vdn", "qmix")
-        },
-        "qdpp blocker, own_share=1": partial(qdpp.blocker_score, own_share=1.0),
         **{f"{name} yielding": partial(happo.yielding_score, name) for name in ("happo", "ppo")},
         **{f"{name} turncoat": partial(opponents.turncoat_score, name) for name in (*_PLAIN, *_HOPING)},
         **{f"{name} climbing": partial(opponents.climbing_score, name) for name in (*_HOPING, *_PLAIN)},

@@ -1,9 +1,8 @@
 """Time of a learner's update on the CPU and on a GPU, by width of the networks.
 
-    python -m perf.gpu_learner [--algorithms ppo dqn ...] [--widths 64 256 ...] [--pictures] [--seconds 4]
+    python -m perf.gpu_learner [--algorithms ppo dqn ...] [--widths 64 256 ...] [--seconds 4]
 
-The environment of perf/joint.py: 4 agents, observations of 200 floats, 8 environments, fragments of 64 steps;
-with --pictures agents see one of 64 x 64 pixels, too.
+The environment of perf/joint.py: 4 agents, observations of 200 floats, 8 environments, fragments of 64 steps.
 Two layers of each width; PPO learns from minibatches of 128 moments, the others from 8 of 512. Prints the
 update of a fragment in ms of wall clock, by a learner with one thread, with half as many as there are cores,
 and on the GPU, and how many times faster the GPU is than the better of the two. An update is the median of
@@ -22,29 +21,13 @@ from collections.abc import Callable
 from statistics import median
 from typing import Any
 
-import numpy as np
 import ray
 import torch
-from gymnasium.spaces import Box, Discrete
 
 import algorithms
-from algorithms.joint.env import AgentBlock, FinalStep, JointSpaces
-from perf.joint import ACTIONS, AGENTS, ENVS, FRAGMENT, NAMES, WIDTH, NullVector, local_runner
+from perf.joint import ENVS, FRAGMENT, NullVector
 
 REPLAY = {"batch_size": 512, "learning_starts": 512, "updates_per_step": 8 / (ENVS * FRAGMENT)}
-
-
-class PictureVector(NullVector):
-    """Shows pictures, too."""
-
-    def __init__(self, config=None):
-        super().__init__(config)
-        picture = Box(0, 255, (64, 64, 3), np.uint8)
-        leaves = {"": Box(-np.inf, np.inf, (WIDTH,), np.float32), "picture": picture}
-        self.spaces = JointSpaces((AgentBlock(NAMES, leaves, Discrete(ACTIONS)),))
-        pixels = np.random.default_rng(0).integers(0, 256, (ENVS, AGENTS, *picture.shape), np.uint8)
-        self.seen = ({**self.seen[0], "picture": pixels},)
-        self.final = FinalStep(np.arange(ENVS), self.seen)
 
 
 def typical_time(run: Callable[[], Any], seconds: float) -> float:
@@ -59,15 +42,16 @@ def typical_time(run: Callable[[], Any], seconds: float) -> float:
     return median(times)
 
 
-def update_time(env: type, name: str, width: int, seconds: float, *, gpus: int, threads: int) -> float:
+def update_time(name: str, width: int, seconds: float, *, gpus: int, threads: int) -> float:
     """Return the seconds of an iteration without its sampling: learner's update, RLlib's bookkeeping."""
-    config = algorithms.config(name).environment(env)
+    config = algorithms.config(name).environment(NullVector)
     config.env_runners(num_env_runners=0, num_envs_per_env_runner=ENVS, rollout_fragment_length=FRAGMENT)
     batches = REPLAY if "batch_size" in config.setting_names else {"minibatch_size": 128}
     config.training(hidden=(width, width), torch_threads=threads, **batches)
-    algo = config.learners(num_gpus_per_learner=gpus).build_algo()
+    algo: Any = config.learners(num_gpus_per_learner=gpus).build_algo()
     try:
-        return typical_time(algo.train, seconds) - typical_time(local_runner(algo).sample, seconds / 4)
+        sample = algo.env_runner_group.local_env_runner.sample
+        return typical_time(algo.train, seconds) - typical_time(sample, seconds / 4)
     finally:
         algo.stop()
 
@@ -79,7 +63,6 @@ def main() -> None:
     )
     parser.add_argument("--algorithms", nargs="+", default=["ppo", "dqn", "qmix", "maddpg"])
     parser.add_argument("--widths", nargs="+", type=int, default=[64, 256, 1024])
-    parser.add_argument("--pictures", action="store_true")
     parser.add_argument("--seconds", type=float, default=4.0, help="of measuring iterations (default 4)")
     arguments = parser.parse_args()
     if not torch.cuda.is_available():
@@ -88,14 +71,13 @@ def main() -> None:
     logging.getLogger("ray").setLevel(logging.ERROR)
     torch.set_num_threads(1)
     ray.init(address="local", include_dashboard=False, logging_level=logging.ERROR)
-    env = PictureVector if arguments.pictures else NullVector
     threads = max((os.cpu_count() or 1) // 2, 1)
     print(f"{torch.cuda.get_device_name()}, {os.cpu_count()} cores; update of a fragment [ms]")
     print(f"algorithm  width   one thread  {threads:2d} threads       GPU   ratio")
     for name in arguments.algorithms:
         for width in arguments.widths:
             one, several, gpu = (
-                1e3 * update_time(env, name, width, arguments.seconds, gpus=gpus, threads=count)
+                1e3 * update_time(name, width, arguments.seconds, gpus=gpus, threads=count)
                 for gpus, count in ((0, 1), (0, threads), (1, 1))
             )
             ratio = min(one, several) / gpu

@@ -20,7 +20,6 @@ import numpy as np
 import ray
 import torch
 from gymnasium.spaces import Box, Discrete
-from ray.rllib.algorithms.algorithm import Algorithm
 from ray.rllib.algorithms.ppo import PPOConfig as StockPPOConfig
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
@@ -104,19 +103,12 @@ def rate(run: Callable[[], int], seconds: float) -> float:
     return done / (time.process_time() - start)
 
 
-def local_runner(algo: Algorithm) -> Any:
-    """Return the runner in this process."""
-    if algo.env_runner_group is None:
-        raise RuntimeError("the algorithm was built without environment runners")
-    return algo.env_runner_group.local_env_runner
-
-
 def joint(env, sharing: str, epochs: int, seconds: float) -> tuple[float, float]:
     """Return (sampling, training) decisions/s of the joint core."""
     config = algorithms.config("ppo").environment(env)
     config.env_runners(num_env_runners=0, num_envs_per_env_runner=ENVS, rollout_fragment_length=FRAGMENT)
-    algo = config.training(sharing=sharing, epochs=epochs, minibatch_size=128).build_algo()
-    runner = local_runner(algo)
+    algo: Any = config.training(sharing=sharing, epochs=epochs, minibatch_size=128).build_algo()
+    runner = algo.env_runner_group.local_env_runner
     sampling = rate(lambda: runner.sample()[0].agent_steps(), seconds)
 
     def iteration() -> int:
@@ -146,8 +138,8 @@ def stock(sharing: str, epochs: int, seconds: float) -> tuple[float, float]:
             train_batch_size_per_learner=FRAGMENT * ENVS, num_epochs=epochs, minibatch_size=128 * AGENTS
         )
     )
-    algo = config.build_algo()
-    runner = local_runner(algo)
+    algo: Any = config.build_algo()
+    runner = algo.env_runner_group.local_env_runner
 
     def sample() -> int:
         return sum(e.agent_steps() for e in runner.sample(num_timesteps=FRAGMENT * ENVS))

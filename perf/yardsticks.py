@@ -109,7 +109,7 @@ ORIGIN = origin()
 def trained(game: str, algorithm: str, seed: int, steps: int, episodes: int) -> RunFile:
     """Train and evaluate; return the run."""
     recipe = RECIPES[game][algorithm]
-    algo = built(game, algorithm, seed, recipe)
+    algo = configured(game, algorithm, seed, recipe).build_algo()
     curve, seconds, done = [evaluated(game, algo, episodes, 0, 0.0)], 0.0, 0
     while done < steps:
         start = time.process_time()
@@ -129,11 +129,6 @@ def trained(game: str, algorithm: str, seed: int, steps: int, episodes: int) -> 
         "settings": recipe.settings,
     }
     return RunFile(game, algorithm, seed, about, curve)
-
-
-def built(game: str, algorithm: str, seed: int, recipe: Recipe) -> Any:
-    """Return the algorithm."""
-    return configured(game, algorithm, seed, recipe).build_algo()
 
 
 def configured(game: str, algorithm: str, seed: int, recipe: Recipe) -> Any:
@@ -226,7 +221,7 @@ def train_all(arguments: argparse.Namespace, wanted: Sequence[tuple[str, str, in
     torch.set_num_threads(1)
     ray.init(address="local", num_cpus=1, include_dashboard=False, logging_level=logging.ERROR)
     for game, algorithm, seed in wanted:
-        steps = arguments.steps or RECIPES[game][algorithm].steps or YARDSTICKS[game].steps
+        steps = arguments.steps or YARDSTICKS[game].steps
         write(arguments.out, trained(game, algorithm, seed, steps, arguments.episodes))
     ray.shutdown()
 

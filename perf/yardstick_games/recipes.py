@@ -42,14 +42,12 @@ class Recipe(NamedTuple):
         fragment: Steps of each copy between two updates.
         settings: The algorithm's settings that differ from its defaults.
         num_envs: Copies of the game.
-        steps: Environment steps, if others than the game's.
         limit_ends: Whether the game's time limit is a termination.
     """
 
     fragment: int
     settings: dict[str, Any]
     num_envs: int = 64
-    steps: int | None = None
     limit_ends: bool = False
 
 
@@ -100,18 +98,6 @@ _FORAGING_AS_PUBLISHED = Recipe(
 _MATRIX = {"hidden": (64, 64), "lr": 1e-3, "epsilon": (1.0, 0.2), "epsilon_steps": 40_000}
 _MATRIX_POLICIES = {"hidden": (64, 64), "lr": 3e-3, "minibatch_size": None, "epochs": 4}
 
-_ABLATIONS: dict[str, dict[str, Any]] = {
-    "unscaled": {"reward_scale": 1.0},
-    "unshared": {"sharing": "none"},
-    "early_greedy": {"epsilon_steps": 10_000},
-    "slow": {"lr": 3e-4},
-}
-
-
-def _ablated(**changed: Any) -> Recipe:
-    """Return VDN's recipe with changed settings, for half of the steps."""
-    return Recipe(8, {**_FORAGING, **changed}, steps=1_000_000)
-
 
 def _of_all(values: dict[str, Any], policies: dict[str, Any]) -> dict[str, Recipe]:
     """Return recipes of all algorithms, with settings of values and of policies; none of them is tuned."""
@@ -132,11 +118,9 @@ RECIPES: dict[str, dict[str, Recipe]] = {
     "foraging": {
         **_of_all({**_FORAGING, "reward_scale": 40.0}, _POLICIES),
         "vdn": Recipe(8, _FORAGING),
-        "qmix-scale_10": Recipe(8, _FORAGING),
         "qmix-gru": Recipe(8, {**_FORAGING, "gru": 64, "sequence_length": 8}),
         f"qmix-{AS_PUBLISHED}": _FORAGING_AS_PUBLISHED,
         "ppo": Recipe(50, {**_POLICIES, "normalize_values": True}),
-        **{f"vdn-{name}": _ablated(**changed) for name, changed in _ABLATIONS.items()},
         "ppo-gru": Recipe(50, {**_POLICIES, "normalize_values": True, "gru": 64, "sequence_length": 10}),
     },
     "spread": {
@@ -153,8 +137,6 @@ RECIPES: dict[str, dict[str, Recipe]] = {
             },
         ),
         **{f"{name}-{AS_PUBLISHED}": _AS_PUBLISHED for name in _TEAM_VALUES},
-        "qmix-limit_ends": Recipe(8, _SPREAD, steps=1_000_000, limit_ends=True),
-        "qmix-standardized": Recipe(8, _STANDARDIZED, steps=1_000_000),
     },
     "matrices": {
         **{name: Recipe(8, _MATRIX) for name in _EPSILON_GREEDY},

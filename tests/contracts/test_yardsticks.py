@@ -11,11 +11,11 @@ from algorithms.joint.env import episode_seed
 from algorithms.joint.making import check_environment
 from algorithms.joint.rollout import View
 from algorithms.joint.sampler import EvaluatedStep
-from perf.yardstick_games.foraging import LOAD, Foraging, near_food
+from perf.yardstick_games.foraging import LOAD, Foraging
 from perf.yardstick_games.matrices import Matrices, scaled
 from perf.yardstick_games.recipes import RECIPES, YARDSTICKS
 from perf.yardstick_games.spread import Spread
-from perf.yardsticks import Loops, configured, file_of, main, random_play
+from perf.yardsticks import Loops, configured, file_of, main
 
 SEED = 7
 
@@ -65,14 +65,6 @@ def test_foraging_equals_the_packages_game_step_by_step():
                 theirs[row] = fresh_foraging(row, episodes[row])
     assert loads > 10
     assert min(episodes) > 2
-
-
-def test_food_is_near_in_eight_cells_around_and_two_straight_away():
-    food = np.zeros((8, 8), int)
-    food[4, 4] = 3
-    near = {(r, c) for r in range(1, 7) for c in range(1, 7) if near_food(food, r, c)}
-    square = {(r, c) for r in (3, 4, 5) for c in (3, 4, 5)}
-    assert near == square | {(2, 4), (6, 4), (4, 2), (4, 6)}
 
 
 def test_spread_equals_the_packages_game_step_by_step():
@@ -130,17 +122,6 @@ def test_games_keep_the_contract_and_a_row_equals_the_run_alone(name):
         assert np.array_equal(steps[0].rewards[2:], steps[1].rewards)
 
 
-@pytest.mark.parametrize("name", YARDSTICKS)
-def test_a_saved_game_continues(name):
-    game, other = YARDSTICKS[name].make(2), YARDSTICKS[name].make(2)
-    game.reset(SEED, np.arange(2))
-    other.set_state(game.get_state())
-    actions = np.zeros((2, game.num_agents), int)
-    for _ in range(game.length + 1):
-        one, two = game.step((actions,)), other.step((actions,))
-        assert np.array_equal(one.observations[0][""], two.observations[0][""])
-
-
 @pytest.mark.parametrize("game", YARDSTICKS)
 def test_recipes_set_what_algorithms_have_and_suit_the_game(game):
     for name, recipe in RECIPES[game].items():
@@ -156,11 +137,6 @@ def test_episodes_loop_where_all_agents_see_again_what_they_saw_before():
         step = YARDSTICKS["matrices"].make(2).reset(SEED, np.arange(2))
         loops(EvaluatedStep(np.array([5, -1]), view, (), (), step))
     assert loops.looped == {5}
-
-
-def test_random_play_scores_what_is_expected():
-    assert random_play("matrices", 1, 4_000).curve[-1].sampled == pytest.approx(0, abs=0.05)
-    assert random_play("foraging", 1, 200).curve[-1].sampled < 0.05
 
 
 @pytest.mark.nightly
