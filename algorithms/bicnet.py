@@ -32,7 +32,7 @@ from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
-from algorithms.joint.spec import Group, JointSpec, action_size
+from algorithms.joint.spec import Group, action_size
 from algorithms.maddpg import MADDPGConfig, MADDPGModule
 from algorithms.parts.networks import Encoder, perceptron
 
@@ -122,9 +122,6 @@ class BiCNetModule(MADDPGModule):
         """Return every group's outputs (M, n, P)."""
         return coordinate([module.actor for module in modules], [module.group for module in modules], views)
 
-    def feedforward_parts(self) -> None:  # type: ignore[override]
-        """Return None: agents cannot be evaluated one by one."""
-
 
 class BiCNetCritic(LearnerModule):
     """A group's part of the critic, and its target."""
@@ -193,11 +190,7 @@ class BiCNetConfig(MADDPGConfig):
     """RLlib config of BiCNet."""
 
     algorithm = "bicnet"
-
-    def modules(self, spec: JointSpec):
-        """Return a policy and a critic for each group."""
-        policies = {g.id: self.policy_spec(spec, g, BiCNetModule) for g in spec.groups}
-        return policies | {critic_of(g): self.learner_spec(spec, BiCNetCritic, g) for g in spec.groups}
+    policy_module, critic_module = BiCNetModule, BiCNetCritic
 
 
 class BiCNet(JointAlgorithm):

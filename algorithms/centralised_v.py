@@ -11,15 +11,15 @@ clipped.
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 import torch
 from torch import Tensor
 
 from algorithms.joint.batch import JointView, OnPolicyBatch
-from algorithms.joint.checks import check_state
 from algorithms.joint.env import MEMORY
 from algorithms.joint.module import LearnerModule
-from algorithms.joint.spec import JointSpec
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import orthogonal, perceptron
 from algorithms.ppo import PPO, PPOConfig, PPOLearner
@@ -29,6 +29,8 @@ CRITIC = "central__critic"
 
 class CentralValue(LearnerModule):
     """V_1(s), ..., V_N(s) from the global state."""
+
+    joins = "state"
 
     def make_networks(self) -> None:
         """Create the body."""
@@ -75,12 +77,8 @@ class CentralisedVConfig(PPOConfig):
     """RLlib config of MAPPO."""
 
     algorithm = "centralised_v"
-
-    def modules(self, spec: JointSpec):
-        """Return a policy for each group and the central critic."""
-        check_state(spec, self.algorithm)
-        policies = {g.id: self.policy_spec(spec, g) for g in spec.groups}
-        return policies | {CRITIC: self.learner_spec(spec, CentralValue)}
+    critic_module = None
+    team_modules: ClassVar = {CRITIC: CentralValue}
 
 
 class CentralisedV(PPO):

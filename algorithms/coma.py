@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -28,7 +29,6 @@ from torch import Tensor, nn
 
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch, encode, to_tensor
-from algorithms.joint.checks import check_state
 from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule
@@ -37,9 +37,8 @@ from algorithms.joint.spec import JointSpec, action_size
 from algorithms.joint.team import team_reward
 from algorithms.maac import counterfactual_advantage
 from algorithms.parts.advantages import generalised_advantages
-from algorithms.parts.distributions import Exploration, FlooredDistribution, FlooredHead, Head
+from algorithms.parts.distributions import FlooredDistribution, FlooredHead, Head
 from algorithms.parts.masking import masked_mean_of_agents
-from algorithms.parts.schedule import annealed
 
 CRITIC = "team__critic"
 LINEAR = 64
@@ -97,7 +96,7 @@ class CounterfactualQ(nn.Module):
 class COMACritic(LearnerModule):
     """The critic and its target."""
 
-    targets = ("target_q",)
+    targets, joins = ("target_q",), "state"
 
     def make_networks(self) -> None:
         """Create the critic."""
@@ -220,18 +219,9 @@ class COMAConfig(JointConfig):
     """RLlib config of COMA."""
 
     algorithm = "coma"
-    exploration_settings = frozenset({"epsilon", "epsilon_steps"})
-
-    def exploration(self, steps: int) -> Exploration:
-        """Return sampling with a floor that is annealed linearly."""
-        epsilon = annealed(self.epsilon, self.epsilon_steps, steps)
-        return Exploration(explore=bool(self.explore), epsilon=epsilon)
-
-    def modules(self, spec: JointSpec):
-        """Return a policy for each group and the critic of the team."""
-        check_state(spec, self.algorithm)
-        policies = {g.id: self.policy_spec(spec, g, COMAModule) for g in spec.groups}
-        return policies | {CRITIC: self.learner_spec(spec, COMACritic)}
+    policy_module = COMAModule
+    team_modules: ClassVar = {CRITIC: COMACritic}
+    explores_by = "epsilon"
 
 
 class COMA(JointAlgorithm):

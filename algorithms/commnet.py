@@ -26,7 +26,6 @@ from torch import Tensor, nn
 from algorithms.a2c import A2C, A2CConfig, A2CLearner
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch
 from algorithms.joint.module import JointModule
-from algorithms.joint.spec import JointSpec
 from algorithms.parts.communication import mean_of_others
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
@@ -80,9 +79,6 @@ class CommNetModule(JointModule):
         """Return scaled values (M, n) of last hidden layers (M, n, H)."""
         return self.baseline(hidden).squeeze(-1)
 
-    def feedforward_parts(self) -> None:
-        """Return None: agents cannot be evaluated one by one."""
-
     def get_non_inference_attributes(self) -> list[str]:
         """Return the attributes that runners do not hold (RLlib)."""
         return ["baseline", "moments"]
@@ -133,16 +129,9 @@ class CommNetConfig(A2CConfig):
     """RLlib config of CommNet."""
 
     algorithm = "commnet"
+    policy_module, critic_module = CommNetModule, None
+    network_settings = (*A2CConfig.network_settings, "communication_steps", "channel")
     interchangeable = ("channel",)
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        own = {"communication_steps": self.communication_steps, "channel": self.channel}
-        return super().module_settings() | own
-
-    def modules(self, spec: JointSpec):
-        """Return a network for each group."""
-        return {g.id: self.policy_spec(spec, g, CommNetModule) for g in spec.groups}
 
 
 class CommNet(A2C):

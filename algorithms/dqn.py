@@ -28,12 +28,11 @@ from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, without_memory
 from algorithms.joint.prioritised import PrioritisedReplay
 from algorithms.joint.replay import JointReplay
-from algorithms.joint.spec import Group, JointSpec
-from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
+from algorithms.joint.spec import Group
+from algorithms.parts.distributions import EpsilonGreedyHead, Head
 from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.parts.memory import GRUMemory
 from algorithms.parts.networks import Encoder, perceptron
-from algorithms.parts.schedule import annealed
 
 
 class QNetwork(nn.Module):
@@ -192,20 +191,9 @@ class DQNConfig(JointConfig):
     """RLlib config of independent DQN."""
 
     algorithm = "dqn"
-    exploration_settings = frozenset({"epsilon", "epsilon_steps"})
-
-    def exploration(self, steps: int) -> Exploration:
-        """Return epsilon-greedy exploration, annealed linearly."""
-        epsilon = annealed(self.epsilon, self.epsilon_steps, steps)
-        return Exploration(explore=bool(self.explore), epsilon=epsilon)
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return super().module_settings() | {"duelling": self.duelling}
-
-    def modules(self, spec: JointSpec):
-        """Return a Q network for each group."""
-        return {g.id: self.policy_spec(spec, g, DQNModule) for g in spec.groups}
+    policy_module = DQNModule
+    network_settings = ("duelling",)
+    explores_by = "epsilon"
 
 
 class DQN(JointAlgorithm):

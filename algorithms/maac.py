@@ -16,7 +16,7 @@ of the width `hidden[-1]`; agents of a group share networks and are told apart b
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import cast
+from typing import ClassVar, cast
 
 import torch
 from torch import Tensor, nn
@@ -199,15 +199,9 @@ class MAACConfig(JointConfig):
     """RLlib config of MAAC."""
 
     algorithm = "maac"
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return super().module_settings() | {"attention_heads": self.attention_heads}
-
-    def modules(self, spec: JointSpec):
-        """Return a policy for each group and the critic of all."""
-        policies = {g.id: self.policy_spec(spec, g, MAACModule) for g in spec.groups}
-        return policies | {CRITIC: self.learner_spec(spec, MAACCritic)}
+    policy_module = MAACModule
+    team_modules: ClassVar = {CRITIC: MAACCritic}
+    network_settings = ("attention_heads",)
 
 
 class MAAC(JointAlgorithm):

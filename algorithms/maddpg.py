@@ -20,12 +20,12 @@ from torch import Generator, Tensor, nn
 from algorithms.errors import SpaceError
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch
-from algorithms.joint.checks import check_bounds, check_vectors
+from algorithms.joint.checks import check_bounds
 from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule, critic_of
 from algorithms.joint.spec import Group, JointSpec, action_size
-from algorithms.parts.distributions import CategoricalHead, DeterministicHead, Exploration, Head
+from algorithms.parts.distributions import CategoricalHead, DeterministicHead, Head
 from algorithms.parts.networks import Encoder, outputs_where, perceptron
 from algorithms.parts.relaxation import straight_through_gumbel
 
@@ -136,7 +136,7 @@ class JointQ(nn.Module):
 class MADDPGCritic(LearnerModule):
     """A group's critic and its target."""
 
-    targets = ("target_q",)
+    targets, joins = ("target_q",), "observations"
 
     def make_networks(self) -> None:
         """Create the critic."""
@@ -193,7 +193,8 @@ class MADDPGConfig(JointConfig):
     """RLlib config of MADDPG."""
 
     algorithm = "maddpg"
-    exploration_settings = frozenset({"noise"})
+    policy_module, critic_module = MADDPGModule, MADDPGCritic
+    explores_by = "noise"
 
     def check(self, spec: JointSpec) -> None:
         """Raise if the algorithm cannot handle the environment; see `JointConfig.check`.
@@ -210,16 +211,6 @@ class MADDPGConfig(JointConfig):
                 place="training(noise=...)",
                 remedy="leave it out",
             )
-
-    def exploration(self, steps: int) -> Exploration:
-        """Return sampling, and noise on continuous actions."""
-        return Exploration(explore=bool(self.explore), noise=self.noise)
-
-    def modules(self, spec: JointSpec):
-        """Return a policy and a critic for each group."""
-        check_vectors(spec, self.algorithm)
-        policies = {g.id: self.policy_spec(spec, g, MADDPGModule) for g in spec.groups}
-        return policies | {critic_of(g): self.learner_spec(spec, MADDPGCritic, g) for g in spec.groups}
 
 
 class MADDPG(JointAlgorithm):

@@ -155,9 +155,6 @@ class MATModule(JointModule):
         """Raise: agents act together (`act_jointly`)."""
         raise NotImplementedError("agents of 'mat' act one after another: see act_jointly")
 
-    def feedforward_parts(self) -> None:
-        """Return None: agents cannot be evaluated one by one."""
-
     def get_non_inference_attributes(self) -> list[str]:
         """Return the attributes that runners do not hold (RLlib)."""
         return ["baseline", "moments"]
@@ -211,18 +208,16 @@ class MATConfig(PPOConfig):
     """RLlib config of MAT."""
 
     algorithm = "mat"
+    policy_module, critic_module = MATModule, None
+    network_settings = (*PPOConfig.network_settings, "blocks", "attention_heads")
 
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        own = {"blocks": self.blocks, "attention_heads": self.attention_heads}
-        return super().module_settings() | own
-
-    def modules(self, spec: JointSpec):
-        """Return the network of all agents.
+    def check(self, spec: JointSpec) -> None:
+        """Raise if the algorithm cannot handle the environment; see `JointConfig.check`.
 
         Raises:
             SpaceError: Agents have different spaces.
         """
+        super().check(spec)
         if len(spec.groups) > 1:
             raise SpaceError(
                 f"{self.algorithm!r} is one network of all agents, but {spec.groups[0].agents[0]!r} and "
@@ -230,7 +225,6 @@ class MATConfig(PPOConfig):
                 place="observation and action spaces",
                 remedy="give all agents equal spaces and sharing='all', or use 'centralised_v'",
             )
-        return {group.id: self.policy_spec(spec, group, MATModule) for group in spec.groups}
 
 
 class MAT(PPO):

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -273,20 +273,13 @@ class MAVENConfig(QMIXConfig):
     """RLlib config of MAVEN."""
 
     algorithm = "maven"
+    policy_module = MAVENModule
+    team_modules: ClassVar = {MIXER: MAVENMixer, DISCRIMINATOR: Discriminator}
+    network_settings = (*QMIXConfig.network_settings, "latents")
 
     def carried(self, block: AgentBlock) -> dict[str, Box]:
         """Return the leaves that the sampler adds: the episode's latent."""
         return {**super().carried(block), LATENT: Box(0.0, 1.0, (self.latents,), np.float32)}
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return super().module_settings() | {"latents": self.latents}
-
-    def modules(self, spec: JointSpec):
-        """Return a Q network for each group, the mixer and the discriminator."""
-        policies = {g.id: self.policy_spec(spec, g, MAVENModule) for g in spec.groups}
-        team = {MIXER: MAVENMixer, DISCRIMINATOR: Discriminator}
-        return super().modules(spec) | policies | {k: self.learner_spec(spec, net) for k, net in team.items()}
 
 
 class MAVEN(QMIX):

@@ -25,7 +25,6 @@ from algorithms.joint.features import MEAN_ACTION, common_actions
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
 from algorithms.joint.neighbours import Neighbourhood
-from algorithms.joint.spec import JointSpec
 from algorithms.maac import MAACModule, of_actions
 from algorithms.mf_q import MeanFieldConfig, MeanFieldQ, mean_actions
 
@@ -93,11 +92,7 @@ class MeanFieldACConfig(MeanFieldConfig):
     """RLlib config of MF-AC."""
 
     algorithm = "mf_ac"
-
-    def modules(self, spec: JointSpec):
-        """Return a policy and a critic for each group."""
-        policies = {g.id: self.policy_spec(spec, g, MAACModule) for g in spec.groups}
-        return policies | {critic_of(g): self.learner_spec(spec, MeanFieldCritic, g) for g in spec.groups}
+    policy_module, critic_module = MAACModule, MeanFieldCritic
 
 
 class MeanFieldAC(JointAlgorithm):

@@ -145,19 +145,13 @@ class MeanFieldQConfig(MeanFieldConfig):
     """RLlib config of MF-Q."""
 
     algorithm = "mf_q"
+    policy_module = MeanFieldQModule
+    network_settings = ("temperature",)
     interchangeable = ("temperature",)
 
     def adapt(self, env: VectorJointEnv) -> VectorJointEnv:
         """Show agents the mean action of the step before, where actions are equal; else `check` raises."""
         return WithMeanActions(env, self.graph) if common_actions(env.spaces) else env
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return super().module_settings() | {"temperature": self.temperature}
-
-    def modules(self, spec: JointSpec):
-        """Return a Q network for each group."""
-        return {g.id: self.policy_spec(spec, g, MeanFieldQModule) for g in spec.groups}
 
 
 class MeanFieldQLearning(JointAlgorithm):

@@ -40,18 +40,16 @@ from torch import Tensor, nn
 from algorithms.errors import SpaceError
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, ReplayBatch
-from algorithms.joint.checks import check_vectors
 from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
 from algorithms.joint.neighbours import Neighbourhood
 from algorithms.joint.spec import Group, JointSpec, action_size
 from algorithms.maac import of_actions
-from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
+from algorithms.parts.distributions import EpsilonGreedyHead, Head
 from algorithms.parts.graph import consensus_rate, metropolis
 from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.parts.networks import perceptron
-from algorithms.parts.schedule import annealed
 
 
 def joint_state(views: Sequence[GroupView]) -> Tensor:
@@ -136,7 +134,7 @@ def absent_view(group: Group, like: GroupView) -> GroupView:
 class NetworkedQModule(JointModule):
     """A group's value of every joint action, and its target."""
 
-    targets = ("target_q",)
+    targets, joins = ("target_q",), "observations"
     communicates = True
 
     def make_head(self) -> Head:
@@ -164,9 +162,6 @@ class NetworkedQModule(JointModule):
             table = module.combinations.masked_values(module.q(state), views)
             outputs.append(module.combinations.own_values(table, module.group))
         return outputs
-
-    def feedforward_parts(self) -> None:
-        """Return None: agents cannot be evaluated one by one."""
 
 
 class NetworkedQLearner(OffPolicyLearner):
@@ -259,7 +254,8 @@ class NetworkedQConfig(JointConfig):
     """RLlib config of networked fitted Q-iteration."""
 
     algorithm = "networked_q"
-    exploration_settings = frozenset({"epsilon", "epsilon_steps"})
+    policy_module = NetworkedQModule
+    explores_by = "epsilon"
 
     def validate(self) -> None:
         """Check the settings; see `JointConfig.validate`.
@@ -274,11 +270,6 @@ class NetworkedQConfig(JointConfig):
                 "of all agents, so that none can be frozen; use 'dqn'"
             )
 
-    def exploration(self, steps: int) -> Exploration:
-        """Return epsilon-greedy exploration, annealed linearly."""
-        epsilon = annealed(self.epsilon, self.epsilon_steps, steps)
-        return Exploration(explore=bool(self.explore), epsilon=epsilon)
-
     def check(self, spec: JointSpec) -> None:
         """Raise if the algorithm cannot handle the environment.
 
@@ -287,7 +278,6 @@ class NetworkedQConfig(JointConfig):
                 all agents share one network, or a fixed graph falls into parts, which could never agree.
         """
         super().check(spec)
-        check_vectors(spec, self.algorithm)
         joint = prod(JointActions(spec.groups).sizes)
         if joint > self.max_joint_actions:
             raise SpaceError(
@@ -314,10 +304,6 @@ class NetworkedQConfig(JointConfig):
                 place=f"training(graph={self.graph!r})",
                 remedy="link the parts",
             )
-
-    def modules(self, spec: JointSpec):
-        """Return a network of joint values for each group."""
-        return {g.id: self.policy_spec(spec, g, NetworkedQModule) for g in spec.groups}
 
 
 class NetworkedQ(JointAlgorithm):

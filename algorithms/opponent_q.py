@@ -137,9 +137,6 @@ class OpponentQModule(JointModule):
         with torch.no_grad():
             return self.model(view.observations)[..., :-1].exp().unsqueeze(-3)
 
-    def feedforward_parts(self) -> None:
-        """Return None: the policy is more than one perceptron."""
-
 
 class OpponentQLearner(OffPolicyLearner):
     """Models from the newest rollout, temporal-difference steps from replay."""
@@ -206,25 +203,22 @@ class OpponentQConfig(DQNConfig):
     """RLlib config of Q-learning with models of the others."""
 
     algorithm = "opponent_q"
-    module_class: type[OpponentQModule] = OpponentQModule
+    network_settings = ()
+    policy_module = OpponentQModule
 
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return {"hidden": tuple(self.hidden)}
-
-    def modules(self, spec: JointSpec):
-        """Return a network for each group.
+    def check(self, spec: JointSpec) -> None:
+        """Raise if the algorithm cannot handle the environment; see `JointConfig.check`.
 
         Raises:
             SpaceError: There is one agent only.
         """
+        super().check(spec)
         if len(spec.agents) == 1:
             raise SpaceError(
                 f"{self.algorithm!r} models other agents, but {spec.agents[0]!r} is alone",
                 place="environment",
                 remedy="use 'dqn', or an environment with at least two agents",
             )
-        return {g.id: self.policy_spec(spec, g, self.module_class) for g in spec.groups}
 
 
 class OpponentQ(DQN):

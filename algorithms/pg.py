@@ -82,12 +82,7 @@ class PGLearner(A2CLearner):
             if self.config.baseline:
                 self.report_values(baseline, targets, alive)
         batch = OnPolicyBatch(
-            self.spec,
-            now.observations,
-            alive,
-            now.masks,
-            now.state,
-            now.graph,
+            *now.moments(),
             actions=tuple(to_tensor(actions[t, b], device) for actions in whole.actions),
             rewards=to_tensor(whole.rewards[t, b], device),
             bootstrap=torch.zeros_like(alive),

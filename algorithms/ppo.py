@@ -23,7 +23,7 @@ from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.spec import Group, JointSpec
+from algorithms.joint.spec import Group
 from algorithms.joint.stacking import StackedGroups, stack_groups
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, outputs_where, perceptron
@@ -182,15 +182,8 @@ class PPOConfig(JointConfig):
     """RLlib config of independent PPO."""
 
     algorithm = "ppo"
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return super().module_settings() | {"normalize_values": self.normalize_values}
-
-    def modules(self, spec: JointSpec):
-        """Return a policy and a value network for each group."""
-        policies = {g.id: self.policy_spec(spec, g) for g in spec.groups}
-        return policies | {critic_of(g): self.learner_spec(spec, LocalValue, g) for g in spec.groups}
+    critic_module = LocalValue
+    network_settings = ("normalize_values",)
 
 
 class PPO(JointAlgorithm):

@@ -55,12 +55,9 @@ class PR2Config(OpponentQConfig):
     """RLlib config of PR2-Q."""
 
     algorithm = "pr2"
+    network_settings = ("alpha",)
     interchangeable = ("alpha",)
-    module_class = PR2Module
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return super().module_settings() | {"alpha": self.alpha}
+    policy_module = PR2Module
 
 
 class PR2(OpponentQ):

@@ -51,11 +51,10 @@ from algorithms.dqn import DQNModule, QNetwork
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch
 from algorithms.joint.config import JointConfig
-from algorithms.joint.spec import Group, JointSpec
+from algorithms.joint.spec import Group
 from algorithms.joint.team import TeamLearner
 from algorithms.parts.distributions import CategoricalDistribution, Exploration, SampledActions
 from algorithms.parts.masking import MASKED_LOGIT
-from algorithms.parts.schedule import annealed
 
 
 class Items(NamedTuple):
@@ -221,21 +220,9 @@ class QDPPConfig(JointConfig):
     """RLlib config of Q-DPP."""
 
     algorithm = "qdpp"
-    exploration_settings = frozenset({"temperature", "temperature_steps"})
-
-    def exploration(self, steps: int) -> Exploration:
-        """Return the sampler's temperature, annealed linearly."""
-        temperature = annealed(self.temperature, self.temperature_steps, steps)
-        return Exploration(explore=bool(self.explore), temperature=temperature)
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        own = {"duelling": self.duelling, "features": self.features, "own_share": self.own_share}
-        return super().module_settings() | own
-
-    def modules(self, spec: JointSpec):
-        """Return a network for each group."""
-        return {g.id: self.policy_spec(spec, g, QDPPModule) for g in spec.groups}
+    policy_module = QDPPModule
+    network_settings = ("duelling", "features", "own_share")
+    explores_by = "temperature"
 
 
 class QDPP(JointAlgorithm):

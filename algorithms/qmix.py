@@ -9,13 +9,13 @@ Deviations: as VDN; the state is the environment's, or all observations side by 
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import torch
 from torch import Tensor, nn
 
 from algorithms.joint.batch import JointView
-from algorithms.joint.checks import check_state
 from algorithms.joint.module import LearnerModule
-from algorithms.joint.spec import JointSpec
 from algorithms.parts.networks import perceptron
 from algorithms.vdn import VDN, VDNConfig, VDNLearner
 
@@ -43,7 +43,7 @@ class MonotoneMixer(nn.Module):
 class QMIXMixer(LearnerModule):
     """The mixer and its target."""
 
-    targets = ("target_mixer",)
+    targets, joins = ("target_mixer",), "state"
 
     @property
     def state_size(self) -> int:
@@ -76,15 +76,8 @@ class QMIXConfig(VDNConfig):
     """RLlib config of QMIX."""
 
     algorithm = "qmix"
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return super().module_settings() | {"mixer_width": self.mixer_width}
-
-    def modules(self, spec: JointSpec):
-        """Return a Q network for each group and the mixer."""
-        check_state(spec, self.algorithm)
-        return super().modules(spec) | {MIXER: self.learner_spec(spec, QMIXMixer)}
+    team_modules: ClassVar = {MIXER: QMIXMixer}
+    network_settings = (*VDNConfig.network_settings, "mixer_width")
 
 
 class QMIX(VDN):

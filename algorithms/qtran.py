@@ -25,6 +25,7 @@ agents, and inactive agents contribute zero.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -32,7 +33,6 @@ from torch import Tensor, nn
 from algorithms.coma import CounterfactualQ
 from algorithms.dqn import best_actions
 from algorithms.joint.batch import JointView, ReplayBatch, encode
-from algorithms.joint.checks import check_state
 from algorithms.joint.module import LearnerModule
 from algorithms.joint.spec import JointSpec, action_size
 from algorithms.parts.masking import masked_mean_of_agents
@@ -64,7 +64,7 @@ class TeamQ(nn.Module):
 class QTRANJoint(LearnerModule):
     """The joint value with its target, and V_jt(s)."""
 
-    targets = ("target_q",)
+    targets, joins = ("target_q",), "state"
 
     def make_networks(self) -> None:
         """Create all networks."""
@@ -161,15 +161,8 @@ class QTRANConfig(VDNConfig):
     """RLlib config of QTRAN."""
 
     algorithm = "qtran"
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return super().module_settings() | {"variant": self.variant}
-
-    def modules(self, spec: JointSpec):
-        """Return a Q network for each group and the joint value."""
-        check_state(spec, self.algorithm)
-        return super().modules(spec) | {JOINT: self.learner_spec(spec, QTRANJoint)}
+    team_modules: ClassVar = {JOINT: QTRANJoint}
+    network_settings = (*VDNConfig.network_settings, "variant")
 
 
 class QTRAN(VDN):

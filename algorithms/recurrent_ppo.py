@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -25,11 +25,10 @@ from torch import Tensor, nn
 
 from algorithms.centralised_v import CRITIC, CentralisedV, CentralisedVConfig, CentralisedVLearner
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch, to_tensor
-from algorithms.joint.checks import check_state
 from algorithms.joint.env import MEMORY
 from algorithms.joint.module import LearnerModule, critic_of, without_memory
 from algorithms.joint.rollout import JointRollout, View
-from algorithms.joint.spec import JointSpec, observation_size
+from algorithms.joint.spec import observation_size
 from algorithms.parts.memory import GRUMemory
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
@@ -71,9 +70,6 @@ class RecurrentValue(LearnerModule):
         """Return scaled values (M, n) of moments, or of sequences of moments."""
         return self.body(self.recall(view)).squeeze(-1)
 
-    def feedforward_parts(self) -> None:
-        """Return None: memories cannot be evaluated row by row."""
-
 
 class RecurrentLocalValue(RecurrentValue):
     """V(o_i) of a group's agents."""
@@ -94,6 +90,8 @@ class RecurrentLocalValue(RecurrentValue):
 
 class RecurrentCentralValue(RecurrentValue):
     """V_i(s) of all N agents."""
+
+    joins = "state"
 
     def make_features(self) -> int:
         """Return the width of the state and the agents' numbers."""
@@ -222,27 +220,16 @@ class RecurrentIPPOConfig(PPOConfig):
     """RLlib config of recurrent IPPO."""
 
     algorithm = "recurrent_ippo"
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return super().module_settings() | {"gru": self.gru}
-
-    def modules(self, spec: JointSpec):
-        """Return a policy and a critic for each group."""
-        policies = {g.id: self.policy_spec(spec, g) for g in spec.groups}
-        return policies | {critic_of(g): self.learner_spec(spec, RecurrentLocalValue, g) for g in spec.groups}
+    critic_module = RecurrentLocalValue
+    network_settings = (*PPOConfig.network_settings, "gru")
 
 
 class RecurrentMAPPOConfig(RecurrentIPPOConfig, CentralisedVConfig):
     """RLlib config of recurrent MAPPO."""
 
     algorithm = "recurrent_mappo"
-
-    def modules(self, spec: JointSpec):
-        """Return a policy for each group and the central critic."""
-        check_state(spec, self.algorithm)
-        policies = {g.id: self.policy_spec(spec, g) for g in spec.groups}
-        return policies | {CRITIC: self.learner_spec(spec, RecurrentCentralValue)}
+    critic_module = None
+    team_modules: ClassVar = {CRITIC: RecurrentCentralValue}
 
 
 class RecurrentIPPO(PPO):

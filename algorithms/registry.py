@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from algorithms import settings
 from algorithms.settings import JointSettings
@@ -61,94 +61,60 @@ class Entry(NamedTuple):
 _DEC, _CEN, _CTDE, _NET = Paradigm.DECENTRALISED, Paradigm.CENTRALISED, Paradigm.CTDE, Paradigm.NETWORKED
 _DISCRETE, _BOTH = ActionKind.DISCRETE, ActionKind.BOTH
 
+
+def _entry(place: str, *tags: Any, **more: Any) -> Entry:
+    """Return the entry of `file:Stem`: the config `StemConfig` in the file, and `StemSettings`."""
+    return Entry(
+        f"algorithms.{place}Config", getattr(settings, f"{place.partition(':')[2]}Settings"), *tags, **more
+    )
+
+
 # One line an algorithm; order: by paradigm, then from plain to elaborate.
 ALGORITHMS: dict[str, Entry] = {
-    "pg": Entry(
-        "algorithms.pg:PGConfig",
-        settings.PGSettings,
-        _DEC,
-        "M1",
-        _BOTH,
-        "independent policy gradient on whole trajectories",
-    ),
-    "a2c": Entry(
-        "algorithms.a2c:A2CConfig",
-        settings.A2CSettings,
-        _DEC,
-        "M1",
-        _BOTH,
-        "independent advantage actor-critic",
-        recurrent=True,
-    ),
-    "ppo": Entry(
-        "algorithms.ppo:PPOConfig", settings.PPOSettings, _DEC, "M1", _BOTH, "independent PPO", recurrent=True
-    ),
-    "recurrent_ippo": Entry(
-        "algorithms.recurrent_ppo:RecurrentIPPOConfig",
-        settings.RecurrentIPPOSettings,
+    "pg": _entry("pg:PG", _DEC, "M1", _BOTH, "independent policy gradient on whole trajectories"),
+    "a2c": _entry("a2c:A2C", _DEC, "M1", _BOTH, "independent advantage actor-critic", recurrent=True),
+    "ppo": _entry("ppo:PPO", _DEC, "M1", _BOTH, "independent PPO", recurrent=True),
+    "recurrent_ippo": _entry(
+        "recurrent_ppo:RecurrentIPPO",
         _DEC,
         "M1",
         _BOTH,
         "independent PPO, memories in policies and critics",
         recurrent=True,
     ),
-    "dqn": Entry(
-        "algorithms.dqn:DQNConfig",
-        settings.DQNSettings,
-        _DEC,
-        "M1",
-        _DISCRETE,
-        "independent double duelling Q-learning",
-        recurrent=True,
-    ),
-    "opponent_q": Entry(
-        "algorithms.opponent_q:OpponentQConfig",
-        settings.OpponentQSettings,
+    "dqn": _entry("dqn:DQN", _DEC, "M1", _DISCRETE, "independent double duelling Q-learning", recurrent=True),
+    "opponent_q": _entry(
+        "opponent_q:OpponentQ",
         _DEC,
         "M2",
         _DISCRETE,
         "Q-learning of joint actions, with models of the others",
         least_agents=2,
     ),
-    "pr2": Entry(
-        "algorithms.pr2:PR2Config",
-        settings.PR2Settings,
-        _DEC,
-        "M2",
-        _DISCRETE,
-        "Q-learning that expects the others to answer",
-        least_agents=2,
+    "pr2": _entry(
+        "pr2:PR2", _DEC, "M2", _DISCRETE, "Q-learning that expects the others to answer", least_agents=2
     ),
-    "rommeo": Entry(
-        "algorithms.rommeo:ROMMEOConfig",
-        settings.ROMMEOSettings,
+    "rommeo": _entry(
+        "rommeo:ROMMEO",
         _DEC,
         "M2",
         _DISCRETE,
         "Q-learning with an optimistic model of the others, regularised by what they did",
         least_agents=2,
     ),
-    "commnet": Entry(
-        "algorithms.commnet:CommNetConfig",
-        settings.CommNetSettings,
-        _CEN,
-        "M3",
-        _BOTH,
-        "hidden layers broadcast when acting",
-        communication=True,
+    "commnet": _entry(
+        "commnet:CommNet", _CEN, "M3", _BOTH, "hidden layers broadcast when acting", communication=True
     ),
-    "bicnet": Entry(
-        "algorithms.bicnet:BiCNetConfig",
-        settings.BiCNetSettings,
+    "bicnet": _entry(
+        "bicnet:BiCNet",
         _CEN,
         "M3",
         _BOTH,
         "deterministic actor-critic, recurrent over agents",
         communication=True,
     ),
-    "mat": Entry(
-        "algorithms.mat:MATConfig",
-        settings.MATSettings,
+    "mat": _entry(
+        "mat:MAT",
         _CEN,
         "M3",
         _BOTH,
@@ -156,121 +122,47 @@ ALGORITHMS: dict[str, Entry] = {
         communication=True,
         equal_spaces=True,
     ),
-    "centralised_v": Entry(
-        "algorithms.centralised_v:CentralisedVConfig",
-        settings.CentralisedVSettings,
-        _CTDE,
-        "M3",
-        _BOTH,
-        "PPO with a central critic",
-        recurrent=True,
+    "centralised_v": _entry(
+        "centralised_v:CentralisedV", _CTDE, "M3", _BOTH, "PPO with a central critic", recurrent=True
     ),
-    "coma": Entry(
-        "algorithms.coma:COMAConfig",
-        settings.COMASettings,
-        _CTDE,
-        "M3",
-        _DISCRETE,
-        "policy gradient with counterfactual advantages",
-        recurrent=True,
+    "coma": _entry(
+        "coma:COMA", _CTDE, "M3", _DISCRETE, "policy gradient with counterfactual advantages", recurrent=True
     ),
-    "recurrent_mappo": Entry(
-        "algorithms.recurrent_ppo:RecurrentMAPPOConfig",
-        settings.RecurrentMAPPOSettings,
+    "recurrent_mappo": _entry(
+        "recurrent_ppo:RecurrentMAPPO",
         _CTDE,
         "M3",
         _BOTH,
         "PPO with a central critic, memories in both",
         recurrent=True,
     ),
-    "happo": Entry(
-        "algorithms.happo:HAPPOConfig",
-        settings.HAPPOSettings,
-        _CTDE,
-        "M3",
-        _BOTH,
-        "PPO, agent after agent; no shared networks",
-        recurrent=True,
+    "happo": _entry(
+        "happo:HAPPO", _CTDE, "M3", _BOTH, "PPO, agent after agent; no shared networks", recurrent=True
     ),
-    "maddpg": Entry(
-        "algorithms.maddpg:MADDPGConfig",
-        settings.MADDPGSettings,
-        _CTDE,
-        "M3",
-        _BOTH,
-        "critics of all agents' actions",
+    "maddpg": _entry("maddpg:MADDPG", _CTDE, "M3", _BOTH, "critics of all agents' actions"),
+    "maac": _entry("maac:MAAC", _CTDE, "M3", _DISCRETE, "soft actor-critic, attention in its critic"),
+    "mf_q": _entry("mf_q:MeanFieldQ", _CTDE, "M4", _DISCRETE, "values of the neighbours' mean action"),
+    "mf_ac": _entry("mf_ac:MeanFieldAC", _CTDE, "M4", _DISCRETE, "MF-Q's critic with a policy"),
+    "vdn": _entry("vdn:VDN", _CTDE, "M3", _DISCRETE, "team value as a sum of values", recurrent=True),
+    "qmix": _entry(
+        "qmix:QMIX", _CTDE, "M3", _DISCRETE, "team value as a monotone function of values", recurrent=True
     ),
-    "maac": Entry(
-        "algorithms.maac:MAACConfig",
-        settings.MAACSettings,
-        _CTDE,
-        "M3",
-        _DISCRETE,
-        "soft actor-critic, attention in its critic",
+    "maven": _entry(
+        "maven:MAVEN", _CTDE, "M3", _DISCRETE, "QMIX committed to a latent for each episode", recurrent=True
     ),
-    "mf_q": Entry(
-        "algorithms.mf_q:MeanFieldQConfig",
-        settings.MeanFieldQSettings,
-        _CTDE,
-        "M4",
-        _DISCRETE,
-        "values of the neighbours' mean action",
-    ),
-    "mf_ac": Entry(
-        "algorithms.mf_ac:MeanFieldACConfig",
-        settings.MeanFieldACSettings,
-        _CTDE,
-        "M4",
-        _DISCRETE,
-        "MF-Q's critic with a policy",
-    ),
-    "vdn": Entry(
-        "algorithms.vdn:VDNConfig",
-        settings.VDNSettings,
-        _CTDE,
-        "M3",
-        _DISCRETE,
-        "team value as a sum of values",
-        recurrent=True,
-    ),
-    "qmix": Entry(
-        "algorithms.qmix:QMIXConfig",
-        settings.QMIXSettings,
-        _CTDE,
-        "M3",
-        _DISCRETE,
-        "team value as a monotone function of values",
-        recurrent=True,
-    ),
-    "maven": Entry(
-        "algorithms.maven:MAVENConfig",
-        settings.MAVENSettings,
-        _CTDE,
-        "M3",
-        _DISCRETE,
-        "QMIX committed to a latent for each episode",
-        recurrent=True,
-    ),
-    "qtran": Entry(
-        "algorithms.qtran:QTRANConfig",
-        settings.QTRANSettings,
+    "qtran": _entry(
+        "qtran:QTRAN",
         _CTDE,
         "M3",
         _DISCRETE,
         "any team value, with a sum that has its optimum",
         recurrent=True,
     ),
-    "qdpp": Entry(
-        "algorithms.qdpp:QDPPConfig",
-        settings.QDPPSettings,
-        _CTDE,
-        "M3",
-        _DISCRETE,
-        "team value as a determinant of qualities and diversity",
+    "qdpp": _entry(
+        "qdpp:QDPP", _CTDE, "M3", _DISCRETE, "team value as a determinant of qualities and diversity"
     ),
-    "networked_q": Entry(
-        "algorithms.networked_q:NetworkedQConfig",
-        settings.NetworkedQSettings,
+    "networked_q": _entry(
+        "networked_q:NetworkedQ",
         _NET,
         "M3",
         _DISCRETE,

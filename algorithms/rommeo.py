@@ -91,12 +91,9 @@ class ROMMEOConfig(OpponentQConfig):
     """RLlib config of ROMMEO-Q."""
 
     algorithm = "rommeo"
+    network_settings = ("alpha",)
     interchangeable = ("alpha",)
-    module_class = ROMMEOModule
-
-    def module_settings(self):
-        """Return the settings that networks are built from."""
-        return super().module_settings() | {"alpha": self.alpha}
+    policy_module = ROMMEOModule
 
 
 class ROMMEO(OpponentQ):

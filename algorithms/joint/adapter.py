@@ -36,8 +36,7 @@ class JointVector:
 
     An agent is active while it is among the observations and has neither terminated nor truncated. An agent
     that ended may come back in a new trajectory; an agent that is left out without a flag must not, which
-    would be turn-based play. It counts as truncated and is valued from its last observation; a truncation
-    that the environment itself reports needs an observation, as RLlib's own episodes demand. While no agent
+    would be turn-based play. It counts as truncated and is valued from its last observation. While no agent
     is active, the environment is stepped without actions as long as its `agents` names some and none that has
     ended in this episode; otherwise no agent is expected any more, and the episode ends as by `"__all__"`.
 
@@ -79,7 +78,6 @@ class JointVector:
         self._view = View.empty(self.spaces, num_envs)
         self._away = np.zeros((num_envs, len(self._agents)), bool)  # left without a flag in this episode
         self._ended = np.zeros_like(self._away)  # terminated or truncated in this episode
-        self._warned = False
 
     def reset(self, seed: int, indices: Ints, *, stride: int = 0) -> JointStep:
         """Start all environments; see `VectorJointEnv.reset`."""
@@ -87,7 +85,7 @@ class JointVector:
         self._indices, self._episodes = np.array(indices, int), np.zeros(self.num_envs, int)
         for b in range(self.num_envs):
             self._start_or_replace(b)
-        return self._step_so_far()
+        return self._standing()
 
     def step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
         """Act in all environments. An environment that raises is replaced by a fresh one."""
@@ -121,13 +119,21 @@ class JointVector:
                 reset[b] = True
                 self._next_episode(b)
         final = _final(finals) if finals else None
-        return self._step_so_far(rewards, terminated, truncated, reset, final, failed, metrics)
+        return self._standing()._replace(
+            rewards=rewards,
+            terminated=terminated,
+            truncated=truncated,
+            reset=reset,
+            final=final,
+            failed=failed,
+            metrics=metrics,
+        )
 
     def recreate(self, failures: Mapping[int, BaseException]) -> JointStep:
         """Replace environments by fresh ones."""
         for b, cause in failures.items():
             self._replace(b, cause)
-        return self._step_so_far(failed=dict(failures))
+        return self._standing()._replace(failed=dict(failures))
 
     @property
     def worlds(self) -> Ints:
@@ -196,25 +202,9 @@ class JointVector:
                     )
                 continue
             end, cut = _outcome(*own, all_end, all_cut)
-            if cut and not here and not all_end:
-                raise _breach(
-                    f"agent {agent!r} was truncated without an observation to value what was cut off",
-                    "give every agent that is truncated its last observation in the same step",
-                )
             self._away[b, column] = left = not any((here, end, cut))
-            if left:
-                self._warn_of(agent)
             rewards[b, column] = reward.get(agent, 0.0)
             terminated[b, column], truncated[b, column] = end, cut or left
-
-    def _warn_of(self, agent: str) -> None:
-        if not self._warned:
-            self._warned = True
-            logger.warning(
-                "agent %r was left out of a step without having ended: it counts as truncated, "
-                "valued from what it saw last",
-                agent,
-            )
 
     def _write(
         self,
@@ -235,7 +225,7 @@ class JointVector:
 
     def _write_agent(self, b: int, agent: str, seen: Any, info: Mapping[str, Any]) -> None:
         """Write an agent's observation and mask; zeros and every action where it is not there."""
-        column, number, row = self._place[agent]
+        _, number, row = self._place[agent]
         leaves, mask = self._view.observations[number], self._view.masks[number]
         flattening = self._flattening[agent]
         parts, action_mask = {}, None
@@ -252,8 +242,7 @@ class JointVector:
             exact = type(part) is np.ndarray and part.dtype == dtype and part.shape == shape
             leaves[name][b, row] = part if exact else _converted(agent, name, part, shape, dtype)
         if mask is not None:
-            acts = bool(self._view.alive[b, column])
-            mask[b, row] = _mask_of(agent, info, acts=acts) if action_mask is None else action_mask
+            mask[b, row] = info.get(MASK, True) if action_mask is None else action_mask
 
     def _start(self, b: int) -> None:
         seed = episode_seed(self._seed, int(self._indices[b]), int(self._episodes[b]))
@@ -280,77 +269,73 @@ class JointVector:
             self._replace(b, error, fresh_episode=False)
 
     def _create(self, b: int) -> Any:
-        cause: Exception | None = None
-        for _ in range(self._max_failures):
-            try:
-                return self._make(b)
-            except Exception as error:
-                logger.warning("environment %d could not be created: %r", b, error)
-                cause = error
-        raise self._given_up(b, cause) from cause
+        return self._try(b, lambda: self._make(b))
 
     def _first_infos(self) -> Mapping[str, Any]:
         """Reset environment 0, whose infos show masks, state and graph."""
-        cause: Exception | None = None
-        for _ in range(self._max_failures):
+
+        def reset() -> Mapping[str, Any]:
             try:
                 return self._envs[0].reset(seed=0)[1] or {}
-            except Exception as error:
-                logger.warning("environment 0 could not be reset: %r", error)
-                cause = error
-            self._discard(0)
-            self._envs[0] = self._create(0)
-        raise self._given_up(0, cause) from cause
+            except Exception:
+                self._renew(0)
+                raise
 
-    def _discard(self, b: int) -> None:
-        """Close an environment that is replaced, whatever it raises."""
-        try:
-            self._envs[b].close()
-        except Exception as error:
-            logger.warning("environment %d could not be closed: %r", b, error)
-
-    def _given_up(self, b: int, cause: BaseException | None) -> EnvironmentFailure:
-        return EnvironmentFailure(
-            f"environment {b} could not be started {self._max_failures} times in a row; last: {cause!r}",
-            place=f"environment {self.name}" if self._envs else "environment",
-            remedy="fix the environment: its constructor or reset raises",
-        )
+        return self._try(0, reset)
 
     def _replace(self, b: int, cause: BaseException, *, fresh_episode: bool = True) -> None:
         logger.warning("environment %d is recreated after %r", b, cause)
         if fresh_episode and not self._stride:
             self._episodes[b] += 1
+
+        def start() -> None:
+            self._renew(b)
+            self._start(b)
+
+        self._try(b, start)
+
+    def _renew(self, b: int) -> None:
+        """Put a new environment in the place of one that failed, whatever that raises when it is closed."""
+        try:
+            self._envs[b].close()
+        except Exception as error:
+            logger.warning("environment %d could not be closed: %r", b, error)
+        self._envs[b] = self._make(b)
+
+    def _try(self, b: int, start: Callable[[], Any]) -> Any:
+        """Return what `start` does, as soon as it does not raise.
+
+        Raises:
+            EnvironmentFailure: It raises `max_failures` times in a row.
+        """
+        cause: Exception | None = None
         for _ in range(self._max_failures):
-            self._discard(b)
             try:
-                self._envs[b] = self._make(b)
-                self._start(b)
+                return start()
             except SpaceError:
                 raise
             except Exception as error:
+                logger.warning("environment %d could not be started: %r", b, error)
                 cause = error
-            else:
-                return
-        raise self._given_up(b, cause) from cause
+        raise EnvironmentFailure(
+            f"environment {b} could not be started {self._max_failures} times in a row; last: {cause!r}",
+            place=f"environment {self.name}" if self._envs else "environment",
+            remedy="fix the environment: its constructor or reset raises",
+        ) from cause
 
-    def _step_so_far(
-        self, rewards=None, terminated=None, truncated=None, reset=None, final=None, failed=None, metrics=None
-    ) -> JointStep:
-        view = self._view
-        nothing = np.zeros(view.alive.shape, bool)
+    def _standing(self) -> JointStep:
+        """Return where the environments stand, as a step in which nothing happened."""
+        view, nobody = self._view, np.zeros(self._view.alive.shape, bool)
         return JointStep(
             view.observations,
-            np.zeros(view.alive.shape, np.float32) if rewards is None else rewards,
-            nothing if terminated is None else terminated,
-            nothing if truncated is None else truncated,
+            np.zeros(view.alive.shape, np.float32),
+            nobody,
+            nobody,
             view.alive,
-            np.zeros(self.num_envs, bool) if reset is None else reset,
-            final,
-            view.masks,
-            view.state,
-            view.graph,
-            failed or {},
-            metrics or {},
+            np.zeros(self.num_envs, bool),
+            masks=view.masks,
+            state=view.state,
+            graph=view.graph,
         )
 
 
@@ -363,16 +348,6 @@ def _outcome(own_end: bool, own_cut: bool, all_end: bool, all_cut: bool) -> tupl
 def _breach(problem: str, remedy: str) -> SpaceError:
     """Return the error of an environment that breaks the contract."""
     return SpaceError(problem, place="environment", remedy=remedy)
-
-
-def _mask_of(agent: str, info: Mapping[str, Any], *, acts: bool) -> Any:
-    """Return the mask in an agent's infos; an agent that acts next has one."""
-    if acts and MASK not in info:
-        raise _breach(
-            f"the infos of agent {agent!r} have no {MASK!r}, as they had after the first reset",
-            f"give {MASK!r} in the infos of every agent that acts next, in each step",
-        )
-    return info.get(MASK, True)
 
 
 def _check_names(seen: Mapping[str, Any], known: Mapping[str, Any]) -> None:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, NoReturn
 
 import ray
 from ray import cloudpickle
-from ray.exceptions import ActorDiedError, GetTimeoutError, RayActorError, RayError, RayTaskError
+from ray.exceptions import RayActorError
 from ray.rllib.algorithms.algorithm import Algorithm
 from ray.rllib.core import COMPONENT_LEARNER, COMPONENT_RL_MODULE, DEFAULT_MODULE_ID
 from ray.rllib.utils.metrics import (
@@ -36,7 +34,7 @@ from algorithms.joint.data_parallel import FAILURE
 from algorithms.joint.learner import JointTorchLearner
 from algorithms.joint.making import check_environment
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.runner import SAMPLERS, EvaluationResult, JointEnvRunner, SampleResult
+from algorithms.joint.runner import SAMPLERS, JointEnvRunner, Reply
 from algorithms.joint.signature import SEQUENCES, check_signature
 from algorithms.joint.spec import SPEC, JointSpec, check_spaces
 from algorithms.joint.training_data import JointTrainingData
@@ -47,6 +45,8 @@ SIGNATURE = "checkpoint_signature"
 KILLED = "num_hung_env_runners_killed"
 RESTART_POLL = 0.2
 """Time between two looks whether a lost runner is back [s]."""
+LONGEST_RESTART = 60.0
+"""Time for a lost runner to come back where `sample_timeout_s` is None [s]."""
 LEARNER_ANSWERS = 10.0
 """Time for the other learners to show that they are there, after one of them failed [s]."""
 
@@ -67,8 +67,6 @@ class JointAlgorithm(Algorithm):
     config: JointConfig  # type: ignore[assignment]
     env_runner_group: Any
     learner_group: Any
-    _failure: LearnerFailure | None = None
-    """Why the learners were ended."""
     _evaluated = 0
     """Place in the evaluation list of the next episode, where evaluations do not begin again."""
 
@@ -128,9 +126,9 @@ class JointAlgorithm(Algorithm):
         self.metrics.aggregate([reply.metrics for reply in replies], key=ENV_RUNNER_RESULTS)
         rollouts: list[JointRollout] = []
         for reply in sorted(replies, key=lambda r: r.worker):
-            if isinstance(reply.rollout, AlgorithmError):
-                raise reply.rollout
-            rollouts.append(reply.rollout)
+            if isinstance(reply.data, AlgorithmError):
+                raise reply.data
+            rollouts.append(reply.data)
         steps = {NUM_ENV_STEPS_SAMPLED_LIFETIME: self._steps()}
         data: Any = JointRollout.concat(rollouts)
         if self.config.num_learners:
@@ -138,13 +136,8 @@ class JointAlgorithm(Algorithm):
         self.metrics.aggregate(self._update(JointTrainingData(data), steps), key=LEARNER_RESULTS)
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
-        """Return RLlib's state, where every sampler stands, and what the state fits (RLlib).
-
-        Raises:
-            LearnerFailure: A learner's process is lost.
-        """
-        with self._named_failures():
-            state = super().get_state(components, not_components=not_components, **kwargs)
+        """Return RLlib's state, where every sampler stands, and what the state fits (RLlib)."""
+        state = super().get_state(components, not_components=not_components, **kwargs)
         state[SIGNATURE] = self._signature()
         if self._check_component(SAMPLERS, components, not_components):
             states = self.env_runner_group.foreach_env_runner(
@@ -152,15 +145,6 @@ class JointAlgorithm(Algorithm):
             )
             state[SAMPLERS] = {key: value for part in states for key, value in part.items()}
         return state
-
-    def save_to_path(self, *args: Any, **kwargs: Any) -> str:
-        """Write a checkpoint and return its folder (RLlib).
-
-        Raises:
-            LearnerFailure: A learner's process is lost.
-        """
-        with self._named_failures():
-            return super().save_to_path(*args, **kwargs)
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Restore (RLlib).
@@ -231,7 +215,7 @@ class JointAlgorithm(Algorithm):
         self._evaluated = end = first + int(duration)
         count = max(group.num_healthy_remote_workers(), 1)
         waiting = [range(start, end, count) for start in range(first, min(first + count, end))]
-        results: list[EvaluationResult] = []
+        results: list[Reply] = []
         while waiting and (healthy := group.healthy_worker_ids()):
             shares = dict(zip(healthy, waiting, strict=False))
             replies = group.foreach_env_runner(
@@ -252,10 +236,10 @@ class JointAlgorithm(Algorithm):
         self.metrics.aggregate(
             [result.metrics for result in results], key=(EVALUATION_RESULTS, ENV_RUNNER_RESULTS)
         )
-        episodes = [episode for result in results for episode in result.episodes]
+        episodes = [episode for result in results for episode in result.data]
         return None, sum(e.env_steps() for e in episodes), sum(e.agent_steps() for e in episodes), []
 
-    def _replies(self) -> list[SampleResult]:
+    def _replies(self) -> list[Reply]:
         """Return at least one runner's reply; while all are lost, wait for those that Ray restarts.
 
         Raises:
@@ -273,23 +257,18 @@ class JointAlgorithm(Algorithm):
         )
 
     def _await_runner(self) -> None:
-        """Wait until a runner is there, for `sample_timeout_s` at most: a restart takes seconds.
-
-        Runners that Ray does not restart again are not awaited.
-        """
+        """Wait until a runner is there, for `sample_timeout_s` at most: a restart takes seconds."""
         group = self.env_runner_group
         limit = self.config.sample_timeout_s if self.config.restart_failed_env_runners else 0.0
-        deadline = time.monotonic() + (math.inf if limit is None else limit)
+        deadline = time.monotonic() + (LONGEST_RESTART if limit is None else limit)
         while not group.num_healthy_remote_workers() and time.monotonic() < deadline:
             time.sleep(RESTART_POLL)
             if restored := self.restore_env_runners(group):
                 self._make_on_env_runners_recreated_callbacks(
                     config=self.config, env_runner_group=group, restored_env_runner_indices=restored
                 )
-            elif _are_dead(group):
-                break
 
-    def _ask(self) -> list[SampleResult]:
+    def _ask(self) -> list[Reply]:
         """Return the replies of runners that answer in time; others are killed and come back."""
         group = self.env_runner_group
         state = self.runner_state()
@@ -316,10 +295,9 @@ class JointAlgorithm(Algorithm):
 
     def runner_state(self) -> dict[str, Any]:
         """Return weights and counters as runners take them over."""
-        with self._named_failures():
-            weights = self.learner_group.get_state(
-                components=f"{COMPONENT_LEARNER}/{COMPONENT_RL_MODULE}", inference_only=True
-            )[COMPONENT_LEARNER]
+        weights = self.learner_group.get_state(
+            components=f"{COMPONENT_LEARNER}/{COMPONENT_RL_MODULE}", inference_only=True
+        )[COMPONENT_LEARNER]
         return {
             COMPONENT_RL_MODULE: weights[COMPONENT_RL_MODULE],
             WEIGHTS_SEQ_NO: weights[WEIGHTS_SEQ_NO],
@@ -360,37 +338,6 @@ class JointAlgorithm(Algorithm):
             self._fail(dict(sorted(failures.items())))
         return [results[number] for number in sorted(results)]
 
-    @contextmanager
-    def _named_failures(self) -> Iterator[None]:
-        """Raise what a learner raised, and say which are lost; once learners are ended, raise why again."""
-        if self._failure is not None:
-            raise self._failure
-        try:
-            yield
-        except RayTaskError as error:
-            if isinstance(error.cause, AlgorithmError):
-                raise error.cause from None
-            raise
-        except RayActorError:
-            if not self.config.num_learners:
-                raise
-            lost = {number: "its process is lost" for number in self._silent_learners()}
-            if not lost:
-                raise
-            self._fail(lost)
-
-    def _silent_learners(self) -> list[int]:
-        """Return the numbers of learners that do not answer any more."""
-        pings = [worker.__ray_ready__.remote() for worker in self.learner_group._workers]
-        ray.wait(pings, num_returns=len(pings), timeout=LEARNER_ANSWERS)
-        silent = []
-        for number, ping in enumerate(pings):
-            try:
-                ray.get(ping, timeout=0)
-            except (RayActorError, GetTimeoutError):
-                silent.append(number)
-        return silent
-
     def _fail(self, reasons: Mapping[int, str]) -> NoReturn:
         """End all learners, since none goes on without the others, and raise.
 
@@ -400,12 +347,11 @@ class JointAlgorithm(Algorithm):
         for worker in self.learner_group._workers:
             ray.kill(worker)
         said = "; ".join(f"learner {number}: {reason}" for number, reason in reasons.items())
-        self._failure = LearnerFailure(
+        raise LearnerFailure(
             f"{said} (of {self.config.num_learners})",
             place="learners",
             remedy="see their logs; continue from the last checkpoint, with any number of learners",
         )
-        raise self._failure
 
     def _steps(self) -> int:
         return int(self.metrics.peek((ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME), default=0))
@@ -419,21 +365,6 @@ class JointAlgorithm(Algorithm):
     def _check_signature(self, stored: dict[str, Any] | None) -> None:
         if stored is not None:
             check_signature(stored, self._signature())
-
-
-def _are_dead(group: Any) -> bool:
-    """Return whether Ray has given up all remote runners of a group."""
-    pings = [actor.ping.remote() for actor in group._worker_manager.actors().values()]
-    ray.wait(pings, num_returns=len(pings), timeout=RESTART_POLL)
-    for ping in pings:
-        try:
-            ray.get(ping, timeout=0)
-        except ActorDiedError:
-            continue
-        except RayError:  # being restarted
-            pass
-        return False
-    return True
 
 
 def _sampler_state(runner: JointEnvRunner) -> dict[Any, Any]:

@@ -101,6 +101,10 @@ class JointView:
         arrays = view.observations, view.alive, view.masks, view.state, view.graph
         return cls(spec, *map_arrays(partial(to_tensor, device=device), arrays))
 
+    def moments(self) -> tuple[Any, ...]:
+        """Return what a batch of these moments begins with."""
+        return self.spec, self.observations, self.alive, self.masks, self.state, self.graph
+
     def __len__(self) -> int:
         return len(self.alive)
 

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from ray.cloudpickle import cloudpickle
 from ray.rllib.callbacks.callbacks import RLlibCallback
 from ray.rllib.callbacks.utils import make_callback
 from ray.rllib.utils import force_list
 
 from algorithms.joint.env import Bools, Ints, JointStep
-
-logger = logging.getLogger(__name__)
 
 START, STEP, END = "on_episode_start", "on_episode_step", "on_episode_end"
 
@@ -114,20 +110,6 @@ class EpisodeCallbacks:
                 episode.metrics = dict(step.metrics.get(b, {}))
                 self._call(END, b)
         self.started(np.array(sorted({*np.flatnonzero(step.reset).tolist(), *step.failed}), int))
-
-    def get_state(self) -> bytes | None:
-        """Return the running episodes, or None where what callbacks keep in them cannot be pickled."""
-        try:
-            return cloudpickle.dumps((self._episodes, self._started))
-        except Exception as error:  # whatever a callback's own data raises
-            logger.warning(
-                "`custom_data` cannot be pickled, callbacks see the rest of restored episodes: %s", error
-            )
-            return None
-
-    def set_state(self, state: bytes) -> None:
-        """Continue the episodes that were running when `get_state` was called."""
-        self._episodes, self._started = cloudpickle.loads(state)
 
     def _wants(self, hook: str) -> bool:
         overridden = any(getattr(type(o), hook) is not getattr(RLlibCallback, hook) for o in self._objects)

@@ -38,9 +38,3 @@ def check_bounds(spec: JointSpec, algorithm: str) -> None:
                 place="action space",
                 remedy="give finite low and high, or use 'ppo'",
             )
-
-
-def check_state(spec: JointSpec, algorithm: str) -> None:
-    """Raise if images would be the global state; see `check_vectors`."""
-    if not spec.spaces.state:
-        check_vectors(spec, algorithm)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import logging
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -18,9 +18,10 @@ from ray.rllib.utils.metrics.metrics_logger import DEFAULT_STATS_CLS_LOOKUP
 from ray.util.debug import log_once
 
 from algorithms.errors import SpaceError
+from algorithms.joint.checks import check_vectors
 from algorithms.joint.env import MEMORY, AgentBlock, VectorJointEnv, name_of
 from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
-from algorithms.joint.module import JointModule, LearnerModule
+from algorithms.joint.module import JointModule, LearnerModule, critic_of
 from algorithms.joint.rllib_settings import (
     DEFAULT_POLICIES,
     OTHER_NAMES,
@@ -32,6 +33,7 @@ from algorithms.joint.rllib_settings import (
 )
 from algorithms.joint.spec import SPEC, Group, JointSpec, agent_spaces, check_spaces
 from algorithms.parts.distributions import Exploration
+from algorithms.parts.schedule import annealed
 from algorithms.registry import ALGORITHMS, ActionKind, Entry
 from algorithms.settings import faults
 
@@ -45,16 +47,25 @@ class JointConfig(AlgorithmConfig):
     """RLlib config of a joint algorithm: its settings as attributes, and which networks exist.
 
     A subclass names its registry entry in `algorithm`, whose `settings` hold names, defaults and ranges, and
-    adds networks in `modules()`. Its algorithm names it in turn, see `JointAlgorithm`.
+    the classes of its networks. Its algorithm names it in turn, see `JointAlgorithm`.
     """
 
     algorithm: str
     algorithm_class: ClassVar[Any] = None
     """Returns the `JointAlgorithm` of which this is the config; set by that class."""
+    policy_module: ClassVar[type[JointModule]] = JointModule
+    """The policy network of each group."""
+    critic_module: ClassVar[type[LearnerModule] | None] = None
+    """The critic of each group, if it has one of its own."""
+    team_modules: ClassVar[Mapping[str, type[LearnerModule]]] = {}
+    """Critics and mixers of all agents, by module id."""
+    network_settings: ClassVar[tuple[str, ...]] = ()
+    """Settings that networks are built from, beside `hidden`."""
     interchangeable: ClassVar[tuple[str, ...]] = ()
-    """Settings of networks that a checkpoint may be restored under another value of."""
-    exploration_settings: ClassVar[frozenset[str]] = frozenset()
-    """Settings that `exploration` reads, which may be others in evaluation."""
+    """Those under another value of which a checkpoint may be restored."""
+    explores_by: ClassVar[str] = ""
+    """The setting that says how far agents explore, a field of `Exploration`: a number, or the first and the
+    last one, between which a setting `<name>_steps` anneals. Evaluation may have another."""
 
     def __init__(self, algo_class: type | None = None) -> None:
         algorithm = self.algorithm_class()
@@ -133,15 +144,18 @@ class JointConfig(AlgorithmConfig):
         return {**super().get_state(), **{name: vars(self)[name] for name in names}}
 
     def modules(self, spec: JointSpec) -> dict[str, RLModuleSpec]:
-        """Return the networks by module id: one policy per group, under the group's id, and critics.
+        """Return the networks by module id: the policies under the groups' ids, then critics and mixers.
 
-        Use `policy_spec` and `learner_spec` to describe them.
+        Whoever needs others overrides it, by `policy_spec` and `learner_spec`.
         """
-        raise NotImplementedError
+        networks = {g.id: self.policy_spec(spec, g, self.policy_module) for g in spec.groups}
+        if self.critic_module is not None:
+            networks |= {critic_of(g): self.learner_spec(spec, self.critic_module, g) for g in spec.groups}
+        return networks | {name: self.learner_spec(spec, net) for name, net in self.team_modules.items()}
 
     def module_settings(self) -> dict[str, Any]:
         """Return the settings that networks are built from."""
-        return {"hidden": tuple(self.hidden)}
+        return {"hidden": tuple(self.hidden), **{name: getattr(self, name) for name in self.network_settings}}
 
     def checkpoint_signature(self) -> dict[str, Any]:
         """Return what a checkpoint's weights depend on besides agents and spaces, in plain comparable values.
@@ -172,47 +186,42 @@ class JointConfig(AlgorithmConfig):
 
     def exploration(self, steps: int) -> Exploration:  # type: ignore[override] - RLlib's is of its old stack
         """Return how runners explore after this many environment steps."""
-        return Exploration(explore=bool(self.explore))
+        exploration, name = Exploration(explore=bool(self.explore)), self.explores_by
+        if not name:
+            return exploration
+        extent = getattr(self, name)
+        if isinstance(extent, Sequence):
+            first, last = extent
+            extent = annealed((first, last), getattr(self, f"{name}_steps"), steps)
+        return exploration._replace(**{name: extent})
 
     def policy_spec(
         self, spec: JointSpec, group: Group, module: type[JointModule] = JointModule
     ) -> RLModuleSpec:
         """Describe a policy network of a group."""
-        observation, action = agent_spaces(group)
-        return RLModuleSpec(
-            module_class=module,
-            observation_space=observation,
-            action_space=action,
-            model_config={
-                "spec": spec,
-                "group": group.id,
-                "settings": self.module_settings(),
-                "exploration": self.exploration(ALL_STEPS),
-            },
-        )
+        return self._module_spec(spec, module, group, exploration=self.exploration(ALL_STEPS))
 
     def learner_spec(
         self, spec: JointSpec, module: type[LearnerModule], group: Group | None = None
     ) -> RLModuleSpec:
         """Describe a network that only learners hold, of one group or of all agents."""
+        described = self._module_spec(spec, module, group)
+        described.learner_only = True
+        return described
+
+    def _module_spec(self, spec: JointSpec, module: Any, group: Group | None, **more: Any) -> RLModuleSpec:
         observation, action = agent_spaces(group or spec.groups[0])
+        built = {"spec": spec, "group": group.id if group else None, "settings": self.module_settings()}
         return RLModuleSpec(
-            module_class=module,
-            observation_space=observation,
-            action_space=action,
-            learner_only=True,
-            model_config={
-                "spec": spec,
-                "group": group.id if group else None,
-                "settings": self.module_settings(),
-            },
+            module_class=module, observation_space=observation, action_space=action, model_config=built | more
         )
 
     def check(self, spec: JointSpec) -> None:
         """Raise if the algorithm cannot handle the environment.
 
         Raises:
-            SpaceError: An action space does not fit; the message names algorithms that do.
+            SpaceError: An action space does not fit, for which the message names algorithms that do, or a
+                network would join images.
         """
         for block in spec.spaces.blocks:
             kind = ActionKind.DISCRETE if isinstance(block.action, Discrete) else ActionKind.CONTINUOUS
@@ -224,6 +233,10 @@ class JointConfig(AlgorithmConfig):
                     place="action space",
                     remedy=f"for {kind} actions use one of: {fitting}",
                 )
+        networks = filter(None, (self.policy_module, self.critic_module, *self.team_modules.values()))
+        joined = {network.joins for network in networks}
+        if "observations" in joined or ("state" in joined and not spec.spaces.state):
+            check_vectors(spec, self.algorithm)
 
     def get_multi_rl_module_spec(
         self,

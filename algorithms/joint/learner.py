@@ -299,12 +299,7 @@ class OnPolicyLearner(JointTorchLearner):
         """Return all transitions of the rollout, T*B rows or whole sequences, with scores (T, B, N)."""
         device, masks, rows = self._device, rollout.masks(), views[:-1].flat()
         batch = OnPolicyBatch(
-            self.spec,
-            rows.observations,
-            rows.alive,
-            rows.masks,
-            rows.state,
-            rows.graph,
+            *rows.moments(),
             actions=tuple(to_tensor(a, device).flatten(0, 1) for a in rollout.actions),
             rewards=to_tensor(rollout.rewards, device).flatten(0, 1),
             bootstrap=to_tensor(masks.bootstrap, device).flatten(0, 1),

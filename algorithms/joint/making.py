@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ray.rllib.env.env_context import EnvContext
 from ray.rllib.env.utils import _gym_env_creator
 from ray.tune.registry import ENV_CREATOR, _global_registry
 
-from algorithms.errors import AlgorithmError, EnvironmentFailure, SpaceError
+from algorithms.errors import AlgorithmError, EnvironmentFailure
 
 if TYPE_CHECKING:
     from algorithms.joint.config import JointConfig
@@ -27,21 +26,7 @@ def creator_of(name: Any) -> Callable[[EnvContext], Any]:
     """
     if isinstance(name, str) and _global_registry.contains(ENV_CREATOR, name):
         return _global_registry.get(ENV_CREATOR, name)
-    return partial(_create, name)
-
-
-def _create(name: Any, context: EnvContext) -> Any:
-    try:
-        return _gym_env_creator(env_context=context, env_descriptor=name)
-    except TypeError as error:
-        if not isinstance(name, str):
-            raise
-        # Gymnasium hands RLlib's settings to the constructor, which for one agent does not take them.
-        raise SpaceError(
-            f"Gymnasium makes no environment of several agents from {name!r}: {error}",
-            place="environment()",
-            remedy="give the class of an RLlib MultiAgentEnv, or a name that ray.tune.register_env knows",
-        ) from error
+    return lambda context: _gym_env_creator(env_context=context, env_descriptor=name)
 
 
 def check_environment(config: JointConfig, runner: Callable[..., Any]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import torch
@@ -39,6 +39,9 @@ class ConfiguredModule(TorchRLModule):
     """
 
     targets: tuple[str, ...] = ()
+    joins: Literal["", "observations", "state"] = ""
+    """What it reads of all agents side by side, so that none may observe images: their observations, or the
+    environment's state, in whose place are the observations where there is none."""
     group: Any
     """The `Group` of the agents; None for all agents."""
 

@@ -34,16 +34,14 @@ class Neighbourhood:
         self._near = graph if isinstance(graph, Near) else None
         self.fixed: Tensor | None = None
         """The links (N, N) of a graph that never changes."""
-        if isinstance(graph, Near):
-            _check_leaf(spaces, graph)
-        elif graph == "environment":
+        if graph == "environment":
             if not spaces.has_graph:
                 raise SpaceError(
                     "the environment has no communication graph",
                     place="training(graph='environment')",
                     remedy="use 'all', 'ring', Near(radius) or pairs of agents",
                 )
-        else:
+        elif not isinstance(graph, Near):
             self.fixed = _fixed(graph, agents)
 
     def __call__(self, alive: Tensor, graph: Any, observations: Sequence[Mapping[str, Tensor]]) -> Tensor:
@@ -70,18 +68,6 @@ class Neighbourhood:
     def _positions(near: Near, observations: Sequence[Mapping[str, Tensor]], axes: int) -> Tensor:
         parts = [leaves[near.leaf].flatten(axes)[..., list(near.components)] for leaves in observations]
         return torch.cat(parts, -2).float()
-
-
-def _check_leaf(spaces: JointSpaces, near: Near) -> None:
-    for block in spaces.blocks:
-        space = block.observation.get(near.leaf)
-        size = 0 if space is None else int(torch.Size(space.shape).numel())
-        if size <= max(near.components):
-            raise SpaceError(
-                f"agent {block.agents[0]!r} has no components {near.components} in a leaf {near.leaf!r}",
-                place="training(graph=Near(...))",
-                remedy=f"its leaves: { {name: s.shape for name, s in block.observation.items()} }",
-            )
 
 
 def _fixed(graph: str | Sequence[tuple[str, str]], agents: tuple[str, ...]) -> Tensor:

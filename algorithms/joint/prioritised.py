@@ -75,10 +75,7 @@ class PrioritisedReplay(JointReplay):
         return {**super().get_state(), **own}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Restore what `get_state` gave; see `JointReplay.set_state`.
-
-        Transitions that were stored without priorities get that of a first transition.
-        """
+        """Restore what `get_state` gave; see `JointReplay.set_state`."""
         super().set_state(state)
-        self._scaled[: len(self)] = state["scaled"][self._restored(state)] if "scaled" in state else 1.0
-        self._largest = state.get("largest", 1.0)
+        self._scaled[: len(self)] = state["scaled"][self._restored(state)]
+        self._largest = state["largest"]

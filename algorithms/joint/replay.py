@@ -8,7 +8,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from algorithms.errors import CheckpointError
 from algorithms.joint.batch import JointView, ReplayBatch
 from algorithms.joint.env import Ints
 from algorithms.joint.rollout import JointRollout, View
@@ -102,12 +101,7 @@ class JointReplay:
         """Return the transitions at the given places."""
         now = JointView.of(self._spec, self._now[rows], device)
         return ReplayBatch(
-            self._spec,
-            now.observations,
-            now.alive,
-            now.masks,
-            now.state,
-            now.graph,
+            *now.moments(),
             actions=tuple(torch.from_numpy(actions[rows]).to(device) for actions in self._actions),
             rewards=torch.from_numpy(self._rewards[rows]).to(device),
             bootstrap=torch.from_numpy(self._bootstrap[rows]).to(device),
@@ -121,15 +115,11 @@ class JointReplay:
     def get_state(self) -> dict[str, Any]:
         """Return a copy of the stored transitions."""
         arrays = {name: array[: self._size].copy() for name, array in self._arrays().items()}
-        where = {"size": self._size, "place": self._place, "capacity": self.capacity, "length": self.length}
+        where = {"size": self._size, "place": self._place, "capacity": self.capacity}
         return {"arrays": arrays, **where}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Restore what `get_state` gave; with another capacity, the newest transitions that fit.
-
-        Raises:
-            CheckpointError: The buffer held sequences of another length.
-        """
+        """Restore what `get_state` gave; with another capacity, the newest transitions that fit."""
         rows = self._restored(state)
         for name, array in self._arrays().items():
             array[: len(rows)] = state["arrays"][name][rows]
@@ -139,12 +129,6 @@ class JointReplay:
 
     def _restored(self, state: dict[str, Any]) -> Ints:
         """Return which stored rows of a state to take over: oldest first where the capacity differs."""
-        if state["length"] != self.length:
-            raise CheckpointError(
-                f"the replay buffer holds sequences of {state['length']} steps, not of {self.length}",
-                place="replay buffer of the checkpoint",
-                remedy="restore with the `gru` and `sequence_length` of the training, or start a new one",
-            )
         rows = np.arange(state["size"])
         if state["capacity"] == self.capacity:
             return rows

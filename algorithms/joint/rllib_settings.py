@@ -7,13 +7,11 @@ import reprlib
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from itertools import chain
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
-import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict, Field
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
-from ray.rllib.callbacks.callbacks import RLlibCallback
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.policy.policy import PolicySpec
 
@@ -88,8 +86,6 @@ READ_IN_EVALUATION = frozenset(_READ_IN_EVALUATION.split())
 """Settings that may be others in evaluation; those of how an algorithm explores come to these."""
 DEFAULT_POLICIES = {"shared"}
 """Names of policies where the user gives none; they are never asked for."""
-_UNCALLED = ("on_environment_created", "on_episode_created", "on_sample_end")
-"""Callbacks that are never called."""
 
 
 class _Values(BaseModel):
@@ -116,22 +112,10 @@ class MappedPolicies:
     """
 
     mapping: Callable[..., str]
-    place: ClassVar[str] = "multi_agent(policy_mapping_fn=...)"
 
     def __call__(self, agent: str) -> str:
-        """Return the agent's policy.
-
-        Raises:
-            SpaceError: The mapping asks for the episode.
-        """
-        try:
-            return self.mapping(agent, None)
-        except (AttributeError, TypeError) as error:
-            raise SpaceError(
-                f"the mapping of agent {agent!r} without an episode fails: {error}",
-                place=self.place,
-                remedy="map agents by their names: a policy's agents are the same in all episodes",
-            ) from error
+        """Return the agent's policy."""
+        return self.mapping(agent, None)
 
 
 def check_known(config: Any, names: Iterable[str], known: Collection[str], place: str) -> None:
@@ -169,9 +153,6 @@ def check_settings(config: Any) -> None:
     known = {*fresh, *dir(type(config)), "class"}  # which RLlib's `from_state` leaves behind
     given = {name for name in vars(config) if name not in known and not name.startswith("_")}
     check_known(config, given, public, "config")
-    for name in (*config.setting_names, *_Values.model_fields):
-        if isinstance(value := getattr(config, name), np.generic):  # which RLlib's schedules do not take
-            setattr(config, name, value.item())
     values = {name: getattr(config, name) for name in _Values.model_fields}
     found = (_without_effect(config, fresh), faults(_Values, values), _evaluation_faults(config, fresh))
     for each in chain(*found, _policy_faults(config), _learner_faults(config)):
@@ -186,16 +167,11 @@ def _without_effect(config: Any, fresh: dict[str, Any]) -> Iterator[str]:
         if value is not default and value != default:
             remedy = INSTEAD.get(name, "leave it out")
             yield f"{name.lstrip('_')}={reprlib.repr(value)} has no effect on {config.algorithm!r}: {remedy}"
-    classes = config.callbacks_class
-    for hooks in classes if isinstance(classes, list | tuple) else [classes]:
-        for name in _UNCALLED:
-            if getattr(hooks, name, None) is not getattr(RLlibCallback, name):
-                yield f"{name} of callbacks_class={hooks.__name__} is never called: use `on_episode_start`"
 
 
 def _evaluation_faults(config: Any, fresh: dict[str, Any]) -> Iterator[str]:
     """Yield settings of `evaluation_config` that evaluation does not read."""
-    readable = READ_IN_EVALUATION | config.exploration_settings
+    readable = fresh.keys() & {*READ_IN_EVALUATION, config.explores_by, f"{config.explores_by}_steps"}
     for given, value in (config.evaluation_config or {}).items():
         name = config._translate_special_keys(given, warn_deprecated=False)
         check_known(config, [name], fresh, "evaluation(evaluation_config=...)")
@@ -254,7 +230,7 @@ def network_settings(model_config: Any) -> dict[str, Any]:
 
 
 def check_policies(config: Any, groups: set[str], modules: set[str]) -> None:
-    """Raise if settings name policies or networks that do not exist, or no policy learns.
+    """Raise if settings name policies or networks that do not exist.
 
     Args:
         config: The config.
@@ -281,9 +257,3 @@ def check_policies(config: Any, groups: set[str], modules: set[str]) -> None:
                 place=place,
                 remedy="name the policies that `training(sharing=...)` or the mapping makes",
             )
-    if not any(map(config.trains, groups)):
-        raise SpaceError(
-            f"none of the policies {sorted(groups)} learns",
-            place="multi_agent(policies_to_train=...)",
-            remedy="choose by the names of policies: one that agents share learns or is frozen as a whole",
-        )

@@ -25,6 +25,8 @@ from algorithms.joint.masks import Masks, derive_masks
 from algorithms.joint.spaces import stored_actions
 
 Blocks = tuple[dict[str, np.ndarray], ...]
+BY_STEP = ("actions", "rewards", "terminated", "truncated", "reset", "failed", "log_prob")
+"""Fields of rollouts with the leading axes (T, B)."""
 
 
 @dataclass
@@ -93,10 +95,10 @@ class View:
         """Join views along a leading axis."""
         if len(views) == 1:
             return views[0]
-        return View(*_joined([view._arrays() for view in views], axis))
+        return View(*joined([view._arrays() for view in views], axis))
 
 
-def _joined(parts: Sequence[Any], axis: int) -> Any:
+def joined(parts: Sequence[Any], axis: int) -> Any:
     """Return arrays, or nested tuples and dicts of them, joined along an axis; None where there are none."""
     return map_arrays(lambda *arrays: np.concatenate(arrays, axis), *parts)
 
@@ -228,12 +230,10 @@ class JointRollout:
 
         counts = [len(source) for source in parts("source")]
         offsets = np.repeat(np.cumsum([0, *counts[:-1]]), [len(at) for at in parts("final_at")])
-        by_step = ("rewards", "terminated", "truncated", "reset", "failed", "log_prob")
         return replace(
             rollouts[0],
             views=View.concat(parts("views"), 1),
-            actions=_joined(parts("actions"), 1),
-            **{name: _joined(parts(name), 1) for name in by_step},
+            **{name: joined(parts(name), 1) for name in BY_STEP},
             final=View.concat(parts("final"), 0),
             final_at=np.concatenate(parts("final_at")) + np.stack([0 * offsets, offsets], 1),
             source=np.concatenate(parts("source")),

@@ -54,31 +54,17 @@ GREEDY, SAMPLED = "greedy", "sampled"
 FAILED_ENVS = "num_failed_envs_lifetime"
 
 
-class SampleResult(NamedTuple):
-    """A runner's answer to a request for data.
+class Reply(NamedTuple):
+    """A runner's answer to a request.
 
     Attributes:
         worker: Index of the runner, so that results can be put in order.
-        rollout: The data, or the error that stops the run.
-        metrics: RLlib metrics of the fragment.
+        data: A fragment, or the error that stops the run; to a request to evaluate: the episodes.
+        metrics: RLlib metrics of the data.
     """
 
     worker: int
-    rollout: JointRollout | AlgorithmError
-    metrics: Any
-
-
-class EvaluationResult(NamedTuple):
-    """A runner's answer to a request to evaluate.
-
-    Attributes:
-        worker: Index of the runner.
-        episodes: What it played.
-        metrics: RLlib metrics of these episodes.
-    """
-
-    worker: int
-    episodes: list[Episode]
+    data: Any
     metrics: Any
 
 
@@ -125,15 +111,15 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             self.module = spec.build()
             self._policies = Policies(self.spec, {g.id: self.module[g.id] for g in self.spec.groups})
 
-    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> SampleResult:
+    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> Reply:
         """Set weights and counters and return a fragment, in one round trip: weights are never stale."""
         self.set_state(ray.get(state) if isinstance(state, ray.ObjectRef) else state)
         try:
             rollout = self._sample_fragment(steps)
         except AlgorithmError as failure:
             # Raised here, it would count as the actor's death, and the actor would be restarted forever.
-            return SampleResult(self.worker_index, failure, self.get_metrics())
-        return SampleResult(self.worker_index, rollout, self.get_metrics())
+            return Reply(self.worker_index, failure, self.get_metrics())
+        return Reply(self.worker_index, rollout, self.get_metrics())
 
     def sample(  # type: ignore[override]
         self,
@@ -158,14 +144,14 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             steps = -(-num_timesteps // num_envs)
         return [self._sample_fragment(steps, explore)]
 
-    def evaluate_share(self, shares: Mapping[int, range]) -> EvaluationResult:
+    def evaluate_share(self, shares: Mapping[int, range]) -> Reply:
         """Play this runner's share of an evaluation.
 
         Args:
             shares: Places in the evaluation list, by the index of the runner.
         """
         episodes = self._play_listed(shares[self.worker_index])
-        return EvaluationResult(self.worker_index, episodes, self.get_metrics())
+        return Reply(self.worker_index, episodes, self.get_metrics())
 
     def play(
         self,

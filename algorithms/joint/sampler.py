@@ -55,14 +55,6 @@ class EpisodeListener(Protocol):
         """Take note of a step, and of the agents that acted in it, (B, N), before the next actions."""
         ...
 
-    def get_state(self) -> Any:
-        """Return what is known of the running episodes, or None."""
-        ...
-
-    def set_state(self, state: Any) -> None:
-        """Continue the episodes that were running when `get_state` was called."""
-        ...
-
 
 class Sampler:
     """Steps B environments with policies and accounts for their episodes.
@@ -203,7 +195,6 @@ class Sampler:
             "now": None if self._now is None else _copied(self._now),
             "progress": copy.deepcopy(self.progress),
             "source": self._source,
-            "listener": None if self._listener is None else self._listener.get_state(),
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
@@ -217,12 +208,8 @@ class Sampler:
         self._source = state["source"]
         self.env.set_state(state["env"])  # type: ignore[attr-defined]
         self._now, self.progress = _copied(state["now"]), copy.deepcopy(state["progress"])
-        if self._listener is None:
-            return
-        if (known := state.get("listener")) is None:
+        if self._listener is not None:
             self._listener.started(np.arange(self.env.num_envs))
-        else:
-            self._listener.set_state(known)
 
     def _indices(self, expected: Ints) -> Ints:
         """Return the indices that the environments play, by default the expected ones; a copy."""

@@ -10,7 +10,6 @@ from gymnasium.spaces import Box
 from ray.rllib.core.columns import Columns
 from torch import Tensor
 
-from algorithms.errors import SpaceError, nearest_names
 from algorithms.joint.batch import GroupView
 from algorithms.joint.env import CARRIED, MEMORY
 from algorithms.joint.spaces import MASK, WRAPPED
@@ -51,7 +50,7 @@ def answer(module: Any, batch: Mapping[str, Any], exploration: Exploration) -> d
         exploration: How to act.
 
     Raises:
-        SpaceError: `agent_id` names an agent that the policy does not act for.
+        ValueError: `agent_id` names an agent that the policy does not act for.
     """
     question = ask(module.group, batch, recurrent=module.recurrent)
     if module.acts_jointly:
@@ -153,13 +152,6 @@ def _places(group: Group, batch: Mapping[str, Any], count: int) -> Tensor:
     agents: Sequence[str] | None = batch.get(Columns.AGENT_ID)
     if agents is None:
         return torch.zeros(count, dtype=torch.int64)
-    unknown = next((agent for agent in agents if agent not in group.agents), None)
-    if unknown is not None:
-        raise SpaceError(
-            f"{unknown!r} is no agent of the policy",
-            place=f"agent_id, asked of {group.id!r}",
-            remedy=nearest_names(unknown, group.agents),
-        )
     return torch.tensor([group.agents.index(agent) for agent in agents])
 
 

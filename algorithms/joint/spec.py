@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
 
 from algorithms.errors import SpaceError, nearest_names
-from algorithms.joint.env import LATENT, MEMORY, Action, AgentBlock, Ints, JointSpaces
+from algorithms.joint.env import Action, AgentBlock, Ints, JointSpaces
 from algorithms.joint.spaces import learned_space
 from algorithms.settings import Sharing
 
@@ -81,7 +81,7 @@ class JointSpec:
 
         Raises:
             SpaceError: A group names an unknown agent, leaves one out, or mixes agents with different spaces;
-                a carried leaf is none that a sampler fills; there are no sets for `set_width`.
+                there are no sets for `set_width`.
         """
         spaces = spaces._replace(
             blocks=tuple(
@@ -90,12 +90,6 @@ class JointSpec:
             )
         )
         if carried is not None:
-            for name in {name for block in spaces.blocks for name in carried(block)} - {MEMORY, LATENT}:
-                raise SpaceError(
-                    f"the carried leaf {name!r} is never filled",
-                    place="carried() of the config",
-                    remedy=f"use {MEMORY!r} or {LATENT!r}, or add the leaf in `adapt`, as features.py does",
-                )
             blocks = (b._replace(observation={**b.observation, **carried(b)}) for b in spaces.blocks)
             spaces = spaces._replace(blocks=tuple(blocks))
         leaves = [leaf for block in spaces.blocks for leaf in block.observation.values()]
@@ -185,20 +179,8 @@ def _group_names(spaces: JointSpaces, agents: tuple[str, ...], sharing: Sharing)
         named = {"shared" if single else f"shared_{k}": b.agents for k, b in enumerate(spaces.blocks)}
         return _named_groups(named, agents)
     if callable(sharing):
-        return {agent: _mapped(sharing, agent) for agent in agents}
+        return {agent: sharing(agent) for agent in agents}
     return _named_groups(sharing, agents)
-
-
-def _mapped(sharing: Callable[[str], str], agent: str) -> str:
-    """Return the group that a function gives an agent."""
-    name = sharing(agent)
-    if not isinstance(name, str):
-        raise SpaceError(
-            f"the mapping gives agent {agent!r} the policy {name!r}, which is no text",
-            place=getattr(sharing, "place", "training(sharing=...)"),
-            remedy="return the name of a policy",
-        )
-    return str(name)
 
 
 def _named_groups(sharing: Mapping[str, Sequence[str]], agents: tuple[str, ...]) -> dict[str, str]:

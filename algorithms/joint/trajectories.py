@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from algorithms.errors import EnvironmentFailure
-from algorithms.joint.env import Bools, Ints
-from algorithms.joint.rollout import JointRollout, View
+from algorithms.joint.env import Bools, Ints, map_arrays
+from algorithms.joint.rollout import BY_STEP, JointRollout, View, joined
 
 
 class OpenTrajectories:
@@ -105,13 +105,7 @@ def _part(rollout: JointRollout, first: int, env_ids: Ints) -> JointRollout:
     return replace(
         rollout,
         views=rollout.views[first:][:, env_ids],
-        actions=tuple(actions[first:, env_ids] for actions in rollout.actions),
-        rewards=rollout.rewards[first:, env_ids],
-        terminated=rollout.terminated[first:, env_ids],
-        truncated=rollout.truncated[first:, env_ids],
-        reset=rollout.reset[first:, env_ids],
-        failed=rollout.failed[first:, env_ids],
-        log_prob=None if rollout.log_prob is None else rollout.log_prob[first:, env_ids],
+        **{name: map_arrays(lambda x: x[first:, env_ids], getattr(rollout, name)) for name in BY_STEP},
         final=rollout.final[:0],
         final_at=rollout.final_at[:0],
         source=rollout.source[env_ids],
@@ -121,21 +115,10 @@ def _part(rollout: JointRollout, first: int, env_ids: Ints) -> JointRollout:
 
 def _behind(earlier: JointRollout, later: JointRollout) -> JointRollout:
     """Return two fragments of the same environments joined in time, without final rows."""
-
-    def joined(name: str) -> np.ndarray:
-        return np.concatenate([getattr(earlier, name), getattr(later, name)])
-
-    both = None if later.log_prob is None or earlier.log_prob is None else joined("log_prob")
     return replace(
         later,
         views=View.concat([earlier.views[:-1], later.views], 0),
-        actions=tuple(map(np.concatenate, zip(earlier.actions, later.actions, strict=True))),
-        rewards=joined("rewards"),
-        terminated=joined("terminated"),
-        truncated=joined("truncated"),
-        reset=joined("reset"),
-        failed=joined("failed"),
-        log_prob=both,
+        **{name: joined([getattr(earlier, name), getattr(later, name)], 0) for name in BY_STEP},
         final=later.final[:0],
         final_at=later.final_at[:0],
         start=earlier.start,

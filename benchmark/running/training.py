@@ -19,7 +19,7 @@ from ray.tune.registry import register_env
 from algorithms.errors import AlgorithmError, DamagedCheckpointError
 from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.evaluation import evaluate
-from algorithms.joint.runner import JointEnvRunner, SampleResult
+from algorithms.joint.runner import JointEnvRunner, Reply
 from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
 from benchmark.experiment.runs import Run
 from benchmark.results.digests import OTHER_CHECKPOINT, check_digests, with_digests
@@ -360,14 +360,14 @@ class _Imports:
 class OwnCodeRunner(JointEnvRunner):
     """Answers with errors of own code, which end the run; other errors end the runner, which is restarted."""
 
-    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> SampleResult:
+    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> Reply:
         """Take over weights and counters, return a fragment."""
         try:
             with named_own_code("the run's own code"):
                 return super().request(state, steps)
         except OwnCodeError as error:
             failure = AlgorithmError(error.problem, place=error.place, remedy=error.remedy)
-            return SampleResult(self.worker_index, failure, self.get_metrics())
+            return Reply(self.worker_index, failure, self.get_metrics())
 
 
 def own_code_runner(paths: Sequence[str]) -> type[JointEnvRunner]:

@@ -8,7 +8,7 @@ from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
-from algorithms.parts.distributions import EpsilonGreedyHead, Exploration
+from algorithms.parts.distributions import EpsilonGreedyHead
 from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.registry import ActionKind, Entry, Paradigm
 from algorithms.settings import Fraction, OffPolicySettings
@@ -56,14 +56,8 @@ class MyConfig(JointConfig):
     algorithm = "mine"
     # In this library it is a line in `algorithms/registry.py` instead.
     entry = Entry("q_learner:MyConfig", MySettings, Paradigm.DECENTRALISED, "M1", ActionKind.DISCRETE)
-
-    def exploration(self, steps):
-        """Return how runners explore after so many environment steps."""
-        return Exploration(explore=bool(self.explore), epsilon=self.epsilon)
-
-    def modules(self, spec):
-        """Return the networks: one for each group."""
-        return {g.id: self.policy_spec(spec, g, MyModule) for g in spec.groups}
+    policy_module = MyModule
+    explores_by = "epsilon"
 
 
 class Mine(JointAlgorithm):

@@ -8,14 +8,13 @@ from gymnasium.spaces import Box, Dict
 from tests.games.games import Game
 
 
-class Known(Game):
-    """A follower gets 1 for doing what a leader does, whose action the game draws from `TABLE[cue]`.
+class Turncoat(Game):
+    """A follower gets 1 for doing what a leader does, whose action mask leaves it no choice.
 
-    The follower sees the cue. The leader's action mask leaves it no choice.
+    The leader plays 0 nine times of ten, after 1,000 steps of its life 2; the cue tells nothing.
     """
 
-    TABLE = np.array([[0.7, 0.2, 0.1], [0.1, 0.3, 0.6], [0.25, 0.5, 0.25]])
-    """Probability of the leader's actions by cue; at best the follower hits 0.6 of them."""
+    turn = 1_000
 
     def __init__(self, config=None):
         super().__init__(agents=2, actions=3, width=3)
@@ -23,32 +22,18 @@ class Known(Game):
         self.observation_spaces = {a: Dict(seen) for a in self.agents}
         self.steps = 0
 
-    def table(self) -> np.ndarray:
-        """Return the leader's probabilities by cue at this step of its life."""
-        return self.TABLE
-
     def observe(self):  # type: ignore[override] - a Dict observation
         self.steps += 1
-        self.cue = int(self.rng.integers(3))
-        forced = np.eye(3, dtype=np.int8)[self.rng.choice(3, p=self.table()[self.cue])]
-        seen = np.eye(3, dtype=np.float32)[self.cue]
+        cue, favourite = int(self.rng.integers(3)), 0 if self.steps <= self.turn else 2
+        chances = 0.05 + 0.85 * np.eye(3)[favourite]
+        forced = np.eye(3, dtype=np.int8)[self.rng.choice(3, p=chances)]
         return {
-            "agent_0": {"observations": seen, "action_mask": np.ones(3, np.int8)},
+            "agent_0": {"observations": np.eye(3, dtype=np.float32)[cue], "action_mask": np.ones(3, np.int8)},
             "agent_1": {"observations": np.zeros(3, np.float32), "action_mask": forced},
         }
 
     def reward(self, actions):
         return [float(actions[0] == actions[1]), 0.0]
-
-
-class Turncoat(Known):
-    """The leader plays 0 nine times of ten, after 1,000 steps of its life 2; the cue tells nothing."""
-
-    turn = 1_000
-
-    def table(self):
-        favourite = 0 if self.steps <= self.turn else 2
-        return np.full((3, 3), 0.05) + 0.85 * np.eye(3)[favourite]
 
 
 class Climbing(Game):

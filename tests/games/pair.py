@@ -29,9 +29,6 @@ class PairModule(JointModule):
     def policy(self, view):
         raise AssertionError("agents are never sampled alone")
 
-    def feedforward_parts(self):
-        return None
-
     @classmethod
     def begin_episode(cls, modules, views, generator):
         latent = torch.randn(1, 1, WIDTH, generator=generator)
@@ -65,33 +62,18 @@ def part(acting, column):
     return SampledActions(*(x[:, column : column + 1] for x in acting[:3]))
 
 
-class PairLearner(JointTorchLearner):
-    """A policy gradient on the joint action; the reward for equal actions is the latent's first number."""
-
-    def update_joint(self, rollout):
-        (actions,), (leaves,) = rollout.actions, rollout.views[:-1].observations
-        name = self.groups[0].id
-        first, second = self.net(name).conditionals()
-        leads, follows = torch.from_numpy(actions.copy()).flatten(0, 1).unbind(1)
-        reward = torch.from_numpy(leaves[LATENT][:, :, 0, 0].copy()).flatten() * (leads == follows)
-        self.step_optimizer(-(reward * (first[leads] + second[leads, follows])).mean(), name)
-        self.log(name, "latent", reward)
-
-
 class PairConfig(JointConfig):
     algorithm = "pair"
     entry = ALGORITHMS["ppo"]
+    policy_module = PairModule
 
     def carried(self, block):
         return {LATENT: Box(-np.inf, np.inf, (WIDTH,), np.float32)}
 
-    def modules(self, spec):
-        return {g.id: self.policy_spec(spec, g, PairModule) for g in spec.groups}
-
 
 class Pair(JointAlgorithm):
     config_class = PairConfig
-    learner_class = PairLearner
+    learner_class = JointTorchLearner
 
 
 class Vector(NullVector):

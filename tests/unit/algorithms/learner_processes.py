@@ -106,12 +106,6 @@ def process_id(learner):
     return os.getpid()
 
 
-def poison(learner):
-    """Make a weight of a learner's first network NaN."""
-    with torch.no_grad():
-        next(iter(learner.net("agent_0").parameters())).view(-1)[0] = math.nan
-
-
 class Failing(PPOLearner):
     """Fails in the second of two learners only."""
 

@@ -9,7 +9,6 @@ from gymnasium.spaces import Box
 from rigs import Rig, nightly_by_seed, replayed
 
 from algorithms import bicnet
-from algorithms.bicnet import BiCNetModule
 from algorithms.joint.batch import GroupView
 from algorithms.joint.module import critic_of
 from tests.games.games import Ragged, Target
@@ -48,33 +47,6 @@ def test_the_network_is_a_recurrence_in_both_directions_written_out():
             for i in living:
                 expected = actor.leave(torch.cat([right[i], left[i]]))
                 torch.testing.assert_close(found[m, i], expected, rtol=0, atol=1e-6)
-
-
-@pytest.mark.parametrize("sharing", ["none", "all", {"odd": ["b"], "even": ["a", "c"]}])
-def test_values_depend_on_all_active_agents_actions(sharing):
-    rig = Rig("bicnet", Ragged, sharing=sharing, **REPLAY)
-    batch = replayed(rig, 40)
-    taken = {name: x.requires_grad_() for name, x in batch.encoded_actions().items()}
-    values = rig.learner.values(batch, taken, "q")
-    for m in range(0, 60, 7):
-        for i in (i for i in range(3) if batch.alive[m, i]):
-            slopes = torch.autograd.grad(values[m, i], list(taken.values()), retain_graph=True)
-            felt = (batch.join(dict(zip(taken, slopes, strict=True)))[m] != 0).any(-1)
-            assert torch.equal(felt, batch.alive[m])
-
-
-def test_groups_with_equal_weights_are_one_network_in_the_order_of_the_agents():
-    shared = Rig("bicnet", Ragged)
-    split = Rig("bicnet", Ragged, sharing={"odd": ["b"], "even": ["a", "c"]})
-    state = shared.learner.net("shared").state_dict()
-    for name in ("odd", "even"):
-        split.learner.net(name).load_state_dict(state)
-    seen, view = view_of()
-    whole = shared.learner.net("shared").policy(view)
-    modules = [split.learner.net(group.id) for group in split.spec.groups]
-    views = [GroupView({"": seen[:, g.columns]}, view.alive[:, g.columns], None) for g in split.spec.groups]
-    for group, part in zip(split.spec.groups, BiCNetModule.policies(modules, views), strict=True):
-        torch.testing.assert_close(part, whole[:, group.columns], rtol=0, atol=1e-6)
 
 
 def test_the_policy_gradient_is_the_papers_double_sum(monkeypatch):
@@ -164,21 +136,3 @@ def mirror_score(seed, name="bicnet", steps=4_000):
 def test_agents_that_hand_on_in_both_directions_mirror_their_cues(seed):
     """0; the line lies midway to one direction."""
     assert mirror_score(seed) > -1 / 18
-
-
-@nightly_by_seed
-def test_agents_that_hand_on_in_one_direction_do_not(seed, monkeypatch):
-    """The ablation that must fail: -1/9."""
-    sound = bicnet._hand_on
-
-    def cut(chain, features, views):
-        states = sound(chain, features, views)
-        return states if chain[0][1] == 0 else [0 * state for state in states]
-
-    monkeypatch.setattr(bicnet, "_hand_on", cut)
-    assert mirror_score(seed) == pytest.approx(-1 / 9, abs=1 / 27)
-
-
-@nightly_by_seed
-def test_maddpgs_agents_which_say_nothing_do_not(seed):
-    assert mirror_score(seed, "maddpg") == pytest.approx(-2 / 9, abs=1 / 18)

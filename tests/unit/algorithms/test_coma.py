@@ -5,12 +5,10 @@ import pytest
 import torch
 from rigs import Rig, nightly_by_seed
 
-from algorithms import coma
-from algorithms.coma import CRITIC, team_masks
-from algorithms.joint.batch import encode
-from algorithms.maac import counterfactual_advantage, of_actions
+from algorithms.coma import CRITIC
+from algorithms.maac import counterfactual_advantage
 from algorithms.parts.distributions import CategoricalDistribution, FlooredDistribution
-from tests.games.games import Constant, Cues, Game, Ragged
+from tests.games.games import Constant, Game, Ragged
 
 
 def test_the_advantage_is_eq_4_on_numbers_by_hand():
@@ -38,20 +36,6 @@ def test_an_agents_values_depend_on_the_others_actions_and_not_on_its_own(sharin
         felt = batch.join(dict(zip(taken, slopes, strict=True))).abs().amax((0, 2))
         assert felt[i] < 1e-6
         assert (felt[[j for j in range(3) if j != i]] > 1e-4).all()
-
-
-def test_one_pass_gives_what_each_of_the_own_actions_would():
-    """The critic's output for an action is Q(s, u) of the joint action with it, whatever was taken."""
-    rig = Rig("coma", Cues)
-    batch = rig.learner.prepare(rig.rollout(8))
-    taken, (first, second) = batch.encoded_actions(), rig.spec.groups
-    values = q_of(rig, batch, taken)
-    for action in range(4):
-        other = {**taken, first.id: encode(first, torch.full((len(batch), 1), action))}
-        again = q_of(rig, batch, other)
-        torch.testing.assert_close(again[first.id], values[first.id], rtol=0, atol=1e-6)
-        changed = (again[second.id] - values[second.id]).abs().amax((1, 2)) > 0
-        assert torch.equal(changed, batch.actions[0][:, 0] != action)
 
 
 @pytest.mark.parametrize("reward", ["sum", "mean"])
@@ -94,19 +78,6 @@ def test_targets_are_sums_of_n_step_returns_written_out(reward):
     assert (batch.targets[~batch.alive] == 0).all()
 
 
-def test_a_teams_value_is_the_mean_over_its_active_agents():
-    rig = Rig("coma", Ragged)
-    batch = rig.learner.prepare(rig.rollout(20))
-    taken = batch.encoded_actions()
-    values = rig.learner.net(CRITIC).target_q(batch, taken)
-    chosen = torch.cat([of_actions(values[name], taken[name].argmax(-1)) for name in values], -1)
-    found = rig.learner.team_value(batch, taken)
-    for m in range(len(batch)):
-        there = batch.alive[m]
-        expected = chosen[m][there].mean() if there.any() else torch.tensor(0.0)
-        torch.testing.assert_close(found[m], expected)
-
-
 def test_the_policies_that_learn_are_those_that_acted():
     """Probabilities have the floor of the fragment, whether or not an episode was cut in it."""
     rig = Rig("coma", Ragged, sharing="all", epsilon=(0.5, 0.1), epsilon_steps=100)
@@ -141,21 +112,6 @@ def test_the_target_critic_follows_by_tau_after_each_rollout():
         torch.testing.assert_close(after[key], expected)
 
 
-def test_the_team_goes_on_where_an_agent_dies_and_not_where_one_is_cut():
-    rig = Rig("coma", Ragged)
-    rollout = rig.rollout(60)
-    chain, bootstrap = team_masks(rollout)
-    alive, masks = rollout.views.alive, rollout.masks()
-    for t in range(60):
-        for b in range(2):
-            cut = masks.last[t, b].any()
-            goes_on = alive[t + 1, b].any() and not (rollout.reset[t, b] or rollout.failed[t, b] or cut)
-            assert chain[t, b] == goes_on
-            assert bootstrap[t, b] == (goes_on or cut)
-    died = (rollout.terminated & alive[:-1]).any(-1)
-    assert (died & chain).any()
-
-
 class Shares(Game):
     """Each of 12 agents gets the sum of 0.6^i over the agents i that play their good action, one of four.
 
@@ -185,17 +141,3 @@ def shares_score(seed, name="coma", steps=4_096):
 def test_small_shares_of_a_noisy_reward_are_found(seed):
     """1; without the counterfactual baseline 0.69; `centralised_v` finds them, too."""
     assert shares_score(seed) > (1 + 0.75) / 2
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(("seed", "lr"), [(1, 1e-2), (2, 1e-2), (3, 1e-2), (1, 1e-3), (1, 3e-3), (1, 3e-2)])
-def test_small_shares_are_not_found_without_the_counterfactual_baseline(seed, lr, monkeypatch):
-    """The paper's ablation "central-QV": Q(s, u) - V(s); the game has one state, so V(s) is the mean of Q."""
-
-    def without(values, policy, actions):
-        chosen = of_actions(values, actions)
-        return chosen - chosen.mean()
-
-    monkeypatch.setattr(coma, "counterfactual_advantage", without)
-    monkeypatch.setitem(SHARES, "lr", lr)
-    assert shares_score(seed) < (1 + 0.75) / 2

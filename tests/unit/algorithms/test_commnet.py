@@ -1,7 +1,5 @@
 """CommNet: what is heard, whom gradients reach, what is left without a channel, and the levers."""
 
-import copy
-
 import numpy as np
 import pytest
 import torch
@@ -58,38 +56,6 @@ def test_the_network_is_the_papers(rig):
                 torch.testing.assert_close(found[m, i], net.decoder(h[i]), rtol=0, atol=1e-6)
 
 
-def test_without_a_channel_a_step_equals_that_of_independent_networks():
-    """Each agent alone: its own perceptron with two outputs, its own data, its own Adam."""
-    settings = {"sharing": "none", "channel": False, "lr": 1e-2, "entropy_coeff": 0.02, "value_coeff": 0.5}
-    rig = Rig("commnet", Ragged, grad_clip=None, **settings)
-    rollout = rig.rollout(40)
-    batch = rig.learner.prepare(rollout)
-    alone = {}
-    for group, own in batch.groups():
-        net, here = copy.deepcopy(rig.learner.net(group.id)), own.alive[:, 0]
-        body = torch.nn.Sequential(*net.first, *(x for keep in net.keep for x in (keep, torch.nn.Tanh())))
-        both = torch.nn.Sequential(body, torch.nn.Linear(16, 4))
-        with torch.no_grad():
-            both[1].weight.copy_(torch.cat([net.decoder[0].weight, net.baseline[0].weight]))
-            both[1].bias.copy_(torch.cat([net.decoder[0].bias, net.baseline[0].bias]))
-        out = both(own.observations[""][here, 0])
-        policy = torch.distributions.Categorical(logits=out[:, :3])
-        gain = policy.log_prob(own.actions[here, 0]) * own.advantages[here, 0]
-        error = (out[:, 3] - own.targets[here, 0]).square()
-        optimizer = torch.optim.Adam(both.parameters(), lr=1e-2, eps=1e-5)
-        (-gain + 0.5 * error - 0.02 * policy.entropy()).mean().backward()
-        optimizer.step()
-        alone[group.id] = both
-    rig.learner.update_joint(rollout)
-    for name, both in alone.items():
-        net = rig.learner.net(name)
-        ours = [*net.first.parameters(), *net.keep.parameters()]
-        for mine, theirs in zip(ours, both[0].parameters(), strict=True):
-            torch.testing.assert_close(mine, theirs, rtol=0, atol=1e-6)
-        torch.testing.assert_close(net.decoder[0].weight, both[1].weight[:3], rtol=0, atol=1e-6)
-        torch.testing.assert_close(net.baseline[0].weight, both[1].weight[3:], rtol=0, atol=1e-6)
-
-
 class Speaker(Game):
     """Only agent 0 sees the cue, agent 1 alone is paid for playing it; their observations differ in width."""
 
@@ -143,9 +109,3 @@ def levers_score(seed, updates=500, **settings):
 def test_agents_that_talk_pull_all_levers(seed):
     """1.0; without a channel 0.718 at most, without learning 0.672."""
     assert levers_score(seed) > (1 + 0.718) / 2
-
-
-@nightly_by_seed
-def test_agents_without_a_channel_do_not_pull_all_levers(seed):
-    """The ablation that must fail: no more than 0.718, plus three standard errors of 4,096 games."""
-    assert levers_score(seed, 250, channel=False) < 0.718 + 3 * 0.13 / 64

@@ -159,19 +159,3 @@ def test_every_setting_changes_what_is_learned_or_is_refused(name):
     if name == "networked_q":  # a single node exchanges nothing
         expected.add("sharing")
     assert refused.keys() == expected
-
-
-@pytest.mark.parametrize(
-    ("name", "setting", "needed"),
-    [
-        ("dqn", "priority_alpha", {"prioritised": True}),
-        ("dqn", "priority_beta", {"prioritised": True}),
-        ("ppo", "sequence_length", {"gru": 4}),
-        ("maddpg", "noise", {"continuous": True}),
-    ],
-)
-def test_refused_settings_change_what_is_learned_with_what_they_need(name, setting, needed):
-    config = {"continuous": needed.pop("continuous")} if "continuous" in needed else None
-    value = getattr(algorithms.entry(name).settings(), setting) / 2
-    value = int(value) if setting == "sequence_length" else value
-    assert not same(learned(name, config, **needed), learned(name, config, **needed, **{setting: value}))

@@ -88,8 +88,3 @@ def test_continuous_actions_follow_their_cue(name, seed):
 )
 def test_qmix_represents_the_two_step_game_and_vdn_does_not(name, seed, expected):
     assert two_step_score(name, seed) == pytest.approx(expected, abs=0.1)
-
-
-@nightly_by_seed
-def test_qmix_solves_the_two_step_game_with_standardised_rewards(seed):
-    assert two_step_score("qmix", seed, standardize_rewards=True) == pytest.approx(8, abs=0.1)

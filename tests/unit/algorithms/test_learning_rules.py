@@ -11,7 +11,6 @@ from gymnasium.spaces import Box
 from rigs import EVERY, OFF_POLICY, SHARED, Rig, cases, known, moved, replayed, takes
 
 import algorithms
-from algorithms.joint.module import critic_of
 from algorithms.joint.stacking import StackedGroups
 from algorithms.maac import CRITIC
 from tests.games.games import Cues, Game, Ragged, Target, TwoStep
@@ -90,52 +89,6 @@ def test_a2c_is_ppo_with_one_minibatch():
             torch.testing.assert_close(weight, second[module][name], rtol=0, atol=1e-6)
 
 
-def test_replacing_one_action_equals_a_pass_with_that_action_replaced():
-    rig = Rig("maddpg", Cues, sharing="all", **REPLAY)
-    batch = replayed(rig)
-    (group,) = rig.spec.groups
-    q = rig.learner.net(critic_of(group)).q
-    taken = batch.encoded_actions()
-    own = torch.softmax(torch.randn(64, 2, 4), -1)
-    fast = q(batch, taken, own)
-    for i in range(2):
-        mixed = taken[group.id].clone()
-        mixed[:, i] = own[:, i]
-        torch.testing.assert_close(fast[:, i], q(batch, {group.id: mixed})[:, i], rtol=1e-4, atol=1e-5)
-
-
-def test_values_and_gradients_of_chosen_agents_are_those_of_a_pass_for_all():
-    rig = Rig("maddpg", Cues, sharing="all", **REPLAY)
-    batch = replayed(rig)
-    (group,) = rig.spec.groups
-    critic = rig.learner.net(critic_of(group)).q
-    taken, weights = batch.encoded_actions(), list(critic.parameters())
-    own = torch.softmax(torch.randn(64, 2, 4), -1).requires_grad_()
-    chosen = torch.rand(64, 2) < 0.5
-    some, whole = (critic(batch, taken, own, those) for those in (chosen, None))
-    assert not some[~chosen].any()
-    torch.testing.assert_close(some[chosen], whole[chosen])
-    torch.testing.assert_close(
-        torch.autograd.grad(some.square().sum(), [own, *weights]),
-        torch.autograd.grad(whole[chosen].square().sum(), [own, *weights]),
-    )
-    assert not critic(batch, taken, own, torch.zeros_like(chosen)).any()
-
-
-def test_maddpg_critics_see_every_action_and_policies_only_move_their_own():
-    rig = Rig("maddpg", Cues, **REPLAY)
-    batch = replayed(rig)
-    taken = {g: a.requires_grad_() for g, a in batch.encoded_actions().items()}
-    own = {g: torch.rand_like(a).requires_grad_() for g, a in taken.items()}
-    first, second = (group.id for group in rig.spec.groups)
-    for group, me, other in zip(rig.spec.groups, (first, second), (second, first), strict=True):
-        q = rig.learner.net(critic_of(group)).q(batch, taken, own[me]).sum()
-        by_own, by_taken, by_other = torch.autograd.grad(q, [own[me], taken[me], taken[other]])
-        assert (by_own != 0).any()
-        assert by_taken.abs().max() < 1e-5, "the replayed own action must be gone"
-        assert (by_other != 0).any(), "the others' actions must reach the critic"
-
-
 class Alone(Target):
     """`Target` with one agent."""
 
@@ -176,26 +129,6 @@ def test_maddpg_with_one_agent_is_ddpg():
     for theirs, ours in zip((actor.actor, actor.target_actor, critic.q, critic.target_q), mine, strict=True):
         for a, b in zip(theirs.parameters(), ours.parameters(), strict=True):
             torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-6)
-
-
-def test_team_targets_count_late_arrivals_and_not_the_dead(monkeypatch):
-    rig = Rig("qmix", Ragged, sharing="all", **REPLAY)
-    batch = replayed(rig, 60, 200, epsilon=1.0)
-    arrived = batch.next.alive & ~batch.alive & batch.alive.any(-1, keepdim=True)
-    assert arrived.any()
-    seen = []
-    original = type(rig.learner).mix
-
-    def watched(self, values, view, *, target=False):
-        seen.append((values.detach(), view.alive, target))
-        return original(self, values, view, target=target)
-
-    monkeypatch.setattr(type(rig.learner), "mix", watched)
-    rig.learner.update_minibatch(batch)
-    for values, alive, _ in seen:
-        assert (values[~alive] == 0).all()
-        assert (values[alive] != 0).all()
-    assert [target for *_, target in seen] == [False, True]
 
 
 def test_the_mixer_is_monotone_and_depends_on_the_state():
@@ -242,17 +175,6 @@ def test_illegal_actions_are_never_taken(name):
         assert rollout.rewards.sum() == 0
         rig.learner.update_joint(rollout)
     assert all(torch.isfinite(w).all() for part in rig.weights().values() for w in part.values())
-
-
-@pytest.mark.parametrize("name", ["ppo", "dqn"])
-def test_the_same_seed_gives_the_same_weights_after_twenty_iterations(name):
-    settings = {"epochs": 1} if name == "ppo" else REPLAY
-    rig, again, other = (Rig(name, Cues, seed=seed, **settings) for seed in (1, 1, 2))
-    for one in (rig, again, other):
-        for _ in range(20):
-            one.learner.update_joint(one.rollout(8, epsilon=0.5))
-    assert moved(rig.weights(), again.weights()) == set()
-    assert moved(rig.weights(), other.weights()) == set(rig.weights())
 
 
 def test_networks_evaluated_as_one_learn_like_separate_ones():
@@ -310,36 +232,6 @@ def trained_weights(rig):
     }
 
 
-class Pictures(Cues):
-    """`Cues` whose observation is a small picture."""
-
-    def __init__(self, config=None):
-        super().__init__(config)
-        space = Box(0, 255, (8, 8, 3), np.uint8)
-        self.observation_spaces = {"agent_0": space, "agent_1": space}
-
-    def observe(self):  # type: ignore[override] - pictures
-        super().observe()
-        first, second = (np.full((8, 8, 3), 50 * c, np.uint8) for c in self.cue)
-        return {"agent_0": first, "agent_1": second}
-
-
-@pytest.mark.parametrize(("name", "game"), [("commnet", Target), ("maac", Pictures)])
-def test_those_who_hear_or_attend_learn_from_pictures_and_act_in_boxes(name, game):
-    rig = Rig(name, game, **settings_of(name))
-    before, after = update(rig, rig.rollout(24))
-    assert moved(before, after) == set(before)
-    assert all(torch.isfinite(w).all() for part in after.values() for w in part.values())
-
-
-def test_groups_are_put_together_in_the_order_of_columns():
-    rig = Rig("ppo", Ragged, sharing={"odd": ["b"], "even": ["a", "c"]})
-    batch = rig.learner.prepare(rig.rollout(20))
-    parts = {group.id: own.rewards for group, own in batch.groups()}
-    assert torch.equal(batch.join(parts), batch.rewards)
-    assert torch.equal(replace(batch).join(parts), batch.rewards)
-
-
 def _greedy():
     from algorithms.parts.distributions import Exploration
 
@@ -357,29 +249,6 @@ def test_stacked_policies_act_like_separate_ones(name, sharing):
     rig.policies._stacked = [None]
     separate = rig.policies._act(0, view, *_greedy())
     torch.testing.assert_close(stacked.distribution, separate.distribution, rtol=1e-5, atol=1e-6)
-
-
-PARTS = {"odd": ["b"], "even": ["a", "c"]}
-
-
-@pytest.mark.parametrize("name", cases([name for name in algorithms.names() if takes(name, sharing=PARTS)]))
-def test_groups_of_agents_learn_on_ragged_games(name):
-    rig = Rig(name, Ragged, sharing=PARTS, **settings_of(name))
-    before, after = update(rig, rig.rollout(40, epsilon=0.5))
-    assert moved(before, after) == set(before)
-    assert all(torch.isfinite(w).all() for part in after.values() for w in part.values())
-
-
-@pytest.mark.parametrize(("name", "gru"), [("ppo", 0), ("maddpg", 0), ("dqn", 4)])
-def test_without_hidden_layers_networks_are_linear_and_learn(name, gru):
-    memory = {"gru": gru, "sequence_length": 8} if gru else {}
-    rig = Rig(name, Ragged, hidden=(), **memory, **settings_of(name))
-    before, after = update(rig, rig.rollout(40, epsilon=0.5))
-    assert moved(before, after) == set(before)
-    if name == "maddpg":
-        q, wide = rig.learner.net("a__critic").q, torch.randn(5, 12)
-        halves = q.rest(q.see(wide)) + q.rest(q.see(-wide))
-        torch.testing.assert_close(halves, 2 * q.see.bias.expand(5, 1))
 
 
 @pytest.mark.parametrize("name", EVERY)

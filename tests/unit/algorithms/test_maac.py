@@ -7,10 +7,10 @@ import pytest
 import torch
 from rigs import Rig, nightly_by_seed, replayed
 
-from algorithms.maac import CRITIC, counterfactual_advantage, of_actions
+from algorithms.maac import CRITIC, of_actions
 from algorithms.parts.attention import attend
 from algorithms.parts.distributions import CategoricalDistribution
-from tests.games.games import Cues, Product, Ragged
+from tests.games.games import Product, Ragged
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
 
@@ -49,42 +49,6 @@ def test_values_depend_on_the_own_observation_and_the_living_others_observations
         assert torch.equal(by_action, others)
         others[:, i] = True
         assert torch.equal(by_seen, others)
-
-
-def test_the_query_sees_the_own_observation_only(monkeypatch):
-    rig = Rig("maac", Cues, **REPLAY)
-    batch = replayed(rig)
-    asked = []
-    monkeypatch.setattr(
-        "algorithms.maac.attend", lambda q, k, v, alive: asked.append(q) or attend(q, k, v, alive)
-    )
-    critic, taken = rig.learner.net(CRITIC), batch.encoded_actions()
-    critic.q(batch, taken)
-    critic.q(batch, {name: action.roll(1, -1) for name, action in taken.items()})
-    assert torch.equal(*asked)
-
-
-def test_the_baseline_is_the_expectation_under_the_own_policy():
-    values, policy = torch.randn(7, 2, 4), CategoricalDistribution(torch.randn(7, 2, 4))
-    probabilities = policy.log_probs.exp()
-    every = torch.stack(
-        [counterfactual_advantage(values, policy, torch.full((7, 2), a)) for a in range(4)], -1
-    )
-    torch.testing.assert_close((probabilities * every).sum(-1), torch.zeros(7, 2), rtol=0, atol=1e-6)
-    differences = every[..., 1:] - every[..., :1]
-    torch.testing.assert_close(differences, values[..., 1:] - values[..., :1], rtol=0, atol=1e-6)
-
-
-def test_the_values_of_all_own_actions_equal_one_pass_for_each():
-    rig = Rig("maac", Cues, **REPLAY)
-    batch = replayed(rig)
-    critic, taken = rig.learner.net(CRITIC).q, batch.encoded_actions()
-    together = critic(batch, taken)["agent_0"]
-    for a in range(4):
-        own = torch.zeros_like(taken["agent_0"])
-        own[..., a] = 1
-        alone = critic(batch, {**taken, "agent_0": own})["agent_0"]
-        torch.testing.assert_close(alone[..., a], together[..., a], rtol=0, atol=1e-6)
 
 
 def test_the_critics_target_asks_the_target_policies_and_is_soft(monkeypatch):

@@ -1,20 +1,13 @@
 """MAT: what is heard, acting in turn equals learning at once, and thieves that choose the same door."""
 
-from itertools import product
-
-import numpy as np
 import pytest
 import torch
-from gymnasium.spaces import Box
 from rigs import Rig, nightly_by_seed
 
-import algorithms
-from algorithms.errors import SpaceError
 from algorithms.joint.batch import GroupView, encode
 from algorithms.parts.attention import MultiHeadAttention
-from algorithms.parts.distributions import Exploration
 from tests.games.doors import Doors
-from tests.games.games import Cues, Game, Ragged, Target
+from tests.games.games import Ragged, Target
 
 GONE = 1
 
@@ -64,27 +57,6 @@ def test_learning_at_once_gives_the_probabilities_of_acting_one_after_another(ga
     policy = net.head.distribution(outputs, own.action_mask)
     found = policy.log_prob(own.actions)
     torch.testing.assert_close(found[own.alive], own.log_prob[own.alive], rtol=0, atol=1e-5)
-
-
-def test_probabilities_of_all_joint_actions_add_up_to_one_and_are_those_that_are_drawn():
-    rig = Rig("mat", Cues)
-    net = rig.learner.net("shared")
-    with torch.no_grad():
-        net.last[-1].weight.normal_()
-    every = torch.tensor(list(product(range(4), repeat=2)))
-    view = GroupView({"": torch.eye(4)[:2].expand(16, 2, 4)}, torch.ones(16, 2, dtype=torch.bool), None)
-    with torch.no_grad():
-        outputs = net.decide(net.represent(view), encode(net.group, every), view.alive)
-        joint = net.head.distribution(outputs, None).log_prob(every).sum(1).exp()
-        count = 20_000
-        many = GroupView(
-            {"": torch.eye(4)[:2].expand(count, 2, 4)}, torch.ones(count, 2, dtype=torch.bool), None
-        )
-        generator = torch.Generator().manual_seed(0)
-        (drawn,) = type(net).act_jointly([net], [many], Exploration(), generator)
-    assert joint.sum().item() == pytest.approx(1, abs=1e-5)
-    shares = torch.bincount(drawn.actions @ torch.tensor([4, 1]), minlength=16) / count
-    assert ((shares - joint).abs() < 5 * (joint * (1 - joint) / count).sqrt() + 1e-4).all()
 
 
 def test_the_network_is_that_of_the_authors_code():
@@ -169,23 +141,6 @@ def test_the_loss_is_the_clipped_surrogate_the_values_error_and_the_entropy(monk
     assert loss.item() == pytest.approx((total / there).item(), rel=1e-4)
 
 
-class Two(Game):
-    """Agents with different observations."""
-
-    def __init__(self, config=None):
-        super().__init__()
-        self.observation_spaces["agent_1"] = Box(-1.0, 1.0, (2,), np.float32)
-
-
-def test_agents_with_different_spaces_and_separate_networks_are_refused():
-    with pytest.raises(SpaceError, match=r"'mat'.*'agent_0' and 'agent_1'"):
-        Rig("mat", Two)
-    with pytest.raises(ValueError, match=r"^sharing='none'"):
-        algorithms.config("mat").training(sharing="none").validate()
-    with pytest.raises(ValueError, match="attention_heads=5"):
-        algorithms.config("mat").training(attention_heads=5).validate()
-
-
 def doors_score(name, seed, updates=60):
     """Return how often thieves that draw their actions choose the same new door."""
     own = {"blocks": 1} if name == "mat" else {"sharing": "all"}
@@ -199,10 +154,3 @@ def doors_score(name, seed, updates=60):
 def test_thieves_that_see_the_firsts_choice_are_random_and_equal(seed):
     """3/4; 1/4 where actions are independent."""
     assert doors_score("mat", seed) > 0.5
-
-
-@nightly_by_seed
-@pytest.mark.parametrize("name", ["ppo", "centralised_v", "commnet"])
-def test_thieves_that_choose_independently_are_not(name, seed):
-    """The baselines that must fail: 1/4 at most, plus three standard errors of 2,000 steps."""
-    assert doors_score(name, seed) < 0.25 + 3 * 0.43 / 2000**0.5

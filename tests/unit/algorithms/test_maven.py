@@ -116,27 +116,6 @@ def test_the_penalty_is_the_surprise_at_the_latent_written_out():
     assert found == pytest.approx(0.5 * total / count, rel=1e-4)
 
 
-def test_mutual_information_makes_behaviour_tell_the_latent():
-    """In one state, H(z) - E[surprise] rises from 0 to log 4, its largest value, as agents' policies part."""
-    rig = Rig("maven", Constant, latents=4, lambda_mi=1.0, lr=1e-2, **REPLAY)
-    batch = replayed(rig, 200, 256, epsilon=1.0)
-    learner, surprises = rig.learner, []
-
-    def surprise(factor):
-        values = {g.id: factor * learner.net(g.id).policy(own) for g, own in batch.groups()}
-        return learner.penalty(batch, values)
-
-    for _ in range(150):
-        loss = surprise(1)
-        surprises.append(loss.item())
-        learner.step_optimizer(loss, "agent_0", "agent_1", DISCRIMINATOR)
-    assert surprises[0] > 0.9 * np.log(4)
-    assert surprises[-1] < 0.1 * np.log(4)
-    for _ in range(50):  # without a difference in behaviour nothing can be told
-        learner.step_optimizer(surprise(0), DISCRIMINATOR)
-    assert surprise(0).item() > 0.9 * np.log(4)
-
-
 def test_the_latents_policy_follows_the_return():
     """grad log pi_z(z) R with R standardised: equal shares at first, then the latent that pays."""
     rig = Rig("maven", Constant, latents=4, lr=1e-2, latent_entropy=0.0, **REPLAY)
@@ -206,8 +185,3 @@ def committed_score(seed, name="maven", steps=8_000, episodes=32, **settings):
 def test_a_team_that_commits_finds_the_far_optimum(seed):
     """m + 3 = 8; the other branch pays 5."""
     assert committed_score(seed) > (8 + 5) / 2
-
-
-@nightly_by_seed
-def test_qmix_does_not(seed):
-    assert committed_score(seed, "qmix") < (8 + 5) / 2

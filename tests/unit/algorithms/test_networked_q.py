@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, first, moved, nightly_by_seed, replayed
+from rigs import Rig, first, moved, replayed
 
 import algorithms
 from algorithms.errors import SpaceError
 from algorithms.networked_q import NetworkedQModule, joint_state, node_links
 from algorithms.parts.graph import consensus_rate
-from tests.games.games import Cues, Game, Ragged, Target
+from tests.games.games import Game, Ragged, Target
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
 
@@ -45,22 +45,6 @@ def test_own_values_are_the_best_over_all_possible_joint_actions(sharing):
                 for (agent, action), value in best.items():
                     found_value = values[m, group.agents.index(agent), action].item()
                     assert found_value == pytest.approx(value, rel=1e-6)
-
-
-def test_agents_agree_on_one_of_equally_good_joint_actions():
-    rig = Rig("networked_q", Cues)
-    combinations, groups = rig.learner.combinations, rig.learner.groups
-    table = torch.zeros(2, 4, 4)
-    table[0, 2, 1] = table[0, 1, 2] = table[1, 3, 0] = 8.0
-    chosen = [combinations.own_values(table, group).argmax(-1)[:, 0].tolist() for group in groups]
-    assert chosen == [[1, 3], [2, 0]]
-
-
-def test_the_number_of_a_joint_action_is_its_place_in_the_table():
-    rig = Rig("networked_q", Ragged)
-    every = torch.tensor(list(itertools.product(range(3), repeat=3)))
-    number = rig.learner.combinations.number([every[:, :1], every[:, 1:2], every[:, 2:]])
-    assert number.tolist() == list(range(27))
 
 
 def twins(graph, **settings):
@@ -97,29 +81,6 @@ def q_of_all(net, rig, batch):
     """Return a network's values of all joint actions."""
     with torch.no_grad():
         return net.q(joint_state([batch.view(g) for g in rig.spec.groups]))
-
-
-@pytest.mark.nightly
-def test_the_learners_nodes_agree_on_the_linear_centralised_fit_of_one_batch():
-    """Linear features, identical joint samples, gamma 0: the least-squares fit of the mean reward."""
-    rig = Rig("networked_q", Cues, hidden=(), gamma=0.0, lr=3e-3, graph=[("agent_0", "agent_1")], **REPLAY)
-    batch = replayed(rig, 64, 128, epsilon=1.0)
-    for update in range(1, 1500):
-        rig.learner.updates = update
-        rig.learner.update_minibatch(batch)
-    views = [batch.view(g) for g in rig.spec.groups]
-    state, number = joint_state(views), batch.actions[0][:, 0] * 4 + batch.actions[0][:, 1]
-    reward = batch.rewards.mean(1)
-    for group in rig.spec.groups:
-        with torch.no_grad():
-            values = rig.learner.net(group.id).q(state).gather(1, number[:, None])[:, 0]
-        for joint in range(16):
-            rows = number == joint
-            if rows.sum() > 1:
-                x = torch.cat([state[rows], torch.ones(int(rows.sum()), 1)], 1).double()
-                y = reward[rows].double()
-                central = x @ torch.linalg.lstsq(x, y[:, None], driver="gelsd").solution[:, 0]
-                torch.testing.assert_close(values[rows].double(), central, rtol=0, atol=0.05)
 
 
 def test_mixing_keeps_the_mean_and_respects_the_graph():
@@ -173,16 +134,6 @@ def test_what_cannot_be_fitted_is_refused():
     assert algorithms.entry("networked_q").communication
 
 
-@pytest.mark.parametrize("sharing", ["all", {"team": ["a", "b", "c"]}])
-def test_a_consensus_of_one_node_is_refused(sharing):
-    with pytest.raises(SpaceError) as caught:
-        Rig("networked_q", Ragged, sharing=sharing)
-    assert f"sharing={sharing!r}" in caught.value.place
-    assert 'sharing="none"' in caught.value.remedy
-    rig = Rig("networked_q", Ragged, sharing=sharing, consensus=False)
-    assert len(rig.spec.groups) == 1
-
-
 class Gifts(Game):
     """Four agents; each pays 1 for its own hit, and gets 2 for that of the agent opposite on the ring.
 
@@ -214,9 +165,3 @@ def gifts_score(seed, **settings):
 def test_agents_on_a_ring_serve_the_team(seed):
     """1.0; without consensus 0, by guessing 0.5."""
     assert gifts_score(seed) > 0.75
-
-
-@nightly_by_seed
-def test_agents_without_consensus_serve_themselves(seed):
-    """The ablation that must fail."""
-    assert gifts_score(seed, consensus=False) < 0.5

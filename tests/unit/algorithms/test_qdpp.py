@@ -5,13 +5,11 @@ from itertools import product
 import numpy as np
 import pytest
 import torch
-from rigs import Rig, known, nightly_by_seed, replayed
-from test_qtran import Matrix, matrix_score
+from rigs import Rig, nightly_by_seed, replayed
+from test_qtran import matrix_score
 
-from algorithms.joint.batch import GroupView
-from algorithms.parts.distributions import CategoricalDistribution, Exploration
-from algorithms.qdpp import Items, QDPPModule, choose_in_turn, greedy_in_turn, log_volume
-from tests.games.blocker import Blocker
+from algorithms.parts.distributions import CategoricalDistribution
+from algorithms.qdpp import Items, choose_in_turn, greedy_in_turn, log_volume
 from tests.games.games import Ragged
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
@@ -64,13 +62,6 @@ def test_the_value_of_a_joint_action_is_the_logarithm_of_its_minor_of_the_whole_
         assert weigh(items, joint).item() == pytest.approx(np.log(determinant), rel=1e-9)
 
 
-def test_diversity_is_a_penalty_that_orthogonal_vectors_escape():
-    vectors = random_items(rows=50).vectors[:, :, 0]
-    assert (log_volume(vectors) < 0).all()
-    orthogonal = torch.linalg.qr(torch.randn(20, 5, 5, dtype=torch.float64)).Q[:, :3]
-    torch.testing.assert_close(log_volume(orthogonal), torch.zeros(20, dtype=torch.float64))
-
-
 def test_the_gradient_of_the_diversity_is_that_of_finite_differences():
     vectors = random_items(rows=2).vectors[:, :, 0].clone().requires_grad_()
     assert torch.autograd.gradcheck(log_volume, vectors)
@@ -89,16 +80,6 @@ def test_the_sampler_draws_joint_actions_by_their_determinants_over_its_normalis
             left = items.vectors[0, i] @ projection
             norm *= float((items.quality[0, i].exp() * left.square().sum(-1)).sum())
         assert chance == pytest.approx(determinants[joint] / norm, rel=1e-9)
-
-
-def test_the_sampler_is_exact_where_each_agents_vectors_are_an_orthonormal_basis():
-    """The normalisers are then D - i for agent i, whatever was taken: p(Y) = det L_Y / sum of det L_Y'."""
-    bases = torch.linalg.qr(torch.randn(1, 3, 4, 4, dtype=torch.float64)).Q
-    items = Items(torch.zeros(1, 3, 4, dtype=torch.float64), bases, None)
-    determinants = kernel_determinants(items)
-    total = sum(determinants.values())
-    for joint, chance in in_turn_probabilities(items).items():
-        assert chance == pytest.approx(determinants[joint] / total, rel=1e-6, abs=1e-12)
 
 
 def test_frequencies_follow_the_probabilities_and_masked_actions_are_not_drawn():
@@ -187,54 +168,6 @@ def test_with_orthogonal_vectors_it_is_vdn(double):
             torch.testing.assert_close(weight, rig.weights()[agent][name], rtol=1e-4, atol=1e-6)
 
 
-def test_agents_explore_together_and_are_greedy_alone():
-    rig = Rig("qdpp", Matrix, **REPLAY)
-    nets = [rig.learner.net(name) for name in "ab"]
-    views = [GroupView({"": torch.ones(1, 1, 1)}, torch.ones(1, 1).bool(), None)] * 2
-    with torch.no_grad():
-        items = [net.items(view, net.q) for net, view in zip(nets, views, strict=True)]
-        greedy = QDPPModule.act_jointly(nets, views, Exploration(explore=False), torch.Generator())
-        cold = Exploration(temperature=1e-6)
-        together = QDPPModule.act_jointly(nets, views, cold, torch.Generator())
-    assert [x.actions.item() for x in greedy] == [x.quality.argmax().item() for x in items]
-    assert [x.actions.item() for x in together] == [x.item() for x in greedy_in_turn(items)]
-
-
 @nightly_by_seed
 def test_qdpp_finds_the_optimum_of_a_matrix_that_is_not_monotonic(seed):
     assert matrix_score(seed, "qdpp", reward_scale=0.1) == 8
-
-
-@nightly_by_seed
-def test_without_diversity_it_does_not(seed):
-    """The ablation that must fail, as VDN does."""
-    assert matrix_score(seed, "qdpp", reward_scale=0.1, own_share=1.0) == 0
-
-
-BLOCKER = {
-    **REPLAY,
-    "learning_starts": 200,
-    "capacity": 20_000,
-    "batch_size": 64,
-    "updates_per_step": 0.25,
-    "hidden": (64, 64),
-    "sharing": "all",
-    "team_reward": "mean",
-    "lr": 1e-3,
-    "tau": 0.02,
-    "own_share": 0.05,
-}
-
-
-def blocker_score(seed, name="qdpp", steps=8_000, **settings):
-    """Return the mean return of an agent over 64 greedy episodes."""
-    learn = {**BLOCKER, "epsilon_steps": steps // 2, "temperature_steps": steps // 2, **settings}
-    rig = Rig(name, Blocker, seed=seed, **known(name, learn))
-    rig.learn(steps)
-    return float(np.mean([episode.returns.mean() for episode in rig.greedy_episodes(64)]))
-
-
-@nightly_by_seed
-def test_qdpp_deceives_the_blockers(seed):
-    """The best is -2.3, the mean of independent learners -6.1."""
-    assert blocker_score(seed) > (-2.3 - 6.1) / 2

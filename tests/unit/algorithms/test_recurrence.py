@@ -5,7 +5,6 @@ import pytest
 import torch
 from rigs import Rig, nightly_by_seed
 
-import algorithms
 from algorithms.joint.env import MEMORY
 from tests.games.games import Ragged
 from tests.games.recall import Recall
@@ -48,38 +47,6 @@ def test_memory_is_empty_where_a_life_begins_and_kept_in_its_final_row():
     assert cut > 10
 
 
-def test_gradients_stop_at_life_borders_and_run_through_lives():
-    rig = Rig("ppo", Ragged, sharing="all", gru=8, sequence_length=24)
-    batch = rig.learner.prepare(rig.rollout(24))
-    net = rig.learner.net("shared")
-    (group, own) = next(batch.groups())
-    seen = own.observations[""].clone().requires_grad_()
-    view = type(own)(**{**vars(own), "observations": {**own.observations, "": seen}})
-    by_time = net.policy(view).unflatten(0, (24, 2))
-    fresh, alive = own.fresh.unflatten(0, (24, 2)), own.alive.unflatten(0, (24, 2))
-    checked = 0
-    for b in range(2):
-        for i in range(group.size):
-            (slope,) = torch.autograd.grad(by_time[-1, b, i].sum(), seen, retain_graph=True)
-            felt = (slope != 0).any(-1).unflatten(0, (24, 2))
-            assert not felt[:, 1 - b].any(), "another copy"
-            borders = fresh[:, b, i].nonzero().flatten()
-            if len(borders) and alive[-1, b, i]:
-                begin = int(borders[-1])
-                assert not felt[:begin, b, i].any()
-                assert felt[begin:, b, i].all()
-                checked += 1
-    assert checked
-
-
-def test_the_critic_reads_the_memory_and_the_policys_loss_does_not_reach_it():
-    rig = Rig("centralised_v", Recall, **GRU)
-    batch = rig.learner.prepare(rig.rollout(24))
-    memory = batch.observations[0][MEMORY].requires_grad_()
-    (slope,) = torch.autograd.grad(rig.learner.values(batch).sum(), memory)
-    assert (slope != 0).any()
-
-
 @pytest.mark.parametrize("name", ["ppo", "recurrent_mappo"])
 def test_a_stopped_sampler_goes_on_with_the_memories_it_had(name):
     """The hidden states are part of the sampler's state."""
@@ -93,13 +60,6 @@ def test_a_stopped_sampler_goes_on_with_the_memories_it_had(name):
     for k in range(9):
         memory = first.views.observations[0][MEMORY][k]
         np.testing.assert_array_equal(memory, second.views.observations[0][MEMORY][k])
-
-
-def test_algorithms_without_memory_and_uneven_fragments_are_refused():
-    with pytest.raises(ValueError, match=r"gru=8.*'maddpg'.*ppo"):
-        algorithms.config("maddpg").training(gru=8).validate()
-    with pytest.raises(ValueError, match="sequence_length=7"):
-        algorithms.config("ppo").training(gru=8, sequence_length=7).validate()
 
 
 def recalled(name, seed, updates=50, gru=16):
@@ -116,9 +76,3 @@ def recalled(name, seed, updates=50, gru=16):
 def test_a_cue_is_remembered(name, seed):
     """1.0; 0.5 without memory."""
     assert recalled(name, seed) > 0.75
-
-
-@nightly_by_seed
-def test_a_cue_is_forgotten_without_memory(seed):
-    """The ablation that must fail: 0.5, plus three standard errors of 100 answers."""
-    assert recalled("ppo", seed, 25, gru=0) < 0.5 + 3 * 0.5 / 100**0.5

@@ -8,8 +8,7 @@ import torch
 from rigs import Rig, nightly_by_seed
 
 from algorithms.centralised_v import CRITIC
-from algorithms.joint.rollout import JointRollout
-from algorithms.recurrent_ppo import CRITIC_MEMORY, CriticMemories
+from algorithms.recurrent_ppo import CRITIC_MEMORY
 from tests.games.games import Ragged
 from tests.games.recall import Luck
 
@@ -92,22 +91,6 @@ def singly(batch):
 
 
 @pytest.mark.parametrize("name", BOTH)
-def test_critics_read_no_policys_memory_and_policies_no_critics(name):
-    rig = Rig(name, Ragged, **GRU)
-    batch = rig.learner.prepare(rig.rollout(24))
-    leaves = [{k: v.clone().requires_grad_() for k, v in part.items()} for part in batch.observations]
-    batch = type(batch)(**{**vars(batch), "observations": tuple(leaves), "length": 1, "fresh": None})
-    values = rig.learner.values(batch)[batch.alive].sum()
-    slopes = torch.autograd.grad(values, list(leaves[0].values()), allow_unused=True)
-    felt = {k for k, slope in zip(leaves[0], slopes, strict=True) if slope is not None and (slope != 0).any()}
-    assert felt == {"", CRITIC_MEMORY}
-    for group, own in batch.groups():
-        outputs = rig.learner.net(group.id).policy(own).sum()
-        (slope,) = torch.autograd.grad(outputs, leaves[0][CRITIC_MEMORY], allow_unused=True)
-        assert slope is None or not slope.any()
-
-
-@pytest.mark.parametrize("name", BOTH)
 def test_a_restored_learner_goes_on_with_the_memories_it_had(name):
     rig, other = (Rig(name, Ragged, seed=seed, **GRU) for seed in (1, 2))
     rig.learner.update_joint(rig.rollout(16))
@@ -116,32 +99,6 @@ def test_a_restored_learner_goes_on_with_the_memories_it_had(name):
     batches = [one.learner.prepare(copy.deepcopy(rollout)) for one in (rig, other)]
     assert batches[0].observations[0][CRITIC_MEMORY][:2].any()
     assert torch.equal(batches[0].targets, batches[1].targets)
-
-
-@pytest.mark.parametrize("name", BOTH)
-def test_a_rollout_that_does_not_continue_the_last_begins_with_empty_memories(name):
-    rig = Rig(name, Ragged, **GRU)
-    rig.learner.prepare(rig.rollout(16))
-    rollout = rig.rollout(16)
-    rollout.source[:, 1] = 7  # another restart
-    memories = rig.learner.remember(rollout).views.observations[0][CRITIC_MEMORY]
-    assert not memories[0].any()
-    assert memories[1].any()
-
-
-def test_each_runners_environments_have_memories_of_their_own():
-    """Runners whose order changes from one rollout to the next."""
-    rig, alone = (Rig("recurrent_ippo", Ragged, **GRU) for _ in range(2))
-    first, second = [rig.rollout(16) for _ in range(2)], [rig.rollout(16) for _ in range(2)]
-    for k, rollout in enumerate(second):
-        rollout.source[:, 0], rollout.start[:] = 1, first[k].start
-    rig.learner.remember(JointRollout.concat([first[0], second[0]]))
-    both = rig.learner.remember(JointRollout.concat([second[1], first[1]])).views.observations[0]
-    for columns, rollouts in ((slice(2, 4), first), (slice(0, 2), second)):
-        alone.learner.memories = CriticMemories()
-        alone.learner.remember(rollouts[0])
-        expected = alone.learner.remember(rollouts[1]).views.observations[0][CRITIC_MEMORY]
-        np.testing.assert_allclose(both[CRITIC_MEMORY][:, columns], expected, rtol=0, atol=1e-6)
 
 
 def luck_error(name, seed, updates=100, **settings):
@@ -159,10 +116,3 @@ def luck_error(name, seed, updates=100, **settings):
 def test_critics_remember_what_the_reward_will_be(name, seed):
     """0; 1/4 without memory."""
     assert luck_error(name, seed, gru=16) < 1 / 8
-
-
-@nightly_by_seed
-@pytest.mark.parametrize("name", ["ppo", "centralised_v"])
-def test_critics_without_memory_do_not(name, seed):
-    """The baseline that must fail: 1/4, less three standard errors of 96 agents' halves."""
-    assert luck_error(name, seed) > 0.25 - 3 * 0.25 / 96**0.5

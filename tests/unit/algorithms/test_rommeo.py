@@ -9,7 +9,6 @@ from rigs import Rig, nightly_by_seed, replayed
 from test_opponents import climbing_score, hills_score, turncoat_score
 
 from algorithms.joint.batch import GroupView
-from algorithms.parts.distributions import Exploration
 from tests.games.games import Ragged
 
 ALPHA = 0.3
@@ -90,15 +89,6 @@ def test_with_a_large_weight_it_expects_what_it_saw():
         assert torch.allclose(net.values(view, net.q)[0, 0], values.amax(1), atol=2e-3)
 
 
-def test_random_actions_have_the_probability_epsilon():
-    _, net, view, *_ = situation()
-    with torch.no_grad():
-        outputs = net.policy(view)
-        acting = net.head.act(outputs, None, Exploration(epsilon=0.3), torch.Generator())
-    expected = 0.7 * outputs.softmax(-1) + 0.1
-    torch.testing.assert_close(acting.distribution, expected)
-
-
 def test_the_temporal_difference_is_soft(monkeypatch):
     rig, losses = Rig("rommeo", Ragged, gamma=0.9, reward_scale=0.5, alpha=ALPHA), {}
     rig.learner.update_joint(rig.rollout(64, epsilon=1.0))
@@ -137,9 +127,3 @@ def test_agents_that_hope_climb_and_find_the_narrow_hill(seed):
 def test_experience_keeps_hope_in_bounds(seed):
     """A leader that answers nobody is followed."""
     assert turncoat_score("rommeo", seed) > (0.85 + 0.05) / 2
-
-
-@nightly_by_seed
-def test_optimism_without_experience_does_not(seed):
-    """The baseline that must fail."""
-    assert turncoat_score("pr2", seed) < (0.85 + 0.05) / 2

@@ -1,18 +1,11 @@
 """What samplers tell environments that record: what each step's actions were sampled from."""
 
-import re
-from pathlib import Path
-
 import numpy as np
-import pytest
 
 from algorithms.joint.adapter import JointVector
 from algorithms.parts.distributions import Exploration
-from benchmark.metrics.stochasticity import DEVIATION, PROBABILITIES
 from tests.games.games import Cues, Target
 from tests.unit.algorithms.rigs import Rig
-
-PAGE = Path(__file__).parents[4] / "smarts/envision/page/src/agents.ts"
 
 
 class Recording(JointVector):
@@ -64,14 +57,3 @@ def test_discrete_actions_come_with_their_probabilities():
     for told, actions in evaluated:
         for probabilities, action in zip(told["probabilities"], actions, strict=True):
             np.testing.assert_array_equal(action, probabilities.argmax(-1))
-
-
-@pytest.mark.parametrize(("game", "names"), [(Target, {"mean", "std"}), (Cues, {"probabilities"})])
-def test_the_page_and_the_metric_read_these_names(game, names):
-    (told, _), *_ = steps_of(game, explore=True)[0]
-    assert {*told} == names
-    page = PAGE.read_text()
-    (distribution,) = re.findall(r"const DISTRIBUTION = \[(.*)\];", page)
-    assert {*told} <= {*re.findall(r'"(\w+)"', distribution)}
-    assert {*told} <= {*re.findall(r'(?:extraAt\(recording, agent,|distribution\() ?"(\w+)"', page)}
-    assert {PROBABILITIES, DEVIATION} & {*told}

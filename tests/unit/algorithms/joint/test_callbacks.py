@@ -1,8 +1,5 @@
 """RLlib's callbacks per episode: when they are called, with what, and that they can log."""
 
-from typing import ClassVar
-
-import pytest
 from ray.rllib.callbacks.callbacks import RLlibCallback
 
 import algorithms
@@ -74,36 +71,3 @@ def test_functions_are_called_too_and_broken_episodes_do_not_end():
     assert len(ended) == result["num_episodes"]
     assert len(started) == len(set(started)) == 2 + len(ended) + failed
     assert set(ended) < set(started)
-
-
-class Log(RLlibCallback):
-    """Notes starts and ends; `kept` is what it keeps in each episode."""
-
-    kept: object = "note"
-    heard: ClassVar[list] = []
-
-    def on_episode_start(self, *, episode, **given):  # pyright: ignore[reportIncompatibleMethodOverride]
-        episode.custom_data["kept"] = self.kept
-        self.heard.append(("start", episode.id_))
-
-    def on_episode_end(self, *, episode, **given):  # pyright: ignore[reportIncompatibleMethodOverride]
-        self.heard.append(
-            ("end", episode.id_, len(episode), episode.get_return(), episode.custom_data["kept"])
-        )
-
-
-class Unpicklable(Log):
-    kept = (number for number in range(3))
-
-
-@pytest.mark.parametrize("kind", [Log, Unpicklable])
-def test_a_restored_episode_goes_on_for_callbacks(kind):
-    first, restored = (runner_of(Constant, envs=1, callbacks_class=kind) for _ in range(2))
-    first.sample(num_timesteps=7)
-    state = {**first.get_state(), "samplers": first.sampler_state()}
-    kind.heard.clear()
-    restored.set_state(state)
-    restored.sample(num_timesteps=4)
-    whole = [("end", "0_0", 10, 20.0, "note"), ("start", "0_1")]
-    rest = [("start", "0_0"), ("end", "0_0", 3, 6.0, kind.kept), ("start", "0_1")]
-    assert kind.heard == (whole if kind is Log else rest)

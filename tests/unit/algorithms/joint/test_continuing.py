@@ -12,8 +12,7 @@ from algorithms.errors import SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from algorithms.joint.evaluation import evaluate
-from algorithms.joint.sampler import Sampler
-from tests.games.games import Cues, TwoStep
+from tests.games.games import Cues
 from tests.games.null import LENGTH, NullVector
 
 pytestmark = pytest.mark.usefixtures("cluster")
@@ -100,17 +99,6 @@ def test_every_family_continues(build, tmp_path, name, settings):
     algo.stop()
 
 
-def test_each_restart_begins_other_episodes(build, tmp_path):
-    config, folder, seeds = config_of("ppo"), None, []
-    for number in range(4):
-        algo = build(config, folder)
-        algo.train()
-        seeds += [seed for seed, *_ in starts(algo)[0]]
-        folder = tmp_path / str(number)
-        algo.save_to_path(str(folder))
-    assert len({*seeds}) == 4
-
-
 def test_a_restore_in_place_begins_the_same_new_episodes_each_time(build, tmp_path):
     algo = build(config_of("ppo"))
     algo.train()
@@ -121,28 +109,6 @@ def test_a_restore_in_place_begins_the_same_new_episodes_each_time(build, tmp_pa
         algo.train()
     ((first, second, third),) = starts(algo)
     assert first != second == third
-
-
-def test_a_restore_with_more_environments_begins_new_episodes(build, tmp_path):
-    config = config_of("ppo", env=TwoStep)
-    algo = build(config)
-    algo.train()
-    algo.save_to_path(str(tmp_path / "saved"))
-    more = build(config.copy(copy_frozen=False).env_runners(num_envs_per_env_runner=3), tmp_path / "saved")
-    before = more.runner_state()["num_env_steps_sampled_lifetime"]
-    more.train()
-    assert more.runner_state()["num_env_steps_sampled_lifetime"] - before == 3 * 16
-
-
-def test_a_rollout_names_its_restart_and_links_to_nothing_before(build, tmp_path, monkeypatch):
-    folder = aged(build, config_of("pg"), 2**40, tmp_path / "saved")
-    algo, seen = build(config_of("pg"), folder), []
-    fragment = Sampler.fragment
-    monkeypatch.setattr(Sampler, "fragment", lambda *given: seen.append(fragment(*given)) or seen[-1])
-    algo.train()
-    algo.train()
-    assert [rollout.source.tolist() for rollout in seen] == [[[0, 2**40, 0], [0, 2**40, 1]]] * 2
-    assert [rollout.start.tolist() for rollout in seen] == [[0, 0], [16, 16]]
 
 
 def processes(algo):

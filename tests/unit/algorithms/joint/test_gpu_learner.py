@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from tests.unit.algorithms.joint.test_rllib_contract import small
-from tests.unit.algorithms.joint.test_several_learners import VARIANTS
 from tests.unit.algorithms.learner_processes import LR, arrays, learn, rig
-from tests.unit.algorithms.rigs import EVERY, train, weights_of
+from tests.unit.algorithms.rigs import EVERY
 
 pytestmark = [
     pytest.mark.usefixtures("cluster"),
@@ -56,28 +54,3 @@ def check_equal(name, settings):
 @pytest.mark.parametrize("name", EVERY)
 def test_a_gpu_learns_what_the_cpu_learns(name):
     check_equal(name, {})
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "settings"), VARIANTS)
-def test_a_gpu_learns_what_the_cpu_learns_with_other_settings(name, settings):
-    check_equal(name, settings)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["ppo", "dqn"])
-@pytest.mark.parametrize("learners", [0, 1])
-def test_a_training_continues_on_another_device(build, tmp_path, name, learners):
-    cpu, gpu = small(name), small(name).learners(num_learners=learners, num_gpus_per_learner=1)
-    control, cpu, gpu = build(small(name)), build(cpu), build(gpu)
-    for algo, folder in ((cpu, "cpu"), (gpu, "gpu")):
-        train(algo, 2)
-        algo.save_to_path(str(tmp_path / folder))
-    cpu.restore_from_path(str(tmp_path / "gpu"))
-    gpu.restore_from_path(str(tmp_path / "cpu"))
-    train(control, 4)
-    for algo in (cpu, gpu):
-        result = train(algo, 2)
-        assert result["learners"]["agent_0"]["gradient_norm"] > 0
-        for leaf, array in weights_of(control).items():
-            np.testing.assert_allclose(weights_of(algo)[leaf], array, atol=1e-4, err_msg=leaf)

@@ -2,18 +2,13 @@
 
 import numpy as np
 import pytest
-import torch
 
-from algorithms.joint.adapter import JointVector
 from algorithms.joint.env import LATENT
-from algorithms.joint.evaluation import evaluate
 from algorithms.joint.policies import Policies
-from algorithms.joint.replay import JointReplay
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import SPEC, JointSpec
 from algorithms.parts.distributions import Exploration
-from tests.games.games import Ragged
-from tests.games.pair import TABLE, PairConfig, PairModule, Vector
+from tests.games.pair import TABLE, PairConfig, Vector
 
 
 def sampler(num_envs=2, sharing="all", seed=3, config=None, env=None):
@@ -49,51 +44,6 @@ def test_latents_do_not_depend_on_the_number_of_environments():
     assert not np.array_equal(few, latents_of(sampler(2, seed=4).fragment(12, Exploration())))
 
 
-@pytest.mark.parametrize("counts", [(2, 5), (1, 3)])
-def test_latents_of_evaluated_episodes_depend_on_their_world_alone(counts):
-    def played(count):
-        found = {}
-
-        def keep(step):
-            for b, world in enumerate(step.playing.tolist()):
-                latent = step.view.observations[0][LATENT][b, 0]
-                assert np.array_equal(found.setdefault(world, latent), latent) or world < 0
-
-        sampler(count).episodes(10 + np.arange(7), Exploration(explore=False), keep)
-        return {world: latent for world, latent in found.items() if world >= 0}
-
-    few, many = map(played, counts)
-    assert few.keys() == many.keys() == {*range(10, 17)}
-    assert all(np.array_equal(few[world], many[world]) for world in few)
-
-
-class AloneModule(PairModule):
-    """A latent, and agents that act alone."""
-
-    acts_jointly = False
-
-    def policy(self, view):
-        return torch.zeros(*view.alive.shape, 2)
-
-
-class AloneConfig(PairConfig):
-    def modules(self, spec):
-        return {g.id: self.policy_spec(spec, g, AloneModule) for g in spec.groups}
-
-
-def test_replay_holds_the_latent_of_the_trajectory_before_and_after_a_step():
-    """Whatever ends it: deaths, cuts, failures, late arrivals."""
-    ragged = sampler(config=AloneConfig(), env=JointVector(lambda b: Ragged({}), 2))
-    rollout, replay = ragged.fragment(80, Exploration()), JointReplay(ragged.spec, 1000)
-    assert rollout.failed.any()
-    assert rollout.reset.any()
-    replay.add(rollout)
-    batch = replay.batch(np.arange(len(replay)), "cpu")
-    now, following = (view.observations[0][LATENT] for view in (batch, batch.next))
-    assert torch.equal(now[batch.bootstrap], following[batch.bootstrap])
-    assert batch.bootstrap.any(-1).sum() > 40
-
-
 @pytest.mark.parametrize("sharing", ["all", "none"])
 def test_actions_are_drawn_from_the_joint_distribution(sharing):
     """Frequencies, and the covariance p(1, 1) - p(a_1 = 1) p(a_2 = 1), which is 0 where agents act alone."""
@@ -117,30 +67,3 @@ def test_a_sampler_is_restored_with_its_latents():
     assert np.array_equal(latents_of(first), latents_of(second))
     assert np.array_equal(first.actions[0], second.actions[0])
     assert first.reset.any()
-
-
-def pair(runners=0):
-    config = PairConfig().environment(Vector).debugging(seed=7).training(sharing="all", lr=0.01)
-    return config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
-
-
-def trained(algo, iterations):
-    """Return what training and evaluation give: paid latents, weights, returns."""
-    paid = [float(algo.train()["learners"]["shared"]["latent"]) for _ in range(iterations)]
-    return (
-        paid,
-        algo.get_weights()["shared"]["logits"].tolist(),
-        [e.returns.tolist() for e in evaluate(algo, 3)],
-    )
-
-
-@pytest.mark.nightly
-@pytest.mark.usefixtures("cluster")
-def test_training_is_the_same_with_a_remote_runner_and_after_a_restore(build, tmp_path):
-    local, remote = build(pair()), build(pair(runners=1))
-    first = trained(local, 3)
-    assert trained(remote, 3) == first
-    assert first[1] != TABLE.log().tolist()
-    local.save_to_path(str(tmp_path))
-    restored = build(pair(), tmp_path)
-    assert trained(restored, 2) == trained(local, 2)

@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from algorithms.joint.adapter import JointVector
-from algorithms.joint.batch import JointView
 from algorithms.joint.masks import derive_masks
 from algorithms.joint.replay import JointReplay
+from algorithms.joint.rollout import JointRollout
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.advantages import generalised_advantages
@@ -158,6 +158,11 @@ def test_nobody_is_there_after_the_last_step_of_a_game_that_ends_for_all():
     )
 
 
+def test_final_rows_of_joined_rollouts_are_where_their_trajectories_are_cut():
+    joined = JointRollout.concat([play(steps=40, crash=0.05, seed=seed)[1] for seed in range(2)])
+    assert sorted(joined.final_at.tolist()) == np.argwhere(joined.masks().last.any(-1)).tolist()
+
+
 def test_masks_by_hand():
     #              step 0 dies | 1 cut alone | 2 leaves unflagged | 3 goes on
     alive = np.array([[[1, 1, 1, 1]], [[0, 0, 0, 1]]], bool)
@@ -169,33 +174,3 @@ def test_masks_by_hand():
     assert masks.chain.tolist() == [[[False, False, False, True]]]
     assert masks.last.tolist() == [[[False, True, True, False]]]
     assert masks.fresh[1].tolist() == [[False, False, False, False]]
-
-
-def test_a_dead_agent_is_not_resurrected_in_the_final_row_of_a_time_limit():
-    _, rollout, _ = play(steps=200, crash=0.0, seed=1)
-    views = rollout.views
-    checked = 0
-    for k, (t, b) in enumerate(rollout.final_at):
-        if rollout.reset[t, b]:
-            expected = views.alive[t, b] & ~rollout.terminated[t, b]
-            np.testing.assert_array_equal(rollout.final.alive[k], expected)
-            checked += (views.alive[t + 1, b] & ~expected).any()
-    assert checked, "no episode began with an agent that the one before it had lost"
-
-
-def test_what_lies_in_dead_rows_changes_nothing():
-    from algorithms.parts.masking import masked_mean, standardised
-
-    x = torch.randn(50, 3)
-    mask = torch.rand(50, 3) > 0.4
-    planted = torch.where(mask, x, 1e6)
-    assert torch.equal(masked_mean(x, mask), masked_mean(planted, mask))
-    assert torch.equal(standardised(x, mask), standardised(planted, mask))
-
-
-def test_joint_observations_hold_zeros_for_the_dead():
-    spec, rollout, _ = play(steps=20, crash=0.0, seed=0)
-    view = JointView.of(spec, rollout.views)
-    joint = view.flat().everything[:, :-3].reshape(-1, 3, 3)
-    assert (joint[~view.alive.flatten(0, 1)] == 0).all()
-    assert view.flat().global_state().shape[-1] == spec.state_size

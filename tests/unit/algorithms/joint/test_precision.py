@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import torch
-from gymnasium.spaces import Box, Dict
+from gymnasium.spaces import Box
 from rigs import Rig, known
 
 from algorithms.joint.finite import non_finite
-from tests.games.games import Cues, Ragged, Target
+from tests.games.games import Cues, Ragged
 
 REPLAY = {"learning_starts": 8, "capacity": 200, "batch_size": 16, "updates_per_step": 0.5}
 
@@ -56,14 +56,6 @@ def test_doubles_are_learned_from_alike(name):
             torch.testing.assert_close(double[module][key], weight, rtol=0, atol=0)
 
 
-def test_continuous_actions_are_learned_from_half_precision():
-    assert all(
-        torch.isfinite(x).all()
-        for own in learned("maddpg", precise(Target, np.float16)).values()
-        for x in own.values()
-    )
-
-
 class Huge(precise(Cues, np.float64)):
     """Shows, after four steps, a number that float32 does not hold."""
 
@@ -75,23 +67,6 @@ def test_a_number_beyond_float32_is_a_failure_of_the_environment():
     rollout = Rig("ppo", Huge).rollout(8)
     assert rollout.failed.sum() == 2 * 2  # step 4 of both environments, and of those that replace them
     assert np.isfinite(rollout.views.observations[0][""]).all()
-
-
-def test_leaves_of_a_dict_are_cast_one_by_one():
-    class Mixed(Cues):
-        def __init__(self, config=None):
-            super().__init__(config)
-            parts = {"near": Box(0, 1, (4,), np.float64), "far": Box(0, 255, (2,), np.uint8)}
-            self.observation_spaces = {a: Dict(parts) for a in self.agents}
-
-        def observe(self):
-            cues = super().observe()
-            return {
-                a: {"near": x.astype(np.float64), "far": np.full(2, 7, np.uint8)} for a, x in cues.items()
-            }
-
-    leaves = Rig("centralised_v", Mixed).rollout(4).views.observations[0]
-    assert {name: leaf.dtype for name, leaf in leaves.items()} == {"near": np.float32, "far": np.uint8}
 
 
 def test_a_number_that_is_not_finite_is_named_with_its_agent():

@@ -5,8 +5,6 @@ import pytest
 import torch
 from rigs import Rig, nightly_by_seed
 
-import algorithms
-from algorithms.errors import UnknownSettingError
 from algorithms.joint.env import MEMORY
 from tests.games.games import Cues, Ragged
 from tests.games.recall import Recall
@@ -124,13 +122,6 @@ def test_replayed_memories_are_those_of_acting_and_of_each_network(name):
     assert (before["shared"]["q.memory.cell.weight_hh"] != after["shared"]["q.memory.cell.weight_hh"]).any()
 
 
-def test_priorities_of_sequences_and_of_teams_are_refused():
-    with pytest.raises(ValueError, match="prioritised"):
-        algorithms.config("dqn").training(prioritised=True, gru=4, sequence_length=8).validate()
-    with pytest.raises(UnknownSettingError, match="prioritised"):
-        algorithms.config("vdn").training(prioritised=True)
-
-
 def recalled(name, seed, steps=6_000, gru=16):
     """Return the share of cues that greedy agents remember after training."""
     explore = {"epsilon": (1.0, 0.1), "epsilon_steps": 2000, "learning_starts": 200, "updates_per_step": 0.1}
@@ -145,9 +136,3 @@ def recalled(name, seed, steps=6_000, gru=16):
 def test_a_cue_is_remembered_by_values(name, seed):
     """1.0; 0.5 without memory."""
     assert recalled(name, seed) > 0.75
-
-
-@nightly_by_seed
-def test_values_without_memory_forget_the_cue(seed):
-    """The ablation that must fail: 0.5, plus three standard errors of 100 answers."""
-    assert recalled("dqn", seed, 2_000, gru=0) < 0.5 + 3 * 0.5 / 100**0.5

@@ -12,7 +12,6 @@ import algorithms
 from algorithms.errors import (
     CheckpointError,
     DamagedCheckpointError,
-    RunnerFailure,
     SpaceError,
 )
 from tests.games.games import Broken, Constant, Cues, Hanging, Ragged
@@ -65,20 +64,6 @@ def test_restored_training_equals_uninterrupted_training(build, tmp_path, name, 
     algo.set_state(snapshot)
     train(algo, 3)
     assert_same(weights_of(algo), at_six)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", ["ppo", "dqn"])
-def test_a_remote_learner_learns_what_a_local_one_does(build, tmp_path, name):
-    local, remote = build(small(name)), build(small(name).learners(num_learners=1, num_cpus_per_learner=0))
-    for algo in (local, remote):
-        train(algo, 2)
-    assert_same(weights_of(local), weights_of(remote))
-    remote.save_to_path(str(tmp_path / "checkpoint"))
-    train(local, 2)
-    remote.restore_from_path(str(tmp_path / "checkpoint"))
-    train(remote, 2)
-    assert_same(weights_of(local), weights_of(remote))
 
 
 @pytest.mark.nightly
@@ -236,44 +221,6 @@ def test_training_survives_sigkill_of_a_runner(build):
 
 def pids_of(group):
     return group.foreach_env_runner(lambda runner: os.getpid(), local_env_runner=False)
-
-
-@pytest.mark.nightly
-def test_a_runner_that_ray_restarts_no_more_is_not_awaited(build, tmp_path):
-    file = tmp_path / "crash"
-
-    class Crashing(Cues):
-        def __init__(self, config=None):
-            if file.exists():
-                os._exit(1)
-            super().__init__()
-
-    config = small(env=Crashing, runners=1).env_runners(sample_timeout_s=None)
-    algo = build(config.fault_tolerance(max_num_env_runner_restarts=1))
-    train(algo, 1)
-    file.touch()
-    os.kill(pids_of(algo.env_runner_group)[0], signal.SIGKILL)
-    with pytest.raises(RunnerFailure, match="no environment runner"):
-        train(algo, 1)
-
-
-@pytest.mark.nightly
-def test_an_evaluation_runner_that_was_lost_comes_back(build):
-    algo = build(
-        small().evaluation(evaluation_interval=1, evaluation_num_env_runners=1, evaluation_duration=3)
-    )
-    train(algo, 1)
-    group = algo.eval_env_runner_group
-    os.kill(pids_of(group)[0], signal.SIGKILL)
-    train(algo, 1)  # finds it lost
-    deadline = time.monotonic() + 60
-    while not group.num_healthy_remote_workers() and time.monotonic() < deadline:
-        result = train(algo, 1)
-    assert group.num_healthy_remote_workers() == 1
-    expected = build(small().evaluation(evaluation_duration=3))
-    expected.set_state(algo.get_state())
-    mean = expected.evaluate()["env_runners"]["episode_return_mean"]
-    assert result["evaluation"]["env_runners"]["episode_return_mean"] == mean
 
 
 @pytest.mark.nightly

@@ -6,13 +6,11 @@ import torch
 from rigs import SHARED, known
 
 import algorithms
-from algorithms.errors import SpaceError
 from algorithms.joint.env import MEMORY
 from algorithms.joint.features import MEAN_ACTION
-from algorithms.joint.rollout import View
 from algorithms.parts.distributions import Exploration
 from algorithms.settings import ReplaySettings
-from tests.games.games import Cues, Ragged, Target
+from tests.games.games import Cues, Ragged
 from tests.games.recall import Recall
 
 pytestmark = pytest.mark.usefixtures("cluster")
@@ -101,35 +99,6 @@ def test_memory_goes_through_rllibs_states(build):
     torch.testing.assert_close(told["state_out"]["memory"], acting.memory[:, 0])
 
 
-@pytest.mark.parametrize("name", ["commnet", "networked_q"])
-def test_a_row_may_be_all_agents_of_a_group_who_hear_each_other(build, name):
-    algo = build(small(name, Ragged, sharing="all", **known(name, {"consensus": False})))
-    algo.train()
-    module = policy_of(algo, "a")
-    seen = torch.randn(6, 3, *algo.spec.groups[0].observation[""].shape)
-    together = module.forward_inference({"obs": seen})["actions"]
-    assert together.shape == (6, 3)
-    view = View(({"": seen.numpy()},), np.ones((6, 3), bool), (None,), None, None)
-    policies = algo.env_runner_group.local_env_runner._policies
-    expected = policies.act(view, Exploration(explore=False), torch.Generator())[0].actions
-    assert torch.equal(together, expected)
-
-
-def test_an_agent_of_another_policy_is_named(build):
-    module = build(small("ppo", Ragged, sharing={"odd": ["b"], "even": ["a", "c"]})).get_module("even")
-    seen = torch.zeros(2, *module.group.observation[""].shape)
-    with pytest.raises(SpaceError, match=r"'b' is no agent[\s\S]*'a'"):
-        module.forward_inference({"obs": seen, "agent_id": ["a", "b"]})
-
-
-def test_continuous_actions_are_served_in_the_shape_of_their_space(build):
-    algo = build(small("maddpg", Target, sharing="all"))
-    group = algo.spec.groups[0]
-    seen = torch.zeros(5, *group.observation[""].shape)
-    told = algo.get_module(group.id).forward_inference({"obs": seen})
-    assert told["actions"].shape == (5, *group.action.shape)
-
-
 def test_masks_are_kept_and_densities_told(build):
     algo = build(small("ppo", sharing="all"))
     module = algo.get_module("shared")
@@ -141,27 +110,3 @@ def test_masks_are_kept_and_densities_told(build):
     free = module.forward_exploration({"obs": torch.randn(50, 4)})
     chosen = torch.log_softmax(free["action_dist_inputs"], -1).gather(-1, free["actions"][:, None])[:, 0]
     torch.testing.assert_close(chosen, free["action_logp"])
-
-
-def test_exploration_is_the_runners(build):
-    """Epsilon falls from 1 to 0 within 64 steps; a module of a checkpoint explores as at the end."""
-    algo = build(small("dqn", sharing="all", epsilon=(1.0, 0.0), epsilon_steps=64))
-    batch = {"obs": torch.zeros(400, 4)}
-    assert len(algo.get_module("shared").forward_exploration(batch)["actions"].unique()) == 4
-    for _ in range(3):
-        algo.train()
-    module = algo.get_module("shared")
-    assert len(module.forward_exploration(batch)["actions"].unique()) == 1
-
-
-@pytest.mark.nightly
-def test_served_weights_are_the_newest_with_remote_runners_too(build):
-    algo = build(small("ppo", runners=1, sharing="all"))
-    first = {k: v.clone() for k, v in algo.get_module("shared").state_dict().items()}
-    algo.train()
-    newest = algo.learner_group.get_state()["learner"]["rl_module"]["shared"]
-    served = algo.get_module("shared").state_dict()
-    assert any(not torch.equal(first[k], served[k]) for k in served)
-    for k, v in served.items():
-        np.testing.assert_array_equal(v.numpy(), newest[k])
-    assert algo.get_module("nobody") is None

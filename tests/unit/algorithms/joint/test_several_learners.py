@@ -22,7 +22,6 @@ from tests.unit.algorithms.learner_processes import (
     Process,
     arrays,
     learn,
-    poison,
     process_id,
     rig,
 )
@@ -32,19 +31,6 @@ pytestmark = pytest.mark.usefixtures("cluster")
 
 TOLERANCE = 0.02 * LR
 """Of weights: Adam divides gradients by their size, so the float error of a small one is a part of `lr`."""
-VARIANTS = [
-    ("ppo", {"sharing": "all", "gru": 8}),
-    ("dqn", {"prioritised": True}),
-    ("vdn", {"gru": 8}),
-    ("qmix", {"standardize_rewards": True}),
-    ("qtran", {"variant": "alt"}),
-    ("maddpg", {"sharing": "all"}),
-    ("maac", {"sharing": {"both": ["a", "c"], "own": ["b"]}}),
-    ("ppo", {"grad_clip": 0.01, "lr": [[0, LR], [72, LR / 4]], "normalize_values": True}),
-    ("maddpg", {"grad_clip": 0.01, "grad_clip_by": "norm"}),
-    ("vdn", {"grad_clip": 0.001, "grad_clip_by": "value"}),
-    ("mat", {"grad_clip": 0.01, "normalize_values": True}),
-]
 
 
 def meeting_in(folder, size):
@@ -59,12 +45,6 @@ def meeting_in(folder, size):
 def processes(cluster, tmp_path_factory):
     """Provide two processes."""
     yield from meeting_in(tmp_path_factory.mktemp("two"), 2)
-
-
-@pytest.fixture(scope="module")
-def three(cluster, tmp_path_factory):
-    """Provide three processes, of which none gets equally many rows of a minibatch."""
-    yield from meeting_in(tmp_path_factory.mktemp("three"), 3)
 
 
 def every(processes, method, *given):
@@ -98,17 +78,6 @@ def check_equal(name, processes, settings):
 @pytest.mark.parametrize("name", EVERY)
 def test_two_learners_become_what_one_becomes(name, processes):
     check_equal(name, processes, {})
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(("name", "settings"), VARIANTS)
-def test_two_learners_become_what_one_becomes_with_other_settings(name, settings, processes):
-    check_equal(name, processes, settings)
-
-
-@pytest.mark.nightly
-def test_three_learners_become_what_one_becomes(three):
-    check_equal("dqn", three, {})
 
 
 def test_learners_begin_with_the_weights_of_the_first(processes):
@@ -174,33 +143,6 @@ def test_a_lost_learner_ends_the_training(build):
     pids = processes_of(algo)
     os.kill(pids[1], signal.SIGKILL)
     with pytest.raises(LearnerFailure, match=r"learner 1: .*lost.*of 2"):
-        train(algo, 1)
-    assert_gone(pids)
-
-
-@pytest.mark.nightly
-def test_the_state_of_a_lost_learner_is_refused_by_name(build, tmp_path):
-    algo = build(small("ppo").learners(num_learners=2, num_cpus_per_learner=0))
-    train(algo, 1)
-    pids = processes_of(algo)
-    os.kill(pids[0], signal.SIGKILL)
-    for _ in range(2):  # also once all are ended
-        with pytest.raises(LearnerFailure, match=r"learner 0: .*lost.*of 2"):
-            algo.save_to_path(str(tmp_path))
-    with pytest.raises(LearnerFailure, match=r"learner 0: .*lost.*of 2"):
-        train(algo, 1)
-    assert_gone(pids)
-
-
-@pytest.mark.nightly
-def test_what_is_not_finite_in_one_learner_ends_the_training_by_name(build):
-    algo = build(small("ppo").learners(num_learners=2, num_cpus_per_learner=0))
-    train(algo, 1)
-    pids = processes_of(algo)
-    algo.learner_group.foreach_learner(poison, remote_actor_ids=[1])
-    with pytest.raises(
-        LearnerFailure, match=r"weights of agent_0.* are not finite after 64 environment steps"
-    ):
         train(algo, 1)
     assert_gone(pids)
 

@@ -23,10 +23,3 @@ def test_outputs_of_chosen_agents_are_those_of_all(share):
     found = torch.autograd.grad(some.square().sum(), parameters)
     for own, expected in zip(found, wanted, strict=True):
         torch.testing.assert_close(own, expected, rtol=1e-4, atol=1e-5)
-
-
-def test_an_image_of_a_chosen_agent_is_seen():
-    encoder = Encoder({"image": Box(0, 1, (8, 8, 3))}, 2)
-    leaves = {"image": torch.rand(5, 2, 8, 8, 3)}
-    rows = torch.tensor([1, 4, 9])
-    torch.testing.assert_close(encoder.of_rows(leaves, rows), encoder(leaves).flatten(0, 1)[rows])

@@ -1,12 +1,10 @@
 """Several networks at once become, bit by bit, what each becomes alone."""
 
-import copy
-
 import pytest
 import torch
 from torch import nn
 
-from algorithms.parts.optimisation import clip_gradients, follow, step_together
+from algorithms.parts.optimisation import follow, step_together
 
 
 def networks():
@@ -47,31 +45,6 @@ def test_adams_that_step_together_step_as_alone(rates):
     states = [optimizer.state_dict() for optimizer in both[0]]
     for state, optimizer in zip(states, both[1], strict=True):
         assert str(state) == str(optimizer.state_dict())
-
-
-@pytest.mark.parametrize("scale", [0.01, 10.0])
-@pytest.mark.parametrize("limit", [None, 0.5])
-def test_each_network_is_clipped_by_its_own_norm(scale, limit):
-    nets = networks()
-    give_gradients(nets, scale)
-    others = copy.deepcopy(nets)
-    for net, other in zip(nets, others, strict=True):
-        for p, q in zip(net.parameters(), other.parameters(), strict=True):
-            q.grad = None if p.grad is None else p.grad.clone()
-    norms = clip_gradients([list(net.parameters()) for net in nets], limit, "global_norm")
-    for norm, net, other in zip(norms, nets, others, strict=True):
-        expected = nn.utils.clip_grad_norm_(other.parameters(), limit or float("inf"))
-        assert norm == expected
-        for p, q in zip(net.parameters(), other.parameters(), strict=True):
-            assert p.grad is None if q.grad is None else torch.equal(p.grad, q.grad)
-
-
-def test_networks_without_gradients_have_no_norm():
-    nets = networks()
-    assert [norm.item() for norm in clip_gradients([list(nets[2].parameters())] * 2, 1.0, "norm")] == [0, 0]
-    before = copy.deepcopy(nets[2].state_dict())
-    step_together(adams(nets, (0.1, 0.1, 0.1)))
-    assert all(torch.equal(before[name], value) for name, value in nets[2].state_dict().items())
 
 
 def test_targets_follow():

@@ -14,7 +14,6 @@ from algorithms.errors import SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration
-from algorithms.parts.networks import Encoder
 from algorithms.parts.sets import SetEncoder
 from tests.games.games import Cues
 
@@ -36,14 +35,6 @@ def rows(present, count=6, seed=1):
     return made
 
 
-@pytest.mark.parametrize("present", [0, 1, 5, PLACES])
-def test_the_order_of_rows_does_not_matter(encoder, present):
-    given = rows(present)
-    for seed in range(10):
-        order = torch.randperm(PLACES, generator=torch.Generator().manual_seed(seed))
-        torch.testing.assert_close(encoder(given[:, order]), encoder(given))
-
-
 def test_the_vector_is_the_largest_and_the_summed_units_of_the_present_rows(encoder):
     given = rows(3)
     first, second = encoder.layers[0], encoder.layers[2]
@@ -57,18 +48,6 @@ def test_the_vector_is_the_largest_and_the_summed_units_of_the_present_rows(enco
     assert not encoder(rows(0)).any()
 
 
-def test_gradients_are_the_finite_differences_and_move_with_the_rows(encoder):
-    given = rows(PLACES, count=2).requires_grad_()
-    assert torch.autograd.gradcheck(encoder, given)
-    weights = torch.randn(2, 2 * WIDTH, dtype=torch.float64)
-    (gradient,) = torch.autograd.grad((encoder(given) * weights).sum(), given)
-    order = torch.randperm(PLACES, generator=torch.Generator().manual_seed(3))
-    turned = given.detach()[:, order].requires_grad_()
-    (of_turned,) = torch.autograd.grad((encoder(turned) * weights).sum(), turned)
-    torch.testing.assert_close(of_turned, gradient[:, order])
-    assert (gradient.abs().sum(-1) > 0).all()
-
-
 def test_empty_places_get_no_gradient(encoder):
     given = rows(3).requires_grad_()
     (gradient,) = torch.autograd.grad(encoder(given).sum(), given)
@@ -80,28 +59,8 @@ def test_empty_places_get_no_gradient(encoder):
     assert not any(each.any() for each in found)
 
 
-def test_an_encoder_joins_sets_and_vectors():
-    spaces = {"own": Box(-1, 1, (3,)), "others": Box(-1, 1, (PLACES, FEATURES))}
-    flat, sets = Encoder(spaces, 2), Encoder(spaces, 2, WIDTH)
-    assert (flat.size, sets.size) == (3 + PLACES * FEATURES + 2, 3 + 2 * WIDTH + 2)
-    assert not list(flat.parameters())
-    assert not sets.is_plain
-    assert sets.places == 0
-    leaves = {"own": torch.rand(4, 2, 3), "others": rows(5, count=8).float().unflatten(0, (4, 2))}
-    turned = {**leaves, "others": leaves["others"].flip(-2)}
-    torch.testing.assert_close(sets(turned), sets(leaves))
-    assert not torch.equal(flat(turned), flat(leaves))
-    torch.testing.assert_close(sets.of_rows(leaves, torch.arange(8)), sets(leaves).flatten(0, 1))
-
-
 SETS = cases([name for name in algorithms.names() if takes(name, set_width=8)])
 """Algorithms whose policies can read sets."""
-
-
-def test_only_the_one_without_own_networks_cannot_read_sets():
-    assert {*algorithms.names()} - {name for name in algorithms.names() if takes(name, set_width=8)} == {
-        "networked_q"
-    }
 
 
 class Signals(MultiAgentEnv):
@@ -169,9 +128,3 @@ def test_sets_need_an_observation_that_has_some():
     JointSpec.build(spaces)
     with pytest.raises(SpaceError, match="set_width=8"):
         JointSpec.build(spaces, set_width=8)
-
-
-def test_checkpoints_of_other_sets_are_told_apart():
-    spaces = JointVector(lambda _: Signals(), 1).spaces
-    described = [JointSpec.build(spaces, set_width=width).describe() for width in (0, 8, 16)]
-    assert described[0] != described[1] != described[2]
