@@ -142,7 +142,7 @@ class LiveHub:
                 is_large = size > MOST_REQUEST
                 await viewer.socket.close(*((_TOO_BIG, "too large") if is_large else (_POLICY, "no request")))
                 return
-            new = [number for number in request.watched if number not in viewer.request.watched]
+            new = [number for number in request.watch if number not in viewer.request.watch]
             viewer.request = request
             for number in new:
                 viewer.owe(number)
@@ -155,7 +155,7 @@ class LiveHub:
             while viewer.waiting or viewer.owed or viewer.is_stale:
                 if viewer.is_stale:
                     viewer.is_stale = False
-                    viewer.owed = deque(viewer.request.watched)
+                    viewer.owed = deque(viewer.request.watch)
                     viewer.put(self._list())
                 # What waits now goes first, since it is older than the next snapshot.
                 for _ in range(len(viewer.waiting)):
@@ -171,7 +171,7 @@ class LiveHub:
 
     def _snapshot(self, viewer: Viewer, number: str) -> list[Packed]:
         """Return all that a viewer needs that watches a simulation from now on."""
-        if number not in viewer.request.watched or number not in self._sources:
+        if number not in viewer.request.watch or number not in self._sources:
             return []
         return [packed_message(message) for message in self._sources[number].encoder.snapshot()]
 
@@ -181,7 +181,7 @@ class LiveHub:
             publisher.news.clear()
             observed: dict[str, list[int]] = {}
             for viewer in self._viewers:
-                for number, agent in viewer.request.observed.items():
+                for number, agent in viewer.request.observe.items():
                     agents = observed.setdefault(number, [])
                     if agent not in agents and len(agents) < MOST_OBSERVED:
                         agents.append(agent)

@@ -118,15 +118,11 @@ def write_notable(library: EpisodeLibrary, out: Path) -> Written:
 
 def _write_pages(episodes: Iterable[tuple[Notable, Embedded]], out: Path) -> list[tuple[Notable, Path]]:
     """Write episodes into as few pages as their size allows; return each with its page."""
-    pages: list[list[tuple[Notable, Embedded]]] = []
-    left = 0
-    for notable, embedded in episodes:
-        size = room_of_page([embedded])
-        if not pages or size > left:
+    pages: list[list[tuple[Notable, Embedded]]] = [[]]
+    for episode in episodes:
+        if pages[-1] and room_of_page([each for _, each in (*pages[-1], episode)]) > MOST_BYTES:
             pages.append([])
-            left = MOST_BYTES - room_of_page([])
-        pages[-1].append((notable, embedded))
-        left -= size - room_of_page([])
+        pages[-1].append(episode)
     written = []
     for number, page in enumerate(pages):
         path = out if number == 0 else out.with_stem(f"{out.stem}-{number + 1}")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from smarts.stream.container import pack
@@ -21,35 +21,30 @@ MOST_MAPS = 16
 """The last maps that a viewer was sent; it keeps as many, so that these need not be sent again."""
 MOST_REQUEST = 4096
 """Bytes of what a viewer sends."""
-_MOST_AGENT = (1 << 31) - 1
 
 
-class Request(NamedTuple):
+_Agent = Annotated[int, Field(ge=0, lt=1 << 31)]
+
+
+class Request(BaseModel):
     """What a viewer asks for."""
 
-    watched: tuple[str, ...]
+    model_config = ConfigDict(strict=True)
+
+    watch: Annotated[list[str], Field(max_length=MOST_WATCHED)]
     """Ids of simulations."""
-    observed: Mapping[str, int]
+    observe: Annotated[
+        dict[str, Annotated[int, Field(ge=0, lt=1 << 31)]], Field(max_length=MOST_WATCHED)
+    ] = {}
     """The agent of a simulation whose observations are to be shown: its row in `agents`."""
 
     @classmethod
     def parse(cls, text: str) -> Request | None:
         """Return the request in a text, None if it is none."""
         try:
-            given = json.loads(text)
-            watched, observed = given["watch"], given.get("observe", {})
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            return cls.model_validate_json(text)
+        except ValidationError:
             return None
-        if not isinstance(watched, list) or not isinstance(observed, dict):
-            return None
-        if max(len(watched), len(observed)) > MOST_WATCHED or not all(isinstance(w, str) for w in watched):
-            return None
-        if not all(type(agent) is int and 0 <= agent <= _MOST_AGENT for agent in observed.values()):
-            return None
-        return cls(tuple(dict.fromkeys(watched)), observed)
-
-
-NO_REQUEST = Request((), {})
 
 
 class PackedMap(NamedTuple):
@@ -81,7 +76,7 @@ class Viewer:
     """One browser."""
 
     socket: WebSocket
-    request: Request = NO_REQUEST
+    request: Request = field(default_factory=lambda: Request(watch=[]))
     owed: deque[str] = field(default_factory=deque)
     """Simulations of which it gets a snapshot next; until then, nothing else of them."""
     is_stale: bool = False
@@ -116,7 +111,7 @@ class Viewer:
 
     def follows(self, number: str) -> bool:
         """Return whether it gets each frame of a simulation."""
-        return number in self.request.watched and number not in self.owed and not self.is_stale
+        return number in self.request.watch and number not in self.owed and not self.is_stale
 
     async def send(self, packed: Packed) -> bool:
         """Send a message, however slowly the viewer takes it; return whether the viewer is still there.
