@@ -168,18 +168,12 @@ class WorldPicture:
 
 def _way(roads: LaneGraph, agent: AgentStart) -> Floats:
     """Return points of an agent's start, route and goal [m], shape (., 2)."""
-    lanes = [lane for edge in agent.mission.route for lane in roads.edge_lanes(roads.edge_number(edge))]
     goal = _goal(roads, agent)
-    points = [np.array([agent.pose[:2]]), *(np.array([each]) for each in (goal,) if each is not None)]
+    points = [np.array([place]) for place in (agent.pose[:2], goal) if place is not None]
     # From start to goal only: the first and the last road go on before and behind.
-    inner = (
-        lanes if goal is None else [lane for lane in lanes if roads.lane_edge[lane] in _between(roads, agent)]
-    )
-    return np.concatenate([*points, *(roads.centreline(lane) for lane in inner)])
-
-
-def _between(roads: LaneGraph, agent: AgentStart) -> set[int]:
-    return {roads.edge_number(edge) for edge in agent.mission.route[1:-1]}
+    edges = agent.mission.route if goal is None else agent.mission.route[1:-1]
+    lanes = [lane for edge in edges for lane in roads.edge_lanes(roads.edge_number(edge))]
+    return np.concatenate([*points, *(roads.centreline(lane) for lane in lanes)])
 
 
 def _goal(roads: LaneGraph, agent: AgentStart) -> tuple[float, float] | None:

@@ -13,7 +13,7 @@ from smarts.agents.interface import OLD_NAMES, AgentInterface
 from smarts.agents.policy import Agent
 from smarts.agents.spec import AgentSpec
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names, shown
-from smarts.registry import load_own, own_error, place_of
+from smarts.registry import guarded, load_own
 
 VERSIONED = re.compile(r"[\w.-]+-v\d+")
 """The form of a name in the zoo: "idm-v0"."""
@@ -91,13 +91,7 @@ class ZooEntry:
         if isinstance(found, type) and issubclass(found, Agent):
             return self._spec_of_class(found, options)
         self._check_options(found, options, ())
-        try:
-            made = found(**options)
-        except SmartsError:
-            raise
-        except Exception as error:
-            place = place_of(error) or self.locator
-            raise own_error(error, f"the agent {self.locator!r}", place) from error
+        made = guarded(found, f"the agent {self.locator!r}")(**options)
         if not isinstance(made, AgentSpec) or not isinstance(made.interface, AgentInterface):
             raise _no_agent(self.locator, made)
         return made
