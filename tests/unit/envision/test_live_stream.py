@@ -118,6 +118,15 @@ def test_a_late_viewer_gets_what_lasts_and_the_newest_frame(server):
         assert motion_of(moved).number.tolist() == motion_of(found[-1]).number.tolist()
 
 
+def test_vehicles_keep_their_numbers_when_a_process_begins_an_episode_again(server):
+    with watching(server) as (simulation, browser, found):
+        assert motion_of(found[-1]).number.tolist() == [0, 1, 2]
+        vehicles, *others = frame(1)["rows"]
+        # What a publisher sends that has dropped messages; the first vehicle has gone meanwhile.
+        send(simulation, begin(), frame(1, rows=[vehicles[len(vehicles) // 3 :], *others]))
+        assert motion_of(until(browser, is_steps(1))[-1]).number.tolist() == [1, 2]
+
+
 def static(**more):
     agents = {"agent_id": [0], "name": ["ego"], "end_step": [-1]}
     holds = {"agent": [0], "agent_id": [0], "name": ["ego"], "policy": [""], "first_step": [0]}
