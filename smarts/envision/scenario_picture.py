@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +66,7 @@ def scenario_picture(picture: Picture, out: Path, *, edges: bool = False) -> Non
     axes.set_title(f"{built.name}, {traffic or 'no traffic'}", loc="left", parse_math=False)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    figure.legend(handles=_legend([picture]), loc="outside lower center", ncols=6, frameon=False)
+    figure.legend(handles=_legend(), loc="outside lower center", ncols=7, frameon=False)
     _write(figure, out, 150)
 
 
@@ -87,7 +86,7 @@ def scenario_sheet(pictures: Sequence[Picture], out: Path, *, edges: bool = Fals
         axes.set_title(picture[0].name, fontsize=11, parse_math=False)
     for axes in figure.axes:
         axes.set_axis_off()
-    figure.legend(handles=_legend(pictures), loc="outside lower center", ncols=6, frameon=False)
+    figure.legend(handles=_legend(), loc="outside lower center", ncols=7, frameon=False)
     _write(figure, out, 100)
 
 
@@ -240,37 +239,17 @@ def _mission_window(built: BuiltScenario) -> tuple[float, float, float, float]:
     return float(x), float(y), float(width), float(max(height, width * FLATTEST))
 
 
-def _legend(pictures: Sequence[Picture]) -> list[Patch]:
-    """Return legend entries for the kinds of objects in the pictures."""
-    scenarios = [built.scenario for built, _, _ in pictures]
-    traffics = [(built.scenario.traffic or {})[name] for built, name, _ in pictures if name]
-    flows = [*chain.from_iterable(traffic.flows for traffic in traffics)]
-    kinds = _social_kinds(pictures)
-    entries = {
-        Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(map(_has_fixed_missions, pictures)),
-        Patch(facecolor=CAR, label="car"): bool(kinds - set(LARGE_VEHICLES)),
-        Patch(facecolor=BUS, label="bus"): bool(kinds & {VehicleKind.BUS, VehicleKind.COACH}),
-        Patch(facecolor=TRUCK, label="truck"): bool(kinds & {VehicleKind.TRUCK, VehicleKind.TRAILER}),
-        Patch(facecolor=FLOW, alpha=0.5, label="flow of traffic"): bool(flows),
-        Patch(facecolor=STOP, label="bus stop"): any(flow.stops for flow in flows),
-        Patch(facecolor=BUBBLE, alpha=0.4, label="bubble"): any(s.bubbles for s in scenarios),
-    }
-    return [entry for entry, shown in entries.items() if shown]
-
-
-def _has_fixed_missions(picture: Picture) -> bool:
-    built = picture[0]
-    return any(start_pose(built.roads(), each) for each in expand(built.scenario.ego_missions or ()))
-
-
-def _social_kinds(pictures: Sequence[Picture]) -> set[int]:
-    """Return the kinds of all vehicles except the egos."""
-    return {
-        int(moment.states.kind[slot])
-        for _, _, moment in pictures
-        for slot in np.flatnonzero(moment.states.alive).tolist()
-        if slot not in moment.egos
-    }
+def _legend() -> list[Patch]:
+    """Return the entries of the legend."""
+    return [
+        Patch(facecolor=EGOS[0], label="ego, its route and goal"),
+        Patch(facecolor=CAR, label="car"),
+        Patch(facecolor=BUS, label="bus"),
+        Patch(facecolor=TRUCK, label="truck"),
+        Patch(facecolor=FLOW, alpha=0.5, label="flow of traffic"),
+        Patch(facecolor=STOP, label="bus stop"),
+        Patch(facecolor=BUBBLE, alpha=0.4, label="bubble"),
+    ]
 
 
 def _strip(roads: LaneGraph, lane: int) -> Floats:
