@@ -65,6 +65,8 @@ def interface_from(facts: Any, place: str) -> AgentInterface:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         problem = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+    except TypeError as error:
+        problem = str(error)
     raise HostError(f"the agent's interface is wrong: {problem}", place=place, remedy=remedy)
 
 
