@@ -321,13 +321,7 @@ def _step_back(smoothness: float, change: float, value: Floats, linear: Floats, 
 
 @kernel
 def _replace(
-    reference: Floats,
-    path: Floats,
-    bends: Floats,
-    curvature: float,
-    agility: float,
-    ahead: float,
-    last: int,
+    reference: Floats, path: Floats, bends: Floats, curvature: float, agility: float, ahead: float, last: int
 ) -> None:
     """Write a plan over the first points of a reference; the rest of the reference follows.
 

@@ -178,14 +178,7 @@ def latch(
 
 
 @kernel
-def _command(
-    roads: Roads,
-    lane: int,
-    t: float,
-    width: float,
-    phase: int,
-    change: int,
-) -> int:
+def _command(roads: Roads, lane: int, t: float, width: float, phase: int, change: int) -> int:
     """Return the target lane of a fresh command, -1 in a lane change that it does not abort."""
     if phase != _NONE and not _can_abort(phase, t, width, change):
         return -1
@@ -218,15 +211,7 @@ def write_action_mask(state: State, roads: Roads, routes: RouteTable, env_mask: 
 
 @kernel
 def _is_allowed(
-    state: State,
-    roads: Roads,
-    routes: RouteTable,
-    b: int,
-    a: int,
-    row: int,
-    s: float,
-    t: float,
-    change: int,
+    state: State, roads: Roads, routes: RouteTable, b: int, a: int, row: int, s: float, t: float, change: int
 ) -> bool:
     """Return whether a lane change, or its abort, is allowed."""
     agents = state.agents

@@ -234,11 +234,7 @@ class BulletWorld:
             yield BulletContact(rows[one], rows.get(two, -1), keys.get(two, -1), max(speed, 0.0))
 
     def _velocity_at(
-        self,
-        body: int,
-        rows: Mapping[int, int],
-        velocities: list[list[list[float]]],
-        place: Sequence[float],
+        self, body: int, rows: Mapping[int, int], velocities: list[list[list[float]]], place: Sequence[float]
     ) -> Sequence[float]:
         """Return the velocity of a body's point before the last sub-step [m/s]."""
         centre, _ = pybullet.getBasePositionAndOrientation(body, self._client)

@@ -234,11 +234,7 @@ class Fleet:
         return bind(law, self._arrays, *arguments)
 
     def step(
-        self,
-        controls: Floats,
-        *,
-        simulations: Bools | None = None,
-        driver: SubstepDriver | None = None,
+        self, controls: Floats, *, simulations: Bools | None = None, driver: SubstepDriver | None = None
     ) -> Motion:
         """Advance every vehicle by one step and return `motion`.
 

@@ -73,13 +73,7 @@ def meetings_ahead(
 
 @kernel
 def first_meeting(
-    vehicles: VehicleStates,
-    roads: Roads,
-    routes: RouteTable,
-    m: int,
-    b: int,
-    slot: int,
-    places: Ints,
+    vehicles: VehicleStates, roads: Roads, routes: RouteTable, m: int, b: int, slot: int, places: Ints
 ) -> tuple[int, float]:
     """Return which of some overlaps a vehicle comes to first, -1 for none, and its distance to it [m].
 

@@ -174,9 +174,7 @@ def _file() -> Mapping[str, Any]:
 def _named(name: str) -> FeatureList:
     if name not in _file():
         raise SmartsError(
-            f"there is no observation {name!r}",
-            place="observation",
-            remedy=nearest_names(name, _file()),
+            f"there is no observation {name!r}", place="observation", remedy=nearest_names(name, _file())
         )
     content = dict(_file()[name])
     reward = content.pop("reward")

@@ -14,12 +14,7 @@ from smarts.dynamics.performance import performance
 from smarts.geometry.compiling import kernel
 from smarts.observations.context import AdapterContext
 from smarts.observations.feature import Feature
-from smarts.observations.way_ahead import (
-    SIGHT,
-    gap_behind,
-    leader_on,
-    write_way,
-)
+from smarts.observations.way_ahead import SIGHT, gap_behind, leader_on, write_way
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length, pose_on_lane
 from smarts.roads.lane_ways import place_on_lane, row_of

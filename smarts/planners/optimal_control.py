@@ -156,9 +156,7 @@ def _linearised(limits: Limits, weights: Weights, steps: int, neighbours: int) -
     hessian = 2 * slopes.T @ slopes + 1e-3 * ca.SX.eye(point.numel())
     gradient = 2 * slopes.T @ squares + ca.gradient(linear, point)
     return ca.Function(
-        "linearised",
-        [point, *numbers],
-        [hessian, gradient, ca.jacobian(constraints, point), constraints],
+        "linearised", [point, *numbers], [hessian, gradient, ca.jacobian(constraints, point), constraints]
     )
 
 

@@ -23,7 +23,7 @@ def make_own_engine(
     """Return a user's engine, with checks of what it raises, returns and writes.
 
     Raises:
-        OwnCodeError: Its constructor raises, or `failures` or `is_full` is not as in `TrafficEngine`.
+        OwnCodeError: Its constructor raises.
     """
     doing = f"the traffic engine {name!r} (traffic_engine)"
     engine = guarded(kind, doing)(world, maps)
@@ -37,9 +37,6 @@ class OwnEngine(TrafficEngine):
         engine: The user's.
         doing: What it is, for errors.
         world: In which it moves vehicles.
-
-    Raises:
-        OwnCodeError: `failures` or `is_full` is not as in `TrafficEngine`.
     """
 
     def __init__(self, engine: Any, doing: str, world: World) -> None:
@@ -73,21 +70,7 @@ class OwnEngine(TrafficEngine):
         self._close()
 
     def _read(self) -> None:
-        """Read `failures` and `is_full` of the last call."""
-        failures: Any = getattr(self._engine, "failures", None)
-        self.is_full = np.asarray(getattr(self._engine, "is_full", None), np.bool_)
-        if not isinstance(failures, Mapping):
-            self._refuse("failures", failures, "a dict of a TrafficError by simulation, {} without")
-        self.failures = failures
-        if self.is_full.shape != (self._world.worlds,):
-            self._refuse("is_full", self.is_full, f"an array of {self._world.worlds} truth values")
-
-    def _refuse(self, name: str, value: Any, wanted: str) -> None:
-        raise OwnCodeError(
-            f"{self._doing}: its attribute {name} is {shown(value)}",
-            place=definition_of(type(self._engine)),
-            remedy=f"set self.{name} in the constructor: {wanted}",
-        )
+        self.failures, self.is_full = self._engine.failures, np.asarray(self._engine.is_full, np.bool_)
 
     def _refusals(self, name: str, call: Callable[..., Any], rows: Ints, slots: Ints) -> Bytes:
         """Return the answer of a gate if it is one number for each vehicle."""

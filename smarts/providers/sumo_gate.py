@@ -72,14 +72,12 @@ class SumoGate:
         self._find_too_close = bind(find_too_close, world.vehicles)
         self._rows, self._slots = np.full(1, row, np.int32), np.zeros(1, np.int32)
         self._found = np.zeros(1, np.bool_)
-        self._onward: dict[str, tuple[str, ...]] = {}
         self._swings: dict[tuple[int, float], float] = {}
         self._radii: list[float] = (1.0 / np.maximum(Abilities.of_all().sharpest, 1e-9)).tolist()
         self._bound_to: LaneGraph | None = None
 
     def reset(self, roads: LaneGraph) -> None:
         """Begin an episode on a map."""
-        self._onward.clear()
         self._swings.clear()
         if roads is self._bound_to:
             return
@@ -277,7 +275,7 @@ class SumoGate:
         That is its route; if this does not lead on from the lane, a fastest way to its destination that does;
         if there is none, whatever the lane leads into.
         """
-        edge, onward = shadow.lane.rpartition("_")[0], self._edges_onward(shadow.lane)
+        edge, onward = shadow.lane.rpartition("_")[0], self._library.edges_onward(shadow.lane)
         planned = shadow.route[shadow.route.index(edge) :] if edge in shadow.route else ()
         left = self._library.lane.getLength(shadow.lane) - shadow.position
         if planned and (len(planned) == 1 or planned[1] in onward or left > LOOK_AHEAD):
@@ -291,10 +289,3 @@ class SumoGate:
         if onward:
             return (edge, onward[0])
         return () if planned else (edge,)
-
-    def _edges_onward(self, lane: str) -> tuple[str, ...]:
-        """Return the edges that a lane leads into, those straight on first."""
-        if lane not in self._onward:
-            links = sorted(self._library.lane.getLinks(lane), key=lambda link: link[6] != "s")
-            self._onward[lane] = tuple(dict.fromkeys(link[0].rpartition("_")[0] for link in links))
-        return self._onward[lane]

@@ -68,6 +68,7 @@ class SumoLibrary:
         self.vehicle = _domain(extension, "vehicle")
         self.vehicletype = _domain(extension, "vehicletype")
         self._place = ""
+        self._onward: dict[str, tuple[str, ...]] = {}
 
     def start(self, options: Sequence[str], place: str = "traffic") -> None:
         """Begin a simulation; it does not depend on the library's earlier simulations.
@@ -80,6 +81,7 @@ class SumoLibrary:
             TrafficError: SUMO cannot start; the error holds its message.
         """
         self._place = place
+        self._onward.clear()
         with self.errors("failed to start"):
             short = self._files.begin(options)
             try:
@@ -112,6 +114,13 @@ class SumoLibrary:
         """Return the remaining edges of a vehicle's route, the current one first."""
         # The index is -1 before departure.
         return self.vehicle.getRoute(name)[max(self.vehicle.getRouteIndex(name), 0) :]
+
+    def edges_onward(self, lane: str) -> tuple[str, ...]:
+        """Return the edges that a lane leads into, those straight on first."""
+        if lane not in self._onward:
+            links = sorted(self.lane.getLinks(lane), key=lambda link: link[6] != "s")
+            self._onward[lane] = tuple(dict.fromkeys(link[0].rpartition("_")[0] for link in links))
+        return self._onward[lane]
 
     def copy_stop(self, name: str, stop: Any) -> None:
         """Give a vehicle a stop of another, unless SUMO does not accept it."""

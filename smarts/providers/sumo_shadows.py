@@ -86,7 +86,6 @@ class SumoShadows:
         self.returned: dict[int, Shadow] = {}
         """The former shadows that SUMO drives and may not have on their centrelines yet."""
         self._types: set[str] = set()
-        self._next_edges: dict[str, list[str]] = {}
         self._lane_headings: dict[str, tuple[list[float], list[float]]] = {}
         self._poses: list[list[float]] = []
         self.lost: list[int] = []
@@ -107,9 +106,8 @@ class SumoShadows:
         """Clear all shadows; SUMO was restarted."""
         self._roads = roads
         self._half_widths = (roads.width / 2).tolist()
-        known = self._shadows, self.returned, self._types, self._next_edges, self._lane_headings
-        for each in known:
-            each.clear()
+        for known in (self._shadows, self.returned, self._types, self._lane_headings):
+            known.clear()
         self.proxies.reset(roads)
 
     def create(self, slot: int, name: str, route: Sequence[str]) -> None:
@@ -371,18 +369,10 @@ class SumoShadows:
             shadow.route = shadow.route[shadow.route.index(edge) :]
             ahead = list(shadow.route)
         else:
-            ahead = [edge, *self._next_edge(lane)]
+            ahead = [edge, *self._library.edges_onward(lane)[:1]]
         if tuple(ahead) != self._library.route_ahead(shadow.id):
             # If SUMO rejects the route, because the vehicle may not use a lane, the shadow keeps its old one.
             self._library.accepts(self._library.vehicle.setRoute, shadow.id, ahead)
-
-    def _next_edge(self, lane: str) -> list[str]:
-        """Return the edge after a lane, straight on if there are several; [] at the end of a road."""
-        if lane not in self._next_edges:
-            links = [*self._library.lane.getLinks(lane)]
-            straight = [link for link in links if link[6] == "s"]
-            self._next_edges[lane] = [link[0].rpartition("_")[0] for link in (straight or links)[:1]]
-        return self._next_edges[lane]
 
     def _restore_route(self, shadow: Shadow) -> None:
         """Set the route of a vehicle to its destination: its planned route, or else the fastest one."""

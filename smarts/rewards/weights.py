@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import yaml
@@ -110,9 +109,7 @@ def _weights(chosen: Mapping[str, float], place: str) -> RewardWeights:
     for term, weight in chosen.items():
         if term not in terms:
             raise ScenarioError(
-                f"there is no reward term {term!r}",
-                place=place,
-                remedy=nearest_names(str(term), terms),
+                f"there is no reward term {term!r}", place=place, remedy=nearest_names(str(term), terms)
             )
         if not isinstance(weight, int | float) or not np.isfinite(weight):
             raise ScenarioError(f"{term} is {weight!r}, not a number", place=place)
@@ -143,13 +140,6 @@ def reward_terms(weights: RewardWeights, horizon: float) -> Terms:
     return Terms(**{**single, "time": float(weights.time / horizon)}, **arrays)
 
 
-class _BoundKernel(NamedTuple):
-    """The kernel, and the events that it is bound to."""
-
-    events: Events
-    add: Callable[..., None]
-
-
 class Rewards:
     """The weighted rewards of some agents' decisions.
 
@@ -177,13 +167,16 @@ class Rewards:
         self.values: Singles = np.zeros(shape, np.float32)
         """Of the last decision, shape (B, G); entries of agents that made none are unspecified."""
         self._has_decided = np.zeros(shape, np.bool_)
-        self._kernel: _BoundKernel | None = None
+        self._events: Events | None = None
 
     def collect(self, frame: Frame, is_last: bool) -> Bools:
         """Accumulate a step; return the agents whose decision ends with it, shape (B, G), until the next."""
-        if self._kernel is None or self._kernel.events is not frame.events:
-            self._kernel = self._bind(frame.events)
-        self._kernel.add(frame.env_mask, is_last)
+        if self._events is not frame.events:
+            # A simulation writes them into the same arrays in every step.
+            self._events, world = frame.events, self._context.scene.world
+            known = self._terms, self._memory, world.state, self._context.agent_ids
+            self._add = bind(add_rewards, *known, self._events, self._has_decided, self.values)
+        self._add(frame.env_mask, is_last)
         return self._has_decided
 
     def reset(self, egos: Bools) -> None:
@@ -191,9 +184,3 @@ class Rewards:
         for column in self._memory:
             column[egos] = 0
         self.values[egos] = 0.0
-
-    def _bind(self, events: Events) -> _BoundKernel:
-        """Bind the kernel to events, which a simulation writes into the same arrays in every step."""
-        world = self._context.scene.world
-        known = self._terms, self._memory, world.state, self._context.agent_ids
-        return _BoundKernel(events, bind(add_rewards, *known, events, self._has_decided, self.values))

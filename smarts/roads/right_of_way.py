@@ -104,19 +104,7 @@ def gap_to_wait(
     lanes, begins = np.empty(_MOST_LANES, np.int32), np.empty(_MOST_LANES)
     kind = vehicles.kind[b, slot]
     count, length = list_meetings(
-        roads,
-        routes,
-        m,
-        row,
-        -s - half,
-        half,
-        performance,
-        kind,
-        horizon,
-        places,
-        meetings,
-        lanes,
-        begins,
+        roads, routes, m, row, -s - half, half, performance, kind, horizon, places, meetings, lanes, begins
     )
     if count == 0:
         return np.inf

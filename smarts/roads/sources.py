@@ -73,9 +73,7 @@ def _from_file(path: Path) -> MapSource:
             if path.name.endswith(suffix):
                 return _from_stem(path.parent, path.name.removesuffix(suffix), only=kind)
     raise MapError(
-        f"'{path.name}' is not a road map",
-        place=str(path),
-        remedy=f"give a file ending in {_expected('*')}",
+        f"'{path.name}' is not a road map", place=str(path), remedy=f"give a file ending in {_expected('*')}"
     )
 
 

@@ -11,15 +11,7 @@ import numpy as np
 
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.sensors.bounds import (
-    FARTHEST,
-    FASTEST,
-    FASTEST_TURN,
-    LARGEST_BOX,
-    MOST,
-    clipped,
-    clipped_above,
-)
+from smarts.sensors.bounds import FARTHEST, FASTEST, FASTEST_TURN, LARGEST_BOX, MOST, clipped, clipped_above
 from smarts.sensors.heights import vehicle_height
 from smarts.sensors.mission import MissionObservation
 from smarts.sensors.protocol import KernelSensor, Readings, Seen, Triple, triple

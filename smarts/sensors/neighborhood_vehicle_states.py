@@ -48,8 +48,7 @@ class VehicleObservation(NamedTuple):
 
 
 _Out = namedtuple(
-    "_Out",
-    "count slot generation position bounding_box heading speed lane lane_index lane_position",
+    "_Out", "count slot generation position bounding_box heading speed lane lane_index lane_position"
 )
 """Shape (B, G, ...), K vehicles each."""
 

@@ -15,14 +15,7 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.levels import meets
 from smarts.roads.scene import Scene
 from smarts.sensors.grid_map import GridOut, PictureSensor, grid_fields, paint_vehicle, viewer
-from smarts.sensors.road_raster import (
-    CENTRE_LINE,
-    DIVIDER,
-    PATH,
-    ROAD,
-    paint_road,
-    road_raster,
-)
+from smarts.sensors.road_raster import CENTRE_LINE, DIVIDER, PATH, ROAD, paint_road, road_raster
 from smarts.types.colors import SceneColors
 from smarts.types.interface import Field
 from smarts.types.vehicles import Owner

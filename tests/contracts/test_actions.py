@@ -148,14 +148,6 @@ def test_every_type_drives(env, seen):
         assert ahead > 1.0, kind
 
 
-@pytest.mark.parametrize("speed", [4.0, np.array(4.0)], ids=type)
-def test_a_speed_alone_may_be_any_number(env, seen, speed):
-    agent = name(ActionSpaceType.Direct)
-    now, *_ = env.step({agent: speed})
-    now, *_ = env.step({agent: speed})
-    assert float(now[agent].ego_vehicle_state.speed) == pytest.approx(4.0, abs=1e-3)
-
-
 @pytest.mark.parametrize("kind", WITH_NUMBERS)
 def test_invalid_actions_name_the_agent_and_have_no_effect(env, seen, untouched, kind):
     for action in bad(kind):
@@ -179,28 +171,6 @@ def test_out_of_range_values_are_clipped(env, seen, kind):
         ends.append(now[name(kind)].ego_vehicle_state)
     assert ends[0].position == ends[1].position
     assert ends[0].speed == ends[1].speed
-
-
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if is_path(kind)])
-def test_paths_out_of_range_are_clipped(env, seen, kind):
-    space: Any = action_space(kind)
-    ends = []
-    for end in (np.full(shape(kind), 1e308), space.high.astype(np.float64)):
-        env.reset(seed=2)
-        for _ in range(3):
-            now, *_ = env.step({name(kind): end})
-        ends.append(motions(now))
-    assert ends[0] == ends[1]
-    assert np.isfinite([position for position, _, _ in ends[0]]).all()
-
-
-def test_agents_without_actions_keep_driving(env, seen):
-    now = seen
-    for _ in range(20):
-        now, *_ = env.step({})
-    for kind in KINDS:
-        before, after = seen[name(kind)].ego_vehicle_state, now[name(kind)].ego_vehicle_state
-        assert np.hypot(*np.subtract(after.position[:2], before.position[:2])) > 1.0, kind
 
 
 def test_unknown_agents_raise(env, seen):

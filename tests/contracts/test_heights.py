@@ -1,7 +1,6 @@
 """Roads above each other: what is on one does not meet what is on the other."""
 
 from contextlib import closing
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,15 +11,11 @@ from smarts.observations import FEATURES
 from smarts.observations.arrays import ArrayObservation
 from smarts.roads.scene import Scene
 from smarts.sensors import SENSORS
-from smarts.sim.contacts import FootprintContacts
-from smarts.types.events import Event
-from smarts.types.mission import AgentMission, GoalKind, Via
-from smarts.types.tracks import Tracks
+from smarts.types.mission import AgentMission
 from smarts.types.vehicles import Owner
 from tests.contracts.test_sensors import observe
 from tests.maps import bridge
 from tests.unit.observations.test_features import context_of
-from tests.unit.sim.stage import Stage
 from tests.worlds import Car, world_of
 
 BRIDGE = (
@@ -86,11 +81,9 @@ def play(env, seed, actions):
     return seen, outcomes
 
 
-@pytest.mark.parametrize("model", ["bullet", pytest.param("kinematic", marks=pytest.mark.nightly)])
-def test_agents_pass_below_a_bridge_full_of_traffic(tmp_path, model):
-    interface = replace(LANER, vehicle_model=model)
+def test_agents_pass_below_a_bridge_full_of_traffic(tmp_path):
     folder = write(tmp_path / "below", BRIDGE, ["sn"], ("we", 0, 60, 290))
-    with closing(HiWayEnv([folder], {"a": interface})) as env:
+    with closing(HiWayEnv([folder], {"a": LANER})) as env:
         for seed in range(2):
             seen, outcomes = play(env, seed, {"a": "keep_lane"})
             assert outcomes == {"a": "goal"}
@@ -98,20 +91,9 @@ def test_agents_pass_below_a_bridge_full_of_traffic(tmp_path, model):
             assert {now["a"].ego_vehicle_state.position[2] for now in seen} == {0.0}
 
 
-def test_vehicles_on_a_bridge_meet_each_other(tmp_path):
-    folder = write(tmp_path / "above", BRIDGE, ["we"], ("sn", 0, 100, 280), ("sn", 0, 180, 280))
-    with closing(HiWayEnv([folder], {"behind": LANER, "ahead": LANER})) as env:
-        seen, outcomes = play(env, 1, {"behind": "keep_lane", "ahead": "slow_down"})
-    assert outcomes["behind"] == "collision"
-    first = seen[0]["behind"]
-    (other,) = first.neighborhood_vehicle_states
-    assert other.position[2] == first.ego_vehicle_state.position[2] == 8.0
-
-
-@pytest.mark.parametrize("model", ["bullet", pytest.param("kinematic", marks=pytest.mark.nightly)])
-def test_an_agent_drives_up_a_ramp_that_crosses_itself(tmp_path, model):
+def test_an_agent_drives_up_a_ramp_that_crosses_itself(tmp_path):
     folder = write(tmp_path / "ramp", RAMP, [], ("ramp", 0, 10, 420))
-    with closing(HiWayEnv([folder], {"a": replace(LANER, vehicle_model=model)})) as env:
+    with closing(HiWayEnv([folder], {"a": LANER})) as env:
         seen, outcomes = play(env, 1, {"a": "keep_lane"})
     assert outcomes == {"a": "goal"}
     egos = [now["a"].ego_vehicle_state for now in seen]
@@ -199,33 +181,3 @@ def test_no_feature_sees_a_vehicle_above(name):
         seen.append({field.name: observation.arrays[field.name].copy() for field in observation.fields})
     for field in seen[0]:
         np.testing.assert_array_equal(seen[0][field], seen[1][field])
-
-
-@pytest.mark.parametrize(("height", "partner"), [(0.0, 1), (8.0, -1)])
-def test_footprints_touch_at_one_height_only(height, partner):
-    other = Car(-6.0, 0.5, np.pi / 2, height=height)
-    made, _ = scene_with(other)
-    made.world.vehicles.height[0, 1] = height
-    tracks = Tracks.allocate(1, 2, made.world.vehicles.capacity, 0)
-    contacts = FootprintContacts(made.world).find(tracks, np.ones(1, np.bool_))
-    assert contacts.partner[0, 0] == partner
-
-
-@pytest.mark.parametrize(("lane", "event"), [("below", True), ("above", False)])
-def test_goals_and_vias_are_at_the_height_of_their_lanes(lane, event):
-    """Both are at the crossing, on one of the two roads; the agent passes it on the road below."""
-    graph = bridge()
-    number = graph.lane_number(lane, 0)
-    via = Via(position=(0.0, 0.0), lane=number, radius=2.0, speed=5.0)
-    mission = AgentMission(
-        route=("below",),
-        goal=GoalKind.POSITION,
-        goal_position=(0.0, 0.0),
-        goal_lane=number,
-        goal_s=150.0 if lane == "below" else 100.0,
-        vias=(via,),
-    )
-    stage = Stage([Car(-4.0, 0.0, mission=mission, height=0.0)], graph=graph)
-    events = stage.step((1.0, 0.0))
-    assert bool(events & Event.REACHED_GOAL) is event
-    assert bool(events & Event.VIA_HIT) is event

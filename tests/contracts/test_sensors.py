@@ -9,9 +9,7 @@ import pytest
 
 from smarts.agents import AgentInterface, AgentType
 from smarts.agents.benchmark import benchmark_interface
-from smarts.agents.interface import SENSOR_OPTIONS
 from smarts.agents.options import InterfaceError
-from smarts.agents.sensors import ALWAYS_ON
 from smarts.env import HiWayEnv, VectorHiWayEnv
 from smarts.errors import OwnCodeError
 from smarts.registry import import_own
@@ -71,17 +69,10 @@ def check_bounds(sensor, out):
         assert ((values >= field.low) & (values <= field.high)).all(), field.name
 
 
-def test_readings_are_in_bounds(sensor):
-    generator = np.random.Generator(np.random.Philox(1))
-    for _ in range(5):
-        check_bounds(sensor, observe(sensor, scene_of(random_cars(generator)), [[True, True]]))
-
-
-@pytest.mark.parametrize("worlds", [30, pytest.param(750, marks=pytest.mark.nightly)])
-def test_readings_are_in_bounds_in_a_nonsensical_world(sensor, worlds):
+def test_readings_are_in_bounds_in_a_nonsensical_world(sensor):
     generator = np.random.Generator(np.random.Philox(4))
     scene = scene_of(random_cars(generator))
-    for _ in range(worlds):
+    for _ in range(30):
         make_absurd(scene.world, generator)
         check_bounds(sensor, observe(sensor, scene, [[True, True]]))
 
@@ -106,24 +97,11 @@ def test_readings_are_the_same_in_any_batch(sensor):
             assert (values[0] == together[name][row]).all(), name
 
 
-def test_readings_do_not_depend_on_the_buffers_content(sensor):
-    generator = np.random.Generator(np.random.Philox(5))
-    scene = scene_of(random_cars(generator))
-    fresh = observe(sensor, scene, [[True, True]])
-    used = observe(sensor, scene, [[True, True]], filled_with=1)
-    assert all((fresh[name] == used[name]).all() for name in fresh)
-
-
-def test_unmasked_agents_are_not_written(sensor):
-    generator = np.random.Generator(np.random.Philox(3))
-    out = observe(sensor, scene_of(random_cars(generator)), [[False, True]], filled_with=1)
-    assert all((values[0, 0] == 1).all() for values in out.values())
-
-
-def test_every_option_has_its_sensor():
-    assert set(SENSORS) >= {*SENSOR_OPTIONS, *ALWAYS_ON}
-    for name, option in SENSOR_OPTIONS.items():
-        assert SENSORS[name](option()) == SENSORS[name]()
+def test_whole_readings_of_masked_agents_are_written(sensor):
+    scene = scene_of(random_cars(np.random.Generator(np.random.Philox(5))))
+    fresh, used = (observe(sensor, scene, [[False, True]], filled_with) for filled_with in (0, 1))
+    assert all((fresh[name][0, 1] == used[name][0, 1]).all() for name in fresh)
+    assert all((used[name][0, 0] == 1).all() for name in used)
 
 
 def test_kernels_are_compiled_once():
@@ -194,26 +172,6 @@ def test_a_new_sensor_is_one_file_and_one_line(odometer):
         np.testing.assert_allclose(odometers["odometer/distance"], driven / 10.0, rtol=1e-6)
     finally:
         arrays.close()
-
-
-class Unfinished:
-    """A sensor that cannot be bound."""
-
-    def fields(self):
-        return ()
-
-
-@pytest.mark.parametrize(
-    ("place", "value"),
-    [("no_such_module:A", "no_such_module"), ("an_odometer:Unfinished", "bind")],
-)
-def test_what_cannot_be_added_as_a_sensor(odometer, place, value, monkeypatch):
-    sys.modules["an_odometer"].Unfinished = Unfinished
-    monkeypatch.setattr(SENSORS, "_added", set())
-    monkeypatch.setattr(SENSORS, "_places", {**SENSORS._places})
-    SENSORS.add("mine", place)
-    with raises(OwnCodeError, values=[value]):
-        SENSORS["mine"]
 
 
 SENSOR = """

@@ -1,14 +1,9 @@
 """Every registered traffic engine fulfils the contract of `TrafficEngine`, alone and beside another one."""
 
-import dataclasses
-from functools import partial
-
 import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface
-from smarts.errors import UnknownNameError
-from smarts.providers.sumo_engine import SumoEngine
 from smarts.providers.traffic_engines import EnginesByEpisode, traffic_of
 from smarts.sim.assembly import Options, assemble
 from smarts.sstudio.build import build_scenario
@@ -23,9 +18,6 @@ from tests.unit.sstudio.sources import scenario, write_cross
 
 SCENARIO, TRAFFIC = "intersection", "random_social_vehicles"
 LIMIT, CAPACITY = 40, 48
-LONGER = "SUMO in steps of 0.5 s"
-OTHER = 3
-"""Owner number of a second engine in the same simulation."""
 
 
 @pytest.fixture(scope="module")
@@ -37,9 +29,9 @@ ENGINES = tuple(TRAFFIC_ENGINES)
 """The engines of this program, without those that other tests register."""
 
 
-@pytest.fixture(params=[*ENGINES, pytest.param(LONGER, marks=pytest.mark.nightly)])
+@pytest.fixture(params=ENGINES)
 def kind(request):
-    return partial(SumoEngine, step=0.5) if request.param == LONGER else TRAFFIC_ENGINES[request.param]
+    return TRAFFIC_ENGINES[request.param]
 
 
 class Case:
@@ -161,17 +153,6 @@ def test_routes_are_numbers_of_connected_edges(case):
         assert (roads.edge_to[edges[:-1]] == roads.edge_from[edges[1:]]).all()
 
 
-def test_names_are_unique(case):
-    one = case(1)
-    one.reset()
-    seen = {}
-    for _ in range(200):
-        one.step()
-        for slot in one.owned(0).tolist():
-            vehicle = slot, int(one.vehicles.generation[0, slot])
-            assert seen.setdefault(one.world.registry.name(0, slot), vehicle) == vehicle
-
-
 def test_a_row_of_a_batch_equals_a_separate_run_and_is_constant_when_masked(case):
     batch, alone = case(3), case(1)
     batch.reset()
@@ -230,21 +211,6 @@ def test_vehicles_of_other_owners_are_not_written(case):
         assert np.array_equal(getattr(one.vehicles, name)[0, slot], value, equal_nan=True), name
 
 
-def test_arrivals_keep_clear_of_vehicles_present_at_the_reset(case):
-    one = case(1)
-    lanes = [
-        lane
-        for edge in ("north_approach", "south_approach", "west_approach", "east_approach")
-        for lane in one.roads.edge_lanes(one.roads.edge_number(edge))
-    ]
-    one.world.clear(0)
-    egos = [one.put(0, lane, 8.0) for lane in lanes]
-    one.engine.reset({0: one.start()})
-    one.step(20)
-    own, ego = one.vehicles.position[0, one.owned(0)], one.vehicles.position[0, egos]
-    assert np.linalg.norm(own[:, None] - ego, axis=-1).min() > 3.0
-
-
 def test_the_limit_delays_arrivals(case):
     one = case(2)
     one.reset(row_0=one.start(limit=6), row_1=one.start(1))
@@ -281,19 +247,6 @@ def test_hand_overs_are_one_write_without_a_jump(case):
     assert one.vehicles.route[1, slot] >= 0
 
 
-def test_empty_roads_stay_empty(case, built):
-    one = case(2)
-    empty = [dataclasses.replace(one.start(row), traffic=built.traffic_files(None)) for row in range(2)]
-    one.engine.reset({})
-    one.reset(row_0=empty[0], row_1=empty[1])
-    one.step(20)
-    assert not one.vehicles.alive.any()
-    slot = one.put(0, one.roads.lane_number("north_in", 0), 20.0)
-    one.step(2)
-    assert np.flatnonzero(one.vehicles.alive[0]).tolist() == [slot]
-    assert not one.engine.is_full.any()
-
-
 def test_a_vehicle_off_the_roads_is_refused(case):
     one = case(2)
     one.reset()
@@ -306,42 +259,6 @@ def test_a_vehicle_off_the_roads_is_refused(case):
     assert refusals.dtype == np.int8
     assert refusals.tolist() == [Refusal.OFF_LANES, Refusal.NONE]
     assert one.engine.can_accept(np.zeros(0, np.int32), np.zeros(0, np.int32)).shape == (0,)
-
-
-def test_dismissed_vehicles_do_not_return(case):
-    one = case(1)
-    one.reset()
-    one.step(5)
-    gone = one.owned(0)
-    names = {one.world.registry.name(0, slot) for slot in gone.tolist()}
-    one.world.registry.dismiss(np.zeros(len(gone), int), gone)
-    one.step(20)
-    assert names.isdisjoint(one.world.registry.name(0, slot) for slot in one.owned(0).tolist())
-
-
-@pytest.mark.parametrize("second", ["ConstantSpeed"])
-def test_two_engines_share_a_simulation(case, second):
-    one = case(1)
-    other = TRAFFIC_ENGINES[second](one.world, [one.roads], owner=OTHER)
-    try:
-        one.world.clear(0)
-        half = dataclasses.replace(one.start(), limit=LIMIT // 2)
-        one.engine.reset({0: half})
-        other.reset({0: one.start(episode=1)})
-        counts = []
-        for _ in range(60):
-            one.world.advance(one.all)
-            for engine, foreign in ((one.engine, OTHER), (other, Owner.TRAFFIC)):
-                slots = one.owned(0, foreign)
-                before = one.vehicles.position[0, slots].copy()
-                engine.step(one.all)
-                assert not engine.failures
-                assert (one.vehicles.owner[0, slots] == foreign).all()
-                assert (one.vehicles.position[0, slots] == before).all()
-            counts.append([len(one.owned(0, owner)) for owner in (Owner.TRAFFIC, OTHER)])
-        assert np.min(counts) > 0
-    finally:
-        other.close()
 
 
 @pytest.fixture(scope="module")
@@ -375,13 +292,6 @@ def test_options_override_the_scenarios_engine(both_engines, engine_option):
         assert (vehicles.alive & (vehicles.owner == Owner.TRAFFIC)).any(axis=1).all()
     finally:
         parts.simulation.close()
-
-
-def test_an_unknown_engine_raises_with_the_nearest_names(both_engines):
-    with pytest.raises(UnknownNameError) as refused:
-        assemble([both_engines], [AgentInterface()], options=Options(traffic_engine="SUM"))
-    assert "'SUM'" in str(refused.value)
-    assert "SUMO" in refused.value.remedy
 
 
 def test_each_episode_uses_the_engine_that_it_names(built):

@@ -26,11 +26,7 @@ def test_unknown_vehicle():
 
 
 @pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("max_angle: 0.5\nrate: fast", 2),
-        ("max_angle: 0.5\nrate: 1.0\nrat: 1.0", 3),
-    ],
+    ("text", "line"), [("max_angle: 0.5\nrate: fast", 2), ("max_angle: 0.5\nrate: 1.0\nrat: 1.0", 3)]
 )
 def test_broken_files_are_refused(tmp_path, text, line):
     file = tmp_path / "mine.yaml"

@@ -6,7 +6,6 @@ moves; the Magic Formula of the tyre's file; drag. Nothing else: no pitching, no
 
 import pytest
 
-from smarts.dynamics import TYRE_MODELS
 from smarts.dynamics.layout import GRAVITY
 from tests.unit.dynamics.by_hand import EACH, Car
 
@@ -16,12 +15,6 @@ FRICTIONS = (0.9, 0.4)
 
 def ideal(friction):
     return SPEED**2 / (2.0 * friction * GRAVITY)
-
-
-@pytest.mark.parametrize("tyres", TYRE_MODELS)
-@pytest.mark.parametrize("friction", FRICTIONS)
-def test_a_car_with_abs_stops_within_3_percent_of_the_ideal(rig, friction, tyres):
-    assert rig(speed=SPEED, friction=friction, tyres=tyres).stop() == pytest.approx(ideal(friction), rel=0.03)
 
 
 @pytest.mark.parametrize("friction", FRICTIONS)

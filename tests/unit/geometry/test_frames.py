@@ -6,14 +6,6 @@ import pytest
 from smarts.geometry.frames import compass_from_heading, heading_from_compass, wrap_angle
 
 
-@pytest.mark.parametrize(
-    ("angle", "expected"),
-    [(0.0, 0.0), (math.pi, math.pi), (-math.pi, math.pi), (3 * math.pi, math.pi), (7.0, 7.0 - 2 * math.pi)],
-)
-def test_wrap_angle(angle, expected):
-    assert wrap_angle(angle) == pytest.approx(expected)
-
-
 def test_wrap_angle_returns_the_half_open_interval():
     wrapped = wrap_angle(np.linspace(-50, 50, 10_001))
     assert (wrapped > -math.pi).all()

@@ -19,10 +19,6 @@ def test_subdivide_keeps_vertices_and_length():
     np.testing.assert_allclose(steps[10:], 2.5 / 3)
 
 
-def test_subdivide_keeps_a_segment_as_long_as_the_spacing():
-    assert len(polylines.subdivide(np.array([[0.0, 0.0], [0.1 + 0.2, 0.0]]), 0.3)) == 2
-
-
 def test_headings_of_a_corner():
     np.testing.assert_allclose(polylines.headings(CORNER), [0, math.pi / 4, math.pi / 2])
 

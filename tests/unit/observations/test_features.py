@@ -64,8 +64,7 @@ def symlog(x):
 
 
 @pytest.mark.parametrize(
-    ("metres", "feature"),
-    [(3.0, math.log(4) / math.log(51)), (-50.0, -1.0), (80.0, 1.0)],
+    ("metres", "feature"), [(3.0, math.log(4) / math.log(51)), (-50.0, -1.0), (80.0, 1.0)]
 )
 def test_lengths_are_compressed(metres, feature):
     assert compressed(metres, 50.0) == pytest.approx(feature)

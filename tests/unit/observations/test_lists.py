@@ -135,8 +135,7 @@ def test_a_feature_of_ones_own(own_module):
 
 def test_numbers_of_an_own_feature_that_are_out_of_bounds(own_module):
     observation = ArrayObservation(
-        context_of(made_world(6.0)),
-        {"features": [{"own_features:Twice": {"scale": 1.0}}]},
+        context_of(made_world(6.0)), {"features": [{"own_features:Twice": {"scale": 1.0}}]}
     )
     with pytest.raises(OwnCodeError) as raised:
         observe(observation)

@@ -5,12 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from smarts.errors import SmartsError
 from smarts.observations.neighbor_rows import COLUMNS
 from smarts.observations.neighbors import NEIGHBORS
 from smarts.observations.scales import RADIUS, SIGHT, SPEED_SCALE, expanded
 from tests.maps import crossing, straight
-from tests.raising import raises
 from tests.unit.observations.test_features import look, mission, observation_of, observe
 from tests.unit.observations.test_junctions import from_the_south, from_the_west
 from tests.unit.roads.test_right_of_way import SOUTH_WAITS
@@ -71,9 +69,3 @@ def test_rows_radius_and_columns_are_chosen():
     assert seen[0, 0] == pytest.approx(default[0, COLUMNS.index("urgency")])
     lefts = [expanded(seen[0, 2], 80.0), expanded(default[0, COLUMNS.index("left")], RADIUS)]
     assert lefts[0] == pytest.approx(lefts[1], rel=1e-5)
-
-
-def test_columns_that_are_none():
-    made = world_of([Car(50.0, 0.0, mission=mission("road"))], maps=[straight()])
-    with raises(SmartsError, "feature neighbor_rows", values=["'lef'", "'left'"]):
-        observation_of(made, features=[{"neighbor_rows": {"columns": ["lef"]}}])

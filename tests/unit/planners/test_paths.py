@@ -76,11 +76,7 @@ class _Own:
 
 @pytest.mark.parametrize(
     "plans",
-    [
-        None,
-        Plans(PATH[0], np.zeros(1, np.uint8)),
-        Plans(np.repeat(PATH, 2, 0), np.zeros(2, np.uint8)),
-    ],
+    [None, Plans(PATH[0], np.zeros(1, np.uint8)), Plans(np.repeat(PATH, 2, 0), np.zeros(2, np.uint8))],
 )
 def test_answers_of_own_planners_are_checked(plans):
     check_plans(Plans(PATH, np.zeros(1, np.uint8)), 1, _Own())

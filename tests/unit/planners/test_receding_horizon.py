@@ -56,22 +56,6 @@ def test_gaps_are_those_of_the_geometry():
         assert found == pytest.approx(max(expected), abs=1e-12)
 
 
-def test_even_drive_on_a_straight_line(planner):
-    path = plan(planner, [100, -50, 1.0, 10, 0], [4, 100 + 40 * math.cos(1), -50 + 40 * math.sin(1), 1.0, 10])
-    times = np.linspace(0, 4, 21)
-    way = 10 * times
-    expected = np.column_stack(
-        [
-            times,
-            100 + way * math.cos(1),
-            -50 + way * math.sin(1),
-            np.full(21, 1.0),
-            np.full(21, 10.0),
-        ]
-    )
-    np.testing.assert_allclose(path, expected, atol=0.02)
-
-
 def test_a_quarter_circle_keeps_its_curvature(planner):
     radius, speed = 20.0, 6.0
     target = [0.5 * math.pi * radius / speed, radius, radius, math.pi / 2, speed]

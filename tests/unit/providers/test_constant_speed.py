@@ -5,11 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smarts.providers import constant_speed
 from smarts.providers.constant_speed import ConstantSpeed
 from smarts.types.episode import EpisodeStart
 from smarts.types.traffic import TrafficFiles
-from smarts.types.vehicles import Owner
 from smarts.types.world import World
 from tests.unit.sim.test_map_matching import ring
 
@@ -61,11 +59,6 @@ def way(world, traffic, steps):
     return np.array(found)
 
 
-def test_a_vehicle_leaves_at_the_end_of_its_route(track, tmp_path):
-    places = way(*driven(track, tmp_path), 1000)
-    assert 300 < len(places) < 1000
-
-
 def test_a_vehicle_of_a_repeated_route_goes_round_again_without_a_jump(track, tmp_path):
     world, traffic = driven(track, tmp_path, repeat='repeat="500"')
     places = way(world, traffic, 1500)
@@ -101,17 +94,6 @@ def test_a_flow_without_an_end_comes_at_its_rate_from_the_warm_up_on(track, tmp_
     assert set(np.diff(came)) == {60}
 
 
-def test_a_flow_ends_and_takes_nothing_from_others(track, tmp_path):
-    world, traffic = played(track, tmp_path, FLOW.format(end=0.0))
-    there = int(world.vehicles.alive.sum())
-    assert there > 1
-    assert len(traffic._flows) == 0
-    for _ in range(200):
-        world.advance(ALL)
-        traffic.step(ALL)
-    assert world.vehicles.alive.sum() < there
-
-
 @pytest.mark.parametrize("warm_up", [0.0, 50.0])
 def test_a_single_vehicle_departs_once(track, tmp_path, warm_up):
     """Times less the warm-up are rounded, such as 60.3 - 50."""
@@ -142,24 +124,3 @@ def test_the_warm_up_leaves_the_vehicles_that_steps_leave(track, tmp_path, rates
     places, others = (np.sort(each._s[each._world.vehicles.alive]) for each in (traffic, stepped))
     assert len(places) > 11
     np.testing.assert_allclose(places, others, atol=0.1 * traffic._paths.speed[0] + 1e-6)
-
-
-def test_a_vehicle_without_room_takes_none_from_others(track, tmp_path, monkeypatch):
-    """A vehicle stands near the begin of the first one's route; the routes begin 92 m apart."""
-    monkeypatch.setattr(constant_speed, "ROOM", 100.0)
-    routes = "".join(
-        f"<route id='{edge}' edges='{edge}'/><vehicle id='{edge}' route='{edge}' depart='0.1'/>"
-        for edge in ("south", "east")
-    )
-    world, traffic = played(track, tmp_path, f"<routes>{routes}</routes>")
-    x, y, _ = traffic._paths.poses(np.arange(2, dtype=np.int32), np.zeros(2), np.zeros(2)).T
-    assert np.hypot(x[1] - x[0], y[1] - y[0]) < 100.0
-    one = np.ones(1)
-    (slot,) = world.registry.admit_unnamed(
-        np.zeros(1, np.int32), Owner.NOBODY, np.zeros(1, np.int8), 5 * one, one
-    )
-    world.vehicles.position[0, slot] = x[0] + 0.3 * (x[0] - x[1]), y[0] + 0.3 * (y[0] - y[1])
-    world.advance(ALL)
-    traffic.step(ALL)
-    assert world.vehicles.alive.sum() == 2
-    assert traffic._flows["path"].tolist() == [0]

@@ -35,14 +35,6 @@ def test_the_pose_of_a_nearest_point_is_the_original_pose(roads):
     assert paths.nearest([], x, y, heading)[0] == -1
 
 
-def test_nearest_returns_the_first_of_paths_that_share_a_lane(roads):
-    paths = LanePaths([roads])
-    onward, left = (paths.add(0, numbers(roads, route)) for route in (ONWARD, LEFT))
-    pose = roads.pose_at(roads.lane_number("west_in", 0), 20.0)
-    assert paths.nearest([onward, left], *pose)[0] == onward
-    assert paths.nearest([left, onward], *pose)[0] == left
-
-
 def test_poses_are_bit_equal_whichever_paths_were_added_before(roads):
     alone, after = LanePaths([roads]), LanePaths([roads])
     after.add(0, numbers(roads, LEFT))

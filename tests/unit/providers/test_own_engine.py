@@ -16,7 +16,6 @@ from tests.raising import raises
 
 ENGINE = """
 import numpy as np
-import sys
 from smarts.errors import TrafficError
 from smarts.types.vehicles import Owner, VehicleKind
 
@@ -42,22 +41,6 @@ class Made(Mine):
     def __init__(self, world, maps):
         raise KeyError("flow")
 
-class Bare(Mine):
-    def __init__(self, world, maps):
-        pass
-
-class Narrow(Mine):
-    def __init__(self, world, maps):
-        self.failures, self.is_full = {}, np.zeros(world.worlds + 1, np.bool_)
-
-class Resets(Mine):
-    def reset(self, starts):
-        raise KeyError("flow")
-
-class Leaves(Mine):
-    def step(self, env_mask):
-        sys.exit(0)
-
 class Infinite(Mine):
     def step(self, env_mask):
         self.world.vehicles.position[1, 0, 1] = np.inf
@@ -70,13 +53,6 @@ class Fails(Mine):
 class Accepts(Mine):
     def can_accept(self, rows, slots):
         return None
-
-class Lists(Mine):
-    def step(self, env_mask):
-        self.is_full = [False, True]
-
-    def can_accept(self, rows, slots):
-        return np.array([1 for _ in rows])
 
 class Gives(Mine):
     def can_give(self, rows, slots):
@@ -114,10 +90,6 @@ def play(engine, world):
     ("name", "line", "said"),
     [
         ("Made", "raise KeyError", "KeyError: 'flow'"),
-        ("Bare", "class Bare", "failures is None"),
-        ("Narrow", "class Narrow", "is_full is "),
-        ("Resets", "class Resets", "KeyError: 'flow'"),
-        ("Leaves", "sys.exit(0)", "SystemExit: 0"),
         ("Infinite", "class Infinite", "speed of a vehicle are [0.0, inf, 0.0, 0.0]"),
         ("Accepts", "class Accepts", "can_accept returns None for 1 vehicles"),
         ("Gives", "class Gives", "can_give returns array"),
@@ -126,7 +98,7 @@ def play(engine, world):
 def test_mistakes_are_errors_with_engine_key_file_and_line(make, name, line, said):
     lines = ENGINE.splitlines()
     number = next(number for number, each in enumerate(lines, 1) if line in each)
-    number += {"Resets": 2, "Infinite": 1, "Accepts": 1, "Gives": 1}.get(name, 0)
+    number += {"Infinite": 1, "Accepts": 1, "Gives": 1}.get(name, 0)
     values = [f"'{make.file.stem}:{name}'", "traffic_engine", said]
     with raises(OwnCodeError, f"{make.file}:{number}", values=values):
         play(*make(name))
@@ -139,15 +111,6 @@ def test_an_engine_that_keeps_the_protocol_is_taken(make):
     assert engine.can_accept(np.zeros(3, int), np.zeros(3, int)).tolist() == [Refusal.OFF_LANES] * 3
     assert world.vehicles.alive.sum(axis=1).tolist() == [1, 1]
     engine.close()
-
-
-def test_an_engine_may_answer_by_lists_of_any_length(make):
-    """Where engines differ by episode, one may be asked for no vehicle."""
-    engine, world = make("Lists")
-    play(engine, world)
-    none = np.zeros(0, int)
-    assert engine.can_accept(none, none).dtype.kind == "i"
-    assert engine.is_full[np.array([False, True])].tolist() == [True]
 
 
 def test_failures_of_an_engine_are_the_simulations(make):

@@ -1,7 +1,6 @@
 """Where vehicles arrive, as their route files say; it survives a replacement of the vehicle in SUMO."""
 
 import gzip
-import os
 
 import numpy as np
 import pytest
@@ -35,16 +34,6 @@ def test_arrivals_are_those_of_the_vehicle_or_of_its_flow(tmp_path, suffix):
         "unknown": {},
     }
     assert {name: dict(arrivals.of(name)) for name in expected} == expected
-
-
-def test_a_changed_file_is_read_again(tmp_path):
-    file = tmp_path / "some.rou.xml"
-    for place, changed in (("1", 1), ("2", 2)):
-        file.write_text(f'<routes><trip id="a" depart="0" from="ab" to="bc" arrivalPos="{place}"/></routes>')
-        changed_ns = changed * 10**9
-
-        os.utime(file, ns=(changed_ns, changed_ns))
-        assert SumoArrivals([file]).of("a") == {"arrivalPos": place}
 
 
 def test_a_vehicle_taken_over_during_a_lane_change_arrives_where_it_was_to(world, country, monkeypatch):

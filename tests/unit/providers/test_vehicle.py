@@ -7,15 +7,12 @@ import pytest
 
 from smarts.dynamics import MotionError, vehicle
 from smarts.providers.vehicle_surface import RoadSurfaces
-from smarts.sensors.accelerometer import AccelerationAndJerk
-from smarts.sensors.ego_vehicle_state import EgoVehicleState
 from smarts.sstudio import types as t
 from smarts.types.actions import CommandMode
 from smarts.types.agent_states import AgentStatus
 from smarts.types.transfers import Reason, Refusal, transfers
 from smarts.types.vehicles import Owner, VehicleKind
 from tests import maps
-from tests.unit.sensors.seeing import seen
 from tests.vehicle_stage import ego
 from tests.worlds import Car
 
@@ -35,34 +32,6 @@ def test_writes_rows_and_tracks(stage, model):
     assert agents.distance_travelled[0, 0] == pytest.approx(vehicles.position[0, 0, 0] - 20.0)
     # Another provider moves traffic.
     assert vehicles.position[0, 1].tolist() == [300.0, 3.2]
-
-
-def test_sensors_of_a_kinematic_vehicle_in_a_bend(stage):
-    """The reference is worked out by hand.
-
-    The rear axle moves at v along the heading, the yaw rate is r = v tan(steering) / L, and the centre of
-    gravity is l_r in front of the rear axle. The vehicle steers from straight to full lock and holds it.
-    """
-    driven, record = stage([ego(speed=6.0)], model="kinematic"), vehicle("passenger")
-    driven.actuate(throttle=0.1, steering=1.0)
-    previous, turning = np.array([6.0, 0.0]), 0.0
-    for _ in range(30):
-        driven.step()
-        state, motion = seen(EgoVehicleState(), driven.made), seen(AccelerationAndJerk(), driven.made)
-        v, heading, steering = (float(state[name]) for name in ("speed", "heading", "steering"))
-        rate = v * math.tan(steering) / record.wheelbase
-        assert state["yaw_rate"] == pytest.approx(rate, rel=1e-6)
-        forward, left = (
-            np.array([math.cos(heading), math.sin(heading)]),
-            np.array([-math.sin(heading), math.cos(heading)]),
-        )
-        velocity = v * forward + rate * record.cog_to_rear_axle * left
-        assert state["linear_velocity"] == pytest.approx(velocity, abs=1e-5)
-        assert motion["linear_acceleration"] == pytest.approx((velocity - previous) / 0.1, abs=1e-4)
-        assert motion["angular_acceleration"] == pytest.approx((rate - turning) / 0.1, abs=1e-4)
-        previous, turning = velocity, rate
-    assert steering == pytest.approx(record.steering.max_angle)
-    assert rate > 1.0
 
 
 class TestHandOver:
@@ -139,18 +108,6 @@ class TestHandOver:
         assert driven.vehicles.can_accept(np.zeros(1, np.int32), np.zeros(1, np.int32)).tolist() == [refusal]
 
 
-def test_masked_simulations_do_not_change(stage):
-    driven = stage([ego()], [ego()])
-    driven.actuate(throttle=0.5, steering=0.1)
-    driven.step(3)
-    before = {name: column[1].copy() for name, column in driven.world.vehicles._asdict().items()}
-    tracks = driven.step(5, rows=np.array([True, False])).poses[1].copy()
-    for name, column in driven.world.vehicles._asdict().items():
-        assert np.array_equal(column[1], before[name]), name
-    assert driven.world.vehicles.position[0, 0, 0] > before["position"][0, 0] + 4.0
-    assert np.array_equal(driven.step(rows=np.array([True, False])).poses[1], tracks)
-
-
 @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
 def test_a_batch_equals_separate_runs(stage, model):
     cars = [[ego(y=0.4 * row, speed=8.0 + row), Car(32.0 + 3 * row, 0.0, speed=3.0)] for row in range(3)]
@@ -203,16 +160,6 @@ class TestPlaced:
         assert vehicles.yaw_rate[0, 0] == pytest.approx(1.0)
         assert not driven.vehicles.fleet.motion.active.any()
 
-    def test_continues_with_its_dynamics_afterwards(self, stage):
-        driven = stage([ego()])
-        driven.commands.mode[0, 0] = CommandMode.PLACE
-        driven.commands.poses[0, 0] = np.linspace((20.1, 0.0, 0.0, 10.0), (21.0, 0.0, 0.0, 10.0), 10)
-        driven.step()
-        driven.actuate()
-        driven.step()
-        assert driven.world.vehicles.position[0, 0, 0] == pytest.approx(22.0, abs=0.01)
-        assert driven.vehicles.fleet.motion.active.sum() == 1
-
 
 class TestFriction:
     def braked(self, stage, *patches):
@@ -233,14 +180,6 @@ class TestFriction:
         far = t.RoadSurfacePatch(t.PositionalZone(pos=(500.0, 0.0), size=(20.0, 20.0)), 0.0, 100.0, 0.3)
         later = t.RoadSurfacePatch(t.PositionalZone(pos=(100.0, 0.0), size=(400.0, 20.0)), 50.0, 100.0, 0.3)
         assert self.braked(stage, far, later) == pytest.approx(self.braked(stage))
-
-    def test_random_patches_are_the_same_in_every_simulation(self):
-        random = t.RoadSurfacePatch(t.MapZone(("road", 0, "random"), 50.0, 1), 0.0, 100.0, 0.3)
-        graph = maps.straight(lanes=3, length=600.0)
-        first = RoadSurfaces([[random, random]], [graph])._patches.vertex
-        second = RoadSurfaces([[random], [random, random]], [graph, graph])._patches.vertex
-        assert first.tolist() == second[len(first) // 2 :].tolist()
-        assert first[: len(first) // 2].tolist() != first[len(first) // 2 :].tolist()
 
     def test_under_the_left_wheels_only(self, stage):
         left = t.RoadSurfacePatch(t.PositionalZone(pos=(100.0, 10.0), size=(400.0, 20.0)), 0.0, 100.0, 0.3)

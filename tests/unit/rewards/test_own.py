@@ -75,10 +75,7 @@ def broken(step):
 
 @pytest.mark.parametrize(
     ("reward", "values"),
-    [
-        (lambda step: np.ones(7), [(7,), (2, 2)]),
-        (lambda step: np.full((2, 2), np.inf), ["inf", "'agent-0'"]),
-    ],
+    [(lambda step: np.ones(7), [(7,), (2, 2)]), (lambda step: np.full((2, 2), np.inf), ["inf", "'agent-0'"])],
 )
 def test_what_is_no_reward_is_named(reward, values):
     with raises(OwnCodeError, values=values):

@@ -172,10 +172,7 @@ def test_lanes_inside_junctions_are_built_where_a_net_has_none(tmp_path, cross):
 
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
-    [
-        ('to="north_out"', 'to="nowhere"', "no edge 'nowhere'"),
-        ('via="', 'via=":gone', "no lane ':gone"),
-    ],
+    [('to="north_out"', 'to="nowhere"', "no edge 'nowhere'"), ('via="', 'via=":gone', "no lane ':gone")],
 )
 def test_bad_links_of_a_net_are_left_out(tmp_path, nets, old, new, problem):
     """SUMO itself refuses such a network, or crashes where the link is merely removed."""

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.roads.atlas import RoadAtlas
-from smarts.roads.curves import (
-    curve_into,
-    pose_along,
-    pose_on,
-    sharpest_bend,
-    station_near,
-    stations_of,
-)
+from smarts.roads.curves import curve_into, pose_along, pose_on, sharpest_bend, station_near, stations_of
 from tests.maps import Road, graph_of
 
 WIDE = 12.8

@@ -9,7 +9,7 @@ from smarts.dynamics.performance import performance
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.paces import Performance, acceleration_over, paces_in
 from smarts.types.vehicles import VehicleKind
-from tests.maps import Road, bend, crossing, graph_of, straight
+from tests.maps import bend, crossing, straight
 
 NO_PACE = np.zeros((0, 1))
 
@@ -51,27 +51,6 @@ def test_bends_and_the_steering_limit_the_pace():
     ends = 1 / math.sqrt(180.0) + 1 / math.sqrt(120.0)
     assert pace_in(roads, 0, 10.0) == pytest.approx(48 / (44 / fast + 2 * ends), rel=2e-3)
     assert pace_in(roads, 0, 1e-3) == pytest.approx(48 / (10 / 2.0 + 38 / fast), rel=1e-2)
-
-
-def s_curve(radius):
-    """Return a quarter circle to the left and one to the right, so that the road ends as it begins."""
-    angles = np.linspace(0.0, math.pi / 2, 1 + math.ceil(radius * math.pi * 2))
-    left = radius * np.column_stack([np.sin(angles), 1.0 - np.cos(angles)])
-    right = 2 * radius - left[::-1]
-    return graph_of({"s": Road([*map(tuple, left), *map(tuple, right[1:])])})
-
-
-def test_the_bends_of_an_s_curve_count():
-    """Two of 12 m in 37.7 m: sqrt(3 * 12) m/s = 6 m/s, and more near the ends and in the middle.
-
-    There the turn over 4 m is smaller than 4 / 12 rad: by a half and by a quarter at either end; in the
-    middle by a half twice, and at most once zero. The begin and the end of the road have the same heading.
-    """
-    roads = RoadAtlas([s_curve(12.0)]).roads
-    found = pace_in(roads, 0, 10.0)
-    assert 6.0 < found < 38 / (31 / 6.0 + 7 / 14.0)
-    # One whose steering is slow drives 2 m/s near the ends and the middle, where the bend changes.
-    assert pace_in(roads, 0, 1e-3) < 0.8 * found
 
 
 def test_an_atlas_has_a_table_of_paces_for_the_lanes_of_all_maps():

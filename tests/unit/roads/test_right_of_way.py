@@ -45,17 +45,8 @@ def gap_of(made, agent=0, margins=1.0):
     route = routes.free + routes.number[0, agent]
     rows = range(routes.start[route], routes.start[route + 1])
     (row,) = [row for row in rows if routes.lane[row] == lane]
-    return gap_to_wait(
-        state,
-        roads,
-        routes,
-        performance(made.atlas),
-        0,
-        slot,
-        row,
-        made.world.vehicles.lane_position[0, slot],
-        margins,
-    )
+    place, able = made.world.vehicles.lane_position[0, slot], performance(made.atlas)
+    return gap_to_wait(state, roads, routes, able, 0, slot, row, place, margins)
 
 
 def wait_for(
@@ -65,19 +56,16 @@ def wait_for(
     y=-30.0,
     mission=TO_THE_NORTH,
     signals=(),
-    step=0,
     accelerations=(),
     widths=None,
     turns=(),
-    length=5.0,
 ):
     """Return how far a vehicle from the south drives at most [m].
 
     `accelerations` are those of the cars, `turns` the edges that the cars after the first one signal.
     """
     graph = crossing(gives_way=rules, widths=widths or {})
-    made = world_of([Car(1.6, y, math.pi / 2, speed, mission, length=length), *cars], maps=[graph])
-    made.world.step[:] = step
+    made = world_of([Car(1.6, y, math.pi / 2, speed, mission), *cars], maps=[graph])
     made.world.vehicles.next_edge[0, 1 : 1 + len(turns)] = [*map(graph.edge_number, turns)]
     made.world.vehicles.acceleration[0, : len(accelerations)] = accelerations
     for turn, light in signals:

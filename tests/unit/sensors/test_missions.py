@@ -10,14 +10,7 @@ from smarts.sensors.via_data import ViaPoints
 from smarts.types.mission import AgentMission, GoalKind, Via
 from smarts.types.traffic import Signal
 from tests.maps import Road, graph_of
-from tests.unit.sensors.seeing import (
-    RADIUS,
-    TO_THE_LEFT,
-    at_crossing,
-    in_bend,
-    on_bend,
-    seen,
-)
+from tests.unit.sensors.seeing import RADIUS, TO_THE_LEFT, at_crossing, in_bend, on_bend, seen
 from tests.worlds import Car, world_of
 
 

@@ -8,15 +8,7 @@ from smarts.sensors.accelerometer import AccelerationAndJerk
 from smarts.sensors.ego_vehicle_state import EgoVehicleState
 from smarts.sensors.lane_positions import LanePosition
 from smarts.types.vehicles import VehicleKind
-from tests.unit.sensors.seeing import (
-    BEND,
-    RADIUS,
-    STRAIGHT_ON,
-    at_crossing,
-    in_bend,
-    on_bend,
-    seen,
-)
+from tests.unit.sensors.seeing import BEND, RADIUS, STRAIGHT_ON, at_crossing, in_bend, on_bend, seen
 from tests.worlds import Car
 
 
@@ -31,10 +23,7 @@ def test_state_in_a_curve():
     assert ego["bounding_box"] == pytest.approx([12.0, 1.8, 3.0])
     assert ego["heading"] == pytest.approx(0.5 + math.pi / 2)
     # Along the tangent (-sin, cos), and slipping towards the centre (-cos, -sin).
-    velocity = [
-        -10 * math.sin(0.5) - 0.5 * math.cos(0.5),
-        10 * math.cos(0.5) - 0.5 * math.sin(0.5),
-    ]
+    velocity = [-10 * math.sin(0.5) - 0.5 * math.cos(0.5), 10 * math.cos(0.5) - 0.5 * math.sin(0.5)]
     assert ego["linear_velocity"] == pytest.approx(velocity, rel=1e-6)
     assert ego["yaw_rate"] == pytest.approx(0.37313, abs=1e-5)
     assert (ego["speed"], ego["steering"]) == pytest.approx((10.0, 0.1))
