@@ -247,6 +247,7 @@ def _graph(
         edge_first_lane=first_lane,
         edge_lane_count=lanes_of_edge,
         edge_is_internal=internal_edge,
+        edge_is_roundabout=np.zeros(number_of_edges, np.bool_),
         edge_from=np.where(internal_edge, -1, 0).astype(np.int32),
         edge_to=np.where(internal_edge, -1, 0).astype(np.int32),
         junction_start=np.array([0, len(outline)], np.int32),

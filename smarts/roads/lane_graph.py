@@ -158,6 +158,8 @@ class LaneGraph:
     """Shape (E,)."""
     edge_is_internal: Bools
     """Whether the edge lies inside a junction, shape (E,)."""
+    edge_is_roundabout: Bools
+    """Whether the edge is part of a roundabout's ring, shape (E,)."""
     edge_from: Ints
     """Junction where the edge begins, -1 for edges inside junctions, shape (E,)."""
     edge_to: Ints

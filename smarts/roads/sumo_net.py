@@ -131,6 +131,7 @@ class _NetReader:
             edge_first_lane=self.first_lane.astype(np.int32),
             edge_lane_count=self.lane_count,
             edge_is_internal=edge_junction >= 0,
+            edge_is_roundabout=self._roundabouts(),
             edge_from=self._edge_ends("from"),
             edge_to=self._edge_ends("to"),
             junction_start=_starts(outlines),
@@ -231,6 +232,10 @@ class _NetReader:
             if neighbour is not None:
                 opposite[number] = self.lane_number[neighbour.attrib["lane"]]
         return opposite
+
+    def _roundabouts(self) -> Bools:
+        ring = {edge for r in self.root.iterfind("roundabout") for edge in r.get("edges", "").split()}
+        return np.array([edge.id in ring for edge in self.edges], np.bool_)
 
     def _edge_ends(self, end: str) -> Ints:
         return np.array(

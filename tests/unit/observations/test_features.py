@@ -108,6 +108,17 @@ def test_neighbours_nearest_first_relative_to_oneself():
     assert not seen[2:].any()
 
 
+def test_headings_follow_the_route_through_a_junction():
+    left = world_of(
+        [Car(-15.0, -1.6, mission=mission("west_in", "north_out", goal=(1.6, 80.0)))], maps=[crossing()]
+    )
+    right = world_of(
+        [Car(-15.0, -1.6, mission=mission("west_in", "south_out", goal=(-1.6, -80.0)))], maps=[crossing()]
+    )
+    assert look(left)[0, 0, HEADINGS + WAYPOINTS - 1] > 0.7
+    assert look(right)[0, 0, HEADINGS + WAYPOINTS - 1] < -0.7
+
+
 def test_headings_are_those_of_the_lane_that_is_steered_for():
     made = world_of([Car(30.0, 0.0, math.pi / 2, mission=mission("bend"))], maps=[bend(lanes=3)])
     here = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS].copy()

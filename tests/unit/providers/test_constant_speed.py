@@ -94,6 +94,17 @@ def test_a_flow_without_an_end_comes_at_its_rate_from_the_warm_up_on(track, tmp_
     assert set(np.diff(came)) == {60}
 
 
+def test_a_flow_ends_and_takes_nothing_from_others(track, tmp_path):
+    world, traffic = played(track, tmp_path, FLOW.format(end=0.0))
+    there = int(world.vehicles.alive.sum())
+    assert there > 1
+    assert len(traffic._flows) == 0
+    for _ in range(200):
+        world.advance(ALL)
+        traffic.step(ALL)
+    assert world.vehicles.alive.sum() < there
+
+
 @pytest.mark.parametrize("warm_up", [0.0, 50.0])
 def test_a_single_vehicle_departs_once(track, tmp_path, warm_up):
     """Times less the warm-up are rounded, such as 60.3 - 50."""

@@ -139,6 +139,17 @@ class TestContacts:
                 assert 0.0 <= speeds[0, 0, 1] == speeds[0, 1, 0] <= 11.1
         assert 2 < touched < 10
 
+    def test_contacts_are_cleared_in_the_next_step(self, stage):
+        driven = stage([Car(50.0, 0.0, speed=10.0, mission=MISSION), Car(56.0, 0.0, mission=MISSION)])
+        steps = []
+        for _ in range(20):
+            tracks = driven.step()
+            steps.append(bool(tracks.touched.any()))
+            assert not tracks.touch_speed[tracks.touched == 0].any()
+        assert any(steps)
+        assert not steps[0]
+        assert not steps[-1]
+
     def test_vehicles_moved_by_poses_are_touched_too(self, stage):
         """The vehicle that is moved by poses is a box, which the other vehicle runs into."""
         driven = stage([ego(20.0, speed=10.0), ego(26.0, speed=0.0)])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smarts.providers.gates import chord_pose, find_too_close
+from smarts.providers.gates import chord_pose, compare_with_chord, find_too_close
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleStates
 
@@ -58,6 +58,23 @@ def test_both_ends_of_a_vehicle_are_on_its_line():
     assert heading == pytest.approx(math.atan2(along[1], along[0]), abs=1e-4)
     # The vehicle is as long as the arc, so its centre is half an arc behind its front.
     assert [x, y] == pytest.approx(ends[1] - 0.5 * reach * along / 12.0, abs=1e-3)
+
+
+def test_a_pose_is_compared_now_and_after_the_next_step():
+    """The car's front is 25 m along a straight line; offset and heading differ, then the yaw rate does."""
+    states = two_cars(50.0, 0.0, speed=10.0)
+    line, stations = np.array([[-22.5, 0.0], [77.5, 0.0]]), np.array([0.0, 100.0])
+
+    def compare():
+        return compare_with_chord(states, 0, line, stations, 0, 0, 2, 25.0, 0.0, 0.1)
+
+    assert compare() == pytest.approx((0.0, 0.0), abs=1e-12)
+    states.position[0, 0, 1] = 0.07
+    assert compare() == pytest.approx((0.0, 0.07), abs=1e-12)
+    states.position[0, 0, 1], states.yaw_rate[0, 0] = 0.0, 0.3
+    assert compare() == pytest.approx((0.03, math.sin(0.015)), abs=1e-9)
+    states.heading[0, 0] = 0.02
+    assert compare()[0] == pytest.approx(0.05, abs=1e-9)
 
 
 def after(world, slot, x, y, heading=0.0, speed=10.0, steps=10):

@@ -96,6 +96,21 @@ def test_yaw_rate_and_lateral_speed_follow_from_the_poses(world, country):
     assert [getattr(states, column)[slot] for column in columns] == pytest.approx([0.0] * 4, abs=1e-9)
 
 
+def test_slots_follow_the_order_of_departure_and_are_reused(world, country):
+    cars = "".join(
+        f'<vehicle id="{name}" depart="{when}" departSpeed="max"><route edges="{edges}"/></vehicle>'
+        for name, when, edges in (("z", 0, "wc"), ("y", 3, "wc ce"), ("b", 9, "ec cw"), ("a", 30, "wc"))
+    )
+    world.reset(country.cross(cars, warm_up=10.0))
+    assert [world.slot(name) for name in "zyb"] == [0, 1, 2]
+    world.step(150)
+    assert "z" not in world.names()
+    assert world.states.generation[0] == 1
+    world.step(100)
+    assert world.slot("a") == 0
+    assert world.states.generation[0] == 2
+
+
 def test_the_last_free_slot_may_go_to_an_ego(new_world, country):
     """This holds even if another vehicle departs in SUMO in the same step."""
     world = new_world(capacity=8)

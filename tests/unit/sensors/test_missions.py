@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from smarts.agents.options import Signals
 from smarts.sensors.mission import MissionAndGoal
 from smarts.sensors.signals import SignalsAhead
 from smarts.sensors.via_data import ViaPoints
@@ -47,6 +48,13 @@ def test_via_points_in_a_curve_come_by_distance():
     assert near["position"][0] == pytest.approx([RADIUS * math.cos(0.3), RADIUS * math.sin(0.3)])
 
 
+def test_via_points_behind_a_junction_are_seen_when_near():
+    via = Via((40.0, -1.6), lane=-1, radius=2.0, speed=5.0)
+    mission = AgentMission(("west_in", "east_out"), vias=(via,))
+    assert seen(ViaPoints(), at_crossing(Car(-0.5, -1.6, mission=mission)))["count"] == 0
+    assert seen(ViaPoints(), at_crossing(Car(0.5, -1.6, mission=mission)))["count"] == 1
+
+
 def lights(made, **shown):
     """Let lanes out of the west show lights, by where they lead to."""
     graph = made.atlas.graphs[0]
@@ -63,6 +71,13 @@ def test_the_light_of_the_own_way_is_seen():
     assert ahead["state"].tolist() == [Signal.STOP, 0, 0, 0]
     assert ahead["stop_point"][0] == pytest.approx([-10.0, -1.6])
     assert ahead["distance"][0] == pytest.approx(20.0)
+
+
+def test_lights_are_seen_from_so_far():
+    made = at_crossing(Car(-30.0, -1.6, mission=TO_THE_LEFT))
+    lights(made, north=Signal.STOP)
+    assert seen(SignalsAhead(Signals(lookahead=19.9)), made)["count"] == 0
+    assert seen(SignalsAhead(Signals(lookahead=20.1)), made)["count"] == 1
 
 
 def test_off_the_route_all_lights_ahead_are_seen():
