@@ -33,9 +33,7 @@ class Request(BaseModel):
 
     watch: Annotated[list[str], Field(max_length=MOST_WATCHED)]
     """Ids of simulations."""
-    observe: Annotated[
-        dict[str, Annotated[int, Field(ge=0, lt=1 << 31)]], Field(max_length=MOST_WATCHED)
-    ] = {}
+    observe: Annotated[dict[str, _Agent], Field(max_length=MOST_WATCHED)] = {}
     """The agent of a simulation whose observations are to be shown: its row in `agents`."""
 
     @classmethod
