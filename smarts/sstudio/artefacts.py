@@ -18,8 +18,8 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.sources import MapSource
 from smarts.roads.sumo_net import read_net, write_driven_lengths
 from smarts.roads.sumo_tools import try_in_sumo
-from smarts.sstudio.built import LANES, NET, SCENARIO, WITHOUT_EFFECT
-from smarts.sstudio.cache import MANIFEST, damaged_file, file_table
+from smarts.sstudio.built import LANES, NET, SCENARIO
+from smarts.sstudio.cache import MANIFEST
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.executing import Description
 from smarts.sstudio.sstypes.map_spec import MapSpec
@@ -49,8 +49,7 @@ def write_artefacts(
         MapError: The map is broken.
     """
     scenario, seed = description.scenario, description.seed
-    shared = like is not None and not damaged_file(like)
-    of_map = _share(like, folder) if like is not None and shared else _compile(source, folder)
+    of_map = _compile(source, folder) if like is None else _share(like, folder)
     roads = LaneGraph.load(folder / LANES)
     validate(scenario, roads, folder / NET, place)
     (folder / "traffic").mkdir()
@@ -68,7 +67,6 @@ def write_artefacts(
         **of_map,
         "notes": notes,
         "warnings": warnings,
-        "files": file_table(folder),
     }
     _write_json(folder / MANIFEST, manifest)
 
@@ -154,11 +152,10 @@ def _warnings(description: Description) -> list[str]:
     other = [name for name, traffic in described.items() if traffic.engine not in TRAFFIC_ENGINES]
     warnings = []
     if other:
-        names = f"{', '.join(map(repr, other[:3]))}{f' and {len(other) - 3} more' if len(other) > 3 else ''}"
+        names = ", ".join(map(repr, other))
         warnings.append(f"SUMO drives the traffic {names}, which names the engine 'SMARTS'")
-    unused = [name for name in WITHOUT_EFFECT if getattr(scenario, name)]
-    if unused:
-        warnings.append(f"{', '.join(unused)}: without effect so far, the scenario is played without it")
+    if scenario.traffic_histories:
+        warnings.append("traffic_histories: without effect so far, the scenario is played without it")
     return warnings
 
 

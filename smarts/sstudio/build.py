@@ -7,10 +7,12 @@ folder. So a changed comment runs the scenario file again but writes nothing.
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
@@ -27,14 +29,13 @@ from smarts.sstudio.decoding import decode
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.episodes import check_egos
 from smarts.sstudio.executing import Description, run_scenario_file
-from smarts.sstudio.failures import named_failures
 from smarts.sstudio.locating import SCRIPT, Location, locate, suite
 from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
 from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
 from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.scenario import Scenario, Variation
 from smarts.sstudio.sstypes.traffic import Traffic
-from smarts.types.streams import is_seed
+from smarts.types.streams import check_seed
 
 __all__ = ["build_described", "build_scenario", "suite"]
 
@@ -63,8 +64,9 @@ def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) 
         MapError: The map is missing or broken.
         UnknownNameError: There is no such scenario or variation.
     """
-    with named_failures("building the scenario", os.fspath(path)):
-        _check_seed(seed, "seed")
+    with _named_failures(os.fspath(path)):
+        if seed is not None:
+            check_seed(seed, "seed")
         location = locate(path)
         inputs = _fingerprint_inputs(location, seed)
         built = _find_built(location, inputs) or _build(location, _describe(location, seed), inputs)
@@ -89,13 +91,32 @@ def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEE
 
     `build_scenario` finds it again, unless the folder has a scenario file, which counts before it.
     """
-    with named_failures("building the scenario", str(directory)):
+    with _named_failures(str(directory)):
         location = Location(directory.name, directory, described_only=True)
-        _check_seed(seed, str(directory))
+        check_seed(seed, str(directory))
         described = _portable(scenario, location)
         built = _build(location, Description(described, seed))
         _warn(_place(location), built.warnings)
         return built
+
+
+_REMEDIES = {
+    errno.ENOSPC: "make room on that disk, and build again",
+    errno.EDQUOT: "make room on that disk, and build again",
+    errno.EACCES: "give yourself access to it",
+    errno.EPERM: "give yourself access to it",
+}
+
+
+@contextmanager
+def _named_failures(place: str) -> Iterator[None]:
+    """Turn errors of the file system into errors that name the user's file or folder, `place`."""
+    try:
+        yield
+    except OSError as error:
+        where = f" ({error.filename})" if error.filename and str(error.filename) != place else ""
+        problem = f"building the scenario failed: {error.strerror or error}{where}"
+        raise ScenarioError(problem, place=place, remedy=_REMEDIES.get(error.errno or 0, "")) from error
 
 
 @cache
@@ -103,11 +124,6 @@ def _warn(place: str, warnings: tuple[str, ...]) -> None:
     """Log the warnings of a built scenario once in a process."""
     for warning in warnings:
         logging.getLogger("smarts").warning("%s: %s", place, warning)
-
-
-def _check_seed(seed: Any, place: str) -> None:
-    if seed is not None and not is_seed(seed):
-        raise ScenarioError(f"{seed!r} is not a seed", place=place, remedy="use 0, 1, 2, ..., below 2**63")
 
 
 def _find_built(location: Location, inputs: str) -> BuiltScenario | None:
@@ -119,12 +135,12 @@ def _find_built(location: Location, inputs: str) -> BuiltScenario | None:
 
 
 def _up_to_date(cache: BuildCache, location: Location, inputs: str) -> BuiltScenario | None:
-    entry = cache.read(inputs) or {}
-    key, files = entry.get("key"), entry.get("files")
-    if not isinstance(key, str) or not isinstance(files, dict) or "map" not in entry:
+    entry = cache.read(inputs)
+    artefacts = cache.artefacts(entry["key"]) if entry else None
+    if entry is None or artefacts is None:
         return None
-    artefacts = cache.artefacts(key)
-    if artefacts is None or files != _hashes(location.directory, files):
+    files = entry["files"]
+    if files != _hashes(location.directory, files):
         return None
     try:
         source = find_map_source(location.directory, entry["map"])
@@ -140,7 +156,6 @@ def _build(location: Location, description: Description, inputs: str | None = No
     directory, spec = location.directory, description.scenario.map_spec
     map_name = None if spec is None else spec.source
     source = find_map_source(directory, map_name)
-    _check_seed(description.seed, f"{_place(location)}: seed")
     map_key = _fingerprint_map(source)
     content = encode(description.scenario)
     # As text, in which mappings keep their order: episodes take variations in it.
@@ -152,8 +167,8 @@ def _build(location: Location, description: Description, inputs: str | None = No
     cache = BuildCache.writable(location.builds)
     with cache.lock():
         if cache.artefacts(key) is None:
-            twin = (cache.read(f"map-{map_key}") or {}).get("key")
-            like = cache.artefacts(twin) if isinstance(twin, str) else None
+            twin = cache.read(f"map-{map_key}")
+            like = cache.artefacts(twin["key"]) if twin else None
             with cache.publish(key) as folder:
                 write_artefacts(folder, description, source, like, _place(location), directory)
             cache.write(f"map-{map_key}", {"key": key})
@@ -216,50 +231,37 @@ def _described_base(location: Location, seed: int) -> Description:
 
 
 def _varied(description: Description, variation: Variation) -> Description:
-    base = description.scenario
-    return replace(
-        description,
-        scenario=replace(
-            base,
-            map_spec=variation.map_spec or base.map_spec,
-            traffic=base.traffic if variation.traffic is None else variation.traffic,
-            ego_missions=base.ego_missions if variation.ego_missions is None else variation.ego_missions,
-            held_out=None,
-        ),
-        seed=description.seed if variation.seed is None else variation.seed,
-    )
+    parts = {name: getattr(variation, name) for name in ("map_spec", "traffic", "ego_missions")}
+    changes = {name: part for name, part in parts.items() if part is not None}
+    scenario = replace(description.scenario, held_out=None, **changes)
+    seed = description.seed if variation.seed is None else variation.seed
+    return replace(description, scenario=scenario, seed=seed)
 
 
 def _portable(scenario: Scenario, location: Location) -> Scenario:
     """Return the scenario with its paths relative to its folder, so that it can be moved with it.
 
     Raises:
-        ScenarioError: A part that is needed before the build's checks is of another type.
+        ScenarioError: The traffic, which is needed before the build's checks, is no dict by name.
     """
-    checks = Checks(_place(replace(location, variation=None)))
-    checks.named(scenario.traffic, Traffic, "traffic")
-    spec = _portable_spec(scenario.map_spec, location.directory, checks, "map_spec")
+    directory = location.directory
+    Checks(_place(replace(location, variation=None))).named(scenario.traffic, Traffic, "traffic")
     histories = tuple(
-        replace(history, input_path=_from_folder(history.input_path, location.directory))
+        replace(history, input_path=_from_folder(history.input_path, directory))
         if isinstance(history, TrafficHistoryDataset)
         else history
         for history in scenario.traffic_histories or ()
     )
-    held_out = {}
-    variations = checks.named(scenario.held_out, Variation, "held_out")
-    for name, (where, variation) in zip(scenario.held_out or (), variations, strict=True):
-        checks.named(variation.traffic, Traffic, f"{where}.traffic")
-        varied = _portable_spec(variation.map_spec, location.directory, checks, f"{where}.map_spec")
-        held_out[name] = replace(variation, map_spec=varied)
+    held_out = {
+        name: replace(variation, map_spec=_portable_spec(variation.map_spec, directory))
+        for name, variation in (scenario.held_out or {}).items()
+    }
+    spec = _portable_spec(scenario.map_spec, directory)
     return replace(scenario, map_spec=spec, traffic_histories=histories or None, held_out=held_out or None)
 
 
-def _portable_spec(spec: Any, directory: Path, checks: Checks, where: str) -> MapSpec | None:
-    if spec is None:
-        return None
-    checks.type(spec, MapSpec, where)
-    checks.type(spec.source, str, f"{where}.source")
-    return replace(spec, source=_from_folder(spec.source, directory) or ".")
+def _portable_spec(spec: MapSpec | None, directory: Path) -> MapSpec | None:
+    return spec and replace(spec, source=_from_folder(spec.source, directory) or ".")
 
 
 def _from_folder(path: str | None, directory: Path) -> str | None:

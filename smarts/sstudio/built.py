@@ -7,8 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-from weakref import WeakValueDictionary
+from typing import Any
 
 from smarts.errors import ScenarioError, nearest_names
 from smarts.roads.lane_graph import LaneGraph
@@ -18,13 +17,7 @@ from smarts.sstudio.episodes import EpisodePlan, episode_plans
 from smarts.sstudio.sstypes.scenario import Scenario
 from smarts.types.traffic import TrafficFiles
 
-if TYPE_CHECKING:
-    from numpy.random import Generator
-
 SCENARIO, NET, LANES = "scenario.json", "map.net.xml", "lanes.npz"
-
-WITHOUT_EFFECT = ("traffic_histories",)
-"""Fields of scenarios that are read and checked, and have no effect yet."""
 
 
 @dataclass(frozen=True)
@@ -105,9 +98,9 @@ class BuiltScenario:
         """Return the map; equal artefacts share one in memory."""
         return _load_roads(self.directory / LANES)
 
-    def episodes(self, egos: int, generator: Generator | None = None) -> tuple[EpisodePlan, ...]:
+    def episodes(self, egos: int) -> tuple[EpisodePlan, ...]:
         """Return what an environment with `egos` learning agents cycles through; see `episode_plans`."""
-        return episode_plans(self.scenario, egos, generator, traffic=self.chosen_traffic, place=self.name)
+        return episode_plans(self.scenario, egos, traffic=self.chosen_traffic, place=self.name)
 
     def with_traffic(self, names: Sequence[str]) -> BuiltScenario:
         """Return the scenario with only these variations of its traffic.
@@ -131,14 +124,5 @@ def _load_json(file: Path) -> Any:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-_LOADED: WeakValueDictionary[Path, LaneGraph] = WeakValueDictionary()
-"""All maps in memory, by file."""
-
-
-@lru_cache(maxsize=64)
-def _load_roads(file: Path) -> LaneGraph:
-    """Return a map that something holds, or else read it; the last ones are held here."""
-    graph = _LOADED.get(file)
-    if graph is None:
-        graph = _LOADED[file] = LaneGraph.load(file)
-    return graph
+_load_roads = lru_cache(maxsize=64)(LaneGraph.load)
+"""Reads a map, or returns one that was read lately."""

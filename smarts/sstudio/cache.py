@@ -1,10 +1,10 @@
 """The folder of a scenario's artefacts, written atomically: an artefact is complete or absent.
 
-build/<key>/                artefacts, never changed once there; its manifest lists their sizes and hashes
+build/<key>/                artefacts, never changed once there
 build/index/<inputs>.json   which artefacts some inputs lead to
 build/.partial-*            being written by the holder of build/.lock, or left by a killed process
 
-Damaged artefacts count as absent. Artefacts that were unused for `KEPT_DAYS` (neither built nor played) are
+Artefacts that were unused for `KEPT_DAYS` (neither built nor played) are
 deleted when new ones are built.
 """
 
@@ -29,7 +29,7 @@ from smarts.errors import ScenarioError
 
 PARTIAL = ".partial-"
 MANIFEST = "manifest.json"
-"""The artefact that lists the others."""
+"""The artefact that says what was built."""
 KEPT_DAYS = 14
 """Days that unused artefacts are kept."""
 _DAY = 86400.0
@@ -59,7 +59,7 @@ class BuildCache:
         raise ScenarioError(
             "there is no place for the built scenario",
             place=", ".join(map(str, candidates)),
-            remedy="make one of these folders writable, or set XDG_CACHE_HOME to one without a comma",
+            remedy="make one of these folders writable, or set XDG_CACHE_HOME",
         )
 
     @contextmanager
@@ -83,17 +83,15 @@ class BuildCache:
         try:
             yield partial
             partial.chmod(0o755)
-            if (self.root / key).exists():
-                self._discard(self.root / key)  # damaged
             partial.rename(self.root / key)
         finally:
             shutil.rmtree(partial, ignore_errors=True)
 
     def artefacts(self, key: str) -> Path | None:
-        """Return the folder of the artefacts under `key` if they are complete and undamaged."""
+        """Return the folder of the artefacts under `key` if there are any."""
         folder = self.root / key
         note_use(folder)
-        return None if damaged_file(folder) else folder
+        return folder if (folder / MANIFEST).is_file() else None
 
     def prune(self) -> None:
         """Delete artefacts unused for `KEPT_DAYS`, and index entries without artefacts.
@@ -123,10 +121,9 @@ class BuildCache:
     def read(self, entry: str) -> dict[str, Any] | None:
         """Return an entry of the index, None if it is missing or unreadable."""
         try:
-            content = json.loads((self.root / "index" / f"{entry}.json").read_text(encoding="utf-8"))
+            return json.loads((self.root / "index" / f"{entry}.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        return content if isinstance(content, dict) else None
 
     def write(self, entry: str, content: dict[str, Any]) -> None:
         """Write an entry of the index atomically."""
@@ -144,30 +141,6 @@ def note_use(folder: Path) -> None:
     with contextlib.suppress(OSError):
         if time.time() - folder.stat().st_mtime > _DAY:
             os.utime(folder)
-
-
-def file_table(folder: Path) -> dict[str, list[Any]]:
-    """Return size and hash of every file in a folder of artefacts, for its manifest."""
-    files = sorted(file for file in folder.rglob("*") if file.is_file() and file.name != MANIFEST)
-    return {file.relative_to(folder).as_posix(): [file.stat().st_size, file_hash(file)] for file in files}
-
-
-def damaged_file(folder: Path) -> str | None:
-    """Return the name of an artefact that is not as it was built, None if all are.
-
-    Hashes are compared, too: that takes 1.5 ms a megabyte, at most 6 ms for a scenario of the suite.
-    """
-    try:
-        table = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
-        for name, (size, content) in table.items():
-            file = folder / name
-            if file.stat().st_size != size or file_hash(file) != content:
-                return name
-    except OSError as error:
-        return Path(error.filename or MANIFEST).name
-    except (ValueError, TypeError, KeyError, AttributeError):
-        return MANIFEST
-    return None
 
 
 def file_hash(file: Path) -> str | None:

@@ -28,62 +28,36 @@ class Checks:
         """Return the place of an error: file and object."""
         return f"{self.place}: {where}"
 
-    def error(self, where: str, problem: str, remedy: str) -> ScenarioError:
-        """Return an error for the caller to raise."""
-        return ScenarioError(problem, place=self.at(where), remedy=remedy)
-
     def require(self, holds: bool, where: str, problem: str, remedy: str) -> None:
         """Raise unless a condition holds."""
         if not holds:
-            raise self.error(where, problem, remedy)
+            raise ScenarioError(problem, place=self.at(where), remedy=remedy)
 
-    def number(
-        self, value: Any, where: str, above: float | None = None, least: float = 0.0, most: float = math.inf
-    ) -> None:
-        """Require a finite number from `least`, or greater than `above`, to `most`."""
-        bound = f" {least:g} or more" if above is None else f" above {above:g}"
-        bound = "" if least == -math.inf else bound
-        bound += "" if most == math.inf else f" and at most {most:g}"
-        numeric = is_number(value) and math.isfinite(value) and value <= most
-        if not numeric or not (value >= least if above is None else value > above):
-            raise self.error(where, f"{shown(value)} is not a number{bound}", f"use a number{bound}")
+    def number(self, value: Any, where: str, least: float = 0.0, most: float = math.inf) -> None:
+        """Require a number from `least` to `most`."""
+        bounds = f"from {least:g}" if most == math.inf else f"from {least:g} to {most:g}"
+        holds = isinstance(value, int | float) and least <= value <= most
+        self.require(holds, where, f"{shown(value)} is not a number {bounds}", f"use a number {bounds}")
 
-    def numbers(
-        self, owner: Any, where: str, *names: str, above: float | None = None, least: float = 0.0
-    ) -> None:
-        """Require a number in each of some fields of `owner`."""
+    def numbers(self, owner: Any, where: str, *names: str, least: float = 0.0) -> None:
+        """Require a number from `least` in each of some fields of `owner`."""
         for name in names:
-            self.number(getattr(owner, name), f"{where}.{name}", above, least)
-
-    def whole(self, value: Any, where: str, least: int = 1) -> None:
-        """Require a whole number of at least `least`."""
-        holds = isinstance(value, int) and not isinstance(value, bool) and value >= least
-        remedy = f"use {least}, {least + 1}, {least + 2}, ..."
-        self.require(holds, where, f"{shown(value)} is not a whole number from {least}", remedy)
+            self.number(getattr(owner, name), f"{where}.{name}", least)
 
     def choice(self, value: Any, known: Collection[str], where: str) -> None:
         """Require one of the known names."""
-        if value not in known:
-            raise self.error(where, f"there is no {shown(value)}", nearest_names(str(value), known))
+        self.require(value in known, where, f"there is no {shown(value)}", nearest_names(str(value), known))
 
     def type(self, value: Any, expected: type | tuple[type, ...], where: str) -> None:
         """Require a value of a type."""
-        if not isinstance(value, expected):
-            kinds = expected if isinstance(expected, tuple) else (expected,)
-            names = " or ".join(kind.__name__ for kind in kinds)
-            raise self.error(where, f"a {type(value).__name__}: {shown(value)}", f"use a {names}")
-
-    def pair(self, value: Any, where: str, above: float | None = None, least: float = 0.0) -> None:
-        """Require at least two items whose first two are numbers."""
-        is_pair = isinstance(value, list | tuple) and len(value) >= 2
-        self.require(is_pair, where, f"not a pair of numbers: {shown(value)}", "use (x, y)")
-        for number in value[:2]:
-            self.number(number, where, above, least)
+        kinds = expected if isinstance(expected, tuple) else (expected,)
+        names = " or ".join(kind.__name__ for kind in kinds)
+        self.require(isinstance(value, expected), where, f"not a {names}: {shown(value)}", f"use a {names}")
 
     def named(self, value: Any, kind: type | tuple[type, ...], where: str) -> list[tuple[str, Any]]:
         """Require a dict of values of a type by name, or None; return the values with their places."""
-        if not isinstance(value, Mapping | None):
-            raise self.error(where, f"not a dict by name: {shown(value)}", 'use {"name": ...}')
+        is_dict = isinstance(value, Mapping | None)
+        self.require(is_dict, where, f"not a dict by name: {shown(value)}", 'use {"name": ...}')
         found = [(f"{where}[{name!r}]", item) for name, item in (value or {}).items()]
         for at, item in found:
             self.type(item, kind, at)
@@ -91,8 +65,8 @@ class Checks:
 
     def each(self, value: Any, kind: type | tuple[type, ...], where: str) -> list[tuple[str, Any]]:
         """Require a list of values of a type, or None; return the values with their places."""
-        if not isinstance(value, list | tuple | None):
-            raise self.error(where, f"not a list: {shown(value)}", "use [...]")
+        is_list = isinstance(value, list | tuple | None)
+        self.require(is_list, where, f"not a list: {shown(value)}", "use [...]")
         found = [(f"{where}[{number}]", item) for number, item in enumerate(value or ())]
         for at, item in found:
             self.type(item, kind, at)
@@ -102,11 +76,6 @@ class Checks:
         """Require a name that is not in `seen`, the names so far with their places; add it."""
         earlier = seen.setdefault(name, where)
         self.require(earlier == where, where, f"{earlier} is {name!r}, too", "rename one of them")
-
-
-def is_number(value: Any) -> bool:
-    """Return whether a value is a number and not a bool."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def shown(value: Any) -> str:

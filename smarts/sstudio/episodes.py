@@ -5,13 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from smarts.errors import ScenarioError
 from smarts.sstudio import sstypes as t
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
 
 
 @dataclass(frozen=True)
@@ -19,7 +15,7 @@ class SocialRole:
     """A social agent of an episode, as the scenario describes it."""
 
     name: str
-    """Of the agent, such as "social-agent-buses-driver"."""
+    """Name of the agent, such as "social-agent-buses-driver"."""
     actor: t.SocialAgentActor
     mission: t.AnyMission
 
@@ -47,31 +43,18 @@ def check_without_handovers(scenario: t.Scenario, place: str) -> None:
     Raises:
         ScenarioError: There are bubbles, social agents, or missions that begin in a vehicle of traffic.
     """
-    takes_over = t.TrapEntryTactic | t.IdEntryTactic
-    missions = scenario.ego_missions or ()
-    parts = {
-        "bubbles": scenario.bubbles,
-        "social agents": scenario.social_agent_missions,
-        "missions that begin in a vehicle of traffic": [
-            mission for mission in missions if isinstance(mission.entry_tactic, takes_over)
-        ],
-    }
-    for name, part in parts.items():
-        if part:
-            raise ScenarioError(
-                f"traffic_step is set, and the scenario has {name}",
-                place=place,
-                remedy="leave out traffic_step: hand-overs need exact traffic",
-            )
+    tactics = [mission.entry_tactic for mission in scenario.ego_missions or ()]
+    takes_over = any(isinstance(tactic, t.TrapEntryTactic | t.IdEntryTactic) for tactic in tactics)
+    if scenario.bubbles or scenario.social_agent_missions or takes_over:
+        raise ScenarioError(
+            "traffic_step is set, and agents of the scenario may take over vehicles of traffic",
+            place=place,
+            remedy="leave out traffic_step: hand-overs need exact traffic",
+        )
 
 
 def episode_plans(
-    scenario: t.Scenario,
-    egos: int,
-    generator: Generator | None = None,
-    *,
-    traffic: Sequence[str] | None = None,
-    place: str = "",
+    scenario: t.Scenario, egos: int, *, traffic: Sequence[str] | None = None, place: str = ""
 ) -> tuple[EpisodePlan, ...]:
     """Return every variation of the traffic with every set of missions; episodes cycle through them.
 
@@ -82,7 +65,6 @@ def episode_plans(
     Args:
         scenario: The scenario.
         egos: How many learning agents there are.
-        generator: Shuffles the plans; without it they come in the scenario's order.
         traffic: The variations of the traffic that are played, by default all of the scenario.
         place: The scenario's name, for the error.
 
@@ -96,14 +78,12 @@ def episode_plans(
         tuple(missions[((first + 1) * egos + rank) % len(missions)] for rank in range(left))
         for first in range(len(sets))
     ]
-    plans = [
+    return tuple(
         EpisodePlan(name, chosen, spare, social)
         for name in traffic or scenario.traffic or (None,)
         for chosen, spare in zip(sets, spares, strict=True)
         for social in social_turns(scenario)
-    ]
-    order = range(len(plans)) if generator is None else generator.permutation(len(plans))
-    return tuple(plans[index] for index in order)
+    )
 
 
 def mission_sets(

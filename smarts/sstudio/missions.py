@@ -77,8 +77,6 @@ class PlacedMission:
     """The mission in the scenario."""
     start: LanePoint
     """Place of the front bumper."""
-    pose: tuple[float, float, float]
-    """Pose of the vehicle's centre at the start: x, y [m], heading [rad]."""
     speed: float
     """At the start [m/s]."""
     goal: LanePoint | None
@@ -295,7 +293,6 @@ def _placed(
     return PlacedMission(
         mission=draft.mission,
         start=start,
-        pose=start.pose(roads, behind=length / 2),
         speed=speed,
         goal=None if draft.route is None else _goal(draft.route, roads, generator, draft.where),
         route=_route(draft, length),

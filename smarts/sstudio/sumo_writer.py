@@ -11,7 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import quoteattr
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneGraph
@@ -63,24 +64,11 @@ def sumo_traffic(
     return _Writer(roads, net, generator, where, place).write(traffic)
 
 
-@dataclass
-class _Element:
-    """An XML element with its attributes in order."""
-
-    tag: str
-    attributes: Mapping[str, Any]
-    children: Sequence[_Element] = ()
-
-    def lines(self, indent: str = "    ") -> Iterable[str]:
-        """Return the element as lines of text."""
-        attributes = "".join(f" {name}={quoteattr(_text(value))}" for name, value in self.attributes.items())
-        if not self.children:
-            yield f"{indent}<{self.tag}{attributes}/>"
-            return
-        yield f"{indent}<{self.tag}{attributes}>"
-        for child in self.children:
-            yield from child.lines(indent + "    ")
-        yield f"{indent}</{self.tag}>"
+def _element(tag: str, attributes: Mapping[str, Any], children: Iterable[Element] = ()) -> Element:
+    """Return an XML element with its attributes in order."""
+    element = Element(tag, {name: _text(value) for name, value in attributes.items()})
+    element.extend(children)
+    return element
 
 
 def _common_name(flow: t.Flow) -> str:
@@ -97,9 +85,10 @@ def _text(value: Any) -> str:
     return str(value)
 
 
-def _document(root: str, elements: Iterable[_Element]) -> str:
-    body = "\n".join(line for element in elements for line in element.lines())
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n<{root}>\n{body}\n</{root}>\n'
+def _document(tag: str, elements: Iterable[Element]) -> str:
+    root = _element(tag, {}, elements)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, "unicode", xml_declaration=True)
 
 
 @dataclass
@@ -111,13 +100,13 @@ class _Writer:
     generator: Generator
     where: str
     place: str
-    types: dict[str, _Element] = field(default_factory=dict)
+    types: dict[str, Element] = field(default_factory=dict)
     """Vehicle types and their distributions by id."""
     members: dict[t.TrafficActor, list[str]] = field(default_factory=dict)
     """The ids of each driver's vehicle types."""
-    routes: dict[tuple[object, ...], _Element] = field(default_factory=dict)
+    routes: dict[tuple[object, ...], Element] = field(default_factory=dict)
     """Routes by their edges and rounds."""
-    stops: dict[str, _Element] = field(default_factory=dict)
+    stops: dict[str, Element] = field(default_factory=dict)
     """Bus stops by id."""
     drivers: dict[t.RandomRoute, set[t.TrafficActor]] = field(default_factory=dict)
     """The actors that use each random route."""
@@ -150,7 +139,7 @@ class _Writer:
             notes=tuple(self.notes),
         )
 
-    def _flows(self, flow: t.Flow, number: int) -> Iterable[_Element]:
+    def _flows(self, flow: t.Flow, number: int) -> Iterable[Element]:
         """Return the flow once for each speed that its drivers depart with, which SUMO wants at the flow."""
         where, total = f"{self.where}.flows[{number}]", sum(flow.actors.values())
         name = f"{_common_name(flow)}-flow-{number}"
@@ -173,9 +162,9 @@ class _Writer:
                 **({"period": f"exp({rate / 3600:.10g})"} if flow.randomly_spaced else {"vehsPerHour": rate}),
                 **self._ends(route, speed),
             }
-            yield _Element("flow", attributes, stops if circuit is None else ())
+            yield _element("flow", attributes, stops if circuit is None else ())
 
-    def _vehicle(self, trip: t.Trip, where: str) -> _Element:
+    def _vehicle(self, trip: t.Trip, where: str) -> Element:
         actor, route = trip.driver, self._resolved(trip.route, where)
         edges = route_edges(self._roads_for([actor]), route, self._at(where))
         attributes = {
@@ -185,7 +174,7 @@ class _Writer:
             "depart": trip.depart,
             **self._ends(route, actor.depart_speed),
         }
-        return _Element("vehicle", attributes, [self._stop(stop) for stop in trip.stops])
+        return _element("vehicle", attributes, [self._stop(stop) for stop in trip.stops])
 
     def _at(self, where: str) -> str:
         return f"{self.place}: {where}.route"
@@ -221,24 +210,24 @@ class _Writer:
         mixture = mix_id(actors)
         probabilities = " ".join(map(_text, shares.values()))
         attributes = {"id": mixture, "vTypes": " ".join(shares), "probabilities": probabilities}
-        self.types[mixture] = _Element("vTypeDistribution", attributes)
+        self.types[mixture] = _element("vTypeDistribution", attributes)
         return mixture
 
     def _members(self, actor: t.TrafficActor) -> list[str]:
         if actor not in self.members:
             declared = vehicle_types(actor, self.generator)
-            self.types.update({attributes["id"]: _Element("vType", attributes) for attributes in declared})
+            self.types.update({attributes["id"]: _element("vType", attributes) for attributes in declared})
             self.members[actor] = [attributes["id"] for attributes in declared]
             for model in ignored_models(actor):
                 self._note(f"SUMO drives actor '{actor.name}', so its {type(model).__name__} has no effect")
         return self.members[actor]
 
-    def _route(self, edges: tuple[str, ...], stops: Sequence[_Element] = (), **repeat: int) -> str:
-        key = (edges, *(line for stop in stops for line in stop.lines()), *repeat.values())
+    def _route(self, edges: tuple[str, ...], stops: Sequence[Element] = (), **repeat: int) -> str:
+        key = (edges, *map(ElementTree.tostring, stops), *repeat.values())
         if key not in self.routes:
             attributes = {"id": f"route-{len(self.routes)}", "edges": " ".join(edges), **repeat}
-            self.routes[key] = _Element("route", attributes, stops)
-        return self.routes[key].attributes["id"]
+            self.routes[key] = _element("route", attributes, stops)
+        return self.routes[key].attrib["id"]
 
     def _circuit(self, roads: LaneGraph, edges: tuple[str, ...], where: str) -> tuple[str, ...] | None:
         """Return the edges that lead back to the first one over the map's own roads, None without a way."""
@@ -252,7 +241,7 @@ class _Writer:
         # A route that ends on its first edge has come round already; the next round begins with that edge.
         return edges[:-1] if len(edges) > 1 and edges[0] == edges[-1] else (*edges, *back)
 
-    def _round_trip(self, circuit: tuple[str, ...], stops: Sequence[_Element]) -> str:
+    def _round_trip(self, circuit: tuple[str, ...], stops: Sequence[Element]) -> str:
         """Declare a route that is driven many times; SUMO repeats the stops that are part of it."""
         rounds = -(-ROUND_TRIP_EDGES // len(circuit))
         return self._route(circuit, stops, **({"repeat": rounds} if rounds > 1 else {}))
@@ -276,7 +265,7 @@ class _Writer:
         given, driven = float(self.roads.sumo_length[lane]), float(self.roads.driven_length[lane])
         return position if isinstance(position, str) or given == driven else position * driven / given
 
-    def _stop(self, stop: t.Stop) -> _Element:
+    def _stop(self, stop: t.Stop) -> Element:
         end = self._driven(stop.road_id, stop.lane_index, stop.offset)
         area = {
             "lane": f"{stop.road_id}_{stop.lane_index}",
@@ -284,10 +273,10 @@ class _Writer:
             "endPos": end,
         }
         if not stop.bus_stop:
-            return _Element("stop", {**area, "duration": stop.duration})
+            return _element("stop", {**area, "duration": stop.duration})
         name = f"stop-{area['lane']}-{_text(area['startPos'])}-{_text(area['endPos'])}"
-        self.stops[name] = _Element("busStop", {"id": name, **area})
-        return _Element("stop", {"busStop": name, "duration": stop.duration})
+        self.stops[name] = _element("busStop", {"id": name, **area})
+        return _element("stop", {"busStop": name, "duration": stop.duration})
 
     def _note(self, note: str) -> None:
         self.notes[note] = None

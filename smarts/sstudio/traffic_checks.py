@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from smarts.errors import nearest_names
 from smarts.roads.lane_graph import LaneGraph
@@ -24,10 +21,10 @@ from smarts.types.vehicles import VehicleKind
 ENGINES = (*TRAFFIC_ENGINES, "SMARTS")
 VEHICLE_TYPES = tuple(kind.name.lower() for kind in VehicleKind)
 DEPART_SPEEDS = ("max", "desired", "random", "speedLimit", "avg", "last")
+LEAST = 1e-3
+"""Least acceleration [m/s^2], speed [m/s] and headway [s] that is not 0."""
 SHORTEST_STOP = 0.1
 """The least length of a stop's area, below which SUMO 1.28 takes it for invalid [m]."""
-RESERVED_NAMES = re.compile(r"slot-\d+-\d+|.*-again-\d+|.*-flow-\d+(-.*)?\.\d+")
-"""Names that agents' vehicles, vehicles that are added again, and those of flows have in SUMO."""
 
 
 @dataclass(frozen=True)
@@ -72,12 +69,9 @@ class TrafficChecks(Checks):
         self.require(sum(actors.values()) > 0, where, "the weights sum to zero", "give one a weight above 0")
 
     def _trip(self, trip: t.Trip, where: str) -> None:
-        name, at = trip.vehicle_name, f"{where}.vehicle_name"
-        self.type(name, str, at)
-        remedy = "use letters, digits and the signs - _ . only"
-        self.require(sumo_id(name) == name != "", at, f"{name!r} is not a vehicle's name", remedy)
-        problem = f"{name!r} is a name that the simulation gives"
-        self.require(RESERVED_NAMES.fullmatch(name) is None, at, problem, "use another name")
+        name, remedy = trip.vehicle_name, "use letters, digits and the signs - _ . only"
+        problem = f"{name!r} is not a vehicle's name"
+        self.require(sumo_id(name) == name != "", f"{where}.vehicle_name", problem, remedy)
         self.number(trip.depart, f"{where}.depart")
         self._actor(trip.driver, f"{where}.actor")
         self._vehicle_route(trip.route, [trip.driver], trip.stops, where)
@@ -101,8 +95,7 @@ class TrafficChecks(Checks):
             end = (*route.end[:2], MAX_OFFSET) if repeats else route.end
             self._stops(stops, replace(route, end=end), edges, roads, f"{where}.stops")
         else:
-            for at, _ in self.each(stops, t.Stop, f"{where}.stops"):
-                raise self.error(at, "a random route cannot have stops", "use a Route")
+            self.require(not stops, f"{where}.stops", "a random route cannot have stops", "use a Route")
 
     def own_map(self, route: t.Route | t.RandomRoute, where: str) -> None:
         """Require a route, on the scenario's map."""
@@ -139,42 +132,20 @@ class TrafficChecks(Checks):
         self.numbers(stop, where, "offset", "length", least=SHORTEST_STOP)
         self.numbers(stop, where, "duration")
         open_lane_of(roads, (stop.road_id, stop.lane_index, stop.offset), self.at(where))
-        if stop.road_id not in edges:
-            problem = f"the route does not pass edge '{stop.road_id}'"
-            raise self.error(f"{where}.road_id", problem, nearest_names(stop.road_id, edges))
+        problem, remedy = f"the route does not pass edge '{stop.road_id}'", nearest_names(stop.road_id, edges)
+        self.require(stop.road_id in edges, f"{where}.road_id", problem, remedy)
 
     def _actor(self, actor: t.TrafficActor, where: str) -> None:
         self.choice(actor.vehicle_type, VEHICLE_TYPES, f"{where}.vehicle_type")
-        self.numbers(actor, where, "accel", "decel", "emergency_decel", "max_speed", "tau", above=0)
-        self.numbers(actor, where, "reaction_time")
+        self.numbers(actor, where, "accel", "decel", "max_speed", "tau", least=LEAST)
         self.number(actor.sigma, f"{where}.sigma", most=1)
-        for name in ("speed", "imperfection", "min_gap"):
-            self._distribution(getattr(actor, name), f"{where}.{name}")
-        problem = f"the mean is {actor.speed.mean:g} times the speed limit, with which vehicles never arrive"
-        self.require(actor.speed.mean > 0, f"{where}.speed", problem, "use a mean above 0")
-        self._depart_speed(actor, f"{where}.depart_speed")
+        if isinstance(actor.depart_speed, str):
+            self.choice(actor.depart_speed, DEPART_SPEEDS, f"{where}.depart_speed")
+        else:
+            self.number(actor.depart_speed, f"{where}.depart_speed", most=actor.max_speed)
         ignored = ignored_models(actor)
         models = (("lane_changing_model", LANE_CHANGING), ("junction_model", JUNCTIONS))
         for name, known in models:
             model = getattr(actor, name)
-            self.type(model, t.TrafficModel, f"{where}.{name}")
-            for attribute, value in () if model in ignored else model.items():
+            for attribute in () if model in ignored else model:
                 self.choice(attribute, known, f"{where}.{name}")
-                if (attribute, value) != ("impatience", "off"):
-                    self.number(value, f"{where}.{name}[{attribute!r}]", least=-math.inf)
-
-    def _depart_speed(self, actor: t.TrafficActor, where: str) -> None:
-        if isinstance(actor.depart_speed, str):
-            self.choice(actor.depart_speed, DEPART_SPEEDS, where)
-        else:
-            self.number(actor.depart_speed, where, most=actor.max_speed)
-
-    def _distribution(self, value: Any, where: str) -> None:
-        self.type(value, (t.Distribution, t.UniformDistribution, t.TruncatedDistribution), where)
-        if isinstance(value, t.Distribution):
-            self.numbers(value, where, "mean", "sigma")
-            return
-        self.numbers(value, where, "a", "b", least=-math.inf)
-        if isinstance(value, t.TruncatedDistribution):
-            self.number(value.loc, f"{where}.loc", least=-math.inf)
-            self.number(value.scale, f"{where}.scale")

@@ -11,10 +11,13 @@ for each; by default a trigger uses its own.
 from __future__ import annotations
 
 import enum
+import functools
+import operator
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, MutableMapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from smarts.types.condition_state import ConditionState
 
@@ -52,9 +55,13 @@ class ConditionRequires(enum.IntFlag):
 
 
 @dataclass(frozen=True)
-class Condition:
+class Condition(ABC):
     """Something that holds or not, and combines with others by `&`, `|` and `-`."""
 
+    looks_at: ClassVar[ConditionRequires] = ConditionRequires.none
+    """The facts that the condition itself looks at."""
+
+    @abstractmethod
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Return whether the condition holds now.
 
@@ -62,12 +69,12 @@ class Condition:
             memory: What triggers have seen so far in this simulation.
             facts: The facts named by `requires`.
         """
-        raise NotImplementedError
 
     @property
     def requires(self) -> ConditionRequires:
-        """The facts needed to evaluate the condition."""
-        raise NotImplementedError
+        """The facts needed to evaluate the condition, those of its parts included."""
+        parts = (part.requires for part in vars(self).values() if isinstance(part, Condition))
+        return functools.reduce(operator.or_, parts, self.looks_at)
 
     def negation(self) -> NegatedCondition:
         """Return what holds exactly when this does not; that it is early or too late is lost."""
@@ -120,10 +127,7 @@ class Condition:
 class SubjectCondition(Condition):
     """A condition on one road user."""
 
-    @property
-    def requires(self) -> ConditionRequires:
-        """The road user's state."""
-        return ConditionRequires.current_actor_state
+    looks_at = ConditionRequires.current_actor_state
 
 
 @dataclass(frozen=True)
@@ -137,11 +141,6 @@ class LiteralCondition(Condition):
         """Return the literal."""
         return self.literal
 
-    @property
-    def requires(self) -> ConditionRequires:
-        """Nothing."""
-        return ConditionRequires.none
-
 
 ALWAYS = LiteralCondition(ConditionState.TRUE)
 
@@ -150,6 +149,7 @@ ALWAYS = LiteralCondition(ConditionState.TRUE)
 class TimeWindowCondition(Condition):
     """Holds from `start` until before `end`; then it has expired."""
 
+    looks_at = ConditionRequires.time
     start: float
     """[s]"""
     end: float
@@ -168,36 +168,25 @@ class TimeWindowCondition(Condition):
             return ConditionState.BEFORE
         return ConditionState.EXPIRED if _has_come(self.end, time) else ConditionState.TRUE
 
-    @property
-    def requires(self) -> ConditionRequires:
-        """The simulation's time [s]."""
-        return ConditionRequires.time
-
 
 @dataclass(frozen=True)
 class DependeeActorCondition(Condition):
     """Holds while a road user is in the simulation."""
 
+    looks_at = ConditionRequires.actor_ids
     actor_id: str
     """The road user's name."""
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.actor_id, str):
-            raise TypeError(f"actor_id must be a string, got {self.actor_id!r}")
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Look the road user up in `actor_ids`."""
         return _truth(self.actor_id in facts["actor_ids"])
 
-    @property
-    def requires(self) -> ConditionRequires:
-        """The road users in the simulation."""
-        return ConditionRequires.actor_ids
-
 
 @dataclass(frozen=True)
 class OffRoadCondition(SubjectCondition):
     """Holds while the subject is off the road; BEFORE where neither road nor its absence is known yet."""
+
+    looks_at = ConditionRequires.current_actor_road_status
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Look at `current_actor_road_status`, which has `road` and `off_road`."""
@@ -205,11 +194,6 @@ class OffRoadCondition(SubjectCondition):
         if status.off_road:
             return ConditionState.TRUE
         return ConditionState.BEFORE if status.road is None else ConditionState.FALSE
-
-    @property
-    def requires(self) -> ConditionRequires:
-        """The subject's place on the road."""
-        return ConditionRequires.current_actor_road_status
 
 
 @dataclass(frozen=True)
@@ -275,11 +259,6 @@ class NegatedCondition(Condition):
         """Turn the inner result round."""
         return _truth(not self.inner_condition.evaluate(memory=memory, **facts))
 
-    @property
-    def requires(self) -> ConditionRequires:
-        """The inner condition's facts."""
-        return self.inner_condition.requires
-
 
 @dataclass(frozen=True)
 class CompoundCondition(Condition):
@@ -297,11 +276,6 @@ class CompoundCondition(Condition):
             return decided
         second = self.second_condition.evaluate(memory=memory, **facts)
         return _COMBINED[self.operator](first, second)
-
-    @property
-    def requires(self) -> ConditionRequires:
-        """Both conditions' facts."""
-        return self.first_condition.requires | self.second_condition.requires
 
 
 def _conjunction(first: ConditionState, second: ConditionState) -> ConditionState:
@@ -333,6 +307,7 @@ _DECIDED_BY_FIRST = {
 class ExpireTrigger(Condition):
     """The inner condition until a time, then `expired_state`."""
 
+    looks_at = ConditionRequires.time
     inner_condition: Condition
     """The result until then."""
     time: float
@@ -354,16 +329,12 @@ class ExpireTrigger(Condition):
             return self.expired_state
         return self.inner_condition.evaluate(memory=memory, **facts)
 
-    @property
-    def requires(self) -> ConditionRequires:
-        """The time and the inner condition's facts."""
-        return self.inner_condition.requires | ConditionRequires.time
-
 
 @dataclass(frozen=True)
 class ConditionTrigger(Condition):
     """Switches to `triggered_state` after the inner condition was met and a delay has passed."""
 
+    looks_at = ConditionRequires.time
     inner_condition: Condition
     """The condition that starts the clock."""
     delay_seconds: float
@@ -396,8 +367,3 @@ class ConditionTrigger(Condition):
         if self.persistent:
             return self.triggered_state & self.inner_condition.evaluate(memory=memory, **facts)
         return self.triggered_state
-
-    @property
-    def requires(self) -> ConditionRequires:
-        """The time and the inner condition's facts."""
-        return self.inner_condition.requires | ConditionRequires.time

@@ -19,8 +19,6 @@ def formerly(**renamed: str) -> Callable[[type[Description]], type[Description]]
         def renaming(self: Description, *args: object, **kwargs: object) -> None:
             for old, new in renamed.items():
                 if old in kwargs:
-                    if new in kwargs:
-                        raise TypeError(f"{described.__name__} got both {new!r} and its former name {old!r}")
                     kwargs[new] = kwargs.pop(old)
             initialise(self, *args, **kwargs)
 

@@ -74,8 +74,6 @@ class StartVariation(Described):
     """The least and the largest speed at the start [m/s]."""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.speed, list | tuple) or len(self.speed) != 2:
-            raise ValueError(f"{self.speed!r} is not a pair of speeds: use (least, largest)")
         low, high = self.speed
         if self.offset < 0 or low < 0 or high < low:
             raise ValueError(f"{self}: the offset must not be negative, and the speeds must rise from 0")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -16,16 +17,16 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Zone(Described):
+class Zone(Described, ABC):
     """An area of the map."""
 
+    @abstractmethod
     def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
         """Return the area in the map frame [m].
 
         Args:
             road_map: The map, which zones along lanes need.
         """
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -12,14 +11,12 @@ import time
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 
 from smarts.errors import ScenarioError
 from smarts.sstudio import gen_bubbles, gen_missions, gen_traffic
 from smarts.sstudio import types as t
-from smarts.sstudio.build import build_described, build_scenario, suite
-from smarts.sstudio.locating import SUITE
+from smarts.sstudio.build import build_described, build_scenario
 from tests.raising import raises
 
 from . import sources
@@ -86,36 +83,11 @@ class TestArtefacts:
         )
         assert one.traffic["x y/z"].routes[0].is_file()
 
-    def test_another_seed_gives_other_random_routes(self, scenario_folder):
-        body = 'traffic={"x": t.Traffic([flow(t.RandomRoute()) for _ in range(9)])}'
-        folder = scenario_folder(sources.scenario(body))
-        routes = [build_scenario(folder, seed=seed).traffic["x"].routes[0].read_text() for seed in (1, 2, 1)]
-        assert routes[0] == routes[2] != routes[1]
-        assert build_scenario(folder, seed=42).directory == build_scenario(folder).directory
-
     def test_a_seed_in_the_file_counts_unless_another_is_asked_for(self, scenario_folder):
         script = sources.SCRIPT.replace("output_dir=", "seed=7, output_dir=")
         folder = scenario_folder(script)
         assert build_scenario(folder).seed == 7
         assert build_scenario(folder, seed=3).seed == 3
-
-    def test_sumo_drives_the_traffic_of_another_engine(self, scenario_folder, caplog):
-        body = 'traffic={"x": t.Traffic([flow()], engine="SMARTS"), "y": t.Traffic([flow()])}'
-        built = build_scenario(scenario_folder(sources.scenario(body)))
-        flows = [built.traffic_files(name).routes[0].read_text() for name in ("x", "y")]
-        assert flows[0] == flows[1]
-        assert built.warnings == ("SUMO drives the traffic 'x', which names the engine 'SMARTS'",)
-        assert built.warnings[0] in caplog.text
-
-    def test_what_was_left_out_of_a_map_is_a_warning_of_every_build_on_it(self, scenario_folder):
-        folder = scenario_folder(script=None)
-        net = folder / "map.net.xml"
-        text = build_scenario(folder).net_file.read_text()
-        net.write_text(text.replace("</net>", '<connection from="gone" to="west_out"/></net>'))
-        for seed in (1, 1, 2):  # new, as it was, another on the same map
-            (warning,) = build_scenario(folder, seed=seed).warnings
-            assert "left out 1 of " in warning
-            assert "gone" in warning
 
     def test_too_many_egos_are_refused(self, built_folder):
         build_scenario(built_folder, egos=1)
@@ -138,71 +110,6 @@ class TestArtefacts:
         assert from_file.net_file.read_bytes() == built.net_file.read_bytes()
         assert sorted(file.name for file in tmp_path.glob("town*")) == ["town.net.xml"]
         assert from_file.directory.is_relative_to(tmp_path / "cache")
-
-    def test_notes(self, scenario_folder):
-        spec = "t.MapSpec('.', shift_to_origin=True, lanepoint_spacing=0.5)"
-        traffic = "t.Traffic([flow(repeat_route=True)])"
-        body = f"map_spec={spec}, traffic={{'x': {traffic}}}"
-        notes = build_scenario(scenario_folder(sources.scenario(body))).notes
-        for name in ("shift_to_origin", "lanepoint_spacing"):
-            assert f"map_spec.{name} has no effect: the map is taken as it is" in notes
-        assert any("traffic['x'].flows[0]: no way leads back" in note for note in notes)
-
-    def test_vehicles_on_streets_that_are_closed_to_them(self, tmp_path):
-        kind = "truck"
-        folder = sources.write_fork(tmp_path / "fork")
-        closed = t.Route(("ab", 1, 5), ("bd", 0, "max"))
-        for route in (closed, t.Route(("bd", 0, 5), ("bd", 0, 50))):
-            trips = [t.Trip("v", route, kind)]
-            mixed = t.Flow(
-                route, 60, actors={t.TrafficActor("car"): 1, t.TrafficActor("v", vehicle_type=kind): 1}
-            )
-            values = [
-                ".route",
-                "'bd",
-                f"is closed to vehicles of type '{kind}'",
-                "use another" if route.begin[0] == "bd" else "another vehicle type",
-            ]
-            for traffic in (t.Traffic([], trips=trips), t.Traffic([mixed])):
-                with raises(ScenarioError, values=values):
-                    build_described(folder, t.Scenario(traffic={"x": traffic}))
-        drawn = [t.RandomRoute(str(number)) for number in range(9)]
-        cars = [t.Trip("car", closed), t.Trip("v", t.Route(("ab", 1, 5), ("bc", 0, "max")), kind)]
-        trips = [t.Trip(f"v{number}", route, kind) for number, route in enumerate(drawn)]
-        mixed = t.Flow(drawn[0], 60, actors={t.TrafficActor("car"): 1})
-        traffic = t.Traffic([mixed], trips=[*cars, *trips])
-        routes = _routes(build_described(folder, t.Scenario(traffic={"x": traffic})))
-        assert routes["car"][-1] == "bd"
-        assert all(edges[-1] != "bd" for vehicle, edges in routes.items() if vehicle != "car")
-        alone = t.Traffic([], trips=[t.Trip(f"c{number}", route) for number, route in enumerate(drawn)])
-        of_cars = _routes(build_described(folder, t.Scenario(traffic={"x": alone})))
-        assert any(edges[-1] == "bd" for edges in of_cars.values())
-
-    @pytest.mark.parametrize(
-        ("closed", "route", "kinds", "problem"),
-        [
-            (
-                "passenger",
-                DETOUR,
-                ["passenger", "truck"],
-                "no way for vehicles of types 'passenger' and 'truck' together leads from edge 'east'",
-            ),
-            ("truck", DETOUR, ["truck"], "no way for vehicles of type 'truck' leads from edge 'east'"),
-            ("all", t.RandomRoute("1"), ["truck"], "no road of the map is open to vehicles of type 'truck'"),
-        ],
-    )
-    def test_errors_name_the_vehicles_without_a_way(self, tmp_path, closed, route, kinds, problem):
-        """The way over "middle" is closed to trucks; that over "down", or all roads, to others, too."""
-        folder = sources.write_detour(tmp_path / "detour")
-        edges = (folder / "map.edg.xml").read_text()
-        if closed == "all":
-            edges = re.sub("( disallow=.truck.|) ?/>", ' disallow="truck"/>', edges)
-        else:
-            edges = edges.replace('"down"', f'"down" disallow="{closed}"')
-        (folder / "map.edg.xml").write_text(edges)
-        flow = t.Flow(route, 60, actors={t.TrafficActor(kind, vehicle_type=kind): 1 for kind in kinds})
-        with raises(ScenarioError, values=["traffic['x'].flows[0].route", problem, "vehicle type"]):
-            build_described(folder, t.Scenario(traffic={"x": t.Traffic([flow])}))
 
     def test_vehicles_take_ways_that_are_open_to_them(self, tmp_path):
         """The way of cars from "east" to "west" is the shorter one, over "middle"."""
@@ -284,28 +191,6 @@ class TestUpToDate:
         (folder / "scenario.py").write_text("# A comment.\n" + sources.SCRIPT)
         assert build_scenario(folder).directory == first.directory
 
-    def test_folders_can_be_moved(self, built_folder):
-        folder = built_folder
-        build_scenario(folder)
-        moved = folder.rename(folder.parent / "moved")
-        before = ages(moved)
-        assert build_scenario(moved).directory.is_relative_to(moved)
-        assert ages(moved) == before
-
-    def test_folders_that_cannot_be_written_build_into_the_cache(self, scenario_folder, tmp_path):
-        folder = scenario_folder()
-        (folder / "build").write_text("A file in the way, which even root cannot make a folder in.")
-        built = build_scenario(folder)
-        assert built.directory.is_relative_to(tmp_path / "cache")
-        assert build_scenario(folder) == built
-
-    def test_no_place_at_all(self, scenario_folder, tmp_path):
-        folder = scenario_folder()
-        for name in (folder / "build", tmp_path / "cache"):
-            name.write_text("in the way")
-        with raises(ScenarioError, values=["XDG_CACHE_HOME"]):
-            build_scenario(folder)
-
 
 BUILD = """
 import sys
@@ -325,19 +210,6 @@ def start_build(folder):
 
 
 class TestProcesses:
-    @pytest.mark.slow
-    def test_several_at_once(self, scenario_folder):
-        folder, count = scenario_folder(), 4
-        processes = [start_build(folder) for _ in range(count)]
-        outputs = {process.communicate()[0] for process in processes}
-        assert [process.returncode for process in processes] == [0] * count
-        assert len(outputs) == 1
-        built = build_scenario(folder)
-        assert outputs == {f"ready\n{built.directory}\n"}
-        assert sorted(entry.name for entry in (folder / "build").iterdir()) == sorted(
-            [".lock", "index", built.directory.name]
-        )
-
     @pytest.mark.slow
     def test_killed_at_any_moment(self, scenario_folder):
         folder = scenario_folder()
@@ -404,37 +276,6 @@ class TestByHand:
         assert list(built.traffic) == ["a", "b"]
         assert built.scenario.ego_missions == (mission,)
         assert built.scenario.bubbles is not None
-
-    def test_each_traffic_is_drawn_by_its_own_seed(self, scenario_folder):
-        folder = scenario_folder(script=None)
-        drawn = t.Traffic([], trips=[t.Trip(f"v{n}", t.RandomRoute(str(n))) for n in range(9)])
-
-        def files(**seeds):
-            for name, seed in seeds.items():
-                gen_traffic(folder, drawn, name=name, seed=np.int64(seed))
-            built = build_scenario(folder)
-            return {name: built.traffic[name].routes[0].read_text() for name in seeds}
-
-        first, second = files(a=1, b=2), files(b=3)
-        assert files(a=1)["a"] == first["a"]
-        assert second["b"] != first["b"]
-        gen_missions(folder, [t.Mission(WEST_EAST)], seed=8)
-        gen_missions(folder, [t.Mission(WEST_EAST)] * 2)
-        built = build_scenario(folder)
-        assert built.traffic["a"].routes[0].read_text() == first["a"]
-        again = build_scenario(folder, seed=1)
-        assert again.traffic["a"].routes[0].read_text() == first["a"]
-        assert again.traffic["b"].routes[0].read_text() == files(b=1)["b"]
-
-
-class TestSuite:
-    def test_the_list_names_folders(self):
-        assert {name for name in suite() if not (SUITE / name / "scenario.py").is_file()} == set()
-        assert all(suite().values())
-
-    def test_names_are_found(self, monkeypatch, tmp_path):
-        monkeypatch.chdir(tmp_path)
-        assert build_scenario("intersection").source == SUITE / "intersection"
 
 
 def test_what_has_no_effect_is_said_once(scenario_folder, caplog):

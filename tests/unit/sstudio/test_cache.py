@@ -7,48 +7,10 @@ import sys
 import time
 from typing import ClassVar
 
-import pytest
-
-from smarts.sstudio.build import CODE, PACKAGE, build_scenario, fingerprint_program
-from smarts.sstudio.cache import KEPT_DAYS, damaged_file, file_table
+from smarts.sstudio.build import CODE, PACKAGE, build_scenario
+from smarts.sstudio.cache import KEPT_DAYS
 
 from . import sources
-
-DAMAGES = {
-    "truncated": lambda file: os.truncate(file, 100),
-    "deleted": lambda file: file.unlink(),
-    "garbled": lambda file: file.write_bytes(bytes(file.stat().st_size)),
-}
-
-
-class TestDamage:
-    @pytest.mark.parametrize("damage", DAMAGES)
-    def test_every_damage_is_found(self, tmp_path, damage):
-        (tmp_path / "a").write_text("a" * 1000)
-        (tmp_path / "manifest.json").write_text(json.dumps({"files": file_table(tmp_path)}))
-        assert damaged_file(tmp_path) is None
-        DAMAGES[damage](tmp_path / "a")
-        assert damaged_file(tmp_path) == "a"
-        DAMAGES[damage](tmp_path / "manifest.json")
-        assert damaged_file(tmp_path) == "manifest.json"
-
-    def test_a_damaged_map_is_built_anew_and_not_shared(self, built_folder):
-        folder = built_folder
-        net = build_scenario(folder).net_file
-        whole = net.read_bytes()
-        net.write_bytes(whole.replace(b"from_west", b"from_wset"))
-        (folder / "scenario.py").write_text(sources.SCRIPT.replace("600", "700"))
-        assert build_scenario(folder).net_file.read_bytes() == whole
-        (folder / "scenario.py").write_text(sources.SCRIPT)
-        assert build_scenario(folder).net_file == net
-        assert net.read_bytes() == whole
-        assert not list((folder / "build").glob(".partial-*"))
-
-    def test_damaged_entries_of_the_index(self, built_folder):
-        built = build_scenario(built_folder)
-        for entry in (built_folder / "build" / "index").iterdir():
-            entry.write_text("{")
-        assert build_scenario(built_folder) == built
 
 
 class TestPruning:
@@ -72,17 +34,6 @@ class TestPruning:
         assert [directory.is_dir() for directory in (forgotten, used, newest, latest)] == [False] + [True] * 3
         entries = [json.loads(file.read_text())["key"] for file in (folder / "build" / "index").iterdir()]
         assert set(entries) == {used.name, newest.name, latest.name}
-
-    def test_what_a_run_plays_stays_however_long_it_runs(self, scenario_folder):
-        folder = scenario_folder()
-        played = build_scenario(folder)
-        for rate, is_played in ((700, True), (900, False)):
-            self.age(played.directory, KEPT_DAYS + 1)
-            if is_played:
-                played.traffic_files("through")
-            (folder / "scenario.py").write_text(sources.SCRIPT.replace("600", str(rate)))
-            build_scenario(folder)
-            assert played.directory.is_dir() == is_played
 
 
 class TestWhatScenarioFilesRead:
@@ -114,32 +65,6 @@ class TestWhatScenarioFilesRead:
         (folder / "log").write_text("cleared")
         assert build_scenario(folder) == built
         assert (folder / "log").read_text() == "cleared"  # it did not run again
-
-
-def test_files_that_options_of_the_map_name(scenario_folder):
-    folder = scenario_folder(script=None)
-    edges = sources.EDGES.replace('numLanes="2" speed="13.89"', 'type="road"')
-    (folder / "map.edg.xml").write_text(edges)
-    (folder / "roads.typ.xml").write_text('<types><type id="road" numLanes="1"/></types>')
-    options = '<configuration><type-files value="roads.typ.xml"/></configuration>'
-    (folder / "map.netccfg").write_text(options)
-    assert build_scenario(folder).roads().edge_lane_count.max() == 1
-    (folder / "roads.typ.xml").write_text('<types><type id="road" numLanes="3"/></types>')
-    assert build_scenario(folder).roads().edge_lane_count.max() == 3
-
-
-def test_all_code_that_decides_artefacts_counts(tmp_path, monkeypatch):
-    for part in CODE:
-        file = tmp_path / part if part.endswith(".py") else tmp_path / part / "code.py"
-        file.parent.mkdir(exist_ok=True)
-        file.write_text("x = 1\n")
-    seen = {fingerprint_program(tmp_path)}
-    for file in tmp_path.rglob("*.py"):
-        file.write_text("x = 2\n")
-        seen.add(fingerprint_program(tmp_path))
-    assert len(seen) == len(CODE) + 1
-    monkeypatch.setattr("smarts.sstudio.build.version", lambda library: "another")
-    assert fingerprint_program(tmp_path) not in seen
 
 
 def test_the_build_imports_no_code_that_does_not_count():

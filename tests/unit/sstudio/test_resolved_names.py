@@ -41,10 +41,6 @@ def test_a_name_of_the_suite_means_a_folder_here_first(mine):
     assert resolved("loop") == str(mine / "loop")
 
 
-def test_what_does_not_exist_stays():
-    assert resolved("nowhere/at/all@night") == "nowhere/at/all@night"
-
-
 def test_a_run_is_the_same_from_every_folder(mine, monkeypatch):
     file = mine / "e.yaml"
     file.write_text("algorithms: [ppo]\ntasks: [mine, loop]\n")

@@ -1,6 +1,6 @@
 """Whole scenario files as people write them: the paper's listing, and the original's two styles."""
 
-from collections import Counter, defaultdict
+from collections import Counter
 from xml.etree import ElementTree
 
 import pytest
@@ -8,7 +8,6 @@ import pytest
 from smarts.core.colors import Colors
 from smarts.sstudio import types as t
 from smarts.sstudio.build import build_scenario
-from smarts.sstudio.collecting import join
 
 MERGE_NODES = """<nodes>
     <node id="north" x="0" y="60"/> <node id="south" x="0" y="-60"/> <node id="join" x="120" y="0"/>
@@ -108,135 +107,6 @@ def test_the_papers_listing(merge_folder):
 
 
 # The first generation: smarts.sstudio.types, edges, overwrite flags, functions for each part.
-
-FIRST_FUNCTIONS = """
-import os
-from pathlib import Path
-
-from smarts.sstudio import gen_bubbles, gen_friction_map, gen_missions, gen_social_agent_missions, gen_traffic
-from smarts.sstudio import types as t
-from smarts.sstudio.types import JunctionEdgeIDResolver, Mission, Route, Via
-
-scenario = os.path.dirname(os.path.realpath(__file__))
-assert os.getcwd() == scenario
-
-traffic = t.Traffic(
-    flows=[
-        t.Flow(route=t.RandomRoute(), rate=50, actors={t.TrafficActor("car"): 1})
-        for _ in range(3)
-    ]
-)
-gen_traffic(scenario, traffic, "basic", None, 42, True)
-gen_missions(
-    scenario,
-    [
-        Mission(
-            Route(("from_west", 0, "base"), ("to_south", 0, 30), via=()),
-            via=(
-                Via("from_west", lane_offset=20, lane_index=0, required_speed=7),
-                Via(
-                    edge_id=JunctionEdgeIDResolver("from_west", 0, "to_south", 0),
-                    lane_offset=2,
-                    lane_index=0,
-                    required_speed=3,
-                ),
-            ),
-            start_time=0.1,
-            entry_tactic=t.TrapEntryTactic(
-                wait_to_hijack_limit_s=3,
-                zone=t.MapZone(start=("from_west", 0, 5), length=20, n_lanes=2),
-                exclusion_prefixes=("bus",),
-            ),
-        ),
-        Mission(Route(("from_west", 1, 30), ("to_west", 0, 30)), task=t.UTurn(initial_speed=20)),
-        t.EndlessMission(begin=("from_south", 0, "random")),
-    ],
-    seed=3,
-    overwrite=True,
-)
-laner = t.SocialAgentActor(name="laner", agent_locator="zoo.policies:keep-lane-agent-v0", initial_speed=20)
-gen_social_agent_missions(
-    scenario, social_agent_actor=laner, name=f"s-agent-{laner.name}", missions=[Mission(t.RandomRoute())]
-)
-gen_bubbles(
-    scenario,
-    [
-        t.Bubble(
-            zone=t.MapZone(start=("to_east", 0, 10), length=30, n_lanes=2),
-            margin=5,
-            actor=t.BoidAgentActor("boid", "zoo.policies:boid-v0", capacity=t.BubbleLimits(1, 2)),
-            keep_alive=True,
-        )
-    ],
-)
-gen_friction_map(scenario, [t.RoadSurfacePatch(t.PositionalZone((0, 0), (9, 9)), 0, 20, 0.2)])
-"""
-
-
-def test_the_first_generation_with_a_function_for_each_part(scenario_folder):
-    scenario = build_scenario(scenario_folder(FIRST_FUNCTIONS)).scenario
-    assert list(scenario.traffic) == ["basic"]
-    trapped, turning, endless = scenario.ego_missions
-    assert trapped.via[1].road_id == t.JunctionEdgeIDResolver("from_west", 0, "to_south", 0)
-    assert trapped.entry_tactic.wait_to_hijack_limit_s == 3
-    assert (trapped.start_time, turning.task) == (0.1, t.UTurn(initial_speed=20))
-    assert endless == t.EndlessMission(("from_south", 0, "random"))
-    actors, missions = scenario.social_agent_missions["s-agent-laner"]
-    assert (actors[0].initial_speed, missions[0].route) == (20, t.RandomRoute("random-route-4"))
-    assert (scenario.bubbles[0].id, scenario.bubbles[0].is_boid) == ("bubble-1", True)
-    assert scenario.friction_maps[0].friction_coefficient == 0.2
-
-
-FIRST_WHOLE = """
-from pathlib import Path
-
-import smarts.sstudio.types as t
-from smarts.sstudio.genscenario import gen_scenario
-
-car = t.TrafficActor(name="car", speed=t.Distribution(sigma=0.2, mean=1.0))
-routes = {"straight": [("west", "east"), ("east", "west")], "turns": [("west", "south")]}
-traffic = {
-    name: t.Traffic(
-        flows=[
-            t.Flow(
-                route=t.Route(begin=(f"from_{begin}", 0, "random"), end=(f"to_{end}", 0, "random")),
-                rate=1,
-                actors={car: 0.5, t.TrafficActor(name="car", vehicle_type="bus"): 0.5},
-            )
-            for begin, end in pairs
-        ]
-    )
-    for name, pairs in routes.items()
-}
-gen_scenario(
-    t.Scenario(
-        traffic=traffic,
-        ego_missions=[t.GroupedLapMission(t.Route(("from_west", 0, 60), ("to_east", 0, 50)), 20, 2, 3, 1)],
-        social_agent_missions={
-            "group": (
-                [
-                    t.SocialAgentActor("one", "zoo:one-v0"),
-                    t.SocialAgentActor("two", "zoo:two-v0", {"speed": 5}),
-                ],
-                [t.Mission(t.Route(("from_south", 0, 5), ("to_north", 0, "max")))],
-            )
-        },
-    ),
-    output_dir=Path(__file__).parent,
-    ovewrite=True,
-)
-"""
-
-
-def test_the_first_generation_as_a_whole(scenario_folder):
-    built = build_scenario(scenario_folder(FIRST_WHOLE))
-    assert list(built.traffic) == ["straight", "turns"]
-    plans = built.episodes(3)
-    assert [len(plan.missions) for plan in plans] == [3] * 4
-    played = sorted((plan.traffic, *(role.actor.name for role in plan.social)) for plan in plans)
-    assert played == [("straight", "one"), ("straight", "two"), ("turns", "one"), ("turns", "two")]
-    (actors, _) = built.scenario.social_agent_missions["group"]
-    assert actors[1].policy_kwargs == {"speed": 5}
 
 
 SECOND = """
@@ -339,17 +209,6 @@ gen_scenario(
     seed=40,
 )
 """
-
-
-def test_dicts_are_joined_by_name():
-    first, second = (t.Scenario(traffic=defaultdict(t.Traffic, {name: t.Traffic([])})) for name in "ab")
-    assert list(join(first, second).traffic) == ["a", "b"]
-
-
-def test_later_metadata_replace_earlier_ones():
-    first = t.Scenario(scenario_metadata=t.ScenarioMetadata(scenario_difficulty=0.5))
-    second = t.Scenario(scenario_metadata=t.ScenarioMetadata(scenario_duration=9))
-    assert dict(join(first, second).scenario_metadata) == {"scenario_duration": 9}
 
 
 def test_the_second_generation(scenario_folder):

@@ -5,16 +5,13 @@ from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 import sumo
 
-from smarts.errors import ScenarioError
 from smarts.sstudio import types as t
 from smarts.sstudio.sumo_writer import sumo_traffic
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, SAMPLES
 from smarts.types.streams import Purpose, stream
-from tests.raising import raises
 
 SUMO = Path(sumo.__file__).parent / "bin" / "sumo"
 WEST_EAST = t.Route(("from_west", 0, 10), ("to_east", 0, "max"))
@@ -54,31 +51,6 @@ class TestVehicleTypes:
             "speedFactor": "normc(1,0.1,0.2,2)",
         }
 
-    def test_models_become_attributes(self, roads):
-        actor = t.TrafficActor(
-            "car",
-            lane_changing_model=t.LaneChangingModel(impatience=1, cooperative=0.25),
-            junction_model=t.JunctionModel(drive_after_red_time=1.5, impatience=1.0),
-        )
-        attributes = only(elements(roads, flow(actors={actor: 1})), "vType")
-        assert attributes["lcImpatience"] == "1"
-        assert attributes["lcCooperative"] == "0.25"
-        assert attributes["jmDriveAfterRedTime"] == "1.5"
-        assert attributes["impatience"] == "1"
-
-    @pytest.mark.parametrize(
-        ("arguments", "sigma"),
-        [
-            ({}, "0.5"),
-            ({"sigma": 0.2}, "0.2"),
-            ({"imperfection": t.Distribution(0.7, 0)}, "0.7"),
-            ({"sigma": 0.2, "imperfection": t.Distribution(3, 0)}, "1"),
-        ],
-    )
-    def test_imperfection(self, roads, arguments, sigma):
-        attributes = only(elements(roads, flow(actors={t.TrafficActor("car", **arguments): 1})), "vType")
-        assert attributes["sigma"] == sigma
-
     @pytest.mark.parametrize(
         ("speed", "factor", "deviation"),
         [
@@ -92,10 +64,6 @@ class TestVehicleTypes:
         attributes = only(elements(roads, flow(actors={t.TrafficActor("car", speed=speed): 1})), "vType")
         assert attributes["speedFactor"] == factor
         assert attributes.get("speedDev") == deviation
-
-    def test_emergency_braking_is_never_weaker_than_braking(self, roads):
-        attributes = only(elements(roads, flow(actors={t.TrafficActor("car", decel=6): 1})), "vType")
-        assert attributes["emergencyDecel"] == "6"
 
     @pytest.mark.parametrize(
         ("name", "attribute", "low", "high"),
@@ -124,32 +92,12 @@ class TestVehicleTypes:
         shares = dict(zip(mixture["vTypes"].split(), mixture["probabilities"].split(), strict=True))
         assert shares == {CAR.id: "0.75", other.id: "0.25"}
 
-    def test_equal_mixtures_are_declared_once(self, roads):
-        other = t.TrafficActor("car", tau=2)
-        root = elements(roads, flow(actors={CAR: 3, other: 1}), flow(actors={other: 1, CAR: 3}))
-        assert len(list(root.iter("vTypeDistribution"))) == 1
-        assert len(list(root.iter("route"))) == 1
-
-    def test_models_of_the_other_engine_are_noted(self, roads):
-        actor = t.TrafficActor("car", lane_changing_model=t.SmartsLaneChangingModel(cutin_prob=1))
-        result = written(roads, flow(actors={actor: 1}))
-        assert "Cutin" not in result.routes
-        assert result.notes == ("SUMO drives actor 'car', so its SmartsLaneChangingModel has no effect",)
-
 
 class TestFlows:
-    def test_even_spacing_is_by_the_hour(self, roads):
-        attributes = only(elements(roads, flow(rate=1.5, begin=5, end=50)), "flow")
-        assert (attributes["vehsPerHour"], attributes["begin"], attributes["end"]) == ("1.5", "5", "50")
-        assert "period" not in attributes
-
     def test_random_spacing_is_a_poisson_process(self, roads):
         attributes = only(elements(roads, flow(rate=1800, randomly_spaced=True)), "flow")
         assert attributes["period"] == "exp(0.5)"
         assert "vehsPerHour" not in attributes
-
-    def test_a_rate_of_zero_is_no_flow(self, roads):
-        assert not list(elements(roads, flow(rate=0)).iter("flow"))
 
     @pytest.mark.parametrize(
         ("offset", "departs", "arrives"),
@@ -177,24 +125,6 @@ class TestFlows:
         assert flows["3"]["vehsPerHour"] == "100"
         assert flows["3"]["type"] == slow.id
 
-    def test_everything_is_sorted_by_departure(self, roads):
-        trips = [t.Trip("late", WEST_EAST, depart=9), t.Trip("early", WEST_EAST, depart=1)]
-        root = elements(roads, flow(begin=5), flow(begin=0), trips=trips)
-        times = [
-            float(element.get("begin") or element.get("depart"))
-            for element in root
-            if element.tag in ("flow", "vehicle")
-        ]
-        assert times == [0, 1, 5, 9]
-
-    def test_a_trip(self, roads):
-        actor = t.TrafficActor("x", depart_speed=4)
-        attributes = only(
-            elements(roads, trips=[t.Trip("leader", WEST_EAST, depart=2, actor=actor)]), "vehicle"
-        )
-        assert (attributes["id"], attributes["depart"], attributes["departSpeed"]) == ("leader", "2", "4")
-        assert attributes["type"].startswith("leader-")
-
     def test_random_routes_depend_on_the_seed_alone(self, roads):
         same = t.RandomRoute("same")
         flows = [flow(same), flow(same), *(flow(t.RandomRoute(f"{number}")) for number in range(6))]
@@ -205,35 +135,11 @@ class TestFlows:
         assert routes[0] == routes[1]
         assert len(set(routes)) > 2
 
-    def test_unroutable_flows_are_named(self, roads):
-        with raises(ScenarioError, "traffic.flows[0].route", values=["to_east"]):
-            written(roads, flow(t.Route(("to_east", 0, 1), ("from_east", 0, "base"))))
-
     def test_vehicles_that_cannot_come_back_are_noted(self, roads):
         result = written(roads, flow(repeat_route=True))
         assert result.notes == (
             "traffic.flows[0]: no way leads back to 'from_west', so vehicles leave at the end of the route",
         )
-
-
-class TestStops:
-    def test_a_bus_stop(self, roads):
-        stop = t.Stop("to_east", 0, offset=60, duration=10)
-        result = written(roads, flow(stops=[stop]), flow(stops=[stop]))
-        area = only(ElementTree.fromstring(result.additional), "busStop")
-        assert (area["lane"], area["startPos"], area["endPos"]) == ("to_east_0", "40", "60")
-        halts = [element.attrib for element in ElementTree.fromstring(result.routes).iter("stop")]
-        assert halts == [{"busStop": area["id"], "duration": "10"}] * 2
-
-    def test_a_halt_on_the_open_lane(self, roads):
-        result = written(roads, flow(stops=[t.Stop("to_east", 0, 10, 3, bus_stop=False)]))
-        assert result.additional == ""
-        assert only(ElementTree.fromstring(result.routes), "stop") == {
-            "lane": "to_east_0",
-            "startPos": "0",
-            "endPos": "10",
-            "duration": "3",
-        }
 
 
 def run_sumo(net, folder, traffic, seconds, *options):
@@ -279,17 +185,6 @@ class TestWithSumo:
             route.attrib["edges"].split() for route in ElementTree.fromstring(traffic.routes).iter("route")
         )
         assert edges == ["south", "east", "north", "west"]
-
-    def test_vehicles_on_repeated_routes_halt_in_each_round(self, ring, ring_net, tmp_path):
-        stops = [t.Stop("east", 0, 30, duration=3)]
-        route = t.Route(("south", 0, 10), ("east", 0, 40))
-        traffic = written(ring, flow(route, rate=1, end=10, repeat_route=True, stops=stops))
-        out = tmp_path / "stops.xml"
-        run_sumo(ring_net, tmp_path, traffic, 300, "--stop-output", out)
-        halts = [float(halt.attrib["started"]) for halt in ElementTree.parse(out).iter("stopinfo")]
-        assert len(halts) > 3
-        rounds = np.diff(halts)
-        assert rounds == pytest.approx(rounds[0], rel=0.2)
 
     def test_buses_halt(self, roads, cross_net, tmp_path):
         bus = t.TrafficActor("bus", vehicle_type="bus")

@@ -8,28 +8,6 @@ from smarts.sstudio.sstypes.zone_geometry import SEAM
 from tests.raising import raises
 
 
-def test_a_rectangle():
-    area = t.PositionalZone(pos=(10, 20), size=(4, 2)).to_geometry()
-    assert area.bounds == (8, 19, 12, 21)
-
-
-def test_a_turned_rectangle():
-    area = t.PositionalZone(pos=(10, 20), size=(4, 2), rotation=math.pi / 2).to_geometry()
-    assert area.bounds == pytest.approx((9, 18, 11, 22))
-
-
-def test_two_corners_make_a_rectangle():
-    area = t.ConfigurableZone([(3, 4), (0, 0)]).to_geometry()
-    assert area.bounds == (0, 0, 3, 4)
-    assert area.area == 12
-
-
-def test_corners_may_have_heights():
-    area = t.ConfigurableZone([(0, 0, 1), (4, 0, 2), (0, 2, 3)]).to_geometry()
-    assert (area.area, area.has_z) == (4, False)
-    assert t.ConfigurableZone([(3, 4, 1), (0, 0, 1)]).to_geometry().area == 12
-
-
 def test_a_polygon():
     triangle = t.ConfigurableZone([(0, 0), (4, 0), (0, 2)])
     assert triangle.to_geometry().area == 4
@@ -73,18 +51,6 @@ def test_named_offsets_of_a_stretch(roads):
     assert right - left == pytest.approx(20)
 
 
-def test_lanes_of_a_random_stretch_begin_side_by_side(roads):
-    width = float(roads.width[roads.lane_number("from_west", 0)])
-    area = t.MapZone(("from_west", 0, "random"), 20, n_lanes=2).to_geometry(roads)
-    left, low, right, high = area.bounds
-    assert (right - left, high - low) == pytest.approx((20, 2 * width + SEAM), rel=1e-3)
-
-
-def test_zones_off_the_road(roads):
-    with raises(MapError, values=[2]):
-        t.MapZone(("from_west", 1, 0), 10, n_lanes=2).to_geometry(roads)
-
-
 def test_edges_inside_the_junction(roads):
     turn = t.JunctionEdgeIDResolver("from_west", 0, "to_south", 0).to_edge(roads)
     assert turn.startswith(":centre")
@@ -92,18 +58,3 @@ def test_edges_inside_the_junction(roads):
     assert t.JunctionEdgeIDResolver("from_west", 1, "to_south", 0).to_edge(roads) == turn
     with raises(MapError, values=["from_west", "from_east"]):
         t.JunctionEdgeIDResolver("from_west", 0, "from_east", 0).to_edge(roads)
-
-
-def test_zones_along_lanes_that_sumo_measures_otherwise(long_roads):
-    """Offsets and lengths of zones are SUMO's: the lane is drawn 100 m long and counts 200 m."""
-    lane = long_roads.lane_number("one", 0)
-    assert long_roads.length[lane] == pytest.approx(100, abs=1)
-    assert long_roads.sumo_length[lane] == pytest.approx(200)
-    scale = float(long_roads.length[lane] / long_roads.sumo_length[lane])
-    area = t.MapZone(("one", 0, 120), 60, 1).to_geometry(long_roads)
-    west, _, east, _ = area.bounds
-    assert (west, east) == pytest.approx((120 * scale, 180 * scale))
-    whole = t.MapZone(("one", 0, "base"), "max", 1).to_geometry(long_roads).bounds
-    assert whole[2] - whole[0] == pytest.approx(float(long_roads.length[lane]))
-    last = t.MapZone(("one", 0, "max"), 50, 1).to_geometry(long_roads).bounds
-    assert (last[0], last[2]) == pytest.approx((150 * scale, 200 * scale))
