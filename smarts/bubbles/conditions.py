@@ -11,8 +11,7 @@ import numpy as np
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio.sstypes.condition import ConditionRequires
 from smarts.types.agent_states import UNSET
-from smarts.types.bubbles import BubbleCondition
-from smarts.types.condition_state import ConditionState
+from smarts.types.condition_state import ConditionState, SceneCondition
 from smarts.types.vehicles import VehicleKind
 from smarts.types.world import World
 
@@ -32,7 +31,7 @@ class ActorState:
     speed: float
     """[m/s]"""
     position: tuple[float, float]
-    """Of its centre [m]."""
+    """Its centre [m]."""
     heading: float
     """[rad]"""
 
@@ -67,13 +66,13 @@ class ConditionRunner:
         self._memory[row].clear()
         self._names[row] = UNSET, frozenset()
 
-    def is_active(self, row: int, bubble: int, condition: BubbleCondition) -> bool:
+    def is_active(self, row: int, bubble: int, condition: SceneCondition) -> bool:
         """Return whether a bubble's `active_condition` holds; call it in every step, for its clocks."""
         facts = self._facts(row, condition)
         return bool(condition.evaluate(memory=self._memory[row][bubble], **facts))
 
     def admits(
-        self, row: int, bubble: int, slot: int, condition: BubbleCondition, roads: LaneGraph
+        self, row: int, bubble: int, slot: int, condition: SceneCondition, roads: LaneGraph
     ) -> ConditionState:
         """Return what a bubble's `airlock_condition` says of a vehicle."""
         facts, requires = self._facts(row, condition), condition.requires
@@ -84,7 +83,7 @@ class ConditionRunner:
         key = bubble, slot, int(self._world.vehicles.generation[row, slot])
         return condition.evaluate(memory=self._memory[row][key], **facts)
 
-    def _facts(self, row: int, condition: BubbleCondition) -> dict[str, Any]:
+    def _facts(self, row: int, condition: SceneCondition) -> dict[str, Any]:
         """Return the facts about a simulation that a condition needs."""
         world = self._world
         facts: dict[str, Any] = {"time": float(world.step[row]) * world.dt}

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Floats, Ints
-from smarts.bubbles.outlines import BubbleTable, Place, bubble_pose, deepest_on, distance_to, place_of
+from smarts.bubbles.outlines import BubbleTable, Place, bubble_pose, deepest_on, place_of
 from smarts.geometry.compiling import kernel
 from smarts.roads.lane_graph import HEIGHT_REACH
 from smarts.roads.levels import meets
@@ -20,9 +20,6 @@ from smarts.types.world import State
 
 _OUTSIDE, _MARGIN, _ZONE = int(Place.OUTSIDE), int(Place.MARGIN), int(Place.ZONE)
 _NOBODY, _AGENT = int(Owner.NOBODY), int(Owner.AGENT)
-
-ROUNDING = 1e-6
-"""By which distances are taken smaller [m]."""
 
 
 class BubbleRows(NamedTuple):
@@ -50,15 +47,11 @@ class Membranes(NamedTuple):
     """What each bubble knows of each vehicle, shape (B, Z, V) unless given."""
 
     generation: Ints
-    """Of the vehicle that the columns are about, -1 for none, shape (B, V)."""
+    """Generation of the vehicle that the columns are about, -1 for none, shape (B, V)."""
     front: Floats
     """Middle of its front bumper [m], shape (B, V, 2)."""
     old_front: Floats
     """The same one step ago; now, for a vehicle that has just appeared, shape (B, V, 2)."""
-    way: Floats
-    """Distance between the two [m], shape (B, V)."""
-    clear: Floats
-    """At most the distance to the margin [m]; 0 where it has to be found: near the bubble and inside."""
     here: Bytes
     """The `Place` of the bumper."""
     reached: Bytes
@@ -78,7 +71,6 @@ class Membranes(NamedTuple):
             generation=np.full((worlds, capacity), UNSET, np.int32),
             front=np.zeros((worlds, capacity, 2)),
             old_front=np.zeros((worlds, capacity, 2)),
-            way=np.zeros((worlds, capacity)),
         )
 
 
@@ -120,10 +112,7 @@ def place_vehicles(
             continue
         used = _find_fronts(state, membranes, b, rows.size[b])
         for z in range(rows.size[b]):
-            if table.moves[rows.first[b] + z]:
-                found[b] += _place_in_moving(state, table, rows, membranes, states, used, b, z)
-            else:
-                found[b] += _place_in_fixed(state, table, rows, membranes, states, used, b, z)
+            found[b] += _place_in(state, table, rows, membranes, states, used, b, z)
 
 
 @kernel
@@ -139,7 +128,6 @@ def _find_fronts(state: State, membranes: Membranes, b: int, size: int) -> int:
             for z in range(size):
                 _write(membranes, b, z, v, _OUTSIDE, _OUTSIDE, -1)
                 membranes.entered[b, z, v] = -1
-                membranes.clear[b, z, v] = 0.0
                 membranes.is_candidate[b, z, v] = False
         if generation < 0:
             continue
@@ -150,13 +138,11 @@ def _find_fronts(state: State, membranes: Membranes, b: int, size: int) -> int:
         front[b, v, 1] = vehicles.position[b, v, 1] + half * math.sin(heading)
         if is_new:
             old_front[b, v, 0], old_front[b, v, 1] = front[b, v, 0], front[b, v, 1]
-        way = math.hypot(front[b, v, 0] - old_front[b, v, 0], front[b, v, 1] - old_front[b, v, 1])
-        membranes.way[b, v] = way
     return used
 
 
 @kernel
-def _place_in_fixed(
+def _place_in(
     state: State,
     table: BubbleTable,
     rows: BubbleRows,
@@ -166,75 +152,44 @@ def _place_in_fixed(
     b: int,
     z: int,
 ) -> int:
-    """Write where all vehicles are relative to a bubble that stays; return how many are candidates."""
-    found = 0
-    for v in range(used):
-        if membranes.generation[b, v] >= 0 and not _stays_clear(membranes, b, z, v, membranes.way[b, v]):
-            x, y = membranes.front[b, v]
-            old_x, old_y = membranes.old_front[b, v]
-            height, (low, high) = state.vehicles.height[b, v], table.heights[rows.first[b] + z]
-            is_level = not (height < low - HEIGHT_REACH or height > high + HEIGHT_REACH)
-            if _place(table, rows, membranes, b, z, v, old_x, old_y, x, y, is_level, state.step[b]):
-                found += _judge_candidate(state, rows, membranes, states, b, z, v)
-    return found
-
-
-@kernel
-def _place_in_moving(
-    state: State,
-    table: BubbleTable,
-    rows: BubbleRows,
-    membranes: Membranes,
-    states: BubbleStates,
-    used: int,
-    b: int,
-    z: int,
-) -> int:
-    """Write where all vehicles are relative to a bubble that travels; return how many are candidates."""
-    slot, pose, before = rows.followed[b, z], states.pose[b, z], state.before
+    """Write where all vehicles are relative to a bubble; return how many are candidates."""
+    n, slot, pose, before = rows.first[b] + z, rows.followed[b, z], states.pose[b, z], state.before
+    moves, had_pose = table.moves[n], True
+    old_x, old_y, old_turn = pose[0], pose[1], pose[2]
+    if moves:
+        had_pose = (
+            slot >= 0
+            and before.alive[b, slot]
+            and before.generation[b, slot] == rows.followed_generation[b, z]
+            and rows.was_there[b, z]
+        )
+        rows.was_there[b, z] = slot >= 0
+        if had_pose:
+            old_x, old_y, old_turn = _pose_in(before, table, n, b, slot)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    was_followed = (
-        slot >= 0
-        and before.alive[b, slot]
-        and before.generation[b, slot] == rows.followed_generation[b, z]
-        and rows.was_there[b, z]
-    )
-    rows.was_there[b, z] = slot >= 0
-    old_x, old_y, old_turn = 0.0, 0.0, 0.0
-    if was_followed:
-        old_x, old_y, old_turn = _pose_in(before, table, rows.first[b] + z, b, slot)
     old_cos, old_sin = math.cos(old_turn), math.sin(old_turn)
     found = 0
     for v in range(used):
         if membranes.generation[b, v] < 0:
             continue
-        if slot < 0:
+        if moves and slot < 0:
             _write(membranes, b, z, v, _OUTSIDE, _OUTSIDE, state.step[b])
-            membranes.clear[b, z, v], membranes.is_candidate[b, z, v] = 0.0, False
+            membranes.is_candidate[b, z, v] = False
             continue
         dx, dy = membranes.front[b, v, 0] - pose[0], membranes.front[b, v, 1] - pose[1]
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
         from_x, from_y = x, y
-        if was_followed:
+        if had_pose:
             dx, dy = membranes.old_front[b, v, 0] - old_x, membranes.old_front[b, v, 1] - old_y
             from_x, from_y = old_cos * dx + old_sin * dy, old_cos * dy - old_sin * dx
+        if moves:
+            is_level = v == slot or meets(state.vehicles, b, slot, v)
         else:
-            membranes.clear[b, z, v] = 0.0
-        if _stays_clear(membranes, b, z, v, math.hypot(x - from_x, y - from_y)):
-            continue
-        is_level = v == slot or meets(state.vehicles, b, slot, v)
+            height, (low, high) = state.vehicles.height[b, v], table.heights[n]
+            is_level = not (height < low - HEIGHT_REACH or height > high + HEIGHT_REACH)
         if _place(table, rows, membranes, b, z, v, from_x, from_y, x, y, is_level, state.step[b]):
             found += _judge_candidate(state, rows, membranes, states, b, z, v)
     return found
-
-
-@kernel
-def _stays_clear(membranes: Membranes, b: int, z: int, v: int, way: float) -> bool:
-    """Return whether a vehicle cannot have come to the margin on a way [m]; what is known stays true then."""
-    clear = membranes.clear[b, z, v] - way
-    if clear > 0.0:
-        membranes.clear[b, z, v] = clear
-    return clear > 0.0
 
 
 @kernel
@@ -261,7 +216,6 @@ def _place(
     here = place_of(table, n, x, y) if reached > _OUTSIDE else _OUTSIDE
     _write(membranes, b, z, v, here, reached, step)
     membranes.is_candidate[b, z, v] = False
-    membranes.clear[b, z, v] = distance_to(table, n, x, y) - ROUNDING if reached == _OUTSIDE else 0.0
     return here >= _MARGIN or reached == _ZONE
 
 

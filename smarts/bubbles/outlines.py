@@ -12,7 +12,6 @@ import numpy as np
 from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.rings import inside_rings, starts_of
-from smarts.geometry.segments import project
 from smarts.types.bubbles import PlacedBubble
 
 
@@ -37,7 +36,7 @@ class BubbleTable(NamedTuple):
     """
 
     points: Floats
-    """Of all rings [m], shape (P, 2)."""
+    """Points of all rings [m], shape (P, 2)."""
     ring_start: Ints
     """First point of each ring, shape (R + 1,)."""
     first_ring: Ints
@@ -51,7 +50,7 @@ class BubbleTable(NamedTuple):
     moves: Bools
     """Whether the bubble follows a vehicle, shape (N,)."""
     anchor: Floats
-    """Of a bubble that moves: the point that lies at the followed vehicle's centre, shape (N, 2)."""
+    """The point of a bubble that moves which lies at the followed vehicle's centre, shape (N, 2)."""
     learns: Bools
     """Whether the learning agents drive in it, shape (N,)."""
 
@@ -123,28 +122,6 @@ def deepest_on(table: BubbleTable, number: int, x: float, y: float, to_x: float,
     if _inside(table, margin, last, x, y) or _inside(table, margin, last, to_x, to_y):
         return _MARGIN
     return _MARGIN if _crosses(table, margin, last, x, y, to_x, to_y) else _OUTSIDE
-
-
-@kernel
-def distance_to(table: BubbleTable, number: int, x: float, y: float) -> float:
-    """Return the distance from a point in a bubble's coordinates to the margin, or less; 0 inside [m].
-
-    Outside the bounds it is the distance to these.
-    """
-    box = table.box[number]
-    beside = math.hypot(max(box[0] - x, x - box[2], 0.0), max(box[1] - y, y - box[3], 0.0))
-    if beside > 0.0:
-        return beside
-    margin, last = table.first_margin[number], table.first_ring[number + 1]
-    if _inside(table, margin, last, x, y):
-        return 0.0
-    square = np.inf
-    for ring in range(margin, last):
-        for point in range(table.ring_start[ring] + 1, table.ring_start[ring + 1]):
-            ax, ay = table.points[point - 1]
-            bx, by = table.points[point]
-            square = min(square, project(x, y, ax, ay, bx, by)[1])
-    return math.sqrt(square)
 
 
 @kernel

@@ -17,7 +17,8 @@ from smarts.sstudio.bubble_checks import outline_of
 from smarts.sstudio.sstypes.actor.traffic_engine_actor import SUMO_TRAFFIC
 from smarts.sstudio.sstypes.condition import parts
 from smarts.sstudio.sstypes.drawing import fresh_drawing
-from smarts.types.bubbles import UNLIMITED, BubbleCondition, PlacedBubble
+from smarts.types.bubbles import UNLIMITED, PlacedBubble
+from smarts.types.condition_state import SceneCondition
 
 COLUMNS_IF_UNLIMITED = 32
 """How many vehicles an unlimited bubble has room for."""
@@ -66,14 +67,9 @@ def columns_needed(bubble: t.Bubble) -> int:
 
 
 def place_bubbles(
-    bubbles: Sequence[t.Bubble] | None,
-    roads: LaneGraph,
-    driver_of: Callable[[t.Bubble], Driver | tuple[int, int, int] | None],
-    place: str = "",
+    bubbles: Sequence[t.Bubble], roads: LaneGraph, driver_of: Callable[[t.Bubble], Driver], place: str = ""
 ) -> tuple[PlacedBubble, ...]:
-    """Return a scenario's bubbles on its map, in the order of its file.
-
-    Left out are bubbles that leave their vehicles with SUMO, and those for which `driver_of` returns None.
+    """Return a scenario's bubbles on its map, in the order of its file, without those of SUMO's vehicles.
 
     Args:
         bubbles: Of the scenario.
@@ -84,17 +80,13 @@ def place_bubbles(
     Raises:
         ScenarioError: A zone is empty.
     """
-    placed: list[PlacedBubble] = []
     # Random offsets of zones are the same in every run.
     with fresh_drawing():
-        for bubble in bubbles or ():
-            driver = driver_of(bubble) if agent_actor(bubble) is not None else None
-            if driver is not None:
-                placed.append(_place(bubble, roads, Driver(*driver), len(placed), place))
-    return tuple(placed)
+        driven = [bubble for bubble in bubbles if agent_actor(bubble) is not None]
+        return tuple(_place(bubble, roads, driver_of(bubble), place) for bubble in driven)
 
 
-def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver, number: int, place: str) -> PlacedBubble:
+def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver, place: str) -> PlacedBubble:
     zone, margin = outline_of(bubble, roads)
     if zone.is_empty:
         raise ScenarioError(
@@ -117,13 +109,10 @@ def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver, number: int, plac
         shadow_limit=shadow_limit,
         spared=tuple(bubble.exclusion_prefixes),
         followed=bubble.follow_actor_id or bubble.follow_vehicle_id or "",
-        follow_offset=_pair(bubble.follow_offset),
+        follow_offset=bubble.follow_offset or (0.0, 0.0),
         centroid=(zone.centroid.x, zone.centroid.y),
-        is_boid=isinstance(bubble.actor, t.BoidAgentActor),
-        keep_alive=bubble.keep_alive,
         collision_time=float(bubble.collision_time),
         period=driver.period,
-        number=number,
         names=_names(bubble),
     )
 
@@ -138,7 +127,7 @@ def _heights(zone: t.Zone, area: BaseGeometry, roads: LaneGraph) -> tuple[float,
     return (float(heights.min()), float(heights.max())) if len(heights) else (-math.inf, math.inf)
 
 
-def _condition(condition: t.Condition) -> BubbleCondition | None:
+def _condition(condition: t.Condition) -> SceneCondition | None:
     """Return a condition that has to be evaluated, None for one that always holds."""
     always = isinstance(condition, t.LiteralCondition) and condition.literal == t.ConditionState.TRUE
     return None if always else condition
@@ -155,14 +144,6 @@ def _limits(bubble: t.Bubble) -> tuple[int, int]:
     """Return the hijack limit and the shadow limit, those of a boid's capacity included."""
     capacity = bubble.actor.capacity if isinstance(bubble.actor, t.BoidAgentActor) else None
     limits = [limit for limit in (bubble.limit, capacity) if limit is not None]
-    shadow = min((_limit(limit.shadow_limit) for limit in limits), default=UNLIMITED)
-    hijack = min((_limit(limit.hijack_limit) for limit in limits), default=UNLIMITED)
-    return min(hijack, shadow), shadow
-
-
-def _limit(limit: int) -> int:
-    return min(limit, UNLIMITED)
-
-
-def _pair(offset: tuple[float, float] | None) -> tuple[float, float]:
-    return (0.0, 0.0) if offset is None else (float(offset[0]), float(offset[1]))
+    shadow = min([UNLIMITED, *(limit.shadow_limit for limit in limits)])
+    hijack = min([shadow, *(limit.hijack_limit for limit in limits)])
+    return hijack, shadow

@@ -23,7 +23,7 @@ class Hold(NamedTuple):
     """One agent's time in a column."""
 
     number: int
-    """Of the agent in its episode."""
+    """Number of the agent in its episode."""
     agent_id: int
     """The column."""
     step: int
@@ -47,7 +47,7 @@ class AgentPool:
     Agents have a number in their episode: first those of `EpisodeStart.agents`, then those that `announce`
     adds. Egos have fixed columns, 0 to E - 1. A further agent gets a column when it enters, of those of its
     interface the lowest that is free, and has it until it has given up its vehicle. Columns of an interface
-    are contiguous; `columns` says which. If none is free the agent does not enter, which is counted.
+    are contiguous; `columns` says which. If none is free the agent does not enter.
 
     A column that is handed out is cleared: no agent sees what the one before it left. Parts that keep arrays
     of agents register them by `clear_with`; parts that keep other things keep them by the agent's number, or
@@ -80,8 +80,6 @@ class AgentPool:
         """Number of each column's interface, -1 for egos, shape (A,)."""
         for number, columns in enumerate(self._columns):
             self.interface_id[columns] = number
-        self.refused: Ints = np.zeros((worlds, len(self._columns)), np.int32)
-        """How many agents of the present episode have found no free column, by interface, shape (B, I)."""
         self.serial = np.zeros((worlds, agents), np.int64)
         """Number of each column's hold among all of its simulation, episodes before included; 0: none yet."""
         self.starts: list[list[AgentStart]] = [[] for _ in range(worlds)]
@@ -94,7 +92,6 @@ class AgentPool:
         """The episode of each simulation."""
         self._names: list[set[str]] = [set() for _ in range(worlds)]
         self._column_of: list[dict[int, int]] = [{} for _ in range(worlds)]
-        self._refused: list[set[int]] = [set() for _ in range(worlds)]
         self._cleared: list[_Cleared] = []
         state = world.state
         # `_hold` writes the whole mission.
@@ -145,8 +142,6 @@ class AgentPool:
         self.busy[row] = False
         self.holds[row] = []
         self._column_of[row].clear()
-        self._refused[row].clear()
-        self.refused[row] = 0
         self._routes.assign(row, start.map, [agent.mission.route for agent in egos])
         for number in range(len(egos)):
             self._hold(row, number, number)
@@ -184,10 +179,6 @@ class AgentPool:
         if start.interface == UNSET:
             is_free &= ~self.busy[row]
         if not is_free.any():
-            if number not in self._refused[row]:
-                self._refused[row].add(number)
-                if start.interface != UNSET:
-                    self.refused[row, start.interface] += 1
             return UNSET
         agent_id = columns.start + int(is_free.argmax())
         for array, empty, place in self._cleared:

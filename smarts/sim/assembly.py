@@ -7,15 +7,14 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.pooled import PooledAgents, merge_pools
 from smarts.agents.rules import agent_rules, alive_rules
 from smarts.agents.social import NO_CAST, Cast, SocialPolicy
-from smarts.arrays import Bools
 from smarts.controllers import action_format
-from smarts.controllers.action_masks import ActionMasker
 from smarts.controllers.set import ControllerSet
 from smarts.errors import ScenarioError, nearest_names
 from smarts.providers.traffic_engine import TrafficEngine
@@ -32,23 +31,18 @@ from smarts.sim.contacts import FootprintContacts
 from smarts.sim.entries import Entries
 from smarts.sim.events import AgentEvents, LearningInBubbles
 from smarts.sim.interest import interest_of
-from smarts.sim.manoeuvres import Manoeuvres
-from smarts.sim.map_matching import MapMatcher
 from smarts.sim.options import ENVISION, Options
 from smarts.sim.outlet import Address
 from smarts.sim.ownership import Ownership
-from smarts.sim.recorders import AnnotatedRecorder, Recorders
+from smarts.sim.recorders import Recorders
 from smarts.sim.schedule import Schedule
-from smarts.sim.simulation import Simulation, Stages
-from smarts.sim.stages import NoBubbles
+from smarts.sim.simulation import MatcherStage, Simulation, Stages
 from smarts.sim.starts import shape_of
 from smarts.sim.transfer_rules import HandoverRules
-from smarts.sim.turn_signals import TurnSignals
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import check_without_handovers
 from smarts.types.actions import Actions
 from smarts.types.agent_states import agent_names
-from smarts.types.frame import Frame
 from smarts.types.interface import AgentRules
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
@@ -64,7 +58,7 @@ class Assembly:
     scene: Scene
     """The state, the maps and the routes, for sensors, controllers and adapters."""
     rules: AgentRules
-    """Of all agents."""
+    """The rules of all agents."""
     actions: Actions
     """Buffers with the kinds of all agents."""
     pool: AgentPool
@@ -73,7 +67,7 @@ class Assembly:
     """Carries out transfers of vehicles between owners."""
     entries: Entries
     """Lets agents enter, and knows which cannot."""
-    recorder: AnnotatedRecorder | None
+    recorder: Recorders | None
     """Takes annotations of the episodes that are recorded or shown; None if none are."""
     cast: Cast = NO_CAST
     latency_steps: int = 0
@@ -88,29 +82,6 @@ class Assembly:
     def learns_in_bubbles(self) -> bool:
         """Whether the egos' columns are a pool of agents that drive the vehicles in bubbles."""
         return self.cast.learning is not None
-
-
-class NoRecorder:
-    """Keeps nothing."""
-
-    def record(self, frame: Frame) -> None:
-        """Let the frame pass."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
-class MatcherStage:
-    """Matches vehicles to the map, then writes turn signals, where tasks lead, and legal lane actions."""
-
-    def __init__(self, scene: Scene) -> None:
-        matched = MapMatcher(scene).match, TurnSignals(scene).show
-        self._parts = (*matched, Manoeuvres(scene).plan, ActionMasker(scene).write)
-
-    def match(self, env_mask: Bools) -> None:
-        """Write all vehicles' places and signals, the agents' progress, guidance and action masks."""
-        for part in self._parts:
-            part(env_mask)
 
 
 def assemble(
@@ -159,11 +130,19 @@ def assemble(
             remedy="leave out action_latency: an action would arrive at another vehicle than it is meant for",
         )
     if options.traffic_step is not None:
-        _check_without_handovers(scenarios, cast, pool)
+        for built in scenarios:
+            check_without_handovers(built.scenario, built.name)
+        if cast or pool:
+            raise ScenarioError(
+                "traffic_step is set, and agents come and go beside the learning ones",
+                place="Options.traffic_step",
+                remedy="leave out traffic_step, or social agents and bubbles",
+            )
     merged = merge_pools([*_pool_of(cast, schedule), *merge_pools(pool)])
     every = [*interfaces, *(each.interface for each in merged for _ in range(each.capacity))]
     scene = _scene(schedule, worlds, len(interfaces), len(every), options)
-    agent_pool = _agent_pool(scene, merged)
+    capacities = [each.capacity for each in merged]
+    agent_pool = AgentPool(scene.world, scene.routes, [each.interface for each in merged], capacities)
     with ExitStack() as on_failure:
         vehicles = _vehicles(scene, every, schedule, options)
         on_failure.callback(vehicles.close)
@@ -184,25 +163,6 @@ def _check_step_lengths(cast: Cast, options: Options) -> None:
                 place="Options.dt",
                 remedy="leave out dt, or let other agents drive",
             )
-
-
-def _check_without_handovers(
-    scenarios: Sequence[BuiltScenario], cast: Cast, pool: Sequence[PooledAgents]
-) -> None:
-    """Raise if agents may come and go, which needs traffic that makes every step."""
-    for built in scenarios:
-        check_without_handovers(built.scenario, built.name)
-    if cast or pool:
-        raise ScenarioError(
-            "traffic_step is set, and agents come and go beside the learning ones",
-            place="Options.traffic_step",
-            remedy="leave out traffic_step, or social agents and bubbles",
-        )
-
-
-def _agent_pool(scene: Scene, merged: Sequence[PooledAgents]) -> AgentPool:
-    interfaces, capacities = [each.interface for each in merged], [each.capacity for each in merged]
-    return AgentPool(scene.world, scene.routes, interfaces, capacities)
 
 
 def _pool_of(cast: Cast, schedule: Schedule) -> list[PooledAgents]:
@@ -266,8 +226,11 @@ def _assemble(
     alive = alive_rules(interfaces, names, world.egos)
     interest = interest_of(world, interfaces, schedule, entries)
     contacts = FootprintContacts(world)
-    bubbles = BubbleRules(world, scene.routes, pool, vehicles.can_accept) if schedule.has_bubbles else None
-    events = AgentEvents(scene, rules, alive, interest, entries.coming, _learning(cast, bubbles, options))
+    bubbles = BubbleRules(world, scene.routes, pool, vehicles.can_accept)
+    learning = None
+    if cast.learning is not None:
+        learning = LearningInBubbles(bubbles, max(1, round(cast.learning.episode_time / options.dt)))
+    events = AgentEvents(scene, rules, alive, interest, entries.coming, learning)
     sensors = SensorSuite(scene, interfaces, looked_at)
     stages = Stages(
         ownership=ownership,
@@ -280,10 +243,12 @@ def _assemble(
         events=events,
         transfer_rules=HandoverRules(world, entries, pool, ownership.can_take),
         sensors=sensors,
-        recorder=recorder or NoRecorder(),
-        bubbles=bubbles or NoBubbles(),
+        bubbles=bubbles,
+        recorder=recorder,
     )
-    actions = _actions(rules, world.worlds, options)
+    has_paths = any(action_format(int(kind)).has_path for kind in rules.action)
+    actions = Actions.allocate(world.worlds, len(rules.action), options.path if has_paths else 0)
+    actions.kind[:] = rules.action
     for columns in (actions, controllers.columns, vehicles.columns, contacts.contacts, events.columns):
         pool.clear_with(columns)
     pool.clear_readings_with(sensors.readings)
@@ -292,12 +257,6 @@ def _assemble(
         *(simulation, schedule, scene, rules, actions, pool, ownership, entries, recorder, cast),
         latency_steps=options.latency_steps,
     )
-
-
-def _learning(cast: Cast, bubbles: BubbleRules | None, options: Options) -> LearningInBubbles | None:
-    if cast.learning is None or bubbles is None:
-        return None
-    return LearningInBubbles(bubbles, max(1, round(cast.learning.episode_time / options.dt)))
 
 
 def _unread(cast: Cast, pool: AgentPool) -> dict[int, Collection[str]]:
@@ -320,17 +279,10 @@ def _observers(names: Sequence[str], options: Options) -> list[int]:
     return [names.index(name) for name in dict.fromkeys(options.record_observations)]
 
 
-def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
-    has_paths = any(action_format(int(kind)).has_path for kind in rules.action)
-    actions = Actions.allocate(worlds, len(rules.action), options.path if has_paths else 0)
-    actions.kind[:] = rules.action
-    return actions
-
-
 def _recorder(
     scene: Scene, pool: AgentPool, options: Options, policies: Sequence[str], observers: Sequence[int]
-) -> AnnotatedRecorder | None:
-    parts: list[AnnotatedRecorder] = []
+) -> Recorders | None:
+    parts: list[Any] = []
     if options.record is not None:
         # Only recording runs wait for pyarrow.
         from smarts.sim.recorder import EpisodeRecorder
@@ -344,6 +296,4 @@ def _recorder(
 
         address = Address.parse(viewer, "Options.envision" if options.envision else ENVISION)
         parts.append(EpisodePublisher(scene, address, pool, policies, options.policy))
-    if len(parts) > 1:
-        return Recorders(parts)
-    return parts[0] if parts else None
+    return Recorders(parts) if parts else None

@@ -13,7 +13,6 @@ from smarts.bubbles.field import BubbleField
 from smarts.bubbles.phases import Phase
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.sim.agent_pool import AgentPool
-from smarts.sim.followed import Followed
 from smarts.sim.hold_missions import HoldMissions
 from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import BubbleStates, PlacedBubble
@@ -51,7 +50,7 @@ class BubbleRules:
         self._world, self._pool, self._atlas = world, pool, routes.atlas
         self._can_take = can_take
         self._missions, self._conditions = HoldMissions(world, routes), ConditionRunner(world)
-        self._followed, self._field = Followed(world, pool), BubbleField(world)
+        self._field = BubbleField(world)
         # By simulation, of agents that have been announced: numbers of those without a column; of all, what
         # each is for; those that have found no free column.
         self._waiting: list[dict[Key, int]] = [{} for _ in range(world.worlds)]
@@ -96,7 +95,6 @@ class BubbleRules:
         ] + [(number, name, False) for number, bubble in enumerate(start.bubbles) for name in bubble.names]
         self._noted[row] = 0
         self._conditions.clear(row)
-        self._followed.clear(row)
 
     def place(self, env_mask: Bools) -> None:
         """Move the bubbles, find the vehicles in them, and write which of those are to change hands."""
@@ -152,7 +150,7 @@ class BubbleRules:
         """Return whether a bubble takes vehicles; find the vehicle that it follows."""
         is_there = True
         if bubble.followed:
-            rows, slot = self._field.rows, self._followed.slot(row, bubble.followed)
+            rows, slot = self._field.rows, self._slot_of(row, bubble.followed)
             is_there = slot != UNSET
             rows.followed[row, number] = slot
             if is_there:
@@ -162,13 +160,20 @@ class BubbleRules:
         holds = condition is None or self._conditions.is_active(row, number, condition)
         return is_there and holds
 
+    def _slot_of(self, row: int, name: str) -> int:
+        """Return the slot of the vehicle of an agent, or else of a vehicle, of this name; -1 without one."""
+        numbers = (number for number, start in enumerate(self._pool.starts[row]) if start.name == name)
+        column = self._pool.column(row, next(numbers, UNSET))
+        held = int(self._world.agents.slot[row, column]) if column != UNSET else UNSET
+        return held if held != UNSET else self._world.registry.slot(row, name)
+
     def _look_for(self, row: int) -> None:
         """Count the names that have not appeared, by bubble."""
-        find, counts = self._followed, self._field.states.never_appeared[row]
+        find, counts = self._world.registry.slot, self._field.states.never_appeared[row]
         self._missing[row] = [
             sought
             for sought in self._missing[row]
-            if (find.slot if sought[2] else find.vehicle)(row, sought[1]) == UNSET
+            if (self._slot_of if sought[2] else find)(row, sought[1]) == UNSET
         ]
         counts[:] = 0
         for number, *_ in self._missing[row]:

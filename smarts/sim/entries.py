@@ -42,10 +42,8 @@ class Entries:
         """Numbers of the agents that have yet to enter, by simulation."""
         self.coming = np.zeros(worlds, np.int32)
         """How many of them get their column when they enter, shape (B,)."""
-        self.crowded_out = np.zeros(worlds, np.int32)
-        """How many agents of the present episode could not enter when they were to, each once, shape (B,):
-        another agent's vehicle was at the start, or no column or vehicle slot was free."""
         self._crowded: list[set[int]] = [set() for _ in range(worlds)]
+        """Numbers of the agents that could not enter when they were to."""
         self._world, self._ownership = world, ownership
         self._routes, self._pool = routes, pool
 
@@ -56,7 +54,6 @@ class Entries:
             ScenarioError: The run has no room for an agent; see `AgentPool.begin`.
         """
         self.episodes[row] = start
-        self.crowded_out[row] = 0
         self._crowded[row].clear()
         self._pool.begin(row, start)
         waiting = [
@@ -108,7 +105,7 @@ class Entries:
         if now < start.entry_time + patience - 1e-9:
             return False
         if self._is_occupied(row, start):
-            self._keep_out(row, number)
+            self._crowded[row].add(number)
             return False
         slot = self._admit(row, number, start)
         if slot is None:
@@ -125,7 +122,7 @@ class Entries:
     def _enters_at_once(self, row: int, number: int, start: AgentStart) -> bool:
         """Let an agent in at a reset; return whether it is in. An agent that is no ego needs a free place."""
         if start.interface != UNSET and self._is_occupied(row, start):
-            self._keep_out(row, number)
+            self._crowded[row].add(number)
             return False
         return self._admit(row, number, start) is not None
 
@@ -136,20 +133,15 @@ class Entries:
             TrafficError: No slot is free for an ego.
         """
         if start.interface != UNSET and self._world.vehicles.alive[row].all():
-            self._keep_out(row, number)
+            self._crowded[row].add(number)
             return None
         agent_id = self._pool.column(row, number)
         if agent_id == UNSET:
             agent_id = self._pool.take(row, number)
         if agent_id == UNSET:
-            self._keep_out(row, number)
+            self._crowded[row].add(number)
             return None
         return self._ownership.admit(row, agent_id, start)
-
-    def _keep_out(self, row: int, number: int) -> None:
-        """Count an agent that cannot enter now."""
-        self._crowded[row].add(number)
-        self.crowded_out[row] = len(self._crowded[row])
 
     def _is_occupied(self, row: int, start: AgentStart) -> bool:
         """Return whether another agent's vehicle is at the start."""

@@ -41,8 +41,6 @@ from smarts.types.episode_schema import (
 MAPS = "maps"
 PARTIAL = ".partial-recording-"
 """Begins the name of the folder of what a process is writing."""
-_PARQUET = b"PAR1"
-"""Begins and ends a Parquet file."""
 
 Rows = Mapping[str, Sequence[Any] | NDArray]
 """Columns by name, all of one length."""
@@ -142,7 +140,7 @@ class EpisodeWriter:
                 "write_page_checksum": True,
             }
             self._open[table] = pq.ParquetWriter(self._folder / f"{table}.parquet", schema, **options)
-        if table == VEHICLES.name:
+        if table in (VEHICLES.name, DISTANT.name):
             # By vehicle, neighbouring rows are alike and take a sixth less; readers order them by step.
             order = np.lexsort([np.asarray(rows[name]) for name in ("step", "generation", "slot")])
             rows = {name: np.asarray(column)[order] for name, column in rows.items()}
@@ -252,25 +250,15 @@ class RecordedEpisode:
             MapError: The map is.
         """
         for name, table in TABLE.items():
+            path = self.folder / f"{name}.parquet"
+            if table.is_optional and not path.exists():
+                continue
             try:
-                with (self.folder / f"{name}.parquet").open("rb") as file:
-                    file.seek(0, os.SEEK_END)
-                    size = file.tell()
-                    file.seek(max(0, size - len(_PARQUET)))
-                    if size < 3 * len(_PARQUET) or file.read() != _PARQUET:
-                        raise self._damaged(name, f"{size} bytes, of which the last ones are missing")
-            except FileNotFoundError:
-                if not table.is_optional:
-                    raise self._damaged(name, "it is missing") from None
-            except OSError as error:
+                pq.read_metadata(path)
+            except (OSError, pa.ArrowException) as error:
                 raise self._damaged(name, str(error)) from error
-        path = self._map
-        if not zipfile.is_zipfile(path):
-            raise MapError(
-                f"the map of the episode is {'damaged' if path.exists() else 'not there'}",
-                place=str(path),
-                remedy=f"bring the file back, since episodes need the folder '{MAPS}' beside them",
-            )
+        if not zipfile.is_zipfile(self._map):
+            raise self._map_error("no lane graph")
 
     @property
     def _map(self) -> Path:
@@ -282,15 +270,15 @@ class RecordedEpisode:
         Raises:
             MapError: It is not beside the episodes, or damaged.
         """
-        path = self._map
         try:
-            return LaneGraph.load(path)
+            return LaneGraph.load(self._map)
         except MapError as error:
-            raise MapError(
-                f"the map of the episode is {'damaged' if path.exists() else 'not there'}: {error.problem}",
-                place=str(path),
-                remedy=f"bring the file back, since episodes need the folder '{MAPS}' beside them",
-            ) from error
+            raise self._map_error(error.problem) from error
+
+    def _map_error(self, problem: str) -> MapError:
+        path, remedy = self._map, f"bring the file back, since episodes need the folder '{MAPS}' beside them"
+        state = "damaged" if path.exists() else "not there"
+        return MapError(f"the map of the episode is {state}: {problem}", place=str(path), remedy=remedy)
 
 
 def episodes_in(root: str | Path) -> list[Path]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from smarts.arrays import Floats, Ints, Longs
 from smarts.sim.agent_pool import Hold
 from smarts.types.agent_states import UNSET, AgentStatus
-from smarts.types.episode import AgentStart
-from smarts.types.episode_schema import AGENT_STATES, AGENTS, DECISIONS, TABLE
+from smarts.types.episode import AgentStart, EpisodeStart
+from smarts.types.episode_schema import AGENT_STATES, AGENTS, DECISIONS, EXTRAS, TABLE
 from smarts.types.events import Outcome
 from smarts.types.frame import Frame
 
@@ -90,6 +90,20 @@ def _key(agent_id: NDArray, step: NDArray) -> Longs:
     return agent_id.astype(np.int64) << 32 | step.astype(np.int64)
 
 
+def start_facts(start: EpisodeStart, dt: float) -> dict[str, Any]:
+    """Return what an episode is, as columns of the table `episode`; `dt` is the length of a step [s]."""
+    return {
+        "scenario": start.scenario,
+        "traffic": start.traffic_name or "",
+        "seed": start.seed,
+        "world": start.world,
+        "episode": start.episode,
+        "traffic_engine": start.engine,
+        "traffic_seed": start.traffic_seed,
+        "dt": dt,
+    }
+
+
 def start_columns(start: AgentStart, routes: Mapping[tuple[str, ...], int]) -> dict[str, Any]:
     """Return the columns of an agent's start and mission."""
     mission = start.mission
@@ -147,6 +161,12 @@ def _drive_columns(
     }
 
 
+def columns_of(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> dict[str, list[Any]]:
+    """Return rows as columns by name."""
+    columns = [*zip(*rows, strict=True)] or [()] * len(names)
+    return {name: [*column] for name, column in zip(names, columns, strict=True)}
+
+
 def routes_table(routes: Sequence[Ints]) -> Rows:
     """Return the routes of an episode, given as numbers of edges, in the order of their numbers."""
     return {"route": np.arange(len(routes)), "edges": [route.tolist() for route in routes]}
@@ -154,14 +174,12 @@ def routes_table(routes: Sequence[Ints]) -> Rows:
 
 def extras_table(extras: Sequence[tuple[str, int, Ints, Floats]]) -> Rows:
     """Return a row for each agent of each annotation: name, step, agents (S,), values (S, ...)."""
-    table: dict[str, list[Any]] = {"step": [], "agent_id": [], "name": [], "values": []}
-    for name, step, agents, values in extras:
-        for agent_id, numbers in zip(agents.tolist(), values, strict=True):
-            table["step"].append(step)
-            table["agent_id"].append(agent_id)
-            table["name"].append(name)
-            table["values"].append(np.ravel(numbers).tolist())
-    return table
+    rows = (
+        (step, agent_id, name, np.ravel(numbers).tolist())
+        for name, step, agents, values in extras
+        for agent_id, numbers in zip(agents.tolist(), values, strict=True)
+    )
+    return columns_of(EXTRAS.names, rows)
 
 
 def rows_by_name(table: str, rows: Floats) -> dict[str, Floats]:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from smarts.arrays import Bools
-from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads
 from smarts.roads.curves import curve_into, station_near, stations_of
-from smarts.roads.scene import Scene
 from smarts.sim.cut_in import pace_cut_in, plan_cut_in
 from smarts.sim.u_turn import plan_u_turn
 from smarts.types.agent_states import AgentStatus
@@ -27,21 +23,9 @@ _FREE, _MANOEUVRE, _OVER = int(GuidePhase.FREE), int(GuidePhase.MANOEUVRE), int(
 _SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 
 
-class Manoeuvres:
-    """Writes `world.guidance`; part of the map-matching stage, after vehicles are matched.
-
-    Args:
-        scene: The world, its maps and the agents' routes.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self.plan: Callable[[Bools], None] = bind(plan_manoeuvres, scene.world.state, scene.atlas.roads)
-        """Write where tasks lead in the simulations of a mask, shape (B,)."""
-
-
 @kernel
 def plan_manoeuvres(state: State, roads: Roads, env_mask: Bools) -> None:
-    """Write the guidance of agents with a vehicle and a task, in some simulations."""
+    """Write the guidance of agents with a vehicle and a task, in some simulations, after map matching."""
     agents, missions, guidance = state.agents, state.missions, state.guidance
     for b in np.flatnonzero(env_mask):
         for a in range(agents.slot.shape[1]):

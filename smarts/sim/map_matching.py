@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -45,24 +46,22 @@ class MapMatcher:
     def __init__(self, scene: Scene) -> None:
         shape = scene.world.vehicles.alive.shape
         matched = columns.allocate(Matched, shape, unset=("generation",), more={"pose": (3,)})
-        self._match = bind(
-            match_vehicles, scene.world.state, scene.atlas.roads, scene.routes.current, matched
+        world, roads = scene.world.state, scene.atlas.roads
+        self.match: Callable[[Bools], None] = bind(
+            match_vehicles, world, roads, scene.routes.current, matched
         )
-
-    def match(self, env_mask: Bools) -> None:
-        """Write the places of all vehicles, since when they stand, and where agents are on their routes.
-
-        On its route, an agent's `remaining` is the distance to the goal, on the last lap of several, and 0
-        behind it, and `lane_changes` are those that the goal's lane demands; off the route, as off the road,
-        both stay as they were. Without a route an agent counts as on its route, and its `route_progress` is
-        what it has driven along the lanes.
-        """
-        self._match(env_mask)
+        """See `match_vehicles`; takes `env_mask`."""
 
 
 @kernel
 def match_vehicles(state: State, roads: Roads, routes: RouteTable, matched: Matched, env_mask: Bools) -> None:
-    """Write the places of all vehicles, since when they stand, and the progress of all agents."""
+    """Write the places of all vehicles, since when they stand, and where agents are on their routes.
+
+    On its route, an agent's `remaining` is the distance to the goal, on the last lap of several, and 0
+    behind it, and `lane_changes` are those that the goal's lane demands; off the route, as off the road,
+    both stay as they were. Without a route an agent counts as on its route, and its `route_progress` is
+    what it has driven along the lanes.
+    """
     vehicles, agents = state.vehicles, state.agents
     capacity = vehicles.alive.shape[1]
     room = candidates()

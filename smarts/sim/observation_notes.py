@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Floats
+from smarts.sim.episode_tables import columns_of
 from smarts.types.episode_schema import OBSERVATIONS
 from smarts.types.frame import Frame
 
 MOST_CELLS = 64
-"""Of a recorded grid, along each side; larger ones are averaged."""
+"""Most cells of a recorded grid along each side; larger grids are averaged."""
 MOST_KEPT = 4 << 20
 """Bytes of an episode's observations that wait in memory to be written."""
 
 Note = tuple[int, int, str, NDArray]
 """Step, agent_id, name, values."""
 Arrays = Mapping[str, NDArray]
-"""Of one sensor and one agent, by field."""
+"""Readings of one sensor and one agent, by field."""
 
 
 def observation_notes(frame: Frame, row: int, seen: Mapping[int, int], origin: Floats) -> Iterator[Note]:
@@ -34,13 +35,13 @@ def observation_notes(frame: Frame, row: int, seen: Mapping[int, int], origin: F
     """
     for name, block in frame.readings.blocks.items() if seen else ():
         sensor = name.partition(":")[0]
-        make = _SENSORS.get(sensor)
+        kind, make = _SENSORS.get(sensor, ("", None))
         places = frame.readings.agent_ids[name].tolist()
         for agent_id, step in seen.items():
             if make is not None and agent_id in places:
                 place = places.index(agent_id)
                 arrays = {field: block[field][row, place] for field in block}
-                yield step, agent_id, _NAMES[sensor], make(arrays, origin)
+                yield step, agent_id, kind, make(arrays, origin)
 
 
 class ObservationRows:
@@ -62,11 +63,11 @@ class ObservationRows:
         """Whether they are better written than kept."""
         return self._size > MOST_KEPT
 
-    def taken(self) -> dict[str, Sequence[Any]]:
+    def taken(self) -> dict[str, list[Any]]:
         """Return the rows as columns, and forget them."""
-        columns = [*zip(*self._notes, strict=True)] or [()] * len(OBSERVATIONS.columns)
+        columns = columns_of(OBSERVATIONS.names, self._notes)
         self._notes, self._size = [], 0
-        return dict(zip(OBSERVATIONS.names, columns, strict=True))
+        return columns
 
 
 def _waypoints(arrays: Arrays, origin: Floats) -> Floats:
@@ -117,18 +118,13 @@ def _averages(length: int, side: int) -> Floats:
     return part / part.sum(axis=1, keepdims=True)
 
 
-_SENSORS: dict[str, Callable[[Arrays, Floats], Floats]] = {
-    "waypoint_paths": _waypoints,
-    "neighborhood_vehicle_states": _neighbors,
-    "lidar_point_cloud": _lidar,
-    **dict.fromkeys(("drivable_area_grid_map", "occupancy_grid_map", "occlusion_map", "top_down_rgb"), _grid),
+_SENSORS: dict[str, tuple[str, Callable[[Arrays, Floats], Floats]]] = {
+    "waypoint_paths": ("waypoints", _waypoints),
+    "neighborhood_vehicle_states": ("neighbors", _neighbors),
+    "lidar_point_cloud": ("lidar", _lidar),
+    "drivable_area_grid_map": ("grid:drivable", _grid),
+    "occupancy_grid_map": ("grid:occupancy", _grid),
+    "occlusion_map": ("grid:visible", _grid),
+    "top_down_rgb": ("rgb:top_down", _grid),
 }
-_NAMES = {
-    "waypoint_paths": "waypoints",
-    "neighborhood_vehicle_states": "neighbors",
-    "lidar_point_cloud": "lidar",
-    "drivable_area_grid_map": "grid:drivable",
-    "occupancy_grid_map": "grid:occupancy",
-    "occlusion_map": "grid:visible",
-    "top_down_rgb": "rgb:top_down",
-}
+"""Sensor -> name of its rows, and what makes them."""

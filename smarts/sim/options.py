@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NoReturn
 
-from smarts.agents.options import InterfaceError
 from smarts.errors import SmartsError
 from smarts.providers.vehicle import SUBSTEPS
 from smarts.sim.outlet import Address
@@ -20,11 +17,11 @@ ENVISION = "SMARTS_ENVISION"
 VIEWER = "127.0.0.1:8081"
 """Where `smarts-bench view --live` is by default."""
 LONGEST_SUBSTEP = 0.02
-"""Of the vehicles' dynamics [s]; made for 0.01."""
+"""Longest sub-step of the vehicles' dynamics [s]; made for 0.01."""
 LONGEST_TRAFFIC_STEP = 1.0
 """Reaction time of SUMO's drivers [s]."""
 LONGEST_LATENCY = 10.0
-"""Of actions [s]."""
+"""Longest latency of actions [s]."""
 
 
 @dataclass(frozen=True)
@@ -58,57 +55,57 @@ class Options:
     """Length of SUMO's step [s], a multiple of `dt` up to 1, for training: 0.5 halves the time of training.
     Between SUMO's poses, vehicles move evenly. Such episodes cannot be recorded. None: `dt`."""
     friction: float | None = None
-    """Of the road under agents' vehicles where the scenario has no patch, 0.05 to 2; None: dry, 0.9."""
+    """Friction of the road under agents' vehicles beside a scenario's patches, 0.05 to 2; None: dry, 0.9."""
     action_latency: float = 0.0
     """Time from an action of a learning agent to when its vehicle carries it out [s], a multiple of `dt` up
     to 10; the last action that has arrived is kept until then. Social agents have `hosts` instead."""
 
     def __post_init__(self) -> None:
-        longest = LONGEST_SUBSTEP * SUBSTEPS
-        if not 0.001 <= self.dt <= longest:
-            remedy = f"give 0.001 to {longest} s, for which tyres are made"
-            self._refuse("dt", f"a step of {self.dt} s", remedy)
-        self._check_traffic_step()
-        latency = self.action_latency
-        if not 0 <= latency <= LONGEST_LATENCY or abs(self.latency_steps * self.dt - latency) > 1e-9:
-            multiple = f"give a multiple of dt, {self.dt} s, up to {LONGEST_LATENCY:g} s"
-            self._refuse("action_latency", f"a latency of {latency} s", multiple)
-        for name in ("record_all", "record_observations"):
-            if getattr(self, name) and self.record is None:
-                remedy = f"name a folder with record, or leave out {name}"
-                self._refuse(name, f"{name} is set, and nothing is recorded", remedy)
-        if isinstance(self.record_observations, str):
-            problem = f"record_observations is {self.record_observations!r}, not a list"
-            self._refuse("record_observations", problem, f"give a list: [{self.record_observations!r}]")
+        longest, step = LONGEST_SUBSTEP * SUBSTEPS, self.traffic_step
+        multiple = f"give a multiple of dt, {self.dt} s, up to"
+        records = self.record is not None
+        # Name, whether its value is right, and the remedy where it is not.
+        rules = (
+            ("dt", 0.001 <= self.dt <= longest, f"give 0.001 to {longest} s, for which tyres are made"),
+            (
+                "traffic_step",
+                step is None or (step > 0 and self._is_multiple(step, LONGEST_TRAFFIC_STEP)),
+                f"{multiple} {LONGEST_TRAFFIC_STEP:g} s",
+            ),
+            ("traffic_step", step is None or not records, "leave it out: tests run with exact traffic"),
+            (
+                "action_latency",
+                self._is_multiple(self.action_latency, LONGEST_LATENCY),
+                f"{multiple} {LONGEST_LATENCY:g} s",
+            ),
+            ("record_all", records or not self.record_all, "name a folder with record, or leave it out"),
+            (
+                "record_observations",
+                not self.record_observations or (records and not isinstance(self.record_observations, str)),
+                "give a list of names, and name a folder with record",
+            ),
+            (
+                "friction",
+                self.friction is None or 0.05 <= self.friction <= 2.0,
+                "give 0.05 to 2; ice has about 0.1, a wet road 0.5, dry asphalt 0.9",
+            ),
+            ("path", self.path >= 1, "give a number of points, 1 or more"),
+        )
+        for name, is_right, remedy in rules:
+            if not is_right:
+                problem = f"{name} is {getattr(self, name)!r}"
+                raise SmartsError(problem, place=f"Options.{name}", remedy=remedy)
         if self.envision:
             Address.parse(self.envision, "Options.envision")
-        if self.friction is not None and not 0.05 <= self.friction <= 2.0:
-            remedy = "give 0.05 to 2; ice has about 0.1, a wet road 0.5, dry asphalt 0.9"
-            self._refuse("friction", f"a friction of {self.friction}", remedy)
-        if isinstance(self.path, bool) or not isinstance(self.path, int) or self.path < 1:
-            raise InterfaceError(
-                f"path is {self.path!r}", place="Options", remedy="give a number of points, 1 or more"
-            )
+
+    def _is_multiple(self, time: float, longest: float) -> bool:
+        """Return whether a time is a multiple of `dt`, from 0 to `longest` [s]."""
+        return 0 <= time <= longest and self.dt > 0 and abs(round(time / self.dt) * self.dt - time) <= 1e-9
 
     @property
     def latency_steps(self) -> int:
         """Steps from an action to when it is carried out."""
         return round(self.action_latency / self.dt)
-
-    def _check_traffic_step(self) -> None:
-        step = self.traffic_step
-        if step is None:
-            return
-        steps = round(step / self.dt) if math.isfinite(step) else 0
-        if steps < 1 or step > LONGEST_TRAFFIC_STEP or abs(steps * self.dt - step) > 1e-9:
-            multiple = f"give a multiple of dt, {self.dt} s, up to {LONGEST_TRAFFIC_STEP} s"
-            self._refuse("traffic_step", f"a traffic step of {step} s", multiple)
-        if self.record is not None:
-            problem = f"traffic_step is {step}, and episodes are recorded, for tests"
-            self._refuse("traffic_step", problem, "leave out traffic_step: tests run with exact traffic")
-
-    def _refuse(self, name: str, problem: str, remedy: str) -> NoReturn:
-        raise SmartsError(problem, place=f"Options.{name}", remedy=remedy)
 
 
 def check_envision(envision: object) -> None:

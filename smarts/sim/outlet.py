@@ -11,7 +11,6 @@ import select
 import socket
 import threading
 import time
-import weakref
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -84,7 +83,7 @@ class Outlet:
 
     def __init__(self, address: Address) -> None:
         self._address = address
-        self.process = process_now()
+        self.process = os.getpid()
         """The process that sends: after a fork, the child needs another outlet."""
         self.epoch = 0
         """Grows whenever what was put before may not have arrived: all that lasts is to be put again."""
@@ -108,7 +107,6 @@ class Outlet:
         """Wakes the thread: it waits for the second one to be readable."""
         for each in (self._bell, self._ringing):
             each.setblocking(False)
-        _outlets.add(self)
         # A daemon, since a program that ends without closing is not to hang.
         self._thread = threading.Thread(target=self._work, name="envision-outlet", daemon=True)
         self._thread.start()
@@ -122,7 +120,7 @@ class Outlet:
             is_last: Whether to send now; otherwise `flush` is to be called, and sends several in one call of
                 the system, which takes longer than all else.
         """
-        if not self.is_open or self.process != process_now():
+        if not self.is_open or self.process != os.getpid():
             return
         packed = message if callable(message) else _packed(message)
         if packed is None:
@@ -143,7 +141,7 @@ class Outlet:
 
     def flush(self) -> None:
         """Send what was put and is not the last."""
-        if self._waiting and self.process == process_now():
+        if self._waiting and self.process == os.getpid():
             with self._lock:
                 if self.is_open:
                     self._flush_or_wake()
@@ -151,7 +149,7 @@ class Outlet:
     def close(self) -> None:
         """Send what waits, for half a second at most, and end; may be called again."""
         # In a process that was forked off, the thread and perhaps a lock that it held stayed behind.
-        if self.process == process_now():
+        if self.process == os.getpid():
             self._closing.set()
             self._wake()
             if threading.current_thread() is self._thread:
@@ -324,26 +322,6 @@ def _ready(connection: socket.socket, ringing: socket.socket, *, has_rest: bool)
     poll.register(ringing, select.POLLIN)
     found = dict(poll.poll())
     return [each for each in (connection, ringing) if found.get(each.fileno(), 0) & ~select.POLLOUT]
-
-
-def process_now() -> int:
-    """Return the id of this process, without asking the system."""
-    return _process[0]
-
-
-_process = [os.getpid()]
-_outlets: weakref.WeakSet[Outlet] = weakref.WeakSet()
-
-
-def _leave_parent() -> None:
-    """Close what a process that was forked off has of its parent's connections, which end with the parent."""
-    _process[0] = os.getpid()
-    for outlet in [*_outlets]:
-        if outlet._connection is not None:
-            outlet._connection.close()
-
-
-os.register_at_fork(after_in_child=_leave_parent)
 
 
 def _shaken(connection: socket.socket, address: Address) -> ClientProtocol:

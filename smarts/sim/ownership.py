@@ -6,7 +6,7 @@ hand-over is a write to one row: pose and speed stay as they are, and providers 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -83,30 +83,25 @@ class Ownership:
         self.refused: Ints = np.zeros((worlds, len(Refusal)), np.int32)
         """How many vehicles of the present episode were refused to change hands, by `Refusal`, each vehicle
         and agent once, shape (B, R)."""
-        self.refused_steps: Ints = np.zeros((worlds, len(Refusal)), np.int32)
-        """How many steps they were refused in all, shape (B, R)."""
         self.departed: Ints = np.zeros((worlds, len(Departure)), np.int32)
         """How many agents' vehicles have left in the present episode, by `Departure`, shape (B, D)."""
         self.carried_out: list[CarriedOut] = []
         """What the last call of `apply` has carried out."""
         self._refused: list[dict[tuple[int, int, int], _Refused]] = [{} for _ in range(worlds)]
         self._begin_leaving = bind(begin_leaving, world.state)
-        self._drop_vanished = bind(drop_vanished, world.state)
+        self.drop_vanished: Callable[[Bools], None] = bind(drop_vanished, world.state)
+        """Vacates the columns of agents whose vehicle traffic has removed; takes `env_mask`."""
         self._note_collisions = LateBound(note_collisions, world.state)
 
     def clear(self, row: int) -> None:
         """Forget the transfers that are pending in one simulation, and its counts."""
         self._queue = self._queue[self._queue["row"] != row]
-        self.refused[row] = self.refused_steps[row] = self.departed[row] = 0
+        self.refused[row] = self.departed[row] = 0
         self._refused[row].clear()
 
     def unresolved(self, row: int) -> list[Unresolved]:
         """Return the refused transfers of a simulation's present episode that have not been carried out."""
         return [Unresolved(*key, each.steps, each.last) for key, each in self._refused[row].items()]
-
-    def drop_vanished(self, env_mask: Bools) -> None:
-        """Vacate the columns of agents whose vehicle traffic has removed."""
-        self._drop_vanished(env_mask)
 
     def note_collisions(self, contacts: Contacts, env_mask: Bools) -> None:
         """Mark the vehicles of leaving agents that have collided in this step."""
@@ -179,7 +174,6 @@ class Ownership:
         """Count a refusal."""
         row = int(transfer["row"])
         before = self._refused[row].get(_key(transfer), _NEVER)
-        self.refused_steps[row, refusal] += 1
         if not before.seen >> refusal & 1:
             self.refused[row, refusal] += 1
         self._refused[row][_key(transfer)] = _Refused(before.steps + 1, refusal, before.seen | 1 << refusal)

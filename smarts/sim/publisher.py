@@ -24,11 +24,11 @@ from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.binding import LateBound
 from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
-from smarts.sim.outlet import Address, Content, Outlet, process_now
+from smarts.sim.episode_tables import start_facts
+from smarts.sim.outlet import Address, Content, Outlet
 from smarts.sim.publisher_extras import PublishedExtras
 from smarts.sim.publisher_kernel import Rows, take_row
 from smarts.sim.publisher_maps import PublishedMaps
-from smarts.sim.publisher_pace import Pace
 from smarts.sim.publisher_sight import PublishedSight
 from smarts.sim.publisher_tables import static_tables
 from smarts.sim.recorder import OBSERVED
@@ -41,6 +41,12 @@ from smarts.types.frame import Frame
 
 MOST_SHOWN = 9
 """Simulations of a process that are sent: the first ones."""
+SHORTEST = 1 / 60
+"""From one frame of a simulation to the next, at least [s]."""
+LONGEST = 0.2
+"""And at most, where steps are no longer [s]."""
+SHARE = 0.025
+"""The part of the time that frames may take."""
 
 
 @dataclass
@@ -53,7 +59,7 @@ class _Row:
     """Counts its episodes."""
     is_over: bool = True
     epoch: int = -1
-    """Of the outlet, when all that lasts was last sent."""
+    """Epoch of the outlet when all that lasts was last sent."""
     known: tuple[int, int, int] = (0, 0, 0)
     """How many agents, holds and outcomes were sent."""
     outcomes: dict[int, tuple[int, ...]] = field(default_factory=dict)
@@ -92,7 +98,8 @@ class EpisodePublisher:
         agents = world.agents.slot.shape
         self._no_actions = Actions.allocate(*agents)
         self._extras = PublishedExtras(len(self._rows))
-        self._pace = Pace()
+        self._due = 0.0
+        """Time from which on the next frame is sent [s]."""
         self._buffers = Rows.allocate(
             world.vehicles.capacity, world.worlds, world.signals.shape[1], agents[1]
         )
@@ -121,10 +128,10 @@ class EpisodePublisher:
             actions = frame.actions
             decided = frame.world.step[:, None] - 1 - actions.age
             np.copyto(self._buffers.decided, decided, where=actions.fresh)
-        is_due = outlet.is_open and (self._pace.is_due(now) or self._epoch != outlet.epoch)
+        is_due = outlet.is_open and (now >= self._due or self._epoch != outlet.epoch)
         # Most steps end here.
         is_quiet = not (is_due or has_news or frame.starts or frame.failures or outlet.observed)
-        if is_quiet and outlet.process == process_now():
+        if is_quiet and outlet.process == os.getpid():
             return
         self._prepare()
         self._epoch = self._outlet.epoch
@@ -135,7 +142,7 @@ class EpisodePublisher:
         sent = [self._record_row(row, frame, is_due, has_news) for row in range(len(self._rows))]
         self._outlet.flush()
         if any(sent):
-            self._pace.count(now, time.thread_time() - used)
+            self._due = now + min(max(SHORTEST, (time.thread_time() - used) / SHARE), LONGEST)
 
     def _record_row(self, row: int, frame: Frame, is_due: bool, has_news: bool) -> bool:
         """Take what is new of one simulation; return whether its frame was sent."""
@@ -197,7 +204,7 @@ class EpisodePublisher:
             shown.source, shown.epoch = f"{name}-{row}", -1
         self._maps_sent: tuple[int, set[int]] = -1, set()
         self._epoch = -1
-        """Of the outlet, when a frame was last looked at."""
+        """Epoch of the outlet when a frame was last looked at."""
         self._told = -1
         """Epoch in which the server was told how many simulations are not sent."""
 
@@ -259,7 +266,7 @@ class EpisodePublisher:
 
     def _prepare(self) -> None:
         """Connect a process that was forked off; say how many simulations are not sent."""
-        if self._outlet.process != process_now():
+        if self._outlet.process != os.getpid():
             # The thread and the connection stayed in the process that forked.
             self._connect()
         outlet = self._outlet
@@ -285,17 +292,7 @@ class EpisodePublisher:
         if start.map not in self._maps_sent[1]:
             self._maps_sent[1].add(start.map)
             self._outlet.put(partial(self._maps.message, start.map), epoch, is_last=False)
-        facts = {
-            "scenario": start.scenario,
-            "traffic": start.traffic_name or "",
-            "seed": start.seed,
-            "world": start.world,
-            "episode": start.episode,
-            "dt": self._scene.world.dt,
-            "traffic_engine": start.engine,
-            "traffic_seed": start.traffic_seed,
-            "policy": self._policy,
-        }
+        facts = start_facts(start, self._scene.world.dt) | {"policy": self._policy}
         who = {"host": socket.gethostname(), "pid": os.getpid(), "world": row}
         self._put(shown, {"type": "begin", "facts": facts, "map": start.map, **who})
 
@@ -338,7 +335,7 @@ class EpisodePublisher:
 def room() -> int:
     """Return how many further simulations of this process are shown."""
     # A process that was forked off has its parent's publishers, too, which show nothing here unless used.
-    here = [each for each in _publishers if each._outlet.process == process_now()]
+    here = [each for each in _publishers if each._outlet.process == os.getpid()]
     return max(0, MOST_SHOWN - sum(len(each._rows) for each in here))
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.agent_pool import Hold
-from smarts.sim.episode_tables import start_columns
+from smarts.sim.episode_tables import columns_of, start_columns
 from smarts.sim.recorder_handovers import ring_rows
 from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import PlacedBubble
@@ -36,28 +36,32 @@ def static_tables(
     """
     routes = [*dict.fromkeys(start.mission.route for start in starts if start.mission.route)]
     numbers = {route: number for number, route in enumerate(routes)}
-    ended = sorted(outcomes.items(), key=lambda each: each[1][0])
-    rings = [*zip(*ring_rows(bubbles), strict=True)] or [()] * 4
-    return {
-        "agents": _agents(starts, holds, outcomes, numbers),
-        "holds": _holds(starts, holds, policies),
-        "routes": {
-            "route": [*range(len(routes))],
-            "edges": [[graph.edge_number(edge) for edge in route] for route in routes],
-        },
-        "outcomes": {
-            "agent": [number for number, _ in ended],
-            **{
-                name: [row[column] for _, row in ended]
-                for column, name in enumerate(("step", "outcome", "partner_slot", "partner_generation"))
-            },
-        },
-        "bubbles": {
-            "bubble": [*range(len(bubbles))],
-            **{name: [getattr(each, name) for each in bubbles] for name in ("id", "actor", "followed")},
-        },
-        "bubble_rings": {name: [*column] for name, column in zip(BUBBLE_RINGS.names, rings, strict=True)},
+    held = [(starts[hold.number], hold) for hold in holds]
+    policy_of = dict(enumerate(policies))
+    rows: dict[str, tuple[Sequence[str], Iterable[Sequence[Any]]]] = {
+        "holds": (
+            ("agent", "agent_id", "name", "policy", "interface", "first_step"),
+            [
+                (hold.number, hold.agent_id, s.name, policy_of.get(s.policy, ""), s.interface, hold.step)
+                for s, hold in held
+            ],
+        ),
+        "routes": (
+            ("route", "edges"),
+            [(number, [*map(graph.edge_number, route)]) for number, route in enumerate(routes)],
+        ),
+        "outcomes": (
+            ("agent", "step", "outcome", "partner_slot", "partner_generation"),
+            sorted(((number, *row) for number, row in outcomes.items()), key=lambda each: each[1]),
+        ),
+        "bubbles": (
+            ("bubble", "id", "actor", "followed"),
+            [(number, each.id, each.actor, each.followed) for number, each in enumerate(bubbles)],
+        ),
+        "bubble_rings": (BUBBLE_RINGS.names, ring_rows(bubbles)),
     }
+    agents = _agents(starts, holds, outcomes, numbers)
+    return {"agents": agents, **{name: columns_of(*table) for name, table in rows.items()}}
 
 
 def _agents(
@@ -79,21 +83,6 @@ def _agents(
         for number, start in enumerate(starts)
     ]
     return {name: [_plain(row[name]) for row in agents] for name in (agents[0] if agents else ())}
-
-
-def _holds(
-    starts: Sequence[AgentStart], holds: Sequence[Hold], policies: Sequence[str]
-) -> dict[str, list[Any]]:
-    """Return the table of the columns that agents held."""
-    held = [(starts[hold.number], hold) for hold in holds]
-    return {
-        "agent": [hold.number for _, hold in held],
-        "agent_id": [hold.agent_id for _, hold in held],
-        "name": [start.name for start, _ in held],
-        "policy": [policies[s.policy] if 0 <= s.policy < len(policies) else "" for s, _ in held],
-        "interface": [start.interface for start, _ in held],
-        "first_step": [hold.step for _, hold in held],
-    }
 
 
 def _plain(value: Any) -> Any:

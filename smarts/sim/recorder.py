@@ -28,10 +28,12 @@ from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
 from smarts.sim.episode_tables import (
     Ending,
     agents_table,
+    columns_of,
     ending_of,
     extras_table,
     routes_table,
     rows_by_name,
+    start_facts,
 )
 from smarts.sim.observation_notes import ObservationRows, observation_notes
 from smarts.sim.recorder_handovers import HandoverNotes, handover_tables
@@ -357,9 +359,6 @@ class EpisodeRecorder:
         """Write the rest of an episode; runs in the thread."""
         writer = episode.writer
         small = {name: rows_by_name(name, np.concatenate(rows)) for name, rows in episode.small.items()}
-        distant = small[DISTANT.name]
-        order = np.lexsort([distant[name] for name in ("step", "generation", "slot")])
-        small[DISTANT.name] = {name: column[order] for name, column in distant.items()}
         for name, rows in small.items():
             writer.append(name, rows)
         writer.append("episode", self._facts(episode, most))
@@ -373,8 +372,7 @@ class EpisodeRecorder:
         writer.append("agents", agents_table(starts, notes.holds, episode.endings, small, numbers))
         writer.append("extras", extras_table(episode.extras))
         writer.append(OBSERVATIONS.name, episode.observations.taken())
-        columns = [*zip(*episode.names, strict=True)] or [()] * len(NAMES.columns)
-        writer.append(NAMES.name, dict(zip(NAMES.names, columns, strict=True)))
+        writer.append(NAMES.name, columns_of(NAMES.names, episode.names))
         vehicles = {(slot, generation): name for slot, generation, name, *_ in episode.names}
         states, bubbles = small[AGENT_STATES.name], episode.start.bubbles
         for name, rows in handover_tables(notes, starts, states, vehicles, self._policies, bubbles).items():
@@ -384,18 +382,10 @@ class EpisodeRecorder:
 
     def _facts(self, episode: _Episode, most: int) -> dict[str, list[Any]]:
         start = episode.start
-        facts = {
+        facts = start_facts(start, self._scene.world.dt) | {
             "version": VERSION,
             "program": self._program,
-            "scenario": start.scenario,
-            "traffic": start.traffic_name or "",
             "map": self._store.map(episode.graph),
-            "seed": start.seed,
-            "world": start.world,
-            "episode": start.episode,
-            "traffic_engine": start.engine,
-            "traffic_seed": start.traffic_seed,
-            "dt": self._scene.world.dt,
             "steps": episode.steps,
             "is_complete": episode.is_complete,
             "is_invalid": bool(episode.invalid),

@@ -6,11 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.arrays import Floats, Ints
 from smarts.sim.agent_pool import Hold
-from smarts.sim.episode_tables import Rows, rows_of_holds
+from smarts.sim.episode_tables import Rows, columns_of, rows_of_holds
 from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import COUNTS, BubbleStates, PlacedBubble
 from smarts.types.episode import AgentStart
@@ -114,7 +113,7 @@ def handover_tables(
         BUBBLE_POSES: notes.poses,
         AGENT_FAILURES: notes.failures,
     }
-    return {table.name: _columns(table, each) for table, each in rows.items()}
+    return {table.name: columns_of(table.names, each) for table, each in rows.items()}
 
 
 def _holds(
@@ -151,8 +150,3 @@ def _reasons(transfers: Sequence[tuple[int, ...]]) -> tuple[dict[int, int], dict
         if from_agent != to_agent:
             ended[from_agent] = began[to_agent] = reason
     return began, ended
-
-
-def _columns(table: Table, rows: Sequence[tuple]) -> Rows:
-    columns: Sequence[Sequence | NDArray] = [*zip(*rows, strict=True)] or [()] * len(table.columns)
-    return dict(zip(table.names, columns, strict=True))

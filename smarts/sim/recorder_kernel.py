@@ -60,16 +60,10 @@ class Buffers(NamedTuple):
 
     @classmethod
     def allocate(
-        cls,
-        worlds: int,
-        agents: int,
-        capacity: int,
-        lanes: int,
-        rows: int = 4096,
-        *,
-        everything: bool = False,
+        cls, worlds: int, agents: int, capacity: int, lanes: int, *, everything: bool = False
     ) -> Buffers:
         """Return empty buffers; one that is less than half full has room for the rows of a frame."""
+        rows = 4096
         distant = max(rows, capacity) + capacity if everything else 0
         # Where there are many vehicles, larger blocks take fewer bytes in the file.
         near = max(4 * rows if everything else rows, capacity) + capacity

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,44 +13,15 @@ from smarts.arrays import Bools, Ints
 from smarts.types.frame import Frame
 
 
-class AnnotatedRecorder(Protocol):
-    """Takes frames, and what is said about them; see `smarts.sim.recorder.EpisodeRecorder`."""
-
-    @property
-    def observers(self) -> Bools | None:
-        """Agents whose observations are wanted now, shape (B, A); None: of no agent."""
-        ...
-
-    @property
-    def wants_terms(self) -> bool:
-        """Whether the terms of rewards are wanted now."""
-        ...
-
-    def record(self, frame: Frame) -> None:
-        """Take what is wanted out of a frame, before the next step overwrites it."""
-        ...
-
-    def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
-        """Take what an algorithm says about its decisions, or what came of them."""
-        ...
-
-    def finish(self, env_mask: Bools) -> None:
-        """Know that all has been said about the episodes of some simulations."""
-        ...
-
-    def close(self) -> None:
-        """End; may be called again."""
-        ...
-
-
 class Recorders:
     """Several recorders as one.
 
     Args:
-        parts: The recorders, in the order in which they get a frame.
+        parts: What has the methods of `smarts.sim.recorder.EpisodeRecorder`, in the order in which they get a
+            frame.
     """
 
-    def __init__(self, parts: Sequence[AnnotatedRecorder]) -> None:
+    def __init__(self, parts: Sequence[Any]) -> None:
         self._parts = tuple(parts)
 
     @property
@@ -65,22 +36,22 @@ class Recorders:
         return any(part.wants_terms for part in self._parts)
 
     def record(self, frame: Frame) -> None:
-        """Give all of them a frame."""
+        """Give all of them a frame, before the next step overwrites it."""
         for part in self._parts:
             part.record(frame)
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
-        """Give all of them an annotation."""
+        """Give all of them what an algorithm says about its decisions, or what came of them."""
         for part in self._parts:
             part.annotate(name, values, agent_ids, step)
 
     def finish(self, env_mask: Bools) -> None:
-        """Tell all of them."""
+        """Tell all of them that all has been said about the episodes of some simulations."""
         for part in self._parts:
             part.finish(env_mask)
 
     def close(self) -> None:
-        """Close all of them, also if one fails."""
+        """Close all of them, also if one fails; may be called again."""
         with ExitStack() as stack:
             for part in reversed(self._parts):
                 stack.callback(part.close)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from smarts.errors import ScenarioError
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.social_starts import Role, draw_social_starts, roles_of, room_of, wanted_by
-from smarts.sim.starts import Shape, draw_starts, place_egos
+from smarts.sim.starts import Shape, draw_starts, place_agents
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import EpisodePlan
@@ -31,9 +31,9 @@ from smarts.types.vehicles import VehicleKind
 JAM_SPACING = 7.5
 """Road that a standing vehicle takes up [m]."""
 LANE_SPEED = "lane_speed"
-"""Of a scenario's metadata: the largest speed of the discrete lane actions [m/s]."""
+"""Key of a scenario's metadata: the largest speed of the discrete lane actions [m/s]."""
 MOST_VEHICLES = 1024
-"""Of traffic in a simulation, however large the map."""
+"""Most vehicles of traffic in a simulation, however large the map."""
 
 
 def vehicle_limit(built: BuiltScenario) -> int:
@@ -92,11 +92,6 @@ class Combination:
     """Which of `TRAFFIC_ENGINES` drives the traffic."""
 
 
-def _combinations(built: BuiltScenario, map: int, egos: int, engine: str | None) -> Iterator[Combination]:
-    for plan in built.episodes(egos):
-        yield Combination(built, map, plan, engine or engine_of(built, plan.traffic))
-
-
 class Schedule:
     """The episodes of a run.
 
@@ -133,9 +128,8 @@ class Schedule:
         self.seed = seed
         self.agents = tuple(agents)
         self._shapes = tuple(shapes) if shapes else (Shape(),) * len(self.agents)
-        held = [
-            built.roads() for built in scenarios
-        ]  # so that none is freed while `grounds` tells them apart
+        # So that none is freed while `grounds` tells them apart.
+        held = [built.roads() for built in scenarios]
         grounds = [_ground(built) for built in scenarios]
         unique = [*dict.fromkeys(grounds)]
         self.maps: tuple[LaneGraph, ...] = tuple(held[grounds.index(each)] for each in unique)
@@ -148,9 +142,9 @@ class Schedule:
         self._egos = () if cast.learning else self.agents
         missions = len(self._egos)
         self.combinations = tuple(
-            combination
+            Combination(built, unique.index(ground), plan, engine or engine_of(built, plan.traffic))
             for built, ground in zip(scenarios, grounds, strict=True)
-            for combination in _combinations(built, unique.index(ground), missions, engine)
+            for plan in built.episodes(missions)
         )
         """All combinations, in the order of the scenarios."""
         self.interests = _interests(scenarios)
@@ -170,11 +164,6 @@ class Schedule:
     def rooms(self) -> tuple[tuple[int, ...], ...]:
         """The most social agents of each interface in each scenario."""
         return tuple(self._rooms.values())
-
-    @property
-    def has_bubbles(self) -> bool:
-        """Whether a scenario has bubbles in which agents drive."""
-        return any(self._bubbles.values())
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -232,7 +221,8 @@ class Schedule:
         for each in () if cars else self.combinations:
             generator = stream(self.seed, Purpose.STARTS, world=0, episode=0)
             shapes = self._shapes[: len(self._egos)]
-            place_egos(each.built, each.plan.missions, shapes, generator)
+            built, missions = each.built, each.plan.missions
+            place_agents(built, missions, shapes, generator, built.scenario.start_variation, built.name)
 
     def _roles(self, chosen: Combination) -> tuple[Role, ...]:
         return roles_of(chosen.plan, self._cast, chosen.built.name)

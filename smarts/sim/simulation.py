@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from smarts.arrays import Bools
+from smarts.controllers.action_masks import ActionMasker
+from smarts.controllers.set import ControllerSet
 from smarts.errors import SmartsError
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.providers.traffic_engine import TrafficEngine
+from smarts.providers.vehicle import FleetVehicles
+from smarts.roads.scene import Scene
+from smarts.sensors.suite import SensorSuite
+from smarts.sim.bubble_rules import BubbleRules
+from smarts.sim.contacts import FootprintContacts
+from smarts.sim.entries import Entries
+from smarts.sim.events import AgentEvents
+from smarts.sim.manoeuvres import plan_manoeuvres
+from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
-from smarts.sim.stages import (
-    Bubbles,
-    ContactFinder,
-    Controllers,
-    EntryRules,
-    EventDetector,
-    Matcher,
-    NoBubbles,
-    Recorder,
-    Sensors,
-    TransferRules,
-    Vehicles,
-)
+from smarts.sim.recorders import Recorders
+from smarts.sim.transfer_rules import HandoverRules
+from smarts.sim.turn_signals import TurnSignals
 from smarts.types.actions import Actions
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import EpisodeStart
@@ -37,22 +38,40 @@ from smarts.types.world import State, World
 _SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 
 
+class MatcherStage:
+    """Matches vehicles to the map, then writes turn signals, where tasks lead, and legal lane actions."""
+
+    def __init__(self, scene: Scene) -> None:
+        plan = bind(plan_manoeuvres, scene.world.state, scene.atlas.roads)
+        self._parts = MapMatcher(scene).match, TurnSignals(scene).show, plan, ActionMasker(scene).write
+
+    def match(self, env_mask: Bools) -> None:
+        """Write all vehicles' places and signals, the agents' progress, guidance and action masks."""
+        for part in self._parts:
+            part(env_mask)
+
+
 @dataclass(frozen=True)
 class Stages:
-    """The parts of a simulation."""
+    """The parts of a simulation.
+
+    A stage gets the world when it is made. `env_mask` says which simulations take part, shape (B,); a stage
+    leaves every array of the others as it is. What a stage returns, its next call refills in place.
+    """
 
     ownership: Ownership
-    entries: EntryRules
-    controllers: Controllers
-    vehicles: Vehicles
+    entries: Entries
+    controllers: ControllerSet
+    vehicles: FleetVehicles
     traffic: TrafficEngine
-    matcher: Matcher
-    contacts: ContactFinder
-    events: EventDetector
-    transfer_rules: TransferRules
-    sensors: Sensors
-    recorder: Recorder
-    bubbles: Bubbles = field(default_factory=NoBubbles)
+    matcher: MatcherStage
+    contacts: FootprintContacts
+    events: AgentEvents
+    transfer_rules: HandoverRules
+    sensors: SensorSuite
+    bubbles: BubbleRules
+    recorder: Recorders | None
+    """None: nothing is recorded or shown."""
 
 
 def invalidate(world: World, events: Events, row: int) -> None:
@@ -81,7 +100,7 @@ class Simulation:
 
     Args:
         world: The state, written by the stages.
-        stages: The parts, see `smarts.sim.stages`.
+        stages: The parts.
     """
 
     def __init__(self, world: World, stages: Stages) -> None:
@@ -148,7 +167,8 @@ class Simulation:
             bubbles=stages.bubbles.states,
             social_failures=social_failures or {},
         )
-        stages.recorder.record(frame)
+        if stages.recorder is not None:
+            stages.recorder.record(frame)
         return frame
 
     def reset(self, starts: Mapping[int, EpisodeStart]) -> Frame:
@@ -176,7 +196,8 @@ class Simulation:
         readings = stages.sensors.observe(seen)
         happened = None, contacts, events, seen, readings
         frame = Frame(world, rows, None, *happened, starts=starts, bubbles=stages.bubbles.states)
-        stages.recorder.record(frame)
+        if stages.recorder is not None:
+            stages.recorder.record(frame)
         return frame
 
     def close(self) -> None:
@@ -184,7 +205,8 @@ class Simulation:
         self._stages.traffic.close()
         self._stages.vehicles.close()
         # The last, since it may raise that the disk is full.
-        self._stages.recorder.close()
+        if self._stages.recorder is not None:
+            self._stages.recorder.close()
 
     def _propose(self, events: Events, env_mask: Bools) -> None:
         """Submit the transfers for the beginning of the next step."""

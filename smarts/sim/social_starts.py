@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from smarts.agents.options import InterfaceError
 from smarts.agents.social import ALL_MISSIONS, Cast, SocialPolicy, Wanted, interface_of, wanted
 from smarts.errors import ScenarioError
-from smarts.sim.starts import TRIES, Shape, agent_start, is_ahead, overlap, shape_of
+from smarts.sim.starts import TRIES, Shape, agent_start, is_ahead, overlap, place_agents, shape_of
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.episodes import EpisodePlan
-from smarts.sstudio.missions import place_missions
 from smarts.types.episode import AgentStart
 
 if TYPE_CHECKING:
@@ -155,16 +154,7 @@ def draw_start(
     variation = built.scenario.start_variation if role.varies else None
     start = None
     for _ in range(TRIES):
-        (placed,) = place_missions(
-            [role.mission],
-            roads,
-            generator,
-            variation,
-            vehicle_length=shape.length,
-            kinds=[shape.vehicle_class],
-            net=built.net_file,
-            place=place,
-        )
+        (placed,) = place_agents(built, [role.mission], [shape], generator, variation, place)
         drawn = agent_start(placed, roads, role.name, shape, generator, place)
         if is_ahead(drawn):
             if not any(overlap(drawn, other) for other in others):

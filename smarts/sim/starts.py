@@ -93,7 +93,7 @@ def draw_starts(
     """
     roads, problem = built.roads(), ""
     for _ in range(TRIES):
-        placed = place_egos(built, missions, shapes, generator)
+        placed = place_agents(built, missions, shapes, generator, built.scenario.start_variation, built.name)
         starts = tuple(
             agent_start(mission, roads, name, shape, generator, f"{built.name}: mission {number}")
             for number, (mission, name, shape) in enumerate(zip(placed, names, shapes, strict=True))
@@ -108,19 +108,24 @@ def draw_starts(
     )
 
 
-def place_egos(
-    built: BuiltScenario, missions: Sequence[t.AnyMission], shapes: Sequence[Shape], generator: Generator
+def place_agents(
+    built: BuiltScenario,
+    missions: Sequence[t.AnyMission],
+    shapes: Sequence[Shape],
+    generator: Generator,
+    variation: t.StartVariation | None,
+    place: str,
 ) -> tuple[PlacedMission, ...]:
-    """Draw the egos' missions of one episode, on ways that are open to their vehicles; see `draw_starts`."""
+    """Draw agents' missions of one episode, on ways that are open to their vehicles; see `place_missions`."""
     return place_missions(
         missions,
         built.roads(),
         generator,
-        built.scenario.start_variation,
+        variation,
         vehicle_length=max((shape.length for shape in shapes), default=Shape().length),
         kinds=[shape.vehicle_class for shape in shapes],
         net=built.net_file,
-        place=built.name,
+        place=place,
     )
 
 

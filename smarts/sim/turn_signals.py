@@ -42,7 +42,6 @@ class TurnSignals:
         world = scene.world
         self._maps, self._graphs = world.map, scene.atlas.graphs
         self._next, self._planned = world.vehicles.next_edge, world.routes
-        self._ends: dict[tuple[int, int], tuple[int, int]] = {}
         shape = world.vehicles.alive.shape
         self._place = world.route_place
         self._found = np.zeros((shape[0] * shape[1], 5), np.int32)
@@ -69,7 +68,7 @@ class TurnSignals:
             # It has come to the edge that it showed.
             self._place[row, slot] = place + 1
             return int(edges[place + 1]) if place + 1 < len(edges) else -1
-        before, behind = self._ends_of(int(self._maps[row]), edge)
+        before, behind = _ends_of(self._graphs[self._maps[row]], edge)
         places = np.flatnonzero(edges == before) + 1
         if behind >= 0:
             places = np.sort(np.append(places, np.flatnonzero(edges == behind)))
@@ -80,18 +79,13 @@ class TurnSignals:
         self._place[row, slot] = place
         return int(edges[place]) if place < len(edges) else -1
 
-    def _ends_of(self, number: int, edge: int) -> tuple[int, int]:
-        """Return the edges before and behind an edge inside a junction; another edge itself and -1."""
-        graph, key = self._graphs[number], (number, edge)
-        if not graph.edge_is_internal[edge]:
-            return edge, -1
-        if key not in self._ends:
-            lane = graph.edge_lanes(edge)[0]
-            self._ends[key] = (
-                _road_of(graph, lane, graph.predecessors),
-                _road_of(graph, lane, graph.successors),
-            )
-        return self._ends[key]
+
+def _ends_of(graph: LaneGraph, edge: int) -> tuple[int, int]:
+    """Return the edges before and behind an edge inside a junction; another edge itself and -1."""
+    if not graph.edge_is_internal[edge]:
+        return edge, -1
+    lane = graph.edge_lanes(edge)[0]
+    return _road_of(graph, lane, graph.predecessors), _road_of(graph, lane, graph.successors)
 
 
 def _road_of(graph: LaneGraph, lane: int, neighbours: Callable[[int], Ints]) -> int:

@@ -5,27 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 from smarts.arrays import Bools, Floats, Ints
 from smarts.types import columns
-from smarts.types.agent_states import UNSET
+from smarts.types.condition_state import SceneCondition
 
 UNLIMITED = 2**31 - 1
-"""Of a limit: none."""
-
-
-class BubbleCondition(Protocol):
-    """A condition of the scenario language."""
-
-    def evaluate(self, *, memory: Any = None, **facts: Any) -> Any:
-        """Return whether it holds; the facts are those of `smarts.sstudio.sstypes.condition`."""
-        ...
-
-    @property
-    def requires(self) -> Any:
-        """The facts that it looks at."""
-        ...
+"""A limit that stands for none."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +36,9 @@ class PlacedBubble:
     """Outline of the zone with its margin, in which agents observe."""
     heights: tuple[float, float] = (-math.inf, math.inf)
     """Least and largest height of the zone's road [m]; infinite for a zone that is given without a road."""
-    active_condition: BubbleCondition | None = None
+    active_condition: SceneCondition | None = None
     """Holds while the bubble takes vehicles; None: always."""
-    airlock_condition: BubbleCondition | None = None
+    airlock_condition: SceneCondition | None = None
     """On vehicles that come into the margin; None: all may."""
     hijack_limit: int = UNLIMITED
     """Most vehicles at a time that agents drive, those that leave included."""
@@ -64,17 +51,11 @@ class PlacedBubble:
     follow_offset: tuple[float, float] = (0.0, 0.0)
     """From the followed vehicle's centre to that of the zone, if the vehicle faced north [m]."""
     centroid: tuple[float, float] = (0.0, 0.0)
-    """Of the zone's outline [m]."""
-    is_boid: bool = False
-    """Whether one agent drives all of its vehicles."""
-    keep_alive: bool = False
-    """Whether that agent lives as long as the episode."""
+    """Centroid of the zone's outline [m]."""
     collision_time: float = 5.0
     """How long a vehicle that has collided in the bubble stays as an obstacle [s]."""
     period: int = 1
     """Steps from one decision of its agents to the next."""
-    number: int = UNSET
-    """Of the bubble in its scenario."""
     names: tuple[str, ...] = ()
     """Names of vehicles that its conditions look for."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntFlag
+from typing import Any, Protocol
 
 
 class ConditionState(IntFlag):
@@ -19,3 +20,16 @@ class ConditionState(IntFlag):
 
     def __bool__(self) -> bool:
         return ConditionState.TRUE in self
+
+
+class SceneCondition(Protocol):
+    """A condition of the scenario language: one on an agent's entry, or one of a bubble."""
+
+    def evaluate(self, *, memory: Any = None, **facts: Any) -> Any:
+        """Return whether it holds; the facts are those of `smarts.sstudio.sstypes.condition`."""
+        ...
+
+    @property
+    def requires(self) -> Any:
+        """The facts that it looks at."""
+        ...

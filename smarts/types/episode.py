@@ -5,22 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
 
 from smarts.arrays import Floats
 from smarts.types.agent_states import UNSET
 from smarts.types.bubbles import PlacedBubble
+from smarts.types.condition_state import SceneCondition
 from smarts.types.mission import AgentMission
 from smarts.types.traffic import DEFAULT_ENGINE, TrafficFiles
 from smarts.types.vehicles import VehicleKind
-
-
-class EntryCondition(Protocol):
-    """A condition of an agent's entry, such as a condition of the scenario language."""
-
-    def evaluate(self, *, memory: Any = None, **facts: Any) -> Any:
-        """Return whether it holds, given facts such as `time` [s] and `actor_ids`."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -35,7 +27,7 @@ class TakeOver:
     """Prefixes of the names of vehicles that are left alone."""
     patience: float = math.inf
     """How long to wait for one after the entry time [s]; then a new vehicle is put in at the start."""
-    condition: EntryCondition | None = None
+    condition: SceneCondition | None = None
     """A further condition."""
 
 
@@ -46,7 +38,7 @@ class AgentStart:
     name: str
     """The agent's, and its vehicle's public name."""
     pose: tuple[float, float, float]
-    """Of the vehicle's centre: x, y [m] and heading [rad]."""
+    """Pose of the vehicle's centre: x, y [m] and heading [rad]."""
     speed: float
     """[m/s]"""
     mission: AgentMission

@@ -137,9 +137,8 @@ class Missions(NamedTuple):
         """Write an agent's mission; `route` is the number that its simulation gave to the route."""
         self.clear(row, agent_id)
         self.route[row, agent_id] = route
-        for name in ("goal", "goal_position", "goal_radius", "goal_lane", "goal_s"):
-            getattr(self, name)[row, agent_id] = getattr(mission, name)
-        for name in ("laps", "route_length", "free_flow_time"):
+        goal = ("goal", "goal_position", "goal_radius", "goal_lane", "goal_s", "laps")
+        for name in (*goal, "route_length", "free_flow_time"):
             getattr(self, name)[row, agent_id] = getattr(mission, name)
         self.task[row, agent_id] = mission.task.kind
         for name in ("radius", "lane", "speed"):

@@ -27,14 +27,15 @@ class VehicleRegistry:
         worlds = states.alive.shape[0]
         self._names: list[dict[int, tuple[int, str]]] = [{} for _ in range(worlds)]
         """By slot: the generation that is named, and its name."""
-        self._taken: list[set[str]] = [set() for _ in range(worlds)]
+        self._by_name: list[dict[str, tuple[int, int]]] = [{} for _ in range(worlds)]
+        """Slot and generation of each name of the episode that was given."""
 
     def reset(self, row: int) -> None:
         """Empty a simulation, and restart its generations and names."""
         self.states.clear((row, slice(None)))
         self.states.generation[row] = 0
         self._names[row].clear()
-        self._taken[row].clear()
+        self._by_name[row].clear()
 
     def admit(self, row: int, name: str, owner: int, kind: int, length: float, width: float) -> int:
         """Give a vehicle a slot and return it.
@@ -58,7 +59,12 @@ class VehicleRegistry:
                 remedy="raise the scenario's limit of vehicles",
             )
         self._describe(row, slot, owner, kind, length, width)
-        self._names[row][slot] = int(states.generation[row, slot]), self._unique(row, name)
+        unique, number, by_name = name, 1, self._by_name[row]
+        while unique in by_name:
+            number += 1
+            unique = f"{name}~{number}"
+        generation = int(states.generation[row, slot])
+        self._names[row][slot], by_name[unique] = (generation, unique), (slot, generation)
         return slot
 
     def admit_unnamed(
@@ -97,6 +103,12 @@ class VehicleRegistry:
         named, name = self._names[row].get(slot, (-1, ""))
         return name if named == generation else f"vehicle-{slot}-{generation}"
 
+    def slot(self, row: int, name: str) -> int:
+        """Return the slot of the vehicle that was admitted under a name, -1 if it is not there."""
+        slot, generation = self._by_name[row].get(name, (-1, 0))
+        is_there = self.states.alive[row, slot] and self.states.generation[row, slot] == generation
+        return slot if is_there else -1
+
     def _take_slot(self, row: int) -> int:
         """Take the lowest free slot of a simulation for a new generation; return it, -1 if there is none."""
         alive = self.states.alive[row]
@@ -123,11 +135,3 @@ class VehicleRegistry:
         states.height[row, slot] = np.nan
         states.length[row, slot] = length
         states.width[row, slot] = width
-
-    def _unique(self, row: int, name: str) -> str:
-        unique, number, taken = name, 1, self._taken[row]
-        while unique in taken:
-            number += 1
-            unique = f"{name}~{number}"
-        taken.add(unique)
-        return unique

@@ -12,10 +12,8 @@ from smarts.sim.assembly import Options
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import LaneAction
-from smarts.types.agent_states import AgentStatus
 from smarts.types.episode_schema import AGENT_FAILURES, BUBBLE_POSES, BUBBLE_RINGS, BUBBLES, HOLDS, TRANSFERS
 from smarts.types.transfers import Reason
-from smarts.types.vehicles import Owner
 
 DECISIONS, PERIOD, SEED = 80, 5, 11
 HANDOVERS = (HOLDS, TRANSFERS, BUBBLES, BUBBLE_RINGS, BUBBLE_POSES, AGENT_FAILURES)
@@ -149,25 +147,6 @@ def test_bubbles_that_take_no_vehicle_change_no_bit(scenario):
         assert not other.vehicles.alive[:, capacity:].any()
         moved += float(one.vehicles.speed.sum())
     assert moved > 100
-
-
-def test_vehicles_are_taken_and_go_back(scenario):
-    run, taken, went_back, was_taken = Run(scenario("taken", ALL_KINDS)), set(), set(), {}
-    for world in run.played():
-        vehicles = world.vehicles.of(0)
-        for slot in np.flatnonzero(vehicles.alive).tolist():
-            vehicle = slot, int(vehicles.generation[slot])
-            if vehicles.home[slot] == Owner.TRAFFIC and vehicles.owner[slot] == Owner.AGENT:
-                taken.add(vehicle)
-            elif vehicle in taken:
-                went_back.add(vehicle)
-        agents = world.agents
-        held = agents.slot[0][agents.slot[0] >= 0].tolist()
-        assert len(held) == len(set(held)), "no vehicle has two agents"
-        was_taken |= dict.fromkeys(agents.state[0].tolist())
-    assert len(taken) > 10
-    assert len(went_back) > 5
-    assert {AgentStatus.SHADOWING, AgentStatus.ACTIVE} <= set(was_taken)
 
 
 def test_agents_with_memories_repeat_alone_in_a_batch_and_after_another_reset(scenario):

@@ -105,17 +105,6 @@ def test_the_way_in_a_moving_bubble_is_the_way_in_its_own_frame(number):
         assert ground.read("reached", 1) == 2 * zone.intersects(LineString([before, own_frame()]))
 
 
-def test_a_bubble_that_passes_over_a_standing_vehicle_reaches_it():
-    ground = Ground(bubble(box(-0.5, -1, 0.5, 1), followed="leader", follow_offset=(0.0, 0.0)), vehicles=2)
-    ground.field.rows.followed[0, 0], ground.field.rows.followed_generation[0, 0] = 0, 1
-    ground.put(0, 2.0, 0.0, math.pi / 2)
-    ground.put(1, 10.0, -2.0)
-    ground.begin()
-    assert ground.read("reached", 1) == Place.OUTSIDE
-    ground.step({0: (18.0, 0.0, math.pi / 2)})
-    assert (ground.read("reached", 1), ground.read("here", 1)) == (Place.ZONE, Place.OUTSIDE)
-
-
 def test_a_thin_zone_is_entered_by_a_vehicle_that_jumps_it():
     ground = Ground(bubble(box(10, -5, 10.5, 5), 1.0))
     ground.put(0, 8.0, 0.0)
@@ -137,15 +126,6 @@ def test_a_zone_on_a_road_is_at_that_road_s_height(heights, place):
     ground.world.vehicles.height[0, 0] = 11.5
     ground.step({0: (15.0, 0.0)})
     assert ground.read("here") == place
-
-
-def test_leaving_the_zone_is_not_entering_it():
-    ground = Ground(bubble(box(0, -5, 10, 5), 5.0))
-    ground.put(0, 9.0, 0.0)
-    ground.begin()
-    assert ground.read("entered") == 0
-    ground.step({0: (12.0, 0.0)})
-    assert (ground.read("here"), ground.read("reached"), ground.read("entered")) == (1, 2, 0)
 
 
 def test_a_newcomer_is_at_a_point_and_inherits_nothing():
@@ -170,16 +150,6 @@ def test_a_refusal_holds_until_the_vehicle_has_left_the_margin():
     for x, refused in ((12.0, 1), (5.0, 1), (14.9, 1), (15.1, 0), (5.0, 0)):
         ground.step({0: (x, 0.0)})
         assert ground.read("refused") == refused
-
-
-def test_rows_that_are_masked_stay_as_they_are():
-    ground = Ground(bubble(box(0, -5, 10, 5)))
-    ground.put(0, 5.0, 0.0)
-    ground.begin()
-    before = [column.copy() for column in ground.field.membranes]
-    ground.put(0, 50.0, 0.0)
-    ground.field.update(np.zeros(1, np.bool_))
-    assert all(map(np.array_equal, before, ground.field.membranes))
 
 
 def test_a_scenario_with_more_bubbles_makes_room_and_changes_nothing_for_the_others():

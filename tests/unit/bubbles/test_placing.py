@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely.geometry import Polygon
 
-from smarts.bubbles import Driver, agent_actor, columns_needed, place_bubbles
+from smarts.bubbles.placing import Driver, agent_actor, columns_needed, place_bubbles
 from smarts.errors import ScenarioError
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.sstypes.actor.traffic_engine_actor import SUMO_TRAFFIC
@@ -57,11 +57,6 @@ def test_random_zones_are_the_same_in_every_run():
     assert np.array_equal(first[0].zone[0], second[0].zone[0])
 
 
-def test_bubbles_that_travel_keep_the_outline_of_the_file():
-    (made,) = place(t.Bubble(ZONE, AGENT, follow_vehicle_id="leader", follow_offset=(-7, 10)))
-    assert (made.followed, made.follow_offset, made.centroid) == ("leader", (-7.0, 10.0), (100.0, 0.0))
-
-
 @pytest.mark.parametrize(
     ("limit", "capacity", "expected", "columns"),
     [
@@ -78,7 +73,6 @@ def test_limits_are_those_of_the_bubble_and_of_the_boid(limit, capacity, expecte
     (made,) = place(bubble)
     assert (made.hijack_limit, made.shadow_limit) == expected
     assert columns_needed(bubble) == columns
-    assert made.is_boid == (capacity is not None)
 
 
 def test_traffic_engines_are_served_by_the_zoo_or_left_with_sumo():
@@ -99,7 +93,10 @@ def test_traffic_engines_are_served_by_the_zoo_or_left_with_sumo():
     )
     sumo = t.Bubble(ZONE, t.TrafficEngineActor("sumo", traffic_provider=SUMO_TRAFFIC))
     assert agent_actor(sumo) is None
-    assert [made.number for made in place(sumo, t.Bubble(ZONE, AGENT), t.Bubble(ZONE, local))] == [0, 1]
+    assert [made.actor for made in place(sumo, t.Bubble(ZONE, AGENT), t.Bubble(ZONE, local))] == [
+        "agent",
+        "local",
+    ]
 
 
 def test_means_of_distributions_are_those_of_many_samples():
@@ -113,11 +110,6 @@ def test_means_of_distributions_are_those_of_many_samples():
         samples = [distribution.sample(generator) for _ in range(20_000)]
         assert distribution.mean == pytest.approx(np.mean(samples), abs=0.03)
     assert t.TruncatedDistribution(60, 61).mean == 60.0
-
-
-def test_bubbles_without_a_driver_are_left_out():
-    assert place(t.Bubble(ZONE, AGENT), driver=None) == ()
-    assert place_bubbles(None, ROADS, lambda bubble: None) == ()
 
 
 def test_an_empty_zone():

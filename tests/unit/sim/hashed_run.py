@@ -11,12 +11,10 @@ class HashedRun:
     Args:
         parts: The assembly, closed by `digests`.
         worlds: The number of the world in each row.
-        columns: How many columns of agents are hashed; None: all.
     """
 
-    def __init__(self, parts, worlds, columns=None):
+    def __init__(self, parts, worlds):
         self.parts, self.world, self.worlds = parts, parts.simulation.world, worlds
-        self.columns = columns or self.world.agents.slot.shape[1]
         self.hashes = [hashlib.blake2b() for _ in worlds]
         self.episodes = [0] * len(worlds)
         """Episodes begun."""
@@ -56,9 +54,9 @@ class HashedRun:
             for column in (*world.vehicles, *world.before):
                 told(column[row, there].tobytes())
             for column in (*world.agents, *world.missions, *world.guidance, *frame.events[:4]):
-                told(column[row, : self.columns].tobytes())
+                told(column[row].tobytes())
             told(world.signals[row].tobytes())
             for sensor, block in readings.blocks.items():
                 for place, agent_id in enumerate(readings.agent_ids[sensor].tolist()):
-                    if agent_id < self.columns and frame.observe_mask[row, agent_id]:
+                    if frame.observe_mask[row, agent_id]:
                         told(b"".join(array[row, place].tobytes() for array in block.values()))

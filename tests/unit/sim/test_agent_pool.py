@@ -5,7 +5,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from matplotlib.text import Text
 
 from smarts.agents import (
     AgentInterface,
@@ -14,18 +13,16 @@ from smarts.agents import (
     PooledAgents,
     Waypoints,
 )
-from smarts.envision.episode_picture import EpisodePicture
 from smarts.sim.assembly import Options, assemble
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType
-from smarts.types.agent_states import UNSET, AgentStatus
+from smarts.types.agent_states import UNSET
 from smarts.types.episode import AgentStart, TakeOver
 from smarts.types.events import Outcome
-from smarts.types.mission import AgentMission, Via
+from smarts.types.mission import AgentMission
 from smarts.types.transfers import Reason, Refusal, Transfer, transfers
 from smarts.types.vehicles import Owner
-from tests.unit.sim.hashed_run import HashedRun
 from tests.worlds import Willing
 
 LANER = AgentInterface(
@@ -117,7 +114,7 @@ def test_columns_of_an_interface_are_contiguous_and_equal_interfaces_share_their
 # A full pool, names, columns.
 
 
-def test_a_full_pool_is_counted_and_the_vehicle_stays_traffic(make):
+def test_the_vehicle_stays_traffic_where_the_pool_is_full(make):
     parts = make(pool=[PooledAgents(LANER, 1), PooledAgents(BUS, 2)], worlds=2)
     parts.simulation.reset({row: first_start(parts, traffic=True, world=row) for row in range(2)})
     vehicles, pool = parts.simulation.world.vehicles, parts.pool
@@ -127,12 +124,7 @@ def test_a_full_pool_is_counted_and_the_vehicle_stays_traffic(make):
     ownership.submit(transfers([announced(parts, 1, third, interface=1), refused, taken]))
     step(parts)
     assert vehicles.owner[1, [first, second, third]].tolist() == [Owner.AGENT, Owner.TRAFFIC, Owner.AGENT]
-    assert pool.refused.tolist() == [[0, 0], [1, 0]]
     assert [pool.name(1, agent_id) for agent_id in range(4)] == ["agent-0", "social", "social~3", ""]
-    for _ in range(3):
-        ownership.submit(transfers([refused]))
-        step(parts)
-    assert pool.refused.tolist() == [[0, 0], [1, 0]], "an agent that is refused again is counted once"
     open_gate(parts)
     ownership.submit(transfers([released(parts, 1, 1), refused]))
     step(parts)
@@ -141,76 +133,7 @@ def test_a_full_pool_is_counted_and_the_vehicle_stays_traffic(make):
     assert pool.column(1, 1) == UNSET
     assert pool.column(1, 2) == 1
     parts.simulation.reset({1: first_start(parts, traffic=True, world=1)})
-    assert pool.refused.tolist() == [[0, 0], [0, 0]]
     assert pool.name(1, 1) == ""
-
-
-def test_a_transfer_to_a_column_that_nobody_was_given_is_refused(make):
-    parts = make(pool=[PooledAgents(LANER, 1)])
-    parts.simulation.reset({0: first_start(parts, traffic=True)})
-    slot = driven_by_traffic(parts, 0)[0]
-    direct = announced(parts, 0, slot)._replace(to_agent=1, number=UNSET)
-    parts.ownership.submit(transfers([direct]))
-    step(parts)
-    assert parts.simulation.world.vehicles.owner[0, slot] == Owner.TRAFFIC
-    assert parts.simulation.world.agents.state[0, 1] == AgentStatus.VACANT
-
-
-def test_a_refused_transfer_holds_no_column(make):
-    parts = make(pool=[PooledAgents(LANER, 1)])
-    parts.simulation.reset({0: first_start(parts, traffic=True)})
-    slot = driven_by_traffic(parts, 0)[0]
-    take = announced(parts, 0, slot)
-    parts.ownership.submit(transfers([take._replace(generation=99)]))
-    step(parts)
-    assert parts.simulation.world.agents.state[0, 1] == AgentStatus.VACANT
-    parts.ownership.submit(transfers([take, take]))
-    step(parts)
-    assert parts.simulation.world.agents.state[0, 1] == AgentStatus.ACTIVE
-    assert parts.pool.refused.tolist() == [[0]]
-
-
-def test_an_agent_that_observes_a_vehicle_first_keeps_its_column_when_it_drives(make):
-    parts = make(pool=[PooledAgents(LANER, 1)])
-    parts.simulation.reset({0: first_start(parts, traffic=True)})
-    agents, slot = parts.simulation.world.agents, driven_by_traffic(parts, 0)[0]
-    take = announced(parts, 0, slot)
-    parts.ownership.submit(transfers([take._replace(to_owner=Owner.TRAFFIC, reason=Reason.SHADOW)]))
-    frame = step(parts)
-    assert (agents.state[0, 1], agents.slot[0, 1]) == (AgentStatus.SHADOWING, slot)
-    assert frame.observe_mask[0, 1]
-    serial = parts.pool.serial[0, 1]
-    parts.ownership.submit(transfers([take._replace(from_agent=1, to_agent=1, number=UNSET)]))
-    step(parts)
-    assert (agents.state[0, 1], agents.slot[0, 1]) == (AgentStatus.ACTIVE, slot)
-    assert parts.pool.serial[0, 1] == serial
-    assert parts.pool.name(0, 1) == "social"
-
-
-def test_a_mission_is_its_agents_alone(make):
-    """The agent after it in the column has no route, and none of the mission's goals."""
-    parts = make(pool=[PooledAgents(LANER, 1)])
-    start, pose = first_start(parts, traffic=False), second_pose()
-    agent = dataclasses.replace(start.agents[0], name="first", interface=0, pose=pose)
-    parts.simulation.reset({0: dataclasses.replace(start, agents=(*start.agents, agent))})
-    world, routes = parts.simulation.world, parts.scene.routes
-    assert routes.route(0, 1) == agent.mission.route
-    assert world.missions.goal_lane[0, 1] == agent.mission.goal_lane
-    slot = int(world.agents.slot[0, 1])
-    leave = released(parts, 0, 1)._replace(to_owner=Owner.NOBODY, reason=Reason.LEAVE)
-    parts.ownership.submit(transfers([leave]))
-    step(parts)
-    assert not world.vehicles.alive[0, slot]
-    parts.simulation._stages.entries.waiting[0].append(
-        parts.pool.announce(0, dataclasses.replace(agent, mission=AgentMission()))
-    )
-    step(parts)
-    assert world.agents.slot[0, 1] >= 0
-    assert routes.route(0, 1) == ()
-    assert routes.number[0].tolist() == [0, -1]
-    assert world.missions.goal_lane[0, 1] == -1
-    assert world.agents.on_route[0, 1], "without a route an agent counts as on its route"
-    assert world.agents.route_progress[0, 1] == 0.0
 
 
 def test_agents_that_start_later_get_their_column_when_they_enter(make):
@@ -230,7 +153,6 @@ def test_agents_that_start_later_get_their_column_when_they_enter(make):
     runs = [name for name, before in zip(seen, [None, *seen], strict=False) if name != before]
     assert runs == ["a", "", "b", "c", ""]
     assert [seen.count(name) for name in "abc"] == [11, 11, 11]
-    assert parts.pool.refused.tolist() == [[1]]
     assert [hold[:2] for hold in parts.pool.holds[0]] == [(0, 0), (1, 1), (2, 1), (3, 1)]
 
 
@@ -380,77 +302,6 @@ def _slots(thing):
     return [*getattr(thing, "__dict__", ()), *getattr(type(thing), "__slots__", ())]
 
 
-ROUGH = {
-    ActionSpaceType.Lane: lambda step: [2 if step % 12 < 6 else 3],
-    ActionSpaceType.Continuous: lambda step: [1.0, 0.0, 0.5 if step > 10 else -0.1],
-    ActionSpaceType.LaneWithContinuousSpeed: lambda step: [15.0, 1 if step % 3 else -1],
-    ActionSpaceType.TargetPose: lambda step: [float(step), 3.0, 1.0, 2.0],
-}
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(
-    ("kind", "model"), [(ActionSpaceType.Lane, "bullet"), *((kind, "kinematic") for kind in ROUGH)]
-)
-def test_an_agent_drives_as_if_nobody_had_held_its_column_before(make, kind, model):
-    """Two equal simulations without traffic; in one of them another agent has had the column before.
-
-    Afterwards every array of the program is equal, but for scratch and counters.
-    """
-    interface = LANER.replace(
-        action=kind,
-        vehicle_model=model,
-        max_episode_steps=40,
-        done_criteria=DoneCriteria(off_road=False, off_route=False, collision=False),
-    )
-    stands = LANER.replace(action=ActionSpaceType.LaneWithContinuousSpeed)
-    # Seven simulations, so that their arrays are known by their shape; two of them are played.
-    parts = make([stands], [PooledAgents(interface, 1)], worlds=7)
-    start, pose = first_start(parts, traffic=False), second_pose()
-    via = Via(pose[:2], 0, 30.0, 5.0)
-    social = dataclasses.replace(start.agents[0], name="first", interface=0, pose=pose)
-    vias = (via,) * parts.simulation.world.missions.via_lane.shape[-1]
-    social = dataclasses.replace(social, mission=dataclasses.replace(social.mission, vias=vias))
-    later = dataclasses.replace(social, name="second", entry_time=8.0)
-    episodes = {
-        row: dataclasses.replace(
-            start, agents=(*start.agents, dataclasses.replace(social, entry_time=time), later)
-        )
-        for row, time in ((0, 0.0), (1, np.inf))
-    }
-    parts.simulation.reset(episodes)
-    world, actions = parts.simulation.world, parts.actions
-    # The other simulation's vehicle gets the same generation.
-    world.registry.dismiss(1, world.registry.admit(1, "first", Owner.TRAFFIC, 0, 5.0, 1.8))
-    for number in range(110):
-        active = world.agents.state[:, 1] == AgentStatus.ACTIVE
-        actions.given[:, 1] = actions.fresh[:, 1] = active
-        # The ego stands, so that it meets no vehicle.
-        actions.given[:, 0] = True
-        values = ROUGH[kind](number)
-        actions.values[active, 1, : len(values)] = values
-        actions.action_mask[active, 1] = True
-        step(parts, [0, 1])
-        if number == 30:
-            assert active[:2].tolist() == [True, False]
-        if number == 60:
-            assert not active.any()
-            assert world.agents.outcome[0, 1] == Outcome.TIME_OUT
-    assert (world.agents.state[:2, 1] == AgentStatus.ACTIVE).all()
-    assert (world.agents.entry_step[:2, 1] == 81).all()
-    assert parts.pool.name(0, 1) == parts.pool.name(1, 1) == "second"
-    compared = 0
-    for leading in ((7,), (14,)):
-        found = {}
-        every_array(parts, "", found, set(), leading)
-        for path, array in found.items():
-            first, other = array.reshape(7, -1)[:2]
-            is_float = array.dtype.kind == "f"
-            assert path.endswith(SCRATCH) or np.array_equal(first, other, equal_nan=is_float), path
-            compared += 1
-    assert compared > 200
-
-
 @pytest.mark.parametrize(
     "kind",
     [
@@ -467,91 +318,10 @@ def test_a_controller_lists_what_it_keeps_of_agents(make, kind):
     assert [*kept] == []
 
 
-SCRATCH = ("pool.serial", "entries.coming", "ownership.departed")
-"""May differ: counts of the holds, and of agents that are still to come; one of the other never comes."""
-
-
 # A pool without agents.
 
 
-class PooledRun(HashedRun):
-    """Egos of one interface choose lane actions, those of another one drive on."""
-
-    def __init__(self, egos, pool, worlds, columns=None):
-        parts = assembled(egos, pool, worlds=len(worlds), traffic="random_social_vehicles")
-        super().__init__(parts, worlds, columns)
-
-    def act(self, actions, row):
-        now = int(self.world.step[row])
-        actions.given[row] = actions.fresh[row] = self.world.agents.state[row] == AgentStatus.ACTIVE
-        actions.action_mask[row] = self.world.agents.action_mask[row]
-        lane = actions.kind[row] == ActionSpaceType.Lane
-        actions.values[row, lane, 0] = (now // 10 + self.worlds[row] + np.flatnonzero(lane)) % 4
-        actions.values[row, ~lane, :3] = 0.4, 0.0, 0.05 * np.sin(now / 5)
-
-    def play(self, steps):
-        for _ in range(steps):
-            self.step()
-        return self.digests()
-
-
-@pytest.mark.parametrize("model", ["kinematic", pytest.param("bullet", marks=pytest.mark.nightly)])
-def test_a_pool_in_which_nobody_is_changes_no_bit(model):
-    egos = [LANER.replace(vehicle_model=model, max_episode_steps=90), DRIVER]
-    pool = [PooledAgents(LANER, 7), PooledAgents(BUS, 3)]
-    without, beside = (PooledRun(egos, each, [0, 3], columns=2).play(100) for each in ((), pool))
-    assert without == beside
-    assert without[0] != without[1]
-
-
 # Come and go.
-
-
-def crowd(run):
-    """Let agents take vehicles of traffic and give them back, more in some simulations than in others."""
-    parts, world = run.parts, run.world
-    proposed = []
-    for row, number in enumerate(run.worlds):
-        now = int(world.step[row])
-        if now % (4 + number) == 1:
-            slots = driven_by_traffic(parts, row)[: 1 + number]
-            interfaces = [(now + place) % 2 for place in range(len(slots))]
-            proposed += [
-                announced(parts, row, slot, f"agent {now}", interface=interface)
-                for slot, interface in zip(slots, interfaces, strict=True)
-            ]
-        if now % 15 == 14:
-            held = np.flatnonzero(
-                (world.agents.state[row] == AgentStatus.ACTIVE) & (parts.pool.interface_id >= 0)
-            )
-            proposed += [released(parts, row, agent_id) for agent_id in held[:2].tolist()]
-    parts.ownership.submit(transfers(proposed))
-
-
-class Crowd(PooledRun):
-    """Agents come and go beside egos of different interfaces."""
-
-    def __init__(self, worlds):
-        egos = [LANER.replace(max_episode_steps=100), DRIVER]
-        pool = [PooledAgents(LANER.replace(signals=True), 3), PooledAgents(BUS, 2)]
-        self.counts = [set() for _ in worlds]
-        super().__init__(egos, pool, worlds)
-
-    def step(self, rows=None):
-        crowd(self)
-        super().step(rows)
-        for row, counts in enumerate(self.counts):
-            counts.add(int((self.world.agents.state[row, 2:] == AgentStatus.ACTIVE).sum()))
-
-
-def test_a_row_of_a_batch_in_which_agents_come_and_go_equals_the_run_alone():
-    together = Crowd([0, 1, 4])
-    hashes = together.play(110)
-    assert max(together.episodes) > 1
-    assert len({*map(frozenset, together.counts)}) > 1
-    assert all(len(counts) > 2 for counts in together.counts)
-    assert together.parts.pool.refused.any()
-    assert Crowd([4]).play(110) == hashes[2:]
 
 
 # Records.
@@ -589,37 +359,3 @@ def test_agents_that_come_in_the_middle_are_recorded_under_their_names(make, tmp
     assert agents["action"].tolist()[1:] == [-1, *[ActionSpaceType.Lane] * 2]
     assert agents["distance_travelled"][2] > 0
     assert (agents["slot"][2:] >= 0).all()
-
-
-def test_agents_in_turn_in_one_column_have_rows_and_pictures_of_their_own(make, tmp_path):
-    """The first gives its vehicle back, without an outcome, in the step in which the second enters."""
-    parts = make(pool=[PooledAgents(LANER, 1)], options=Options(record=tmp_path))
-    open_gate(parts)
-    parts.simulation.reset({0: first_start(parts, traffic=True)})
-    first, second = driven_by_traffic(parts, 0)[:2]
-    for number in range(30):
-        if number == 5:
-            parts.ownership.submit(transfers([announced(parts, 0, first, "first")]))
-        if number == 15:
-            taking = announced(parts, 0, second, "second")._replace(
-                to_owner=Owner.TRAFFIC, reason=Reason.SHADOW
-            )
-            parts.ownership.submit(transfers([released(parts, 0, 1), taking]))
-        step(parts)
-    parts.simulation.close()
-    (folder,) = episodes_in(tmp_path)
-    episode = RecordedEpisode(folder)
-    agents = episode.table("agents")
-    rows = [agents[name].tolist()[1:] for name in ("name", "agent_id", "slot", "entry_step", "end_step")]
-    assert rows == [["first", "second"], [1, 1], [first, second], [6, 16], [15, 30]]
-    assert agents["outcome"].tolist()[1:] == [Outcome.NONE] * 2
-    picture = EpisodePicture(episode)
-    for number, line in {
-        0: "0 driven, 0 in the air-lock, 0 leaving",
-        6: "1 driven, 0 in the air-lock, 0 leaving",
-        15: "1 driven, 0 in the air-lock, 0 leaving",
-        16: "0 driven, 1 in the air-lock, 0 leaving",
-    }.items():
-        picture.image(number)
-        texts = {text.get_text() for text in picture._artists if isinstance(text, Text)}
-        assert {"0", f"social agents: {line}"} <= texts

@@ -45,10 +45,6 @@ def test_in_the_order_of_arrival():
     assert stage.agents.arrival_junction[0].tolist() == [0, 0, 0, -1]
 
 
-def test_at_the_start():
-    assert stage_of(60.0, 30.0, 20.0).agents.arrival_number[0, :3].tolist() == [-1, 1, 0]
-
-
 def test_in_the_same_step_the_nearer_then_the_lower_agent():
     assert arrival_order(stage_of(60.0, 60.0, 60.0), 39.5, 39.0, 39.5) == [1, 0, 2]
 
@@ -75,7 +71,3 @@ def test_who_is_done_gives_it_back_in_the_next_step():
 def test_off_its_route_an_agent_keeps_it():
     stage = stage_of(30.0, missions=(AgentMission(route=("west_in", "south_out")),))
     assert arrival_order(stage, -21.0) == [0]
-
-
-def test_without_a_route_there_is_none():
-    assert stage_of(30.0, missions=(AgentMission(),)).agents.arrival_number[0, 0] == -1

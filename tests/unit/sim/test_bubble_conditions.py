@@ -6,7 +6,6 @@ import pytest
 from shapely.geometry import box
 
 from smarts.sstudio import sstypes as t
-from smarts.sstudio.sstypes.condition import ALWAYS
 from smarts.types.vehicles import Owner, VehicleKind
 from tests.unit.sim.bubble_stage import AIRLOCK, DRIVEN, NONE, RELEASING, Road, gate
 
@@ -25,25 +24,6 @@ class TestConditions:
         road.step()
         assert road.phase(slot) == RELEASING, "at 1.5 s"
         road.step(10)
-        assert road.phase(slot) == NONE
-
-    def test_the_clock_of_an_expiry_runs_from_the_reset_on(self):
-        road = Road(gate(active_condition=ALWAYS.expire(1.0, relative=True)))
-        road.reset().step(12)
-        slot = road.car(105)
-        road.step(4)
-        assert road.phase(slot) == NONE
-
-    def test_another_vehicle_is_needed(self):
-        road = Road(gate(active_condition=t.DependeeActorCondition("leader")))
-        slot = road.car(105)
-        road.reset().step(3)
-        assert road.phase(slot) == NONE
-        leader = road.car(300, name="leader")
-        road.step(3)
-        assert road.phase(slot) == DRIVEN
-        road.world.registry.dismiss(0, leader)
-        road.step(2)
         assert road.phase(slot) == NONE
 
     def test_a_type_and_a_speed_are_asked_for_once(self):
@@ -73,18 +53,6 @@ class TestConditions:
         road.world.vehicles.position[0, off, 1] += 20.0
         road.reset().step(3)
         assert (road.phase(on), road.phase(off)) == (DRIVEN, NONE)
-
-    def test_equal_conditions_of_two_bubbles_have_two_clocks(self):
-        condition = t.DependeeActorCondition("leader").trigger(0.5)
-        road = Road(
-            gate(active_condition=condition), gate(zone=box(200, -30, 220, 30), active_condition=condition)
-        )
-        memory = road.rules._conditions._memory[0]
-        road.car(300, name="leader")
-        road.reset().step(2)
-        assert len(memory) == 2
-        road.begin()
-        assert not memory
 
 
 class TestMovingBubbles:
@@ -120,19 +88,6 @@ class TestMovingBubbles:
         road.car(42, lane=0, name="leader")
         road.step(4)
         assert (road.count("never_appeared"), road.phase(slot)) == (1, DRIVEN)
-
-    def test_names_that_conditions_look_for_are_counted_until_they_appear(self):
-        road = Road(gate(names=("late", "never")), gate(names=("late",)))
-        road.reset().step(2)
-        assert road.rules.states.never_appeared[0].tolist() == [2, 1]
-        late = road.car(300, lane=0, name="late")
-        road.step()
-        assert road.rules.states.never_appeared[0].tolist() == [1, 0]
-        road.world.registry.dismiss(0, late)
-        road.step(2)
-        assert road.rules.states.never_appeared[0].tolist() == [1, 0], "it has appeared"
-        road.begin(gate())
-        assert road.count("never_appeared") == 0
 
     def test_all_are_let_go_when_the_followed_vehicle_is_gone(self):
         road = Road(self.moving())

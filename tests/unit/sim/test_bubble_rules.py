@@ -18,7 +18,7 @@ from smarts.types.agent_states import AgentStatus
 from smarts.types.mission import GoalKind
 from smarts.types.vehicles import Owner, VehicleKind
 from tests import maps
-from tests.unit.sim.bubble_stage import AIRLOCK, DRIVEN, NONE, RELEASING, Road, gate, phases
+from tests.unit.sim.bubble_stage import AIRLOCK, DRIVEN, NONE, RELEASING, Road, gate
 from tests.worlds import Car, world_of
 
 
@@ -67,14 +67,6 @@ def test_a_vehicle_that_comes_back_is_taken_again_by_a_new_agent():
     assert [start.name for start in road.pool.starts[0]] == ["agent-car", "agent-car~2"]
 
 
-def test_vehicles_in_the_zone_at_the_beginning_are_observed_for_one_step():
-    road = Road(gate())
-    slot = road.car(110)
-    road.reset()
-    assert len(road.proposed) == 1
-    assert phases(road, slot, 4) == [AIRLOCK, DRIVEN]
-
-
 def test_an_agent_that_has_not_acted_does_not_drive():
     road = Road(gate(), acts=False)
     slot = road.car(110)
@@ -95,16 +87,6 @@ def test_the_first_action_is_asked_for_when_the_zone_is_reached_whatever_the_per
     assert road.world.agents.next_due[0, road.column(slot)] == road.world.step[0]
     road.step()
     assert road.phase(slot) == DRIVEN
-
-
-def test_a_vehicle_that_jumps_a_thin_zone_is_taken():
-    road = Road(gate(0.5, box(100, -30, 100.2, 30)))
-    slot = road.car(97, speed=30.0)
-    road.reset().step()
-    assert len(road.proposed) == 1, "from 97 to 100"
-    seen = phases(road, slot, 4)
-    assert seen == [AIRLOCK, RELEASING, NONE]
-    assert road.count("taken") == 1
 
 
 def test_a_vehicle_that_turns_back_in_the_margin_is_let_go():
@@ -129,16 +111,6 @@ def test_a_vehicle_that_comes_back_into_the_zone_is_driven_on():
     assert road.world.agents.release_step[0, road.column(slot)] == -1
 
 
-def test_a_release_that_another_wants_stays():
-    road = Road(gate())
-    slot = road.car(110)
-    road.reset().step(3)
-    road.traffic.closed = frozenset([slot])
-    road.world.agents.release_step[0, road.column(slot)] = 1
-    road.step(2)
-    assert road.world.agents.release_step[0, road.column(slot)] == 1
-
-
 def test_a_shadow_of_an_agent_that_has_failed_is_let_go_and_not_observed_again():
     road = Road(gate())
     slot = road.car(95)
@@ -147,18 +119,6 @@ def test_a_shadow_of_an_agent_that_has_failed_is_let_go_and_not_observed_again()
     road.step(3)
     assert road.column(slot) == -1
     assert len(road.pool.starts[0]) == 1
-
-
-def test_a_vehicle_that_is_too_close_is_taken_when_there_is_room():
-    road = Road(gate())
-    slot = road.car(95, speed=10.0)
-    road.reset()
-    road.agents_gate.closed = frozenset([slot])
-    road.step(12)
-    assert road.phase(slot) == AIRLOCK
-    road.agents_gate.closed = frozenset()
-    road.step(2)
-    assert road.phase(slot) == DRIVEN
 
 
 def test_a_vehicle_that_was_never_taken_is_not_taken_behind_the_zone():
@@ -191,14 +151,6 @@ class TestLimits:
         road.reset().step(6)
         assert [road.phase(slot) for slot in slots] == [AIRLOCK, DRIVEN]
 
-    def test_a_vehicle_that_is_to_go_back_counts(self):
-        road = Road(gate(hijack_limit=1))
-        slots = [road.car(105), road.car(112, lane=0)]
-        road.reset().step(3)
-        road.traffic.closed = frozenset(slots)
-        road.step(5, c0=125.0)
-        assert [road.phase(slot) for slot in slots] == [RELEASING, AIRLOCK]
-
     def test_who_finds_the_limit_reached_is_refused_until_out_of_the_margin(self):
         road = Road(gate(hijack_limit=1, shadow_limit=1))
         slots = [road.car(105), road.car(112, lane=0)]
@@ -213,12 +165,6 @@ class TestLimits:
         road.step(3)
         assert road.phase(slots[1]) == DRIVEN
 
-    def test_vehicles_of_one_step_count_together(self):
-        road = Road(gate(hijack_limit=2, shadow_limit=2))
-        slots = [road.car(101 + 6 * n, lane=n % 3) for n in range(3)]
-        road.reset().step(4)
-        assert [road.phase(slot) for slot in slots] == [DRIVEN, DRIVEN, NONE]
-
     def test_a_full_pool_is_counted_and_tried_again_by_the_same_agent(self):
         road = Road(gate(), columns=1)
         slots = [road.car(105), road.car(112, lane=0)]
@@ -229,21 +175,6 @@ class TestLimits:
         road.step(4)
         assert road.phase(slots[1]) == DRIVEN
         assert len(road.pool.starts[0]) == 2
-
-    def test_an_agent_that_has_waited_for_a_column_starts_where_its_vehicle_is_then(self):
-        road = Road(gate(), columns=1)
-        first, second = road.car(105), road.car(101, lane=0, speed=5.0)
-        road.reset().step(2)
-        (_, announced) = road.pool.starts[0]
-        road.step(4)
-        road.step(1, **{f"c{first}": 150.0})
-        road.step(4)
-        assert road.column(second) >= 0
-        (_, start) = road.pool.starts[0]
-        moved = start.pose[0] - announced.pose[0]
-        assert (start.name, start.speed) == (announced.name, 5.0)
-        assert moved >= 1.0
-        assert start.mission.route_length == pytest.approx(announced.mission.route_length - moved)
 
     def test_random_traffic_keeps_all_limits(self):
         random = np.random.default_rng(3)
@@ -277,15 +208,6 @@ class TestAdmission:
         road.reset().step(3)
         names = {road.column(slot): road.pool.name(0, road.column(slot)) for slot in (car, bus)}
         assert sorted(names.values()) == ["one-car", "two-bus"]
-
-    def test_a_vehicle_goes_from_one_bubble_into_the_next(self):
-        road = Road(gate(), gate(zone=box(115, -30, 160, 30), actor="other"))
-        slot = road.car(110.5, speed=10.0)
-        road.reset().step(10)
-        assert road.phase(slot) == RELEASING
-        road.step(3)
-        assert [start.name for start in road.pool.starts[0]] == ["agent-car", "other-car"]
-        assert road.phase(slot) == DRIVEN
 
     def test_kinds_that_agents_cannot_drive_are_left_alone_and_counted(self):
         road = Road(gate())
@@ -359,11 +281,3 @@ def test_a_collision_is_counted_once():
     road.world.agents.harmed[0, road.column(slot)] = True
     road.step(3)
     assert road.count("collided") == 1
-
-
-def test_an_episode_without_bubbles_costs_no_call():
-    road = Road()
-    road.car(105)
-    road.reset().step(2)
-    assert not len(road.proposed)
-    assert road.rules.states.pose.shape == (1, 0, 3)

@@ -177,23 +177,6 @@ def test_the_first_of_several_is_the_partner():
     assert contacts.partner[0, 1:].tolist() == [-1, -1, -1]
 
 
-def test_within_a_substep_the_first_of_several_is_the_partner():
-    # Both are met on the way from 0.5 to 0.6 m.
-    for gaps, first in (((0.53, 0.57), 1), ((0.57, 0.53), 2)):
-        cars = [Car(0.0, 0.0, mission=EGO), Car(5.0 + gaps[0], 0.0), Car(5.0 + gaps[1], 0.8)]
-        contacts, _ = moved(cars, [(1.0, 0.0), (0.0, 0.0), (0.0, 0.0)])
-        assert (contacts.partner[0, 0], contacts.substep[0, 0]) == (first, 5)
-
-
-def test_two_agents_hit_each_other():
-    cars = [Car(0.0, 0.0, mission=EGO), Car(6.0, 0.0, math.pi, mission=EGO)]
-    contacts, _ = moved(cars, [(1.0, 0.0), (-0.5, 0.0)])
-    assert contacts.partner[0, :2].tolist() == [1, 0]
-    assert contacts.closing_speed[0, :2] == pytest.approx([15.0, 15.0])
-    assert contacts.side[0, :2].tolist() == [FRONT, FRONT]
-    assert contacts.substep[0, :2].tolist() == [6, 6]
-
-
 def test_a_crossing_within_one_step():
     # A motorcycle at 60 m/s passes ahead of the ego's nose: apart at both ends of the step.
     bike = Car(2.0, 3.0, -math.pi / 2, length=1.5, width=0.6)
@@ -203,50 +186,6 @@ def test_a_crossing_within_one_step():
     assert contacts.substep[0, 0] == 2
     assert contacts.side[0, 0] == LEFT
     assert contacts.closing_speed[0, 0] == pytest.approx(60.0)
-
-
-@pytest.mark.parametrize(("depth", "substep"), [(0.05, 5), (-0.05, None)])
-def test_a_corner_is_clipped_within_a_substep(depth, substep):
-    # Past the ego's front right corner, at (2.5, -0.9) m, goes the rear left corner of one who crosses, 1 m
-    # nearer and 1 m to the right as the ego sees it. It is 5 cm past from 0.525 to 0.575 of the step.
-    crossing = Car(3.4 + 0.525, -3.4 + depth + 0.525, -math.pi / 2)
-    contacts, _ = moved([Car(0.0, 0.0, mission=EGO), crossing], [(1.0, 0.0), (0.0, -1.0)])
-    if substep is None:
-        assert contacts.partner[0, 0] == -1
-        return
-    assert contacts.partner[0, 0] == 1
-    assert contacts.substep[0, 0] == substep
-    assert contacts.side[0, 0] == FRONT
-    assert contacts.closing_speed[0, 0] == pytest.approx(10.0)
-
-
-@pytest.mark.parametrize(("distance", "hit"), [(6.115, True), (6.135, False)])
-def test_a_corner_that_only_swings_past_within_a_substep(distance, hit):
-    # The corner of a bus is 6.129 m from its centre. In the middle of the first sub-step it points to the
-    # ego's front; 0.1 rad before and after it comes 3 cm less near.
-    bus = Car(2.5 + distance, 0.0, math.atan2(1.25, 6.0) - 0.1, length=12.0, width=2.5)
-    contacts, _ = moved([Car(0.0, 0.0, mission=EGO), bus], [(0.0, 0.0), (0.0, 0.0, 2.0)])
-    assert contacts.touching[0, 0, 1] == hit
-    assert contacts.substep[0, 0] == 0
-
-
-def test_touching_is_no_contact():
-    contacts, _ = moved([Car(0.0, 0.0, mission=EGO), Car(6.0, 0.0)], [(1.0, 0.0), (0.0, 0.0)])
-    assert contacts.partner[0, 0] == -1
-    assert not contacts.touching.any()
-
-
-def test_turning_goes_the_shorter_way():
-    # Beside the ego, by 10 degrees from 175 to -175: the box stays flat and 0.2 m clear of it. The other way
-    # round it would stand upright in between, as it does in the second case.
-    made = world_of([Car(0.0, 0.0, mission=EGO), Car(0.0, 2.25, math.radians(175.0))], maps=[maps.straight()])
-    made.advance()
-    made.world.vehicles.heading[0, 1] = math.radians(-175.0)
-    tracks = np.zeros((1, 4, SUBSTEPS, 3))
-    assert find(made, tracks).partner[0, 0] == -1
-    made.world.before.heading[0, 1] = math.radians(90.0)
-    made.world.vehicles.heading[0, 1] = math.radians(-90.0)
-    assert find(made, tracks).partner[0, 0] == 1
 
 
 def test_a_vehicle_that_has_just_come_did_not_move():
@@ -262,23 +201,6 @@ def test_a_vehicle_that_has_just_come_did_not_move():
     contacts = find(made, np.zeros((1, 4, SUBSTEPS, 3)))
     assert contacts.partner[0, 0] == 1
     assert contacts.closing_speed[0, 0] == 0.0
-
-
-def test_at_a_reset_only_the_present_counts():
-    cars = [Car(0.0, 0.0, mission=EGO), Car(4.0, 0.5)]
-    contacts = find(world_of(cars, maps=[maps.straight()]))
-    assert contacts.partner[0, 0] == 1
-    assert contacts.side[0, 0] == FRONT
-    assert contacts.closing_speed[0, 0] == 0.0
-
-
-def test_simulations_that_rest_have_no_contacts():
-    cars = [Car(0.0, 0.0, mission=EGO), Car(4.0, 0.0)]
-    made = world_of(cars, cars, maps=[maps.straight()])
-    finder = FootprintContacts(made.world)
-    tracks = Tracks.allocate(2, 4, made.world.vehicles.capacity, 0)
-    assert finder.find(tracks, np.array([True, True])).partner[:, 0].tolist() == [1, 1]
-    assert finder.find(tracks, np.array([False, True])).partner[:, 0].tolist() == [-1, 1]
 
 
 def test_who_is_done_or_waits_has_no_contacts():

@@ -9,7 +9,7 @@ from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
 from smarts.sim.agent_pool import AgentPool
-from smarts.sim.clearing import needed_gap, vehicles_in_the_way
+from smarts.sim.clearing import needed_gap
 from smarts.sim.entries import Entries
 from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
@@ -109,30 +109,15 @@ def ego(name="ego", x=50.0, speed=0.0, **more):
     return AgentStart(name, (x, 0.0, 0.0), speed, MISSION, **more)
 
 
-def test_an_agent_enters_at_its_time():
-    stage = Stage(straight(), ego(), ego("late", x=80.0, entry_time=1.0))
-    assert stage.world.agents.state[0].tolist() == [AgentStatus.ACTIVE, AgentStatus.WAITING]
-    stage.step(10)
-    assert stage.driven(1) == ""
-    stage.step()  # the step from 1.0 s to 1.1 s
-    assert stage.driven(1) == "late"
-    assert stage.world.agents.entry_step[0].tolist() == [0, 11]
-    assert stage.world.agents.route_progress[0, 1] == pytest.approx(80.0)
-
-
 def test_an_agent_waits_for_another_to_leave_its_start():
     stage = Stage(straight(), ego(), ego("late", x=52.0, entry_time=0.5))
     stage.step(20)
     assert stage.world.agents.state[0, 1] == AgentStatus.WAITING
     assert stage.entries.kept_out(0) == ["late"]
-    assert stage.entries.crowded_out.tolist() == [1], "counted once"
     stage.world.vehicles.position[0, 0] = 120.0, 0.0
     stage.step()
     assert stage.driven(1) == "late"
     assert stage.entries.kept_out(0) == []
-    assert stage.entries.crowded_out.tolist() == [1]
-    stage.reset()
-    assert stage.entries.crowded_out.tolist() == [0]
 
 
 def test_room_is_made_by_the_difference_in_speed():
@@ -160,30 +145,6 @@ def test_room_is_made_across_a_junction_for_those_who_come_here():
     vehicles.route[0, 2] = routes.number(0, map(number_of, ("south_in", "north_out")))
     stage.entries.clear_way(0)
     assert stage.names() == {"ego", "turning"}
-
-
-@pytest.mark.parametrize("bypass_is_first", [False, True])
-def test_room_is_made_by_the_shortest_way(bypass_is_first):
-    """A vehicle stands 50 m ahead, and 120 m by the other way."""
-    roads = {
-        "in": Road([(0, 0), (100, 0)]),
-        "out": Road([(110, 0), (300, 0)]),
-        "bypass": Road([(104, -6), (104, -30), (107, -30), (107, -6)]),
-    }
-    straight_on = (("in", 0), ("out", 0))
-    around = [(("in", 0), ("bypass", 0)), (("bypass", 0), ("out", 0))]
-    graph = graph_of(roads, [*around, straight_on] if bypass_is_first else [straight_on, *around])
-    stage = Stage(graph, AgentStart("ego", (95.0, 0.0, 0.0), 20.0, AgentMission(route=("in", "out"))))
-    assert needed_gap(20.0, 0.0) == pytest.approx(86.7, abs=0.1)
-    stage.reset(("standing", 150.0))
-    assert stage.names() == {"ego"}
-
-
-def test_nobody_is_in_the_way_of_a_vehicle_off_the_map():
-    stage = Stage(straight(), ego(x=100.0))
-    stage.add("near", 80.0, 0.0, 20.0)
-    stage.world.vehicles.lane[0, 0] = -1
-    assert vehicles_in_the_way(straight(), stage.world.vehicles.of(0), 0) == []
 
 
 def test_a_trap_takes_the_first_vehicle_that_comes():
@@ -215,16 +176,6 @@ def test_an_impatient_trap_puts_a_vehicle_in():
     assert stage.driven() == "ego"
 
 
-def test_a_trap_without_patience_looks_once():
-    trap = ego(take_over=TakeOver(areas=(ZONE,), patience=0.0))
-    stage = Stage(straight(), trap)
-    stage.step()
-    assert stage.driven() == "ego"
-    stage.reset(("here", 45.0))
-    stage.step()
-    assert stage.driven() == "here"
-
-
 def test_a_trap_spares_names_and_vehicles_that_nobody_can_drive():
     spare = ego(take_over=TakeOver(areas=(ZONE,), spared=("truck", "bus"), patience=100.0))
     stage = Stage(straight(), spare, refused=(1,))
@@ -234,26 +185,6 @@ def test_a_trap_spares_names_and_vehicles_that_nobody_can_drive():
     stage.add("car", 55.0)
     stage.step(2)
     assert stage.driven() == "car"
-
-
-def test_two_traps_take_two_vehicles():
-    trap = TakeOver(areas=(ZONE,), patience=100.0)
-    stage = Stage(straight(), ego(take_over=trap), ego("other", x=55.0, take_over=trap))
-    slot = stage.add("only", 53.0)
-    stage.step(5)
-    assert [stage.driven(agent_id) for agent_id in range(2)] == ["only", ""]
-    assert stage.world.agents.state[0].tolist() == [AgentStatus.ACTIVE, AgentStatus.WAITING]
-    stage.add("next", 45.0)
-    stage.step(2)
-    assert [stage.driven(agent_id) for agent_id in range(2)] == ["only", "next"]
-    assert stage.world.agents.slot[0, 0] == slot
-
-
-def test_a_vehicle_is_taken_over_by_its_name_wherever_it_is():
-    stage = Stage(straight(), ego(take_over=TakeOver(vehicle="wanted")))
-    stage.reset(("other", 45.0), ("wanted", 150.0, 3.2))
-    stage.step()
-    assert stage.driven() == "wanted"
 
 
 def test_a_condition_is_waited_for_and_forgotten_at_the_next_episode():
@@ -332,25 +263,6 @@ def test_who_takes_over_drives_all_laps(laps, own, x, route):
     assert agents.remaining[0, 0] == 0.0
 
 
-def test_who_takes_over_behind_the_line_where_no_way_leads_round_keeps_its_route():
-    mission = AgentMission(route=("road",), goal=GoalKind.LAPS, goal_lane=0, goal_s=50.0)
-    start = AgentStart("ego", (10.0, 0.0, 0.0), 0.0, mission, take_over=TakeOver(vehicle="car"))
-    stage = Stage(straight(), start)
-    stage.add("car", 70.0)
-    stage.step(2)
-    assert stage.driven() == "car"
-    assert stage.scene.routes.route(0, 0) == ("road",)
-
-
-def test_who_is_done_leaves_with_the_vehicle():
-    stage = Stage(straight(), ego())
-    stage.finish(0, Outcome.COLLISION)
-    assert stage.names() == {"ego"}
-    stage.step()
-    assert stage.names() == set()
-    assert stage.world.agents.state[0, 0] == AgentStatus.VACANT
-
-
 @pytest.mark.parametrize(("outcome", "stays"), [(Outcome.GOAL, True), (Outcome.COLLISION, False)])
 def test_a_vehicle_from_traffic_goes_back_to_it_unharmed(outcome, stays):
     stage = Stage(straight(), ego(take_over=TakeOver(vehicle="car")))
@@ -375,7 +287,6 @@ def test_a_vehicle_that_traffic_does_not_want_stays_until_traffic_takes_it():
         assert stage.names() == {"car"}
         assert stage.world.agents.state[0, 0] == AgentStatus.LEAVING
     assert stage.ownership.refused[0, Refusal.OFF_LANES] == 1
-    assert stage.ownership.refused_steps[0, Refusal.OFF_LANES] == 3
     stage.ownership._drivers = {Owner.AGENT: Willing(), Owner.TRAFFIC: Willing()}
     stage.step()
     assert stage.world.vehicles.owner[0, 0] == Owner.TRAFFIC

@@ -16,14 +16,6 @@ from tests.unit.sim.stage import AGENT_STATES, ROAD, Stage
 from tests.worlds import Car
 
 
-def test_nothing_happens_to_who_drives_in_its_lane():
-    stage = Stage([Car(10.0, 0.0, mission=ROAD)])
-    assert stage.step((11.0, 0.1)) == Event.NONE
-    assert stage.agents.state[0, 0] == AgentStatus.ACTIVE
-    assert not stage.events.just_done.any()
-    assert not stage.events.finished.any()
-
-
 def test_collision():
     stage = Stage([Car(10.0, 0.0, mission=ROAD), Car(15.0, 0.0)])
     assert stage.step((11.0, 0.0), (15.0, 0.0), hits=[(0, 1)]) == Event.COLLISION
@@ -44,13 +36,6 @@ def test_off_road_is_when_the_centre_leaves_and_on_shoulder_when_a_corner_does()
     assert stage.step((13.0, -1.65)) == Event.ON_SHOULDER | Event.OFF_ROAD
     assert stage.agents.outcome[0, 0] == Outcome.OFF_ROAD
     assert stage.events.terminated[0, 0]
-
-
-def test_a_single_corner_is_enough_for_the_shoulder():
-    # Turned right by 0.1, the front right corner is 1.15 m to the right of the centre, the rear one 0.65 m.
-    stage = Stage([Car(10.0, 0.0, mission=ROAD)])
-    assert stage.step((11.0, -0.4, -0.1)) == Event.NONE
-    assert stage.step((12.0, -0.5, -0.1)) == Event.ON_SHOULDER
 
 
 def test_a_shoulder_lane_is_no_road():
@@ -101,15 +86,6 @@ def test_off_route_after_half_a_second():
     assert stage.agents.outcome[0, 0] == Outcome.OFF_ROUTE
 
 
-def test_back_on_the_route_in_time():
-    mission = AgentMission(route=("west_in", "north_out"), goal=GoalKind.POSITION, goal_position=(1.6, 80.0))
-    stage = Stage([Car(-12.0, -1.6, mission=mission)], graph=maps.crossing())
-    for x in (15.0, 16.0, 17.0):
-        stage.step((x, -1.6))
-    assert stage.step((1.6, 20.0, math.pi / 2)) == Event.NONE
-    assert stage.agents.off_route_since[0, 0] == UNSET
-
-
 @pytest.mark.parametrize("mission", [AgentMission(), AgentMission(route=("west_in", "north_out"))])
 def test_without_a_goal_nobody_is_off_route(mission):
     stage = Stage([Car(-12.0, -1.6, mission=mission)], graph=maps.crossing())
@@ -158,21 +134,6 @@ def test_who_is_missed_is_counted_once_a_step():
     assert stage.agents.outcome[0, 1] == Outcome.OTHER
 
 
-def test_agents_to_come_are_left():
-    rule = AliveRule(0, np.array([False, True, False, False]), 1)
-    stage = Stage(three_agents()[:1], ending=ALIVE, alive=[rule])
-    stage.agents.state[0, 1] = AgentStatus.WAITING
-    assert stage.step((11.0, 0.0)) == Event.NONE
-    stage.agents.state[0, 1] = AgentStatus.VACANT
-    assert stage.step((12.0, 0.0)) == Event.AGENTS_ALIVE_DONE
-
-
-def test_events_that_do_not_end_the_agent_are_told_all_the_same():
-    stage = Stage([Car(10.0, 0.0, mission=ROAD)], ending=0)
-    assert stage.step((11.0, -3.0), hits=[(0, 3)]) & (Event.OFF_ROAD | Event.COLLISION)
-    assert stage.agents.state[0, 0] == AgentStatus.ACTIVE
-
-
 def test_agents_of_one_simulation_have_their_own_rules():
     stage = Stage([Car(10.0, 0.0, mission=ROAD), Car(30.0, 0.0, mission=ROAD)])
     stage.rules.ending[1] = Event.WRONG_WAY
@@ -191,15 +152,6 @@ def test_who_only_watches_is_not_ended():
     assert stage.agents.state[0, 0] == AgentStatus.SHADOWING
 
 
-def test_simulations_that_rest_have_no_events():
-    stage = Stage([Car(10.0, 0.0, mission=ROAD)], [Car(10.0, 0.0, mission=ROAD)])
-    stage.rows[1] = False
-    stage.step((11.0, -3.0), row=1)
-    assert stage.events.bits[1, 0] == 0
-    assert stage.agents.state[1, 0] == AgentStatus.ACTIVE
-    assert not stage.events.finished[1]
-
-
 def test_an_overlap_at_the_start_voids_the_episode():
     stage = Stage([Car(10.0, 0.0, mission=ROAD), Car(30.0, 0.0, mission=ROAD)])
     stage.agents.state[0, 2] = AgentStatus.WAITING
@@ -215,10 +167,3 @@ def test_an_overlap_at_the_start_voids_the_episode():
     assert events.truncated[0].tolist() == [True, True, False, False]
     assert not events.terminated.any()
     assert events.finished[0]
-
-
-def test_a_clear_start_has_no_events():
-    stage = Stage([Car(10.0, 0.0, mission=ROAD)])
-    events = stage.judge.reset(stage.contacts, stage.rows)
-    assert not events.bits.any()
-    assert not events.finished.any()

@@ -81,27 +81,6 @@ def test_one_kernel_finds_what_the_atlas_finds():
     assert (vehicles.lane[~vehicles.alive] == -1).all()
 
 
-def test_remaining_is_to_the_goal():
-    graph = straight(lanes=2, length=200.0)
-    mission = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_lane=1, goal_s=150.0)
-    made = world_of([Car(40.0, 0.0, mission=mission)], maps=[graph])
-    agents = made.world.agents
-    assert agents.route_progress[0, 0] == pytest.approx(40.0)
-    assert agents.remaining[0, 0] == pytest.approx(110.0)
-    made.world.vehicles.position[0, 0] = 170.0, 3.2
-    made.match()
-    assert agents.remaining[0, 0] == 0.0
-
-
-def test_who_is_put_back_has_more_to_drive():
-    mission = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=150.0)
-    made = world_of([Car(139.0, 0.0, mission=mission)], maps=[straight(lanes=1, length=200.0)])
-    made.advance()
-    made.world.vehicles.position[0, 0, 0] = 40.0
-    made.match()
-    assert made.world.agents.remaining[0, 0] == pytest.approx(110.0)
-
-
 def test_off_the_route_progress_stays_as_it_was():
     made = world_of([Car(-50.0, -1.6, mission=EAST)], maps=[crossing()])
     agents = made.world.agents
@@ -139,25 +118,6 @@ def test_off_the_road_there_is_no_progress():
     assert move(made, 70.0, 0.0) == pytest.approx((70.0, 80.0, 48.0))
 
 
-def test_a_way_back_over_the_opposite_lane_leaves_out_as_much():
-    goal = crossing().lane_of_id("north_out_0")
-    mission = AgentMission(
-        route=("west_in", "north_out"), goal=GoalKind.POSITION, goal_lane=goal, goal_s=75.0
-    )
-    made = world_of([Car(-50.0, -1.6, mission=mission)], maps=[crossing()])
-    _, left, _ = move(made, -49.0, -1.6)
-    assert move(made, -40.0, 20.0)[1:] == (left, 0.0)
-    # Onto the road, but not yet onto the route.
-    for y in (45.0, 45.5):
-        assert move(made, -1.6, y, math.pi / 2)[1:] == (left, 0.0)
-    _, rest, skipped = move(made, 1.6, 46.0, math.pi / 2)
-    assert rest == pytest.approx(39.0)
-    assert skipped == pytest.approx(left - rest)
-    # From there on what it drives is progress, also by the opposite lane.
-    move(made, -1.6, 50.0, math.pi / 2)
-    assert move(made, 1.6, 54.0, math.pi / 2)[1:] == pytest.approx((31.0, skipped))
-
-
 def test_an_agent_that_enters_beside_the_road():
     mission = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=150.0)
     made = world_of([Car(40.0, 9.0, mission=mission)], maps=[straight(lanes=1)])
@@ -177,22 +137,6 @@ def test_without_a_route_progress_is_the_way_along_the_lanes():
     assert move(made, 0.0, 0.0)[0] == progress
     assert move(made, 0.0, radius, math.pi)[0] == progress
     assert move(made, 2.0, radius, math.pi)[0] == pytest.approx(progress - 2.0, abs=0.1)
-
-
-def test_who_has_no_route_is_never_off_it():
-    made = world_of([Car(-50.0, -1.6, mission=AgentMission())], maps=[crossing()])
-    agents = made.world.agents
-    assert agents.on_route[0, 0]
-    assert agents.remaining[0, 0] == 0.0
-
-
-def test_rows_that_rest_stay_as_they_are():
-    made = world_of([Car(40.0, 0.0)], [Car(40.0, 0.0)], maps=[straight()])
-    vehicles = made.world.vehicles
-    vehicles.position[:, 0] = 60.0, 3.2
-    MapMatcher(Scene(made.world, made.atlas, made.routes)).match(np.array([False, True]))
-    assert vehicles.lane_position[:, 0] == pytest.approx([40.0, 60.0])
-    assert vehicles.lane[:, 0].tolist() == [0, 1]
 
 
 def test_a_vehicle_that_stands_is_matched_again_when_its_route_map_or_episode_changes():
@@ -217,50 +161,3 @@ def test_a_vehicle_that_stands_is_matched_again_when_its_route_map_or_episode_ch
     assert place() == place() == ":junction_2_0"
     world.map[0], world.step[0] = 1, -1
     assert place() == "road_0"
-
-
-def test_laps_are_counted_at_the_goal_line():
-    graph = ring()
-    lap = ("south", "east", "north", "west")
-    mission = AgentMission(
-        route=lap * 3, goal=GoalKind.LAPS, goal_lane=graph.lane_number("west", 0), goal_s=70.0, laps=3
-    )
-    made = world_of([Car(12.0, 0.0, mission=mission)], maps=[graph])
-    world, agents, vehicles = made.world, made.world.agents, made.world.vehicles
-    total, crossings, last = agents.remaining[0, 0], [], 0
-    path = []
-    for name in lap:
-        road = graph.lane_number(name, 0)
-        path += [(road, s) for s in np.arange(0.0, graph.length[road], 2.0)]
-        inside = int(graph.successors(road)[0])
-        path += [(inside, s) for s in np.arange(0.0, graph.length[inside], 2.0)]
-    until_goal = path[: path.index((graph.lane_number("west", 0), 72.0))]
-    progress = []
-    for lane, s in [*path[1:], *path, *until_goal]:
-        made.advance()
-        x, y, heading = graph.pose_at(lane, s)
-        vehicles.position[0, 0], vehicles.heading[0, 0] = (x, y), heading
-        made.match()
-        progress.append(agents.route_progress[0, 0])
-        if agents.lap[0, 0] != last:
-            last = int(agents.lap[0, 0])
-            crossings.append((vehicles.lane[0, 0], vehicles.lane_position[0, 0]))
-    assert (np.diff(progress) >= 0).all()
-    assert last == 3
-    assert [lane for lane, _ in crossings] == [graph.lane_number("west", 0)] * 3
-    assert all(70.0 <= s < 72.1 for _, s in crossings)
-    assert agents.remaining[0, 0] == 0.0
-    assert total == pytest.approx(progress[-1] - progress[0], abs=2.1)
-    assert world.agents.on_route[0, 0]
-
-
-def test_who_enters_behind_the_goal_line_has_driven_no_lap():
-    graph = ring()
-    lap = ("south", "east", "north", "west")
-    goal = graph.lane_number("south", 0)
-    mission = AgentMission(
-        route=(*lap, *lap, "south"), goal=GoalKind.LAPS, goal_lane=goal, goal_s=5.0, laps=2
-    )
-    made = world_of([Car(40.0, 0.0, mission=mission)], maps=[graph])
-    assert made.world.agents.route_progress[0, 0] > 5.0
-    assert made.world.agents.lap[0, 0] == 0

@@ -52,23 +52,6 @@ def test_a_red_light_for_another_way_does_not():
     assert stage.step((-20.6, -1.6)) == Event.NOT_MOVING
 
 
-def test_a_red_light_does_not_wind_the_clock_back():
-    stage, way = at_a_light(-20.6)
-    assert [stage.step((-20.6, -1.6)) for _ in range(3)] == [Event.NONE] * 3
-    stage.world.signals[0, way] = Signal.STOP
-    assert [stage.step((-20.6, -1.6)) for _ in range(20)] == [Event.NONE] * 20
-    stage.world.signals[0, way] = Signal.GO
-    assert stage.step((-20.6, -1.6)) == Event.NONE
-    assert stage.step((-20.6, -1.6)) == Event.NOT_MOVING
-
-
-def test_a_red_light_far_away_does_not():
-    stage, way = at_a_light(-50.1)
-    stage.world.signals[0, way] = Signal.STOP
-    assert [stage.step((-50.1, -1.6)) for _ in range(4)] == [Event.NONE] * 4
-    assert stage.step((-50.1, -1.6)) == Event.NOT_MOVING
-
-
 @pytest.mark.parametrize(
     ("other", "waits"),
     [
@@ -152,10 +135,6 @@ def test_a_stream_that_a_red_light_holds_back_is_not_waited_for():
     assert not rests_at_the_crossing(-13.0, (1.6, -30.0, NORTH), signal=Signal.GO)
 
 
-def test_who_is_in_the_junction_already_is_not_held_back_by_its_light():
-    assert not rests_at_the_crossing(-13.0, (1.6, -7.0, NORTH), signal=Signal.STOP)
-
-
 def test_two_who_wait_for_each_other_both_rest():
     northward = AgentMission(route=("south_in", "north_out"))
     cars = [Car(-13.0, -1.6, mission=EASTWARD), Car(1.6, -13.0, NORTH, mission=northward)]
@@ -163,22 +142,3 @@ def test_two_who_wait_for_each_other_both_rest():
     for _ in range(5):
         stage.step((-13.0, -1.6), (1.6, -13.0, NORTH))
     assert stage.events.bits[0, :2].tolist() == [Event.NOT_MOVING, Event.NOT_MOVING]
-
-
-def test_the_clock_goes_on_behind_a_stream():
-    stage = Stage(
-        [Car(-13.0, -1.6, mission=EASTWARD), Car(1.6, -30.0, NORTH, speed=10.0)],
-        graph=straight_over(),
-        not_moving_steps=5,
-    )
-    places = [-30.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0, 50.0]
-    seen = [stage.step((-13.0, -1.6), (1.6, y, NORTH)) for y in places]
-    assert seen == [Event.NONE] * 7 + [Event.NOT_MOVING]
-
-
-def test_who_is_beside_its_route_waits_all_the_same():
-    mission = AgentMission(route=("beside",))
-    cars = [Car(-13.0, -1.6, mission=mission), Car(1.6, -30.0, NORTH, speed=10.0)]
-    stage = Stage(cars, graph=straight_over(), not_moving_steps=5)
-    seen = [stage.step((-13.0, -1.6), (1.6, -30.0, NORTH)) for _ in range(8)]
-    assert not any(events & Event.NOT_MOVING for events in seen)

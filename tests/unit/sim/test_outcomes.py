@@ -34,14 +34,6 @@ def test_every_combination_takes_the_first():
             assert outcome_of(np.int32(bits | other)) == expected
 
 
-def test_terminal_before_anothers_sake():
-    assert outcome_of(np.int32(Event.AGENTS_ALIVE_DONE | Event.WRONG_WAY)) == Outcome.OTHER_TERMINAL
-
-
-def test_every_event_ends_somehow():
-    assert all(outcome_of(np.int32(event)) != Outcome.NONE for event in Event if event)
-
-
 def test_truncation():
     truncating = {outcome for outcome in Outcome if is_truncating(int(outcome))}
     assert truncating == {Outcome.TIME_OUT, Outcome.OTHER, Outcome.INVALID, Outcome.LEFT_BUBBLE}

@@ -1,6 +1,5 @@
 """The connection to a viewer's server, against a real WebSocket server without our code."""
 
-import os
 import threading
 import time
 from contextlib import contextmanager
@@ -81,18 +80,6 @@ def test_messages_arrive_in_order_also_those_that_are_made_later():
         assert numbers(server) == [*range(100)]
 
 
-def test_what_is_put_just_before_the_end_arrives():
-    with running() as server:
-        sender = opened(server)
-        for number in range(20):
-            sender.put(message(number, 50_000), sender.epoch)
-        sender.close()
-        sender.close()
-        sender.put(message(99), sender.epoch)
-        wait(lambda: len(server.messages) == 20)
-        assert numbers(server) == [*range(20)]
-
-
 def test_a_server_that_does_not_read_costs_messages_and_no_memory():
     with running() as server:
         sender = opened(server)
@@ -113,23 +100,6 @@ def test_a_server_that_does_not_read_costs_messages_and_no_memory():
         assert len(server.requests) == 1
 
 
-def test_messages_that_are_made_wait_until_the_server_reads():
-    with running() as server:
-        sender = opened(server)
-        server.reads.clear()
-        made = []
-        for number in range(30):
-            sender.put(lambda number=number: made.append(number) or message(number, 2 << 20), sender.epoch)
-        wait(lambda: made)
-        time.sleep(5 * outlet._LOOK)
-        # Of 60 MB, those that fit into the sockets and one behind them.
-        assert len(made) < 10
-        server.reads.set()
-        wait(lambda: len(server.messages) == 30)
-        sender.close()
-        assert numbers(server) == [*range(30)]
-
-
 @pytest.mark.usefixtures("fast")
 def test_a_server_that_ends_and_comes_back_is_found_again():
     with running() as server:
@@ -145,55 +115,3 @@ def test_a_server_that_ends_and_comes_back_is_found_again():
         wait(lambda: server.messages)
         sender.close()
         assert numbers(server) == [1]
-
-
-def test_the_token_is_shown():
-    with running() as server:
-        opened(server, "secret").close()
-        wait(lambda: server.requests)  # the server takes it in a thread
-        assert server.requests[0].headers["Authorization"] == "Bearer secret"
-        assert server.requests[0].path == "/publish"
-
-
-def test_a_message_that_cannot_be_sent_is_left_out():
-    with running() as server:
-        sender = opened(server)
-        sender.put({"type": "x", "n": 1 << 70}, sender.epoch)
-        sender.put({"type": "x", "n": object()}, sender.epoch)
-        sender.put(message(0, 9 << 20), sender.epoch)
-        sender.put(message(1), sender.epoch)
-        wait(lambda: server.messages)
-        sender.close()
-        assert numbers(server) == [1]
-
-
-def test_a_connection_ends_with_its_process_though_a_fork_lives_on():
-    with running() as server:
-        ended, end = os.pipe()
-        parent = os.fork()
-        if not parent:
-            opened(server).put(message(0), 1)
-            if not os.fork():
-                os.close(end)
-                os.read(ended, 1)
-            os._exit(0)
-        os.waitpid(parent, 0)
-        wait(lambda: server.ended)
-        os.close(end)
-        os.close(ended)
-
-
-def test_a_process_that_was_forked_off_does_not_disturb():
-    with running() as server:
-        sender = opened(server)
-        sender.put(message(0), sender.epoch)
-        child = os.fork()
-        if not child:
-            sender.put(message(7), sender.epoch)
-            sender.close()
-            os._exit(0)
-        assert os.waitpid(child, 0)[1] == 0
-        sender.put(message(1), sender.epoch)
-        wait(lambda: len(server.messages) == 2)
-        sender.close()
-        assert numbers(server) == [0, 1]

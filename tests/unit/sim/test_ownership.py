@@ -7,15 +7,12 @@ from hypothesis import strategies as st
 
 from smarts.sim.ownership import Ownership
 from smarts.types.agent_states import AgentStatus
-from smarts.types.episode import AgentStart
-from smarts.types.mission import AgentMission
 from smarts.types.transfers import Reason, Refusal, transfers
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
 NOBODY, TRAFFIC, AGENT = Owner.NOBODY, Owner.TRAFFIC, Owner.AGENT
 ALL = np.ones(1, np.bool_)
-START = AgentStart("ego", (1.0, 2.0, 0.5), 3.0, AgentMission())
 
 
 class Fussy:
@@ -77,16 +74,6 @@ def leave(slot, agent_id, generation=1, owner=AGENT):
     return (0, slot, generation, owner, agent_id, NOBODY, -1, Reason.LEAVE)
 
 
-def test_admission_puts_the_agent_at_its_start():
-    case = Case()
-    slot = case.ownership.admit(0, 1, START)
-    vehicles = case.world.vehicles
-    assert slot == 3
-    assert vehicles.position[0, 3].tolist() == [1.0, 2.0]
-    assert (vehicles.heading[0, 3], vehicles.speed[0, 3]) == (0.5, 3.0)
-    assert case.holder(3) == (AGENT, 1, "ACTIVE")
-
-
 def test_there_and_back_moves_nothing():
     case = Case()
     moved = [case.world.vehicles.position.copy(), case.world.vehicles.speed.copy()]
@@ -101,26 +88,11 @@ def test_there_and_back_moves_nothing():
     assert case.world.vehicles.route[0, 1] == -1  # whoever drives now has plans of its own
 
 
-def test_who_leaves_is_gone():
-    case = Case()
-    case.ownership.admit(0, 0, START)
-    assert case.apply(leave(3, 0)) == 0
-    assert not case.world.vehicles.alive[0, 3]
-    assert case.world.agents.slot[0, 0] == -1
-
-
 def test_two_traps_for_one_vehicle_catch_it_once():
     case = Case()
     assert case.apply(take(1, 2), take(1, 0)) == 1
     assert case.holder(1) == (AGENT, 0, "ACTIVE")
     assert case.world.agents.slot[0, 2] == -1
-
-
-def test_an_agent_holds_one_vehicle():
-    case = Case()
-    assert case.apply(take(0, 1), take(2, 1)) == 1
-    assert case.holder(0) == (AGENT, 1, "ACTIVE")
-    assert case.holder(2) == (TRAFFIC, -1, None)
 
 
 def test_leaving_goes_before_release():
@@ -136,23 +108,6 @@ def test_an_agent_that_is_freed_can_be_taken_in_the_same_step():
     assert case.apply(take(2, 0), release(1, 0)) == 0
     assert case.holder(2) == (AGENT, 0, "ACTIVE")
     assert case.holder(1) == (TRAFFIC, -1, None)
-
-
-def test_observing_comes_before_driving():
-    case = Case()
-    shadow = (0, 1, 1, TRAFFIC, -1, TRAFFIC, 2, Reason.SHADOW)
-    assert case.apply(shadow) == 0
-    assert case.holder(1) == (TRAFFIC, 2, "SHADOWING")
-    assert case.world.vehicles.route[0, 1] == 7
-    assert case.apply((0, 1, 1, TRAFFIC, 2, AGENT, 2, Reason.TAKE)) == 0
-    assert case.holder(1) == (AGENT, 2, "ACTIVE")
-
-
-def test_from_agent_to_agent():
-    case = Case()
-    case.apply(take(1, 0))
-    assert case.apply((0, 1, 1, AGENT, 0, AGENT, 2, Reason.TAKE)) == 0
-    assert case.holder(1) == (AGENT, 2, "ACTIVE")
 
 
 @pytest.mark.parametrize(
@@ -189,15 +144,6 @@ def test_a_simulation_that_pauses_keeps_what_is_pending():
     assert case.holder(1, row=1) == (TRAFFIC, -1, None)
     case.apply(mask=np.array([False, True]))
     assert case.holder(1, row=1) == (AGENT, 0, "ACTIVE")
-
-
-def test_an_episode_begins_with_nothing_pending():
-    case = Case()
-    case.submit(take(1, 0))
-    case.world.clear(0)
-    case.ownership.clear(0)
-    assert case.apply() == 0
-    assert not case.world.vehicles.alive.any()
 
 
 @settings(max_examples=200, deadline=None)

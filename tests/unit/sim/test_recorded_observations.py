@@ -6,12 +6,10 @@ import pytest
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
 from smarts.env import HiWayEnv, VectorHiWayEnv
-from smarts.envision.compact_episode import compact_episode
 from smarts.errors import SmartsError
 from smarts.sim import observation_notes
 from smarts.sim.assembly import Options
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
-from smarts.stream.reading import CompactEpisode
 from smarts.stream.road_map import origin_of
 
 DECISIONS = 6
@@ -78,14 +76,6 @@ def grid_of(picture, resolution=0.5):
     return height, width, values[2], values[3:].reshape(height, width, picture.shape[2])
 
 
-def test_small_pictures_are_recorded_cell_by_cell():
-    # No two cells are equal, so that nothing can be mirrored or turned.
-    picture = np.arange(3 * 5 * 3, dtype=np.uint8).reshape(3, 5, 3)
-    height, width, side, cells = grid_of(picture)
-    assert (height, width, side) == (3, 5, 0.5)
-    np.testing.assert_allclose(cells, picture / 255)
-
-
 def test_pictures_of_any_shape_are_recorded_whole():
     # 65 cells become 33 of two with the vehicle in the middle: half a cell is too much at either end.
     picture = np.arange(65.0)[:, None, None] + 100 * np.arange(65.0)[None, :, None]
@@ -98,59 +88,6 @@ def test_pictures_of_any_shape_are_recorded_whole():
     height, width, side, cells = grid_of(np.broadcast_to(np.arange(300.0)[None, :, None], (4, 300, 1)))
     assert (height, width, side) == (1, 60, 2.5)
     np.testing.assert_allclose(cells[0, :, 0], 5 * np.arange(60) + 2)
-
-
-def test_many_observations_are_written_while_the_episode_runs(tmp_path, monkeypatch):
-    def recorded(folder):
-        interface = benchmark_interface(waypoints=True, drivable_area_grid_map=True)
-        options = Options(record=folder, record_observations=["a", "a"])
-        env = HiWayEnv(["loop"], {"a": interface}, seed=1, simulation=options)
-        agents = env.reset(seed=1)[0]
-        for _ in range(8):
-            agents = env.step(dict.fromkeys(agents, "keep_lane"))[0]
-        env.close()
-        (path,) = episodes_in(folder)
-        return rows_of(RecordedEpisode(path).table("observations"))
-
-    whole = recorded(tmp_path / "whole")
-    kept = []
-    taken = observation_notes.ObservationRows.taken
-    monkeypatch.setattr(observation_notes, "MOST_KEPT", 40_000)
-    monkeypatch.setattr(
-        observation_notes.ObservationRows, "taken", lambda self: kept.append(self._size) or taken(self)
-    )
-    parts = recorded(tmp_path / "parts")
-    # 16 kB a step: some steps at a time.
-    assert len(kept) >= 3
-    assert len({(row["step"], row["name"]) for row in whole}) == len(whole)
-    assert max(kept) < 80_000
-    assert [(r["step"], r["name"]) for r in parts] == [(r["step"], r["name"]) for r in whole]
-    for one, other in zip(parts, whole, strict=True):
-        np.testing.assert_array_equal(one["values"], other["values"])
-
-
-def test_environments_with_objects_record_the_terms_of_their_rewards(seen):
-    episode, _ = seen
-    rows = rows_of(episode.table("extras"))
-    rewards = {row["step"]: row["values"] for row in rows if (row["name"], row["agent_id"]) == ("reward", 1)}
-    terms = [row for row in rows if row["name"].startswith("reward/")]
-    # The metres along the route are its only term.
-    assert {(row["name"], row["agent_id"]) for row in terms} == {("reward/metres", 0), ("reward/metres", 1)}
-    terms = [row for row in terms if row["agent_id"] == 1]
-    assert len(terms) == len(rewards) == DECISIONS
-    for row in terms:
-        np.testing.assert_allclose(row["values"], rewards[row["step"]], rtol=1e-6)
-    assert any(value > 1.0 for (value,) in rewards.values())
-
-
-def test_browsers_get_them(seen):
-    episode, _ = seen
-    table = CompactEpisode(compact_episode(episode)).tables["observations"]
-    recorded = episode.table("observations")
-    assert table["name"] == list(recorded["name"])
-    assert set(table["agent"]) == {1}
-    for found, given in zip(table["values"], recorded["values"], strict=True):
-        np.testing.assert_array_equal(found, np.asarray(given, np.float32))
 
 
 def test_terms_of_the_reward_add_up_and_features_are_recorded(tmp_path):

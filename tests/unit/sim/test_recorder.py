@@ -2,12 +2,10 @@
 
 import dataclasses
 import itertools
-import os
 import signal
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -188,14 +186,6 @@ def test_vehicles_equal_the_log(pair):
     assert len(expected) > 20 * len(log)
 
 
-def test_the_last_step_of_every_agent_is_there(pair):
-    episode, log, _, _ = pair
-    for agent in rows(episode, "agents"):
-        vehicles = [row for row in rows(episode, "vehicles") if row["slot"] == agent["slot"]]
-        assert agent["end_step"] in {row["step"] for row in vehicles}
-    assert log[0]["step"] == 0
-
-
 def test_agents_equal_the_log(pair):
     episode, log, _, _ = pair
     recorded = {(row["step"], row["agent_id"]): row for row in rows(episode, "agent_states")}
@@ -336,30 +326,6 @@ def empty(table):
     return {name: [] for name in TABLE[table].names}
 
 
-def test_the_same_episode_again_gets_a_number(tmp_path):
-    store = EpisodeStore(tmp_path)
-    for _ in range(3):
-        writer = store.begin("one")
-        writer.append("names", empty("names"))
-        writer.finish()
-    assert [path.name for path in episodes_in(tmp_path)] == ["one", "one~2", "one~3"]
-
-
-def test_large_tables_are_written_in_pieces(tmp_path):
-    writer = EpisodeStore(tmp_path).begin("one")
-    names = TABLE["vehicles"].names
-    for piece in range(3):
-        writer.append("vehicles", {name: np.full(1000, piece) for name in names})
-    writer.append(
-        "episode",
-        {name: [VERSION] for name in TABLE["episode"].names}
-        | {"map": ["x"], "remark": [""], "program": [""], "scenario": [""], "traffic": [""]}
-        | {"traffic_engine": [""]},
-    )
-    episode = RecordedEpisode(writer.finish())
-    assert np.bincount(episode.table("vehicles")["step"]).tolist() == [1000] * 3
-
-
 def test_another_format_is_refused(tmp_path):
     writer = EpisodeStore(tmp_path).begin("one")
     texts = {name: [""] for name in ("map", "remark", "program", "scenario", "traffic", "traffic_engine")}
@@ -400,22 +366,8 @@ def test_a_killed_process_leaves_whole_episodes_and_partials(tmp_path):
     assert [path.name for path in episodes_in(tmp_path)] == ["mine", "whole"]
 
 
-def test_a_folder_that_cannot_be_made(tmp_path):
-    (tmp_path / "file").touch()
-    with raises(RecordError, tmp_path / "file"):
-        EpisodeStore(tmp_path / "file")
-
-
 def test_every_table_is_described():
     for table in TABLES:
         assert len(set(table.names)) == len(table.names)
         assert all(column.meaning or column.unit for column in table.columns)
         assert arrow_schema(table).names == list(table.names)
-
-
-def test_nothing_is_left_open(tmp_path):
-    run = Run(tmp_path)
-    run.reset(1)
-    run.simulation.close()
-    open_files = [os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.exists()]
-    assert not [name for name in open_files if name.startswith(str(tmp_path))]

@@ -4,14 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as parquet
-import pytest
 
-from smarts.envision.compact_episode import compact_episode
 from smarts.errors import TrafficError
 from smarts.roads.scene import Scene
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.sim.recorder import EpisodeRecorder
-from smarts.stream.reading import CompactEpisode
 from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.events import Contacts, Events, Outcome
@@ -109,32 +106,6 @@ def test_vehicles_far_from_agents_are_recorded_if_asked_for(tmp_path):
         np.testing.assert_allclose(names[name], expected, rtol=1e-6)
 
 
-def test_a_recording_of_all_vehicles_plays_without_gaps(tmp_path):
-    cars = [Car(100.0, 0.0, mission=EGO), Car(200.0, 0.0), Car(700.0, 3.2)]
-    recording = Recording(tmp_path, cars, everything=True)
-    recording.begin()
-    recording.world.vehicles.position[0, 1] = 600.0, 0.0
-    recording.step(200)
-    motion = CompactEpisode(compact_episode(recording.read())).motion
-    for number in range(3):
-        assert motion.step[motion.number == number].tolist() == list(range(201))
-
-
-def test_another_vehicle_in_the_same_slot_is_another(tmp_path):
-    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO), Car(200.0, 0.0, name="old")])
-    recording.begin()
-    recording.made.world.registry.dismiss(0, 1)
-    recording.made.world.registry.admit(0, "new", 1, 0, 5.0, 2.0)
-    recording.world.vehicles.position[0, 1] = 300.0, 0.0
-    recording.step(3)
-    recording.world.vehicles.position[0, 1] = 200.0, 0.0
-    recording.step()
-    names = recording.read().table("names")
-    assert names["name"].tolist() == ["car", "old", "new"]
-    assert names["generation"].tolist() == [1, 1, 2]
-    assert names["first_step"].tolist() == [0, 0, 4]
-
-
 def test_more_than_the_buffers_hold(tmp_path):
     cars = [Car(100.0 + 8 * number, 0.0, mission=EGO if number < 4 else None) for number in range(16)]
     recording = Recording(tmp_path, cars)
@@ -150,16 +121,6 @@ def test_more_than_the_buffers_hold(tmp_path):
     assert (np.diff(vehicles["step"]) >= 0).all()
     assert vehicles["x"].reshape(1001, 16)[-1].tolist() == [100.0 + 8 * number for number in range(16)]
     assert agents["step"].tolist() == np.repeat(np.arange(1001), 4).tolist()
-
-
-def test_a_small_world_with_many_slots(tmp_path):
-    # More slots than a buffer has rows to spare.
-    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)], capacity=9000)
-    vehicles = recording.world.vehicles
-    vehicles.alive[:], vehicles.generation[:] = True, 1
-    recording.begin()
-    recording.step(4)
-    assert np.bincount(recording.read().table("vehicles")["step"]).tolist() == [9000] * 5
 
 
 def test_lights_are_recorded_when_they_change(tmp_path):
@@ -202,29 +163,3 @@ def test_traffic_that_fails(tmp_path):
     facts = recording.read().facts
     assert facts["is_invalid"]
     assert facts["remark"] == "traffic failed: SUMO has gone"
-
-
-def test_an_agent_that_never_entered(tmp_path):
-    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
-    recording.world.agents.state[0, 0], recording.world.agents.slot[0, 0] = AgentStatus.WAITING, -1
-    recording.begin()
-    recording.step(2)
-    agents = recording.read().table("agents")
-    assert (agents["entry_step"][0], agents["end_step"][0], agents["slot"][0]) == (-1, -1, -1)
-    assert np.isnan(agents["remaining"][0])
-
-
-@pytest.mark.parametrize("values", [[[1, 2, 3, 4]], np.ones((1, 4, 3), np.float32)])
-def test_annotations_are_copied(tmp_path, values):
-    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
-    recording.recorder.annotate("before", values, np.ones((1, 4), np.bool_))
-    recording.begin()
-    table = np.array(values)
-    recording.recorder.annotate("now", table, np.array([[False, True, False, True]]))
-    table[:] = -1
-    extras = recording.read().table("extras")
-    assert extras["name"].tolist() == ["now", "now"]
-    assert extras["agent_id"].tolist() == [1, 3]
-    assert [row.tolist() for row in extras["values"]] == [
-        np.ravel(values[0][agent_id]).tolist() for agent_id in (1, 3)
-    ]

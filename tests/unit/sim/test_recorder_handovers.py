@@ -121,10 +121,6 @@ def test_transfers_name_vehicles_and_agents_even_if_the_column_has_another_at_on
     ]
 
 
-def test_failures_name_the_agent(episode):
-    assert rows(episode, "agent_failures") == [{"step": 7, "agent": 1, "text": "NaN"}]
-
-
 def test_bubbles_are_recorded_where_they_are_when_that_changes(tmp_path):
     recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
     zone, margin = (SQUARE,), (1.2 * SQUARE - 1.0, SQUARE / 2)
@@ -161,16 +157,6 @@ def test_bubbles_are_recorded_where_they_are_when_that_changes(tmp_path):
     ]
 
 
-def test_an_episode_without_bubbles_has_no_files_of_them(tmp_path):
-    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
-    recording.begin()
-    recording.step(2)
-    episode = recording.read()
-    for name in ("transfers", "bubbles", "bubble_rings", "bubble_poses", "agent_failures"):
-        assert not (episode.folder / f"{name}.parquet").exists()
-        assert all(len(column) == 0 for column in episode.table(name).values())
-
-
 def test_rows_of_holds_equal_a_search_of_the_whole_table():
     draws = np.random.default_rng(5)
     for _ in range(50):
@@ -191,9 +177,3 @@ def test_rows_of_holds_equal_a_search_of_the_whole_table():
             ]
             own.sort(key=lambda row: there[row])
             assert (first[place], last[place]) == ((own[0], own[-1]) if own else (-1, -1))
-
-
-def test_no_holds_have_no_rows():
-    empty = {"step": np.zeros(0), "agent_id": np.zeros(0)}
-    assert [len(rows) for rows in rows_of_holds(empty, [])] == [0, 0]
-    assert rows_of_holds(empty, [Hold(0, 0, 0)]) == (-1, -1)

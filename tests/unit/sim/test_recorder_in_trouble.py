@@ -19,7 +19,7 @@ from smarts.errors import RecordError
 from smarts.sim.assembly import Options, assemble
 from smarts.sim.episode_files import PARTIAL, EpisodeStore, RecordedEpisode, episodes_in
 from smarts.sstudio.build import build_scenario
-from smarts.types.episode_schema import TABLE, TABLES
+from smarts.types.episode_schema import TABLES
 from tests.raising import raises
 
 WRITTEN_WITHOUT_ROWS = {table.name for table in TABLES if not table.is_optional}
@@ -71,17 +71,6 @@ def test_a_full_disk_is_told_and_leaves_nothing(tmp_path):
     assert len(episodes_in(tmp_path)) == len(whole) + 1
 
 
-def test_a_disk_that_fills_up_is_told_while_the_run_goes_on(tmp_path):
-    recording = Recording(tmp_path)
-    try:
-        # More episodes than may wait to be written.
-        with full_disk(), raises(RecordError, tmp_path):
-            recording.play(200, steps=1)
-    finally:
-        recording.close()
-    assert list(tmp_path.glob(f"{PARTIAL}*")) == []
-
-
 def test_a_folder_that_cannot_be_written_to():
     # Not even by the system's administrator, as whom tests may run.
     with raises(RecordError, "/proc/episodes"):
@@ -118,16 +107,6 @@ def test_a_damaged_table_is_one_named_error(recorded, tmp_path, table, damage):
         (folder / file.name).write_bytes(damage(content) if file.stem == table else content)
     with raises(RecordError, folder, values=[f"'{table}'"]):
         RecordedEpisode(folder).table(table)
-
-
-def test_an_episode_without_facts_is_one_named_error(tmp_path):
-    store = EpisodeStore(tmp_path)
-    writer = store.begin("one")
-    for name in TABLE:
-        writer.append(name, {column: [] for column in TABLE[name].names})
-    folder = writer.finish()
-    with raises(RecordError, folder, values=["0 rows"]):
-        RecordedEpisode(folder)
 
 
 WRITE_FOR_EVER = """
@@ -199,68 +178,4 @@ def test_episodes_of_a_program_that_closes_nothing_are_written(tmp_path):
     assert [RecordedEpisode(path).facts["steps"] for path in kept] == [60] * 2
     for path in kept:
         assert set(np.diff(np.unique(RecordedEpisode(path).table("vehicles")["step"]))) == {1}
-    assert not [*tmp_path.glob(f"{PARTIAL}*")]
-
-
-WRITE_SLOWLY = """
-    import sys
-    from pathlib import Path
-    from smarts.sim.episode_files import EpisodeStore
-    from smarts.types.episode_schema import TABLE
-
-    store = EpisodeStore(Path(sys.argv[1]))
-    writer = store.begin("one")
-    for name in TABLE:
-        writer.append(name, {column: [] for column in TABLE[name].names})
-    print("begun", flush=True)
-    sys.stdin.read()
-    writer.finish()
-    store.close()
-"""
-OPEN = """
-    import sys
-    from pathlib import Path
-    from smarts.sim.episode_files import EpisodeStore
-
-    EpisodeStore(Path(sys.argv[1]))
-"""
-
-
-def test_a_process_that_opens_a_store_leaves_what_another_writes_and_removes_what_it_left(tmp_path):
-    def begun():
-        command = [sys.executable, "-c", textwrap.dedent(WRITE_SLOWLY), tmp_path]
-        process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        assert process.stdout.readline() == b"begun\n"
-        return process
-
-    killed, writing = begun(), begun()
-    killed.kill()
-    killed.communicate()
-    assert len([*tmp_path.glob(f"{PARTIAL}*")]) == 2
-    subprocess.run([sys.executable, "-c", textwrap.dedent(OPEN), tmp_path], cwd=ROOT, check=True)
-    assert len([*tmp_path.glob(f"{PARTIAL}*")]) == 1
-    writing.communicate()
-    assert writing.returncode == 0
-    (folder,) = episodes_in(tmp_path)
-    assert {file.stem for file in folder.iterdir()} == WRITTEN_WITHOUT_ROWS
-    assert not [*tmp_path.glob(f"{PARTIAL}*")]
-
-
-def test_a_process_that_was_forked_off_is_refused_and_leaves_its_parents_episode_alone(tmp_path):
-    recording = Recording(tmp_path)
-    recording.play(steps=5)
-    child = os.fork()
-    if not child:
-        code = 1
-        try:
-            recording.play()
-        except RecordError as error:
-            code = 0 if "forked process" in str(error) else 2
-        recording.close()
-        os._exit(code)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    recording.play()
-    recording.close()
-    kept = [RecordedEpisode(path) for path in episodes_in(tmp_path)]
-    assert [each.facts["steps"] for each in kept] == [5, 5]
     assert not [*tmp_path.glob(f"{PARTIAL}*")]

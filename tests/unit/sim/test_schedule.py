@@ -8,7 +8,6 @@ import pytest
 from smarts.errors import ScenarioError
 from smarts.sim.schedule import Schedule, vehicle_limit
 from smarts.sstudio.build import build_scenario
-from smarts.types.mission import GoalKind
 from tests.raising import raises
 
 
@@ -73,19 +72,6 @@ def test_maps_are_loaded_once(scenarios):
         assert schedule.maps[start.map] is built.roads()
 
 
-@pytest.mark.nightly
-def test_more_maps_than_are_kept_in_memory_stay_apart(scenarios, tmp_path):
-    copies = []
-    for number in range(70):
-        folder = tmp_path / str(number)
-        shutil.copytree(scenarios[0].directory, folder)
-        copies.append(replace(scenarios[0], name=f"copy-{number}", directory=folder))
-    schedule = Schedule(copies, ["ego"])
-    assert len(schedule.maps) == len(copies)
-    for each in schedule.combinations:
-        assert schedule.maps[each.map] is each.built.roads()
-
-
 def test_scenarios_of_one_name_are_refused(scenarios, tmp_path):
     folder = tmp_path / "other"
     shutil.copytree(scenarios[0].directory, folder)
@@ -93,18 +79,6 @@ def test_scenarios_of_one_name_are_refused(scenarios, tmp_path):
     with raises(ScenarioError, tmp_path, values=[scenarios[0].name, scenarios[0].source]):
         Schedule([scenarios[0], other], ["ego"])
     Schedule([scenarios[0], scenarios[0]], ["ego"])
-
-
-def test_missions_come_with_their_distances(scenarios):
-    schedule = Schedule(scenarios[:1], ["ego"])
-    agent_id = schedule.start(0, 0).agents[0]
-    mission = agent_id.mission
-    assert mission.goal == GoalKind.POSITION
-    assert 50 < mission.route_length < 250
-    speed = mission.route_length / mission.free_flow_time
-    assert 5 < speed < 20
-    x, y, _ = schedule.maps[0].pose_at(mission.goal_lane, mission.goal_s)
-    assert mission.goal_position == (x, y)
 
 
 def test_the_limit_follows_from_the_map(scenarios):

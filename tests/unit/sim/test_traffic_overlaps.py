@@ -56,14 +56,3 @@ def test_which_pairs_count(world, change, pairs):
     for name, value in ({"position": (3.0, 0.0)} | change).items():
         getattr(world.vehicles, name)[1, 1] = value
     assert count(world) == [0, pairs]
-
-
-def test_another_vehicle_in_the_slot_is_another_pair_and_an_episode_begins_at_zero(world):
-    world.vehicles.position[0, 1, 0] = 3.0
-    count(world)
-    world.vehicles.generation[0, 1] += 1
-    assert count(world, 1) == [1, 0]  # the simulation made no step
-    world.vehicles.generation[0, 1] += 1
-    assert count(world) == [2, 0]
-    world.clear(0)
-    assert count(world) == [0, 0]

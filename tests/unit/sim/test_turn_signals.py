@@ -5,7 +5,6 @@ import pytest
 
 from smarts.roads.scene import Scene
 from smarts.sim.turn_signals import TurnSignals
-from smarts.types.vehicles import Owner
 from tests.maps import Road, crossing, graph_of, straight
 from tests.worlds import Car, world_of
 
@@ -89,33 +88,6 @@ def test_inside_a_junction_the_way_out_shows(route, shown):
     assert changes.show(0.5) == [shown]
 
 
-def test_a_vehicle_that_begins_in_a_junction_shows_its_way_behind_it():
-    route = "west_in", "east_out", "west_in", "south_out"
-    signals = Signals((from_the_west(0.0), route))
-    assert [signals.show(x) for x in (0.0, 40.0, -40.0)] == [["east_out"], ["west_in"], ["south_out"]]
-
-
-def test_another_vehicle_in_the_slot_does_not_inherit_the_signal():
-    signals = Signals((from_the_west(), ("west_in", "east_out")))
-    signals.show(-40.0)
-    signals.made.world.registry.dismiss(0, 0)
-    assert signals.vehicles.next_edge[0] == -1
-    slot = signals.made.world.registry.admit(0, "next", Owner.TRAFFIC, 0, 5.0, 1.8)
-    signals.vehicles.position[slot] = -40.0, -1.6
-    assert signals.show() == [""]
-    signals.plan(slot, ("west_in", "south_out"))
-    assert signals.show() == ["south_out"]
-
-
-def test_the_same_episode_again_shows_the_same():
-    """Slots, generations, routes and edges are all as they were when the signals were shown last."""
-    signals = Signals((from_the_west(), ("west_in", "east_out")))
-    assert signals.show(-40.0) == ["east_out"]
-    signals.vehicles.next_edge[:] = -1
-    signals.made.world.step[:] = -1
-    assert signals.show(-40.0) == ["east_out"]
-
-
 def test_a_vehicle_that_enters_the_next_episode_later_shows_its_way():
     """Slots and generations begin again: it has those of a vehicle of the episode before."""
     signals = Signals((from_the_west(), ("west_in", "east_out")))
@@ -130,12 +102,6 @@ def test_a_vehicle_that_enters_the_next_episode_later_shows_its_way():
 def test_edges_are_numbered_within_the_simulation_s_map():
     signals = Signals((from_the_west(), ("west_in", "east_out")), maps=[straight(), crossing()])
     assert signals.show(-40.0) == ["east_out"]
-
-
-def test_simulations_that_are_not_stepped_stay():
-    signals = Signals((from_the_west(), ("west_in", "east_out")))
-    signals.stage.show(~ALL)
-    assert (signals.vehicles.next_edge == -1).all()
 
 
 def test_a_route_that_uses_an_edge_twice():

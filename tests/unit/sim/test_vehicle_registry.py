@@ -16,36 +16,6 @@ def new_registry(capacity=8):
     return VehicleRegistry(VehicleStates.allocate(1, capacity))
 
 
-def test_arrivals_take_the_lowest_free_slot():
-    registry = new_registry()
-    assert [registry.admit(0, name, *CAR) for name in "abc"] == [0, 1, 2]
-    registry.dismiss(0, 1)
-    assert registry.admit(0, "d", *CAR) == 1
-    assert [registry.name(0, slot) for slot in range(4)] == ["a", "d", "c", ""]
-
-
-def test_what_a_row_says_of_an_arrival():
-    registry = new_registry()
-    assert registry.admit(0, "a", *CAR) == 0
-    assert registry.admit(0, "ego", Owner.AGENT, VehicleKind.BUS, 12.0, 2.5) == 1
-    states = registry.states.of(0)
-    assert states.alive.tolist() == [True, True] + 6 * [False]
-    assert states.owner[:2].tolist() == [Owner.TRAFFIC, Owner.AGENT]
-    assert states.home[:2].tolist() == [Owner.TRAFFIC, Owner.NOBODY]
-    assert (states.kind[1], states.length[1], states.width[1]) == (VehicleKind.BUS, 12.0, 2.5)
-    assert states.route[:2].tolist() == [-1, -1]
-
-
-def test_a_slot_and_its_generation_name_one_vehicle():
-    registry = new_registry()
-    slots = []
-    for _ in range(3):
-        slot = registry.admit(0, "a", *CAR)
-        slots.append((slot, int(registry.states.generation[0, slot])))
-        registry.dismiss(0, slot)
-    assert slots == [(0, 1), (0, 2), (0, 3)]
-
-
 def test_names_are_unique_in_an_episode():
     registry = new_registry()
     slots = [registry.admit(0, "a", *CAR) for _ in range(3)]
@@ -54,19 +24,6 @@ def test_names_are_unique_in_an_episode():
     assert registry.name(0, registry.admit(0, "a", *CAR)) == "a~4"
     registry.reset(0)
     assert registry.name(0, registry.admit(0, "a", *CAR)) == "a"
-
-
-def test_dismissal_clears_the_row():
-    registry = new_registry()
-    empty = VehicleStates.allocate(1, 8)
-    slot = registry.admit(0, "a", *CAR)
-    for name, column in registry.states._asdict().items():
-        if name not in ("generation", "alive"):
-            column[0, slot] = 1
-    registry.dismiss(0, slot)
-    for name, column in registry.states._asdict().items():
-        if name != "generation":
-            assert (column == getattr(empty, name)).all(), name
 
 
 def test_a_full_world_is_a_named_error():
