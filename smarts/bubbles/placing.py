@@ -9,7 +9,6 @@ from typing import NamedTuple
 from shapely import contains_xy
 from shapely.geometry.base import BaseGeometry
 
-from smarts.errors import ScenarioError
 from smarts.geometry.rings import rings_of
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
@@ -67,7 +66,7 @@ def columns_needed(bubble: t.Bubble) -> int:
 
 
 def place_bubbles(
-    bubbles: Sequence[t.Bubble], roads: LaneGraph, driver_of: Callable[[t.Bubble], Driver], place: str = ""
+    bubbles: Sequence[t.Bubble], roads: LaneGraph, driver_of: Callable[[t.Bubble], Driver]
 ) -> tuple[PlacedBubble, ...]:
     """Return a scenario's bubbles on its map, in the order of its file, without those of SUMO's vehicles.
 
@@ -75,25 +74,15 @@ def place_bubbles(
         bubbles: Of the scenario.
         roads: Its map.
         driver_of: Returns the policy that serves a bubble.
-        place: The scenario's name, for errors.
-
-    Raises:
-        ScenarioError: A zone is empty.
     """
     # Random offsets of zones are the same in every run.
     with fresh_drawing():
         driven = [bubble for bubble in bubbles if agent_actor(bubble) is not None]
-        return tuple(_place(bubble, roads, driver_of(bubble), place) for bubble in driven)
+        return tuple(_place(bubble, roads, driver_of(bubble)) for bubble in driven)
 
 
-def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver, place: str) -> PlacedBubble:
+def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver) -> PlacedBubble:
     zone, margin = outline_of(bubble, roads)
-    if zone.is_empty:
-        raise ScenarioError(
-            "the zone is empty",
-            place=f"{place}: zone of bubble {bubble.id!r}",
-            remedy="give it a length or size above 0",
-        )
     hijack_limit, shadow_limit = _limits(bubble)
     return PlacedBubble(
         id=bubble.id,

@@ -230,7 +230,7 @@ class Schedule:
     def _placed(self, built: BuiltScenario) -> tuple[PlacedBubble, ...]:
         if not self._cast or not built.scenario.bubbles:
             return ()
-        return place_bubbles(built.scenario.bubbles, built.roads(), self._driver_of, built.name)
+        return place_bubbles(built.scenario.bubbles, built.roads(), self._driver_of)
 
     def _driver_of(self, bubble: t.Bubble) -> Driver:
         learning, actor = self._cast.learning, agent_actor(bubble)

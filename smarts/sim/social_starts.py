@@ -155,7 +155,7 @@ def draw_start(
     start = None
     for _ in range(TRIES):
         (placed,) = place_agents(built, [role.mission], [shape], generator, variation, place)
-        drawn = agent_start(placed, roads, role.name, shape, generator, place)
+        drawn = agent_start(placed, roads, role.name, shape, generator)
         if is_ahead(drawn):
             if not any(overlap(drawn, other) for other in others):
                 return drawn

@@ -43,8 +43,6 @@ TRAP_LENGTH = 20.0
 """Of the area around a start where an agent takes a vehicle over, unless the scenario names one [m]."""
 TRAP_BEHIND = 5.0
 """How much of that area lies before the start [m]."""
-KNOWN_FACTS = t.ConditionRequires.time | t.ConditionRequires.actor_ids
-"""The facts that entry conditions may use."""
 _ACCELERATION = 3.0
 """With which an undisturbed driver reaches the limit [m/s^2]."""
 
@@ -95,8 +93,8 @@ def draw_starts(
     for _ in range(TRIES):
         placed = place_agents(built, missions, shapes, generator, built.scenario.start_variation, built.name)
         starts = tuple(
-            agent_start(mission, roads, name, shape, generator, f"{built.name}: mission {number}")
-            for number, (mission, name, shape) in enumerate(zip(placed, names, shapes, strict=True))
+            agent_start(mission, roads, name, shape, generator)
+            for mission, name, shape in zip(placed, names, shapes, strict=True)
         )
         problem = _problem(starts)
         if not problem:
@@ -161,7 +159,7 @@ def _box(start: AgentStart) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def agent_start(
-    placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape, generator: Generator, place: str
+    placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape, generator: Generator
 ) -> AgentStart:
     """Return the start of one agent.
 
@@ -171,10 +169,6 @@ def agent_start(
         name: Its name.
         shape: Of its vehicle.
         generator: Draws where an area with a random offset begins in which it takes a vehicle over.
-        place: The mission's, for errors.
-
-    Raises:
-        ScenarioError: An entry condition needs a fact that is unknown at entry.
     """
     return AgentStart(
         name=name,
@@ -186,7 +180,7 @@ def agent_start(
         length=shape.length,
         width=shape.width,
         entry_time=placed.start_time,
-        take_over=_take_over(placed, roads, generator, place),
+        take_over=_take_over(placed, roads, generator),
     )
 
 
@@ -303,17 +297,10 @@ def _task(placed: PlacedMission, roads: LaneGraph) -> Task:
     return Task()
 
 
-def _take_over(placed: PlacedMission, roads: LaneGraph, generator: Generator, place: str) -> TakeOver | None:
+def _take_over(placed: PlacedMission, roads: LaneGraph, generator: Generator) -> TakeOver | None:
     tactic = placed.mission.entry_tactic
     if not isinstance(tactic, t.IdEntryTactic | t.TrapEntryTactic):
         return None
-    unknown = tactic.condition.requires & ~KNOWN_FACTS
-    if unknown:
-        raise ScenarioError(
-            f"the condition is about {unknown.name}, which is not known when an agent enters",
-            place=f"{place}.entry_tactic.condition",
-            remedy="use conditions on time and on present vehicles",
-        )
     if isinstance(tactic, t.IdEntryTactic):
         return TakeOver(vehicle=tactic.actor_id, condition=tactic.condition)
     return TakeOver(

@@ -1,6 +1,5 @@
 """If SUMO fails during an episode, every environment API raises one error, and the next reset works."""
 
-
 import numpy as np
 import pytest
 

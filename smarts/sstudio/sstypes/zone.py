@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from smarts.errors import ContradictionError, shown
 from smarts.sstudio.sstypes.identity import Described
 
 if TYPE_CHECKING:
@@ -49,10 +48,7 @@ class MapZone(Zone):
 
         Raises:
             MapError: The edge or one of the lanes is not on the map.
-            ValueError: No map is given.
         """
-        if road_map is None:
-            raise ValueError("the geometry of a MapZone needs the road map")
         from smarts.sstudio.sstypes.zone_geometry import lane_strips
 
         return lane_strips(road_map, self.start, self.length, self.n_lanes)
@@ -84,12 +80,6 @@ class ConfigurableZone(Zone):
     """Its corners in order [m]; two of them make a rectangle along the axes."""
     rotation: float | None = None
     """Counter-clockwise rotation about the centre of its bounding box [rad]."""
-
-    def __post_init__(self) -> None:
-        if len(self.ext_coordinates) < 2:
-            problem = f"{shown(self.ext_coordinates)} has fewer than two corners"
-            place = "ConfigurableZone.ext_coordinates"
-            raise ContradictionError(problem, place=place, remedy="give two corners or more")
 
     def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
         """Return the polygon."""

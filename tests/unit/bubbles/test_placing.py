@@ -7,7 +7,6 @@ import pytest
 from shapely.geometry import Polygon
 
 from smarts.bubbles.placing import Driver, agent_actor, columns_needed, place_bubbles
-from smarts.errors import ScenarioError
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.sstypes.actor.traffic_engine_actor import SUMO_TRAFFIC
 from smarts.types.bubbles import UNLIMITED
@@ -110,10 +109,3 @@ def test_means_of_distributions_are_those_of_many_samples():
         samples = [distribution.sample(generator) for _ in range(20_000)]
         assert distribution.mean == pytest.approx(np.mean(samples), abs=0.03)
     assert t.TruncatedDistribution(60, 61).mean == 60.0
-
-
-def test_an_empty_zone():
-    empty = t.Bubble(t.MapZone(("road", 0, 200), 10, 1), AGENT, id="b")
-    with pytest.raises(ScenarioError) as error:
-        place(empty)
-    assert "b" in error.value.place

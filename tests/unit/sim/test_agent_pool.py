@@ -318,12 +318,6 @@ def test_a_controller_lists_what_it_keeps_of_agents(make, kind):
     assert [*kept] == []
 
 
-# A pool without agents.
-
-
-# Come and go.
-
-
 # Records.
 
 

@@ -136,12 +136,6 @@ def test_a_trap_is_around_the_start_unless_said():
     assert (inside[0], inside[-1]) == (-65, -46)
 
 
-def test_a_condition_must_be_about_what_is_known():
-    about_vehicles = t.IdEntryTactic(actor_id="car", condition=t.VehicleSpeedCondition(0.0, 1.0))
-    with raises(ScenarioError, "entry_tactic.condition", values=["current_actor_state"]):
-        starts_of(crossing(), through(entry_tactic=about_vehicles))
-
-
 def test_a_start_past_its_goal_is_drawn_anew():
     mission = through(("road", 0, 50), ("road", 0, 53))
     for seed in range(20):

@@ -16,11 +16,6 @@ def test_a_polygon():
     assert turned.bounds == pytest.approx((1, -1, 3, 3))
 
 
-def test_polygons_of_one_corner_are_refused():
-    with pytest.raises(ValueError, match="fewer than two corners"):
-        t.ConfigurableZone([(0, 0)])
-
-
 def test_a_stretch_of_lanes(roads):
     lane = roads.lane_number("from_west", 0)
     (x0, y0, heading), (x1, y1, _) = roads.pose_at(lane, 10), roads.pose_at(lane, 40)
