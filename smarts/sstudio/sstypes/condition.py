@@ -58,7 +58,7 @@ class ConditionRequires(enum.IntFlag):
 class Condition(ABC):
     """Something that holds or not, and combines with others by `&`, `|` and `-`."""
 
-    looks_at: ClassVar[ConditionRequires] = ConditionRequires.none
+    _looks_at: ClassVar[ConditionRequires] = ConditionRequires.none
     """The facts that the condition itself looks at."""
 
     @abstractmethod
@@ -74,7 +74,7 @@ class Condition(ABC):
     def requires(self) -> ConditionRequires:
         """The facts needed to evaluate the condition, those of its parts included."""
         parts = (part.requires for part in vars(self).values() if isinstance(part, Condition))
-        return functools.reduce(operator.or_, parts, self.looks_at)
+        return functools.reduce(operator.or_, parts, self._looks_at)
 
     def negation(self) -> NegatedCondition:
         """Return what holds exactly when this does not; that it is early or too late is lost."""
@@ -127,7 +127,7 @@ class Condition(ABC):
 class SubjectCondition(Condition):
     """A condition on one road user."""
 
-    looks_at = ConditionRequires.current_actor_state
+    _looks_at = ConditionRequires.current_actor_state
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ ALWAYS = LiteralCondition(ConditionState.TRUE)
 class TimeWindowCondition(Condition):
     """Holds from `start` until before `end`; then it has expired."""
 
-    looks_at = ConditionRequires.time
+    _looks_at = ConditionRequires.time
     start: float
     """[s]"""
     end: float
@@ -173,7 +173,7 @@ class TimeWindowCondition(Condition):
 class DependeeActorCondition(Condition):
     """Holds while a road user is in the simulation."""
 
-    looks_at = ConditionRequires.actor_ids
+    _looks_at = ConditionRequires.actor_ids
     actor_id: str
     """The road user's name."""
 
@@ -186,7 +186,7 @@ class DependeeActorCondition(Condition):
 class OffRoadCondition(SubjectCondition):
     """Holds while the subject is off the road; BEFORE where neither road nor its absence is known yet."""
 
-    looks_at = ConditionRequires.current_actor_road_status
+    _looks_at = ConditionRequires.current_actor_road_status
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Look at `current_actor_road_status`, which has `road` and `off_road`."""
@@ -307,7 +307,7 @@ _DECIDED_BY_FIRST = {
 class ExpireTrigger(Condition):
     """The inner condition until a time, then `expired_state`."""
 
-    looks_at = ConditionRequires.time
+    _looks_at = ConditionRequires.time
     inner_condition: Condition
     """The result until then."""
     time: float
@@ -334,7 +334,7 @@ class ExpireTrigger(Condition):
 class ConditionTrigger(Condition):
     """Switches to `triggered_state` after the inner condition was met and a delay has passed."""
 
-    looks_at = ConditionRequires.time
+    _looks_at = ConditionRequires.time
     inner_condition: Condition
     """The condition that starts the clock."""
     delay_seconds: float
