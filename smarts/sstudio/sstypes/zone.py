@@ -51,6 +51,7 @@ class MapZone(Zone):
         """
         from smarts.sstudio.sstypes.zone_geometry import lane_strips
 
+        assert road_map is not None
         return lane_strips(road_map, self.start, self.length, self.n_lanes)
 
 

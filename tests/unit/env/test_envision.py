@@ -23,7 +23,7 @@ def address_of(monkeypatch):
         env.close()
         # Without a recorder, no notes are taken.
         assert runner.is_recorded == bool(runner._notes)
-        return runner._recorder._address if runner.is_recorded else None
+        return runner._recorder._parts[0]._address if runner.is_recorded else None
 
     return address_of
 
@@ -40,6 +40,6 @@ def test_an_environment_is_shown_where_it_is_said(address_of, monkeypatch):
 
 def test_headless_false_shows_it():
     env = RLlibHiWayEnv({"scenarios": ["loop"], "agent_specs": 1, "headless": False})
-    recorder = env._env.runner._recorder
+    (publisher,) = env._env.runner._recorder._parts
     env.close()
-    assert recorder._address == HERE
+    assert publisher._address == HERE
