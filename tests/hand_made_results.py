@@ -17,6 +17,7 @@ from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
 from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.scripted import SCRIPTED_POLICIES
 
+SCRIPTS = Path(__file__).parents[1] / "results"
 ALONE, SOCIAL = "no_social_vehicles", "random_social_vehicles"
 OUTCOME_COLUMN = {"collision": "collisions", "goal": "goals"}
 ENVIRONMENT = {"agents": 2, "decision_interval": 5, "observation": "benchmark"}
@@ -192,9 +193,12 @@ def finish_runs(experiment, root: Path, columns=None, **facts) -> RunFolder:
 
 def pack(root: Path, out: Path) -> None:
     """Pack an experiment's runs by `results/pack.py`."""
-    spec = importlib.util.spec_from_file_location("pack", Path(__file__).parents[1] / "results" / "pack.py")
-    assert spec
-    assert spec.loader
+    script("pack").pack(root, out)
+
+
+def script(name: str, folder: Path = SCRIPTS):
+    """Return a script as a module."""
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    module.pack(root, out)
+    return module

@@ -8,13 +8,11 @@ import time
 import pytest
 import ray
 
-from benchmark import Experiment, run
 from benchmark.experiment.config import Resources
 from benchmark.results.files import ResultsError
 from benchmark.running import jobs
 from benchmark.running.cluster import check_room, start_ray
 from benchmark.running.jobs import JobScheduler
-from benchmark.running.side_by_side import side_by_side
 from tests.raising import raises
 
 
@@ -27,22 +25,6 @@ def listener():
 
 def address_of(server):
     return f"127.0.0.1:{server.getsockname()[1]}"
-
-
-@pytest.fixture
-def callers_ray():
-    """Start Ray as a caller of `run` may have done."""
-    ray.init(address="local", num_cpus=2, include_dashboard=False, log_to_driver=False)
-    yield
-    ray.shutdown()
-
-
-def has_all_cpus():
-    """Return whether Ray has its two CPUs again, within some seconds."""
-    until = time.monotonic() + 20
-    while ray.available_resources().get("CPU") != 2.0 and time.monotonic() < until:
-        time.sleep(0.2)
-    return ray.available_resources().get("CPU") == 2.0
 
 
 def refusal(resources):
@@ -90,28 +72,6 @@ def test_without_an_address_ray_is_its_own_whatever_else_there_is(listener, monk
         assert os.getpgrp() not in groups
     finally:
         ray.shutdown()
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-@pytest.mark.usefixtures("callers_ray")
-def test_a_ray_of_the_caller_has_its_cpus_again(tmp_path):
-    with raises(ResultsError, "resources.address", values=["auto"]):
-        start_ray(Resources(address="auto"))
-    experiment = Experiment(
-        name="one",
-        algorithms=[],
-        scripted=["parked"],
-        tasks=["loop"],
-        traffic=["no_social_vehicles"],
-        environment={"agents": 1},
-        evaluation={"episodes": 1},
-    )
-    assert run(experiment, out=tmp_path).finished
-    assert has_all_cpus()
-    with pytest.raises(TypeError):
-        [*side_by_side(time.sleep, [(600,), ("no number",)], 2)]
-    assert has_all_cpus()
 
 
 @pytest.mark.parametrize(

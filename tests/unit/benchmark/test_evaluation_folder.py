@@ -2,13 +2,16 @@
 
 from contextlib import suppress
 
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
+from benchmark.cli.experiments import show_metrics
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluation_folder import evaluation_folder
+from tests.hand_made_results import agent_episodes
 from tests.raising import raises
 
 ONE = {"policy": "ppo, two_way", "scenarios": ["two_way"], "traffic": "none"}
@@ -77,3 +80,19 @@ def test_options_without_effect_are_refused(tmp_path, options, named):
     result = CliRunner().invoke(app, ["evaluate", *(places.get(each, each) for each in options)])
     assert result.exit_code == 2
     assert f"Invalid value for {named}" in " ".join(result.output.split())
+
+
+def test_each_of_several_scenarios_has_a_row(capsys):
+    one = agent_episodes([["goal", "goal"], ["goal", "collision"]], mode="greedy", returns=1.0)
+    two = agent_episodes([["collision", "collision"]], mode="greedy", task="loop", returns=1.0)
+    show_metrics(one)
+    assert "intersection: " not in capsys.readouterr().out
+    show_metrics(pd.concat([one, two], ignore_index=True))
+    rows = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    (first,) = [row for row in rows if row.startswith("intersection: ")]
+    (second,) = [row for row in rows if row.startswith("loop: ")]
+    assert "collision_rate 0.250" in first
+    assert "completion_rate 0.750" in first
+    assert "4 agent-episodes" in first
+    assert "collision_rate 1.000" in second
+    assert "2 agent-episodes" in second

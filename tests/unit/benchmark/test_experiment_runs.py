@@ -5,7 +5,6 @@ import json
 import os
 import shutil
 import signal
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -147,16 +146,14 @@ def training(experiment):
     return process, run
 
 
-# To the command's process group, as a batch system does, and to the command alone.
-@pytest.mark.parametrize("send", [os.killpg, pytest.param(os.kill, marks=pytest.mark.nightly)])
-def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(training, send):
+def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(training):
     process, run = training
     (worker,) = workers(process.pid)
     os.kill(worker, signal.SIGKILL)
     wait_for(lambda: len(found := workers(process.pid)) == 1 and found != [worker], process)
     known = len(progress(run))
     wait_for(lambda: len(progress(run)) > max(known, 3), process)
-    send(process.pid, signal.SIGTERM)
+    os.killpg(process.pid, signal.SIGTERM)  # to the command's process group, as a batch system does
     code, _, err = finish(process)
     assert code == 130
     assert "GCS" not in err
@@ -166,20 +163,6 @@ def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(training,
     kept = json.loads((run / "checkpoint" / "training.json").read_text())
     assert kept["iteration"] == len(lines)
     assert kept["agent_steps"] == int(lines[-1]["agent_steps"])
-
-
-@pytest.mark.nightly
-def test_a_second_sigterm_ends_at_once(training):
-    process, _ = training
-    (worker,) = workers(process.pid)
-    os.kill(worker, signal.SIGSTOP)  # so that it never saves
-    process.send_signal(signal.SIGTERM)
-    while not process.stderr.readline().startswith("stopping: "):
-        assert process.poll() is None
-    process.send_signal(signal.SIGTERM)
-    assert finish(process)[0] == 130
-    with suppress(ProcessLookupError):
-        os.kill(worker, signal.SIGKILL)
 
 
 def workers(driver):

@@ -2,7 +2,6 @@
 
 import errno
 import json
-import shutil
 import subprocess
 import sys
 from contextlib import suppress
@@ -11,9 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 import ray
-import yaml
 
-from algorithms.errors import CheckpointError
 from benchmark import load_policy
 from benchmark.experiment.config import Resources, read_experiment
 from benchmark.experiment.runs import runs_of
@@ -303,27 +300,6 @@ def test_policies_that_cannot_act_alone_are_refused(make, tmp_path, name, settin
     _, folder = make(name, settings, environment)
     with pytest.raises(SmartsError, match=reason):
         export_policy(folder.path, "own-one", tmp_path, checkpoint="last")
-    assert not (tmp_path / "own_one").exists()
-
-
-@pytest.mark.parametrize(
-    ("changed", "named"),
-    [
-        ({"algorithm": "dqn"}, "dqn"),
-        ({"settings": {"sharing": "all", "hidden": [8]}}, "hidden"),
-        ({"environment": {"agents": 5}}, "5"),
-    ],
-)
-def test_a_config_of_another_training_than_the_checkpoint_is_refused(make, tmp_path, changed, named):
-    _, folder = make("ppo", "{sharing: all}")
-    copied = tmp_path / "run"
-    shutil.copytree(folder.path, copied)
-    content = yaml.safe_load((copied / "config.yaml").read_text())
-    for key, value in changed.items():
-        content[key] = {**content[key], **value} if isinstance(value, dict) else value
-    (copied / "config.yaml").write_text(yaml.safe_dump(content))
-    with pytest.raises((SmartsError, CheckpointError), match=named):
-        export_policy(copied, "own-one", tmp_path, checkpoint="last")
     assert not (tmp_path / "own_one").exists()
 
 

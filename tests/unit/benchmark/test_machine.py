@@ -1,10 +1,10 @@
 """What a process may use of a machine."""
 
-import importlib.util
 import shutil
 import subprocess
 
 from benchmark.running import machine
+from tests.hand_made_results import script
 
 
 def test_the_repository_around_an_installation_is_not_its_commit(tmp_path):
@@ -15,9 +15,7 @@ def test_the_repository_around_an_installation_is_not_its_commit(tmp_path):
     file = tmp_path / "lib" / "benchmark" / "running" / "machine.py"
     file.parent.mkdir(parents=True)
     shutil.copy(machine.__file__, file)
-    spec = importlib.util.spec_from_file_location("installed", file)
-    installed = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(installed)
+    installed = script("machine", file.parent)
     git("init")
     git("commit", "--allow-empty", "-m", "of another project")
     assert installed.commit() is None

@@ -1,14 +1,18 @@
-"""Vehicles, roads and traffic of experiments: what the keys of `environment` change."""
+"""Vehicles, roads, traffic and time of experiments: what the keys of `environment` change."""
+
+from contextlib import closing
 
 import numpy as np
 import pytest
 
-from benchmark.experiment.config import Evaluation, TrainingTask
+from benchmark.experiment.config import Evaluation, TrainingTask, read_experiment
 from benchmark.experiment.environment import Environment
-from benchmark.experiment.runs import TaskSetting
-from benchmark.running.environments import environment
+from benchmark.experiment.runs import TaskSetting, task_settings_of
+from benchmark.running.environments import create, environment
 from benchmark.running.played import held_out_of
+from smarts.config import ConfigError
 from smarts.env.vector import VectorHiWayEnv
+from smarts.types.actions import LaneAction
 from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.vehicles import Owner
 
@@ -96,3 +100,71 @@ def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine
             assert is_constant == (engine is not None)
         finally:
             env.close()
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Return a function that reads an experiment with some text in the place of its tasks and environment."""
+
+    def read(environment, tasks="two_way", traffic="random_social_vehicles", scripted="parked"):
+        file = tmp_path / "mine.yaml"
+        file.write_text(
+            f"algorithms: []\ntasks: [{tasks}]\ntraffic: [{traffic}]\nscripted: [{scripted}]\n"
+            f"environment: {{agents: 1{environment}}}\n"
+        )
+        return read_experiment(file)
+
+    return read
+
+
+@pytest.mark.parametrize(("given", "ended"), [("", {}), (", time_limit: 1.5", {0: 15})])
+def test_an_episode_ends_in_time(read, given, ended):
+    # Three decisions of five steps.
+    (setting,) = task_settings_of(read(given, "loop", "no_social_vehicles"))
+    with closing(environment(setting, num_envs=1)) as env:
+        env.reset(1)
+        for _ in range(3):
+            now = env.step([np.full((1, 1), LaneAction.keep_lane)])
+    assert {row: metrics["steps"] for row, metrics in now.metrics.items()} == ended
+
+
+def test_an_experiment_of_nothing_is_refused(read):
+    with pytest.raises(ConfigError, match="there is nothing to run"):
+        read("", scripted="")
+
+
+def sumo_seconds(env):
+    """Return how far SUMO is after the first of the world's steps, from the end of the warm-up [s]."""
+    with closing(env):
+        env.reset(1)
+        (simulation,) = env._runner.simulation._stages.traffic._simulations
+        time = simulation._library.simulation.getTime
+        begin = time()
+        simulation.step()
+        return time() - begin
+
+
+def test_training_has_the_longer_traffic_step_and_all_else_the_exact_one(read):
+    (setting,) = task_settings_of(read(", traffic_step: 0.5"))
+    training = {"task_setting": setting, "num_envs": 1, "discount": None}
+    assert sumo_seconds(create(training)) == pytest.approx(0.5)
+    assert sumo_seconds(environment(setting, num_envs=1)) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("given", "where", "place"),
+    [
+        ("traffic_step: 0.05", (), "environment.traffic_step"),
+        ("traffic_step: 0.5, traffic_engine: ConstantSpeed", (), "environment.traffic_step"),
+        (
+            "traffic_step: 0.5, social_agents: [{agent: 'smarts.zoo:idm-v0'}]",
+            (),
+            "environment.traffic_step",
+        ),
+        ("traffic_step: 0.5", ("examples/left_turn_bubble", "crossing"), "tasks[0]"),
+    ],
+)
+def test_traffic_steps_that_cannot_be_are_found_in_the_file(read, given, where, place):
+    with pytest.raises(ConfigError) as error:
+        read(f", {given}", *where)
+    assert any(place in str(problem) for problem in error.value.problems)

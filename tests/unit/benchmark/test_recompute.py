@@ -1,24 +1,23 @@
-"""Rates that are recomputed apart are what a report says, and one that it says wrongly is found."""
-
-import importlib.util
-from pathlib import Path
+"""Scripts about results: rates recomputed apart, and the tables of README and docs."""
 
 from benchmark.report.writing import write_report
-from tests.hand_made_results import agent_episodes, pack, write_experiment, write_run
-
-SCRIPT = Path(__file__).parents[3] / "results" / "recompute.py"
+from tests.hand_made_results import SCRIPTS, agent_episodes, pack, script, write_experiment, write_run
 
 
-def recompute(root):
-    spec = importlib.util.spec_from_file_location("recompute", SCRIPT)
-    assert spec
-    assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.main(root)
+def test_the_tables_are_those_of_the_results_and_a_changed_figure_is_found():
+    tables = script("tables")
+    values = tables.read_values()
+    for name, named in tables.FILES.items():
+        text = (SCRIPTS.parent / name).read_text(encoding="utf-8")
+        assert tables.with_tables(text, named, values, name) == text, f"{name}: python results/tables.py"
+        row = next(line for line in text.splitlines() if line.startswith("| MADDPG | "))
+        changed = text.replace(row, row.replace("/ 1.00", "/ 0.99", 1))
+        assert changed != text
+        assert tables.with_tables(changed, named, values, name) == text
 
 
 def test_rates_are_recomputed_and_a_wrong_one_is_found(tmp_path, capsys):
+    recompute = script("recompute").main
     write_experiment(tmp_path, algorithms=["dqn", "ppo"], seeds=[1, 2])
     for seed, ends in ((1, ["goal", "collision", "invalid"]), (2, ["goal", "time_out", "goal"])):
         tables = [agent_episodes([[end, "goal"] for end in ends], mode="greedy")]

@@ -9,7 +9,6 @@ import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from benchmark.metrics import METRICS
@@ -20,9 +19,7 @@ from benchmark.report.markdown import report_text, table
 from benchmark.report.marl_eval import marl_eval_json
 from benchmark.report.overview import COLUMNS, overview_rows
 from benchmark.report.paper import printed, task_differences, task_label
-from benchmark.report.radar import axes_of_radar, draw_radar
 from benchmark.report.robustness import robustness_of
-from benchmark.report.style import new_figure
 from benchmark.report.summary import draw_profile, summaries_of
 from benchmark.report.tables import difference_notes
 from benchmark.report.values import Value
@@ -452,17 +449,6 @@ def test_pictures_are_pictures(folder):
     for name in ("radar", "radar_all", "learning_curves", "outcomes"):
         assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         assert f"({name}.png)" in (folder / "report.md").read_text()
-
-
-def test_what_cannot_be_measured_is_a_gap_in_the_radar(folder):
-    report = make_report(read_results(folder.parent))
-    axes = new_figure(3, 3).add_subplot(projection="polar")
-    draw_radar(axes, report, "intersection", ALONE)
-    line = {line.get_label(): line for line in axes.get_lines()}["PPO"]
-    drawn = dict(zip(axes_of_radar(), line.get_ydata(), strict=False))
-    assert (drawn["agility"], drawn["stability"]) == (0.5, 0.25)
-    assert np.isnan(drawn["control_diversity"])
-    assert axes.get_ylim() == (0.0, 1.0)
 
 
 def test_a_report_takes_the_place_of_a_report_and_of_nothing_else(tmp_path):

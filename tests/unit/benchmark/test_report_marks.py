@@ -2,11 +2,9 @@
 
 import re
 
-import pandas as pd
 import pytest
 from matplotlib.colors import to_rgba
 
-from benchmark.report import wording
 from benchmark.report.content import Report, TableCell, make_report
 from benchmark.report.curves import SHOWN, draw_curves
 from benchmark.report.html import report_page
@@ -16,7 +14,6 @@ from benchmark.report.protocol import protocol_of
 from benchmark.report.robustness import robustness_of
 from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.summary import Summaries
-from benchmark.report.values import by_key, measure_cells
 from benchmark.report.wording import mark
 from benchmark.results.reading import read_results
 from tests.hand_made_results import (
@@ -125,30 +122,3 @@ def test_results_of_other_environments_are_not_compared(tmp_path, changes, is_sa
         results = read_results(tmp_path / name)
         protocols.append(protocol_of(results.finished[0], results))
     assert (protocols[0] == protocols[1]) == is_same
-
-
-@pytest.mark.parametrize(
-    ("seeds", "label", "said"),
-    [
-        ([1], "this checkpoint", "1 seed, 4 episodes; this checkpoint"),
-        ([1, 2], "these checkpoints", "2 seeds, 8 episodes; these checkpoints"),
-        ([1, 2, 3], "3 training seeds", "3 seeds, 12 episodes"),
-    ],
-)
-def test_tables_and_pages_say_alike_what_intervals_cover(seeds, label, said):
-    parts = [
-        agent_episodes(
-            GOOD[:4],
-            mode="greedy",
-            algorithm="ppo",
-            task="intersection",
-            task_traffic=ALONE,
-            training_seed=seed,
-        )
-        for seed in seeds
-    ]
-    rows = measure_cells(pd.concat(parts, ignore_index=True), ["completion_rate"])
-    assert [*rows["label"]] == [label]
-    (value,) = by_key(rows).values()
-    cell = TableCell("intersection", ALONE, value, value, (), None, (), None, False)
-    assert wording.count(cell) == said

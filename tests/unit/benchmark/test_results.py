@@ -10,7 +10,6 @@ import pytest
 
 from benchmark.metrics import (
     METRICS,
-    compare,
     compute,
     join_tables,
     measure_episodes,
@@ -136,18 +135,3 @@ def test_groups_and_training_seeds(tmp_path):
     assert completion["low"] == pytest.approx(math.sin(angles.mean() - reach) ** 2)
     assert completion["high"] == 1.0
     assert speed["value"] == pytest.approx(5.0)
-
-
-def test_paired_comparison(tmp_path):
-    tables = []
-    for name, end in (("good", Outcome.GOAL), ("bad", Outcome.COLLISION)):
-        for number in range(12):
-            outcome = Outcome.GOAL if number == 0 else end
-            play(tmp_path / name, number, [outcome], begin=0.1 * number)
-        labels = {"algorithm": name}
-        tables.append(measure_episodes(tmp_path / name, labels=labels, metrics=["collision_rate"]))
-    row = compare(join_tables(tables), ["collision_rate"], ["scenario"]).iloc[0]
-    assert (row["first"], row["second"], row["pairs"]) == ("bad", "good", 12)
-    assert row["value"] == pytest.approx(11 / 12)
-    assert row["low"] > 0.0
-    assert row["wins"] == "good"

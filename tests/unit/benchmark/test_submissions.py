@@ -217,15 +217,6 @@ class TestNoCodeOfASubmissionRunsHere:
             evaluate_exported(policy, episodes=1)
 
 
-@pytest.mark.parametrize("trained", [{"task": 1}, None])
-def test_an_exported_policy_that_does_not_say_what_it_was_trained_on_is_named(tmp_path, trained):
-    policy = write_policy(tmp_path / "mine")
-    content = json.loads((policy / "policy.json").read_text()) | {"trained": trained}
-    (policy / "policy.json").write_text(json.dumps(content))
-    with pytest.raises(SmartsError, match="does not say what the policy was trained on"):
-        submitted(str(policy), **AS_GIVEN)
-
-
 def test_a_changed_bit_of_a_released_policy_is_refused(tmp_path):
     root = write_submission(tmp_path / "theirs", (1, 2), claims=CLAIMS)
     file = root / "1/mine/policy.json"

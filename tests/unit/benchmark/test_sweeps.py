@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
@@ -22,6 +23,7 @@ from benchmark.running.sweeping import (
     sweep,
     within_bounds,
 )
+from smarts.config import ConfigError
 from smarts.errors import SmartsError
 from tests.raising import raises
 
@@ -98,32 +100,21 @@ def test_a_search_in_a_scenario_that_has_changed_is_another(experiment, tmp_path
 
 def test_a_search_is_complete_when_its_table_has_all_trials(tmp_path):
     section = Tune(
-        parameters={"lr": [0.1, 0.2], "epochs": {"randint": [1, 4]}, "capacity": [10, 20, 30]}, samples=3
+        parameters={"lr": [0.1, 0.2], "epochs": {"randint": [1, 4]}, "capacity": [1, 2]}, samples=3
     )
-    for algorithm, count in {
-        "ppo": 3 * 2,
-        "dqn": 3 * 2 * 3,
-    }.items():  # each its own grids, in all three draws
-        folder = tmp_path / algorithm
-        assert not is_complete(folder, section, algorithm)
-        folder.mkdir()
+    whole = pd.DataFrame({"lr": 0.1, "completion": [0.5] * 6, "trial_id": "abc"})
 
-        def is_complete_with(completion, folder=folder, algorithm=algorithm):
-            table = pd.DataFrame({"lr": 0.1, "completion": completion, "trial_id": "abc"})
-            table.to_csv(folder / "trials.csv", index=False)
-            return is_complete(folder, section, algorithm)
+    def is_whole(text):
+        (tmp_path / "trials.csv").write_text(text)
+        return is_complete(tmp_path, section, "ppo")  # which has no capacity
 
-        assert not is_complete_with([0.5] * count)  # of which search is not known
-        (folder / "search.json").write_text("{}")
-        assert is_complete_with([0.5] * count)
-        assert not is_complete_with([0.5] * (count - 1))
-        assert not is_complete_with([0.5] * (count - 1) + [float("nan")]), "a trial failed"
-        pd.DataFrame({"lr": [0.1] * count, "completion": 0.5}).to_csv(folder / "trials.csv", index=False)
-        assert not is_complete(folder, section, algorithm), "averages over cells"
-        (folder / "trials.csv").write_text("")
-        assert not is_complete(folder, section, algorithm), "an empty table"
-        (folder / "trials.csv").write_text("lr,trial_id\n" + "0.1,abc\n" * count)
-        assert not is_complete(folder, section, algorithm), "a table without the metric"
+    assert not is_whole(whole.to_csv(index=False))  # of which search is not known
+    (tmp_path / "search.json").write_text("{}")
+    assert is_whole(whole.to_csv(index=False))
+    failed, averages = whole.replace({"completion": {0.5: np.nan}}), whole.drop(columns="trial_id")
+    for table in (whole[:5], failed, averages, whole.drop(columns="completion")):
+        assert not is_whole(table.to_csv(index=False))
+    assert not is_whole("")
 
 
 @pytest.mark.parametrize(
@@ -187,3 +178,21 @@ def test_cells_with_different_settings_are_not_averaged():
     one, other = (pd.DataFrame({"lr": [0.1, lr], "completion": [0.5, 0.6]}) for lr in (0.2, 0.3))
     with raises(SweepError, values=["different settings"]):
         mean_over_cells([one, other], ["lr"], "completion", "here")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("{lr: 3}", "tune.parameters.lr: 3 is not a search space; give a list"),
+        ("{lr: {uniform: [0, 1], randint: [0, 1]}}", "is not a search space"),
+        ("{lr: {loguniform: [0, 1]}}", "[0, 1] are not bounds of loguniform"),
+        ("{epochs: {randint: [1.5, 2.5]}}", "[1.5, 2.5] are not bounds of randint; give two whole numbers"),
+        ("{epochs: {randint: [0, 5]}}", "epochs.randint[0]: 0; "),
+        ("{lr: [0.1, -1]}", "tune.parameters.lr[1]: -1; "),
+        ("{lrr: [1]}", "tune.parameters.lrr: none of the algorithms has such a setting; did you mean 'lr'?"),
+    ],
+)
+def test_mistakes_in_search_spaces_are_named(experiment, change, message):
+    with pytest.raises(ConfigError) as caught:
+        experiment(f"tune.parameters={change}")
+    assert message in str(caught.value)

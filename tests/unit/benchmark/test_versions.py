@@ -1,6 +1,5 @@
 """Versions of the benchmark: what they freeze, and that their results are not mixed."""
 
-import importlib.util
 import shutil
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from benchmark.experiment.version import CODE, changed_scenarios, changed_settin
 from benchmark.report.comparing import compare_sides, read_side
 from benchmark.report.content import make_report
 from benchmark.report.leaderboard import make_leaderboard
-from benchmark.report.provenance import circumstances
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
@@ -24,7 +22,7 @@ from benchmark.running import experiment as running
 from benchmark.running.experiment import check_version
 from smarts.config import fitted
 from smarts.errors import SmartsError
-from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
+from tests.hand_made_results import ALONE, agent_episodes, script, write_experiment, write_run
 from tests.raising import raises
 
 ROOT = Path(__file__).parents[3]
@@ -97,15 +95,6 @@ def frozen(tmp_path, monkeypatch):
     version.versions.cache_clear()
 
 
-@pytest.fixture(scope="module")
-def freezing():
-    """The script that freezes a version."""
-    spec = importlib.util.spec_from_file_location("freeze_version", ROOT / "results/freeze_version.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 class TestRefusals:
     def experiment(self, tmp_path, more="benchmark_version: 1\n"):
         file = tmp_path / "mine.yaml"
@@ -153,10 +142,12 @@ class TestRefusals:
         both = yaml.safe_load(frozen_text(2, {}, Environment()))
         assert both[1] == yaml.safe_load(frozen.read_text())[1]
 
-    def test_its_settings_are_those_of_its_file(self, freezing):
+    def test_its_settings_are_those_of_its_file(self):
         experiment = read_experiment(ROOT / "configs/benchmark_v1.yaml")
         known = version.versions()[1]["training"]
-        assert freezing.training_of(experiment) == {name: known[name] for name in known if name != "tuning"}
+        assert script("freeze_version").training_of(experiment) == {
+            name: known[name] for name in known if name != "tuning"
+        }
         for run in runs_of(experiment):
             place = run.algorithm, run.task_setting.task.name, run.task_setting.traffic
             assert version.has_settings_of(1, *place, run.settings)
@@ -217,8 +208,3 @@ class TestResults:
         _, settings, metrics = version_lines(read_results(tmp_path / "one").runs)
         assert "environment.decision_interval of ppo, intersection" in settings
         assert "metrics" in metrics
-        write_experiment(tmp_path / "old")
-        write(tmp_path / "old", "ppo", None)
-        old = read_results(tmp_path / "old")
-        assert version_lines(old.runs) == []
-        assert "before version 1" in dict(circumstances(old))["Benchmark version"][0]

@@ -4,7 +4,9 @@ import signal
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
+from benchmark.cli import Interruptible, app
 from benchmark.cli.experiments import _budgets, run
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of
@@ -74,3 +76,19 @@ def test_sigterm_while_the_report_is_written_says_how_to_go_on(file, tmp_path, c
         run(file, out=tmp_path / "results")
     assert ended.value.exit_code == 130
     assert "give the same command again to resume" in capsys.readouterr().err
+
+
+def test_ctrl_c_is_one_line_and_130():
+    commands = typer.Typer(cls=Interruptible)
+
+    @commands.callback()
+    def group():
+        pass
+
+    @commands.command()
+    def work():
+        raise KeyboardInterrupt
+
+    ended = CliRunner().invoke(commands, ["work"])
+    assert (ended.exit_code, ended.stderr, ended.stdout) == (130, "interrupted\n", "")
+    assert isinstance(typer.main.get_command(app), Interruptible)

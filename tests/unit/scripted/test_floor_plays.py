@@ -1,18 +1,17 @@
 """Scripted policies in a scenario of the benchmark."""
 
 import csv
+from collections import Counter
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 
 from benchmark.cli.scripted import scripted
 from benchmark.scripted import SUMO_DRIVER
-from benchmark.scripted.play import play
+from benchmark.scripted.play import Tally, play
 from smarts.errors import SmartsError, UnknownNameError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.sstudio.locating import SUITE
-from smarts.types.actions import LaneAction
 from tests.raising import raises
 
 
@@ -84,21 +83,8 @@ def test_the_number_of_agents_is_given_and_the_header_follows_the_first_result(p
     assert capsys.readouterr().out.splitlines()[0].split()[:2] == ["policy", "scenario"]
 
 
-class Slowing:
-    """Brakes, and keeps what it has seen."""
-
-    observation: ClassVar[list] = ["speed"]
-    seen: ClassVar[list] = []
-
-    def begin(self, episode, agent):
-        self.seen.clear()
-
-    def act(self, observation, mask):
-        self.seen.append(observation.shape)
-        return LaneAction.slow_down
-
-
-def test_a_policy_of_ones_own_sees_what_it_asks_for():
-    for tally in play(f"{__name__}:Slowing", "loop", episodes=1, agents=1):
-        assert tally.share("not_moving") == 1.0
-    assert {*Slowing.seen} == {(1,)}
+def test_the_unit_of_an_interval_is_the_episode():
+    tally = Tally("keep_lane", "two_way", "none", agents=4)
+    for _ in range(10):
+        tally.add(Counter(goal=4), 100.0)
+    assert tally.interval("goal") == pytest.approx((10 / (10 + 1.959964**2), 1.0))
