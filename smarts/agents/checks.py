@@ -71,6 +71,9 @@ def _first_of(error: ValidationError, kind: type) -> InterfaceError:
     if first["type"] == "unexpected_keyword_argument":
         remedy = nearest_names(name, names)
         return InterfaceError(f"there is no field {name!r}", place=where, remedy=remedy)
+    if first["type"] == "unexpected_positional_argument":
+        problem = f"there is no field for {shown(first['input'])}"
+        return InterfaceError(problem, place=where, remedy=f"give at most {len(names)} without a name")
     if first["type"] == "missing":
         return InterfaceError(f"{name} is missing", place=where, remedy="give it")
     said = [each["msg"].removeprefix("Input should be ") for each in errors if each["loc"][0] == place]
