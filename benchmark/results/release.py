@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -180,17 +179,13 @@ def check_released(policy: Path) -> None:
             check_files(policy, entry.files, "get the release again from where it came")
 
 
-def episode_digests(table: Frame, modes: Iterable[str] = ("greedy",)) -> dict[str, list[str]]:
-    """Return a digest of each test episode, by scenario, in the order of their indices.
+def episode_digests(table: Frame) -> dict[str, list[str]]:
+    """Return a digest of each greedy test episode, by scenario, in the order of their indices.
 
     A digest is of how each agent started and ended, when, and how far it drove [m], to the micrometre: other
     actions give other digests. Invalid episodes have one, too.
-
-    Args:
-        table: Of a test.
-        modes: Action selection of the episodes.
     """
-    rows = table[table["mode"].isin([*modes])]
+    rows = table[table["mode"] == "greedy"]
     names = rows["scenario"].where(rows["variation"] == "", rows["scenario"] + "@" + rows["variation"])
     found: dict[str, list[str]] = {}
     kept = rows[[*_NAMES, *_NUMBERS]]
@@ -208,8 +203,8 @@ def _digest_of(episode: Frame) -> str:
     return hashlib.blake2b(json.dumps(lines).encode(), digest_size=6).hexdigest()
 
 
-def scores_of(table: Frame, modes: Iterable[str] = ("greedy",)) -> dict[str, float]:
+def scores_of(table: Frame) -> dict[str, float]:
     """Return the rates of a test's episodes that are not held out, of those that can be computed."""
-    rows = table[(table["split"] == "train") & table["mode"].isin([*modes])]
+    rows = table[(table["split"] == "train") & (table["mode"] == "greedy")]
     found = compute(rows, metrics=RATES).to_dict("records")
     return {row["metric"]: round(float(row["value"]), 6) for row in found if np.isfinite(row["value"])}
