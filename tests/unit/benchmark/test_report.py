@@ -506,7 +506,8 @@ class TestSummaries:
         return report_of(tmp_path)
 
     def test_have_algorithms_with_equally_many_seeds(self, report):
-        assert count(cells_of(report, "ppo")["intersection", ALONE]) == "2 seeds, 8 episodes; these checkpoints"
+        cell = cells_of(report, "ppo")["intersection", ALONE]
+        assert count(cell) == "2 seeds, 8 episodes; these checkpoints"
         summaries = summaries_of(report)
         assert {name: values.tolist() for name, values in summaries.scores["completion"].items()} == {
             "dqn": [[7 / 8], [5 / 8]],
