@@ -205,6 +205,8 @@ class TestResults:
         content[1]["metrics"] = "0000"
         frozen.write_text(yaml.safe_dump(content))
         version.versions.cache_clear()
-        _, settings, metrics = version_lines(read_results(tmp_path / "one").runs)
+        folder.note(commit="0123456789ab+")
+        commit, settings, metrics = version_lines(read_results(tmp_path / "one").runs)
+        assert "not of one clean commit" in commit
         assert "environment.decision_interval of ppo, intersection" in settings
         assert "metrics" in metrics
