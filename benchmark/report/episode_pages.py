@@ -23,25 +23,19 @@ from smarts.sstudio.locating import VARIATION_MARK
 
 EPISODES = "episodes"
 """Folder of the pages in a report's folder."""
+NOT_KEPT = "not kept: give the command of `run` again with `--set evaluation.keep_episodes=true`"
 
 
 @dataclass(frozen=True)
 class EpisodeLinks:
     """The episodes of one run that a report links."""
 
-    algorithm: str
-    task: str
-    traffic: str
-    seed: str
+    names: tuple[str, str, str, str]
+    """Algorithm, task, traffic and seed, as the report shows them."""
     links: tuple[tuple[str, str], ...]
     """Text and address, relative to the report's folder."""
-    problem: str = ""
+    problem: str
     """Why there are none, or which are left out."""
-
-    @property
-    def names(self) -> tuple[str, str, str, str]:
-        """Of the run."""
-        return self.algorithm, self.task, self.traffic, self.seed
 
 
 def write_episodes(results: Results, mode: str, folder: Path) -> list[EpisodeLinks]:
@@ -65,13 +59,11 @@ def _of_run(run: RunResult, root: Path, mode: str, folder: Path) -> EpisodeLinks
     names = names_of(run)
     episodes = RunFolder(root / run.place).episodes
     if not episodes.is_dir():
-        return EpisodeLinks(
-            *names, (), "not kept: give the command of `run` again with `--set evaluation.keep_episodes=true`"
-        )
+        return EpisodeLinks(names, (), NOT_KEPT)
     try:
-        return EpisodeLinks(*names, *_links(episodes, SCRIPTED if run.is_scripted else mode, folder, run))
+        return EpisodeLinks(names, *_links(episodes, SCRIPTED if run.is_scripted else mode, folder, run))
     except SmartsError as error:
-        return EpisodeLinks(*names, (), error.problem)
+        return EpisodeLinks(names, (), error.problem)
 
 
 def _links(
@@ -132,13 +124,13 @@ def keep_pages(results: Results, before: Path, folder: Path) -> list[EpisodeLink
     for run in results.finished:
         there = noted.get(run.place)
         if there is None or there["test"] != _digest(run):
-            found.append(EpisodeLinks(*names_of(run), (), OTHER_TEST))
+            found.append(EpisodeLinks(names_of(run), (), OTHER_TEST))
             continue
         for name in _pages([there]):
             (folder / EPISODES).mkdir(exist_ok=True)
             shutil.copy2(before / EPISODES / name, folder / EPISODES / name)
         links = tuple((text, address) for text, address in there["links"])
-        found.append(EpisodeLinks(*names_of(run), links, there["problem"]))
+        found.append(EpisodeLinks(names_of(run), links, there["problem"]))
     note_links(results, found, folder)
     return found
 
