@@ -176,22 +176,32 @@ def test_a_value_that_one_algorithm_cannot_have_leads_to_one_of_its_own(write):
     assert "settings: {a2c: {epochs: 1}}" in both
 
 
-def test_mistakes_of_all_kinds_are_told_at_once_with_their_lines(write):
+@pytest.mark.parametrize(
+    ("more", "lines"),
+    [
+        (
+            "bugdet: 3\nseeds: [1]\nseeds: [-1]\n",
+            ("9: there is no key bugdet", "11: seeds is there twice", "11: seeds[0] is -1"),
+        ),
+        (
+            "",
+            (
+                "5: traffic[1]: loop has no traffic 'nobody'",
+                "7: training.gamma: 7; ",
+                "8: training.tau: none of the algorithms has tau",
+            ),
+        ),
+    ],
+)
+def test_mistakes_are_told_together_with_their_lines(write, more, lines):
+    """What does not fit together is told once all values fit."""
     file = write(
         "algorithms: [ppo]\ntasks: [loop]\ntraffic:\n- no_social_vehicles\n- nobody\n"
-        "training:\n  gamma: 7\n  tau: 0.1\nbugdet: 3\nseeds: [1]\nseeds: [-1]\n"
+        f"training:\n  gamma: 7\n  tau: 0.1\n{more}"
     )
     told = said(file).replace(f"{file}:", "line ")
-    for text in (
-        "line 5: traffic[1]: loop has no traffic 'nobody'",
-        "line 7: training.gamma: 7; ",
-        "line 8: training.tau: none of the algorithms has tau",
-        "line 9: there is no key bugdet",
-        "line 11: seeds is there twice",
-        "line 11: seeds[0] is -1",
-    ):
-        assert text in told
-    assert len(told.splitlines()) == 6
+    assert all(f"line {each}" in told for each in lines), told
+    assert len(told.splitlines()) == len(lines)
 
 
 def test_reading_a_file_loads_neither_torch_nor_ray_nor_the_simulation():
