@@ -163,14 +163,12 @@ def check_social(environment: Environment, scenarios: Sequence[BuiltScenario]) -
     if not (described or environment.social_agents or environment.learn_in_bubbles or environment.hosts):
         return
     # Only experiments with social agents wait for the zoo.
-    from benchmark.running.environments import interface_of
     from smarts.env.casting import cast_of
 
     added = social_agents([each.model_dump() for each in environment.social_agents])
     learning = bubble_learning(environment.learn_in_bubbles, environment.episode_time)
     names, hosts = agent_names(environment.agent_count), hosts_of(given_hosts(environment.hosts))
-    learner = interface_of(next(iter(environment.driving().values())))
-    Schedule(scenarios, names, cast=cast_of(scenarios, added, learning, hosts, learner))
+    Schedule(scenarios, names, cast=cast_of(scenarios, added, learning, hosts))
 
 
 def _check_spaces(experiment: Experiment) -> None:
