@@ -239,10 +239,12 @@ class Report:
         self, place: tuple[str, str, str], mode: str, theirs: Sequence[Printed], comparison: Comparison | None
     ) -> Iterator[str]:
         """Yield why a comparison with the paper does not count."""
-        _, *cell = place
+        _, task, traffic = place
 
         def figures(driver: str) -> BothLevels | None:
-            return None if (driver, *cell) in self.unlike else self._figures(driver, *cell, mode)
+            return (
+                None if (driver, task, traffic) in self.unlike else self._figures(driver, task, traffic, mode)
+            )
 
         degenerate = degenerate_passes(theirs, figures)
         passed, not_known = (
@@ -253,7 +255,7 @@ class Report:
             yield f"{passed} passes"
         if not_known and comparison and comparison.word in PASSES:
             yield f"not known whether {not_known} passes"
-        if any([x.task, x.traffic] == cell and x.passes is False for x in self.traffic_checks):
+        if any((x.task, x.traffic) == (task, traffic) and x.passes is False for x in self.traffic_checks):
             yield SAME_TASK
         if theirs and (why := misprint(*place)):
             yield why

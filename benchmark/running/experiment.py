@@ -156,8 +156,7 @@ def check_social(environment: Environment, scenarios: Sequence[BuiltScenario]) -
     """Raise unless social agents and bubbles fit the scenarios.
 
     Raises:
-        SmartsError: There is no such agent, there are more agents than missions, no bubble to learn in, or
-            agents that cannot drive a bubble's vehicles.
+        SmartsError: There is no such agent, there are more agents than missions, or no bubble to learn in.
     """
     described = any(built.scenario.bubbles or built.scenario.social_agent_missions for built in scenarios)
     if not (described or environment.social_agents or environment.learn_in_bubbles or environment.hosts):
