@@ -38,6 +38,9 @@ class BubbleChecks(Checks):
         """Require a bubble that can be placed; `area` is that of its zone."""
         self._driver(bubble.actor, f"{where}.actor")
         self.numbers(bubble, where, "margin", "collision_time")
+        if bubble.limit is not None:
+            self.type(bubble.limit, t.BubbleLimits, f"{where}.limit")
+            self.numbers(bubble.limit, f"{where}.limit", "hijack_limit", "shadow_limit", least=1)
         self._bubble_conditions(bubble, where)
         if bubble.follow_actor_id is None and bubble.follow_vehicle_id is None:
             self.zone_on_map(area, roads, f"{where}.zone")  # an offset alone has no effect
@@ -71,6 +74,7 @@ class BubbleChecks(Checks):
 
     def condition(self, condition: t.Condition, known: t.ConditionRequires, where: str, users: str) -> None:
         """Require a condition on facts that its users, as errors name them, know."""
+        self.type(condition, t.Condition, where)
         unknown = condition.requires & ~known
         problem = f"the condition needs {unknown.name}, which {users} do not know"
         self.require(not unknown, where, problem, f"use conditions on {known.name}")

@@ -242,10 +242,13 @@ def _portable(scenario: Scenario, location: Location) -> Scenario:
     """Return the scenario with its paths relative to its folder, so that it can be moved with it.
 
     Raises:
-        ScenarioError: The traffic, which is needed before the build's checks, is no dict by name.
+        ScenarioError: A part that is needed before the build's checks is of another type.
     """
-    directory = location.directory
-    Checks(_place(replace(location, variation=None))).named(scenario.traffic, Traffic, "traffic")
+    directory, checks = location.directory, Checks(_place(replace(location, variation=None)))
+    checks.named(scenario.traffic, Traffic, "traffic")
+    checks.named(scenario.held_out, Variation, "held_out")
+    if scenario.map_spec is not None:
+        checks.type(scenario.map_spec, MapSpec, "map_spec")
     histories = tuple(
         replace(history, input_path=_from_folder(history.input_path, directory))
         if isinstance(history, TrafficHistoryDataset)

@@ -21,6 +21,7 @@ from smarts.types.vehicles import VehicleKind
 ENGINES = (*TRAFFIC_ENGINES, "SMARTS")
 VEHICLE_TYPES = tuple(kind.name.lower() for kind in VehicleKind)
 DEPART_SPEEDS = ("max", "desired", "random", "speedLimit", "avg", "last")
+DISTRIBUTIONS = (t.Distribution, t.UniformDistribution, t.TruncatedDistribution)
 LEAST = 1e-3
 """Least acceleration [m/s^2], speed [m/s] and headway [s] that is not 0."""
 SHORTEST_STOP = 0.1
@@ -139,6 +140,8 @@ class TrafficChecks(Checks):
         self.choice(actor.vehicle_type, VEHICLE_TYPES, f"{where}.vehicle_type")
         self.numbers(actor, where, "accel", "decel", "max_speed", "tau", least=LEAST)
         self.number(actor.sigma, f"{where}.sigma", most=1)
+        for name in ("speed", "imperfection", "min_gap"):
+            self.type(getattr(actor, name), DISTRIBUTIONS, f"{where}.{name}")
         if isinstance(actor.depart_speed, str):
             self.choice(actor.depart_speed, DEPART_SPEEDS, f"{where}.depart_speed")
         else:

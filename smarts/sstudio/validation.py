@@ -74,6 +74,8 @@ class _Validation(TrafficChecks, BubbleChecks):
         for where, history in histories:
             if isinstance(history, t.TrafficHistoryDataset):
                 self.choice(history.source_type, HISTORY_SOURCES, f"{where}.source_type")
+        if scenario.start_variation is not None:
+            self.type(scenario.start_variation, t.StartVariation, "start_variation")
 
     def _mission(self, mission: t.AnyMission, where: str) -> None:
         if isinstance(mission, t.GroupedLapMission):
@@ -85,6 +87,7 @@ class _Validation(TrafficChecks, BubbleChecks):
             begin = mission.begin
         else:
             begin, edges = self._mission_route(mission, where)
+        self.numbers(mission, where, "start_time")
         for at, via in self.each(mission.via, t.Via, f"{where}.via"):
             self._via(via, edges, at)
         if isinstance(mission, t.Mission) and mission.task is not None:
@@ -99,6 +102,7 @@ class _Validation(TrafficChecks, BubbleChecks):
         route = mission.route
         self.own_map(route, f"{where}.route")
         if isinstance(mission, t.LapMission):
+            self.numbers(mission, where, "num_laps", least=1)
             self.type(route, t.Route, f"{where}.route")
         if not isinstance(route, t.Route):
             return None, None

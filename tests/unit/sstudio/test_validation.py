@@ -67,6 +67,7 @@ WRONG = [
     (actor(accel=0), f"{ACTOR}.accel", "0 is"),
     (actor(sigma=7), f"{ACTOR}.sigma", "0 to 1"),
     (actor(depart_speed="maximum"), f"{ACTOR}.depart_speed", "did you mean 'max'"),
+    (actor(speed=1.2), f"{ACTOR}.speed", "use a Distribution"),
     (
         actor(lane_changing_model=t.LaneChangingModel(impatient=1)),
         f"{ACTOR}.lane_changing_model",
@@ -87,6 +88,9 @@ WRONG = [
         f"{MISSION}.entry_tactic.zone.start",
         "from_west",
     ),
+    (mission(start_time="5"), f"{MISSION}.start_time", "'5' is"),
+    (t.Scenario(ego_missions=[t.LapMission(SOUTH_NORTH, 0)]), f"{MISSION}.num_laps", "0 is"),
+    (t.Scenario(start_variation={"offset": 5}), "start_variation", "use a StartVariation"),
     (endless("from_west", 0, "end"), f"{MISSION}.begin", "end"),
     (endless("from_west", 0), f"{MISSION}.begin", "('from_west', 0)"),
     (endless(":centre_0", 0, 0.1), f"{MISSION}.begin", "junction"),
@@ -102,6 +106,9 @@ WRONG = [
     ),
     (bubble(t.ConfigurableZone([(0, 0), (9, 9), (9, 0), (0, 9)])), "bubbles[0].zone", "4.5"),
     (bubble(t.PositionalZone((900, 0), (20, 20))), "bubbles[0].zone", "890"),
+    (bubble(limit=2), "bubbles[0].limit", "use a BubbleLimits"),
+    (bubble(limit=t.BubbleLimits(0, 2)), "bubbles[0].limit.hijack_limit", "0 is"),
+    (bubble(active_condition=True), "bubbles[0].active_condition", "use a Condition"),
     (
         bubble(by=t.TrafficEngineActor("x", traffic_provider="SMARTS")),
         "bubbles[0].actor.traffic_provider",
@@ -152,6 +159,8 @@ def artefacts(folder):
         ("traffic=t.Traffic(flows=[flow()])", "traffic", "Traffic("),
         ('ego_missions=[t.EndlessMission(("form_west", 0, 1))]', "ego_missions[0].begin", "'form_west'"),
         ('map_spec=t.MapSpec("elsewhere")', "", "'elsewhere'"),
+        ('map_spec="elsewhere"', "map_spec", "not a MapSpec"),
+        ('held_out=[t.Variation("Off.")]', "held_out", "not a dict by name"),
         (
             'social_agent_missions={"g": ([t.SocialAgentActor("a", "z:a-v0", {"f": lambda: 0})], [])}',
             "social_agent_missions['g'][0][0].policy_kwargs['f']",
