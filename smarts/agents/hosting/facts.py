@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
@@ -64,7 +65,11 @@ def interface_from(facts: Any, place: str) -> AgentInterface:
         problem, remedy = error.problem, error.remedy or remedy
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        problem = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        name, *inside = map(str, first["loc"])
+        problem = f"{'.'.join([name, *inside])}: {first['msg']}"
+        if first["type"] == "unexpected_keyword_argument" and not inside:
+            problem = f"there is no field {name!r}"
+            remedy = nearest_names(name, {each.name for each in fields(AgentInterface)} - {*_REFUSED})
     except TypeError as error:
         problem = str(error)
     raise HostError(f"the agent's interface is wrong: {problem}", place=place, remedy=remedy)

@@ -239,6 +239,11 @@ def test_what_an_agent_elsewhere_may_not_say_of_itself(facts):
         facts_from(about | facts, "there")
 
 
+def test_a_misspelt_field_of_an_agent_elsewhere_is_named_with_the_nearest():
+    with raises(SmartsError, "there", values=["'actoin'", "did you mean 'action'"]):
+        interface_from({"actoin": "Lane"}, "there")
+
+
 def test_more_simulators_than_a_server_has_room_for_are_turned_away(tmp_path, monkeypatch):
     (tmp_path / "sitecustomize.py").write_text(
         "import smarts_agent_kit.server\nsmarts_agent_kit.server.MOST_CONNECTIONS = 1\n"
