@@ -224,7 +224,7 @@ class SimulationRunner:
 
     @property
     def bubbles(self) -> BubbleStates | None:
-        """Where bubbles are; None: the run has none."""
+        """Where bubbles are; None: before the first reset."""
         return None if self._frame is None else self._frame.bubbles
 
     def take_social_failures(self) -> dict[int, dict[str, str]]:

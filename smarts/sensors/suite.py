@@ -94,7 +94,7 @@ class _Group:
 
 
 class SensorSuite:
-    """Observes agents; an implementation of `smarts.sim.stages.Sensors`.
+    """Observes agents; the stage of sensors of `smarts.sim.simulation.Stages`.
 
     In the readings, the block of a sensor has its name; where agents have the same sensor with other options,
     the second group has its name and ":2", and so on. Groups are in the order of their first agents. Egos

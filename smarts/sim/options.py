@@ -72,7 +72,7 @@ class Options:
                 step is None or (step > 0 and self._is_multiple(step, LONGEST_TRAFFIC_STEP)),
                 f"{multiple} {LONGEST_TRAFFIC_STEP:g} s",
             ),
-            ("traffic_step", step is None or not records, "leave it out: tests run with exact traffic"),
+            ("traffic_step", step is None or not records, "leave it out, or leave out record"),
             (
                 "action_latency",
                 self._is_multiple(self.action_latency, LONGEST_LATENCY),

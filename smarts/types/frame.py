@@ -55,7 +55,7 @@ class Frame:
     transfers: Sequence[CarriedOut] = ()
     """Which vehicles changed hands at the beginning of this step."""
     bubbles: BubbleStates | None = None
-    """Where bubbles are; None: the run has none."""
+    """Where bubbles are; None: not known."""
     social_failures: Mapping[tuple[int, int], str] = field(default_factory=dict)
     """Social agents that have failed before this step, by (row, number of the agent in its episode), and why:
     the fallback controller drives their vehicles."""
