@@ -26,6 +26,7 @@ TRAFFIC_ENGINES = Registry(
     "traffic engine",
     {
         "SUMO": "smarts.providers.sumo_engine:SumoEngine",
+        "Native": "smarts.providers.native.engine:Native",
         "ConstantSpeed": "smarts.providers.constant_speed:ConstantSpeed",
     },
     _adopt,

@@ -1,0 +1,105 @@
+"""The traffic engine Native: against SUMO without chance, and what must hold in any traffic."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smarts.providers.native.engine import Native
+from smarts.sim.traffic_run import traffic_run
+from smarts.sstudio.build import build_scenario
+from tests.unit.sstudio.sources import SCRIPT, write_cross
+
+STEP = 0.1
+DRIVERS = """
+from pathlib import Path
+
+from smarts.sstudio import gen_scenario
+from smarts.sstudio import types as t
+
+ROUTE = {offset: t.Route(("from_west", 0, offset), ("to_east", 0, "max")) for offset in (10, 60)}
+
+
+def trip(name, offset, speed, depart, **more):
+    driver = t.TrafficActor(name, speed=t.Distribution(speed, 0.0), sigma=0.0, **more)
+    return t.Trip(name, ROUTE[offset], depart=depart, actor=driver)
+
+
+def traffic(**more):
+    trips = [trip("slow", 60, 0.4, 0.0), trip("fast", 10, 1.1, 0.0, **more), trip("last", 10, 1.3, 6.0, **more)]
+    return t.Traffic(flows=[], trips=trips)
+
+
+gen_scenario(
+    t.Scenario(
+        traffic={"euler": traffic(), "ballistic": traffic(reaction_time=0.2), "late": traffic(reaction_time=1.0)},
+        ego_missions=[t.Mission(t.Route(("from_south", 0, 20), ("to_north", 0, 50)))],
+    ),
+    output_dir=Path(__file__).parent,
+)
+"""
+
+
+@pytest.fixture(scope="module")
+def drivers(tmp_path_factory):
+    folder = write_cross(tmp_path_factory.mktemp("scenarios") / "drivers")
+    (folder / "scenario.py").write_text(DRIVERS)
+    return build_scenario(folder)
+
+
+def driven(built, traffic, engine, seconds):
+    """Return position and speed of each vehicle after each step; slots are in the order of departures."""
+    with traffic_run(built, traffic, engine=engine) as run:
+        return [
+            (states.position[states.alive].copy(), states.speed[states.alive].copy())
+            for states in run.steps(seconds)
+        ]
+
+
+@pytest.mark.parametrize("traffic", ["euler", "ballistic", "late"])
+def test_drivers_follow_as_in_sumo(drivers, traffic):
+    # The slow one leaves the road into the junction after 8 s.
+    sumo, native = (driven(drivers, traffic, engine, 7.0) for engine in ("SUMO", "Native"))
+    assert [len(speed) for _, speed in native] == [len(speed) for _, speed in sumo]
+    for (position, speed), (its_position, its_speed) in zip(native, sumo, strict=True):
+        assert speed == pytest.approx(its_speed, abs=2e-3)
+        assert position == pytest.approx(its_position, abs=5e-3)
+
+
+@pytest.mark.parametrize("scenario", ["intersection_v1", "double_merge_v1"])
+def test_none_passes_another_in_its_lane_and_none_is_lost(scenario):
+    built = build_scenario(scenario)
+    with traffic_run(built, "random_social_vehicles", seed=3, engine="Native") as run:
+        engine = run.engine
+        assert isinstance(engine, Native)
+        n, ways = engine._arrays, engine._demand.value.ways
+        before, departed = {}, 0
+        vanished_elsewhere = 0
+        for states in run.steps(60.0):
+            alive = np.flatnonzero(states.alive)
+            now = {}
+            for slot in alive.tolist():
+                row = n.driven.row[0, slot]
+                place = int(ways.lane[row]), float(n.driven.front[0, slot])
+                now[slot, int(states.generation[slot])] = place, bool(ways.arrival[row] < np.inf)
+            departed += len(now.keys() - before.keys())
+            vanished_elsewhere += sum(not before[gone][1] for gone in before.keys() - now.keys())
+            stay = [key for key in now if key in before and now[key][0][0] == before[key][0][0]]
+            for key in stay:
+                for other in stay:
+                    lane, front = before[key][0]
+                    if before[other][0][0] == lane and before[other][0][1] < front:
+                        assert now[other][0][1] < now[key][0][1]
+            assert (states.speed[alive] >= 0.0).all()
+            before = now
+    assert departed > 20
+    assert vanished_elsewhere == 0
+    assert departed >= int(n.born[0]) - n.limit[0]
+
+
+def test_what_is_not_supported_is_named(tmp_path):
+    folder = write_cross(tmp_path / "stops")
+    stop = 'stops=[t.Stop("from_west", 0, 60.0, 5.0)]'
+    Path(folder, "scenario.py").write_text(SCRIPT.replace("actors={car: 1}", f"actors={{car: 1}}, {stop}"))
+    with pytest.raises(Exception, match="does not support stop"):
+        driven(build_scenario(folder), "through", "Native", 1.0)
