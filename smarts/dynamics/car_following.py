@@ -1,8 +1,10 @@
 """Car following as functions of numbers: the models of Krauss and IDM, as SUMO computes them.
 
-Speeds that a driver may have at the end of a step, gaps, and times of arrival. In the ballistic rule a vehicle drives a
-step with its mean speed, and a speed below 0 means that it stops within the step; in Euler's it drives the step
-with its new speed. Sources: `MSCFModel.cpp`, `MSCFModel_Krauss.cpp` and `MSCFModel_IDM.cpp` of SUMO; Krauss,
+Speeds that a driver may have at the end of a step, gaps, and times of arrival. In the ballistic rule a
+vehicle drives a step with its mean speed, and a speed below 0 means that it stops within the step; in Euler's
+it drives the step with its new speed.
+
+Sources: `MSCFModel.cpp`, `MSCFModel_Krauss.cpp` and `MSCFModel_IDM.cpp` of SUMO; Krauss,
 "Microscopic modeling of traffic flow", 1998; Treiber, Hennecke, Helbing, Phys. Rev. E 62 (2000) 1805.
 """
 
@@ -95,7 +97,7 @@ def insertion_stop_speed(gap: float, decel: float, tau: float, dt: float, ballis
 def free_speed(
     speed: float, target: float, distance: float, decel: float, reaction: float, dt: float, ballistic: bool
 ) -> float:
-    """Return the highest speed after a step from which a driver comes down to a target within a distance [m/s].
+    """Return the highest speed after a step from which a driver slows down in time to a target [m/s].
 
     Args:
         speed: Now [m/s].
@@ -130,7 +132,7 @@ def free_speed(
 def krauss_stop_speed(
     gap: float, speed: float, decel: float, hardest: float, reaction: float, dt: float, ballistic: bool
 ) -> float:
-    """Return the highest speed after a step of a driver that stops within a gap, braking harder if it must [m/s].
+    """Return the highest speed after a step of a driver that stops within a gap [m/s].
 
     Args:
         gap: [m]

@@ -1,4 +1,4 @@
-"""Kernels of lane changes: for the route, to help others, for speed, to keep right (SUMO's `MSLCM_LC2013`)."""
+"""Kernels of lane changes: for the route, for others, for speed, to keep right (SUMO's `MSLCM_LC2013`)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from smarts.providers.native.driving import (
 from smarts.providers.native.moving import BLOCKS_CHANGE, BY_FOLLOWER, BY_LEADER, COOPERATIVE, STRATEGIC
 from smarts.providers.native.occupancy import add_entry, entry_ahead, entry_behind, rearmost
 from smarts.providers.native.planning import DURATION
-from smarts.providers.native.state import ADVICES, Demand, Traffic
+from smarts.providers.native.state import ADVICES, Demand, Traffic, Types
 from smarts.providers.native.ways import FARTHEST
 
 LOOK_AHEAD = 10.0
@@ -38,11 +38,16 @@ KEEP_RIGHT_TIME, RIGHT_TIME, REMAINS = 5.0, 7.0, 20.0
 HELP, FALL_BACK = 10.0 / 3.6, 7.0 / 3.6
 """Speed at which one that wants in overtakes [m/s]; least deceleration to fall back [m/s^2]."""
 URGENCY, LONG_LANE, FAST = 2.0, 200.0, 27.0
+"""Share of the time that is left in which a gap has to open; on longer lanes [m], and for faster drivers
+[m/s], those behind are asked to slow down."""
 RESERVED_RIGHT, RESERVED_LEFT = 20.0, 40.0
 """Room kept for vehicles that may want the other way, where several lanes have to be changed [m]."""
 MORE, BEHIND = 20.0, 60.0
 """How far beyond their braking distance drivers look ahead on other lanes, and how far behind [m]."""
 HIGHWAY = 80.0 / 3.6
+"""On faster roads drivers that are on the best lane stay on it [m/s]."""
+Near = tuple[int, float]
+"""Entry of a vehicle near by in `Occupancy`, -1 for none, and the gap less the follower's least one [m]."""
 
 
 @kernel
@@ -70,15 +75,13 @@ def _consider(n: Traffic, d: Demand, b: int, slot: int, row: int, beside: int, s
     there = driven.front[b, slot] * n.lane_length[ways.lane[beside]] / n.lane_length[ways.lane[row]]
     speed = n.state.vehicles.speed[b, slot]
     reach = braking_distance(n, d, b, slot, speed, d.types.tau[driven.type[b, slot]]) + MORE
-    leader, gap = find_ahead(n, d, b, slot, row, driven.front[b, slot], reach)
-    ahead, ahead_gap = find_ahead(n, d, b, slot, beside, there, reach)
-    behind, behind_gap = find_behind(n, d, b, slot, ways.lane[beside], there)
-    if behind >= 0 and ahead >= 0 and n.occupancy.slot[behind] == n.occupancy.slot[ahead]:
-        behind = -1
-    blocked = _blocked_by(n, d, b, slot, ahead, ahead_gap, behind, behind_gap)
-    wants, reason = _wants(
-        n, d, b, slot, row, beside, side, leader, gap, ahead, ahead_gap, behind, behind_gap, blocked
-    )
+    leader = find_ahead(n, d, b, slot, row, driven.front[b, slot], reach)
+    ahead = find_ahead(n, d, b, slot, beside, there, reach)
+    behind = find_behind(n, d, b, slot, ways.lane[beside], there)
+    if behind[0] >= 0 and ahead[0] >= 0 and n.occupancy.slot[behind[0]] == n.occupancy.slot[ahead[0]]:
+        behind = (-1, np.inf)
+    blocked = _blocked_by(n, d, b, slot, ahead, behind)
+    wants, reason = _wants(n, d, b, slot, row, beside, side, leader, ahead, behind, blocked)
     if not wants:
         if driven.wish[b, slot] == side:
             driven.wish[b, slot] = 0
@@ -109,7 +112,7 @@ def _begin(n: Traffic, d: Demand, b: int, slot: int, beside: int, side: int, the
 def find_ahead(
     n: Traffic, d: Demand, b: int, slot: int, row: int, front: float, reach: float
 ) -> tuple[int, float]:
-    """Return the next vehicle ahead of a place on a lane or on those behind it, -1 for none, and the gap less the least [m]."""
+    """Return the entry of the next vehicle ahead on a way, -1 for none, and the gap less the least [m]."""
     lane, room = d.ways.lane[row], n.occupancy
     entry, seen = entry_ahead(n, lane, front, slot), -front
     while entry < 0:
@@ -124,7 +127,7 @@ def find_ahead(
 
 @kernel
 def find_behind(n: Traffic, d: Demand, b: int, slot: int, lane: int, front: float) -> tuple[int, float]:
-    """Return the nearest vehicle behind a place on a lane or on those before it, -1 for none, and the gap less its least [m]."""
+    """Return the entry of the nearest vehicle behind, -1 for none, and the gap less its least [m]."""
     room, best, gap = n.occupancy, -1, np.inf
     back = front - n.state.vehicles.length[b, slot]
     entry = entry_behind(n, lane, front, slot)
@@ -146,27 +149,25 @@ def find_behind(n: Traffic, d: Demand, b: int, slot: int, lane: int, front: floa
 
 
 @kernel
-def _blocked_by(
-    n: Traffic, d: Demand, b: int, slot: int, ahead: int, ahead_gap: float, behind: int, behind_gap: float
-) -> int:
+def _blocked_by(n: Traffic, d: Demand, b: int, slot: int, ahead: Near, behind: Near) -> int:
     """Return who blocks a lane change: `BY_LEADER` and `BY_FOLLOWER` (`MSLaneChanger::checkChange`)."""
     room, v, t, found = n.occupancy, n.state.vehicles, n.driven.type[b, slot], 0
     speed, factor = v.speed[b, slot], 1.0 / d.types.assertive[t]
     decel, dt = d.types.decel[t], n.state.dt
-    if behind >= 0:
-        other = room.slot[behind]
+    if behind[0] >= 0:
+        other = room.slot[behind[0]]
         left = max(d.types.tau[n.driven.type[b, other]] - dt, 0.0) if v.owner[b, other] == n.owner else 0.9
-        then = room.pace[behind] + max(0.0, left * v.acceleration[b, other])
+        then = room.pace[behind[0]] + max(0.0, left * v.acceleration[b, other])
         own = max(0.0, speed + min(0.0, left * v.acceleration[b, slot]))
-        if behind_gap < 0.0 or behind_gap < factor * needed_gap(n, d, b, other, then, own, decel):
+        if behind[1] < 0.0 or behind[1] < factor * needed_gap(n, d, b, other, then, own, decel):
             found |= BY_FOLLOWER
-    if ahead >= 0:
-        other = room.slot[ahead]
+    if ahead[0] >= 0:
+        other = room.slot[ahead[0]]
         left = max(d.types.tau[t] - dt, 0.0)
-        then = max(0.0, room.pace[ahead] + min(0.0, left * v.acceleration[b, other]))
+        then = max(0.0, room.pace[ahead[0]] + min(0.0, left * v.acceleration[b, other]))
         own = speed + max(0.0, left * v.acceleration[b, slot])
         needed = needed_gap(n, d, b, slot, own, then, decel_of(n, d, b, other))
-        if ahead_gap < 0.0 or ahead_gap < factor * needed:
+        if ahead[1] < 0.0 or ahead[1] < factor * needed:
             found |= BY_LEADER
     return found
 
@@ -199,12 +200,9 @@ def _wants(
     row: int,
     beside: int,
     side: int,
-    leader: int,
-    gap: float,
-    ahead: int,
-    ahead_gap: float,
-    behind: int,
-    behind_gap: float,
+    leader: Near,
+    ahead: Near,
+    behind: Near,
     blocked: int,
 ) -> tuple[bool, int]:
     """Return whether a driver wants to change to a side, and why (`MSLCM_LC2013::_wantsChange`).
@@ -217,12 +215,9 @@ def _wants(
         row: Of its lane.
         beside: Of the lane beside.
         side: 1 for the left, -1 for the right.
-        leader: Entry of the vehicle ahead, -1 for none.
-        gap: To it [m].
+        leader: The vehicle ahead.
         ahead: The one ahead on the lane beside.
-        ahead_gap: To it [m].
         behind: The one behind on the lane beside.
-        behind_gap: From it [m].
         blocked: Who blocks the change.
     """
     driven, ways, types, t, dt = n.driven, d.ways, d.types, n.driven.type[b, slot], n.state.dt
@@ -239,14 +234,32 @@ def _wants(
     if to_best and best == changes:
         taken = _taken_on(n, d, row, changes)
         if (here - place - taken) < room_ahead * abs(best):
-            _prepare(n, d, b, slot, side, best, here - place, ahead, ahead_gap, behind, behind_gap, blocked)
+            _prepare(n, d, b, slot, side, best, here - place, ahead, behind, blocked)
             return True, STRATEGIC
     left = max(0.0, there - place - max(_taken_on(n, d, row, 0), _taken_on(n, d, beside, 0)))
     if not to_best and left < room_ahead * (abs(best) + 2):
         return False, 0
-    if best == 0 and (2.0 * left < room_ahead or there < TURN_LANE and _leads_on(n, d, beside)):
+    if best == 0 and (2.0 * left < room_ahead or (there < TURN_LANE and _leads_on(n, d, beside))):
         return False, 0
-    return _wants_speed(n, d, b, slot, lane, ways.lane[beside], side, best, changes, here, there, leader, gap, ahead, ahead_gap, room_ahead)  # fmt: skip
+    most, its_most = (desired_speed(n, d, b, slot, lane), desired_speed(n, d, b, slot, ways.lane[beside]))
+    rising = _speeds_up(n, b, leader) or _speeds_up(n, b, ahead)
+    on_own = _expected_speed(n, d, b, slot, leader, here, most, rising)
+    on_other = _expected_speed(n, d, b, slot, ahead, there, its_most, rising)
+    threshold, right_threshold = _thresholds(types, t)
+    loss = driven.gain[b, slot] / right_threshold if side < 0 else -driven.gain[b, slot] / threshold
+    loss = min(1.0, max(loss, on_own / max(on_other, 1e-9) - 1.0))
+    if side < 0 and best == 0 and n.roads.lane_speed[lane] > HIGHWAY:
+        return False, 0
+    helps = driven.asked[b, slot] == side and loss <= types.cooperative[t]
+    if helps and (to_best or there >= room_ahead * (abs(best) + 1)):
+        return True, COOPERATIVE
+    if side < 0 and _wants_right(n, d, b, slot, row, there, ahead, on_own, on_other):
+        return True, 0
+    if side > 0 and _wants_left(n, d, b, slot, there, on_own, on_other):
+        return True, 0
+    # Towards the lane of the route, where it does not cost speed.
+    gains = on_other >= on_own and driven.gain[b, slot] * side > 0.0
+    return to_best and best == changes and gains, STRATEGIC
 
 
 @kernel
@@ -266,7 +279,7 @@ def _taken_on(n: Traffic, d: Demand, row: int, changes: int) -> float:
 
 @kernel
 def _leads_on(n: Traffic, d: Demand, row: int) -> bool:
-    """Return whether the last lane that can be reached without a change leads anywhere, if not on the route."""
+    """Return whether the last lane that is reached without a change leads anywhere, if not on the route."""
     while d.ways.next[row] >= 0:
         row = d.ways.next[row]
     lane = d.ways.lane[row]
@@ -274,101 +287,93 @@ def _leads_on(n: Traffic, d: Demand, row: int) -> bool:
 
 
 @kernel
-def _wants_speed(
-    n: Traffic,
-    d: Demand,
-    b: int,
-    slot: int,
-    lane: int,
-    other_lane: int,
-    side: int,
-    best: int,
-    changes: int,
-    here: float,
-    there: float,
-    leader: int,
-    gap: float,
-    ahead: int,
-    ahead_gap: float,
-    room_ahead: float,
-) -> tuple[bool, int]:
-    """Return whether a driver wants to change to help another one, for speed, or to keep right; see `_wants`."""
-    driven, types, t, v = n.driven, d.types, n.driven.type[b, slot], n.state.vehicles
-    action, speed = reaction_of(types, t, n.state.dt), v.speed[b, slot]
-    most, other_most = desired_speed(n, d, b, slot, lane), desired_speed(n, d, b, slot, other_lane)
-    rising = False
-    if leader >= 0:
-        rising = v.acceleration[b, n.occupancy.slot[leader]] > 0.0
-    if ahead >= 0:
-        rising = rising or v.acceleration[b, n.occupancy.slot[ahead]] > 0.0
-    on_other = _expected_speed(n, d, b, slot, ahead, ahead_gap, there, other_most, rising)
-    on_own = _expected_speed(n, d, b, slot, leader, gap, here, most, rising)
-    threshold = THRESHOLD / max(types.speed_gain[t], 1e-9)
-    right_threshold = RIGHT_THRESHOLD / max(types.speed_gain[t], 1e-9)
-    loss = driven.gain[b, slot] / right_threshold if side < 0 else -driven.gain[b, slot] / threshold
-    loss = min(1.0, max(loss, on_own / max(on_other, 1e-9) - 1.0))
-    if side < 0 and best == 0 and n.roads.lane_speed[lane] > HIGHWAY:
-        return False, 0
-    to_best = best * side > 0
-    helps = driven.asked[b, slot] == side and loss <= types.cooperative[t]
-    if helps and (to_best or there >= room_ahead * (abs(best) + 1)):
-        return True, COOPERATIVE
-    gains = (on_other - on_own) / max(on_other, LEAST_NORM)
-    if side < 0:
-        if on_own - SLOWER > on_other:
-            if driven.gain[b, slot] < 0.0:
-                driven.gain[b, slot] *= 0.5**action
-        else:
-            if driven.gain[b, slot] < 0.0 or gains > 0.0:
-                driven.gain[b, slot] -= action * gains
-            share = _free_on_right(n, d, b, slot, there, ahead, ahead_gap, most, lane)
-            driven.keeping[b, slot] -= action * right_threshold * share / KEEP_RIGHT_TIME
-            if driven.keeping[b, slot] * types.keep_right[t] < -right_threshold:
-                return True, 0
-        if driven.gain[b, slot] < -right_threshold and there > REMAINS * max(0.1, speed):
-            return True, 0
-    else:
-        if on_own >= on_other:
-            if driven.gain[b, slot] > 0.0:
-                driven.gain[b, slot] *= (0.8 if on_own == on_other else 0.5) ** action
-        else:
-            driven.gain[b, slot] += action * gains
-        if driven.gain[b, slot] > threshold and gains > SLACK and there > REMAINS * max(0.1, speed):
-            return True, 0
-    # Towards the lane of the route, where it does not cost speed.
-    if to_best and best == changes and gains >= 0.0 and driven.gain[b, slot] * side > 0.0:
-        return True, STRATEGIC
-    return False, 0
+def _speeds_up(n: Traffic, b: int, near: Near) -> bool:
+    return near[0] >= 0 and n.state.vehicles.acceleration[b, n.occupancy.slot[near[0]]] > 0.0
 
 
 @kernel
-def _free_on_right(
+def _thresholds(types: Types, t: int) -> tuple[float, float]:
+    """Return the gains from which on drivers of a type change to the left, and to the right."""
+    gain = max(types.speed_gain[t], 1e-9)
+    return THRESHOLD / gain, RIGHT_THRESHOLD / gain
+
+
+@kernel
+def _wants_right(
     n: Traffic,
     d: Demand,
     b: int,
     slot: int,
+    row: int,
     there: float,
-    ahead: int,
-    ahead_gap: float,
-    most: float,
-    lane: int,
-) -> float:
-    """Return how long a driver could drive at its desired speed on the right lane, as a share of what it wants."""
+    ahead: Near,
+    on_own: float,
+    on_other: float,
+) -> bool:
+    """Return whether a driver wants to the right for speed, or since it is free; remember its gain.
+
+    Args:
+        n: Native traffic.
+        d: What scenarios want.
+        b: The simulation.
+        slot: The vehicle.
+        row: Of its lane.
+        there: How far the lane to the right leads [m].
+        ahead: The vehicle ahead there.
+        on_own: Speed that it expects on its lane [m/s].
+        on_other: That on the lane to the right [m/s].
+    """
+    driven, t = n.driven, n.driven.type[b, slot]
+    action, threshold = reaction_of(d.types, t, n.state.dt), _thresholds(d.types, t)[1]
+    if on_own - SLOWER > on_other:
+        if driven.gain[b, slot] < 0.0:
+            driven.gain[b, slot] *= 0.5**action
+    else:
+        gains = (on_other - on_own) / max(on_other, LEAST_NORM)
+        if driven.gain[b, slot] < 0.0 or gains > 0.0:
+            driven.gain[b, slot] -= action * gains
+        share = _free_on_right(n, d, b, slot, there, ahead, d.ways.lane[row])
+        driven.keeping[b, slot] -= action * threshold * share / KEEP_RIGHT_TIME
+        if driven.keeping[b, slot] * d.types.keep_right[t] < -threshold:
+            return True
+    lasts = there > REMAINS * max(0.1, n.state.vehicles.speed[b, slot])
+    return lasts and driven.gain[b, slot] < -threshold
+
+
+@kernel
+def _wants_left(
+    n: Traffic, d: Demand, b: int, slot: int, there: float, on_own: float, on_other: float
+) -> bool:
+    """Return whether a driver wants to the left for speed, as `_wants_right` does."""
+    driven, t = n.driven, n.driven.type[b, slot]
+    action, gains = reaction_of(d.types, t, n.state.dt), (on_other - on_own) / max(on_other, LEAST_NORM)
+    if gains > 0.0:
+        driven.gain[b, slot] += action * gains
+    elif driven.gain[b, slot] > 0.0:
+        driven.gain[b, slot] *= (0.8 if on_own == on_other else 0.5) ** action
+    lasts = there > REMAINS * max(0.1, n.state.vehicles.speed[b, slot])
+    return lasts and driven.gain[b, slot] > _thresholds(d.types, t)[0] and gains > SLACK
+
+
+@kernel
+def _free_on_right(n: Traffic, d: Demand, b: int, slot: int, there: float, ahead: Near, lane: int) -> float:
+    """Return how long the lane to the right is free for a driver's speed, as a share of what it wants."""
+    most, entry = desired_speed(n, d, b, slot, lane), ahead[0]
     speed, t = n.state.vehicles.speed[b, slot], n.driven.type[b, slot]
     wanted = RIGHT_TIME * most / n.roads.lane_speed[lane] * max(1.0, speed)
     free = max(0.0, there - braking_distance(n, d, b, slot, most, d.types.tau[t]))
     seconds = min(wanted, free / most)
-    if ahead >= 0 and n.occupancy.pace[ahead] < most:
-        pace, other = n.occupancy.pace[ahead], n.occupancy.slot[ahead]
+    if entry >= 0 and n.occupancy.pace[entry] < most:
+        pace, other = n.occupancy.pace[entry], n.occupancy.slot[entry]
         needed = needed_gap(n, d, b, slot, most, pace, decel_of(n, d, b, other))
-        free = max(0.0, min(free, ahead_gap - needed))
+        free = max(0.0, min(free, ahead[1] - needed))
         seconds = min(seconds, free / (most - pace))
     return seconds / wanted
 
 
 @kernel
 def _expected_speed(
-    n: Traffic, d: Demand, b: int, slot: int, leader: int, gap: float, room: float, most: float, rising: bool
+    n: Traffic, d: Demand, b: int, slot: int, near: Near, room: float, most: float, rising: bool
 ) -> float:
     """Return the speed that a driver expects on a lane [m/s] (`anticipateFollowSpeed`).
 
@@ -377,14 +382,14 @@ def _expected_speed(
         d: What scenarios want.
         b: The simulation.
         slot: The vehicle.
-        leader: Entry of the vehicle ahead there, -1 for none.
-        gap: To it [m].
+        near: The vehicle ahead there.
         room: How far the lane leads [m].
         most: Desired speed there [m/s].
         rising: Whether a leader speeds up.
     """
     types, t, dt, ballistic = d.types, n.driven.type[b, slot], n.state.dt, n.ballistic[b]
     speed, decel, tau = n.state.vehicles.speed[b, slot], types.decel[t], types.tau[t]
+    leader, gap = near
     if rising:
         soon = min(most, speed + types.accel[t] * dt)
         if leader < 0:
@@ -407,30 +412,29 @@ def _prepare(
     side: int,
     best: int,
     space: float,
-    ahead: int,
-    ahead_gap: float,
-    behind: int,
-    behind_gap: float,
+    ahead: Near,
+    behind: Near,
     blocked: int,
 ) -> None:
-    """Slow down or speed up for a gap, and ask the neighbours for it, where the route demands a lane change."""
+    """Prepare a lane change that the route demands: choose a gap, and ask the neighbours for it."""
     driven, types, t = n.driven, d.types, n.driven.type[b, slot]
     driven.space[b, slot] = space
     if abs(best) > 1:
         driven.reserved[b, slot] = max(
             driven.reserved[b, slot], RESERVED_RIGHT if side < 0 else RESERVED_LEFT
         )
-    if ahead >= 0:
-        _reserve(n, d, b, slot, n.occupancy.slot[ahead], side)
+    if ahead[0] >= 0:
+        _reserve(n, d, b, slot, n.occupancy.slot[ahead[0]], side)
     pace = max(driven.memory[b, slot], SLACK)
     seconds = max(n.state.dt, space / pace / max(1, abs(best)) / URGENCY)
-    planned = _ask_leader(n, d, b, slot, ahead, ahead_gap, seconds, blocked)
-    if behind >= 0 and planned > -1.0:
+    planned = _ask_leader(n, d, b, slot, ahead[0], ahead[1], seconds, blocked)
+    follower, behind_gap = behind
+    if follower >= 0 and planned > -1.0:
         if blocked & BY_FOLLOWER:
-            _ask_follower(n, d, b, slot, behind, behind_gap, seconds, planned, side)
+            _ask_follower(n, d, b, slot, follower, behind_gap, seconds, planned, side)
         elif blocked & BY_LEADER:
-            other = n.occupancy.slot[behind]
-            its, dt = n.occupancy.pace[behind], n.state.dt
+            other = n.occupancy.slot[follower]
+            its, dt = n.occupancy.pace[follower], n.state.dt
             if n.state.vehicles.owner[b, other] == n.owner:
                 first = follow_speed(n, d, b, other, its, behind_gap + dt * planned, planned, types.decel[t])
                 room = behind_gap + dt * (planned - first)
@@ -439,7 +443,7 @@ def _prepare(
 
 @kernel
 def _reserve(n: Traffic, d: Demand, b: int, slot: int, other: int, side: int) -> None:
-    """Keep room at the lane's end for the vehicle ahead that wants the other way, or let it keep room for this one."""
+    """Keep room at the lane's end for a vehicle ahead that wants the other way, or let it keep room."""
     driven, v = n.driven, n.state.vehicles
     if v.owner[b, other] != n.owner or driven.wish[b, other] != -side:
         return
@@ -466,7 +470,7 @@ def _advise(n: Traffic, b: int, slot: int, speed: float) -> None:
 def _ask_leader(
     n: Traffic, d: Demand, b: int, slot: int, ahead: int, gap: float, seconds: float, blocked: int
 ) -> float:
-    """Return the speed with which a driver comes into a gap behind a leader, -1 to pass it [m/s] (`informLeader`)."""
+    """Return the speed of a driver that wants in behind a leader, -1 to pass it [m/s] (`informLeader`)."""
     driven, types, t, v, dt = n.driven, d.types, n.driven.type[b, slot], n.state.vehicles, n.state.dt
     speed, ballistic = v.speed[b, slot], n.ballistic[b]
     space = driven.space[b, slot] - driven.reserved[b, slot]
@@ -528,10 +532,10 @@ def _ask_follower(
     speed, its, decel = v.speed[b, slot], v.speed[b, other], types.decel[t]
     planned = max(planned, 0.0)
     n.driven.asked[b, other] = side
-    if planned - its >= HELP:
-        if (needed_gap(n, d, b, other, its, planned, decel) - gap) / seconds < planned - its:
-            _advise(n, b, other, planned - HELP)
-            return
+    lacking = needed_gap(n, d, b, other, its, planned, decel) - gap
+    if planned - its >= HELP and lacking / seconds < planned - its:
+        _advise(n, b, other, planned - HELP)
+        return
     help_decel = decel_of(n, d, b, other)
     slower, after = max(0.0, its - help_decel * dt), max(0.0, its - help_decel)
     opens = speed - its if n.ballistic[b] else planned - after

@@ -29,11 +29,11 @@ _SIZES = {
 }
 """Length and width of SUMO's vehicle classes [m]."""
 _DEFAULTS = {
-    "accel": 2.6, "decel": 4.5, "tau": 1.0, "sigma": 0.5, "minGap": 2.5, "maxSpeed": 55.56, "actionStepLength": 0.0,
-    "lcStrategic": 1.0, "lcCooperative": 1.0, "lcSpeedGain": 1.0, "lcKeepRight": 1.0, "lcAssertive": 1.0,
-    "impatience": 0.0, "jmTimegapMinor": 1.0, "jmIgnoreJunctionFoeProb": 0.0,
-    "jmDriveAfterRedTime": -1.0, "jmDriveAfterYellowTime": -1.0,
-}  # fmt: skip
+    **{"accel": 2.6, "decel": 4.5, "tau": 1.0, "sigma": 0.5, "minGap": 2.5, "maxSpeed": 55.56},
+    **{"actionStepLength": 0.0, "lcStrategic": 1.0, "lcCooperative": 1.0, "lcSpeedGain": 1.0},
+    **{"lcKeepRight": 1.0, "lcAssertive": 1.0, "impatience": 0.0, "jmTimegapMinor": 1.0},
+    **{"jmIgnoreJunctionFoeProb": 0.0, "jmDriveAfterRedTime": -1.0, "jmDriveAfterYellowTime": -1.0},
+}
 _NORMAL = re.compile(r"normc\((.*)\)")
 _MISSING = ("rerouter", "person", "personFlow", "container", "containerFlow", "stop", "trip")
 """Elements of route files that native traffic does not support."""
@@ -91,10 +91,17 @@ class Built:
         key = number, tuple(edges), arrival, repeats
         if key not in self._route_numbers:
             ways, first = route_rows(self._maps[number], key[1], arrival, repeats=repeats)
-            shifted = {name: np.where(column < 0, -1, column + self._rows).astype(np.int32) for name, column in ways._asdict().items()
-                       if name in ("next", "left", "right")}  # fmt: skip
-            route = np.full(len(ways.lane), len(self.routes), np.int32)
-            self._ways.append(ways._replace(lane=ways.lane + np.int32(self._base[number]), route=route, **shifted))
+            base, lane_base = np.int32(self._rows), np.int32(self._base[number])
+            next_row, left, right = (np.where(each < 0, -1, each + base) for each in ways[1:4])
+            self._ways.append(
+                ways._replace(
+                    lane=ways.lane + lane_base,
+                    next=next_row.astype(np.int32),
+                    left=left.astype(np.int32),
+                    right=right.astype(np.int32),
+                    route=np.full(len(ways.lane), len(self.routes), np.int32),
+                )
+            )
             self._route_numbers[key] = len(self.routes), first + self._rows
             self._rows += len(ways.lane)
             self.routes.append(key[1])
@@ -206,7 +213,7 @@ def _index(text: str | None, default: int) -> int:
 
 
 def _times(element: ElementTree.Element) -> tuple[float, float, float, float]:
-    """Return begin, end and mean headway [s] of departures, and 1 if they are exponentially spaced, else 0."""
+    """Return begin, end and mean headway of departures [s], and 1 if they are randomly spaced, else 0."""
     if element.tag == "vehicle":
         return float(element.attrib["depart"]), np.inf, np.inf, 0.0
     begin, end = float(element.attrib["begin"]), float(element.attrib["end"])

@@ -77,7 +77,7 @@ def _depart_one(n: Traffic, d: Demand, b: int, place: int, flow: int) -> bool:
     speed = _insertion_speed(
         n, d, b, flows.row[flow], t, factor, front, wanted if given < 0.0 else min(given, wanted)
     )
-    if speed < 0.0 or (0.0 <= given and speed < given):
+    if speed < 0.0 or (given >= 0.0 and speed < given):
         return False
     behind = entry_behind(n, lane, front, -1)
     if behind >= 0:

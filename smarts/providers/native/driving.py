@@ -124,7 +124,7 @@ def braking_distance(n: Traffic, d: Demand, b: int, slot: int, speed: float, tau
 def needed_gap(
     n: Traffic, d: Demand, b: int, slot: int, speed: float, leader_speed: float, leader_decel: float
 ) -> float:
-    """Return the gap that a driver needs behind a leader [m]; of other providers' vehicles the default type's."""
+    """Return the gap that a driver needs behind a leader [m]."""
     decel, tau = DECEL, 1.0
     if n.state.vehicles.owner[b, slot] == n.owner:
         decel, tau = d.types.decel[n.driven.type[b, slot]], d.types.tau[n.driven.type[b, slot]]

@@ -150,7 +150,7 @@ class Native(TrafficEngine):
         self._take_over(row, slot, kind, way, front, offset, factor)
 
     def _place(self, row: int, slot: int) -> tuple[int, float, float, float]:
-        """Return a vehicle's lane, -1 off the roads, its place along and beside it [m], and its angle to it [rad]."""
+        """Return a vehicle's lane, -1 for none, its place along and beside it [m], its angle to it [rad]."""
         vehicles, maps = self._world.vehicles, self._world.map[[row]]
         pose = vehicles.position[[row], slot], vehicles.heading[[row], slot]
         found = self._atlas.locate(maps, *pose, height=vehicles.height[[row], slot])
@@ -175,7 +175,7 @@ class Native(TrafficEngine):
         return Refusal.OFFSET if abs(t) > MOST_OFFSET else Refusal.NONE
 
     def _driver(self, row: int, slot: int) -> tuple[int, float]:
-        """Return the type and the speed factor of a vehicle's driver: those that it had, else those of its kind."""
+        """Return the type and the speed factor of a vehicle's driver, as before, else of its kind."""
         driven, vehicles = self._arrays.driven, self._world.vehicles
         if driven.last[row, slot] == vehicles.generation[row, slot]:
             return int(driven.type[row, slot]), float(driven.factor[row, slot])

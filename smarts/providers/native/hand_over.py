@@ -23,7 +23,7 @@ _NONE, _SPEED, _SIDEWAYS, _MINOR = (
 
 @kernel
 def find_new(n: Traffic, env_mask: Bools, rows: Ints, slots: Ints) -> int:
-    """Forget vehicles that others drive now; list those that the engine has to drive from now on; return how many."""
+    """Forget vehicles that others drive now; list those that are new to the engine; return how many."""
     v, count = n.state.vehicles, 0
     for b in range(len(env_mask)):
         if not env_mask[b]:
@@ -66,7 +66,7 @@ def take_over(
 def would_brake(
     n: Traffic, d: Demand, b: int, slot: int, t: int, row: int, front: float, factor: float
 ) -> int:
-    """Return `Refusal.SPEED` if the driver of a vehicle would have to brake hard for its leader; see `take_over`."""
+    """Return `Refusal.SPEED` if a driver would have to brake hard for its leader; see `take_over`."""
     list_vehicles(n, d, b, True)
     ways, room, driven, lane = d.ways, n.occupancy, n.driven, d.ways.lane[row]
     seen, entry = -front, entry_ahead(n, lane, front, slot)
@@ -89,7 +89,7 @@ def would_brake(
 
 @kernel
 def refusal_to_give(n: Traffic, d: Demand, b: int, slot: int) -> int:
-    """Return why an agent cannot take a vehicle over now: it changes lanes, or crosses a junction without priority."""
+    """Return why an agent cannot take a vehicle now: it changes lanes, or crosses without priority."""
     if not is_driven(n, b, slot):
         return _NONE
     if n.driven.side[b, slot] != 0:

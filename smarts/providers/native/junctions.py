@@ -65,7 +65,7 @@ def is_first(n: Traffic, lane: int) -> bool:
 
 @kernel
 def ignores_light(n: Traffic, d: Demand, b: int, slot: int, lane: int, can_brake: bool) -> bool:
-    """Return whether a driver passes a lane's red or amber light (`jmDriveAfterRedTime`, `jmDriveAfterYellowTime`)."""
+    """Return whether a driver passes a lane's red or amber light (`MSVehicle::ignoreRed`)."""
     t, light, shown = n.driven.type[b, slot], light_of(n, lane), n.occupancy.shown[lane]
     after_red, after_amber = d.types.after_red[t], d.types.after_yellow[t]
     if light == _AMBER:
@@ -169,7 +169,7 @@ def _blocks(
 
 @kernel
 def _is_unsafe(leader: float, follower: float, leader_decel: float, decel: float) -> bool:
-    """Return whether a follower takes longer to stop than its leader where lanes merge (`unsafeMergeSpeeds`)."""
+    """Return whether a follower stops later than its leader where lanes merge (`unsafeMergeSpeeds`)."""
     return leader * leader / leader_decel <= follower * follower / decel
 
 
@@ -231,9 +231,10 @@ def heed_conflicts(
 def _meeting(
     n: Traffic, d: Demand, b: int, slot: int, place: int, entry: int, begin: float, lane: int, own_lane: int
 ) -> tuple[bool, float, float]:
-    """Return whether a driver lets a vehicle in the junction by, the gap, and the distance to where they meet [m].
+    """Return whether a driver lets a vehicle inside by, the gap, and the distance to the meeting [m].
 
-    The gap is -infinity where it stops at the meeting in any case; the distance is -1 where it stops before the lane.
+    The gap is -infinity where it stops at the meeting in any case, the distance -1 where it stops before the
+    lane.
 
     Args:
         n: Native traffic.

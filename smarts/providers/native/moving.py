@@ -21,7 +21,7 @@ from smarts.providers.native.state import TAILS, Demand, Traffic
 from smarts.types.traffic import Signal
 
 COOPERATIVE, STRATEGIC, BY_LEADER, BY_FOLLOWER, BLOCKS_CHANGE = 1, 2, 4, 8, 16
-"""Reasons of `Driven.reason`: a change to help others, or for the route; who blocks it; it is ahead of one that wants in."""
+"""Parts of `Driven.reason`: a change to help others, or for the route; who blocks it; it blocks another's."""
 MERGING_ROOM = 1.0
 """More than a vehicle that wants the other way needs [m]."""
 FADES = 0.4
@@ -49,69 +49,80 @@ def decide(n: Traffic, d: Demand, b: int, slot: int) -> None:
 
 @kernel
 def _pass_links(n: Traffic, d: Demand, b: int, slot: int, speed: float) -> tuple[float, float]:
-    """Return the highest speed that the links ahead allow, and the lowest with which the vehicle is past the next [m/s]."""
-    links, types, t, dt, driven = n.links, d.types, n.driven.type[b, slot], n.state.dt, n.driven
-    decel, ballistic, lane = types.decel[t], n.ballistic[b], d.ways.lane[driven.row[b, slot]]
-    own_inside = n.roads.lane_inside[lane]
-    safe, least, room, least_can_brake = np.inf, -np.inf, 0.0, False
-    driven.must_wait[b, slot], driven.will_leave[b, slot] = (
-        False,
-        links.count[slot] > 0 and links.asks[slot, 0],
-    )
+    """Return the highest speed that the links ahead allow, and the lowest that passes the next [m/s]."""
+    links, driven, lane = n.links, n.driven, d.ways.lane[n.driven.row[b, slot]]
+    safe, least, room = np.inf, -np.inf, -1.0
+    driven.must_wait[b, slot] = False
+    driven.will_leave[b, slot] = links.count[slot] > 0 and links.asks[slot, 0]
     for link in range(links.count[slot]):
-        row, distance, waiting = links.row[slot, link], links.distance[slot, link], links.waiting[slot, link]
+        row, waiting = links.row[slot, link], links.waiting[slot, link]
         if row < 0 or not links.asks[slot, link]:
-            if row >= 0 and own_inside and link == 0:
+            if row >= 0 and link == 0 and n.roads.lane_inside[lane]:
                 driven.entered[b, slot] = driven.conflicted[b, slot] = np.inf
             safe = waiting
             driven.must_wait[b, slot] = safe < speed or safe < HALTS
             break
-        target = d.ways.lane[row]
-        amber = light_of(n, target) == _AMBER
-        can_brake = distance > brake_gap(speed, decel, 0.0, dt, ballistic) or (
-            not ballistic and speed < decel * dt
-        )
-        ignores = ignores_light(n, d, b, slot, target, can_brake)
-        if amber and can_brake and not ignores:
+        passes, is_minor, can_brake = _pass_link(n, d, b, slot, link, lane, speed)
+        if not passes:
             safe, driven.must_wait[b, slot] = waiting, True
             break
-        passes = amber or is_open(n, d, b, slot, link, lane, can_brake)
-        waits_inside = is_waiting_lane(n, target) and not n.roads.lane_inside[lane]
-        if (
-            passes
-            and n.roads.lane_inside[target]
-            and not is_first(n, target)
-            and not waits_inside
-            and not ignores
-        ):
-            if distance > VISIBLE and (can_brake or not amber):
-                safe, driven.must_wait[b, slot] = waiting, True
-                break
-            room, least_can_brake = distance, can_brake
-            needed = (2.0 * distance + SLACK) / dt - speed if ballistic else (distance + 0.1) / dt
-            least = min(needed, links.speed[slot, link], highest_next(types, t, speed, dt))
-        if passes:
-            safe = links.speed[slot, link]
-            if safe < decel and safe <= waiting and safe < highest_next(types, t, speed, dt):
-                driven.must_wait[b, slot] = True
-        elif (
-            not can_brake
-            and not n.lane_signal[target]
-            and distance < brake_gap(speed, types.hardest[t], 0.0, dt, ballistic)
-        ):
-            safe = links.speed[slot, link]
-        else:
-            safe, driven.must_wait[b, slot] = waiting, True
-            break
-        lane = target
-    if safe + SLACK < least:
-        if least_can_brake and safe < speed:
-            stop = stop_speed(n, d, b, slot, speed, room, decel)
-            safe = min(safe, max(lowest_next(types, t, speed, dt, ballistic), stop))
-            least, driven.must_wait[b, slot] = 0.0, True
-        else:
-            least = safe
-    return safe, least
+        safe = links.speed[slot, link]
+        if is_minor:
+            least = min(_speed_to_reach(n, b, links.distance[slot, link], speed), safe)
+            room = links.distance[slot, link] if can_brake else -1.0
+        most = highest_next(d.types, driven.type[b, slot], speed, n.state.dt)
+        least = min(least, most)
+        if safe < min(d.types.decel[driven.type[b, slot]], most) and safe <= waiting:
+            driven.must_wait[b, slot] = True
+        lane = d.ways.lane[row]
+    if safe + SLACK >= least:
+        return safe, least
+    if room < 0.0 or safe >= speed:
+        return safe, safe
+    # It would not come across in time, so it stops.
+    t, driven.must_wait[b, slot] = driven.type[b, slot], True
+    stop = stop_speed(n, d, b, slot, speed, room, d.types.decel[t])
+    lowest = lowest_next(d.types, t, speed, n.state.dt, n.ballistic[b])
+    return min(safe, max(lowest, stop)), 0.0
+
+
+@kernel
+def _pass_link(
+    n: Traffic, d: Demand, b: int, slot: int, link: int, lane: int, speed: float
+) -> tuple[bool, bool, bool]:
+    """Return whether a vehicle passes a link that it asks to, without priority, and whether it could stop.
+
+    Args:
+        n: Native traffic.
+        d: What scenarios want.
+        b: The simulation.
+        slot: The vehicle.
+        link: Its number among the vehicle's.
+        lane: The lane before it.
+        speed: The vehicle's [m/s].
+    """
+    types, t, dt, ballistic = d.types, n.driven.type[b, slot], n.state.dt, n.ballistic[b]
+    target, distance = d.ways.lane[n.links.row[slot, link]], n.links.distance[slot, link]
+    braking = brake_gap(speed, types.decel[t], 0.0, dt, ballistic)
+    can_brake = distance > braking or (not ballistic and speed < types.decel[t] * dt)
+    ignores, amber = ignores_light(n, d, b, slot, target, can_brake), light_of(n, target) == _AMBER
+    if amber and can_brake and not ignores:
+        return False, False, can_brake
+    waits_inside = is_waiting_lane(n, target) and not n.roads.lane_inside[lane]
+    is_minor = n.roads.lane_inside[target] and not (is_first(n, target) or waits_inside or ignores)
+    if amber or is_open(n, d, b, slot, link, lane, can_brake):
+        sees = distance <= VISIBLE or not (can_brake or not amber)
+        return sees or not is_minor, is_minor, can_brake
+    if can_brake or n.lane_signal[target]:
+        return False, False, can_brake
+    return distance < brake_gap(speed, types.hardest[t], 0.0, dt, ballistic), False, can_brake
+
+
+@kernel
+def _speed_to_reach(n: Traffic, b: int, distance: float, speed: float) -> float:
+    """Return the speed after a step that takes a vehicle over a distance in it [m/s]."""
+    dt = n.state.dt
+    return (2.0 * distance + SLACK) / dt - speed if n.ballistic[b] else (distance + 0.1) / dt
 
 
 @kernel
@@ -136,7 +147,7 @@ def _final_speed(n: Traffic, d: Demand, b: int, slot: int, speed: float, safe: f
 def _advised_speed(
     n: Traffic, d: Demand, b: int, slot: int, speed: float, lowest: float, wanted: float, highest: float
 ) -> float:
-    """Return a vehicle's speed as it and its neighbours want it for lane changes [m/s] (`MSLCM_LC2013::patchSpeed`)."""
+    """Return a vehicle's speed as lane changes want it [m/s] (`MSLCM_LC2013::patchSpeed`)."""
     driven, types, t, dt = n.driven, d.types, n.driven.type[b, slot], n.state.dt
     lowest, found, is_advised = max(lowest, 0.0), wanted, False
     if driven.reserved[b, slot] > 0.0:

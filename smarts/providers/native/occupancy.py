@@ -72,7 +72,7 @@ def sort_vehicles(n: Traffic, b: int) -> None:
 
 @kernel
 def list_driven(n: Traffic, d: Demand, b: int, slot: int) -> None:
-    """List a vehicle of the engine on its lane, on those of its tail, and on the one that it changes to or from."""
+    """List a vehicle of the engine on its lane, on those of its tail, and on the other one of a change."""
     lane, front = d.ways.lane[n.driven.row[b, slot]], n.driven.front[b, slot]
     length, pace = n.state.vehicles.length[b, slot], n.state.vehicles.speed[b, slot]
     add_entry(n, lane, slot, front, front - length, pace)

@@ -1,4 +1,4 @@
-"""Kernels that plan a vehicle's next step: speeds for each link ahead, and requests to pass (SUMO's `planMoveInternal`)."""
+"""Kernels that plan a vehicle's step: speeds for each link ahead, requests (SUMO's `planMoveInternal`)."""
 
 from __future__ import annotations
 
@@ -215,7 +215,7 @@ def _add_link(
     lane_most: float,
     slowed: bool,
 ) -> tuple[bool, bool]:
-    """Write the link at a lane's end; return whether one so far is slowed down for, and whether this one stops.
+    """Write the link at a lane's end; return whether one is slowed down for, and whether this one stops.
 
     Args:
         n: Native traffic.
@@ -253,11 +253,10 @@ def _add_link(
         v, v_pass, waiting, asks = heed_conflicts(n, d, b, slot, row, seen, v, v_pass, waiting, asks)
     _leave_at_most(n, slot, link - 1, lane_most)
     arriving = v_pass
-    if not first and braking < seen:
-        if seen > VISIBLE:
-            safe = safe_stop_speed(VISIBLE, speed, types.decel[t], dt if ballistic else 0.0, dt, ballistic)
-            arriving = min(v_pass, speed_after(VISIBLE, safe, types.accel[t], types.max_speed[t]))
-            slowed = True
+    if not first and seen > max(braking, VISIBLE):
+        safe = safe_stop_speed(VISIBLE, speed, types.decel[t], dt if ballistic else 0.0, dt, ballistic)
+        arriving = min(v_pass, speed_after(VISIBLE, safe, types.accel[t], types.max_speed[t]))
+        slowed = True
     _time_link(n, d, b, slot, link, target, v, arriving)
     links.speed[slot, link], links.waiting[slot, link], links.asks[slot, link] = v, waiting, asks
     return slowed, False
@@ -267,7 +266,7 @@ def _add_link(
 def _time_link(
     n: Traffic, d: Demand, b: int, slot: int, link: int, target: int, v: float, arriving: float
 ) -> None:
-    """Write when and how fast a vehicle comes to a link, also if it brakes, and how fast it leaves the lane behind."""
+    """Write when and how fast a vehicle comes to a link, also if it brakes, and leaves the lane behind."""
     types, links, t = d.types, n.links, n.driven.type[b, slot]
     seen, ballistic, decel, tau = links.distance[slot, link], n.ballistic[b], types.decel[t], types.tau[t]
     speed = max(n.state.vehicles.speed[b, slot], 0.0) if ballistic else max(v, 0.0)
@@ -423,7 +422,7 @@ def _keeps_clear(n: Traffic, lane: int) -> bool:
 
 @kernel
 def _space_on(n: Traffic, d: Demand, b: int, slot: int, lane: int) -> tuple[float, bool, bool]:
-    """Return the space to the last vehicle that stands on a lane [m], whether one does, and whether the last waits."""
+    """Return the space to the last vehicle that stands on a lane [m], if one does, if it waits."""
     room, lengths = n.occupancy, 0.0
     entry = rearmost(n, lane, slot)
     waits = entry >= 0 and n.driven.must_wait[b, room.slot[entry]]

@@ -15,7 +15,7 @@ from smarts.roads.kernels import centre_at, height_at
 
 @kernel
 def write_poses(n: Traffic, d: Demand, b: int, is_new: bool) -> None:
-    """Write the engine's vehicles into their columns; without rates of turning if nothing has moved before."""
+    """Write the engine's vehicles into their columns; without rates of turning if all are new."""
     for slot in range(n.state.vehicles.alive.shape[1]):
         if is_driven(n, b, slot):
             _write_pose(n, d, b, slot, is_new or n.driven.next_action[b, slot] == -math.inf)

@@ -1,6 +1,6 @@
 """The arrays of native traffic.
 
-Axis letters: B simulations, V slots, L lanes of all maps, K links ahead, T vehicle types, F flows, R rows of ways.
+Axis letters: B simulations, V slots, L lanes of all maps, K links ahead, T vehicle types, F flows, R rows.
 """
 
 from __future__ import annotations

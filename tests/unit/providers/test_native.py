@@ -26,13 +26,18 @@ def trip(name, offset, speed, depart, **more):
 
 
 def traffic(**more):
-    trips = [trip("slow", 60, 0.4, 0.0), trip("fast", 10, 1.1, 0.0, **more), trip("last", 10, 1.3, 6.0, **more)]
+    trips = [trip("slow", 60, 0.4, 0.0), trip("fast", 10, 1.1, 0.0, **more)]
+    trips.append(trip("last", 10, 1.3, 6.0, **more))
     return t.Traffic(flows=[], trips=trips)
 
 
 gen_scenario(
     t.Scenario(
-        traffic={"euler": traffic(), "ballistic": traffic(reaction_time=0.2), "late": traffic(reaction_time=1.0)},
+        traffic={
+            "euler": traffic(),
+            "ballistic": traffic(reaction_time=0.2),
+            "late": traffic(reaction_time=1.0),
+        },
         ego_missions=[t.Mission(t.Route(("from_south", 0, 20), ("to_north", 0, 50)))],
     ),
     output_dir=Path(__file__).parent,
