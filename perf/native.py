@@ -29,7 +29,7 @@ from smarts.types.world import World
 SCENARIOS = ("intersection_v1", "two_way_v1", "double_merge_v1")
 TRAFFIC = "random_social_vehicles"
 ENGINES = ("SUMO", "Native")
-CAPACITY, STEPS, SAMPLED, NEAR = 160, 5, 5, 7.0
+CAPACITY, STEPS, SAMPLED, NEAR = 640, 5, 5, 7.0
 """Slots; steps of a decision; steps between samples; vehicles farther apart do not overlap [m]."""
 
 

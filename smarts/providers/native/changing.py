@@ -86,7 +86,7 @@ def _consider(n: Traffic, d: Demand, b: int, slot: int, row: int, beside: int, s
         if driven.wish[b, slot] == side:
             driven.wish[b, slot] = 0
         return False
-    if blocked == 0 and _has_space(n, d, b, slot, row, beside):
+    if blocked == 0 and _has_space(n, d, b, slot, row):
         _begin(n, d, b, slot, beside, side, there)
         return True
     is_urgent = driven.reason[b, slot] & STRATEGIC and driven.wish[b, slot] == -side
@@ -173,13 +173,11 @@ def _blocked_by(n: Traffic, d: Demand, b: int, slot: int, ahead: Near, behind: N
 
 
 @kernel
-def _has_space(n: Traffic, d: Demand, b: int, slot: int, row: int, beside: int) -> bool:
+def _has_space(n: Traffic, d: Demand, b: int, slot: int, row: int) -> bool:
     """Return whether a lane change that begins now is over before a turn or the end of the way."""
     speed, decel = n.state.vehicles.speed[b, slot], d.types.decel[n.driven.type[b, slot]]
     mean = 0.5 * (max(0.0, speed - decel * n.state.dt) + max(0.0, speed - decel * DURATION))
     needed, seen = mean * DURATION, n.lane_length[d.ways.lane[row]] - n.driven.front[b, slot]
-    # The way of the lane that it comes to: that of a lane which ends is no longer its own.
-    row = beside
     while seen <= needed:
         row = d.ways.next[row]
         if row < 0:

@@ -14,7 +14,7 @@ from smarts.geometry.frames import wrap_angle
 from smarts.providers.gates import find_too_close
 from smarts.providers.native.demand import Built
 from smarts.providers.native.hand_over import find_new, refusal_to_give, take_over, would_brake
-from smarts.providers.native.state import Demand, Pending
+from smarts.providers.native.state import Demand, Lights, Pending
 from smarts.providers.native.stepping import begin, step
 from smarts.providers.native.tables import make_traffic, read_signals
 from smarts.providers.traffic_engine import TrafficEngine
@@ -117,7 +117,9 @@ class Native(TrafficEngine):
         if self._nets[number] is None or most > demand.pending.next.shape[1]:
             self._nets[number] = files.net
             grown = self._tables(max(most, demand.pending.next.shape[1]))
-            for old, new in zip((*demand[4], demand[5]), (*grown[4], grown[5]), strict=True):
+            for old, new in zip(
+                (*demand[4], *demand[5], demand[6]), (*grown[4], *grown[5], grown[6]), strict=True
+            ):
                 new[:, : old.shape[1]] = old
             self._demand.replace(grown)
             self._size = self._built.size
@@ -129,7 +131,8 @@ class Native(TrafficEngine):
         worlds = self._world.worlds
         signals = read_signals(self._maps, self._atlas.roads.lane_base, self._nets)
         pending = columns.allocate(Pending, (worlds, most))
-        return Demand(*self._built.tables(), signals, pending, np.zeros((worlds, most), np.int32))
+        lights = columns.allocate(Lights, (worlds, len(signals.offset)))
+        return Demand(*self._built.tables(), signals, pending, lights, np.zeros((worlds, most), np.int32))
 
     def _update(self) -> None:
         """Give the kernels the tables if routes or flows have been added."""

@@ -22,31 +22,68 @@ PATIENCE = 180.0
 BLOCKS_AFTER = 5.0
 """Requests are withdrawn for vehicles in the way that have stood so long [s]."""
 _MERGE, _THIS, _OTHER, _BOTH = int(ConflictKind.MERGE), int(Yields.THIS), int(Yields.OTHER), int(Yields.BOTH)
-_RED, _AMBER = int(Signal.STOP), int(Signal.CAUTION)
+LIGHT_GAP, DETECTOR = 3.0, 2.0
+"""Of lights that wait for gaps: the gap that ends a phase, and how far ahead vehicles are noticed [s]."""
+_RED, _AMBER, _GO = int(Signal.STOP), int(Signal.CAUTION), int(Signal.GO)
+
+
+@kernel
+def begin_lights(n: Traffic, d: Demand, b: int) -> None:
+    """Put the lights of a simulation's map where their programs are at time 0."""
+    signals, m = d.signals, n.state.map[b]
+    for light in range(signals.map_first[m], signals.map_first[m + 1]):
+        phase, left = signals.phases[light], signals.offset[light]
+        while left >= signals.least[phase]:
+            left -= signals.least[phase]
+            phase = phase + 1 if phase < signals.phases[light + 1] - 1 else signals.phases[light]
+        d.lights.phase[b, light], d.lights.began[b, light], d.lights.seen[b, light] = phase, -left, -np.inf
 
 
 @kernel
 def show_lights(n: Traffic, d: Demand, b: int, time: float) -> None:
-    """Write what the lights of a simulation's map show at a time [s], and for how long they have."""
-    signals, m = d.signals, n.state.map[b]
+    """Switch the lights of a simulation's map, and write what they show, and for how long they have.
+
+    A phase that may last longer ends where no vehicle that it lets through has come to its detector for
+    `LIGHT_GAP` [s].
+
+    Args:
+        n: Native traffic, whose lists have the vehicles of the last step.
+        d: What scenarios want.
+        b: The simulation.
+        time: Since the warm-up began [s].
+    """
+    signals, lights, m = d.signals, d.lights, n.state.map[b]
+    for light in range(signals.map_first[m], signals.map_first[m + 1]):
+        phase, first = lights.phase[b, light], signals.phases[light]
+        lasted = time - lights.began[b, light]
+        waits = lasted < signals.most[phase] and time - lights.seen[b, light] < LIGHT_GAP
+        if lasted >= signals.least[phase] and not waits:
+            phase = phase + 1 if phase < signals.phases[light + 1] - 1 else first
+            lights.phase[b, light], lights.began[b, light], lights.seen[b, light] = phase, time, time
     for place in range(signals.lanes[m], signals.lanes[m + 1]):
         light, lane, column = signals.light[place], signals.lane[place], signals.column[place]
-        first, end = signals.phases[light], signals.phases[light + 1]
-        cycle = signals.end[end - 1]
-        at = (time + signals.offset[light]) % cycle
-        phase = first
-        while phase < end - 1 and at >= signals.end[phase]:
-            phase += 1
+        phase = lights.phase[b, light]
         shows = signals.shows[phase, column]
-        begin = signals.end[phase - 1] if phase > first else 0.0
-        shown, before = at - begin, phase
-        while shown < cycle:
-            before = before - 1 if before > first else end - 1
-            if signals.shows[before, column] != shows:
-                break
-            shown += signals.end[before] - (signals.end[before - 1] if before > first else 0.0)
-        n.occupancy.green[lane], n.occupancy.shown[lane] = shows, shown
+        before = phase - 1 if phase > signals.phases[light] else signals.phases[light + 1] - 1
+        is_new = signals.shows[before, column] != shows
+        n.occupancy.green[lane] = shows
+        n.occupancy.shown[lane] = time - lights.began[b, light] if is_new else np.inf
         n.state.signals[b, lane - n.roads.lane_base[m]] = shows & (MAJOR - 1)
+        may_last = shows & (MAJOR - 1) == _GO and signals.most[phase] > signals.least[phase]
+        if may_last and _is_detected(n, signals.before[place]):
+            lights.seen[b, light] = time
+
+
+@kernel
+def _is_detected(n: Traffic, lane: int) -> bool:
+    """Return whether a vehicle is over the detector of a lane, `DETECTOR` [s] before its end."""
+    room, place = n.occupancy, max(n.lane_length[lane] - DETECTOR * n.roads.lane_speed[lane], 0.0)
+    entry = room.head[lane]
+    while entry >= 0:
+        if room.back[entry] <= place <= room.front[entry]:
+            return True
+        entry = room.next[entry]
+    return False
 
 
 @kernel

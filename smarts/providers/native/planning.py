@@ -18,7 +18,13 @@ from smarts.providers.native.driving import (
     slow_to,
     stop_speed,
 )
-from smarts.providers.native.junctions import heed_conflicts, ignores_light, is_first, light_of
+from smarts.providers.native.junctions import (
+    heed_conflicts,
+    ignores_light,
+    is_first,
+    is_waiting_lane,
+    light_of,
+)
 from smarts.providers.native.occupancy import LEAST_GAP, entry_ahead, lane_beside, may_take, rearmost
 from smarts.providers.native.state import LINKS, Demand, Traffic
 from smarts.types.traffic import Signal
@@ -380,13 +386,14 @@ def check_room(n: Traffic, d: Demand, b: int, slot: int, ahead: float) -> None:
         links.room[slot, link] = space
     # What is behind a junction counts before it, too, if the vehicle can drive through.
     for link in range(count - 1, 0, -1):
-        row = links.row[slot, link - 1]
-        leaves = (
-            not n.roads.lane_inside[ways.lane[row]] or links.row[slot, link] < 0 or links.asks[slot, link]
-        )
-        is_open = leaves and (link == 1 or is_first(n, ways.lane[row]))
+        lane = ways.lane[links.row[slot, link - 1]]
+        leaves = not n.roads.lane_inside[lane] or links.row[slot, link] < 0 or links.asks[slot, link]
+        is_open = leaves and (link == 1 or is_first(n, lane))
         stands = stands or not is_open
-        if is_open and not links.blocked[slot, link - 1]:
+        # A vehicle may wait inside the junction where it has a place to.
+        waits_there = link > 1 and is_waiting_lane(n, ways.lane[links.row[slot, link - 2]])
+        continues = is_open or is_waiting_lane(n, lane) or waits_there
+        if continues and not links.blocked[slot, link - 1]:
             links.room[slot, link - 1] = links.room[slot, link]
     if not stands:
         return

@@ -102,7 +102,7 @@ class Flows(NamedTuple):
 
 
 class Signals(NamedTuple):
-    """Lights with fixed programs, of all maps in a row."""
+    """Lights of all maps in a row, with fixed programs or such that wait for gaps (SUMO's `actuated`)."""
 
     lanes: Ints
     """CSR by map of the lanes that have a light."""
@@ -111,18 +111,35 @@ class Signals(NamedTuple):
     """The signal of each of these lanes."""
     column: Ints
     """The lane's column in its signal's phases."""
+    map_first: Ints
+    """First signal of each map, and the number of all, shape (M + 1,)."""
     phases: Ints
     """CSR by signal of its phases."""
-    end: Floats
-    """When each phase ends in its cycle [s]."""
+    least: Floats
+    """How long each phase lasts at least [s]."""
+    most: Floats
+    """How long it lasts at most [s]: longer than `least`, if it goes on while vehicles come."""
     offset: Floats
     """Of each signal [s]."""
+    before: Ints
+    """The lane before each lane that has a light."""
     shows: Bytes
     """A `Signal` for each phase and column; `MAJOR` more where it goes first."""
 
 
 MAJOR = 8
 """Added to a `Signal` that is green before others."""
+
+
+class Lights(NamedTuple):
+    """The signals of B simulations, shape (B, signals of all maps) each."""
+
+    phase: Ints
+    """Row of the present phase in `Signals.least`."""
+    began: Floats
+    """When it began [s]."""
+    seen: Floats
+    """When a vehicle that it lets through was last at its detector [s]."""
 
 
 class Links(NamedTuple):
@@ -243,6 +260,7 @@ class Demand(NamedTuple):
     flows: Flows
     signals: Signals
     pending: Pending
+    lights: Lights
     route_number: Ints
     """Number in `world.routes` of each route of the simulation's scenario, shape (B, .)."""
 

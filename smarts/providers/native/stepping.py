@@ -12,7 +12,7 @@ from smarts.geometry.compiling import kernel
 from smarts.providers.native.changing import change_lanes
 from smarts.providers.native.departing import depart
 from smarts.providers.native.draws import HEADWAY, exponential
-from smarts.providers.native.junctions import show_lights
+from smarts.providers.native.junctions import begin_lights, show_lights
 from smarts.providers.native.moving import decide, dismiss, move
 from smarts.providers.native.occupancy import clear_lists, is_driven, list_vehicles, rearmost
 from smarts.providers.native.planning import check_room, clear_requests, plan, register, register_other
@@ -54,7 +54,7 @@ def begin(n: Traffic, d: Demand, b: int, steps: int) -> None:
         d.pending.next[b, place] = d.flows.begin[flow]
         if d.flows.is_random[flow]:
             d.pending.next[b, place] += d.flows.headway[flow] * exponential(n.seed[b], place, 0, HEADWAY)
-    show_lights(n, d, b, 0.0)
+    begin_lights(n, d, b)
     for _ in range(steps):
         _step(n, d, b, False)
     write_poses(n, d, b, True)
@@ -68,8 +68,8 @@ def _step(n: Traffic, d: Demand, b: int, others: bool) -> None:
     # The time at which SUMO's step begins; the slack is against rounding.
     time = n.tick[b] * n.state.dt + 1e-9
     n.tick[b] += 1
-    show_lights(n, d, b, time)
     list_vehicles(n, d, b, others)
+    show_lights(n, d, b, time)
     clear_requests(n)
     for place in range(driven.listed[b, 0]):
         plan(n, d, b, order[place])

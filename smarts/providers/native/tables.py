@@ -127,38 +127,46 @@ def _leads(graph: LaneGraph) -> NDArray:
 
 
 def read_signals(graphs: Sequence[LaneGraph], bases: NDArray, nets: Sequence[Path | None]) -> Signals:
-    """Return the fixed programs of the lights of all maps.
+    """Return the programs of the lights of all maps.
 
     Args:
         graphs: The maps.
         bases: Number of their first lanes.
         nets: Their networks, None where the lights are not known yet.
     """
-    starts, lanes, lights, columns = [0], [], [], []
-    phases, ends, offsets, shows = [0], [], [], []
+    starts, firsts, lanes, lights, columns, before = [0], [0], [], [], [], []
+    phases, least, most, offsets, shows = [0], [], [], [], []
     for graph, base, net in zip(graphs, bases, nets, strict=False):
-        first = len(offsets)
         programs = {} if net is None else _programs(net)
         for name in graph.signal_ids:
             program = programs.get(name)
             offsets.append(float(program.get("offset", "0")) if program is not None else 0.0)
             parts = [] if program is None else program.findall("phase")
-            durations = [float(phase.attrib["duration"]) for phase in parts]
-            ends += np.cumsum(durations).tolist() or [1.0]
+            given = [float(phase.attrib["duration"]) for phase in parts] or [np.inf]
+            waits = program is not None and program.get("type") == "actuated"
+            shortest, longest = (
+                [float(phase.get(bound, phase.attrib["duration"])) for phase in parts] if waits else given
+                for bound in ("minDur", "maxDur")
+            )
+            least += shortest
+            most += longest
             shows += [[_SHOWS.get(each, 0) for each in phase.attrib["state"]] for phase in parts] or [[]]
-            phases.append(len(ends))
+            phases.append(len(least))
         with_light = np.flatnonzero(graph.signal >= 0)
         lanes += (with_light + base).tolist()
-        lights += (graph.signal[with_light] + first).tolist()
+        before += [int(base + (*graph.predecessors(lane), lane)[0]) for lane in with_light.tolist()]
+        lights += (graph.signal[with_light] + firsts[-1]).tolist()
         columns += graph.signal_link[with_light].tolist()
         starts.append(len(lanes))
+        firsts.append(len(offsets))
     wide = np.zeros(
         (max(len(shows), 1), max([1, *map(len, shows), *(column + 1 for column in columns)])), np.int8
     )
     for row, states in enumerate(shows):
         wide[row, : len(states)] = states
-    whole = (np.array(each, np.int32) for each in (starts, lanes, lights, columns, phases))
-    return Signals(*whole, np.array(ends, np.float64), np.array(offsets, np.float64), wide)
+    whole = (np.array(each, np.int32) for each in (starts, lanes, lights, columns, firsts, phases))
+    times = (np.array(each, np.float64) for each in (least, most, offsets))
+    return Signals(*whole, *times, np.array(before, np.int32), wide)
 
 
 def _programs(net: Path) -> dict[str, ElementTree.Element]:

@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smarts.geometry.boxes import boxes_overlap
 from smarts.providers.native.engine import Native
 from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.build import build_scenario
+from tests.contracts.test_traffic_engines import Case
 from tests.unit.sstudio.sources import SCRIPT, write_cross
 
 STEP = 0.1
@@ -100,6 +102,28 @@ def test_none_passes_another_in_its_lane_and_none_is_lost(scenario):
     assert departed > 20
     assert vanished_elsewhere == 0
     assert departed >= int(n.born[0]) - n.limit[0]
+
+
+@pytest.mark.parametrize("beyond", [-30.0, -1.0, 1.5])
+def test_drivers_stop_behind_a_vehicle_of_an_agent_also_across_lane_ends(beyond):
+    case = Case(build_scenario("two_way"), Native, worlds=1)
+    case.reset()
+    # It stands on the lane, with its front over the end, or with its tail before it.
+    lane = case.roads.lane_number("eastbound_approach", 0)
+    slot = case.put(0, lane, float(case.roads.length[lane]) + beyond)
+    vehicles, size, stood = case.vehicles, np.array([5.0, 1.8]), 0
+    # Those that are there cannot all stop for a vehicle that comes from nowhere.
+    first = vehicles.generation[0] + np.where(vehicles.alive[0], 1, 0)
+    for _ in range(250):
+        case.step()
+        own = case.owned(0)
+        boxes = np.stack([vehicles.length[0, own], vehicles.width[0, own]], -1)
+        here = vehicles.position[0, [slot]], vehicles.heading[0, [slot]], size
+        hits = boxes_overlap(*here, vehicles.position[0, own], vehicles.heading[0, own], boxes)
+        assert not (hits & (vehicles.generation[0, own] >= first[own])).any()
+        gap = np.hypot(*(vehicles.position[0, own] - vehicles.position[0, slot]).T) - 5.0
+        stood += ((gap > 2.0) & (gap < 4.0) & (vehicles.speed[0, own] < 0.1)).any()
+    assert stood > 50
 
 
 def test_what_is_not_supported_is_named(tmp_path):
