@@ -122,7 +122,7 @@ def find_ahead(
             return -1, np.inf
         lane = d.ways.lane[row]
         entry = rearmost(n, lane, slot)
-    return entry, seen + room.back[entry] - d.types.min_gap[n.driven.type[b, slot]]
+    return entry, float(seen + room.back[entry] - d.types.min_gap[n.driven.type[b, slot]])
 
 
 @kernel
@@ -272,7 +272,7 @@ def _taken_on(n: Traffic, d: Demand, row: int, changes: int) -> float:
         taken += n.occupancy.taken[d.ways.lane[row]]
         row = d.ways.next[row]
         count += 1
-    return taken
+    return float(taken)
 
 
 @kernel
@@ -281,7 +281,7 @@ def _leads_on(n: Traffic, d: Demand, row: int) -> bool:
     while d.ways.next[row] >= 0:
         row = d.ways.next[row]
     lane = d.ways.lane[row]
-    return n.successor_start[lane] < n.successor_start[lane + 1]
+    return bool(n.successor_start[lane] < n.successor_start[lane + 1])
 
 
 @kernel

@@ -14,6 +14,8 @@ from smarts.errors import TrafficError
 from smarts.providers.native.state import Flows, Types, Ways
 from smarts.providers.native.ways import route_rows
 from smarts.roads.lane_graph import LaneGraph
+from smarts.types import columns
+from smarts.types.columns import Table
 from smarts.types.traffic import TrafficFiles
 from smarts.types.vehicles import VehicleKind
 
@@ -114,22 +116,26 @@ class Built:
 
     def tables(self) -> tuple[Types, Ways, Flows]:
         """Return all as arrays."""
-        empty = Ways(*(np.zeros(0, np.int32),) * 5, np.zeros(0), np.zeros(0), np.zeros(0, np.int32))
-        ways = Ways(*map(np.concatenate, zip(empty, *self._ways, strict=True)))
-        columns = np.array(self._types).T
+        types = (np.array(column) for column in np.array(self._types).T)
+        ways = (np.concatenate(parts) for parts in zip(*self._ways, strict=True))
         flows = np.array(self._flows, np.float64).reshape(-1, 7).T
-        mix = np.cumsum([0, *map(len, self._mixes)]).astype(np.int32)
+        numbers = dict(zip(Flows._fields, map(np.array, flows), strict=False))
+        numbers = {name: numbers[name] for name in ("begin", "end", "headway", "place", "speed")}
         share = [each for mixture in self._mixes for each in mixture]
-        kinds = np.array(columns[-1], np.int8), np.array(columns[12], np.bool_)
         return (
-            Types(*map(np.array, columns[:12]), kinds[1], *map(np.array, columns[13:-1]), kinds[0]),
-            ways,
-            Flows(
-                flows[0].copy(), flows[1].copy(), flows[2].copy(), flows[3] > 0.0, flows[4].astype(np.int32),
-                flows[5].copy(), flows[6].copy(), mix, np.array([each[0] for each in share], np.int32),
-                np.array([each[1] for each in share], np.float64),
+            _typed(Types._make(types)),
+            _typed(Ways._make(ways)) if self._ways else columns.allocate(Ways, (0,)),
+            _typed(
+                Flows(
+                    **numbers,
+                    is_random=flows[3] > 0.0,
+                    row=flows[4].astype(np.int32),
+                    mix=np.cumsum([0, *map(len, self._mixes)]),
+                    mix_type=np.array([each[0] for each in share], np.int32),
+                    mix_share=np.array([each[1] for each in share], np.float64),
+                )
             ),
-        )  # fmt: skip
+        )
 
     def _read(self, number: int, root: ElementTree.Element, file: Path) -> None:
         missing = sorted({element.tag for element in root.iter()} & set(_MISSING))
@@ -205,6 +211,12 @@ class Built:
         ]
         self._types.append(numbers)
         return len(self._types) - 1
+
+
+def _typed(table: Table) -> Table:
+    """Return a named tuple of arrays with the dtypes that its fields are annotated with."""
+    kinds = columns.allocate(type(table), (0,))
+    return type(table)(*(each.astype(kind.dtype) for each, kind in zip(table, kinds, strict=True)))
 
 
 def _index(text: str | None, default: int) -> int:

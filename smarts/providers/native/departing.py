@@ -39,7 +39,7 @@ def depart(n: Traffic, d: Demand, b: int, time: float) -> None:
             pending.waiting[b, place] += 1
             headway = flows.headway[flow]
             if flows.is_random[flow]:
-                came = pending.count[b, place] + pending.waiting[b, place]
+                came = pending.came[b, place] + pending.waiting[b, place]
                 headway *= exponential(n.seed[b], place, came, HEADWAY)
             pending.next[b, place] += headway
         if pending.waiting[b, place] == 0:
@@ -48,7 +48,7 @@ def depart(n: Traffic, d: Demand, b: int, time: float) -> None:
             n.is_full[b] = True
         elif _depart_one(n, d, b, place, flow):
             pending.waiting[b, place] -= 1
-            pending.count[b, place] += 1
+            pending.came[b, place] += 1
             alive += 1
 
 
@@ -56,7 +56,7 @@ def depart(n: Traffic, d: Demand, b: int, time: float) -> None:
 def _depart_one(n: Traffic, d: Demand, b: int, place: int, flow: int) -> bool:
     """Let the next vehicle of a flow depart if it has room; return whether it has."""
     flows, types, lane = d.flows, d.types, d.ways.lane[d.flows.row[flow]]
-    count, seed = d.pending.count[b, place], n.seed[b]
+    count, seed = d.pending.came[b, place], n.seed[b]
     chosen, share = flows.mix[flow], draw(seed, place, count, TYPE)
     while chosen < flows.mix[flow + 1] - 1 and flows.mix_share[chosen] <= share:
         chosen += 1

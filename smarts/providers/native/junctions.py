@@ -106,8 +106,8 @@ def ignores_light(n: Traffic, d: Demand, b: int, slot: int, lane: int, can_brake
     t, light, shown = n.driven.type[b, slot], light_of(n, lane), n.occupancy.shown[lane]
     after_red, after_amber = d.types.after_red[t], d.types.after_yellow[t]
     if light == _AMBER:
-        return after_red >= 0.0 or (after_amber > 0.0 and (not can_brake or after_amber > shown))
-    return light == _RED and after_red >= 0.0 and (not can_brake or after_red > shown)
+        return bool(after_red >= 0.0 or (after_amber > 0.0 and (not can_brake or after_amber > shown)))
+    return bool(light == _RED and after_red >= 0.0 and (not can_brake or after_red > shown))
 
 
 @kernel
@@ -123,7 +123,8 @@ def is_waiting_lane(n: Traffic, lane: int) -> bool:
     if not n.roads.lane_inside[lane]:
         return False
     following = n.successor_start[lane]
-    return following < n.successor_start[lane + 1] and n.roads.lane_inside[n.successor[following]]
+    leads = following < n.successor_start[lane + 1]
+    return bool(leads and n.roads.lane_inside[n.successor[following]])
 
 
 @kernel
@@ -239,7 +240,7 @@ def heed_conflicts(
         waiting: Highest speed if it waits there [m/s].
         asks: Whether it asks to leave the lane.
     """
-    lane, last, room = d.ways.lane[row], n.links.count[slot] - 2, n.occupancy
+    lane, last, room = d.ways.lane[row], n.links.total[slot] - 2, n.occupancy
     begin = seen - n.lane_length[lane]
     own_lane = d.ways.lane[n.driven.row[b, slot]]
     for place in range(n.roads.conflict_start[lane], n.roads.conflict_start[lane + 1]):

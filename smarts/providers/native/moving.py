@@ -53,8 +53,8 @@ def _pass_links(n: Traffic, d: Demand, b: int, slot: int, speed: float) -> tuple
     links, driven, lane = n.links, n.driven, d.ways.lane[n.driven.row[b, slot]]
     safe, least, room = np.inf, -np.inf, -1.0
     driven.must_wait[b, slot] = False
-    driven.will_leave[b, slot] = links.count[slot] > 0 and links.asks[slot, 0]
-    for link in range(links.count[slot]):
+    driven.will_leave[b, slot] = links.total[slot] > 0 and links.asks[slot, 0]
+    for link in range(links.total[slot]):
         row, waiting = links.row[slot, link], links.waiting[slot, link]
         if row < 0 or not links.asks[slot, link]:
             if row >= 0 and link == 0 and n.roads.lane_inside[lane]:
@@ -104,18 +104,18 @@ def _pass_link(
     types, t, dt, ballistic = d.types, n.driven.type[b, slot], n.state.dt, n.ballistic[b]
     target, distance = d.ways.lane[n.links.row[slot, link]], n.links.distance[slot, link]
     braking = brake_gap(speed, types.decel[t], 0.0, dt, ballistic)
-    can_brake = distance > braking or (not ballistic and speed < types.decel[t] * dt)
+    can_brake = bool(distance > braking or (not ballistic and speed < types.decel[t] * dt))
     ignores, amber = ignores_light(n, d, b, slot, target, can_brake), light_of(n, target) == _AMBER
     if amber and can_brake and not ignores:
         return False, False, can_brake
     waits_inside = is_waiting_lane(n, target) and not n.roads.lane_inside[lane]
-    is_minor = n.roads.lane_inside[target] and not (is_first(n, target) or waits_inside or ignores)
+    is_minor = bool(n.roads.lane_inside[target] and not (is_first(n, target) or waits_inside or ignores))
     if amber or is_open(n, d, b, slot, link, lane, can_brake):
-        sees = distance <= VISIBLE or not (can_brake or not amber)
+        sees = bool(distance <= VISIBLE or not (can_brake or not amber))
         return sees or not is_minor, is_minor, can_brake
     if can_brake or n.lane_signal[target]:
         return False, False, can_brake
-    return distance < brake_gap(speed, types.hardest[t], 0.0, dt, ballistic), False, can_brake
+    return bool(distance < brake_gap(speed, types.hardest[t], 0.0, dt, ballistic)), False, can_brake
 
 
 @kernel

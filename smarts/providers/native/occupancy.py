@@ -166,10 +166,10 @@ def may_take(n: Traffic, b: int, slot: int, lane: int) -> bool:
 def add_entry(n: Traffic, lane: int, slot: int, front: float, back: float, pace: float) -> None:
     """List a vehicle on a lane, behind all whose fronts are farther ahead."""
     room = n.occupancy
-    entry = room.count[0]
+    entry = room.entries[0]
     if entry >= len(room.slot):
         return
-    room.count[0] = entry + 1
+    room.entries[0] = entry + 1
     room.lane[entry], room.slot[entry] = lane, slot
     room.front[entry], room.back[entry], room.pace[entry] = front, back, pace
     if front <= n.lane_length[lane]:
@@ -188,9 +188,9 @@ def add_entry(n: Traffic, lane: int, slot: int, front: float, back: float, pace:
 def clear_lists(n: Traffic) -> None:
     """Empty the lanes' lists."""
     room = n.occupancy
-    for entry in range(room.count[0]):
+    for entry in range(room.entries[0]):
         room.head[room.lane[entry]], room.taken[room.lane[entry]] = -1, 0.0
-    room.count[0] = 0
+    room.entries[0] = 0
 
 
 @kernel

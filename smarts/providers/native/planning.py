@@ -61,10 +61,10 @@ def plan(n: Traffic, d: Demand, b: int, slot: int) -> None:
     v_pass = min(speed_after(seen, v, types.accel[t], types.max_speed[t]), lane_most)
     outside, inside = 0.0, seen if n.roads.lane_inside[lane] else 0.0
     slowed, was_outside = False, False
-    links.count[slot] = 0
+    links.total[slot] = 0
     while True:
         v, v_pass = _heed_leaders(n, d, b, slot, row, seen, v, v_pass)
-        last = links.count[slot] - 1
+        last = links.total[slot] - 1
         if last >= 0:
             links.waiting[slot, last] = min(links.waiting[slot, last], v)
         following = ways.next[row]
@@ -82,7 +82,7 @@ def plan(n: Traffic, d: Demand, b: int, slot: int) -> None:
         slowed, stops = _add_link(n, d, b, slot, row, seen, v, v_pass, lane_most, slowed)
         if stops:
             return
-        link = links.count[slot] - 1
+        link = links.total[slot] - 1
         v, v_pass = links.speed[slot, link], min(v_pass, links.speed[slot, link])
         target = ways.lane[following]
         was_outside = was_outside or not n.roads.lane_inside[target]
@@ -103,11 +103,11 @@ def plan(n: Traffic, d: Demand, b: int, slot: int) -> None:
 @kernel
 def _end_links(n: Traffic, slot: int, v: float, seen: float) -> None:
     """Write the last link: not to be passed."""
-    links, link = n.links, n.links.count[slot]
+    links, link = n.links, n.links.total[slot]
     links.row[slot, link], links.asks[slot, link] = -1, False
     links.speed[slot, link] = links.waiting[slot, link] = v
     links.distance[slot, link] = seen
-    links.count[slot] = link + 1
+    links.total[slot] = link + 1
 
 
 @kernel
@@ -132,7 +132,7 @@ def _heed_leaders(
         v: Highest speed after the step so far [m/s].
         v_pass: Highest speed at the lane's end so far [m/s].
     """
-    lane, last = d.ways.lane[row], n.links.count[slot] - 1
+    lane, last = d.ways.lane[row], n.links.total[slot] - 1
     ahead = entry_ahead(n, lane, n.driven.front[b, slot], slot) if last < 0 else rearmost(n, lane, slot)
     if ahead >= 0:
         v, v_pass = _heed_leader(n, d, b, slot, lane, ahead, seen, v, v_pass)
@@ -157,7 +157,7 @@ def _heed_leader(
 ) -> tuple[float, float]:
     """Return speeds behind one vehicle [m/s], see `_heed_leaders`."""
     types, t, room, links = d.types, n.driven.type[b, slot], n.occupancy, n.links
-    speed, last = max(n.state.vehicles.speed[b, slot], 0.0), links.count[slot] - 1
+    speed, last = max(n.state.vehicles.speed[b, slot], 0.0), links.total[slot] - 1
     other, pace = room.slot[entry], room.pace[entry]
     gap = seen - n.lane_length[lane] + room.back[entry] - types.min_gap[t]
     decel = decel_of(n, d, b, other)
@@ -180,7 +180,7 @@ def _is_tail_on_way(n: Traffic, d: Demand, b: int, slot: int, other: int, lane: 
     """Return whether a vehicle's tail is on the lane before this one on the driver's way."""
     if n.state.vehicles.owner[b, other] != n.owner:
         return True
-    last = n.links.count[slot] - 1
+    last = n.links.total[slot] - 1
     before = d.ways.lane[n.driven.row[b, slot] if last == 0 else n.links.row[slot, last - 1]]
     if n.driven.tails[b, other, 0] == before or d.ways.lane[n.driven.row[b, other]] == before:
         return True
@@ -237,7 +237,7 @@ def _add_link(
     """
     types, links, t, dt = d.types, n.links, n.driven.type[b, slot], n.state.dt
     lane, target = d.ways.lane[row], d.ways.lane[d.ways.next[row]]
-    link = links.count[slot]
+    link = links.total[slot]
     speed, ballistic = max(n.state.vehicles.speed[b, slot], 0.0), n.ballistic[b]
     light, first = light_of(n, target), is_first(n, target)
     holds = light in (_RED, _AMBER)
@@ -249,7 +249,7 @@ def _add_link(
     leaves = n.roads.lane_inside[d.ways.lane[n.driven.row[b, slot]]] and link == 0
     asks = (v > LEAST_REQUEST and not (slowed and not n.roads.lane_inside[lane])) or leaves
     waiting = min(v, stop_speed(n, d, b, slot, speed, max(0.0, seen - gap), decel))
-    links.count[slot] = link + 1
+    links.total[slot] = link + 1
     links.row[slot, link], links.distance[slot, link] = d.ways.next[row], seen
     links.leaving_speed[slot, link] = np.inf
     if holds and can_brake and not ignores_light(n, d, b, slot, target, can_brake):
@@ -298,7 +298,7 @@ def _time_link(
 def register(n: Traffic, d: Demand, b: int, slot: int) -> None:
     """Announce a vehicle at the links that it asks to pass."""
     links = n.links
-    for link in range(links.count[slot]):
+    for link in range(links.total[slot]):
         if links.row[slot, link] >= 0:
             lane = d.ways.lane[links.row[slot, link]]
             _announce(n, b, slot, link, lane)
@@ -319,7 +319,7 @@ def _announce(n: Traffic, b: int, slot: int, link: int, lane: int) -> None:
 def register_other(n: Traffic, b: int, slot: int) -> None:
     """Announce a vehicle of another provider at the links that it may come to."""
     links, lane = n.links, n.occupancy.other_lane[slot]
-    links.count[slot] = 0
+    links.total[slot] = 0
     if lane < 0 or n.roads.lane_inside[lane]:
         return
     seen = max(n.lane_length[lane] - n.occupancy.other_front[slot], 0.0)
@@ -327,7 +327,7 @@ def register_other(n: Traffic, b: int, slot: int) -> None:
         return
     speed = max(n.state.vehicles.speed[b, slot], 0.0)
     for place in range(n.successor_start[lane], n.successor_start[lane + 1]):
-        target, link = n.successor[place], links.count[slot]
+        target, link = n.successor[place], links.total[slot]
         light = light_of(n, target)
         if link == LINKS or not n.roads.lane_inside[target] or not may_take(n, b, slot, target):
             continue
@@ -344,15 +344,15 @@ def register_other(n: Traffic, b: int, slot: int) -> None:
         links.leaving_speed[slot, link] = speed_after(
             n.lane_length[target], arriving, ACCEL, max(limit, arriving)
         )
-        links.count[slot] = link + 1
+        links.total[slot] = link + 1
         _announce(n, b, slot, link, target)
 
 
 @kernel
 def clear_requests(n: Traffic) -> None:
     """Forget who asks to pass which link."""
-    for slot in range(n.links.count.shape[0]):
-        n.links.count[slot] = 0
+    for slot in range(n.links.total.shape[0]):
+        n.links.total[slot] = 0
     n.occupancy.approach[:] = -1
 
 
@@ -367,7 +367,7 @@ def check_room(n: Traffic, d: Demand, b: int, slot: int, ahead: float) -> None:
         slot: The vehicle.
         ahead: Lengths and least gaps of the vehicles before it on its lane [m].
     """
-    links, ways, count = n.links, d.ways, n.links.count[slot]
+    links, ways, count = n.links, d.ways, n.links.total[slot]
     space, stands = -ahead, False
     for link in range(count):
         links.blocked[slot, link] = False
@@ -414,7 +414,7 @@ def _withdraw(n: Traffic, d: Demand, b: int, slot: int, link: int) -> None:
     """Withdraw a request and those behind it, if the vehicle can stop before it."""
     links, speed = n.links, max(n.state.vehicles.speed[b, slot], 0.0)
     braking = braking_distance(n, d, b, slot, speed, 0.0)
-    for later in range(link, links.count[slot]):
+    for later in range(link, links.total[slot]):
         if links.row[slot, later] < 0:
             return
         if links.distance[slot, later] >= braking:
@@ -436,7 +436,7 @@ def _space_on(n: Traffic, d: Demand, b: int, slot: int, lane: int) -> tuple[floa
     while entry >= 0:
         if room.slot[entry] != slot:
             if room.pace[entry] < 0.1:
-                return room.back[entry] - lengths, True, waits
+                return float(room.back[entry] - lengths), True, waits
             lengths += room.front[entry] - room.back[entry] + LEAST_GAP
         entry = room.next[entry]
     return n.lane_length[lane] - lengths, False, waits

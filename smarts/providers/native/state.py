@@ -143,13 +143,13 @@ class Lights(NamedTuple):
 
 
 class Links(NamedTuple):
-    """What vehicles of one simulation plan at each link ahead, shape (V, K) each but `count`.
+    """What vehicles of one simulation plan at each link ahead, shape (V, K) each but `total`.
 
     A link is the begin of a lane inside a junction, or of the road behind it. Times count from the begin of
     the step.
     """
 
-    count: Ints
+    total: Ints
     """Links of each vehicle, shape (V,)."""
     row: Ints
     """Of the lane that the link leads to, -1: the vehicle stops before the end of its lane, or arrives."""
@@ -248,7 +248,7 @@ class Pending(NamedTuple):
     """Of the next vehicle [s]."""
     waiting: Ints
     """Vehicles whose time has come."""
-    count: Ints
+    came: Ints
     """Vehicles that have come; keys the draws."""
 
 
@@ -281,7 +281,7 @@ class Occupancy(NamedTuple):
     """Along the lane [m]."""
     pace: Floats
     """Speed along the lane, 0 against it [m/s]."""
-    count: Ints
+    entries: Ints
     """Entries, shape (1,)."""
     taken: Floats
     """Lengths with gaps of the vehicles whose fronts are on each lane [m], shape (L,)."""

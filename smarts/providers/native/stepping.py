@@ -50,7 +50,7 @@ def begin(n: Traffic, d: Demand, b: int, steps: int) -> None:
     n.driven.must_wait[b, :] = False
     for place in range(n.flow_count[b]):
         flow = n.flow_start[b] + place
-        d.pending.waiting[b, place] = d.pending.count[b, place] = 0
+        d.pending.waiting[b, place] = d.pending.came[b, place] = 0
         d.pending.next[b, place] = d.flows.begin[flow]
         if d.flows.is_random[flow]:
             d.pending.next[b, place] += d.flows.headway[flow] * exponential(n.seed[b], place, 0, HEADWAY)
@@ -99,7 +99,7 @@ def _lengths_ahead(n: Traffic, d: Demand, b: int, slot: int) -> float:
         if n.driven.front[b, slot] < room.front[entry] <= n.lane_length[lane] and room.slot[entry] != slot:
             total += room.front[entry] - room.back[entry] + 2.5
         entry = room.next[entry]
-    return total
+    return float(total)
 
 
 @kernel

@@ -44,15 +44,26 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int) -> Traffic:
         owner: Number of the engine.
     """
     graphs, roads = atlas.graphs, atlas.roads
-    shape = world.vehicles.alive.shape
-    worlds, slots, lanes = *shape, int(roads.lane_base[-1])
+    shape, slots = world.vehicles.alive.shape, int(world.vehicles.capacity)
+    worlds = world.worlds
+    lanes = int(roads.lane_base[-1])
     links = [_csr(graphs, roads.lane_base, name) for name in ("successor", "predecessor")]
     yields = np.isin(roads.conflict_yields, (Yields.THIS, Yields.BOTH))
     owners = np.repeat(np.arange(lanes), np.diff(roads.conflict_start))
-    room = {"head": lanes, "approach": lanes, "taken": lanes, "green": lanes, "shown": lanes, "count": 1}
+    room: dict[str, int] = {
+        "head": lanes,
+        "approach": lanes,
+        "taken": lanes,
+        "green": lanes,
+        "shown": lanes,
+        "entries": 1,
+    }
     room |= {name: slots for name in ("listed", "other_lane", "other_front", "speed")}
     kinds = columns.allocate(Occupancy, (0,))._asdict()
-    found = {name: np.zeros(room.get(name, ENTRIES * slots + 16), kind.dtype) for name, kind in kinds.items()}
+    entries = ENTRIES * slots + 16
+    found: dict[str, NDArray] = {
+        name: np.zeros(room.get(name, entries), kind.dtype) for name, kind in kinds.items()
+    }
     found["head"][:] = found["approach"][:] = -1
     found["lanes"], found["points"] = (np.empty(MOST_CANDIDATES, np.int32) for _ in range(2))
     found["squares"] = np.empty(MOST_CANDIDATES)
@@ -75,8 +86,8 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int) -> Traffic:
             [_leads(graph) + base for graph, base in zip(graphs, roads.edge_base, strict=False)]
         ).astype(np.int32),
         driven=driven,
-        occupancy=Occupancy(**found),
-        links=columns.allocate(Links, (slots, LINKS))._replace(count=np.zeros(slots, np.int32)),
+        occupancy=Occupancy._make(found.values()),
+        links=columns.allocate(Links, (slots, LINKS))._replace(total=np.zeros(slots, np.int32)),
         seed=np.zeros(worlds, np.int64),
         tick=np.zeros(worlds, np.int32),
         born=np.zeros(worlds, np.int32),
@@ -166,7 +177,7 @@ def read_signals(graphs: Sequence[LaneGraph], bases: NDArray, nets: Sequence[Pat
         wide[row, : len(states)] = states
     whole = (np.array(each, np.int32) for each in (starts, lanes, lights, columns, firsts, phases))
     times = (np.array(each, np.float64) for each in (least, most, offsets))
-    return Signals(*whole, *times, np.array(before, np.int32), wide)
+    return Signals._make([*whole, *times, np.array(before, np.int32), wide])
 
 
 def _programs(net: Path) -> dict[str, ElementTree.Element]:

@@ -135,7 +135,6 @@ def _table(rows: list[_Row]) -> Ways:
     def column(name: str, kind: type) -> np.ndarray:
         return np.array([getattr(row, name) for row in rows], kind)
 
-    whole = (column(name, np.int32) for name in ("lane", "next", "left", "right", "changes"))
-    return Ways(
-        *whole, column("length", np.float64), column("arrival", np.float64), np.zeros(len(rows), np.int32)
-    )
+    whole = [column(name, np.int32) for name in ("lane", "next", "left", "right", "changes")]
+    far = [column(name, np.float64) for name in ("length", "arrival")]
+    return Ways._make([*whole, *far, np.zeros(len(rows), np.int32)])
