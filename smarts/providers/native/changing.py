@@ -150,7 +150,7 @@ def find_behind(n: Traffic, d: Demand, b: int, slot: int, lane: int, front: floa
 
 @kernel
 def _blocked_by(n: Traffic, d: Demand, b: int, slot: int, ahead: Near, behind: Near) -> int:
-    """Return who blocks a lane change: `BY_LEADER` and `BY_FOLLOWER` (`MSLaneChanger::checkChange`)."""
+    """Return what blocks a lane change: `BY_LEADER` and `BY_FOLLOWER` (`MSLaneChanger::checkChange`)."""
     room, v, t, found = n.occupancy, n.state.vehicles, n.driven.type[b, slot], 0
     speed, factor = v.speed[b, slot], 1.0 / d.types.assertive[t]
     decel, dt = d.types.decel[t], n.state.dt
@@ -216,7 +216,7 @@ def _wants(
         leader: The vehicle ahead.
         ahead: The one ahead on the lane beside.
         behind: The one behind on the lane beside.
-        blocked: Who blocks the change.
+        blocked: What blocks the change.
     """
     driven, ways, types, t, dt = n.driven, d.ways, d.types, n.driven.type[b, slot], n.state.dt
     speed, place, lane = n.state.vehicles.speed[b, slot], driven.front[b, slot], ways.lane[row]

@@ -155,10 +155,15 @@ class Built:
             ]
         routes = {element.attrib["id"]: element for element in root.iter("route")}
         for element in [*root.iter("flow"), *root.iter("vehicle")]:
-            self._add_flow(number, element, routes[element.attrib["route"]], mixes)
+            self._add_flow(number, element, routes[element.attrib["route"]], mixes, str(file))
 
     def _add_flow(
-        self, number: int, element: ElementTree.Element, route: ElementTree.Element, mixes: Mapping[str, Any]
+        self,
+        number: int,
+        element: ElementTree.Element,
+        route: ElementTree.Element,
+        mixes: Mapping[str, Any],
+        file: str,
     ) -> None:
         graph, get = self._maps[number], element.get
         edges = [graph.edge_number(edge) for edge in route.attrib["edges"].split()]
@@ -167,6 +172,12 @@ class Built:
         scale = float(graph.length[goal] / graph.driven_length[goal])
         arrival = np.inf if end == "max" else float(end) * scale
         lane = _index(get("arrivalLane"), -1)
+        if not get("departLane", "0").isdigit():
+            raise TrafficError(
+                f"native traffic does not support departLane {get('departLane')!r}",
+                place=file,
+                remedy='use the traffic engine "SUMO" for this scenario',
+            )
         _, first = self.route(number, edges, (lane, arrival), repeats=int(route.get("repeat", "1")) > 1)
         index = _index(get("departLane"), 0)
         start = list(graph.edge_lanes(edges[0]))[index]

@@ -1,4 +1,4 @@
-"""Kernels of the right of way: who may enter a junction, and who lets whom by inside."""
+"""Kernels of the right of way: which vehicles enter a junction, and which let others by inside."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def light_of(n: Traffic, lane: int) -> int:
 
 @kernel
 def is_first(n: Traffic, lane: int) -> bool:
-    """Return whether who enters a lane goes first, by signs or its light."""
+    """Return whether a lane has the right of way, by signs or its light."""
     if n.lane_signal[lane]:
         return n.occupancy.green[lane] & MAJOR != 0
     return not n.lane_minor[lane]
@@ -334,7 +334,7 @@ def _leads(
     if n.lane_signal[lane] and is_first(n, lane) != is_first(n, roads.conflict_lane[place]):
         its = is_first(n, lane)
         responds = not its
-    # Who gives way counts from where others cross, and who has the right of way from the junction's begin.
+    # Of a driver that gives way the time counts from where others cross, else from the junction's begin.
     entered = driven.conflicted[b, slot] if responds else driven.entered[b, slot]
     its_entered = driven.entered[b, other] if responds and not its else driven.conflicted[b, other]
     if entered != its_entered:

@@ -21,7 +21,7 @@ from smarts.providers.native.state import TAILS, Demand, Traffic
 from smarts.types.traffic import Signal
 
 COOPERATIVE, STRATEGIC, BY_LEADER, BY_FOLLOWER, BLOCKS_CHANGE = 1, 2, 4, 8, 16
-"""Parts of `Driven.reason`: a change to help others, or for the route; who blocks it; it blocks another's."""
+"""Parts of `Driven.reason`: a change for others, or for the route; what blocks it; it blocks another's."""
 MERGING_ROOM = 1.0
 """More than a vehicle that wants the other way needs [m]."""
 FADES = 0.4

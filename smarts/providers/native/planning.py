@@ -136,6 +136,8 @@ def _heed_leaders(
     ahead = entry_ahead(n, lane, n.driven.front[b, slot], slot) if last < 0 else rearmost(n, lane, slot)
     if ahead >= 0:
         v, v_pass = _heed_leader(n, d, b, slot, lane, ahead, seen, v, v_pass)
+    for place in range(n.sibling_start[lane], n.sibling_start[lane + 1]):
+        v, v_pass = _heed_branching(n, d, b, slot, lane, place, seen, v, v_pass)
     if n.driven.side[b, slot] != 0:
         own = d.ways.lane[n.driven.row[b, slot]]
         other = lane_beside(n, b, slot, own)
@@ -148,6 +150,24 @@ def _heed_leaders(
             if ahead >= 0:
                 scaled = seen if last >= 0 else n.lane_length[other] - there
                 v, v_pass = _heed_leader(n, d, b, slot, other, ahead, scaled, v, v_pass)
+    return v, v_pass
+
+
+@kernel
+def _heed_branching(
+    n: Traffic, d: Demand, b: int, slot: int, lane: int, place: int, seen: float, v: float, v_pass: float
+) -> tuple[float, float]:
+    """Return speeds behind vehicles on a lane that branches off, as far as it is beside this one [m/s].
+
+    `place` is the row of the other lane in `Traffic.sibling`; see `_heed_leaders`.
+    """
+    room, is_there = n.occupancy, n.links.total[slot] == 0
+    entry = room.head[n.sibling[place]]
+    while entry >= 0:
+        is_ahead = not is_there or room.front[entry] > n.driven.front[b, slot]
+        if room.slot[entry] != slot and is_ahead and room.back[entry] < n.sibling_until[place]:
+            v, v_pass = _heed_leader(n, d, b, slot, lane, entry, seen, v, v_pass)
+        entry = room.next[entry]
     return v, v_pass
 
 
@@ -350,7 +370,7 @@ def register_other(n: Traffic, b: int, slot: int) -> None:
 
 @kernel
 def clear_requests(n: Traffic) -> None:
-    """Forget who asks to pass which link."""
+    """Forget all requests."""
     for slot in range(n.links.total.shape[0]):
         n.links.total[slot] = 0
     n.occupancy.approach[:] = -1

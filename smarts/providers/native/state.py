@@ -69,7 +69,7 @@ class Ways(NamedTuple):
     """Row of the lane to the left, -1 for none."""
     right: Ints
     changes: Ints
-    """Lane changes to the left, < 0 to the right, to the lane from which the route goes on farthest."""
+    """Lane changes to the left, < 0 to the right, to the lane that leads farthest on the route."""
     length: Floats
     """What can be driven without a change, from this lane's begin [m]."""
     arrival: Floats
@@ -118,7 +118,7 @@ class Signals(NamedTuple):
     least: Floats
     """How long each phase lasts at least [s]."""
     most: Floats
-    """How long it lasts at most [s]: longer than `least`, if it goes on while vehicles come."""
+    """How long it lasts at most [s]: longer than `least`, if it lasts while vehicles come."""
     offset: Floats
     """Of each signal [s]."""
     before: Ints
@@ -318,11 +318,16 @@ class Traffic(NamedTuple):
     lane_length: Floats
     """[m], shape (L,)."""
     lane_minor: Bools
-    """Whether who enters the lane gives way to others, without lights, shape (L,)."""
+    """Whether drivers that enter the lane give way to others, without lights, shape (L,)."""
     lane_turns: Bools
     """Whether the lane turns off in a junction, shape (L,)."""
     lane_signal: Bools
     """Whether the lane has a light, shape (L,)."""
+    sibling_start: Ints
+    """CSR of the lanes in a junction that begin where each begins, shape (L + 1,)."""
+    sibling: Ints
+    sibling_until: Floats
+    """Arc length at which both are beside each other [m]."""
     lane_leads: Ints
     """Edge that the lane is of, or leads into from a junction, numbered across all maps, shape (L,)."""
     driven: Driven

@@ -48,6 +48,7 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int) -> Traffic:
     worlds = world.worlds
     lanes = int(roads.lane_base[-1])
     links = [_csr(graphs, roads.lane_base, name) for name in ("successor", "predecessor")]
+    siblings = _siblings(graphs, roads.lane_base)
     yields = np.isin(roads.conflict_yields, (Yields.THIS, Yields.BOTH))
     owners = np.repeat(np.arange(lanes), np.diff(roads.conflict_start))
     room: dict[str, int] = {
@@ -82,6 +83,9 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int) -> Traffic:
         lane_minor=np.bincount(owners[yields], minlength=lanes) > 0,
         lane_turns=np.concatenate([_turns(graph) for graph in graphs]),
         lane_signal=np.concatenate([graph.signal >= 0 for graph in graphs]),
+        sibling_start=siblings[0],
+        sibling=siblings[1],
+        sibling_until=siblings[2],
         lane_leads=np.concatenate(
             [_leads(graph) + base for graph, base in zip(graphs, roads.edge_base, strict=False)]
         ).astype(np.int32),
@@ -104,6 +108,25 @@ def _csr(graphs: Sequence[LaneGraph], bases: NDArray, name: str) -> tuple[NDArra
     counts = np.concatenate([np.diff(getattr(graph, f"{name}_start")) for graph in graphs])
     lanes = [getattr(graph, name) + base for graph, base in zip(graphs, bases, strict=False)]
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), np.concatenate(lanes).astype(np.int32)
+
+
+def _siblings(graphs: Sequence[LaneGraph], bases: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Return, as CSR, the lanes that begin where a lane in a junction does, and how far both go together."""
+    start, found, until = [0], [], []
+    for graph, base in zip(graphs, bases, strict=False):
+        for lane, inside in enumerate(graph.is_internal.tolist()):
+            before = graph.predecessors(lane).tolist() if inside else []
+            for other in sorted(
+                {each for road in before for each in graph.successors(road).tolist()} - {lane}
+            ):
+                apart = graph.centreline(lane)[:, None] - graph.centreline(other)
+                gap = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1)
+                far = np.flatnonzero(gap > 0.5 * (graph.width[lane] + graph.width[other]))
+                along = graph.point_s[graph.point_start[lane] :]
+                found.append(other + base)
+                until.append(along[far[0]] if len(far) else graph.length[lane])
+            start.append(len(found))
+    return np.array(start, np.int32), np.array(found, np.int32), np.array(until, np.float64)
 
 
 def _turns(graph: LaneGraph) -> NDArray:

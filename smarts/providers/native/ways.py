@@ -98,7 +98,7 @@ def chains_to(graph: LaneGraph, lane: int, edge: int) -> list[list[int]]:
 
 
 def _choose_chain(graph: LaneGraph, row: _Row, rows: list[_Row], first: int, edge: int) -> None:
-    """Choose the way into the lane from which the route goes on farthest, then with the fewest changes."""
+    """Choose the way into the lane that leads farthest on the route, then with the fewest changes."""
 
     def target(chain: list[int]) -> int:
         return first + chain[-1] - int(graph.edge_first_lane[edge])
