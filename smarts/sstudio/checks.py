@@ -28,16 +28,20 @@ class Checks:
         """Return the place of an error: file and object."""
         return f"{self.place}: {where}"
 
+    def error(self, where: str, problem: str, remedy: str) -> ScenarioError:
+        """Return an error to raise, where its texts take long to make."""
+        return ScenarioError(problem, place=self.at(where), remedy=remedy)
+
     def require(self, holds: bool, where: str, problem: str, remedy: str) -> None:
         """Raise unless a condition holds."""
         if not holds:
-            raise ScenarioError(problem, place=self.at(where), remedy=remedy)
+            raise self.error(where, problem, remedy)
 
     def number(self, value: Any, where: str, least: float = 0.0, most: float = math.inf) -> None:
         """Require a number from `least` to `most`."""
-        bounds = f"from {least:g}" if most == math.inf else f"from {least:g} to {most:g}"
-        holds = isinstance(value, int | float) and least <= value <= most
-        self.require(holds, where, f"{shown(value)} is not a number {bounds}", f"use a number {bounds}")
+        if not isinstance(value, int | float) or not least <= value <= most:
+            bounds = f"from {least:g}" if most == math.inf else f"from {least:g} to {most:g}"
+            raise self.error(where, f"{shown(value)} is not a number {bounds}", f"use a number {bounds}")
 
     def numbers(self, owner: Any, where: str, *names: str, least: float = 0.0) -> None:
         """Require a number from `least` in each of some fields of `owner`."""
@@ -46,18 +50,20 @@ class Checks:
 
     def choice(self, value: Any, known: Collection[str], where: str) -> None:
         """Require one of the known names."""
-        self.require(value in known, where, f"there is no {shown(value)}", nearest_names(str(value), known))
+        if value not in known:
+            raise self.error(where, f"there is no {shown(value)}", nearest_names(str(value), known))
 
     def type(self, value: Any, expected: type | tuple[type, ...], where: str) -> None:
         """Require a value of a type."""
-        kinds = expected if isinstance(expected, tuple) else (expected,)
-        names = " or ".join(kind.__name__ for kind in kinds)
-        self.require(isinstance(value, expected), where, f"not a {names}: {shown(value)}", f"use a {names}")
+        if not isinstance(value, expected):
+            kinds = expected if isinstance(expected, tuple) else (expected,)
+            names = " or ".join(kind.__name__ for kind in kinds)
+            raise self.error(where, f"not a {names}: {shown(value)}", f"use a {names}")
 
     def named(self, value: Any, kind: type | tuple[type, ...], where: str) -> list[tuple[str, Any]]:
         """Require a dict of values of a type by name, or None; return the values with their places."""
-        is_dict = isinstance(value, Mapping | None)
-        self.require(is_dict, where, f"not a dict by name: {shown(value)}", 'use {"name": ...}')
+        if not isinstance(value, Mapping | None):
+            raise self.error(where, f"not a dict by name: {shown(value)}", 'use {"name": ...}')
         found = [(f"{where}[{name!r}]", item) for name, item in (value or {}).items()]
         for at, item in found:
             self.type(item, kind, at)
@@ -65,8 +71,8 @@ class Checks:
 
     def each(self, value: Any, kind: type | tuple[type, ...], where: str) -> list[tuple[str, Any]]:
         """Require a list of values of a type, or None; return the values with their places."""
-        is_list = isinstance(value, list | tuple | None)
-        self.require(is_list, where, f"not a list: {shown(value)}", "use [...]")
+        if not isinstance(value, list | tuple | None):
+            raise self.error(where, f"not a list: {shown(value)}", "use [...]")
         found = [(f"{where}[{number}]", item) for number, item in enumerate(value or ())]
         for at, item in found:
             self.type(item, kind, at)

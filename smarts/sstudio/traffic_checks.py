@@ -133,8 +133,9 @@ class TrafficChecks(Checks):
         self.numbers(stop, where, "offset", "length", least=SHORTEST_STOP)
         self.numbers(stop, where, "duration")
         open_lane_of(roads, (stop.road_id, stop.lane_index, stop.offset), self.at(where))
-        problem, remedy = f"the route does not pass edge '{stop.road_id}'", nearest_names(stop.road_id, edges)
-        self.require(stop.road_id in edges, f"{where}.road_id", problem, remedy)
+        if stop.road_id not in edges:
+            problem = f"the route does not pass edge '{stop.road_id}'"
+            raise self.error(f"{where}.road_id", problem, nearest_names(stop.road_id, edges))
 
     def _actor(self, actor: t.TrafficActor, where: str) -> None:
         self.choice(actor.vehicle_type, VEHICLE_TYPES, f"{where}.vehicle_type")

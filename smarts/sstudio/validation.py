@@ -179,8 +179,8 @@ class _Validation(TrafficChecks, BubbleChecks):
                 self.require(edge == begin[0], at, problem, f"put the zone on edge '{begin[0]}'")
 
     def _social_agents(self, group: Any, where: str) -> None:
-        remedy = "use ([actor, ...], [mission, ...])"
-        self.require(len(group) == 2, where, f"not two lists: {shown(group)}", remedy)
+        if len(group) != 2:
+            raise self.error(where, f"not two lists: {shown(group)}", "use ([actor, ...], [mission, ...])")
         actors, missions = group
         actors = [actors] if isinstance(actors, t.SocialAgentActor) else actors
         self.require(bool(actors), where, "the group has no actors", "give at least one SocialAgentActor")
