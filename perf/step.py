@@ -117,6 +117,7 @@ class Run:
             **{
                 part.name: Clock(getattr(self._plain, part.name), part.name, self.spent)
                 for part in dataclasses.fields(self._plain)
+                if getattr(self._plain, part.name) is not None
             },
         )
         engines: Any = self._plain.traffic
