@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Ints
 from smarts.errors import TrafficError
 from smarts.types.vehicles import Owner, VehicleStates
+
+MADE_NAME = re.compile(r"vehicle-(\d+)-\d+")
+"""Name of a vehicle that was given none, with its slot and generation."""
 
 
 class VehicleRegistry:
@@ -27,8 +32,8 @@ class VehicleRegistry:
         worlds = states.alive.shape[0]
         self._names: list[dict[int, tuple[int, str]]] = [{} for _ in range(worlds)]
         """By slot: the generation that is named, and its name."""
-        self._by_name: list[dict[str, tuple[int, int]]] = [{} for _ in range(worlds)]
-        """Slot and generation of each name of the episode that was given."""
+        self._by_name: list[dict[str, int]] = [{} for _ in range(worlds)]
+        """Slot of each name of the episode that was given."""
 
     def reset(self, row: int) -> None:
         """Empty a simulation, and restart its generations and names."""
@@ -63,8 +68,7 @@ class VehicleRegistry:
         while unique in by_name:
             number += 1
             unique = f"{name}~{number}"
-        generation = int(states.generation[row, slot])
-        self._names[row][slot], by_name[unique] = (generation, unique), (slot, generation)
+        self._names[row][slot], by_name[unique] = (int(states.generation[row, slot]), unique), slot
         return slot
 
     def admit_unnamed(
@@ -104,10 +108,11 @@ class VehicleRegistry:
         return name if named == generation else f"vehicle-{slot}-{generation}"
 
     def slot(self, row: int, name: str) -> int:
-        """Return the slot of the vehicle that was admitted under a name, -1 if it is not there."""
-        slot, generation = self._by_name[row].get(name, (-1, 0))
-        is_there = self.states.alive[row, slot] and self.states.generation[row, slot] == generation
-        return slot if is_there else -1
+        """Return the slot of the vehicle of a public name, -1 if it is not there."""
+        slot = self._by_name[row].get(name, -1)
+        if slot < 0 and (made := MADE_NAME.fullmatch(name)):
+            slot = int(made[1])
+        return slot if 0 <= slot < self.states.capacity and self.name(row, slot) == name else -1
 
     def _take_slot(self, row: int) -> int:
         """Take the lowest free slot of a simulation for a new generation; return it, -1 if there is none."""

@@ -70,5 +70,11 @@ def test_who_has_no_name_gets_one_of_slot_and_generation():
     slots = [registry.admit_unnamed(np.zeros(1, int), 1, one, one, one)[0] for _ in range(2)]
     assert slots == [0, 1]
     assert [registry.name(0, slot) for slot in range(3)] == ["vehicle-0-2", "vehicle-1-1", ""]
+    assert [registry.slot(0, name) for name in ("vehicle-0-2", "vehicle-1-1", "vehicle-0-1", "a")] == [
+        0,
+        1,
+        -1,
+        -1,
+    ]
     registry.dismiss(np.zeros(2, int), np.array(slots))
     assert not registry.states.alive.any()
