@@ -47,7 +47,8 @@ class Location:
         """Folders for its artefacts: the best first, the others for where that one cannot be written."""
         beside = self.directory / "build"
         apart = _cache_folder() / digest([str(self.directory), self.map_file], size=8)
-        return (apart,) if self.map_file else (beside, apart)
+        # SUMO takes a comma in a path for the end of one path and the begin of the next.
+        return tuple(root for root in ([apart] if self.map_file else [beside, apart]) if "," not in str(root))
 
     @property
     def label(self) -> str:

@@ -1,4 +1,4 @@
-"""What becomes of artefacts: damaged ones are built anew, old ones go, commas and full disks are survived."""
+"""What becomes of artefacts: old ones go, commas and full disks are survived."""
 
 import json
 import os
@@ -9,6 +9,7 @@ from typing import ClassVar
 
 from smarts.sstudio.build import CODE, PACKAGE, build_scenario
 from smarts.sstudio.cache import KEPT_DAYS
+from smarts.sstudio.locating import Location
 
 from . import sources
 
@@ -65,6 +66,11 @@ class TestWhatScenarioFilesRead:
         (folder / "log").write_text("cleared")
         assert build_scenario(folder) == built
         assert (folder / "log").read_text() == "cleared"  # it did not run again
+
+
+def test_a_folder_whose_name_sumo_would_split_is_built_elsewhere(tmp_path):
+    (elsewhere,) = Location("maps", tmp_path / "a, b").builds
+    assert "," not in str(elsewhere)
 
 
 def test_the_build_imports_no_code_that_does_not_count():
