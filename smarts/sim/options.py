@@ -89,7 +89,7 @@ class Options:
                 self.friction is None or 0.05 <= self.friction <= 2.0,
                 "give 0.05 to 2; ice has about 0.1, a wet road 0.5, dry asphalt 0.9",
             ),
-            ("path", self.path >= 1, "give a number of points, 1 or more"),
+            ("path", isinstance(self.path, int) and self.path >= 1, "give a number of points, 1 or more"),
         )
         for name, is_right, remedy in rules:
             if not is_right:
