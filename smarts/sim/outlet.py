@@ -11,6 +11,7 @@ import select
 import socket
 import threading
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -107,6 +108,7 @@ class Outlet:
         """Wakes the thread: it waits for the second one to be readable."""
         for each in (self._bell, self._ringing):
             each.setblocking(False)
+        _outlets.add(self)
         # A daemon, since a program that ends without closing is not to hang.
         self._thread = threading.Thread(target=self._work, name="envision-outlet", daemon=True)
         self._thread.start()
@@ -322,6 +324,19 @@ def _ready(connection: socket.socket, ringing: socket.socket, *, has_rest: bool)
     poll.register(ringing, select.POLLIN)
     found = dict(poll.poll())
     return [each for each in (connection, ringing) if found.get(each.fileno(), 0) & ~select.POLLOUT]
+
+
+_outlets: weakref.WeakSet[Outlet] = weakref.WeakSet()
+
+
+def _leave_parent() -> None:
+    """Close what a process that was forked off has of its parent's connections, which end with the parent."""
+    for outlet in [*_outlets]:
+        if outlet._connection is not None:
+            outlet._connection.close()
+
+
+os.register_at_fork(after_in_child=_leave_parent)
 
 
 def _shaken(connection: socket.socket, address: Address) -> ClientProtocol:

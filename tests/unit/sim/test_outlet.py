@@ -1,5 +1,6 @@
 """The connection to a viewer's server, against a real WebSocket server without our code."""
 
+import os
 import threading
 import time
 from contextlib import contextmanager
@@ -115,3 +116,35 @@ def test_a_server_that_ends_and_comes_back_is_found_again():
         wait(lambda: server.messages)
         sender.close()
         assert numbers(server) == [1]
+
+
+def test_a_connection_ends_with_its_process_though_a_fork_lives_on():
+    with running() as server:
+        ended, end = os.pipe()
+        parent = os.fork()
+        if not parent:
+            opened(server).put(message(0), 1)
+            if not os.fork():
+                os.close(end)
+                os.read(ended, 1)
+            os._exit(0)
+        os.waitpid(parent, 0)
+        wait(lambda: server.ended)
+        os.close(end)
+        os.close(ended)
+
+
+def test_a_process_that_was_forked_off_does_not_disturb():
+    with running() as server:
+        sender = opened(server)
+        sender.put(message(0), sender.epoch)
+        child = os.fork()
+        if not child:
+            sender.put(message(7), sender.epoch)
+            sender.close()
+            os._exit(0)
+        assert os.waitpid(child, 0)[1] == 0
+        sender.put(message(1), sender.epoch)
+        wait(lambda: len(server.messages) == 2)
+        sender.close()
+        assert numbers(server) == [0, 1]
