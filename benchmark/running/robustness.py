@@ -264,6 +264,7 @@ def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Itera
     with locked(root / ROBUSTNESS):
         facts = machine()
         plays = [(cell, play) for cell in cells for play in plays_of(cell, given)]
+        _keep_longer(root, plays)
         missing, there = [], 0
         for cell, play in plays:
             wanted = _wanted(cell, play)
@@ -275,6 +276,19 @@ def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Itera
         for number, _ in side_by_side(_play, missing, parallel):
             there += 1
             yield f"{there}/{len(plays)} {missing[number][2]}"
+
+
+def _keep_longer(root: Path, plays: Sequence[tuple[Cell, Play]]) -> None:
+    """Raise if plays of more episodes would be replaced."""
+    for cell, play in plays:
+        file = root / play.folder / PLAY
+        found = read_versioned(file)["episodes"] if file.exists() else 0
+        if found > cell.episodes:
+            raise ResultsError(
+                f"a play of {found} episodes would be replaced by one of {cell.episodes}",
+                place=str(file.parent),
+                remedy=f"give --episodes {found}, or remove {root / ROBUSTNESS}",
+            )
 
 
 def plays_of(cell: Cell, given: Given) -> Iterator[Play]:

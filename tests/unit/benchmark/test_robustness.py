@@ -197,6 +197,13 @@ def test_what_is_there_is_not_played_again_and_what_is_lost_is(played, tmp_path,
     assert not read_played(read_results(root)).problems
 
 
+def test_longer_plays_are_not_replaced_by_shorter_ones(played, monkeypatch):
+    monkeypatch.setattr(known_conditions, "conditions", lambda: NEUTRAL)
+    given = Given(episodes=2, algorithms=("ppo", "commnet"), partners=("parked",), conditions=())
+    with pytest.raises(ResultsError, match="3 episodes would be replaced by one of 2"):
+        [*play_robustness(played, given)]
+
+
 @pytest.mark.parametrize(
     ("given", "kind", "said"),
     [
