@@ -295,9 +295,12 @@ class JointAlgorithm(Algorithm):
 
     def runner_state(self) -> dict[str, Any]:
         """Return weights and counters as runners take them over."""
-        weights = self.learner_group.get_state(
-            components=f"{COMPONENT_LEARNER}/{COMPONENT_RL_MODULE}", inference_only=True
-        )[COMPONENT_LEARNER]
+        try:
+            weights = self.learner_group.get_state(
+                components=f"{COMPONENT_LEARNER}/{COMPONENT_RL_MODULE}", inference_only=True
+            )[COMPONENT_LEARNER]
+        except RayActorError:
+            self._fail({0: "its process is lost"})  # the first one is asked
         return {
             COMPONENT_RL_MODULE: weights[COMPONENT_RL_MODULE],
             WEIGHTS_SEQ_NO: weights[WEIGHTS_SEQ_NO],

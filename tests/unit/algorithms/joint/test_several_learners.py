@@ -137,12 +137,13 @@ def assert_gone(pids):
 
 
 @pytest.mark.slow
-def test_a_lost_learner_ends_the_training(build):
+@pytest.mark.parametrize("lost", [pytest.param(0, marks=pytest.mark.nightly), 1])
+def test_a_lost_learner_ends_the_training(lost, build):
     algo = build(small("ppo").learners(num_learners=2, num_cpus_per_learner=0))
     train(algo, 1)
     pids = processes_of(algo)
-    os.kill(pids[1], signal.SIGKILL)
-    with pytest.raises(LearnerFailure, match=r"learner 1: .*lost.*of 2"):
+    os.kill(pids[lost], signal.SIGKILL)
+    with pytest.raises(LearnerFailure, match=rf"learner {lost}: .*lost.*of 2"):
         train(algo, 1)
     assert_gone(pids)
 
