@@ -52,6 +52,12 @@ class PyMARLEnv(NotCopied):
         reward_scalarisation: Literal["sum", "mean"] = "sum",
         **options: Unpack[EnvOptions],
     ) -> None:
+        if reward_scalarisation not in ("sum", "mean"):
+            raise InterfaceError(
+                f"reward_scalarisation={reward_scalarisation!r}",
+                place="PyMARLEnv",
+                remedy="give 'sum' or 'mean'",
+            )
         settings = make_settings("PyMARLEnv", scenarios, agents, options=options)
         refuse_bubbles("PyMARLEnv", settings)
         self.episode_limit = _most_decisions(settings.interfaces(), settings.decision_interval)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface
+from smarts.agents.options import InterfaceError
 from smarts.env import PyMARLEnv, hiway_parallel_env
 from smarts.errors import ActionError
 from smarts.types.actions import ActionSpaceType
@@ -78,3 +79,8 @@ def test_agents_that_stand_are_cut_at_the_limit():
     env.reset()
     env.step([0, 0])
     env.close()
+
+
+def test_an_unknown_way_to_join_rewards_is_an_error():
+    with pytest.raises(InterfaceError, match=r"reward_scalarisation='avg'(.|\n)*'sum' or 'mean'"):
+        PyMARLEnv(["intersection"], reward_scalarisation="avg")
