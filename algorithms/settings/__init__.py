@@ -1,7 +1,7 @@
 """The settings of all algorithms: a class for each, in which a field says type, default, range and meaning.
 
 RLlib's configs take their defaults and checks from here, experiment files their errors and their schema, and
-`smarts-bench algorithms NAME` its table. The package imports neither torch nor Ray.
+`smarts-bench settings NAME` its table. The package imports neither torch nor Ray.
 """
 
 # ruff: noqa: F401 - names for users

@@ -302,7 +302,7 @@ def check_traffic(traffic: Any) -> None:
 
 
 def check_agents(agents: Any) -> None:
-    """Raise unless `agents` is a number of agents, or their specs or interfaces by allowed names.
+    """Raise unless `agents` is a number of agents, or their specs or interfaces by name.
 
     Raises:
         InterfaceError: It is neither.
