@@ -103,9 +103,9 @@ def _scenarios() -> str:
 
 
 def _kernel_cache() -> str:
-    import smarts
+    from smarts.geometry.boxes import slab  # any kernel: numba chooses a folder that can be written to
 
-    folder = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(smarts.__file__).parent)
+    folder = Path(slab.stats.cache_path)
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder):
         pass
