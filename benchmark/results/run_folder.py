@@ -105,7 +105,7 @@ class RunFolder:
         """Return whether the run is trained and tested in this way.
 
         Raises:
-            ResultsError: The table is lost or of another test, and there is no checkpoint.
+            ResultsError: The table is lost, damaged or of another test, and there is no checkpoint.
         """
         if self.status != FINISHED:
             return False
@@ -113,7 +113,8 @@ class RunFolder:
         if self.has_table and _is_same_test(before, tested):
             return True
         if self.has_lost_checkpoint:
-            problem = "it was tested in another way" if self.has_table else "the test's table is missing"
+            lost = "the test's table is missing or damaged"
+            problem = "it was tested in another way" if self.has_table else lost
             raise ResultsError(
                 f"{problem}; there is no checkpoint either that could be tested again",
                 place=str(self.table),
