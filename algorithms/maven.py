@@ -185,7 +185,7 @@ class EpisodeReturns:
 
     def __init__(self) -> None:
         self.open: dict[tuple[int, ...], tuple[int, View | None, float]] = {}
-        """By environment: the steps it has made, its episode's first moment, and the return so far."""
+        """Steps made, first moment of the episode, and return so far, by environment."""
 
     def add(self, rollout: JointRollout, rewards: Floats) -> tuple[list[View], list[float]]:
         """Return first moments and returns of the episodes that end, given the team's rewards (T, B)."""

@@ -43,7 +43,7 @@ JOINT = "team__joint"
 FORBIDDEN = 1e9
 """Value that no minimum takes."""
 Actions = Mapping[str, Tensor]
-"""By group id, one-hot (M, n, A), zeros for inactive agents."""
+"""Actions by group id, one-hot (M, n, A), zeros for inactive agents."""
 
 
 class TeamQ(nn.Module):

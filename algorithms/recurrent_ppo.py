@@ -116,7 +116,7 @@ class RecurrentCentralValue(RecurrentValue):
 
 
 class CriticMemories:
-    """Where the critics' memories stand at the end of each environment's last rollout."""
+    """The critics' memories at the end of each environment's last rollout."""
 
     def __init__(self) -> None:
         self._held: dict[tuple[int, ...], Tensor] = {}

@@ -37,7 +37,7 @@ class Beginning(NamedTuple):
 
     start: EpisodeStart
     poses: Sequence[Pose]
-    """Of the egos."""
+    """Poses of the egos."""
     traffic: Collection[str]
     """SUMO's vehicles that remain after the egos' places were cleared."""
 

@@ -37,7 +37,7 @@ PATIENCE = 900.0
 ROW = "{:<16} {:>17} {:>17} {:>17} {:>10} {:>7}  {}"
 LOST = "ray::JointEnvRunner"
 VALIDATIONS = 5
-"""Of which each saves a checkpoint."""
+"""Number of validations, each of which saves a checkpoint."""
 UPDATE = 64 * 8 * 4 * 5
 """Most agent-steps of one update: PPO's fragment, simulations, agents, simulation steps of a decision."""
 

@@ -32,9 +32,9 @@ from smarts.zoo.serving import starter
 AGENTS, NUMBERS = 8, 250
 """Agents, and 64-bit numbers that each observes: 2 kB."""
 TARGETS = {"one process": 100e-6, "eight processes": 600e-6, "one Ray actor": 1500e-6}
-"""Of a round trip [s]."""
+"""Targets of a round trip's time [s]."""
 SHARE = 0.85
-"""Of the steps in process, with one process."""
+"""Least rate of steps with one process, as a share of the rate in process."""
 LOCATOR = "perf.hosts:still-v0"
 
 

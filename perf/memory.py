@@ -62,7 +62,7 @@ class Memory(NamedTuple):
     heap: int
     """Given out by malloc [byte]."""
     blocks: int
-    """Of Python's own allocator."""
+    """Number of blocks of Python's own allocator."""
 
 
 def memory() -> Memory:

@@ -35,7 +35,7 @@ CAPACITY, STEPS, SAMPLED, NEAR = 640, 5, 5, 7.0
 
 @dataclass
 class Statistics:
-    """Of one engine's traffic."""
+    """The statistics of one engine's traffic."""
 
     vehicles: list[int] = field(default_factory=list)
     speed: list[float] = field(default_factory=list)

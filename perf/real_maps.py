@@ -43,7 +43,7 @@ from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
 SHORTEST, LONGEST = 300.0, 600.0
-"""Of routes [m]; shorter where no way leads on."""
+"""Shortest and longest route [m]; a route is shorter where no way leads on."""
 SLOWEST = 2.5
 """Mean speed at which a vehicle comes to the end of its route in time [m/s]."""
 STRAYED = 20.0
@@ -63,7 +63,7 @@ class Drive:
 
     lanes: list[int]
     length: float
-    """Of the route [m]."""
+    """Length of the route [m]."""
     ends: str = "late"
     """Where it left the road (one of `PLACES`), "done", "strayed" (on another road) or "late"."""
     offset: float = 0.0

@@ -19,7 +19,7 @@ TRAFFIC = "random_social_vehicles"
 BAND = 0.12
 """How far the number of social vehicles may be from the one asked for: 25 +- 3."""
 START_SPEED = 5.0, 10.0
-"""Of egos, which are to move from the first step on [m/s]."""
+"""Least and largest start speed of egos, which are to move from the first step on [m/s]."""
 TRIALS, EPISODES = 6, 6
 """Densities to try, and episodes to look at for each."""
 

@@ -42,7 +42,7 @@ PERIOD = 5
 BLOCK = 20
 """Decisions that ours and the bare loop make in turn."""
 SLOWEST = 1.0
-"""Of an ego that moves [m/s]."""
+"""Least speed of an ego that moves [m/s]."""
 UNDER_WAY = 15
 """Steps within which egos that start at rest have to move."""
 MOST_RESETS = 50
@@ -233,7 +233,7 @@ class Result:
     ours: list[float] = field(default_factory=list)
     """Time of each counted decision [s]."""
     bare: list[float] = field(default_factory=list)
-    """Of the bare loop for the same steps [s]."""
+    """Time of the bare loop for the same steps [s]."""
     timed: list[float] = field(default_factory=list)
     """Time of each decision with clocks on the stages [s]."""
     reset: float = 0.0

@@ -33,7 +33,7 @@ FOLDER = Path(__file__).resolve().parents[1] / "results" / "yardsticks"
 RANDOM = "random"
 EVALUATIONS, EPISODES, RANDOM_EPISODES = 20, 200, 2_000
 EVALUATION_SEED = 20
-"""Of the episodes of all evaluations, whatever the training's seed."""
+"""Seed of the episodes of all evaluations, whatever the training's seed."""
 
 
 class Evaluation(NamedTuple):
@@ -103,7 +103,7 @@ def origin() -> dict[str, str]:
 
 
 ORIGIN = origin()
-"""Of all runs of this process: their code is that of its start."""
+"""Origin of all runs of this process: their code is that of its start."""
 
 
 def trained(game: str, algorithm: str, seed: int, steps: int, episodes: int) -> RunFile:

@@ -13,11 +13,11 @@ OPPOSITE = {"north": "south", "south": "north", "west": "east", "east": "west"}
 LEFT = {"north": "east", "south": "west", "west": "north", "east": "south"}
 RIGHT = {"north": "west", "south": "east", "west": "south", "east": "north"}
 ARM_RATE = 680.0
-"""Of the intersection [vehicles/h]."""
+"""Rate of vehicles that enter the intersection from each arm [vehicles/h]."""
 
 
 WEAVING_WARM_UP = 25.0
-"""Of double merge [s]."""
+"""Warm-up of double merge [s]."""
 
 
 def weaving(

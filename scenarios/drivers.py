@@ -83,7 +83,7 @@ START_ON_A_FAST_ROAD = t.StartVariation(offset=5.0, speed=(10.0, 15.0))
 SPACING = 40
 """Distance between the places where a filled road gets its first vehicles [m]."""
 TYPICAL_SPEED = 10.0
-"""Of vehicles on a filled road, which with the flow's rate says how many there are [m/s]."""
+"""Speed of vehicles on a filled road, which with the flow's rate says how many there are [m/s]."""
 FILLING_TIME = 2.0
 """Within which the first vehicles appear [s]."""
 

@@ -9,7 +9,7 @@ LONGEST_MESSAGE = 1000
 """How many characters of a problem, place or remedy are shown; scenario files can raise megabytes."""
 
 LONGEST_VALUE = 200
-"""Of a value that is named in one of them."""
+"""How many characters of a value are shown in one of them."""
 
 
 def shortened(text: str, limit: int = LONGEST_MESSAGE) -> str:

@@ -16,7 +16,7 @@ PROGRAM = Path(__file__).resolve().parents[1]
 SHIPPED = PROGRAM / "shipped"
 """Folder of the user's files, by their absolute paths; there is none where this program is installed."""
 TIMES = "times.json"
-"""In that folder: source file of kernels -> time of its change [ns]; numba compiles again if it differs."""
+"""File in that folder: kernels' source file -> time of its change [ns]; if it differs numba recompiles."""
 
 
 def local(path: str | Path) -> Path:

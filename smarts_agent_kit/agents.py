@@ -52,9 +52,9 @@ class ActionBatch(NamedTuple):
     """A request for the actions of N agents of one policy, in any simulations; arrays of shape (N, ...)."""
 
     observations: Mapping[str, NDArray]
-    """By field, shape (N, *shape); the policy may keep them."""
+    """Observations by field, shape (N, *shape); the policy may keep them."""
     action_mask: NDArray[np.bool_]
-    """Which of the four lane actions may be chosen, shape (N, 4)."""
+    """Whether each of the four lane actions may be chosen, shape (N, 4)."""
     env_id: NDArray[np.int32]
     """The simulation."""
     agent_id: NDArray[np.int32]
@@ -68,7 +68,7 @@ class ActionBatch(NamedTuple):
     is_first: NDArray[np.bool_]
     """Whether this is the first request for this agent."""
     seed: NDArray[np.uint64]
-    """Of the agent's own random draws: a function of the run's seed, world, episode and agent alone."""
+    """Seed of the agent's random draws: a function of the run's seed, world, episode and agent alone."""
     drives: NDArray[np.bool_]
     """Whether the agent drives its vehicle; in a bubble's air-lock it only observes. Its last action there is
     carried out when it takes the vehicle over."""

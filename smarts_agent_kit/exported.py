@@ -32,7 +32,7 @@ from smarts_agent_kit.weights import (
 )
 
 TEAM = "*"
-"""In place of an agent's name: agent k of a simulation is the training's agent k."""
+"""Stands for any agent's name: agent k of a simulation is the training's agent k."""
 JOINT_Q = "joint_q"
 """Key of `policy.json` for values of joint actions, of which agents take their parts."""
 TRAINED = "trained"
@@ -42,7 +42,7 @@ VECTOR = "observation"
 MASKED = -1e9
 """Output of an action that is not allowed."""
 _LARGEST_EXPONENT = 709.0
-"""Of e, that a number holds."""
+"""Largest exponent of e whose power a float can hold."""
 
 
 class ExportedPolicy(BatchAgent):

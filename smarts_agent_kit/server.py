@@ -22,7 +22,7 @@ MOST_CONNECTIONS = 64
 MOST_GREETED = 64
 """Connections that are greeted at a time: the oldest gives way to one more."""
 PAUSE = 0.1
-"""After a connection that cannot be taken [s]."""
+"""Pause after a connection that cannot be taken [s]."""
 SHORTEST_SECRET = 16
 """Characters."""
 KEEP_ALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 15, "TCP_KEEPCNT": 4}

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 VERSION = 2
-"""Of the protocol; both sides need the same."""
+"""Version of the protocol; both sides need the same."""
 LARGEST = 8 * 2**20
 """The most bytes of a frame."""
 LARGEST_HEAD = 2**18
@@ -71,7 +71,7 @@ class Message:
     """Plain values by name: texts, numbers, lists and dicts of them."""
     arrays: Mapping[str, NDArray] = field(default_factory=dict)
     number: int = 0
-    """Of the request; its answer has the same."""
+    """Number of the request; its answer has the same."""
 
 
 def encode(message: Message) -> bytes:
@@ -173,7 +173,7 @@ def _decoded(frame: bytes | bytearray) -> Message:
 
 
 class _Place(NamedTuple):
-    """Where an array is behind the head of a message."""
+    """The place of an array behind the head of a message."""
 
     name: str
     dtype: np.dtype
@@ -189,7 +189,7 @@ class _Head(NamedTuple):
     values: Mapping[str, Any]
     places: tuple[_Place, ...]
     end: int
-    """Of the arrays, behind the head."""
+    """End of the arrays, counted from the end of the head."""
 
 
 def _parsed(head: bytes) -> _Head:

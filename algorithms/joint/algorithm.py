@@ -342,7 +342,7 @@ class JointAlgorithm(Algorithm):
         return [results[number] for number in sorted(results)]
 
     def _fail(self, reasons: Mapping[int, str]) -> NoReturn:
-        """End all learners, since none goes on without the others, and raise.
+        """End all learners, since no learner can work without the others, and raise.
 
         Args:
             reasons: What happened, by the learner's number.

@@ -62,7 +62,7 @@ class JointConfig(AlgorithmConfig):
     network_settings: ClassVar[tuple[str, ...]] = ()
     """Settings that networks are built from, beside `hidden`."""
     interchangeable: ClassVar[tuple[str, ...]] = ()
-    """Those under another value of which a checkpoint may be restored."""
+    """Settings with another value of which a checkpoint may be restored."""
     explores_by: ClassVar[str] = ""
     """The setting that says how far agents explore, a field of `Exploration`: a number, or the first and the
     last one, between which a setting `<name>_steps` anneals. Evaluation may have another."""

@@ -39,7 +39,7 @@ class Episode(NamedTuple):
 
 @dataclass
 class EpisodeProgress:
-    """Where each environment stands in its present episode.
+    """The place of each environment in its present episode.
 
     Attributes:
         returns: Sum of rewards so far, (B, N).

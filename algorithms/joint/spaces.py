@@ -1,4 +1,4 @@
-"""Between Gymnasium's spaces and arrays: observation leaves, actions stored and sent."""
+"""Conversion between Gymnasium's spaces and arrays: observation leaves, actions stored and sent."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from smarts.sim.episode_files import RecordedEpisode
 
 PICTURES_PER_SECOND = 10
-"""Of an animation, by default."""
+"""Default number of pictures per second of an animation."""
 END_SHOWN = 2.0
 """Extra time for the last frame of an animation [s]."""
 

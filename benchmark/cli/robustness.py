@@ -10,7 +10,7 @@ from benchmark.cli.experiments import Import, Parallel
 from benchmark.cli.reports import Results
 
 NONE = "none"
-"""In place of a scripted policy or a condition."""
+"""Word that stands for no scripted policy or no condition."""
 
 
 def robustness(

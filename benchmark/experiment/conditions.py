@@ -22,7 +22,7 @@ class Condition(Section):
     """An entry of `conditions.yaml`."""
 
     label: str
-    """In tables."""
+    """Label in tables."""
     meaning: str
     environment: dict[str, Any]
     """Keys of an experiment's `environment` that differ."""

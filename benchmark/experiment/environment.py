@@ -32,7 +32,7 @@ class Driving(Section):
     tyre_model: Literal["pacejka", "linear"] = "pacejka"
     """What its tyres are like."""
     flat_tyres: Wheels = ()
-    """Which are flat: 0 front left, 1 front right, 2 rear left, 3 rear right."""
+    """Tyres that are flat: 0 front left, 1 front right, 2 rear left, 3 rear right."""
 
 
 class AgentChanges(Driving):
@@ -83,11 +83,11 @@ class Host(Section):
     patience: Annotated[float, Field(gt=0, le=3600)] = 10.0
     """How long an answer is waited for before the agent's process is started again [s]."""
     deadline_ms: Annotated[float, Field(gt=0)] | None = None
-    """Later answers are dropped [ms]; null: each is waited for."""
+    """Time after which answers are dropped [ms]; null: each is waited for."""
     delay_steps: Annotated[int, Field(ge=0, le=100)] = 0
     """Steps from an answer to when it is carried out."""
     memory: Annotated[float, Field(gt=0)] = 8.0
-    """Of a process [GB]."""
+    """Memory limit of a process [GB]."""
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
@@ -122,8 +122,8 @@ class Environment(Driving):
     adapter_options: dict[str, Any] = Field(default_factory=dict)
     """Keywords of the own adapter."""
     friction: Annotated[float, Field(ge=0.05, le=2.0)] | None = None
-    """Of the road under agents' vehicles, where the scenario sets no friction patch: ice has about 0.1, a
-    wet road 0.5; null: dry asphalt, 0.9."""
+    """Friction of the road under agents' vehicles where the scenario sets no friction patch: ice has about
+    0.1, a wet road 0.5; null: dry asphalt, 0.9."""
     action_latency: Annotated[float, Field(ge=0.0, le=10.0, multiple_of=0.1)] = 0.0
     """Time from an action of a learning agent to when its vehicle carries it out [s], a multiple of 0.1."""
     traffic_engine: Engine | None = None

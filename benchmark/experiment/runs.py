@@ -46,14 +46,14 @@ class TaskSetting:
     imports: tuple[str, ...] = ()
     """Files and folders of own code, absolute; every process that simulates imports them."""
     benchmark_version: int | None = None
-    """That its results are of; None: of none."""
+    """Version of the benchmark that its results are of; None: of none."""
 
     def __str__(self) -> str:
         return f"{self.task.name}, {self.traffic}"
 
     @property
     def folder(self) -> Path:
-        """Where its results are, in an algorithm's folder."""
+        """Folder of its results, within an algorithm's folder."""
         return Path(self.task.name, self.traffic)
 
     def test_content(self) -> dict[str, Any]:
@@ -98,7 +98,7 @@ class Run:
     task_setting: TaskSetting
     seed: int
     settings: Mapping[str, Any]
-    """Of the algorithm, where they differ from its defaults."""
+    """Settings of the algorithm, where they differ from its defaults."""
     budget: Budget
     resources: Resources
 
@@ -107,7 +107,7 @@ class Run:
 
     @property
     def folder(self) -> Path:
-        """Where its results are, in the experiment's folder."""
+        """Folder of its results, within the experiment's folder."""
         return training_folder(self.algorithm, self.task_setting, self.seed)
 
     @property
@@ -172,7 +172,7 @@ class ScriptedRun:
 
     @property
     def folder(self) -> Path:
-        """Where its results are, in the experiment's folder."""
+        """Folder of its results, within the experiment's folder."""
         return Path(SCRIPTED, self.label, self.task_setting.folder)
 
     @property

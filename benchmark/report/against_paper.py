@@ -11,7 +11,7 @@ from benchmark.statistics import mover_interval, wilson_interval
 
 WORSE, UNDECIDED, NON_INFERIOR, BETTER = "worse", "undecided", "non-inferior", "better"
 WORDS = (WORSE, UNDECIDED, NON_INFERIOR, BETTER)
-"""From the weakest to the strongest."""
+"""Verdicts from the weakest to the strongest."""
 PASSES = (NON_INFERIOR, BETTER)
 ONE_SIDED = 0.90
 """Level of the interval whose ends are one-sided 95% ends."""
@@ -27,7 +27,7 @@ class Gap:
     """"collision" or "completion"."""
     value: float
     low: float
-    """Of the two-sided 95% interval, as is `high`."""
+    """Lower end of the two-sided 95% interval, as `high` is the upper one."""
     high: float
     gain: float
     """Pessimistic end, one-sided 95%, of how much better ours is."""
@@ -49,7 +49,7 @@ class Comparison:
 Figures = tuple[Value, Value]
 """Collision and completion rate."""
 BothLevels = tuple[Figures, Figures]
-"""With 95% intervals, and with those of `ONE_SIDED`."""
+"""Figures with 95% intervals, and with intervals of the level `ONE_SIDED`."""
 
 
 def compare_with(theirs: Sequence[Printed], ours: Figures, one_sided: Figures) -> Comparison | None:

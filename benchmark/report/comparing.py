@@ -35,7 +35,7 @@ COLUMNS = (
     "note",
 )
 DIFFERS = "differs"
-"""In place of the better side, for metrics that are neither better when higher nor when lower."""
+"""Word in place of the better side, for metrics that are neither better when higher nor when lower."""
 
 
 @dataclass(frozen=True)

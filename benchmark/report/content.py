@@ -53,11 +53,11 @@ class TableCell:
     printed: tuple[Printed, ...]
     """The paper's."""
     comparison: Comparison | None
-    """With the paper; None where one of the two has no figure or interval."""
+    """Comparison with the paper; None where one of the two has no figure or interval."""
     reasons: tuple[str, ...]
     """Why the comparison with the paper does not count."""
     rank: int | None
-    """Among the learning algorithms of the column with the same protocol; None without another one."""
+    """Rank among the learning algorithms of the column with the same protocol; None without another one."""
     is_tied: bool
     """Whether one of the same rank is neither better nor worse."""
     unlike: str = ""
@@ -89,13 +89,13 @@ class Report:
 
     results: Results
     values: Frame
-    """Of `measure_cells`."""
+    """Result of `measure_cells`."""
     rates_at_90: Frame
     """The two rates with 90% intervals, whose ends are one-sided 95% ends."""
     differences: dict[str, Frame]
-    """By mode; of `benchmark.report.ranking.with_seed_differences`, within each protocol."""
+    """Result of `benchmark.report.ranking.with_seed_differences`, within each protocol, by mode."""
     unlike: dict[tuple[str, str, str], str]
-    """Of `benchmark.report.protocol.unlike_runs`."""
+    """Result of `benchmark.report.protocol.unlike_runs`."""
 
     @cached_property
     def _by_key(self) -> dict[Key, Value]:
@@ -107,7 +107,7 @@ class Report:
 
     @cached_property
     def traffic_checks(self) -> list[TrafficCheck]:
-        """Of cells with social vehicles in which scripted policies were played."""
+        """Checks of conditions with social vehicles in which scripted policies were played."""
         return traffic_checks(self.results)
 
     @cached_property
@@ -127,13 +127,13 @@ class Report:
 
     @cached_property
     def tasks(self) -> list[str]:
-        """In the paper's order, others behind."""
+        """Tasks in the paper's order, others behind."""
         known = [*paper()["tasks"], *paper()["counterparts"]]
         return _ordered((run.task for run in self.results.runs), known)
 
     @cached_property
     def traffics(self) -> list[str]:
-        """In the paper's order, others behind."""
+        """Kinds of traffic in the paper's order, others behind."""
         return _ordered((run.traffic for run in self.results.runs), paper()["traffic"])
 
     @cached_property
@@ -166,7 +166,7 @@ class Report:
 
     @cached_property
     def compared(self) -> dict[tuple[str, str, str], str]:
-        """Those of `protocols` whose runs may be averaged and compared."""
+        """Entries of `protocols` whose runs may be averaged and compared."""
         return {place: protocol for place, protocol in self.protocols.items() if place not in self.unlike}
 
     @cached_property

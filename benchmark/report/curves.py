@@ -19,7 +19,7 @@ SHOWN = ("return", "completion", "collision")
 """Columns of progress.csv, one below the other."""
 TITLES = {"return": "Return", "completion": "Completion rate", "collision": "Collision rate"}
 POINTS = 120
-"""Of a curve: as fine as can be seen."""
+"""Number of points of a curve: as fine as can be seen."""
 
 
 def seeds_curve(runs: Sequence[Frame], column: str) -> tuple[Floats, Floats]:

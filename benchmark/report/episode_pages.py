@@ -35,7 +35,7 @@ class EpisodeLinks:
     links: tuple[tuple[str, str], ...]
     """Text and address, relative to the report's folder."""
     problem: str
-    """Why there are none, or which are left out."""
+    """Reason why there are no links, or which are left out."""
 
 
 def write_episodes(results: Results, mode: str, folder: Path) -> list[EpisodeLinks]:
@@ -88,7 +88,7 @@ def _links(
 
 
 LINKS = "links.json"
-"""In the folder of the pages: what each run's links are."""
+"""Name of the file with each run's links, in the folder of the pages."""
 OTHER_TEST = "no page is of this test: give `smarts-bench report --episodes`"
 
 

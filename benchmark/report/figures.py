@@ -23,7 +23,7 @@ from benchmark.report.style import (
 from benchmark.report.wording import MODE_NOTES
 
 LEGEND_WIDTH = 1.45
-"""Of an entry with the longest name [inches]."""
+"""Width of an entry with the longest name [inches]."""
 SHORT_TRAFFIC = {"no_social_vehicles": "No SV", "random_social_vehicles": "SV"}
 
 
@@ -32,12 +32,12 @@ class Kind:
     """A kind of plot."""
 
     name: str
-    """Of its file."""
+    """Name of the plot's file."""
     title: str
     note: str
     """What one has to know to read it; {}: which episodes are shown."""
     size: tuple[float, float]
-    """Of a cell's plot [inches]."""
+    """Size of a condition's plot [inches]."""
     panels: int
     """Axes of a cell, one below the other."""
     projection: str | None

@@ -53,11 +53,11 @@ class Place:
     completion: Value
     collision: Value
     own: tuple[Value, ...] = ()
-    """Of `Leaderboard.own_metrics`."""
+    """Values of `Leaderboard.own_metrics`."""
     status: str = ""
-    """Of an evaluated submission, the worst of its seeds': confirmed, marked or refused."""
+    """Worst status of an evaluated submission's seeds: confirmed, marked or refused."""
     knows_test: bool = False
-    """Of an evaluated submission: whether it does better in the public test than in fresh episodes."""
+    """Whether an evaluated submission does better in the public test than in fresh episodes."""
 
     @property
     def label(self) -> str:
@@ -109,9 +109,9 @@ class Leaderboard:
     protocols: dict[str, str]
     """Letter -> what it says, or wherein it differs."""
     places: tuple[Place, ...]
-    """By protocol, task, traffic and rank."""
+    """Places by protocol, task, traffic and rank."""
     summaries: tuple[Summary, ...]
-    """By protocol and completion."""
+    """Summaries by protocol and completion."""
     problems: tuple[str, ...]
     own_metrics: tuple[str, ...] = ()
     """Users' own metrics that an experiment has measured; they are shown, ranks do not depend on them."""

@@ -23,7 +23,7 @@ SUBMITTED = "as submitted"
 PRESCRIBED = "of the version"
 """Budget and sharing as the benchmark's version prescribes them, which may differ by cell and algorithm."""
 OWN_SHARING = "each algorithm's own"
-"""Which parameters agents share where the settings do not say."""
+"""Sharing of parameters between agents where the settings do not say which."""
 SEEDS_DIFFER, SCENARIOS_DIFFER = "seeds were not trained alike", "scenarios differ between runs"
 """Why a cell of the main table does not count."""
 

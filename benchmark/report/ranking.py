@@ -30,7 +30,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Standing:
-    """Where an entry stands in a cell."""
+    """Standing of an entry in a condition."""
 
     rank: int
     is_tied: bool
@@ -115,7 +115,7 @@ def of_cell(differing: Frame, task: str, traffic: str) -> Frame:
 Floats = NDArray[np.float64]
 
 LEAST_SEEDS = 3
-"""Of either algorithm."""
+"""Least number of seeds of either algorithm."""
 SEED_COLUMNS = ("seeds_low", "seeds_high", "seeds_p_value", "seeds_corrected")
 
 

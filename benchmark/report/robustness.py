@@ -72,7 +72,7 @@ class Robustness:
     """The section of a report."""
 
     values: Frame
-    """With `COLUMNS`."""
+    """Values in the columns `COLUMNS`."""
     matrices: tuple[Matrix, ...]
     notes: tuple[str, ...]
     left_out: tuple[str, ...]

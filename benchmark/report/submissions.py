@@ -23,7 +23,7 @@ from benchmark.results.release import (
 )
 
 MAY_EXCHANGE = "its vehicles may tell each other what they see"
-"""Of an address, and of an algorithm that is not known here: from outside it cannot be told."""
+"""Remark on an agent at an address, and on an unknown algorithm: neither can be checked from outside."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Submitted(Verdict):
 
     @property
     def remarks(self) -> list[str]:
-        """What is wrong, and what cannot be told of it."""
+        """What is wrong with the policy, and what cannot be checked."""
         is_open = self.agent.startswith(ADDRESS) or self.algorithm not in ALGORITHMS
         return [*self.reasons, MAY_EXCHANGE] if is_open else [*self.reasons]
 

@@ -58,7 +58,7 @@ PROFILE_NOTE = (
 
 @dataclass(frozen=True)
 class Summaries:
-    """Of the algorithms that have finished all cells with the same seed, and of such seeds."""
+    """Scores of the algorithms that have finished all conditions with the same seeds, by such seeds."""
 
     scores: dict[str, dict[str, Floats]]
     """Score -> algorithm -> values, shape (seeds, cells)."""

@@ -54,7 +54,7 @@ class MetricCell:
     count: str
     """What it was measured on, if that is not all agent-episodes."""
     sort: str
-    """By which it is sorted, empty for n/a."""
+    """Key by which the value is sorted, empty for n/a."""
     notes: tuple[int, ...]
     """Numbers of its notes."""
 
@@ -67,7 +67,7 @@ class MetricsRow:
     task: str
     traffic: str
     mode: str
-    """That a filter shows it for: a scripted policy has a row for each."""
+    """Mode for which a filter shows the row: a scripted policy has a row for each."""
     acting: str
     n: int
     seeds: str

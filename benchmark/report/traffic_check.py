@@ -15,9 +15,9 @@ RULE_BASED = "gap_acceptance"
 NAIVE = ("keep_lane", "random")
 """Drivers of which one has to collide more often than without social vehicles."""
 LEAST_DIFFERENCE, MOST_P = 0.10, 0.01
-"""Of the naive driver's collision rates."""
+"""Least difference of the naive driver's collision rates, and its largest p-value."""
 LEAST_SHARE = 0.8
-"""Of the rule-based driver's agent-episodes that meet social vehicles."""
+"""Least share of the rule-based driver's agent-episodes that meet social vehicles."""
 MET = "met_social"
 VERDICTS = {True: "passes", False: "FAILS", None: "not known"}
 ENDS = ("off_road", "off_route", "missed_goal", "not_moving", "time_out")

@@ -18,13 +18,13 @@ from benchmark.statistics import LEVEL
 from smarts.registry import is_own_name
 
 MODES = ("greedy", "sampled")
-"""In the order in which they are shown."""
+"""Modes in the order in which they are shown."""
 GENERALIZATION = "generalization"
 """The metric of both splits; all others are of the training's variations."""
 OUTCOMES = ("completion_rate", "collision_rate", *(name for name in METRICS if name.startswith("ended_")))
 """Metrics that are shares of outcomes and add up to 1."""
 LEAST_P = 0.001
-"""Smaller p-values are not told apart."""
+"""Smallest p-value that is shown; smaller ones are shown as below it."""
 TEST_EPISODES = "the test episodes"
 """What the interval of a scripted policy covers."""
 NO_SHARE = "no interval: the value is no share; give its Measure is_share=False"

@@ -18,7 +18,7 @@ PARTIAL = ".partial"
 LOST = "remove it, and what was lost is made again"
 """Remedy of a damaged file."""
 FORMAT = 2
-"""Of results; key `format` of run.json and command.json."""
+"""Version of the format of results; key `format` of run.json and command.json."""
 
 
 class ResultsError(SmartsError):
@@ -198,7 +198,7 @@ _REMEDIES = {
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), _FULL),
     errno.EISDIR: "there is a folder; name a file",
 }
-"""By error number."""
+"""Remedies by error number."""
 
 
 def first_line(error: BaseException) -> str:

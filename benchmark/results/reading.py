@@ -98,7 +98,7 @@ LABELS = {
 }
 """Columns that every table of a run has."""
 Names = tuple[str, str, str, int]
-"""Of a run: algorithm or policy, task, traffic, training seed."""
+"""Names of a run: algorithm or policy, task, traffic, training seed."""
 TESTED_AGAIN = "remove it, and the same `run` command tests the run again if its checkpoint is there"
 """Remedy of a damaged table."""
 
@@ -116,9 +116,9 @@ class RunResult:
     place: str
     """Its folder, relative to the experiment's."""
     status: str
-    """As in run.json, or `NOT_BEGUN` or `UNREADABLE`."""
+    """Status of run.json, or `NOT_BEGUN` or `UNREADABLE`."""
     facts: Mapping[str, Any] = field(default_factory=dict)
-    """Of run.json."""
+    """Content of run.json."""
     config: Mapping[str, Any] = field(default_factory=dict)
     progress: Frame | None = None
     table: Frame | None = None

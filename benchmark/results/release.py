@@ -27,11 +27,11 @@ absent or lack numbers: the metric is n/a then."""
 
 MANIFEST, POLICIES = "manifest.json", "policies"
 SUBMISSION = "submission"
-"""In run.json: what was submitted, and how it compares; see `Verdict`."""
+"""Key of run.json: what was submitted, and how it compares; see `Verdict`."""
 VERDICTS = "verdicts.json"
-"""Of a folder of evaluated submissions: all verdicts."""
+"""Name of the file with all verdicts, in a folder of evaluated submissions."""
 FRESH_SEED = "fresh_seed"
-"""In verdicts.json and run.json: of the fresh episodes, the same for all policies of a submission."""
+"""Key of verdicts.json and run.json: seed of the fresh episodes, equal for all policies of a submission."""
 CONFIRMED, MARKED, REFUSED = "confirmed", "marked", "refused"
 """Status of an evaluated policy, from good to bad."""
 LARGEST_FILE, LARGEST = 1_000_000, 60_000_000
@@ -59,12 +59,12 @@ class Entry(Section):
     scenarios: Annotated[list[str], Field(min_length=1)]
     traffic: FolderName
     seed: Annotated[int, Field(ge=0, lt=2**31)]
-    """Of the training."""
+    """Seed of the training."""
     benchmark_version: int | None
     agent: str
     """Folder of an exported policy, relative to the manifest's, or tcp://HOST:PORT."""
     commit: str = ""
-    """That trained it."""
+    """Commit that trained it."""
     files: dict[str, str] = Field(default_factory=dict)
     """Name -> digest, of the folder."""
     scores: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(default_factory=dict)
@@ -77,7 +77,7 @@ class Entry(Section):
 
     @property
     def place(self) -> Path:
-        """Of its results, in a folder of evaluated submissions."""
+        """Folder of its results, within a folder of evaluated submissions."""
         return Path(self.algorithm, self.task, self.traffic, f"seed_{self.seed}")
 
     @property
@@ -114,7 +114,7 @@ class Verdict:
     """What is known of a submitted policy after its evaluation, as run.json and verdicts.json have it."""
 
     name: str
-    """Of the submission."""
+    """Name of the submission."""
     author: str
     algorithm: str
     task: str
@@ -128,7 +128,7 @@ class Verdict:
     """Why it is marked or refused."""
     claimed: dict[str, float]
     scores: dict[str, float]
-    """As re-derived; empty if refused."""
+    """Scores as re-derived; empty if refused."""
     digests: list[int]
     """Number of episodes as claimed, and of those compared."""
     fresh: dict[str, Any]

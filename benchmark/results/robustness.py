@@ -53,7 +53,7 @@ class Play:
 
     @property
     def folder(self) -> Path:
-        """Where its results are, in the experiment's folder."""
+        """Folder of its results, within the experiment's folder."""
         seed = f"seed_{self.seed}"
         return Path(ROBUSTNESS, self.task, self.traffic, self.condition, seed, f"{self.even}+{self.odd}")
 

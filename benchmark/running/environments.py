@@ -18,7 +18,7 @@ from smarts.sim.assembly import Options
 from smarts.types.actions import ActionSpaceType
 
 NAME = "smarts-bench"
-"""Of the training environment among RLlib's."""
+"""Name of the training environment among RLlib's."""
 DT = 0.1
 """Length of a step [s]."""
 

@@ -26,7 +26,7 @@ class GivenSteps:
 
     @property
     def alive(self) -> NDArray[np.bool_]:
-        """Which agents were active in the last step, shape (B, N)."""
+        """Agents that were active in the last step, shape (B, N)."""
         agents = sum(len(block.agents) for block in self.spaces.blocks)
         return np.zeros((self.num_envs, agents), bool) if self.now is None else self.now.alive
 

@@ -51,11 +51,11 @@ class JobState:
     """`WAITING`, `STARTING`, a phase of `RunProgress`, or "failed"."""
     progress: RunProgress | None = None
     attempts: int = 0
-    """Since its last checkpoint."""
+    """Number of attempts since its last checkpoint."""
     iteration: int = 0
-    """Of the checkpoint that it continues from; 0: it begins."""
+    """Iteration of the checkpoint that the job continues from; 0: it begins."""
     heard: float = 0.0
-    """When its last message came, by the monotonic clock [s]."""
+    """Time of its last message, by the monotonic clock [s]."""
     error: str = ""
     folder: Any = field(default=None, repr=False)
     """The run's folder, or its packed results."""

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 MOST_ROWS = 12
 """Rows of the table."""
 STARTS = "waits for free CPUs, loads, and compiles kernels where `smarts-bench compile` has not run"
-"""What a job does that starts; said of the first one."""
+"""What a starting job does; shown for the first one."""
 SECONDS = 30.0
-"""Between two lines of a job if the output is no terminal."""
+"""Time between two lines of a job if the output is no terminal [s]."""
 OUTCOMES = ("return", "completion", "collision")
 COLUMNS = ("done", "iteration", "agent-steps/s", *OUTCOMES, "training left")
-"""Of the table, beside the run and its phase."""
+"""Columns of the table, beside the run and its phase."""
 SILENCE = 300.0
-"""Without any message of a job that trains or is tested, after which this is said [s]."""
+"""Time without a message of a job that trains or is tested, after which a line says so [s]."""
 
 
 class LiveProgress:

@@ -25,7 +25,7 @@ from smarts.rewards.own import Reward
 
 Agents = NDArray[np.bool_]
 SCRIPTED = "scripted:"
-"""Before the names of arrays that scripted policies see."""
+"""Prefix of the names of arrays that scripted policies see."""
 
 
 class ObservationsOfBoth(ObservationAndReward):

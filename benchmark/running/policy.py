@@ -181,7 +181,7 @@ class Policy:
         self.agents: tuple[str, ...] = self._spec.agents
         """Names of the agents that the policy acts for."""
         self.discount: float = self._config.gamma
-        """Of the learner, with which shaped rewards agree."""
+        """Discount of the learner, with which shaped rewards agree."""
         self.needs_others = any(
             module.communicates or module.acts_jointly or _is_shown_others(module)
             for module in modules.values()

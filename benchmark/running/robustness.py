@@ -53,7 +53,7 @@ from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.registry import file_name, import_own
 
 EPISODES = 100
-"""Of each play, if the tests have as many."""
+"""Number of episodes of each play, if the tests have as many."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Given:
     """What is asked for."""
 
     episodes: int | None = None
-    """Of each play: the first ones of the tests. None: `EPISODES`, or as many as the tests have."""
+    """Number of the tests' first episodes that each play has. None: `EPISODES`, or all if there are fewer."""
     seed: int | None = None
     """Training seed of the policies; None: the smallest."""
     cells: tuple[str, ...] = ()
@@ -84,7 +84,7 @@ class Cell:
     seed: int
     episodes: int
     runs: Mapping[str, RunResult]
-    """Of trained policies."""
+    """Runs of trained policies."""
     trained: Mapping[str, Run]
     """The same, as they were configured."""
     scripted: Mapping[str, str]

@@ -17,7 +17,7 @@ from tensorboardX.summary import scalar
 from benchmark.results.files import named_failures
 
 SECONDS = 10
-"""After which what was added is on disk with the next line."""
+"""Time after which the next line flushes what was added to the disk [s]."""
 COUNTS = ("iteration", "agent_steps")
 """Columns that say when; the others are drawn over the agent-steps."""
 

@@ -32,7 +32,7 @@ from smarts.zoo.folders import added_agents, zoo_file
 
 PACKAGES = ("algorithms", "benchmark", "configs", "scenarios", "smarts", "smarts_agent_kit")
 MOST_BYTES = 500 * 2**20
-"""Of the archive: Ray takes no larger ones."""
+"""Largest size of the archive: Ray takes no larger ones."""
 BUILD = "build"
 SKIPPED = (BUILD, "__pycache__")
 """Folders that are left out, as hidden ones are."""

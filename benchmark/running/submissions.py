@@ -69,9 +69,9 @@ class Policy(NamedTuple):
     """What a check of a policy's files has found."""
 
     size: int
-    """Of the files [bytes]."""
+    """Size of the files [bytes]."""
     digest: str
-    """Of its weights, however they are packed."""
+    """Digest of the policy's weights, however they are packed."""
     talks: bool
     """Whether its vehicles act on what others see."""
 

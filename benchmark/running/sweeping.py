@@ -41,7 +41,7 @@ from smarts.errors import shortened
 VALIDATION = "validation"
 """What counts the validations of a trial: the time of schedulers."""
 SEARCH = "search.json"
-"""Of a search's folder: what is searched."""
+"""Name of the file of a search's folder that says what is searched."""
 MEASURES = ("completion", "safety", "return", VALIDATION, "agent_steps", "trial_id")
 """What the table of trials shows beside the settings."""
 OF_NETWORKS = ("sharing", "set_width")
@@ -330,7 +330,7 @@ class Population(PopulationBasedTraining):
         self._validations = validations
 
     def on_trial_result(self, tune_controller: Any, trial: Any, result: dict) -> str:
-        """Return what becomes of a trial after a validation."""
+        """Return what the scheduler decides about a trial after a validation."""
         if result[VALIDATION] >= self._validations:
             return self.CONTINUE
         return super().on_trial_result(tune_controller, trial, result)

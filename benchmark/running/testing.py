@@ -49,7 +49,7 @@ class Part:
 
     @property
     def name(self) -> str:
-        """Of its folder."""
+        """Name of the part's folder."""
         return f"{self.mode}-{'-'.join(Path(each).name for each in self.scenarios)}"
 
 

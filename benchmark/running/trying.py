@@ -28,7 +28,7 @@ from smarts.registry import import_own, is_own_name
 TRIED_STEPS = 30
 """Least steps of the episode."""
 TRIED_DECISIONS = 3
-"""Of each scripted policy."""
+"""Number of decisions that each scripted policy makes."""
 TRIED_EPISODES = 10
 """Most invalid episodes that are played."""
 

@@ -139,7 +139,7 @@ class _Evaluated:
     fresh: int
     """Number of fresh episodes."""
     seed: int
-    """Of the fresh episodes."""
+    """Seed of the fresh episodes."""
 
     @property
     def tested(self) -> dict[str, Any]:

@@ -35,7 +35,7 @@ ROWS = 17
 SEEN = "observations"
 MOST_EGOS = 4
 STEPS = 300
-"""Of the episode that is driven."""
+"""Number of steps of the episode that is driven."""
 
 
 def check_entry(
@@ -133,7 +133,7 @@ class ZooDrive:
         self._format = action_format(kind)
         self._was_asked: Bools = np.zeros((worlds, count), np.bool_)
         self.outcomes: dict[tuple[int, int], Outcome] = {}
-        """By (simulation, ego), of the vehicles whose episodes have ended."""
+        """Outcomes of the vehicles whose episodes have ended, by (simulation, ego)."""
         self._numbers: Sequence[int] = ()
 
     def __enter__(self) -> ZooDrive:
@@ -158,7 +158,7 @@ class ZooDrive:
 
     @property
     def active(self) -> Bools:
-        """Which egos drive, shape (B, E)."""
+        """Egos that drive, shape (B, E)."""
         return self.world.agents.state[:, : self.egos] == AgentStatus.ACTIVE
 
     def step(self) -> tuple[ActionBatch, NDArray] | None:

@@ -37,12 +37,12 @@ class Tally:
     scenario: str
     traffic: str
     agents: int
-    """In each episode."""
+    """Number of agents in each episode."""
     episodes: int = 0
     outcomes: Counter[str] = field(default_factory=Counter)
     """Outcome -> number of agents."""
     steps: float = 0.0
-    """Of all episodes."""
+    """Number of steps of all episodes."""
 
     def add(self, outcomes: Counter[str], steps: float) -> None:
         """Count an episode."""

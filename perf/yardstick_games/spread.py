@@ -16,7 +16,7 @@ from smarts.geometry.compiling import kernel
 
 AGENTS = 3
 DIAMETER, MARGIN = 0.3, 1e-3
-"""Of agents [m], and depth over which the force between two sets in [m]."""
+"""Diameter of agents [m], and depth over which the force between two sets in [m]."""
 
 
 class Spread(VectorGame):

@@ -115,7 +115,7 @@ class AgentInterface:
     """
 
     debug: bool = False
-    """Without effect; the original's interfaces have it."""
+    """Has no effect; the original's interfaces have it."""
     event_configuration: EventConfiguration = field(default_factory=EventConfiguration)
     done_criteria: DoneCriteria = field(default_factory=DoneCriteria)
     max_episode_steps: Count | None = None
@@ -139,14 +139,14 @@ class AgentInterface:
     occlusion_map: OcclusionMap | bool = False
     """Needs an occupancy grid of the same size."""
     custom_renders: tuple[Any, ...] = ()
-    """There are no shaders here: has to be empty."""
+    """Has to be empty: there are no shaders here."""
     vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
     """How the vehicle moves: as a rigid body on tyres, or as a cheaper single-track model (not in the
     original)."""
     tyre_model: Literal["pacejka", "linear"] = "pacejka"
     """What its tyres are like (not in the original)."""
     flat_tyres: Annotated[tuple[Wheel, ...], Sequence] = ()
-    """Which tyres are flat from the beginning: 0 front left, 1 front right, 2 rear left, 3 rear right (not in
+    """Tyres that are flat from the beginning: 0 front left, 1 front right, 2 rear left, 3 rear right (not in
     the original)."""
     further_sensors: tuple[tuple[str, Any], ...] = ()
     """Other sensors of `SENSORS` by name, each True or made with options; given as keywords by their names

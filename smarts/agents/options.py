@@ -41,7 +41,7 @@ class OcclusionMap(_Image):
     """What other vehicles do not hide."""
 
     surface_noise: bool = True
-    """Without effect: there are no hills on our maps. Kept so that the original's interfaces can be read."""
+    """Has no effect: there are no hills on our maps. Kept so that the original's interfaces can be read."""
 
 
 @checked
@@ -49,19 +49,19 @@ class SensorParams:
     """Rays of a lidar."""
 
     start_angle: Number
-    """Of the first ray around, from straight ahead counter-clockwise [rad]."""
+    """Angle of the first ray around, from straight ahead counter-clockwise [rad]."""
     end_angle: Number
     """[rad]"""
     laser_angles: Annotated[tuple[Number, ...], Sequence]
     """How far up each laser looks [rad]; any sequence of numbers will do."""
     angle_resolution: Positive
-    """Between rays around [rad]."""
+    """Angle between rays around [rad]."""
     max_distance: Positive
     """[m]"""
     noise_mu: Number
-    """Without effect, as in the original [m]."""
+    """Has no effect, as in the original [m]."""
     noise_sigma: Number
-    """Without effect, as in the original [m]."""
+    """Has no effect, as in the original [m]."""
 
     @property
     def rays_around(self) -> int:
@@ -93,7 +93,7 @@ class Waypoints:
     lookahead: Count = 32
     """Waypoints of a path."""
     spacing: Positive = 1.0
-    """Between waypoints [m] (not in the original)."""
+    """Distance between waypoints [m] (not in the original)."""
     paths: Count = 8
     """The most paths (not in the original)."""
 
@@ -113,7 +113,7 @@ class NeighborhoodVehicles:
     """The nearest other vehicles."""
 
     radius: Positive | None = None
-    """Within which vehicles are seen, centre to centre [m]; None: however far."""
+    """Distance within which vehicles are seen, centre to centre [m]; None: however far."""
     most: Count = 32
     """The most vehicles (not in the original)."""
 

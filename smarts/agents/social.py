@@ -22,7 +22,7 @@ from smarts.agents.spec import AgentSpec
 from smarts.errors import shown
 
 ALL_MISSIONS = "missions"
-"""Of a count: as many agents as there are missions left."""
+"""A count that stands for as many agents as there are missions left."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class SocialPolicy:
     """One policy of a run, which acts for any number of agents; its number is its place in the run's list."""
 
     name: str
-    """For errors and records: that of its actor in the scenario, or its locator."""
+    """Name for errors and records: that of its actor in the scenario, or its locator."""
     locator: str
     """Its name in the zoo, as "module:name-v0"."""
     spec: AgentSpec
@@ -40,7 +40,7 @@ class SocialPolicy:
     period: int = 1
     """Steps from one decision to the next."""
     step_length: float | None = None
-    """Of the steps in which it counts time [s]; None: it may be any."""
+    """Length of the steps in which the policy counts time [s]; None: steps of any length."""
     is_boid: bool = False
     """Whether one instance acts for all vehicles of a bubble."""
     keep_alive: bool = False
@@ -50,7 +50,7 @@ class SocialPolicy:
     start: Starter | None = None
     """Starts the agent elsewhere; None: it acts in this process."""
     host: HostOptions = HERE
-    """In what time it acts."""
+    """Options of the time in which it acts."""
 
     @property
     def acts_here(self) -> bool:
@@ -169,7 +169,7 @@ class Cast:
     """The social policies of a run."""
 
     policies: tuple[SocialPolicy, ...] = ()
-    """By number."""
+    """Policies by number."""
     numbers: Mapping[Wanted, int] = field(default_factory=dict)
     """Number of each policy that was asked for."""
     extra: tuple[tuple[int, int | str], ...] = ()
@@ -204,4 +204,4 @@ def interface_of(spec: AgentSpec) -> AgentInterface:
 
 
 NO_CAST = Cast()
-"""Of a run without social agents."""
+"""The cast of a run without social agents."""

@@ -64,7 +64,7 @@ class AgentSpec:
     info_adapter: Callable[[Any, float, Any], Any] = _same_info
     """Observation, reward, info -> info."""
     perform_self_test: bool = False
-    """Without effect. Kept so that the original's specs can be read."""
+    """Has no effect. Kept so that the original's specs can be read."""
     observation_space: Any = None
     """Space of what `observation_adapter` returns; environments that declare spaces need it (not in the
     original)."""
@@ -86,7 +86,7 @@ class AgentSpec:
 
     @property
     def own_adapters(self) -> frozenset[str]:
-        """Which of the adapters do something: "observation", "action", "reward", "info"."""
+        """Names of the adapters that do something: "observation", "action", "reward", "info"."""
         return frozenset(
             name for name, neutral in _NEUTRAL.items() if getattr(self, f"{name}_adapter") is not neutral
         )

@@ -38,7 +38,7 @@ class ActorState:
 
 @dataclass(frozen=True)
 class RoadStatus:
-    """Where that vehicle is on the road."""
+    """The vehicle's place on the road."""
 
     road: str | None
     """Id of the edge that its centre is on, None beside all lanes."""

@@ -23,7 +23,7 @@ _NOBODY, _AGENT = int(Owner.NOBODY), int(Owner.AGENT)
 
 
 class BubbleRows(NamedTuple):
-    """Which bubbles of the table each simulation has, and what they follow."""
+    """The bubbles of the table that each simulation has, and what they follow."""
 
     first: Ints
     """The first one's number in the table, shape (B,)."""
@@ -32,7 +32,7 @@ class BubbleRows(NamedTuple):
     followed: Ints
     """Slot of the vehicle that each bubble follows, -1 for none, shape (B, Z)."""
     followed_generation: Ints
-    """That vehicle's generation, shape (B, Z)."""
+    """Generation of that vehicle, shape (B, Z)."""
     was_there: Bools
     """Whether it was there in the last step, shape (B, Z)."""
 

@@ -21,7 +21,7 @@ IN_TIME = 1
 
 
 class Phase(enum.IntEnum):
-    """Of a vehicle in a bubble."""
+    """The phase of a vehicle in a bubble."""
 
     NONE = 0
     """No agent holds it."""
@@ -47,7 +47,7 @@ class Holds(NamedTuple):
     bubble: Ints
     """Number of the bubble in its simulation, -1 for none."""
     number: Ints
-    """Of the agent in its episode."""
+    """Number of the agent in its episode."""
     slot: Ints
     """The vehicle's."""
     generation: Ints

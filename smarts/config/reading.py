@@ -41,7 +41,7 @@ class Fault:
     """A mistake that a check of a config finds; see `read_config`."""
 
     key: Key
-    """Of the value, or of a section around it."""
+    """Key of the value, or of a section around it."""
     text: str
     remedy: str = ""
 

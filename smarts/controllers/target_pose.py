@@ -15,7 +15,7 @@ from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, Commands
 
 BOUNDS = [-FAR, -FAR, -2 * np.pi, 0], [FAR, FAR, 2 * np.pi, 1000]
-"""Of a target: x, y [m], heading [rad], time [s]."""
+"""Lowest and highest target: x, y [m], heading [rad], time [s]."""
 
 
 class TargetPose:

@@ -29,9 +29,9 @@ EGO, BOX = 1, 2
 """Collision groups: egos meet egos and boxes; boxes, which follow their own script, do not meet each
 other."""
 BOX_MASS = 1e7
-"""Of a box [kg]: to a car, a wall that moves."""
+"""Mass of a box [kg]: to a car, a wall that moves."""
 FRICTION = 0.3
-"""Of a body against a body."""
+"""Friction of a body against a body."""
 RESTITUTION = 0.1
 
 _ROW = struct.Struct(f"{BODY_SIZE}d")
@@ -46,12 +46,12 @@ class Box:
     heading: float
     """[rad]."""
     speed: float
-    """Along the heading [m/s]."""
+    """Speed along the heading [m/s]."""
     length: float
     width: float
     height: float
     lateral_speed: float = 0.0
-    """To the left of the heading [m/s]."""
+    """Speed to the left of the heading [m/s]."""
     yaw_rate: float = 0.0
     """[rad/s]; the velocity does not turn with it."""
 
@@ -60,9 +60,9 @@ class BulletContact(NamedTuple):
     """A contact between a vehicle and another road user in one sub-step."""
 
     row: int
-    """Of the vehicle."""
+    """Row of the vehicle."""
     other_row: int
-    """Of the other vehicle; -1 if it is a box."""
+    """Row of the other vehicle; -1 if it is a box."""
     box: int
     """Key of the box; -1 if it is a vehicle."""
     speed: float

@@ -17,7 +17,7 @@ from smarts.geometry.compiling import kernel
 SLACK = 1e-3
 """Subtracted from gaps, against rounding [m]."""
 EMERGENCY = 1.2
-"""Of the deceleration that is needed, where it is harder than a driver's."""
+"""Factor of the needed deceleration, where it is harder than a driver's."""
 IDM_STEP = 0.25
 """Longest step in which IDM is integrated [s]."""
 

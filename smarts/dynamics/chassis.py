@@ -21,7 +21,7 @@ LEAST_UPRIGHT = 0.5
 SHELL_SINK = 0.05
 """How deep a car resting on four corners of its shell sinks into the road [m]."""
 SHELL_FRICTION = 0.6
-"""Of sheet metal on asphalt."""
+"""Friction of sheet metal on asphalt."""
 
 
 @kernel

@@ -136,7 +136,7 @@ class FleetArrays(NamedTuple):
     poses: Floats
     """Centre of the footprint [m] and heading [rad] after each sub-step, shape (E, S, 3)."""
     wheel_position: Floats
-    """Where the wheels stand on the map [m], shape (E, 4, 2)."""
+    """Places of the wheels on the map [m], shape (E, 4, 2)."""
     active: Bools
     """Whether the row holds a vehicle, shape (E,)."""
     lost: Bools

@@ -36,11 +36,11 @@ class Motion(NamedTuple):
     heading: Floats
     """[rad], shape (E,)."""
     velocity: Floats
-    """Of the centre of gravity, forward and left [m/s], shape (E, 2)."""
+    """Velocity of the centre of gravity, forward and left [m/s], shape (E, 2)."""
     yaw_rate: Floats
     """[rad/s], shape (E,)."""
     acceleration: Floats
-    """Of the centre of gravity, forward and left, the mean over the step [m/s^2], shape (E, 2)."""
+    """Mean acceleration of the centre of gravity over the step, forward and left [m/s^2], shape (E, 2)."""
     steering: Floats
     """Angle of an imagined wheel between the front wheels, positive to the left [rad], shape (E,)."""
     overhang: Floats
@@ -52,7 +52,7 @@ class Wheels:
     """The wheels after the last sub-step, shape (E, 4): front left, front right, rear left, rear right."""
 
     position: Floats
-    """Where they stand on the map [m], shape (E, 4, 2): the road's friction is looked up there."""
+    """Places of the wheels on the map [m], shape (E, 4, 2): the road's friction is looked up there."""
     spin: Floats
     """[rad/s]."""
     slip: Floats
@@ -62,9 +62,9 @@ class Wheels:
     load: Floats
     """[N]."""
     force_x: Floats
-    """Of the tyre along its heading [N]."""
+    """Force of the tyre along its heading [N]."""
     force_y: Floats
-    """Of the tyre to its left [N]."""
+    """Force of the tyre to its left [N]."""
 
 
 class SubstepDriver(Protocol):

@@ -116,11 +116,11 @@ class AxleParameters(Section):
     tyres: int
     """1, or 2 for twin tyres."""
     wheel_inertia: float
-    """About the wheel's axis [kg m^2]."""
+    """Inertia about the wheel's axis [kg m^2]."""
     brake_torque: float
-    """With the pedal fully down [N m]."""
+    """Torque with the pedal fully down [N m]."""
     drive_share: float
-    """Of the engine's force; the shares of both axles add up to 1."""
+    """Share of the engine's force on this axle; the shares of both axles add up to 1."""
 
 
 @functools.cache
@@ -142,25 +142,25 @@ class VehicleParameters(Section):
     description: str
     source: Texts
     length: float
-    """Of the footprint [m]."""
+    """Length of the footprint [m]."""
     width: float
-    """Of the footprint [m]."""
+    """Width of the footprint [m]."""
     height: float
-    """Of the roof above the road [m]."""
+    """Height of the roof above the road [m]."""
     clearance: float
-    """Of the body above the road [m]."""
+    """Height of the body's underside above the road [m]."""
     front_overhang: float
-    """Of the front bumper before the front axle [m]."""
+    """Distance from the front axle to the front bumper [m]."""
     mass: float
     """[kg]."""
     inertia: Three
-    """About the centre of gravity, roll, pitch, yaw [kg m^2]."""
+    """Inertia about the centre of gravity: roll, pitch, yaw [kg m^2]."""
     cog_to_front_axle: float
     """[m]."""
     cog_to_rear_axle: float
     """[m]."""
     cog_height: float
-    """Of the centre of gravity above the road [m]."""
+    """Height of the centre of gravity above the road [m]."""
     drag_area: float
     """Drag coefficient times frontal area [m^2]."""
     tyre: Annotated[TyreParameters, BeforeValidator(tyre)]

@@ -34,7 +34,7 @@ class Parsed(NamedTuple):
     numbers: Floats
     places: Places
     action_mask: Bools | None = None
-    """Which lane actions were allowed at the decision, shape (N, 4); None: as now."""
+    """Lane actions that were allowed at the decision, shape (N, 4); None: those allowed now."""
     age: Any = 0
     """Steps since the decision, a number or shape (N,)."""
 

@@ -49,7 +49,7 @@ class ArrayAdapter(Protocol):
 
     @property
     def rewards(self) -> Singles:
-        """Of the decision, shape (B, G)."""
+        """Rewards of the decision, shape (B, G)."""
         ...
 
 

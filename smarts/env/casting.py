@@ -51,11 +51,11 @@ class Part(NamedTuple):
     """What asks for a policy."""
 
     name: str
-    """Of the policy, for errors and records."""
+    """Name of the policy, for errors and records."""
     locator: str
     options: Mapping[str, Any]
     place: str
-    """For errors."""
+    """Place that errors name."""
     boid: str = ""
     keep_alive: bool = False
 
@@ -67,7 +67,7 @@ class Casting:
     policies: list[SocialPolicy] = field(default_factory=list)
     numbers: dict[Wanted, int] = field(default_factory=dict)
     hosts: HostsByLocator = field(default_factory=dict)
-    """Where agents act, by locator."""
+    """Options of where agents act, by locator."""
 
     def add(self, part: Part) -> int:
         """Return the number of a policy, which is made if it is not there yet.

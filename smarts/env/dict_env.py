@@ -32,7 +32,7 @@ class StepResult(NamedTuple):
     """The result of one decision: of the agents that acted, and of agents that entered since."""
 
     observations: dict[str, Any]
-    """Of the agents that act next; of agents that have ended, the last one."""
+    """Observations of the agents that act next, and the last ones of agents that have ended."""
     rewards: dict[str, float]
     terminated: dict[str, bool]
     truncated: dict[str, bool]

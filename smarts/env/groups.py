@@ -56,7 +56,7 @@ class AgentGroup:
     agent_ids: Ints
     """Shape (G,)."""
     columns: slice
-    """Of the egos."""
+    """Columns of the egos."""
     adapter: ArrayAdapter
     fields: tuple[Field, ...]
     """What an observation of one of them by name consists of."""
@@ -66,7 +66,7 @@ class AgentGroup:
     kind: ActionSpaceType
     """How their interfaces say that they act."""
     context: AdapterContext
-    """Of the adapter."""
+    """Context of the adapter."""
     encoding: ActionEncoding | None = None
     """The adapter, if it is an `ActionEncoding` too."""
 

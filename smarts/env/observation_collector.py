@@ -23,7 +23,7 @@ class ObservationCollector:
 
     def __init__(self, context: AdapterContext) -> None:
         self.seen: dict[int, Observation] = {}
-        """By agent_id."""
+        """Observations by agent_id."""
         self._make = ObservationMaker(context.scene)
         self._agent_ids = context.agent_ids.tolist()
         # Since each agent's latest observation:

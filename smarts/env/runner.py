@@ -73,7 +73,7 @@ class Transition:
     failures: Mapping[int, SmartsError]
     """Simulations whose traffic failed: their decision is invalid, and they are to be reset."""
     social_failures: Mapping[int, Mapping[str, str]]
-    """By simulation and name, the social agents that have failed since the last result, and why: the fallback
+    """Social agents that have failed since the last result, by simulation and name, and why: the fallback
     controller drives their vehicles."""
 
 
@@ -224,7 +224,7 @@ class SimulationRunner:
 
     @property
     def bubbles(self) -> BubbleStates | None:
-        """Where bubbles are; None: before the first reset."""
+        """States of the bubbles; None: before the first reset."""
         return None if self._frame is None else self._frame.bubbles
 
     def take_social_failures(self) -> dict[int, dict[str, str]]:

@@ -87,7 +87,7 @@ class EnvSettings:
     num_envs: int = 1
     """How many simulations are stepped together."""
     seed: int = 42
-    """Of the run, until `reset` gives another."""
+    """Seed of the run, until `reset` gives another."""
     decision_interval: int = 5
     """Steps of 0.1 s from one decision to the next."""
     observation: Observed = "benchmark"
@@ -108,7 +108,7 @@ class EnvSettings:
     """Agents of the zoo that take the missions that the learning agents leave: `SocialAgents`, or dicts of
     their fields, such as {"agent": "smarts.zoo:idm-v0", "count": 2, "options": {}}."""
     hosts: Mapping[str, Any] = field(default_factory=dict)
-    """Where social agents act, and in what time, by locator ("*": all others): "process", "ray",
+    """Options of where and in what time social agents act, by locator ("*": all others): "process", "ray",
     `HostOptions`, or a dict of its fields. By default in this process; docs/guide/hosts.md."""
     learn_in_bubbles: bool | Sequence[str] = False
     """True, or ids of bubbles of the scenarios: the agents have no missions, but drive vehicles of traffic

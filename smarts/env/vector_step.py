@@ -32,7 +32,7 @@ class Spaces(NamedTuple):
     """The spaces of all agents."""
 
     blocks: tuple[Block, ...]
-    """In column order."""
+    """Blocks of agents in the order of their columns."""
     state: int = 0
     """Size of a global state; 0: there is none."""
     has_graph: bool = False
@@ -42,11 +42,11 @@ class Final(NamedTuple):
     """The last observations of simulations that were reset in a step."""
 
     rows: Ints
-    """Of these simulations, shape (K,)."""
+    """Indices of these simulations, shape (K,)."""
     observations: tuple[Leaves, ...]
-    """Per block, shape (K, n, ...)."""
+    """Last observations per block, shape (K, n, ...)."""
     masks: tuple[Bools | None, ...]
-    """Per block, shape (K, n, actions)."""
+    """Action masks per block, shape (K, n, actions)."""
     state: None = None
     graph: None = None
 
@@ -55,8 +55,8 @@ class VectorStep(NamedTuple):
     """The result of one decision of all simulations, after resets; valid until the next."""
 
     observations: tuple[Leaves, ...]
-    """Per block, shape (B, n, ...), after resets. If an agent ends before its simulation, this is its last
-    observation; later ones are zero."""
+    """Observations per block, shape (B, n, ...), after resets. If an agent ends before its simulation,
+    this is its last observation; later ones are zero."""
     rewards: Singles
     """0 for agents that did not act, shape (B, N)."""
     terminated: Bools
@@ -68,21 +68,20 @@ class VectorStep(NamedTuple):
     reset: Bools
     """Simulations that were reset in this step, shape (B,)."""
     final: Final | None = None
-    """Of the simulations that were reset."""
+    """Last observations of the simulations that were reset."""
     masks: tuple[Bools | None, ...] = ()
-    """Per block, which actions are allowed, shape (B, n, actions). Agents that do not act get a mask with
-    only action 0 allowed, so that masked logits are not all infinite."""
+    """Allowed actions per block, shape (B, n, actions). Agents that do not act get a mask with only
+    action 0 allowed, so that masked logits are not all infinite."""
     state: None = None
     graph: None = None
     failed: Mapping[int, BaseException] = {}
     """Simulations whose traffic failed and that were reset: the rest of their step is invalid."""
     metrics: Mapping[int, Mapping[str, float]] = {}
-    """Of the simulations that were reset: shares of the agents by outcome, and steps."""
+    """Metrics of the simulations that were reset: shares of the agents by outcome, and steps."""
     social_failures: Mapping[int, Mapping[str, str]] = {}
-    """By simulation and name, the social agents that have failed since the last result, also in the steps of
+    """Social agents that have failed since the last result, by simulation and name, also in the steps of
     a reset, and why: the fallback controller drives their vehicles."""
     social_infos: Mapping[int, Mapping[str, Any]] = {}
-    """By simulation, what else is to be known of other agents, if anything: `kept_out`, the names of agents
-    that cannot enter, `bubbles`, by id and count what happened in the episode so far, and `late_decisions`,
-    how many decisions of agents were late, by policy; of simulations that were reset, in the episode that has
-    ended."""
+    """Other facts about social agents, by simulation: `kept_out`, the names of agents that cannot
+    enter, `bubbles`, counts of what happened in the episode so far, by id, and `late_decisions`, numbers of
+    late decisions, by policy; for simulations that were reset, in the episode that has ended."""

@@ -15,7 +15,7 @@ from smarts.envision.whole_files import written_whole
 from smarts.errors import SmartsError
 
 QUALITY = 20
-"""Of a film: the encoder's constant rate factor, 0 without loss to 51."""
+"""The encoder's constant rate factor for films, from 0 (lossless) to 51."""
 Image = NDArray[np.uint8]
 
 MOVING = (".gif", ".mp4")

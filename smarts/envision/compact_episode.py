@@ -29,11 +29,11 @@ from smarts.types.episode_schema import (
 from smarts.types.events import Outcome
 
 STEPS = 100
-"""Of one message."""
+"""Number of steps in one message."""
 POLICY = "policy"
 """The one fact that recorded episodes do not have."""
 MOST_STEPS = 10_000_000
-"""Of an episode."""
+"""Largest number of steps of an episode."""
 
 _LASTING = SIGNALS.name, BUBBLE_POSES.name
 """Tables whose rows hold until the next one."""

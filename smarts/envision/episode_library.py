@@ -25,13 +25,13 @@ from smarts.types.episode_schema import EPISODE
 from smarts.types.events import Outcome
 
 SUFFIX = ".smarts"
-"""Of files with one compact episode."""
+"""Suffix of files with one compact episode."""
 MOST_CACHED = 32
 """Compact episodes that are kept, the last ones that were asked for."""
 _ID_DIGITS = 12
 _EPISODES = "episodes"
 _FOLDERS_TO_RUN = 3
-"""From an episode to the folder of its run, with the part of the test and `episodes` between."""
+"""Levels from an episode up to its run's folder, with the part of the test and `episodes` between."""
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,11 @@ class Entry:
     episode: int = 0
     seed: int = 0
     world: int = 0
-    """Which simulation of its run it is of."""
+    """Index of the simulation within its run."""
     steps: int = 0
     seconds: float = 0.0
     agents: int = 0
-    """Of the episode, without social agents."""
+    """Number of agents in the episode, without social agents."""
     outcomes: Mapping[str, int] = field(default_factory=dict)
     """How many of these agents ended in which way."""
     complete: bool = False
@@ -91,7 +91,7 @@ class EpisodeLibrary:
         self._lock = threading.Lock()
         self._paths: dict[str, Path] = {}
         self._entries: dict[Path, tuple[int, Entry]] = {}
-        """Of episodes that were read, with the time of their last change."""
+        """Entries of the episodes that were read, each with the time of its file's last change."""
         self._making = threading.Lock()
         self._made = lru_cache(MOST_CACHED)(lambda path, changed: read_compact(path))
         self._find()

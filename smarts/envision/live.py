@@ -26,9 +26,9 @@ MOST_OBSERVED = 4
 KEPT = 60.0
 """A simulation that is gone stays in the list for so long [s]."""
 _LISTED = 0.5
-"""From one list of simulations to the next [s]."""
+"""Time from one list of simulations to the next [s]."""
 _MOST_TEXT, _MOST_NUMBER = 500, (1 << 53) - 1
-"""In the list of simulations."""
+"""Longest text and largest number in the list of simulations."""
 _POLICY, _TOO_BIG = 1008, 1009
 
 
@@ -44,7 +44,7 @@ class Source:
     rate: float = 0.0
     """Steps in a second."""
     gone: float = 0.0
-    """When its connection ended, 0 while there is one [s]."""
+    """Time at which its connection ended, 0 while there is one [s]."""
     _counted: tuple[float, int] = (0.0, 0)
 
     def count(self, now: float) -> None:

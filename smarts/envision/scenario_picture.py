@@ -49,7 +49,7 @@ LARGE_VEHICLES = {
 }
 EGO_SIZE = (CAR_LENGTH, 2.0)
 MARGIN = 12.0
-"""Around the missions' routes on a sheet [m]."""
+"""Margin around the missions' routes on a sheet [m]."""
 FLATTEST, MOST_UPRIGHT = 0.12, 0.5
 """Minimum and maximum of height / width of a scenario on a sheet."""
 

@@ -26,7 +26,7 @@ SOCIAL = "#ff7f0e"
 """Colours of the vehicles of egos, of traffic and of social agents."""
 LIGHTS = {Signal.STOP: "#d62728", Signal.CAUTION: "#ffbf00", Signal.GO: "#2ca02c"}
 STRIPES = (-0.38, -0.2, -0.02)
-"""Where the stripes across a vehicle in an air-lock are, in lengths from its centre."""
+"""Places of the stripes across a vehicle in an air-lock, in lengths from its centre."""
 STRIPE = 0.09
 """Width of a stripe, in lengths of the vehicle."""
 HATCH = "#1a1a1a"

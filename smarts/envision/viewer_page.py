@@ -15,7 +15,7 @@ from smarts.errors import SmartsError
 
 PAGE = Path(__file__).parent / "viewer.html"
 MOST_BYTES = 2_000_000
-"""Of a page with episodes inside."""
+"""Largest size of a page with episodes inside."""
 _PLACE = "<!--EPISODE-->"
 _INLINE = re.compile(r"<(script|style)\b([^>]*)>(.*?)</\1>", re.DOTALL | re.IGNORECASE)
 _LOADS_NOTHING = (

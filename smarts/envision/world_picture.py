@@ -29,9 +29,9 @@ from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.mission import GoalKind
 
 WIDTH, HEIGHT = 800, 600
-"""Of a picture [pixels]."""
+"""Size of a picture [pixels]."""
 MARGIN = 15.0
-"""Around the egos' routes [m]."""
+"""Margin around the egos' routes [m]."""
 NARROWEST, WIDEST = 80.0, 320.0
 """Width of what is shown [m]; where routes are longer, the picture follows an ego."""
 _STRIDE = 40.0

@@ -17,7 +17,7 @@ _LONGER_HANDLES = (1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
 _SLOWEST = 0.01
 """Speed at which a vehicle waits for its time [m/s]."""
 _HALVINGS = 60
-"""Of the interval in which the cruising speed is searched for."""
+"""Number of halvings of the interval in which the cruising speed is searched for."""
 
 
 class BezierPlanner:

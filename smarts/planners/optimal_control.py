@@ -16,8 +16,8 @@ from smarts.arrays import Floats
 from smarts.planners.protocol import Limits
 
 STEP_COLUMNS = 9
-"""Of one step of an iteration: acceleration, steering rate, then x, y, heading, speed, steering angle at its
-end, then by how much the gaps fall short and the lateral acceleration is too large."""
+"""Values of one step of an iteration: acceleration, steering rate, then x, y, heading, speed, steering angle
+at its end, then by how much the gaps fall short and the lateral acceleration is too large."""
 _SOLVER = {
     "error_on_fail": False,
     "piqp": {
@@ -43,9 +43,9 @@ class Weights(NamedTuple):
     speed: float = 2.0
     """Speed there [s/m]."""
     acceleration: float = 0.3
-    """In each step [s^2/m]."""
+    """Weight of the acceleration in each step [s^2/m]."""
     steering_rate: float = 1.5
-    """In each step [s/rad]."""
+    """Weight of the steering rate in each step [s/rad]."""
     change: float = 0.2
     """Change of the acceleration from step to step [s^2/m]."""
     gap: float = 2000.0
@@ -65,7 +65,7 @@ class Solution(NamedTuple):
     gap: float
     """The smallest one to a neighbour [m]; infinite without neighbours."""
     deviation: float
-    """Between the positions of the iteration and of the drive [m]; NaN without a solution."""
+    """Distance between the positions of the iteration and of the drive [m]; NaN without a solution."""
 
 
 class Program:

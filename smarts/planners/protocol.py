@@ -18,9 +18,9 @@ class Limits(NamedTuple):
     """A kind of vehicle: its size, and what its plans may ask of it. The defaults are a passenger car's."""
 
     length: float = 5.0
-    """Of the footprint [m]."""
+    """Length of the footprint [m]."""
     width: float = 2.0
-    """Of the footprint [m]."""
+    """Width of the footprint [m]."""
     wheelbase: float = 2.7
     """Distance between the axles [m]; the footprint's centre is midway between them."""
     speed: float = 20.0

@@ -16,7 +16,7 @@ from smarts.planners.protocol import Limits, Neighbours, Plans, keep_last
 _SHORTEST, _LONGEST = 0.1, 0.3
 """Length of a step [s]."""
 _FAR = 1e3
-"""Where a missing neighbour is put, behind the vehicle [m]."""
+"""Distance behind the vehicle at which a missing neighbour is put [m]."""
 _DEVIATION = 1.0
 """Up to which the iteration's positions may differ from the driven ones [m]."""
 _TIGHT = 0.25
@@ -35,13 +35,13 @@ class Problem(NamedTuple):
     wanted: Floats
     """The curve to the target, then straight on: rows of time, x, y, heading, speed, shape (H, 5)."""
     counts: Bools
-    """At the end of which steps the vehicle is to be there, shape (H,)."""
+    """Whether the vehicle is to be there at the end of each step, shape (H,)."""
     step: float
     """Length of a step [s]."""
     poses: Floats
-    """Of the neighbours at the end of each step, shape (H, K, 3)."""
+    """Poses of the neighbours at the end of each step, shape (H, K, 3)."""
     sizes: Floats
-    """Of the neighbours, shape (K, 2)."""
+    """Sizes of the neighbours, shape (K, 2)."""
 
 
 class RecedingHorizonPlanner:

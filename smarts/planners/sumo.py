@@ -17,7 +17,7 @@ from smarts.planners.protocol import Limits, Neighbours, Plans, keep_last
 STEP = 0.1
 """SUMO's step [s]."""
 STEPS = 60
-"""Of a plan."""
+"""Number of steps of a plan."""
 EACH = 3
 """Steps from row to row of a path."""
 LANE = 3.2

@@ -39,7 +39,7 @@ ROOM = 15.0
 TICKS = 16
 """Number of steps in which the warm-up looks for room at once."""
 MOST_TURN = 0.05
-"""Between a path and the heading of a vehicle that joins it [rad]."""
+"""Largest angle between a path and the heading of a vehicle that joins it [rad]."""
 _FLOATS = [(name, np.float64) for name in ("time", "headway", "end")]
 FLOW = np.dtype([("row", np.int32), ("path", np.int32), *_FLOATS])
 """Vehicles to come: simulation, path, next departure, time between two, time before which all are [s].

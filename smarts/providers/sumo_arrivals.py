@@ -9,7 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 _ATTRIBUTES = ("arrivalLane", "arrivalPos", "arrivalSpeed")
-"""Of a vehicle; arguments of TraCI's `vehicle.add` have the same names."""
+"""Attributes of a vehicle; arguments of TraCI's `vehicle.add` have the same names."""
 _DRAWN = "random"
 """A value that SUMO draws when it adds a vehicle: what it has drawn is not known."""
 _FILES_KEPT = 16

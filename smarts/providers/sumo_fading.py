@@ -23,11 +23,11 @@ from smarts.types.vehicles import VehicleStates
 from smarts.types.world import World
 
 ALONG = 0.03
-"""By how much the remainder along the lane shrinks in a step [m]."""
+"""Decrease of the remainder along the lane in a step [m]."""
 ASIDE = 0.04
-"""By how much the remainder across the lane shrinks in a step [m]."""
+"""Decrease of the remainder across the lane in a step [m]."""
 TURN = 0.012
-"""By how much that of the heading shrinks in a step [rad]."""
+"""Decrease of the heading's remainder in a step [rad]."""
 
 
 class FadingPoses:

@@ -34,17 +34,17 @@ LEAST_TAIL = 0.1
 STEPS_BEFORE = 2
 """A vehicle whose front is inside a junction after so many steps is not taken any more."""
 MOST_OFFSET = 0.15
-"""From the lane's centreline at which SUMO gets a vehicle's front [m]."""
+"""Largest distance from the lane's centreline at which SUMO gets a vehicle's front [m]."""
 MOST_TURN = 0.1
-"""Between the vehicle's heading and the one that SUMO has for it [rad]; `sumo_fading` lets it fade."""
+"""Largest angle between the vehicle's heading and SUMO's [rad]; `sumo_fading` lets it fade."""
 MOST_SHIFT = 0.5
-"""Between the vehicle's centre and the one that SUMO has for it [m]."""
+"""Largest distance between the vehicle's centre and the one that SUMO has for it [m]."""
 MOST_BRAKING = 4.5
 """Deceleration that traffic ahead, a light or right of way may demand [m/s^2]."""
 TURN_AHEAD = 100.0
 """Distance to a junction at which its turn counts [m]."""
 MOST_SWING = 0.45
-"""By how much a vehicle may have to leave its lane in a turn [m]."""
+"""Largest distance by which a vehicle may have to leave its lane in a turn [m]."""
 WINDOW = 4
 """Distance over which the bends of a turn are measured [m]."""
 SMALL = 6.0
@@ -53,7 +53,7 @@ MOST_LEAN = 0.15
 """To its lane of a vehicle that an agent gets [rad]. A slow one in a lane change leans more, and could
 straighten only beside its lane; so does one whose tail is still in a turn."""
 LOOK_AHEAD = 100.0
-"""Of a vehicle whose lane does not lead on, SUMO has this distance left to change lanes [m]."""
+"""Distance that SUMO needs to change lanes where a vehicle's lane does not lead on [m]."""
 
 
 class SumoGate:

@@ -82,10 +82,10 @@ def _write(
 
 
 class Legs(NamedTuple):
-    """Where the V vehicles of one simulation are at the begin and the end of a step of SUMO."""
+    """Poses and speeds of one simulation's V vehicles at the begin and the end of a step of SUMO."""
 
     generation: Ints
-    """Of the vehicle in a slot that SUMO drives in this step, else -1, shape (V,)."""
+    """Generation of the vehicle in each slot that SUMO drives in this step, else -1, shape (V,)."""
     begin: Floats
     """Centre x, y [m], heading [rad], speed, acceleration, allowed speed [m/s, m/s^2, m/s]; shape (V, 6)."""
     end: Floats

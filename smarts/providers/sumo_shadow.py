@@ -15,7 +15,7 @@ class Reinsertion(enum.Enum):
     AND_BACK = enum.auto()
     """Via a neighbouring lane and back within one step."""
     OFF_THE_NET = enum.auto()
-    """By leaving the net for one step."""
+    """Off the net for one step."""
 
 
 @dataclass

@@ -34,7 +34,7 @@ _KINDS |= {"delivery": VehicleKind.TRUCK, "moped": VehicleKind.MOTORCYCLE}
 """`VehicleKind` of SUMO's vehicle classes; others are passenger cars."""
 
 _AGAIN = re.compile(r"-again-\d+$")
-"""In a replaced vehicle's SUMO id, after its first id: the step."""
+"""Suffix of a replaced vehicle's SUMO id, behind its first id: the step."""
 
 
 class _Snapshot(NamedTuple):

@@ -87,7 +87,7 @@ class _Leg(NamedTuple):
     """The rows of one edge of a route, and of the junction behind it."""
 
     lane: Ints
-    """Those of the edge first, then those of the junction, each in their order in the map, shape (R,)."""
+    """Lanes of the edge first, then of the junction, each in their order in the map, shape (R,)."""
     edges: int
     """How many of them are of the edge."""
     begin: Floats
@@ -99,9 +99,9 @@ class _Leg(NamedTuple):
     onward: Ints
     """The rows that follow, counted from the leg's first; behind the leg's own come the next edge's."""
     length: float
-    """Of the edge [m]."""
+    """Length of the edge [m]."""
     between: float
-    """Of the way through the junction [m]."""
+    """Length of the way through the junction [m]."""
 
 
 @kernel

@@ -29,9 +29,9 @@ class Performance(NamedTuple):
     """What each kind of vehicle can do, shape (K,) unless said otherwise; see `VehicleKind`."""
 
     acceleration: Floats
-    """From standstill [m/s^2]."""
+    """Acceleration from standstill [m/s^2]."""
     power: Floats
-    """Of the engine, by mass [W/kg]."""
+    """Power of the engine, by mass [W/kg]."""
     agility: Floats
     """Maximum rate of change of the curvature, from the steering rate [1/(m s)]."""
     pace: Floats

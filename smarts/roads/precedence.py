@@ -36,7 +36,7 @@ SPEEDING_UP = 2.0
 OTHERS_SPEEDING_UP = 1.0
 """Acceleration of others but those that start: they let vehicles by that are in the junction [m/s^2]."""
 SLACK = 0.2
-"""Between a vehicle and the side of its lane this much is left out of account [m]."""
+"""Distance between a vehicle and the side of its lane that is left out of account [m]."""
 HARD_BRAKING = 6.0
 """A vehicle that would have to brake harder to stop before a line drives on [m/s^2]..."""
 OTHERS_BRAKING = 4.5
@@ -44,13 +44,13 @@ OTHERS_BRAKING = 4.5
 MERGE_BRAKING = 2.5
 """How hard the one behind may have to brake where two lanes merge [m/s^2]."""
 MERGE_GAP = 2.0
-"""To the vehicle ahead where two lanes merge [m]."""
+"""Gap to the vehicle ahead where two lanes merge [m]."""
 CREEPING = 4.0
 """A slower vehicle at its line may take its turn [m/s]."""
 NEAR_LINE = 8.0
 """A vehicle that stands farther from its line is in a queue [m]."""
 AT_LINE = 4.0
-"""Where all have to stop, vehicles stop nearer to their line [m]."""
+"""Distance to their line within which vehicles stop where all have to stop [m]."""
 NOSE = 1.0
 """A vehicle that stands nearer to a meeting is in the way [m]."""
 TURN_TIME = 4.0

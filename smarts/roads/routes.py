@@ -29,7 +29,7 @@ class EdgeGraph:
         ]
         """Cost of each edge; infinite where no lane is usable."""
         self.onward: list[dict[int, float]] = [{} for _ in edges]
-        """For each edge the edges that follow it, with the least cost of the junction between."""
+        """Edges that follow each edge, with the least cost of the junction between."""
         for lane in np.flatnonzero(usable & ~graph.is_internal):
             for target, between in _exits(graph, int(lane), usable, lane_cost):
                 following = self.onward[graph.lane_edge[lane]]

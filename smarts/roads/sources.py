@@ -15,7 +15,7 @@ MAP_STEM = "map"
 """Default stem of a scenario's map files."""
 
 NET_SUFFIXES = (".net.xml", ".net.xml.gz")
-"""Of compiled networks, plain and compressed."""
+"""Suffixes of compiled networks, plain and compressed."""
 
 # In order of precedence: the first kind whose principal files exist is the map.
 _PRINCIPAL: dict[MapKind, tuple[tuple[str, ...], ...]] = {

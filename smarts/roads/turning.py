@@ -18,7 +18,7 @@ from smarts.roads.lane_graph import OPPOSITE
 from smarts.roads.waypoints import foot
 
 SPACING = 1.0
-"""Between the places that are tried [m]."""
+"""Distance between the places that are tried [m]."""
 _ROAD = sum(1 << kind for kind in ROAD_LANES)
 
 

@@ -57,7 +57,7 @@ class BubbleRules:
         self._announced: list[dict[int, Key]] = [{} for _ in range(world.worlds)]
         self._without_column: list[set[int]] = [set() for _ in range(world.worlds)]
         self._special: dict[int, list[tuple[int, PlacedBubble]]] = {}
-        """By simulation, the bubbles that follow a vehicle, have a condition or look for names."""
+        """Bubbles that follow a vehicle, have a condition or look for names, by simulation."""
         self._has_bubbles = self._is_busy = False
         self._noted = [0] * world.worlds
         """How many of the pool's holds have been looked at."""
@@ -66,12 +66,12 @@ class BubbleRules:
 
     @property
     def left(self) -> Bools:
-        """Which learning agents' vehicles have left their bubble, shape (B, A)."""
+        """Learning agents whose vehicles have left their bubble, shape (B, A)."""
         return self._field.holds.left
 
     @property
     def states(self) -> BubbleStates:
-        """Where the bubbles are now, and what has happened in them; other arrays after a `begin`."""
+        """Places of the bubbles, and what has happened in them; other arrays after a `begin`."""
         return self._field.states
 
     def begin(self, row: int, start: EpisodeStart) -> None:

@@ -16,7 +16,7 @@ AHEAD = 15.0
 NEAR_ENOUGH = 1.5
 """How much that may be missed by [m]."""
 GAIN = 0.5
-"""By how much faster than the other vehicle to drive for each metre that is lacking [1/s]."""
+"""Speed above the other vehicle's for each metre that is lacking [1/s]."""
 SLOWEST = 2.5
 """Even beside a vehicle that stands [m/s]."""
 FASTER = 1.1
@@ -24,9 +24,9 @@ FASTER = 1.1
 CHANGE_TIME = 3.0
 """How long going over takes [s]."""
 LEAST_LENGTH = 15.0
-"""Of the way over, along the road [m]."""
+"""Least length of the lane change, along the road [m]."""
 STANDING = 1e-6
-"""What stands for no speed at all in the guidance, where 0 stands for nothing said [m/s]."""
+"""Stands for speed 0 in the guidance, where 0 stands for no speed given [m/s]."""
 
 _FREE, _APPROACH = int(GuidePhase.FREE), int(GuidePhase.APPROACH)
 _MANOEUVRE, _OVER = int(GuidePhase.MANOEUVRE), int(GuidePhase.OVER)

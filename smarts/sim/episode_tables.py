@@ -21,7 +21,7 @@ from smarts.types.frame import Frame
 Rows = Mapping[str, Sequence[Any] | NDArray]
 
 NEVER = 2**31 - 1
-"""Later than every step."""
+"""A step later than every step of an episode."""
 
 
 @dataclass

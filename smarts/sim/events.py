@@ -82,7 +82,7 @@ class AgentEvents:
         self._interest, self._learning = interest, learning
         self._nobody = np.zeros((worlds, agents), np.bool_)
         self.events = Events.allocate(worlds, agents)
-        """Of the last step."""
+        """Events of the last step."""
         counted = np.zeros((len(alive), agents), np.bool_)
         for number, rule in enumerate(alive):
             counted[number] = rule.counted

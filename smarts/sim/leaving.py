@@ -13,7 +13,7 @@ from smarts.types.vehicles import Owner
 from smarts.types.world import State
 
 LONGEST_RELEASE = 5.0
-"""After so long without an open gate, the fallback controller drives instead of the agent [s]."""
+"""Time without an open gate after which the fallback controller drives instead of the agent [s]."""
 
 _VACANT, _WAITING = int(AgentStatus.VACANT), int(AgentStatus.WAITING)
 _ACTIVE, _DONE, _LEAVING = int(AgentStatus.ACTIVE), int(AgentStatus.DONE), int(AgentStatus.LEAVING)

@@ -15,7 +15,7 @@ from smarts.sim.outlet import Address
 ENVISION = "SMARTS_ENVISION"
 """Environment variable: address of a viewer's server for simulations whose options name none."""
 VIEWER = "127.0.0.1:8081"
-"""Where `smarts-bench view --live` is by default."""
+"""Default address of `smarts-bench view --live`."""
 LONGEST_SUBSTEP = 0.02
 """Longest sub-step of the vehicles' dynamics [s]; made for 0.01."""
 LONGEST_TRAFFIC_STEP = 1.0
@@ -38,7 +38,7 @@ class Options:
     path: int = 64
     """The most points of a path that an agent gives as its action."""
     record: str | Path | None = None
-    """Where episodes are written to; None: nowhere."""
+    """Folder that episodes are written to; None: episodes are not written."""
     record_all: bool = False
     """Whether vehicles far from agents are recorded, too, in a table of their own."""
     record_observations: Sequence[str] = ()
@@ -48,9 +48,9 @@ class Options:
     """Server of `smarts-bench view --live` that shows the simulations, as "host:port" or "token@host:port".
     It may come and go. None: what the environment variable SMARTS_ENVISION says; "": nowhere."""
     policy: str = ""
-    """Name of what drives the learning agents, for those who watch: an algorithm's, "" if it has none."""
+    """Name of the learning agents' policy, for viewers: an algorithm's, "" if it has none."""
     traffic_engine: str | None = None
-    """Which of `TRAFFIC_ENGINES` drives the traffic; None: the one that the scenario names."""
+    """Name among `TRAFFIC_ENGINES` of the one that drives the traffic; None: the scenario's."""
     traffic_step: float | None = None
     """Length of SUMO's step [s], a multiple of `dt` up to 1, for training: 0.5 halves the time of training.
     Between SUMO's poses, vehicles move evenly. Such episodes cannot be recorded. None: `dt`."""

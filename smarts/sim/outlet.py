@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 MOST_WAITING = 4 << 20
 """Bytes that wait to be sent; beyond, all of them are dropped."""
 _RETRY = 2.0
-"""From one attempt to connect to the next [s]."""
+"""Time from one attempt to connect to the next [s]."""
 _CONNECTING = 5.0
 """The longest time that an attempt takes [s]."""
 _LAST_WORDS = 0.5
@@ -35,7 +35,7 @@ _LAST_WORDS = 0.5
 _STANDSTILL = 30_000
 """A server that takes nothing for so long is given up [ms]."""
 _LOOK = 0.01
-"""From one look of an outlet that ends at what is still to be sent to the next [s]."""
+"""Time between two checks of an ending outlet for what is still to be sent [s]."""
 _AT_ONCE = 64
 """The most frames of one call of the system."""
 _REFUSED = (401, 403)
@@ -46,12 +46,12 @@ _ADDRESS = re.compile(r"(?:(?P<token>[^@\s]+)@)?(?P<host>[^@\s/]+):(?P<port>\d{1
 
 @dataclass(frozen=True)
 class Address:
-    """Where a viewer's server is."""
+    """The address of a viewer's server."""
 
     host: str
     port: int
     token: str = ""
-    """That the server asks for, "" on loopback."""
+    """Token that the server asks for, "" on loopback."""
 
     @classmethod
     def parse(cls, text: str, place: str) -> Address:

@@ -42,7 +42,7 @@ from smarts.types.frame import Frame
 MOST_SHOWN = 9
 """Simulations of a process that are sent: the first ones."""
 SHORTEST = 1 / 60
-"""From one frame of a simulation to the next, at least [s]."""
+"""Shortest time from one frame of a simulation to the next [s]."""
 LONGEST = 0.2
 """And at most, where steps are no longer [s]."""
 SHARE = 0.025
@@ -340,4 +340,4 @@ def room() -> int:
 
 
 _publishers: weakref.WeakSet[EpisodePublisher] = weakref.WeakSet()
-"""Those of this process."""
+"""Publishers of this process."""

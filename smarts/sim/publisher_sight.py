@@ -13,7 +13,7 @@ from smarts.sim.observation_notes import observation_notes
 from smarts.types.frame import Frame
 
 INTERVAL = 0.05
-"""From one message with observations to the next, at least [s]: grids take a millisecond each."""
+"""Shortest time from one message with observations to the next [s]: grids take a millisecond each."""
 
 
 class PublishedSight:

@@ -95,10 +95,10 @@ class _Episode:
     names: list[tuple[Any, ...]] = field(default_factory=list)
     """Rows of the table."""
     agents: list[AgentStart] = field(default_factory=list)
-    """By number."""
+    """Agents by their number."""
     handovers: HandoverNotes = field(default_factory=HandoverNotes)
     endings: dict[int, Ending] = field(default_factory=dict)
-    """By the agent's number."""
+    """Endings by the agent's number."""
     extras: list[tuple[str, int, Ints, Floats]] = field(default_factory=list)
     """Name, step, agents (S,), values (S, ...)."""
     observations: ObservationRows = field(default_factory=ObservationRows)
@@ -398,7 +398,7 @@ class EpisodeRecorder:
 
 
 _open: weakref.WeakSet[EpisodeRecorder] = weakref.WeakSet()
-"""Those that were not closed."""
+"""Recorders that were not closed."""
 
 
 @atexit.register

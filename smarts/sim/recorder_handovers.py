@@ -38,7 +38,7 @@ class HandoverNotes:
     poses: list[tuple[float, ...]] = field(default_factory=list)
     """Rows of the table of bubbles' poses."""
     counts: list[list[int]] = field(default_factory=list)
-    """By bubble, the counts of `COUNTS`."""
+    """Counts of `COUNTS`, by bubble."""
     failures: list[tuple[int, int, str]] = field(default_factory=list)
     """Step, number of the agent, and what failed."""
     _holder: dict[int, int] = field(default_factory=dict)

@@ -89,7 +89,7 @@ class Combination:
     map: int
     plan: EpisodePlan
     engine: str
-    """Which of `TRAFFIC_ENGINES` drives the traffic."""
+    """Name among `TRAFFIC_ENGINES` of the one that drives the traffic."""
 
 
 class Schedule:
@@ -135,7 +135,7 @@ class Schedule:
         self.maps: tuple[LaneGraph, ...] = tuple(held[grounds.index(each)] for each in unique)
         """Each map once, or as often as it is driven on differently, in the order of its number."""
         self.surfaces = tuple(surface for _, surface, _ in unique)
-        """Where each map has another friction than a dry road."""
+        """Places on each map whose friction differs from a dry road's."""
         self.speeds = np.array([speed for _, _, speed in unique])
         """The largest speed of the discrete lane actions on each map [m/s]."""
         # Agents that learn in bubbles have no missions.

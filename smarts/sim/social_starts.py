@@ -32,7 +32,7 @@ class Role(NamedTuple):
     policy: int
     """Number of its policy."""
     speed: float | None = None
-    """At the start, None for the mission's [m/s]."""
+    """Speed at the start [m/s]; None: the mission's."""
     varies: bool = False
     """Whether its start varies as the egos' do."""
 

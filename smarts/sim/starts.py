@@ -40,11 +40,11 @@ GOAL_RADIUS = 2.0
 LEAST_ROUTE = 1.0
 """How far ahead of its vehicle's centre a goal has to be [m]."""
 TRAP_LENGTH = 20.0
-"""Of the area around a start where an agent takes a vehicle over, unless the scenario names one [m]."""
+"""Length of the trap before and behind a start, unless the scenario names one [m]."""
 TRAP_BEHIND = 5.0
 """How much of that area lies before the start [m]."""
 _ACCELERATION = 3.0
-"""With which an undisturbed driver reaches the limit [m/s^2]."""
+"""Acceleration with which an undisturbed driver reaches the limit [m/s^2]."""
 
 
 @dataclass(frozen=True)

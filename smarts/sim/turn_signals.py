@@ -23,7 +23,7 @@ from smarts.types.world import State
 
 
 class Shown(NamedTuple):
-    """For what each vehicle's signal was set last, shape (B, V) each."""
+    """Vehicle, route and edge for which each slot's signal was set last, shape (B, V) each."""
 
     generation: Ints
     route: Ints

@@ -17,7 +17,7 @@ class CallableReference:
     """A function or class that a scenario names, not yet imported."""
 
     path: str
-    """As "module:name"."""
+    """Path as "module:name"."""
 
     def load(self) -> Callable[..., Any]:
         """Import and return what is meant."""

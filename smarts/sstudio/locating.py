@@ -16,7 +16,7 @@ from smarts.sstudio.encoding import digest
 SCRIPT = "scenario.py"
 """The file that describes the scenario of its folder."""
 VARIATION_MARK = "@"
-"""Between a scenario and the name of one of its held-out variations."""
+"""Separator between a scenario and the name of one of its held-out variations."""
 SUITE = Path(__file__).resolve().parents[2] / "scenarios"
 """The folder of the scenarios that come with the package."""
 

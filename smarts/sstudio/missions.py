@@ -78,7 +78,7 @@ class PlacedMission:
     start: LanePoint
     """Place of the front bumper."""
     speed: float
-    """At the start [m/s]."""
+    """Speed at the start [m/s]."""
     goal: LanePoint | None
     """None for endless missions."""
     route: tuple[str, ...]

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 TRIES = 100
 MOST_EDGES = 10
-"""As in the original, so that routes are about as long."""
+"""Largest number of edges, as in the original, so that routes are about as long."""
 
 
 def draw_route(roads: LaneGraph, generator: Generator, users: str = "cars") -> Route:

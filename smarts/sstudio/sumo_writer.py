@@ -113,7 +113,7 @@ class _Writer:
     drawn: dict[t.RandomRoute, t.Route] = field(default_factory=dict)
     """The route drawn for each random route."""
     notes: dict[str, None] = field(default_factory=dict)
-    """In order, each once."""
+    """Notes in order, each once."""
 
     def write(self, traffic: t.Traffic) -> SumoDocuments:
         """Return the files' contents."""

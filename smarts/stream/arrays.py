@@ -17,7 +17,7 @@ from smarts.arrays import Bools, Longs
 from smarts.errors import RecordError
 
 MOST_ARRAY_BYTES = 32 << 20
-"""Of an array, decompressed."""
+"""Largest size of an array, decompressed."""
 
 _WORTH_COMPRESSING = 128
 """Bytes of an array; smaller ones are sent as they are."""

@@ -16,11 +16,11 @@ from smarts.errors import RecordError
 from smarts.stream.arrays import damaged
 
 VERSION = 1
-"""Of the format of messages."""
+"""Version of the format of messages."""
 MAGIC = b"SMARTSEP"
 """The first bytes of a compact episode."""
 MOST_BYTES = 8 << 20
-"""Of a message."""
+"""Largest size of a message."""
 
 _LENGTH = struct.Struct("<I")
 

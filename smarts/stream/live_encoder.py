@@ -15,7 +15,7 @@ from smarts.stream.tables import OUTCOMES, Columns, table_messages
 from smarts.types.episode_schema import AGENT_STATES, BUBBLE_POSES, DECISIONS, SIGNALS, VEHICLES, Table
 
 MOST_VEHICLES = 65_535
-"""At a time."""
+"""Largest number of vehicles at a time."""
 _BLOCKS = VEHICLES, AGENT_STATES, DECISIONS
 _OUTCOME = OUTCOMES.names[1:]
 _STATIC = "agents", "holds", "routes", "bubbles", "bubble_rings"

@@ -27,11 +27,11 @@ BRAKES, LEFT, RIGHT, AIR_LOCK, LEAVING, COLLIDED = (1 << bit for bit in range(3,
 collided."""
 
 MOST_ROWS = 1_000_000
-"""Of one message."""
+"""Largest number of rows of one message."""
 _FARTHEST = float(1 << 30)
 """The largest number of units of any column."""
 _COLUMNS = "x", "y", "heading", "speed", "steer"
-"""That are packed as runs."""
+"""Columns that are packed as runs."""
 
 
 class Motion(NamedTuple):
@@ -41,14 +41,14 @@ class Motion(NamedTuple):
     """The stream's short name of the vehicle."""
     step: Ints
     x: Ints
-    """From the map's origin [cm]."""
+    """Position from the map's origin [cm]."""
     y: Ints
     heading: Ints
     """Counter-clockwise from +x [0.1 degree]."""
     speed: Ints
     """[cm/s]"""
     steer: Ints
-    """Of the front wheels, positive to the left [0.1 degree]; 0 where unknown."""
+    """Angle of the front wheels, positive to the left [0.1 degree]; 0 where unknown."""
     flags: NDArray[np.uint16]
     """The owner in `OWNER_BITS`, and the bits behind."""
 

@@ -22,9 +22,9 @@ LANE_COLUMNS = (
     *("start", "x", "y", "width", "kind", "junction", "left", "right", "stop", "signal"),
     *("speed_limit", "edge"),
 )
-"""Of a message `map`."""
+"""Columns of the lanes in a message `map`."""
 _TOLERANCE = 0.012
-"""Of the simplified centrelines [m]; with the rounding to 1 cm they are less than 2 cm off."""
+"""Tolerance of the simplified centrelines [m]; with the rounding to 1 cm they are less than 2 cm off."""
 _BESIDE = 1.0
 """The nearest lane of the other direction is beside if no more than this is between the two [m]."""
 

@@ -71,7 +71,7 @@ LIVE: dict[str, tuple[str, ...]] = {
 }
 """The columns that live streams have of large tables: what the page shows. Other tables have all."""
 MOST_ROWS = 20_000
-"""Of one message."""
+"""Largest number of rows of one message."""
 MOST_LISTED = 4 << 20
 """Bytes of one message's lists of numbers, before compression; a row is never split."""
 

@@ -11,7 +11,7 @@ from smarts.types import columns
 MOST_VALUES = 8
 """Numbers that an action other than a path consists of, at most."""
 PATH_COLUMNS = 5
-"""Of a path: time [s], x, y [m], heading [rad], speed [m/s]."""
+"""Columns of a path: time [s], x, y [m], heading [rad], speed [m/s]."""
 
 
 class ActionSpaceType(enum.IntEnum):
@@ -122,9 +122,9 @@ class Commands(NamedTuple):
     """Points ahead, nearest first: x, y [m], heading [rad], speed [m/s], shape (B, A, R, 4)."""
     reference_length: Ints
     window: Floats
-    """Over which a reference's curvature is averaged, since lanes have kinks [m]."""
+    """Length over which a reference's curvature is averaged, since lanes have kinks [m]."""
     poses: Floats
-    """At the end of each sub-step: x, y [m], heading [rad], speed [m/s], shape (B, A, S, 4)."""
+    """Poses at the end of each sub-step: x, y [m], heading [rad], speed [m/s], shape (B, A, S, 4)."""
 
     @classmethod
     def allocate(cls, worlds: int, agents: int, *, reference: int = 64, substeps: int = 10) -> Commands:

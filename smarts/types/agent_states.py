@@ -43,7 +43,7 @@ class ChangePhase(enum.IntEnum):
 
 
 UNSET = -1
-"""Of a slot, lane, junction, arrival number or step: none."""
+"""Stands for no slot, lane, junction, arrival number or step."""
 
 _UNSET_WHEN_EMPTY = (
     *("slot", "agent", "target_lane", "off_route_since"),
@@ -81,9 +81,9 @@ class AgentStates(NamedTuple):
     """Whether the vehicle has collided: it stays where it is, and is removed, once its agent is LEAVING."""
 
     throttle: Floats
-    """In [0, 1]."""
+    """Throttle in [0, 1]."""
     brake: Floats
-    """In [0, 1]."""
+    """Brake in [0, 1]."""
     steering: Floats
     """Angle of the front wheels, positive to the left [rad]."""
 
@@ -113,7 +113,7 @@ class AgentStates(NamedTuple):
     """Whether the vehicle is on the road, in a lane of the route."""
 
     action_mask: Bools
-    """Which of the four lane actions may be chosen next, shape (B, A, 4)."""
+    """Whether each of the four lane actions may be chosen next, shape (B, A, 4)."""
     target_lane: Ints
     """Lane that the agent steers for, -1 for none."""
     change_phase: Bytes
@@ -122,13 +122,13 @@ class AgentStates(NamedTuple):
     """Whether the lane command of the last action was carried out."""
 
     last_moved_position: Floats
-    """Where the vehicle was when it last had moved [m], shape (B, A, 2)."""
+    """Position at which the vehicle last had moved [m], shape (B, A, 2)."""
     last_moved_step: Ints
-    """When that was, as a step of the episode."""
+    """Step of the episode in which it was there."""
     off_route_since: Ints
     """Step of the episode since which it has been off its route, -1 if it is on it."""
     via_hit: Bools
-    """Which of the mission's via points were passed, of laps in this one, shape (B, A, W)."""
+    """Whether each via point of the mission was passed, of laps in this one, shape (B, A, W)."""
     arrival_number: Ints
     """Place in the order of arrival at the junction ahead, -1 without one."""
     arrival_junction: Ints

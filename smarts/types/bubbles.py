@@ -39,7 +39,7 @@ class PlacedBubble:
     active_condition: SceneCondition | None = None
     """Holds while the bubble takes vehicles; None: always."""
     airlock_condition: SceneCondition | None = None
-    """On vehicles that come into the margin; None: all may."""
+    """Condition on vehicles that come into the margin; None: all may."""
     hijack_limit: int = UNLIMITED
     """Most vehicles at a time that agents drive, those that leave included."""
     shadow_limit: int = UNLIMITED
@@ -49,7 +49,7 @@ class PlacedBubble:
     followed: str = ""
     """Name of the agent or vehicle with which the bubble travels; "" for a bubble that stays."""
     follow_offset: tuple[float, float] = (0.0, 0.0)
-    """From the followed vehicle's centre to that of the zone, if the vehicle faced north [m]."""
+    """Offset of the zone's centre from the followed vehicle's, if the vehicle faced north [m]."""
     centroid: tuple[float, float] = (0.0, 0.0)
     """Centroid of the zone's outline [m]."""
     collision_time: float = 5.0

@@ -52,7 +52,7 @@ class RefLinePoint(NamedTuple):
     s: float
     """Arc length from the lane's begin [m]."""
     t: float = 0.0
-    """To the left of the centreline [m]."""
+    """Offset to the left of the centreline [m]."""
     h: float = 0.0
     """Above the road's surface [m]."""
 

@@ -48,7 +48,7 @@ class AgentStart:
     width: float = 1.8
     """[m]"""
     entry_time: float = 0.0
-    """When it enters [s]; until then its agent waits."""
+    """Time at which it enters [s]; until then its agent waits."""
     take_over: TakeOver | None = None
     """What it waits for from then on; None puts a new vehicle in."""
     interface: int = UNSET
@@ -72,13 +72,13 @@ class EpisodeStart:
     """Number of the simulation in its run, not of the row that it happens to be computed in."""
     episode: int
     scenario: str
-    """With the variation, as in "intersection@dense"."""
+    """Scenario with the variation, as in "intersection@dense"."""
     map: int
     """Number of its map in the atlas."""
     traffic: TrafficFiles
     traffic_name: str | None
     traffic_seed: int
-    """For the traffic engine, in [0, 2^31)."""
+    """Seed of the traffic engine, in [0, 2^31)."""
     limit: int
     """The most vehicles at a time that the traffic engine knows, the egos' among them. `Simulation.reset`
     adds the further agents that enter then with vehicles of their own; agents that enter later take the place
@@ -86,7 +86,7 @@ class EpisodeStart:
     agents: tuple[AgentStart, ...]
     """The egos, in the order of their columns, then the further agents."""
     engine: str = DEFAULT_ENGINE
-    """Which of `TRAFFIC_ENGINES` drives the traffic."""
+    """Name among `TRAFFIC_ENGINES` of the one that drives the traffic."""
     bubbles: tuple[PlacedBubble, ...] = field(default=(), compare=False)
     """The scenario's bubbles on its map, in the order of its file."""
     room: tuple[int, ...] | None = None

@@ -67,7 +67,7 @@ class Contacts(NamedTuple):
     closing_speed: Floats
     """How fast the two approached each other [m/s]."""
     side: Bytes
-    """Where the agent's vehicle was touched: 0 front, 1 left, 2 rear, 3 right."""
+    """Side on which the agent's vehicle was touched: 0 front, 1 left, 2 rear, 3 right."""
     touching: Bools
     """Every vehicle that it touched, shape (B, A, V)."""
 

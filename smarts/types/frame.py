@@ -37,25 +37,25 @@ class Frame:
     world: World
     """The state after the step."""
     env_mask: Bools
-    """Which simulations were stepped or reset, shape (B,); those that failed are not among them."""
+    """Simulations that were stepped or reset, shape (B,); those that failed are not among them."""
     actions: Actions | None
     """The actions given on the state before; None in the frame of a reset."""
     commands: Commands | None
     """What the vehicles carried out; None in the frame of a reset."""
     contacts: Contacts
     events: Events
-    """Of this step alone; a caller that steps several times per decision joins them."""
+    """Events of this step alone; a caller that steps several times per decision joins them."""
     observe_mask: Bools
-    """Whose readings are of this step, shape (B, A)."""
+    """Agents whose readings are of this step, shape (B, A)."""
     readings: Readings
     failures: Mapping[int, SmartsError] = field(default_factory=dict)
     """Simulations whose traffic or vehicles failed in this step: invalid episodes, whose next reset works."""
     starts: Mapping[int, EpisodeStart] = field(default_factory=dict)
-    """In the frame of a reset: the episodes that begin, by row."""
+    """Episodes that begin, by row, in the frame of a reset."""
     transfers: Sequence[CarriedOut] = ()
-    """Which vehicles changed hands at the beginning of this step."""
+    """Transfers of vehicles at the beginning of this step."""
     bubbles: BubbleStates | None = None
-    """Where bubbles are; None: not known."""
+    """States of the bubbles; None: not known."""
     social_failures: Mapping[tuple[int, int], str] = field(default_factory=dict)
     """Social agents that have failed before this step, by (row, number of the agent in its episode), and why:
     the fallback controller drives their vehicles."""

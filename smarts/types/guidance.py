@@ -33,11 +33,11 @@ class Guidance(NamedTuple):
     speed: Floats
     """The speed to drive at [m/s], 0 where the task does not say."""
     begin: Floats
-    """Where the curve begins: x, y [m], heading [rad], shape (B, A, 3)."""
+    """Begin of the curve: x, y [m], heading [rad], shape (B, A, 3)."""
     lane: Ints
     """The lane that the curve leads into, -1 without a curve."""
     s: Floats
-    """Where on that lane the curve ends [m]."""
+    """End of the curve along that lane [m]."""
     target: Ints
     """Slot of the vehicle that the task is about, -1 for none."""
     target_generation: Ints

@@ -14,7 +14,7 @@ class GoalKind(enum.IntEnum):
     """How the goal is reached."""
 
     ENDLESS = 0
-    """There is no goal."""
+    """Has no goal."""
     POSITION = 1
     """The centre within a radius of a point."""
     LANE_LINE = 2
@@ -41,7 +41,7 @@ class Task:
 
     kind: TaskKind = TaskKind.NONE
     radius: float = 0.0
-    """Within which another vehicle triggers it [m]."""
+    """Distance within which another vehicle triggers it [m]."""
     lane: int = -1
     """U-turn: the lane to turn into. Cut-in: a lane of the edge at which the task ends. -1 for none."""
     speed: float = 0.0
@@ -56,7 +56,7 @@ class Via:
     """[m]"""
     lane: int
     radius: float
-    """Within which it counts as passed [m]."""
+    """Distance within which it counts as passed [m]."""
     speed: float
     """Required speed at the point [m/s]."""
 
@@ -77,7 +77,7 @@ class AgentMission:
     """Arc length of the goal on its lane [m]."""
     laps: int = 1
     route_length: float = 0.0
-    """From the start to the goal [m]; 0 for endless missions."""
+    """Length from the start to the goal [m]; 0 for endless missions."""
     free_flow_time: float = 0.0
     """What the route takes at the limits, from the start's speed [s]."""
     vias: tuple[Via, ...] = field(default=())

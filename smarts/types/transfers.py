@@ -95,7 +95,7 @@ class Transfer(NamedTuple):
     reason: int
     """A `Reason`."""
     number: int = UNSET
-    """Of an agent of the episode that has no column yet: it gets one of its interface's with the vehicle.
+    """Number of an agent that has no column yet: the transfer gives it one of its interface's columns.
     Needs `to_agent` -1; -1 for none."""
     departure: int = Departure.NONE
     """A `Departure`; of LEAVE."""
@@ -118,7 +118,7 @@ TRANSFER = np.dtype(
 """A `Transfer` as a row of an array."""
 
 Transfers = NDArray[np.void]
-"""Of dtype `TRANSFER`, shape (T,)."""
+"""An array of dtype `TRANSFER`, shape (T,)."""
 
 
 class CarriedOut(NamedTuple):

@@ -31,7 +31,7 @@ class VehicleRegistry:
         self.states = states
         worlds = states.alive.shape[0]
         self._names: list[dict[int, tuple[int, str]]] = [{} for _ in range(worlds)]
-        """By slot: the generation that is named, and its name."""
+        """Generation that is named, and its name, by slot."""
         self._by_name: list[dict[str, int]] = [{} for _ in range(worlds)]
         """Slot of each name of the episode that was given."""
 

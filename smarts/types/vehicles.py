@@ -64,13 +64,13 @@ class VehicleStates(NamedTuple):
     heading: Floats
     """Counter-clockwise from +x, in (-pi, pi] [rad]."""
     speed: Floats
-    """Along the heading [m/s]."""
+    """Speed along the heading [m/s]."""
     acceleration: Floats
-    """Along the heading [m/s^2]."""
+    """Acceleration along the heading [m/s^2]."""
     length: Floats
-    """Of the footprint [m]."""
+    """Length of the footprint [m]."""
     width: Floats
-    """Of the footprint [m]."""
+    """Width of the footprint [m]."""
     lane: Ints
     """Index into the map's lanes: the one that the vehicle is on, or the nearest; -1 if unknown."""
     lane_position: Floats
@@ -78,11 +78,11 @@ class VehicleStates(NamedTuple):
     desired_speed: Floats
     """The driver's speed here on a free road [m/s]."""
     lane_offset: Floats
-    """Of the vehicle's centre from its lane's centreline, positive to the left [m]."""
+    """Offset of the vehicle's centre from its lane's centreline, positive to the left [m]."""
     lateral_speed: Floats
-    """Across the heading, positive to the left [m/s]; 0 for vehicles that do not slip."""
+    """Speed across the heading, positive to the left [m/s]; 0 for vehicles that do not slip."""
     lateral_acceleration: Floats
-    """Across the heading, positive to the left [m/s^2]."""
+    """Acceleration across the heading, positive to the left [m/s^2]."""
     yaw_rate: Floats
     """Counter-clockwise [rad/s]."""
     yaw_acceleration: Floats

@@ -36,7 +36,7 @@ class State(NamedTuple):
     missions: Missions
     """Shape (B, A)."""
     guidance: Guidance
-    """Where the missions' tasks lead, shape (B, A)."""
+    """Guidance of the missions' tasks, shape (B, A)."""
     signals: Bytes
     """What each lane's light shows, a `Signal`, shape (B, L)."""
 
@@ -109,7 +109,7 @@ class World:
 
     @property
     def time(self) -> Floats:
-        """Of each episode [s], shape (B,)."""
+        """Time of each episode [s], shape (B,)."""
         return np.multiply(self.step, self.dt, dtype=np.float64)
 
     def advance(self, env_mask: Bools) -> None:

@@ -43,7 +43,7 @@ FALLING_BACK_SPEED = 2.0
 SAFE_BRAKING = 4.0
 """The hardest that a lane change may make a driver brake [m/s^2]; MOBIL's safety criterion."""
 LEAST_GAP = 1.0
-"""To both vehicles in the lane that a driver changes to [m]."""
+"""Gap to both vehicles in the lane that a driver changes to [m]."""
 
 DRIVER = AgentInterface(
     action=ActionSpaceType.LaneWithContinuousSpeed,
@@ -61,7 +61,7 @@ class Seen(NamedTuple):
     own: Floats
     """Shape (N, len(Own))."""
     lanes: Floats
-    """Of the own lane, the left and the right one, shape (N, 3, len(Lane))."""
+    """Observations of the own lane, the left and the right one, shape (N, 3, len(Lane))."""
 
     @classmethod
     def of(cls, batch: ActionBatch) -> Seen:

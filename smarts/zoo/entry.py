@@ -28,19 +28,19 @@ class ZooEntry:
     """A policy of the zoo, not yet imported."""
 
     name: str
-    """With its version: "idm-v0"."""
+    """Name with its version: "idm-v0"."""
     entry_point: EntryPoint
     """A subclass of `Agent` with an attribute `interface`, or a function that returns an `AgentSpec`; or the
     "module:attribute" of one."""
     module: str = ""
-    """Of the code that registered it, "" for the project's own."""
+    """Module of the code that registered it, "" for the project's own."""
     defaults: Mapping[str, Any] = field(default_factory=dict)
     """Keywords of the entry point, unless the caller gives others."""
     author: str = ""
     m_level: str = ""
     """One of `M_LEVELS`."""
     provenance: str = ""
-    """Where it comes from: a paper, or the run that it was trained in."""
+    """Origin of the agent: a paper, or the run that it was trained in."""
     licence: str = ""
     folder: str = ""
     """Path of the folder whose code registers it, "" for importable modules."""

@@ -41,11 +41,11 @@ from smarts.zoo.driving import DRIVER, STEP, Driver, Memory, Seen, beside, exces
 from smarts.zoo.lane_frames import stretches, to_lane, to_map
 
 ROWS = 21
-"""Of a kept path."""
+"""Rows of a kept path."""
 PERIOD = 2
 """Steps between two calls of the planner."""
 CHANGE_TIME = 4.0
-"""From the beginning of a lane change to its pose [s]."""
+"""Time from the beginning of a lane change to its pose [s]."""
 LEAST_TIME = 1.5
 """Later, and after its time, a pose moves on ahead of the vehicle by this time [s]."""
 LATE = 40
@@ -60,7 +60,7 @@ SWERVE = 1.0
 vehicles, not of edges of roads."""
 
 LIMITS = Limits(speed=40.0)
-"""Of the planners' vehicle, a car; drivers obey speed limits by their desired speeds."""
+"""Limits of the planners' vehicle, a car; drivers obey speed limits by their desired speeds."""
 
 _BUSY, _ARRIVAL, _X, _Y, _SPEED, _PLANNED = range(6)
 """Columns of what is kept: whether a manoeuvre lasts, the step and the place of its pose, the speed there,
@@ -72,11 +72,11 @@ class Goal(NamedTuple):
     """The poses of lane changes in the frames of the lanes that they lead to, shape (N,) each."""
 
     time: Floats
-    """From now [s]."""
+    """Time from now [s]."""
     station: Floats
-    """Ahead of the vehicle [m]; with less than `SHORTEST` a lane change does not begin."""
+    """Distance ahead of the vehicle [m]; with less than `SHORTEST` a lane change does not begin."""
     speed: Floats
-    """There [m/s]."""
+    """Speed there [m/s]."""
 
 
 class PlannedDriver(Driver):
@@ -213,9 +213,9 @@ class _View(NamedTuple):
     own: Floats
     lanes: Floats
     ways: Floats
-    """Of the own lane, the left and the right one, shape (N, 3, P, 3)."""
+    """Centrelines of the own lane, the left and the right one, shape (N, 3, P, 3)."""
     lane: Ints
-    """Which of them the manoeuvre leads to, the own one without a manoeuvre, shape (N,)."""
+    """Index of the lane that the manoeuvre leads to, the own one without a manoeuvre, shape (N,)."""
     place: Floats
     """Station, offset, heading in that lane, shape (N, 3)."""
 

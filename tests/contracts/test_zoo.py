@@ -15,7 +15,7 @@ from smarts.zoo.entry import M_LEVELS
 from tests.blocks import ROOT
 
 OPTIONS = {"trajectory-v0": {"poses": [[0.5 * n, 0.0] for n in range(200)], "relative": True}}
-"""Of agents that need some."""
+"""Options of agents that need some."""
 PLANNED = ("cut-in-v0", "overtaking-v0", "u-turn-v0")
 LIKE_DRIVERS = [
     name

@@ -136,7 +136,7 @@ class AtAddress:
 
     @property
     def place(self) -> str:
-        """For errors."""
+        """Place that errors name."""
         return f"agent {self.locator!r}"
 
     def open(self) -> SocketLink:
@@ -173,7 +173,7 @@ class InChildProcess:
     values: Mapping[str, Any]
     """Say which agent it makes."""
     place: str
-    """For errors."""
+    """Place that errors name."""
     memory: float
     """[GB]"""
     python: str = ""

@@ -139,7 +139,7 @@ class HostOptions:
     delay_steps: Annotated[int, Plain, Field(ge=0, le=LONGEST_DELAY)] = 0
     """Steps from an answer to when it is carried out."""
     memory: Annotated[float, Plain, Field(ge=0.1, le=1e6)] = 8.0
-    """Of a process [GB]; less than 0.1 does not suffice for Python and NumPy."""
+    """Memory limit of a process [GB]; less than 0.1 does not suffice for Python and NumPy."""
 
     def __post_init__(self) -> None:
         if self.deadline_ms is not None and self.delay_steps:
@@ -153,7 +153,7 @@ class HostOptions:
 HERE = HostOptions()
 
 HostsByLocator = Mapping[str, HostOptions]
-"""By locator; `OTHERS` stands for all that are not named."""
+"""Options by locator; `OTHERS` stands for all that are not named."""
 
 
 def hosts_of(given: Any) -> dict[str, HostOptions]:

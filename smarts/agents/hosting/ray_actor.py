@@ -86,7 +86,7 @@ class AsRayActor:
     values: Mapping[str, Any]
     """Say which agent it makes."""
     place: str
-    """For errors."""
+    """Place that errors name."""
 
     def open(self) -> RayLink:
         """Start an actor; see `Starter`."""

@@ -20,7 +20,7 @@ from smarts.types.traffic import TrafficFiles
 from smarts.types.vehicles import VehicleKind
 
 TAIL_AT_BEGIN, DRAWN = -1.0, -2.0
-"""Of `Flows.place`."""
+"""Values of `Flows.place` that stand for "base" and "random"."""
 _SIZES = {
     "passenger": (5.0, 1.8),
     "bus": (12.0, 2.5),

@@ -28,7 +28,7 @@ from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
 MOST_OFFSET, MOST_TURN = 0.4, 0.05
-"""Of vehicles that the engine takes: beside their lane's centreline [m], and turned to it [rad]."""
+"""Largest offset from its lane's centreline [m] and angle to it [rad] of a vehicle that the engine takes."""
 TAKEN_FACTOR = 1.0
 """Speed factor of drivers of vehicles that the engine has not driven before."""
 

@@ -23,7 +23,7 @@ BLOCKS_AFTER = 5.0
 """Requests are withdrawn for vehicles in the way that have stood so long [s]."""
 _MERGE, _THIS, _OTHER, _BOTH = int(ConflictKind.MERGE), int(Yields.THIS), int(Yields.OTHER), int(Yields.BOTH)
 LIGHT_GAP, DETECTOR = 3.0, 2.0
-"""Of lights that wait for gaps: the gap that ends a phase, and how far ahead vehicles are noticed [s]."""
+"""Gap that ends a phase of a light that waits for gaps, and time ahead at which it notices vehicles [s]."""
 _RED, _AMBER, _GO = int(Signal.STOP), int(Signal.CAUTION), int(Signal.GO)
 
 

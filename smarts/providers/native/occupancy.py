@@ -15,7 +15,7 @@ from smarts.roads.kernels import centre_at, place_on_map
 LEAN = 0.2
 """A vehicle is on the lane beside, too, if it reaches farther over the line [m]."""
 LEAST_GAP = 2.5
-"""Between two vehicles that stand [m]."""
+"""Gap between two vehicles that stand [m]."""
 BESIDE = 1.0
 """A vehicle of another provider is on a lane if its centre is at most so far beside the lane's area [m]."""
 _ROAD = sum(1 << kind for kind in ROAD_LANES)

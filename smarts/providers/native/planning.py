@@ -40,7 +40,7 @@ LEAST_REQUEST = 1e-5
 ROOM_AHEAD = 5.0
 """How far a driver looks behind a junction, in lengths of its vehicle."""
 DURATION = 3.0
-"""Of a lane change [s]."""
+"""Duration of a lane change [s]."""
 AGENTS_AHEAD = 60.0
 """Other providers' vehicles ask to pass links from this distance on [m]."""
 _RED, _AMBER = int(Signal.STOP), int(Signal.CAUTION)

@@ -31,7 +31,7 @@ class Types(NamedTuple):
     min_gap: Floats
     max_speed: Floats
     factor_mean: Floats
-    """Of the speed factor, which is drawn from a normal distribution that is cut off."""
+    """Mean of the speed factor, which is drawn from a normal distribution that is cut off."""
     factor_deviation: Floats
     factor_least: Floats
     factor_most: Floats
@@ -120,7 +120,7 @@ class Signals(NamedTuple):
     most: Floats
     """How long it lasts at most [s]: longer than `least`, if it lasts while vehicles come."""
     offset: Floats
-    """Of each signal [s]."""
+    """Offset of each signal [s]."""
     before: Ints
     """The lane before each lane that has a light."""
     shows: Bytes
@@ -137,9 +137,9 @@ class Lights(NamedTuple):
     phase: Ints
     """Row of the present phase in `Signals.least`."""
     began: Floats
-    """When it began [s]."""
+    """Time at which it began [s]."""
     seen: Floats
-    """When a vehicle that it lets through was last at its detector [s]."""
+    """Time at which a vehicle that it lets through was last at its detector [s]."""
 
 
 class Links(NamedTuple):
@@ -152,9 +152,9 @@ class Links(NamedTuple):
     total: Ints
     """Links of each vehicle, shape (V,)."""
     row: Ints
-    """Of the lane that the link leads to, -1: the vehicle stops before the end of its lane, or arrives."""
+    """Row of the lane that the link leads to, -1: the vehicle stops before its lane's end, or arrives."""
     distance: Floats
-    """To the link [m]."""
+    """Distance to the link [m]."""
     speed: Floats
     """Highest speed after the step if the link is passed [m/s]."""
     waiting: Floats
@@ -162,14 +162,14 @@ class Links(NamedTuple):
     asks: Bools
     """Whether the vehicle asks to pass."""
     arrival: Floats
-    """When it comes there [s]."""
+    """Time at which it comes there [s]."""
     arrival_speed: Floats
     braking_speed: Floats
     """Speed there if it brakes from now on [m/s]."""
     leaving_speed: Floats
-    """Where it has passed the lane behind the link [m/s]."""
+    """Speed at which it has passed the lane behind the link [m/s]."""
     leaving: Floats
-    """When its tail has [s]."""
+    """Time at which its tail has passed it [s]."""
     room: Floats
     """Free space behind the link [m]."""
     blocked: Bools
@@ -182,20 +182,20 @@ class Driven(NamedTuple):
     """The engine's memory of the vehicles that it drives, shape (B, V) each."""
 
     generation: Ints
-    """Of the vehicle, -1 for none."""
+    """Generation of the vehicle, -1 for none."""
     last: Ints
     """Generation of the vehicle whose driver it is, shape (B, V): that stays when others take it."""
     number: Ints
-    """In its episode; keys its draws."""
+    """Number of the vehicle in its episode; keys its draws."""
     type: Ints
     row: Ints
-    """Of the front's lane."""
+    """Row of the front's lane."""
     front: Floats
     """Arc length of the front bumper on its lane [m]."""
     tails: Ints
     """Lanes behind it, the nearest first, -1 for none, shape (B, V, TAILS)."""
     offset: Floats
-    """To the left of the lane [m]."""
+    """Offset to the left of the lane [m]."""
     side: Ints
     """1 while the vehicle changes to the left, -1 to the right."""
     done: Floats
@@ -209,10 +209,10 @@ class Driven(NamedTuple):
     will_leave: Bools
     """Whether it asks to leave its junction."""
     entered: Floats
-    """When it entered its junction, infinite outside, or if it lets others go first [s]."""
+    """Time at which it entered its junction, infinite outside, or if it lets others go first [s]."""
     first_entered: Floats
     conflicted: Floats
-    """When it entered the part of it where others cross [s]."""
+    """Time at which it entered the part of it where others cross [s]."""
     gain: Floats
     """Accumulated wish to change for speed, positive to the left."""
     keeping: Floats
@@ -228,13 +228,13 @@ class Driven(NamedTuple):
     space: Floats
     """Left to change in [m]."""
     reserved: Floats
-    """Of it, for a vehicle that wants the other way [m]."""
+    """Part of it that is kept for a vehicle that wants the other way [m]."""
     advice: Floats
     """Accelerations asked for by neighbours [m/s^2], shape (B, V, ADVICES)."""
     advised: Ints
     """How many."""
     next_action: Floats
-    """When it decides next [s]."""
+    """Time of its next decision [s]."""
     order: Ints
     """The slots of the engine's vehicles as they follow each other, sorted by `front`, the foremost first."""
     listed: Ints
@@ -245,7 +245,7 @@ class Pending(NamedTuple):
     """Departures to come, shape (B, F of the largest scenario) each."""
 
     next: Floats
-    """Of the next vehicle [s]."""
+    """Time of the next vehicle [s]."""
     waiting: Ints
     """Vehicles whose time has come."""
     came: Ints
@@ -278,7 +278,7 @@ class Occupancy(NamedTuple):
     lane: Ints
     front: Floats
     back: Floats
-    """Along the lane [m]."""
+    """Place along the lane [m]."""
     pace: Floats
     """Speed along the lane, 0 against it [m/s]."""
     entries: Ints
@@ -290,13 +290,13 @@ class Occupancy(NamedTuple):
     other_lane: Ints
     """Lane of each vehicle of another provider, -1 for none, shape (V,)."""
     other_front: Floats
-    """Of its front along that lane [m], shape (V,)."""
+    """Place of its front along that lane [m], shape (V,)."""
     speed: Floats
     """Speed with which each vehicle will drive [m/s], shape (V,)."""
     green: Bytes
     """What each lane's light shows, with `MAJOR`, shape (L,)."""
     shown: Floats
-    """For how long [s], shape (L,)."""
+    """Time for which it has shown this [s], shape (L,)."""
     lanes: Ints
     """Room to search for a pose's lane, as are the following, shape (MOST_CANDIDATES,)."""
     points: Ints
@@ -334,7 +334,7 @@ class Traffic(NamedTuple):
     occupancy: Occupancy
     links: Links
     seed: Longs
-    """Of each episode, shape (B,)."""
+    """Seed of each episode, shape (B,)."""
     tick: Ints
     """Steps since the warm-up began, shape (B,)."""
     born: Ints

@@ -8,7 +8,7 @@ from collections.abc import Callable
 MAX = sys.maxsize
 """No limit."""
 MISSING = sys.maxsize
-"""Not said, where None would be a value."""
+"""Stands for a value that is not given, where None would be a value."""
 
 BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET = "base", "max", "random"
 NAMED_OFFSETS = (BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET)

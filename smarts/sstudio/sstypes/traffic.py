@@ -103,7 +103,7 @@ class Traffic(Described):
     warm_up: float = 0.0
     """Simulated before an episode [s]; times of flows and trips count from its begin (an extension)."""
     seed: int | None = None
-    """For its random routes and sampled drivers; without one, the scenario's (an extension)."""
+    """Seed of its random routes and sampled drivers; None: the scenario's (an extension)."""
     route_files: Sequence[str] = ()
     """Route files of SUMO (types, routes, flows, trips, vehicles) in the scenario's folder, which SUMO drives
     beside `flows` and `trips` (an extension)."""

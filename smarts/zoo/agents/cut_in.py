@@ -16,9 +16,9 @@ REACH = 60.0
 LONGEST = 15.0
 """Largest gap in front of the target at which a change is a cut-in [m]."""
 SOONEST, LATEST = 3.0, 5.0
-"""From the beginning of the change to the pose in front of the target [s]."""
+"""Time from the beginning of the change to the pose in front of the target, at least and at most [s]."""
 SLOWER = 1.0
-"""By how much slower than the target the vehicle may be when the change begins [m/s]."""
+"""Speed by which the vehicle may be slower than the target when the change begins [m/s]."""
 SPARE = 1.0
 """Added to the least gap, for the target's accelerating meanwhile [m]."""
 

@@ -38,9 +38,9 @@ DECISION = 0.5
 SPEEDING_UP = 2.5
 """[m/s^2]"""
 BRAKING = 2.5
-"""Of slow_down [m/s^2]."""
+"""Deceleration of slow_down [m/s^2]."""
 LEADERS_BRAKING = 4.5
-"""Assumed of leaders, SUMO's default [m/s^2]."""
+"""Deceleration that leaders are assumed to have, SUMO's default [m/s^2]."""
 MOST_SPEED = 13.0
 """[m/s]"""
 JUNCTION_SPEED = 6.0
@@ -50,13 +50,13 @@ CURVE_ACCELERATION = 2.5
 CURVE = 4
 """Length over which a curve is measured [m]."""
 LOWEST_SPEED = 2.0
-"""While waiting for a gap in the lane to the side [m/s]."""
+"""Lowest speed while waiting for a gap in the lane to the side [m/s]."""
 LENGTH = 5.0
 """Assumed length of every vehicle [m]."""
 DISC = 1.1
 """Radius of the discs that approximate a vehicle [m]."""
 DISC_PLACES = np.array([-1.7, 0.0, 1.7])
-"""Of their centres along it [m]."""
+"""Places of the discs' centres along the vehicle [m]."""
 SAFE = 0.6
 """Distance to keep from others [m]."""
 SAFE_STANDING = 0.3
@@ -68,7 +68,7 @@ LANE = 3.2
 OVERDUE = 80.0
 """Distance to the goal within which a lane change is due [m]."""
 OTHERS_SPEEDING_UP = 2.0
-"""Assumed acceleration of vehicles that may go first [m/s^2]."""
+"""Acceleration that vehicles which may go first are assumed to have [m/s^2]."""
 OTHERS_SPEED = 7.0
 """Speed up to which they accelerate [m/s]."""
 URGENT = 30.0

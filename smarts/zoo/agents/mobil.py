@@ -13,7 +13,7 @@ from smarts.observations.surroundings import OWN, Lane, Own
 from smarts.zoo.driving import HORIZON_TIME, SAFE_BRAKING, STEP, Driver, Memory, Seen, beside
 
 SETTLING = 3.0
-"""Between two lane changes of a driver's own choice [s]."""
+"""Time between two lane changes of a driver's own choice [s]."""
 
 
 class MobilDriver(Driver):

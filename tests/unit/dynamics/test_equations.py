@@ -17,7 +17,7 @@ from smarts.types.streams import Purpose, stream
 from tests.unit.dynamics.by_hand import EACH, FRONT, REAR, Car
 
 STEP = 1e-6
-"""Of the derivatives [s]: errors are some 1e-9 by rounding and 1e-4 by truncation, in m/s^2."""
+"""Step of the derivatives [s]: errors are some 1e-9 by rounding and 1e-4 by truncation, in m/s^2."""
 
 
 def planar(fleet):

@@ -13,7 +13,7 @@ DT = 0.01
 RECORD_EVERY = 5
 """Sub-steps between two rows of the record."""
 SPEED = 22.0
-"""Of every manoeuvre's start [m/s]."""
+"""Speed at every manoeuvre's start [m/s]."""
 CAR = vehicle("passenger")
 
 

@@ -14,7 +14,7 @@ from smarts.types.streams import Purpose, stream
 
 CAR = Limits()
 SIZE = np.array([5.0, 2.0])
-"""Of all vehicles [m]."""
+"""Size of all vehicles [m]."""
 
 
 @pytest.fixture(scope="module")

@@ -98,7 +98,7 @@ def test_copies_leave_nothing_behind(tmp_path):
 
 
 def test_a_copy_keeps_only_its_data(monkeypatch):
-    """Of 29 MB, a copy keeps only the pages that were written to."""
+    """The library has 29 MB; a copy keeps only the pages that were written to."""
     kept = []
 
     def share_code(copy, original):

@@ -237,7 +237,7 @@ def test_where_all_have_to_stop_a_vehicle_waits_for_one_that_goes(x, speed, acce
 
 @pytest.mark.parametrize("since", [(100, 90), (90, 100), (100, 100)])
 def test_where_all_have_to_stop_the_first_that_stopped_goes(since):
-    """Of two that stop in one step, that of the lower slot."""
+    """The vehicle of the lower slot goes if both have stopped in one step."""
     cars = [Car(1.6, -13.5, math.pi / 2, 0.0, TO_THE_NORTH), from_the_west(-13.5, 0.0, mission=TO_THE_EAST)]
     first = 1 if since[1] < since[0] else 0
     for step in range(100, 250, 10):

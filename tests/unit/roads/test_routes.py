@@ -162,7 +162,7 @@ def test_lane_changes_that_a_route_demands():
 
 
 def test_lane_changes_of_cars_do_not_lead_into_bus_lanes(compile_to):
-    """Of three lanes the right one, for buses, and the left one lead on; the middle one turns off."""
+    """The right lane, for buses, and the left one lead on; the middle one turns off."""
     sources = maps.bus_lane()
     sources["edg"] = """<edges><edge id="in" from="a" to="b" numLanes="3"><lane index="0" allow="bus"/></edge>
         <edge id="side" from="b" to="d"/><edge id="out" from="b" to="c" numLanes="2"/></edges>"""

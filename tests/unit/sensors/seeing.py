@@ -10,7 +10,7 @@ from tests import maps
 from tests.worlds import Car, world_of
 
 RADIUS = 30.0
-"""Of the right lane of the bend; the left one's is 3.2 m less."""
+"""Radius of the right lane of the bend; the left one's is 3.2 m less."""
 BEND = AgentMission(route=("bend",))
 STRAIGHT_ON = AgentMission(route=("west_in", "east_out"))
 TO_THE_LEFT = AgentMission(route=("west_in", "north_out"))

@@ -23,7 +23,7 @@ from tests.worlds import Car, world_of
 
 FREE, APPROACH, MANOEUVRE, OVER = GuidePhase
 SPEED = 10.0
-"""Of the vehicle to cut in on [m/s]."""
+"""Speed of the vehicle to cut in on [m/s]."""
 
 
 class Plan:

@@ -228,7 +228,7 @@ def test_a_trajectory_is_played_from_where_the_vehicle_is(tmp_path):
 
 
 def test_boids_gather():
-    """Of two vehicles of one simulation in different lanes the one behind is drawn over and speeds up."""
+    """The rear one of two vehicles in different lanes of one simulation changes over and speeds up."""
     agent = make_agent("boids-v0")[0]
     seen = seen_of(2, speed=8.0, allowed=14.0)
     seen.own[1, [Own.X, Own.Y, Own.SPEED]] = 30.0, 3.2, 10.0

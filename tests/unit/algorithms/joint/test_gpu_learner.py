@@ -15,7 +15,7 @@ pytestmark = [
 ]
 
 TOLERANCE = 0.02 * LR
-"""Of weights: Adam divides gradients by their size, so the float error of a small one is a part of `lr`."""
+"""Tolerance of weights: Adam divides gradients by their size, so a small one's error is a part of `lr`."""
 
 
 def assert_close(found, expected):

@@ -30,7 +30,7 @@ from tests.unit.algorithms.rigs import EVERY, train, weights_of
 pytestmark = pytest.mark.usefixtures("cluster")
 
 TOLERANCE = 0.02 * LR
-"""Of weights: Adam divides gradients by their size, so the float error of a small one is a part of `lr`."""
+"""Tolerance of weights: Adam divides gradients by their size, so a small one's error is a part of `lr`."""
 
 
 def meeting_in(folder, size):
