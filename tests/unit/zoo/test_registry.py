@@ -9,7 +9,7 @@ from smarts.agents.spec import AgentSpec
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError
 from smarts.registry import import_own
 from smarts.types.actions import ActionSpaceType
-from smarts.zoo import entries, find_entry, make, make_agent, make_spec, search
+from smarts.zoo import entries, find_entry, make, make_agent, make_spec, registry, search
 from smarts.zoo.registry import add_folder, build_agent
 from tests.raising import raises
 
@@ -62,6 +62,19 @@ def test_names_of_the_project_need_no_module():
         spec = make_spec(locator, tau=2.0)
         assert spec.build_agent().model.tau == 2.0
         assert spec.interface.action == ActionSpaceType.LaneWithContinuousSpeed
+
+
+def test_installed_packages_declare_agents(module, tmp_path, monkeypatch):
+    about = tmp_path / "drivers-1.2.dist-info"
+    about.mkdir()
+    facts = "Metadata-Version: 2.1\nName: drivers\nVersion: 1.2\nAuthor: me\nLicense: MIT\n"
+    (about / "METADATA").write_text(facts)
+    (about / "entry_points.txt").write_text(f"[smarts.zoo]\ndriver-v0 = {module}:stopped\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(registry, "_of_packages", registry._of_packages.__wrapped__)  # without its cache
+    entry = find_entry("driver-v0")
+    assert (entry.author, entry.licence, entry.provenance) == ("me", "MIT", "package drivers 1.2")
+    assert make_agent("driver-v0", brake=0.2)[0].brake == 0.2
 
 
 def test_options_of_the_interface_change_it():
