@@ -9,7 +9,8 @@ import pytest
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv
 from smarts.env.vector import VectorHiWayEnv
-from smarts.errors import SmartsError
+from smarts.errors import SmartsError, TrafficError
+from smarts.providers.sumo_traffic import SumoTraffic
 from smarts.sim import outlet
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.sim.options import ENVISION, Options
@@ -70,6 +71,25 @@ def test_an_environment_is_shown(server, env):
     states = found["agent_states"][-1]
     assert set(states["agent"]) <= {0, 1, 2, 3}
     assert "reward" in {name for extras in found["extras"] for name in extras["name"]}
+
+
+def test_an_episode_whose_traffic_fails_is_said_to_be_invalid(server, monkeypatch):
+    def fail(traffic):
+        raise TrafficError("SUMO is gone")
+
+    monkeypatch.setenv(ENVISION, f"127.0.0.1:{server.port}")
+    env = VectorHiWayEnv(1, ["intersection"], 4, traffic=["random_social_vehicles"])
+    try:
+        env.reset(1)
+        for message in messages(server):
+            if message["type"] == "steps":
+                monkeypatch.setattr(SumoTraffic, "step", fail)
+            env.step([KEEP[0][:1]])
+            if message["type"] == "end":
+                break
+    finally:
+        env.close()
+    assert (bool(message["is_complete"]), message["remark"]) == (False, "invalid: SUMO is gone")
 
 
 def observed_live(server, step, agent, count):
