@@ -93,7 +93,8 @@ def serve_address(
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         listening = socket.create_server((host, port), family=family)
     except OSError as error:
-        raise AddressError(f"{address!r} cannot be served: {error}") from error
+        remedy = "give this machine's address and a free port; 0 is any"
+        raise AddressError(f"{address!r} cannot be served: {error}; {remedy}") from error
     server = _Server(secret, module, {"memory": memory, "paths": paths, **values})
     with closing(listening):
         ready(f"tcp://{f'[{host}]' if ':' in host else host}:{listening.getsockname()[1]}")

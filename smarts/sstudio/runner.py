@@ -9,8 +9,10 @@ folder as the working directory) and leaves nothing behind.
 from __future__ import annotations
 
 import contextlib
+import inspect
 import json
 import os
+import re
 import runpy
 import site
 import sys
@@ -20,7 +22,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from smarts.errors import ScenarioError, SmartsError
+from smarts.errors import ScenarioError, SmartsError, nearest_names
+from smarts.sstudio import types
 from smarts.sstudio.collecting import Collection, collecting
 from smarts.sstudio.encoding import Json, encode
 from smarts.sstudio.sstypes.drawing import fresh_drawing
@@ -28,6 +31,7 @@ from smarts.sstudio.sstypes.drawing import fresh_drawing
 PACKAGE = Path(__file__).resolve().parents[1]
 NOT_SOURCES = {"build", "__pycache__"}
 """Folders beside a scenario file that others write to."""
+_WRONG_KEYWORD = re.compile(r"(\w+)\.__init__\(\) got an unexpected keyword argument '(\w+)'")
 
 
 def main(arguments: list[str]) -> None:
@@ -79,7 +83,17 @@ def _run(script: Path) -> None:
         raise ScenarioError(error.problem, place=place, remedy=error.remedy) from error
     except BaseException as error:
         problem = f"the scenario file raises {type(error).__name__}: {error}".removesuffix(": ")
-        raise ScenarioError(problem, place=_culprit(error, script)) from error
+        raise ScenarioError(problem, place=_culprit(error, script), remedy=_known_names(error)) from error
+
+
+def _known_names(error: BaseException) -> str:
+    """Return the remedy for a name that `sstudio.types`, or a constructor of its classes, does not have."""
+    if isinstance(error, AttributeError) and getattr(error.obj, "__name__", "") == types.__name__:
+        return nearest_names(str(error.name), [name for name in vars(types) if name[0].isupper()])
+    wrong = _WRONG_KEYWORD.fullmatch(str(error))
+    if wrong and hasattr(types, wrong[1]):
+        return nearest_names(wrong[2], inspect.signature(getattr(types, wrong[1])).parameters)
+    return ""
 
 
 def _culprit(error: BaseException, script: Path) -> str:

@@ -26,7 +26,7 @@ from smarts.zoo import make_agent, make_spec
 from smarts_agent_kit import ActionBatch
 from smarts_agent_kit.channel import Channel
 from smarts_agent_kit.handshake import SECRET, BusyError, RefusedError, admit, greet
-from smarts_agent_kit.server import AddressError, parse_address, secret_for
+from smarts_agent_kit.server import AddressError, parse_address, secret_for, serve_address
 from smarts_agent_kit.wire import Message, WireError, encode
 from tests.raising import raises
 from tests.served_agents import kit_agent, served
@@ -200,6 +200,13 @@ def test_secrets_are_needed_beyond_this_machine(monkeypatch):
     monkeypatch.setenv(SECRET, "short")
     with pytest.raises(AddressError):
         secret_for("localhost")
+
+
+def test_a_port_that_is_taken_is_named_with_a_remedy():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(AddressError, match=f"'{address}'.*already in use.*free port"):
+            serve_address(address, "smarts.zoo.serving", {}, paths=())
 
 
 def test_interfaces_survive_the_way_over_plain_values():

@@ -6,8 +6,10 @@ from xml.etree import ElementTree
 import pytest
 
 from smarts.core.colors import Colors
+from smarts.errors import ScenarioError
 from smarts.sstudio import types as t
 from smarts.sstudio.build import build_scenario
+from tests.raising import raises
 
 MERGE_NODES = """<nodes>
     <node id="north" x="0" y="60"/> <node id="south" x="0" y="-60"/> <node id="join" x="120" y="0"/>
@@ -117,6 +119,7 @@ from pathlib import Path
 from numpy import random as numpy_random
 
 from smarts.core.colors import Colors
+from smarts.errors import ScenarioError
 from smarts.sstudio import gen_scenario
 from smarts.sstudio import sstypes
 from smarts.sstudio.sstypes import (
@@ -224,3 +227,12 @@ def test_the_second_generation(scenario_folder):
     assert {trip.attrib["id"] for trip in root.iter("vehicle")} == {"leader", "other"}
     assert all(flow.attrib["period"].startswith("exp(") for flow in root.iter("flow"))
     assert built.seed == 40
+
+
+@pytest.mark.parametrize(
+    ("call", "meant"), [("t.Scenari()", "'Scenario'"), ("t.Scenario(trafic={})", "'traffic'")]
+)
+def test_misspelt_names_of_the_language(scenario_folder, call, meant):
+    folder = scenario_folder(f"from smarts.sstudio import types as t\n{call}")
+    with raises(ScenarioError, "scenario.py, line 2", values=[f"did you mean {meant}"]):
+        build_scenario(folder)
