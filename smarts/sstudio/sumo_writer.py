@@ -86,9 +86,12 @@ def _text(value: Any) -> str:
 
 
 def _document(tag: str, elements: Iterable[Element]) -> str:
+    """Return a file's text; its bytes are part of the digests of frozen scenarios."""
     root = _element(tag, {}, elements)
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, "unicode", xml_declaration=True)
+    ElementTree.indent(root, "    ")
+    root.text = root.text or "\n\n"
+    body = ElementTree.tostring(root, "unicode").replace(" />", "/>")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{body}\n'
 
 
 @dataclass
