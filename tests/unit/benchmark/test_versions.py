@@ -16,6 +16,7 @@ from benchmark.report.content import make_report
 from benchmark.report.leaderboard import make_leaderboard
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import read_results
+from benchmark.results.release import read_manifest
 from benchmark.results.run_folder import FINISHED, RunFolder
 from benchmark.results.versions import version_lines
 from benchmark.running import experiment as running
@@ -153,6 +154,11 @@ class TestRefusals:
             assert version.has_settings_of(1, *place, run.settings)
             assert not version.has_settings_of(1, *place, {**run.settings, "lr": 0.9})
             assert not version.has_settings_of(None, *place, run.settings)
+
+    def test_its_release_was_played_in_its_scenarios_by_its_code(self):
+        release, frozen = read_manifest(ROOT / "results/release_v1"), version.versions()[1]
+        assert changed_scenarios(1, release.scenarios) == []
+        assert release.code == {part: frozen[part] for part in CODE}
 
     def test_a_run_is_not_continued_under_another_version(self, tmp_path, frozen):
         versioned, other = (self.experiment(tmp_path, more) for more in ("benchmark_version: 1\n", ""))
