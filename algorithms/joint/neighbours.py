@@ -41,7 +41,15 @@ class Neighbourhood:
                     place="training(graph='environment')",
                     remedy="use 'all', 'ring', Near(radius) or pairs of agents",
                 )
-        elif not isinstance(graph, Near):
+        elif isinstance(graph, Near):
+            for block in spaces.blocks:
+                if graph.leaf not in block.observation:
+                    raise SpaceError(
+                        f"agent {block.agents[0]!r} observes no leaf {graph.leaf!r}",
+                        place="training(graph=Near(...))",
+                        remedy=nearest_names(graph.leaf, block.observation),
+                    )
+        else:
             self.fixed = _fixed(graph, agents)
 
     def __call__(self, alive: Tensor, graph: Any, observations: Sequence[Mapping[str, Tensor]]) -> Tensor:

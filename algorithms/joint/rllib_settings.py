@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from itertools import chain
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict, Field
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
@@ -153,6 +154,9 @@ def check_settings(config: Any) -> None:
     known = {*fresh, *dir(type(config)), "class"}  # which RLlib's `from_state` leaves behind
     given = {name for name in vars(config) if name not in known and not name.startswith("_")}
     check_known(config, given, public, "config")
+    for name in (*config.setting_names, *_Values.model_fields):
+        if isinstance(value := getattr(config, name), np.generic):  # which RLlib's schedules do not take
+            setattr(config, name, value.item())
     values = {name: getattr(config, name) for name in _Values.model_fields}
     found = (_without_effect(config, fresh), faults(_Values, values), _evaluation_faults(config, fresh))
     for each in chain(*found, _policy_faults(config), _learner_faults(config)):

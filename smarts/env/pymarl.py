@@ -100,10 +100,17 @@ class PyMARLEnv(NotCopied):
             ended the episode.
 
         Raises:
-            ActionError: An action is not among the agent's; the episode is over, or none has begun.
+            ActionError: An action is not among the agent's; there is not one for each agent; the episode is
+                over, or none has begun.
         """
         if not self._plays:
             raise ActionError("no episode is played", place="PyMARLEnv.step", remedy="call reset()")
+        if len(actions) != self.n_agents:
+            raise ActionError(
+                f"{len(actions)} actions for {self.n_agents} agents: {list(actions)}",
+                place="PyMARLEnv.step",
+                remedy=f"give one for each of {', '.join(self.agents)}; those of absent agents do nothing",
+            )
         was_there = self._env.present
         chosen = dict(zip(self.agents, (int(action) for action in actions), strict=True))
         observations, by_agent, _, truncated, infos = self._env.step(chosen)

@@ -107,6 +107,7 @@ def test_neighbours_by_distance_ring_and_pairs():
     [
         ("environment", "no communication graph"),
         ([("a", "x")], "links 'x'"),
+        (Near(4.0, leaf="position"), "'a' observes no leaf 'position'"),
     ],
 )
 def test_graphs_that_cannot_be_are_refused(graph, match):

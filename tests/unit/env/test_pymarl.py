@@ -77,6 +77,8 @@ def test_agents_that_stand_are_cut_at_the_limit():
     with pytest.raises(ActionError, match="no episode"):
         env.step([0, 0])
     env.reset()
+    with pytest.raises(ActionError, match="1 actions for 2 agents"):
+        env.step([0])
     env.step([0, 0])
     env.close()
 

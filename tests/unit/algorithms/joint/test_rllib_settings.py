@@ -51,6 +51,12 @@ def test_settings_without_effect_or_out_of_range_are_errors(method, given, named
         getattr(small(), method)(**given).validate()
 
 
+def test_numbers_of_numpy_are_those_of_python():
+    config = algorithms.config("ppo").training(lr=np.float32(0.25), minibatch_size=np.int64(16))
+    config.validate()
+    assert [type(value) for value in (config.lr, config.minibatch_size)] == [float, int]
+
+
 def test_what_evaluation_reads_may_differ_there():
     small().evaluation(evaluation_config={"lr": small().lr, "env_config": {"length": 3}}).validate()
     config = small("dqn").evaluation(evaluation_config={"explore": True, "epsilon": (0.1, 0.1)})
