@@ -116,7 +116,7 @@ class MATModule(JointModule):
 
         Args:
             represented: (M, n, H).
-            actions: As critics see them, (M, n, A); an agent's own and those after it have no effect.
+            actions: Actions as critics see them, (M, n, A); an agent's own and those after it have no effect.
             alive: (M, n).
         """
         # Place i holds the action of agent i - 1, the first a one before all; zeros stand for absent agents.

@@ -75,7 +75,7 @@ class ContradictionError(ScenarioError, ValueError):
 
 
 class TrafficError(SmartsError):
-    """The traffic engine failed to start or to go on."""
+    """The traffic engine failed to start or to continue."""
 
 
 class RecordError(SmartsError):

@@ -74,7 +74,7 @@ class Registry(Mapping[str, Any]):
         """Import and return a part.
 
         Raises:
-            UnknownNameError: There is none of this name; the remedy names the nearest ones.
+            UnknownNameError: No part has this name; the remedy names the nearest ones.
             OwnCodeError: A `module:Class`, or what `add` registered, is not importable or not such a part.
         """
         if name in self._places and name not in self._added:
@@ -141,7 +141,7 @@ def load_own(name: str, kind: str = "part") -> Any:
     """Import what a `module:Class` names.
 
     Args:
-        name: Of the part.
+        name: Name of the part.
         kind: What it should be, for errors.
 
     Raises:
@@ -167,7 +167,7 @@ def load_module(module: str, kind: str, name: str = "") -> ModuleType:
     Args:
         module: Its name.
         kind: What it holds, for errors.
-        name: Of what it holds, by default the module's.
+        name: Name of what it holds, by default the module's.
 
     Raises:
         OwnCodeError: There is no such module, or importing it raises.
@@ -210,7 +210,7 @@ def guarded(function: Called, doing: str) -> Called:
     """Return a function of a user's whose errors name its file and line.
 
     Args:
-        function: Of the user's.
+        function: The user's function.
         doing: What raises, for errors: "the metric 'my_file:MY_METRIC'".
 
     Raises:

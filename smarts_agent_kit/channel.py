@@ -114,7 +114,7 @@ class Channel:
         """Send what is left and return the next message.
 
         Args:
-            until: Of `time.monotonic()`; None: for ever.
+            until: Latest time, of `time.monotonic()`; None: no limit.
 
         Raises:
             WireError: What arrives is no message.

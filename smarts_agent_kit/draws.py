@@ -16,7 +16,7 @@ def uniform(seeds: NDArray[np.uint64], step: Any, count: int) -> NDArray[np.floa
 
     Args:
         seeds: One per stream, shape (N,).
-        step: Of each stream, shape (N,) or one.
+        step: Step of each stream, shape (N,) or one.
         count: Numbers of each stream.
     """
     places = np.asarray(step, np.uint64)[..., None] * np.uint64(count) + np.arange(

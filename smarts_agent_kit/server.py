@@ -49,7 +49,7 @@ def secret_for(host: str) -> str:
     """Return the secret, which addresses of other machines need.
 
     Raises:
-        AddressError: There is none, or it is short, and the host is not this machine.
+        AddressError: The secret is missing or short, and the host is not this machine.
     """
     secret = os.environ.get(SECRET, "")
     if len(secret) < SHORTEST_SECRET and (secret or not _is_loopback(host)):

@@ -38,7 +38,7 @@ def checked_actions(answer: Any, count: int) -> NDArray:
     """Return an agent's answer as an array of numbers, shape (count, ...).
 
     Raises:
-        WrongActionsError: It is none.
+        WrongActionsError: The answer is no such array.
     """
     actions = np.asarray(answer)
     if not is_sent(actions.dtype):

@@ -61,7 +61,7 @@ def content_of(folder: Path) -> dict[str, Any]:
     """Return what `policy.json` holds.
 
     Raises:
-        ExportError: There is none, it is of another format, or a file is not as it was written.
+        ExportError: The file is missing or of another format, or a file is not as it was written.
     """
     try:
         content = json.loads((folder / CONTENT).read_text(encoding="utf-8"))
@@ -171,7 +171,7 @@ def check_network(
     """Return how many numbers a network gives.
 
     Args:
-        layers: Of the network.
+        layers: Layers of the network.
         sets: Both layers of each set of rows.
         memory: Numbers that the policy keeps of a vehicle.
         narrow: What -> how many numbers the first layer reads of it at least.
@@ -205,7 +205,7 @@ def check_layer(
 
     Args:
         name: For errors.
-        kind: Of the layer.
+        kind: Kind of the layer.
         arrays: Its weights.
         memory: Numbers that the policy keeps of a vehicle.
         place: For errors.

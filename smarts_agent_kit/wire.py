@@ -196,7 +196,7 @@ def _parsed(head: bytes) -> _Head:
     """Return what a head says.
 
     Raises:
-        Exception: It is none.
+        Exception: The bytes are no head.
     """
     kind, values, layout = msgpack.unpackb(head, strict_map_key=True)
     if kind not in KINDS or not isinstance(values, dict) or not _is_plain(values):
@@ -212,7 +212,7 @@ def _places(layout: bytes) -> tuple[tuple[_Place, ...], int]:
     """Return where a message's arrays are behind its head, and where they end.
 
     Raises:
-        Exception: The list of the arrays is none.
+        Exception: The list of the arrays is invalid.
     """
     places, begin = {}, 0
     for name, dtype, shape in msgpack.unpackb(layout):

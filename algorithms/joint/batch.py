@@ -233,7 +233,7 @@ class OnPolicyBatch(JointBatch):
     """Transitions of one rollout; everything (M, N).
 
     Attributes:
-        log_prob: Of the actions when they were taken.
+        log_prob: Log-probability of the actions when they were taken.
         advantages: Standardised where the config says so; 0 for inactive agents.
         targets: What values are regressed on; 0 for inactive agents.
     """

@@ -22,7 +22,7 @@ class LiveEpisode:
     Attributes:
         id_: Unique within a runner.
         env_index: The environment that plays it.
-        rewards: Of the agents that acted in the last step, by agent.
+        rewards: Rewards of the agents that acted in the last step, by agent.
         returns: Sum of rewards so far, by agent.
         length: Steps so far.
         acted: Actions so far, over all agents.

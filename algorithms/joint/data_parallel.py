@@ -26,7 +26,7 @@ FAILURE = "failure"
 
 
 class DataParallel:
-    """One learner's place among several; with one learner, every method returns what it is given.
+    """One learner's place among several; with one learner, every method returns its argument.
 
     Args:
         generator: The learner's random numbers, which are drawn for whole minibatches.

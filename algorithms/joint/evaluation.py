@@ -36,7 +36,7 @@ def evaluate(
         explore: Sample actions as in training, from one stream for all environments, or act greedily.
         on_step: Called with every step of all environments, sampling distributions included.
         first_episode: Index of the first episode.
-        env: Where to play, by default in an environment like those of training; left open.
+        env: Environment to play in, by default one like those of training; left open.
         seed: Root seed of the episodes and of sampled actions, by default the algorithm's own. One seed for
             all trainings makes their episodes begin alike.
 

@@ -36,7 +36,7 @@ def check_environment(config: JointConfig, runner: Callable[..., Any]) -> None:
     here is left to them.
 
     Args:
-        config: Of the training.
+        config: Config of the training.
         runner: What makes the environment.
 
     Raises:

@@ -168,7 +168,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             indices: Episode indices, shape (c,), equally spaced.
             explore: Sample actions as in training, or act greedily.
             on_step: Called with every step of all environments.
-            env: Where to play instead; it must have the agents and spaces of the training, and stays open.
+            env: Environment to play in instead, with the agents and spaces of the training; left open.
             seed: Root seed of the episodes and of action sampling, by default the config's.
 
         Raises:

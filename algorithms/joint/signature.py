@@ -15,8 +15,8 @@ def check_signature(stored: Mapping[str, Any], own: Mapping[str, Any]) -> None:
     """Raise if a checkpoint was made with other settings, agents or spaces.
 
     Args:
-        stored: What the checkpoint says.
-        own: What it is to be used with.
+        stored: Signature in the checkpoint.
+        own: Signature of the training that loads it.
 
     Raises:
         CheckpointError: They differ; it names where.

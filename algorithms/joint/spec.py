@@ -138,8 +138,8 @@ def check_spaces(found: JointSpec, wanted: JointSpec, *, place: str) -> None:
     """Raise if an environment to evaluate in has other agents or spaces than the training.
 
     Args:
-        found: Of the environment.
-        wanted: Of the training.
+        found: Spec of the environment.
+        wanted: Spec of the training.
         place: The environment.
 
     Raises:

@@ -20,7 +20,7 @@ class Exploration(NamedTuple):
         explore: False: greedy.
         epsilon: Probability of a uniformly random allowed action, for heads of values.
         noise: Standard deviation of Gaussian noise on actions in [-1, 1], for deterministic heads.
-        temperature: Of joint actions that are drawn by their weights: the smaller, the greedier.
+        temperature: Temperature of joint actions that are drawn by their weights: the smaller, the greedier.
     """
 
     explore: bool = True

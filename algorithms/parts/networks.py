@@ -152,7 +152,7 @@ class PlacedPerceptron:
     """A perceptron behind an encoder that only adds places, for acting: each place is a bias of its agent.
 
     Args:
-        encoder: With `places`.
+        encoder: Encoder with `places`.
         network: Linear layers and activations; the first reads the encoder's features.
     """
 

@@ -51,7 +51,7 @@ def condition(name: str) -> Condition:
     """Return a condition.
 
     Raises:
-        UnknownNameError: There is none of this name.
+        UnknownNameError: No condition has this name.
     """
     if name not in conditions():
         raise UnknownNameError(

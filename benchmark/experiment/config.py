@@ -48,7 +48,7 @@ def read_experiment(
         imports: Own Python files and folders, in addition to the file's.
 
     Raises:
-        ConfigError: With all of its mistakes.
+        ConfigError: Lists all of its mistakes.
     """
     given = [str(Path(path).absolute()) for path in imports]
 
@@ -70,7 +70,7 @@ def check_whole(experiment: Experiment) -> Experiment:
     """Return an experiment made in Python, checked as a file would be, with absolute imports.
 
     Raises:
-        ConfigError: With all of its mistakes.
+        ConfigError: Lists all of its mistakes.
     """
     imports = tuple(str(Path(path).absolute()) for path in experiment.imports)
     try:  # as a file has it

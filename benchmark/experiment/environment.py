@@ -30,7 +30,7 @@ class Driving(Section):
     vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
     """How it moves: as a rigid body on tyres, or as a cheaper single-track model."""
     tyre_model: Literal["pacejka", "linear"] = "pacejka"
-    """What its tyres are like."""
+    """Model of its tyres."""
     flat_tyres: Wheels = ()
     """Tyres that are flat: 0 front left, 1 front right, 2 rear left, 3 rear right."""
 

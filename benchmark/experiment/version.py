@@ -97,7 +97,7 @@ def changed_scenarios(version: int, played: Played) -> list[str]:
     """Return the scenarios that are not as a version froze them, or not part of it, as "scenario, traffic".
 
     Args:
-        version: Of the benchmark.
+        version: Version of the benchmark.
         played: Digests of what is played.
     """
     frozen = versions()[version][SCENARIOS]
@@ -113,8 +113,8 @@ def changed_settings(version: int, environment: Environment) -> list[str]:
     """Return the settings of the environment that are not as a version froze them.
 
     Args:
-        version: Of the benchmark.
-        environment: That of an experiment or a run; settings that came after the version have their defaults.
+        version: Version of the benchmark.
+        environment: Environment of an experiment or a run; newer settings than the version have defaults.
     """
     try:
         frozen = fitted(versions()[version][ENVIRONMENT], Environment).content()
@@ -128,7 +128,7 @@ def differences(version: int, played: Played, environment: Environment) -> list[
     """Return what differs from a version, a line for each kind: what, where, and how it is restored.
 
     Args:
-        version: Of the benchmark.
+        version: Version of the benchmark.
         played: Digests of what is played.
         environment: Its settings.
     """
@@ -153,7 +153,7 @@ def prescribed(version: int | None, algorithm: str, task: str, traffic: str) -> 
     """Return the budget and the sharing of parameters that a version prescribes for a training.
 
     Args:
-        version: Of the benchmark; without one nothing is prescribed.
+        version: Version of the benchmark; without one nothing is prescribed.
         algorithm: Its name; one that is not in the version's table shares parameters as most of the table.
         task: Its name.
         traffic: Its name.
@@ -180,11 +180,11 @@ def has_settings_of(
     """Return whether a training's settings are those of a version's table; False where these are not known.
 
     Args:
-        version: Of the benchmark.
+        version: Version of the benchmark.
         algorithm: Its name.
         task: Its name.
         traffic: Its name.
-        settings: Of the algorithm, where they differ from its defaults.
+        settings: Settings of the algorithm, where they differ from its defaults.
     """
     frozen = versions().get(version, {}) if version is not None else {}
     wanted = frozen.get(TRAINING, {}).get(SETTINGS, {}).get(algorithm, {}).get(f"{task}/{traffic}")
@@ -195,7 +195,7 @@ def tuning(version: int | None) -> dict[str, Any]:
     """Return how a version's settings were searched; empty where that is not known.
 
     Args:
-        version: Of the benchmark.
+        version: Version of the benchmark.
 
     Returns:
         "results" of the sweep; and "algorithms": name -> number of "trials", and "agent_steps" of each.
@@ -215,7 +215,7 @@ def frozen_text(
     """Return the content of `FILE` with the present code, scenarios and settings as a version.
 
     Args:
-        version: To be frozen.
+        version: Version to freeze.
         played: Digests of what is played.
         environment: Its settings.
         training: "budget" by "task/traffic", "sharing" by algorithm, with that of most as `ALL`, `SETTINGS`,

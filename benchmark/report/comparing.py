@@ -61,7 +61,7 @@ def read_side(path: Path) -> Side:
     """Return the finished runs of an experiment, or of one algorithm: results/NAME or results/NAME/ALGORITHM.
 
     Raises:
-        ResultsError: There are none.
+        ResultsError: No run is finished.
     """
     root, algorithm = _root_of(path)
     results = read_results(root)

@@ -51,7 +51,7 @@ class TableCell:
     """None, as is completion, where no run is finished."""
     completion: Value | None
     printed: tuple[Printed, ...]
-    """The paper's."""
+    """Figures that the paper prints."""
     comparison: Comparison | None
     """Comparison with the paper; None where one of the two has no figure or interval."""
     reasons: tuple[str, ...]

@@ -27,7 +27,7 @@ def seeds_curve(runs: Sequence[Frame], column: str) -> tuple[Floats, Floats]:
 
     Args:
         runs: Progress of each.
-        column: Of progress.csv.
+        column: Column of progress.csv.
 
     Returns:
         Agent-steps, shape (P,), and the column of each run there, shape (S, P), NaN where a run has not yet
@@ -55,9 +55,9 @@ def draw_curves(panels: Sequence[Any], report: Report, task: str, traffic: str) 
 
     Args:
         panels: Axes of matplotlib, one for each of `SHOWN`.
-        report: That has the runs.
-        task: Of the cell.
-        traffic: Of the cell.
+        report: Report with the runs.
+        task: Task of the condition.
+        traffic: Traffic of the condition.
     """
     for algorithm in report.algorithms:
         runs = [

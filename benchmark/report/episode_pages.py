@@ -44,7 +44,7 @@ def write_episodes(results: Results, mode: str, folder: Path) -> list[EpisodeLin
     Args:
         results: The results.
         mode: Way of acting whose episodes are shown; scripted policies have one only.
-        folder: Of the report.
+        folder: Folder of the report.
     """
     return [_of_run(run, results.root, mode, folder) for run in results.finished]
 
@@ -97,8 +97,8 @@ def note_links(results: Results, links: Sequence[EpisodeLinks], folder: Path) ->
 
     Args:
         results: The results.
-        links: Of each finished run.
-        folder: Of the report.
+        links: Links of each finished run.
+        folder: Folder of the report.
     """
     if not any(each.links for each in links):
         return
@@ -115,7 +115,7 @@ def keep_pages(results: Results, before: Path, folder: Path) -> list[EpisodeLink
     Args:
         results: The results.
         before: Folder of the earlier report.
-        folder: Of the report.
+        folder: Folder of the report.
     """
     noted = {each["run"]: each for each in _noted(before)}
     if not noted:

@@ -55,7 +55,7 @@ def report_page(
         report: What it says.
         summaries: Over its cells.
         profile: Picture of the performance profile, a PNG file; None without summaries.
-        links: To recorded test episodes.
+        links: Links to recorded test episodes.
         robustness: What was played beside the tests.
     """
     by_traffic = groupby(report.columns, key=lambda column: column[1])

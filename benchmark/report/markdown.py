@@ -31,7 +31,7 @@ def report_text(
         report: What it says.
         summaries: Over its cells.
         pictures: Names of the kinds of plots that lie beside it.
-        links: To recorded test episodes.
+        links: Links to recorded test episodes.
         robustness: What was played beside the tests.
     """
     results = report.results

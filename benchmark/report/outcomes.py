@@ -36,10 +36,10 @@ def draw_outcomes(axes: Any, report: Report, task: str, traffic: str) -> None:
     """Draw a bar for each algorithm and scripted policy of a cell.
 
     Args:
-        axes: Of matplotlib.
-        report: That has the values, those of its main mode.
-        task: Of the cell.
-        traffic: Of the cell.
+        axes: Axes of matplotlib.
+        report: Report with the values; those of its main mode are drawn.
+        task: Task of the condition.
+        traffic: Traffic of the condition.
     """
     names = [name for name, _ in report.names]
     left = np.zeros(len(names))

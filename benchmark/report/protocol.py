@@ -16,7 +16,7 @@ from benchmark.results.run_folder import IMPORTS, comparable, differing_values, 
 
 COMPARED = ("environment", "budget", VERSION)
 """Keys of config.yaml. The environment holds agents, decision interval, observation, action, reward, vehicle,
-friction and traffic engine; the horizon and the starts are the scenario's, by whose name results are told
+friction and traffic engine; the horizon and the starts are the scenario's, by whose name results are kept
 apart anyway."""
 SUBMITTED = "as submitted"
 """Budget and sharing of evaluated submissions, which are ranked among each other."""
@@ -94,7 +94,7 @@ def differing_trainings(runs: Iterable[RunResult], place: str = "") -> list[str]
     """Return a sentence for each seed of an experiment that was not trained like the first of its cell.
 
     Args:
-        runs: Of one experiment; unfinished ones are ignored.
+        runs: Runs of one experiment; unfinished ones are ignored.
         place: Before each run's name.
     """
     return [

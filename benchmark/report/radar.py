@@ -40,9 +40,9 @@ def _draw(axes: Any, report: Report, task: str, traffic: str, names: Sequence[st
 
     Args:
         axes: Polar ones of matplotlib.
-        report: That has the values, those of its main mode.
-        task: Of the cell.
-        traffic: Of the cell.
+        report: Report with the values; those of its main mode are drawn.
+        task: Task of the condition.
+        traffic: Traffic of the condition.
         names: Metrics, an axis each.
     """
     angles = np.linspace(0.0, 2 * np.pi, len(names), endpoint=False)

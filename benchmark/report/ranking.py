@@ -74,8 +74,8 @@ def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Stand
     An entry without a comparison has no rank.
 
     Args:
-        differing: Of `differences`, of one cell.
-        entries: To be ranked.
+        differing: Result of `differences`, of one condition.
+        entries: Entries to rank.
     """
     decided = _decided(differing, entries)
     undecided: dict[Hashable, set[Hashable]] = {entry: set() for entry in entries}
@@ -164,7 +164,7 @@ def with_seed_differences(found: Frame, table: Frame, mode: str) -> Frame:
     of counts are cut to [-1, 1]. P-values are corrected after Holm over all rows that have one.
 
     Args:
-        found: Of `benchmark.report.ranking.differences`, of learning algorithms and scripted policies.
+        found: Result of `benchmark.report.ranking.differences`, of learning algorithms and scripted policies.
         table: Agent-episodes of all of them.
         mode: Way of acting of the learning algorithms.
     """

@@ -57,7 +57,7 @@ def colour(name: str, among: Sequence[str] = ()) -> str:
     """Return the colour of an algorithm.
 
     Args:
-        name: Of the algorithm.
+        name: Name of the algorithm.
         among: All algorithms of the report.
     """
     return PALETTE[_number(name, among) % len(PALETTE)]
@@ -85,8 +85,8 @@ def new_figure(width: float, height: float) -> Any:
     """Return an empty figure that belongs to no window.
 
     Args:
-        width: In inches.
-        height: In inches.
+        width: Width in inches.
+        height: Height in inches.
     """
     from matplotlib.figure import Figure
 

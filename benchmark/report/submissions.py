@@ -73,7 +73,7 @@ def has_no_runs(root: Path) -> bool:
 def read_submitted(root: Path, experiment: str, runs: Iterable[RunResult]) -> list[Submitted]:
     """Return the policies of a folder that `smarts-bench verify` has written; none of any other folder.
 
-    What is said of a policy that was played is in its run.json; refused ones are in verdicts.json.
+    The verdict on a policy that was played is in its run.json; refused ones are in verdicts.json.
 
     Args:
         root: The folder.

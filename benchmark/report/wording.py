@@ -233,7 +233,7 @@ def pairs_notes(notes: Iterable[str]) -> list[str]:
     """Return what comparisons say of episodes that are no pair of their own, each once.
 
     Args:
-        notes: Of `benchmark.metrics.compare`.
+        notes: Notes of `benchmark.metrics.compare`.
     """
     said: dict[str, None] = {}
     for note in notes:

@@ -68,7 +68,7 @@ def report_files(report: Report, links: Sequence[EpisodeLinks] = ()) -> dict[str
 
     Args:
         report: What it says.
-        links: To recorded test episodes.
+        links: Links to recorded test episodes.
     """
     pictures = {kind.name: draw_all(kind, report) for kind in KINDS} if report.columns else {}
     summaries, robustness = summaries_of(report), robustness_of(report)

@@ -53,9 +53,9 @@ def run_folder(root: Path, place: Path, packed: Mapping[str, Any]) -> RunFolder:
     """Return a run's folder, or what is packed of it, if there is no folder.
 
     Args:
-        root: Of the experiment.
-        place: Of the run.
-        packed: Of `packed_contents`.
+        root: Folder of the experiment.
+        place: Place of the run.
+        packed: Result of `packed_contents`.
     """
     folder, content = RunFolder(root / place), packed.get(place.as_posix())
     return folder if content is None or folder.run.exists() else PackedRun(folder.path, content)

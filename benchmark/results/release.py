@@ -144,7 +144,7 @@ def read_manifest(folder: Path) -> Manifest:
     """Return the manifest of a release.
 
     Raises:
-        ResultsError: There is none, or it is damaged; names each wrong value.
+        ResultsError: The manifest is missing or damaged; names each wrong value.
     """
     file = folder / MANIFEST
     if file.exists() and file.stat().st_size > LARGEST_FILE:

@@ -239,7 +239,7 @@ class RunFolder:
 
         Args:
             place: Its path in the run's folder.
-            content: Of the file, or of a folder's files by their paths in it; an empty folder is removed.
+            content: The file's content, or a folder's files by their paths in it; an empty folder is removed.
 
         Raises:
             ResultsError: The disk is full, or the folder cannot be written to. The old content stays.
@@ -259,7 +259,7 @@ class RunFolder:
         """Return the folder of the "last" or "best" checkpoint.
 
         Raises:
-            ResultsError: There is none.
+            ResultsError: The checkpoint is missing.
         """
         folder = self.checkpoint if checkpoint == "last" else self.best
         if folder.exists():
@@ -288,7 +288,7 @@ def with_own_defaults(config: Mapping[str, Any], facts: Mapping[str, Any]) -> di
 
     Args:
         config: Content of config.yaml.
-        facts: Of run.json.
+        facts: Facts of run.json.
     """
     content = with_defaults(config)
     now = default_settings(content)

@@ -74,7 +74,7 @@ def mean_over_cells(
 
     Args:
         cells: Trials in each cell: columns of settings and metrics.
-        names: Of the settings.
+        names: Names of the settings.
         metric: Its name; repeated trials of one choice are averaged in each cell first.
         place: What an error names.
 

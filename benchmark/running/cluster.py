@@ -31,7 +31,7 @@ def start_ray(resources: Resources, runtime_env: Mapping[str, Any] | None = None
     """Join the cluster, or start Ray on this machine.
 
     Args:
-        resources: Of an experiment.
+        resources: Resources of an experiment.
         runtime_env: What Ray brings to the machines of the cluster; see `shipped_code`.
 
     Raises:
@@ -152,7 +152,7 @@ def _address_of(given: str) -> str:
     """Return the address of a cluster whose port is open; Ray itself would wait for minutes.
 
     Raises:
-        ResultsError: There is none.
+        ResultsError: No such cluster answers.
     """
     try:
         # Not public, but what `ray.init` does with "auto", which may be of a cluster that is gone.

@@ -43,14 +43,14 @@ def environment(
         task_setting: What is played.
         num_envs: Simulations side by side, by default the task setting's.
         scenarios: Others than the task setting's, such as held-out variations.
-        record: Where episodes are written to.
-        discount: Of the learner, which shaped rewards have to agree with; by default that of the weights.
-        max_episode_steps: Of each agent, instead of the task setting's time limit.
-        traffic_step: Of the training environment alone; see `Options`.
-        observation: Instead of the task setting's, with the same rewards.
-        adapter: Instead of the task setting's, with its options.
-        adapter_options: Of `adapter`.
-        policy: Name of what drives the agents, for those who watch.
+        record: Folder that episodes are written to.
+        discount: Discount of the learner, with which shaped rewards agree; by default that of the weights.
+        max_episode_steps: Time limit of each agent, instead of the task setting's.
+        traffic_step: Traffic step of the training environment alone; see `Options`.
+        observation: Observation instead of the task setting's, with the same rewards.
+        adapter: Adapter instead of the task setting's, with its options.
+        adapter_options: Options of `adapter`.
+        policy: Name of what drives the agents, for viewers.
 
     Raises:
         SmartsError: A scenario cannot be built, or the agents' observation or reward.

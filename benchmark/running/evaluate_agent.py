@@ -65,7 +65,7 @@ def evaluate_agent(
         traffic: Variation of their traffic.
         episodes: How many.
         agents: How many egos there are.
-        options: Of the agent.
+        options: Options of the agent.
         out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
         imports: Files and folders of own code.
 
@@ -145,11 +145,11 @@ def play_agent(
 
     Args:
         task_setting: What is played; the agent sees its own observation, with the same rewards.
-        folder: Of the table and the recorded episodes.
+        folder: Folder of the table and the recorded episodes.
         agent: Drives all egos.
         labels: Columns of the table: algorithm and training_seed.
         mode: Column of the table.
-        seed: Of the episodes.
+        seed: Seed of the episodes.
 
     Raises:
         SmartsError: The agent fails, or answers what is no action.
@@ -187,8 +187,8 @@ def evaluate_exported(
 
     Args:
         path: The folder that `smarts-bench export` or `release` has written.
-        scenarios: By default those of the training.
-        traffic: By default that of the training.
+        scenarios: Scenarios to play, by default the training's.
+        traffic: Traffic to play, by default the training's.
         episodes: How many.
         out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
         imports: Files and folders of own code that the scenarios name.
@@ -226,7 +226,7 @@ def driven(
     Args:
         env: One simulation whose agents have equal spaces, which fit the agent.
         agent: Acts for all of them.
-        seed: Of the run.
+        seed: Seed of the run.
         first_episode: The world of the first episode.
 
     Raises:

@@ -38,9 +38,9 @@ def evaluate_checkpoint(
 
     Args:
         path: The run's folder, which is not changed.
-        scenarios: By default those of the training.
-        traffic: By default that of the training.
-        episodes: For each mode.
+        scenarios: Scenarios to play, by default the training's.
+        traffic: Traffic to play, by default the training's.
+        episodes: Number of episodes for each mode.
         modes: Ways of acting.
         checkpoint: The last, or the best in validation.
         out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.

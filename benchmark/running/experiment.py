@@ -200,7 +200,7 @@ def check_scenarios(scheduler: JobScheduler, scenarios: Mapping[str, Mapping[str
     """Check that finished and remaining runs are of the same scenarios; if all are finished, print a note.
 
     Args:
-        scheduler: Of the experiment.
+        scheduler: Scheduler of the experiment.
         scenarios: Task setting -> name -> present digest.
 
     Raises:
@@ -274,7 +274,7 @@ def run(experiment: Experiment | str | Path, out: str | Path = "results") -> Res
         out: Folder of all results; the experiment's own is in it.
 
     Raises:
-        ConfigError: With all mistakes that an experiment file would be refused for.
+        ConfigError: Lists all mistakes for which an experiment file would be refused.
         SmartsError: A scenario is wrong, or the folder cannot be used.
         KeyboardInterrupt: After Ctrl-C; the same call continues.
     """

@@ -66,7 +66,7 @@ def export_policy(
 
     Args:
         path: The run's folder.
-        name: Of the agent, without a version: "left-turner" becomes "left-turner-v0".
+        name: Name of the agent, without a version: "left-turner" becomes "left-turner-v0".
         out: The parent of the new folder.
         checkpoint: The last, or the best in validation.
         imports: Files and folders of own code, by default the ones of the training.
@@ -74,7 +74,7 @@ def export_policy(
     Raises:
         ResultsError: There is no run or no such checkpoint, or it is damaged.
         CheckpointError: The run's algorithm, or a setting of its networks, is another than the checkpoint's.
-        SmartsError: The policy cannot act by itself, the name is none, or the folder exists or cannot be
+        SmartsError: The policy cannot act by itself, the name is invalid, or the folder exists or cannot be
             written; nothing is left of it then.
     """
     if NAME.fullmatch(name) is None:

@@ -106,7 +106,7 @@ def mask_in(name: str, *given: Any) -> NDArray[np.bool_]:
     """Return an agent's action mask from the first mapping that has one.
 
     Raises:
-        ActionError: There is none, although the policy was trained with one.
+        ActionError: No mapping has a mask, although the policy was trained with one.
     """
     for each in given:
         if isinstance(each, Mapping) and MASK in each:

@@ -1,4 +1,4 @@
-"""Errors of own code, told with its file and line."""
+"""Errors of own code, with its file and line."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ TOLERATED = 0.01
 ROUNDED = 1e-5
 """Scores of equal episodes differ by less."""
 MOST_P = 0.01
-"""Chance that one policy of an honest submission is said to know the test."""
+"""Chance that one policy of an honest submission is found to know the test."""
 RESAMPLES = 100_000
 
 
@@ -30,7 +30,7 @@ def equal_digests(entry: Entry, played: Digests) -> dict[str, tuple[int, int]]:
     measured, on either side, is one that differs, and not all behind it.
 
     Args:
-        entry: Whose claims are compared.
+        entry: Entry whose claims are compared.
         played: Scenario -> digest of each episode; see `episode_digests`.
     """
     found = {}
@@ -44,9 +44,9 @@ def differences(entry: Entry, table: Frame, scores: Mapping[str, float], digests
     """Yield in what an entry's claims are not what its episodes gave.
 
     Args:
-        entry: Whose claims are compared.
-        table: Of its test.
-        scores: Of the test.
+        entry: Entry whose claims are compared.
+        table: Table of its test.
+        scores: Scores of the test.
         digests: Scenario -> digest of each episode; see `episode_digests`.
     """
     if not entry.episodes:

@@ -33,7 +33,7 @@ class ObservationsOfBoth(ObservationAndReward):
 
     Args:
         context: The agents.
-        observation: Of the trained policies.
+        observation: Observation of the trained policies.
         reward: As in `ObservationAndReward`.
         discount: As in `ObservationAndReward`.
         scripted: What a scripted policy observes.
@@ -75,7 +75,7 @@ class TrainedDriver:
 
     Args:
         policy: The policy, reset.
-        agents: Whom it drives, shape (N,); it hears and sees the like of these alone.
+        agents: Agents that it drives, shape (N,); it hears and sees the like of these alone.
         env: The environment.
     """
 
@@ -93,7 +93,7 @@ class ScriptedDriver:
 
     Args:
         policy: Its name.
-        agents: Whom it drives, shape (N,).
+        agents: Agents that it drives, shape (N,).
         env: The environment.
     """
 
@@ -127,8 +127,8 @@ def play_together(env: VectorHiWayEnv, drivers: Sequence[tuple[Driver, Agents]],
 
     Args:
         env: The environment, as the test's.
-        drivers: With the agents that each drives, shape (N,); together they drive all.
-        indices: Of the episodes.
+        drivers: Drivers with the agents that each drives, shape (N,); together they drive all.
+        indices: Indices of the episodes.
     """
     now = env.reset(EVALUATION_SEED, indices.start + np.arange(env.num_envs), stride=env.num_envs)
     begun = np.ones(env.num_envs, np.bool_)

@@ -85,7 +85,7 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
         imports: Files and folders of own code, by default the ones of the training.
 
     Raises:
-        ResultsError: There is none, or its config is damaged.
+        ResultsError: The folder has no run, or its config is damaged.
         OwnCodeError: A file or folder of own code does not exist.
     """
     if not folder.path.exists():
@@ -135,7 +135,7 @@ def load_policy(
         path: A run's folder, or its `checkpoint` or `best`.
         mode: Way of acting.
         checkpoint: The last, or the best in validation; of a run's folder.
-        seed: Of sampled actions.
+        seed: Seed of sampled actions.
         imports: Files and folders of own code, by default the ones of the training.
 
     Raises:
@@ -162,7 +162,7 @@ class Policy:
         run: The trained run.
         checkpoint: Its folder.
         is_sampled: Whether actions are sampled as in training, instead of greedy.
-        seed: Of sampled actions.
+        seed: Seed of sampled actions.
 
     Raises:
         ResultsError: The checkpoint is damaged.
@@ -250,7 +250,7 @@ class Policy:
 
         Args:
             env: One that records them, with the agents and the observation of the training; it stays open.
-            indices: Of the episodes.
+            indices: Indices of the episodes.
 
         Raises:
             SpaceError: It has other agents, or these see or do something else.

@@ -190,7 +190,7 @@ def _tested(run: RunResult) -> int:
     """Return the number of greedy episodes of a run's test.
 
     Raises:
-        ResultsError: There are none.
+        ResultsError: The test has no greedy episodes.
     """
     table: Frame = run.table
     rows = table[(table["mode"] == "greedy") & (table["split"] == "train") & ~table["is_invalid"]]

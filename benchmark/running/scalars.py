@@ -26,8 +26,8 @@ class Scalars:
     """Writes the columns of progress.csv from the first line on, since a run may resume before its last line.
 
     Args:
-        folder: Of TensorBoard's files; what is there is removed.
-        lines: Of the progress so far.
+        folder: Folder of TensorBoard's files; what is there is removed.
+        lines: Lines of the progress so far.
 
     Raises:
         ResultsError: The disk is full, or the folder cannot be written to.

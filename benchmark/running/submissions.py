@@ -80,8 +80,8 @@ def check_policy(entry: Entry, folder: Path, number: int) -> Policy:
     """Return what the files of an entry's policy hold.
 
     Args:
-        entry: Of the manifest.
-        folder: Of the manifest.
+        entry: Entry of the manifest.
+        folder: Folder of the manifest.
         number: Version of the benchmark.
 
     Raises:
@@ -178,12 +178,12 @@ def submitted(
     Args:
         given: A folder with a manifest, an exported policy, or tcp://HOST:PORT; the last two claim nothing.
         number: Version of the benchmark, of an address; by default the newest.
-        scenarios: Of the version, that an address plays; by default all.
-        traffic: Of the version, that an address plays; by default all.
-        addresses: That a manifest may name: nothing is sent to others.
+        scenarios: Scenarios of the version, that an address plays; by default all.
+        traffic: Traffic of the version, that an address plays; by default all.
+        addresses: Addresses that a manifest may name: nothing is sent to others.
 
     Raises:
-        ResultsError: It is none of these, or names another address; or a folder is given a version, scenarios
+        ResultsError: It is no submission, or names another address; or a folder is given a version, scenarios
             or traffic, which it names itself.
     """
     folder = Path(given)

@@ -321,8 +321,8 @@ class Population(PopulationBasedTraining):
     """Lets trials end as they are after their last validation: a copy of a better one would not train.
 
     Args:
-        validations: Of each trial.
-        options: As of `PopulationBasedTraining`.
+        validations: Number of validations of each trial.
+        options: Options of `PopulationBasedTraining`.
     """
 
     def __init__(self, validations: int, **options: Any) -> None:

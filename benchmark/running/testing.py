@@ -69,8 +69,8 @@ def play_test(
 
     Args:
         run: The run.
-        folder: Of the table and the recorded episodes.
-        discount: Of the learner, with which shaped rewards agree.
+        folder: Folder of the table and the recorded episodes.
+        discount: Discount of the learner, with which shaped rewards agree.
         play: Plays the episodes of some indices in an environment that records them, in the mode "greedy" or
             "sampled".
     """
@@ -92,7 +92,7 @@ def play_scripted(run: ScriptedRun, scratch: RunFolder) -> Iterator[Message]:
 
     Args:
         run: The test.
-        scratch: For temporary files.
+        scratch: Folder for temporary files.
     """
     scenarios = {SCENARIOS: scenario_digests(run.task_setting)}
     yield Noted({"status": TESTING, "run": str(run), **scenarios, **machine()})

@@ -66,7 +66,7 @@ def train_and_evaluate(
 
     Args:
         run: The run.
-        scratch: For temporary files, with the checkpoint if there is one.
+        scratch: Folder for temporary files, with the checkpoint if there is one.
         is_stopped: Called before each iteration; if True, training is saved and the function returns.
 
     Yields:

@@ -101,17 +101,17 @@ def verify(
     policies are played, since one test compares all seeds of a cell. What is played already is kept.
 
     Args:
-        manifest: Of the submission.
-        folder: That holds its policies.
-        out: Of the results; new, or of an earlier evaluation of the same submission.
+        manifest: Manifest of the submission.
+        folder: Folder that holds its policies.
+        out: Folder of the results; new, or of an earlier evaluation of the same submission.
         episodes: Test episodes of each policy.
-        held_out_episodes: Of each policy on each held-out variation.
+        held_out_episodes: Number of episodes of each policy on each held-out variation.
         fresh: Further episodes, of a seed that is drawn for the submission; by default as many as `episodes`.
         parallel: Exported policies at a time, see `side_by_side`; an address is asked by one at a time.
 
     Raises:
         ResultsError: The submission is refused as a whole; names each reason. Or `out` holds something else.
-        SmartsError: The evaluation fails for a reason that is none of a policy.
+        SmartsError: The evaluation fails for a reason that is not the policy's.
     """
     check_manifest(manifest, folder)
     test = Evaluation(episodes=episodes, held_out_episodes=held_out_episodes, modes=("greedy",))
@@ -182,7 +182,7 @@ class _Evaluated:
         """Play an entry's episodes.
 
         Raises:
-            SmartsError: They cannot be played for a reason that is none of the agent.
+            SmartsError: They cannot be played for a reason that is not the agent's.
         """
         place = RunFolder(self.out / entry.place)
         said = self.facts_of(entry)
@@ -249,8 +249,8 @@ def _judged(manifest: Manifest, outcomes: Sequence[_Outcome], again: Mapping[str
     """Yield the verdicts on the entries of a submission.
 
     Args:
-        manifest: Of the submission.
-        outcomes: Of all its entries.
+        manifest: Manifest of the submission.
+        outcomes: Outcomes of all its entries.
         again: Seed and number of the fresh episodes.
     """
     pairs: dict[str, list[tuple[Frame, Frame]]] = {}
@@ -314,10 +314,10 @@ def write_verdicts(manifest: Manifest, out: Path, seed: int, verdicts: Sequence[
     """Write verdicts.json.
 
     Args:
-        manifest: Of the submission.
+        manifest: Manifest of the submission.
         out: The folder.
-        seed: Of the fresh episodes.
-        verdicts: Of its policies.
+        seed: Seed of the fresh episodes.
+        verdicts: Verdicts of its policies.
     """
     content = {
         "benchmark_version": manifest.benchmark_version,

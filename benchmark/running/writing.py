@@ -20,7 +20,7 @@ class RunWriter:
 
     Args:
         run: The run, or the test of a scripted policy.
-        folder: Of its results; begun or resumed.
+        folder: Folder of its results; begun or resumed.
 
     Raises:
         ResultsError: The folder cannot be used.

@@ -49,11 +49,11 @@ def check_entry(
     """Yield what an agent has been found to keep, one line a check.
 
     Args:
-        locator: Of the agent.
+        locator: Locator of the agent.
         options: Its options.
         scenario: Name or folder of the scenario that it drives in.
         steps: Simulation steps, at most; it ends earlier if its vehicles have.
-        seed: Of the run.
+        seed: Seed of the run.
 
     Raises:
         SmartsError: A check has failed; names what the agent did, and what it has to do.
@@ -92,13 +92,13 @@ class ZooDrive:
     """One simulation of a scenario whose egos are driven by an agent of the zoo.
 
     Args:
-        name: Of the agent, for errors.
-        spec: Of the agent.
-        agent: That acts.
+        name: Name of the agent, for errors.
+        spec: Spec of the agent.
+        agent: The agent that acts.
         scenario: Name or folder.
         egos: How many; None: as many as the scenario has missions for, at most 4.
         worlds: Simulations side by side.
-        seed: Of the run.
+        seed: Seed of the run.
         traffic: Variation of the scenario's traffic; None: all in turn.
     """
 

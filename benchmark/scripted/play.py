@@ -97,7 +97,7 @@ def play(
         scenario: Folder, or name of the suite.
         episodes: How many are counted for each traffic: the first valid ones.
         agents: How many drive in each episode.
-        seed: Of the run.
+        seed: Seed of the run.
         first_episode: See above.
         record: Folder for recorded episodes; the last episode of each traffic is cut short.
 
@@ -146,7 +146,7 @@ def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_episode: int)
     Args:
         env: One simulation whose observations and actions fit the policy.
         policy: A name of `SCRIPTED_POLICIES`, or `module:Class` of a user's own.
-        seed: Of the run.
+        seed: Seed of the run.
         first_episode: The world of the first episode.
 
     Raises:

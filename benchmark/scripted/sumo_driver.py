@@ -1,7 +1,7 @@
 """SUMO's driver model in the agents' vehicles: a rule-based driver with full knowledge of the simulation.
 
 The vehicles are handed to the traffic engine after half a second, and judged by the events of agents. SUMO's
-drivers are told roads, not lanes: any lane of the goal's road will do for them.
+drivers get roads, not lanes: any lane of the goal's road will do for them.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def place_bubbles(
     """Return a scenario's bubbles on its map, in the order of its file, without those of SUMO's vehicles.
 
     Args:
-        bubbles: Of the scenario.
+        bubbles: Bubbles of the scenario.
         roads: Its map.
         driver_of: Returns the policy that serves a bubble.
     """

@@ -66,7 +66,7 @@ def explained(
     """Return the mistakes that a model finds.
 
     Args:
-        error: Of the model.
+        error: What the model raised.
         model: The model.
         values: Its input.
         place: Returns the place of a key, or of the section around it.

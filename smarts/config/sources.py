@@ -53,7 +53,7 @@ class Source:
 
     Args:
         text: The text.
-        name: Of the file, or what places in an override are called.
+        name: Name of the file, or what places in an override are called.
         prefix: Key of the text's value, () for a file.
 
     Raises:
@@ -167,7 +167,7 @@ def read_override(text: str) -> Source:
     """Return a value of the command line, such as "budget.minutes=5".
 
     Raises:
-        ConfigError: It is none.
+        ConfigError: The text is no such value.
     """
     name, sign, value = text.partition("=")
     parts = tuple(name.strip().split("."))

@@ -105,7 +105,7 @@ def plan_drivable_path(
         map_id: The map.
         reference: Reference along the lane, written, shape (R, 4).
         pose: x, y [m] of the vehicle's centre and its heading [rad].
-        height: Of the road [m].
+        height: Height of the road [m].
         curvature: Current curvature of the rear axle's path [1/m].
         speed: Speed of the vehicle [m/s].
         kind: The vehicle's `VehicleKind`.
@@ -207,7 +207,7 @@ def _find_edges(
         roads: The maps' lanes.
         map_id: The map.
         reference: Reference along the lane, shape (R, 4).
-        height: Of the road [m].
+        height: Height of the road [m].
         room: Room to the right and left of its points [m], shape (R, 2), -1 if unknown; written.
         found: See `_measure`; column 2 is written.
     """

@@ -66,7 +66,7 @@ def limit_by_right_of_way(
         state: The state of the world.
         roads: The maps' lanes.
         routes: The agents' routes.
-        performance: Of each kind of vehicle.
+        performance: Performance of each kind of vehicle.
         b: The simulation.
         slot: The vehicle.
         row: The row in `routes` of the lane that it steers for.

@@ -133,7 +133,7 @@ class BulletWorld:
         Creating a body takes as long as three steps of one, and most episodes end before Bullet runs.
 
         Args:
-            row: Of the vehicle in `bodies`.
+            row: Row of the vehicle in `bodies`.
             car: Its record of `layout.PARAMETERS`.
         """
         self._pending[row] = car

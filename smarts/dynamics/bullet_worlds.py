@@ -21,7 +21,7 @@ class BulletWorlds:
     A skipped world is outdated, because kernels move its bodies; it is synchronised before its next step.
 
     Args:
-        fleet: Of all vehicles; see `BulletWorld`.
+        fleet: Fleet of all vehicles; see `BulletWorld`.
         simulations: B.
     """
 

@@ -290,9 +290,9 @@ def delayed_arrival(
     Times count from now; `braking` is its deceleration times this driver's impatience.
 
     Args:
-        arrival: Of this vehicle [s].
-        other_arrival: Of the other one, if it does not brake [s].
-        other_distance: Of the other one [m].
+        arrival: Arrival of this vehicle [s].
+        other_arrival: Arrival of the other one, if it does not brake [s].
+        other_distance: Distance of the other one [m].
         braking: [m/s^2]
         dt: Length of a step [s].
 

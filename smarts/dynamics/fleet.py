@@ -135,8 +135,8 @@ class Fleet:
         2 m/s, within a second if they overlap a little, after some seconds if one stands in another.
 
         Args:
-            row: Of the vehicle; must be free.
-            name: Of the vehicle type, one of `parameters.vehicle_names`.
+            row: Row of the vehicle; must be free.
+            name: Name of the vehicle type, one of `parameters.vehicle_names`.
             position: Centre of the footprint [m].
             heading: [rad].
             speed: Forward [m/s].
@@ -188,7 +188,7 @@ class Fleet:
         """Set the fault of one tyre until the vehicle despawns; `TyreFault()` removes it.
 
         Args:
-            row: Of the vehicle.
+            row: Row of the vehicle.
             wheel: 0 front left, 1 front right, 2 rear left, 3 rear right.
             fault: What is wrong.
         """
@@ -200,7 +200,7 @@ class Fleet:
         """Switch a vehicle's driver assistance; its type's file says how it spawns.
 
         Args:
-            row: Of the vehicle.
+            row: Row of the vehicle.
             abs: Whether brakes hold the wheels at the slip of largest force instead of locking them.
             traction_control: Whether the engine does so instead of spinning them. Single-track vehicles have
                 both.

@@ -85,8 +85,8 @@ def _follow_circle(car, body, heading, speed, curvature, dt):
         car: Parameters.
         body: Written.
         heading: At the beginning [rad].
-        speed: Of the rear axle's centre [m/s].
-        curvature: Of its circle, positive to the left [1/m].
+        speed: Speed of the rear axle's centre [m/s].
+        curvature: Curvature of its circle, positive to the left [1/m].
         dt: [s].
     """
     yaw_rate, lever = speed * curvature, car.cog_to_rear_axle
@@ -250,7 +250,7 @@ def _axle_side_force(car, state, wheel, tyre, force_x, vx, vy, dt):
         state: Deflection and slip angle of the axle's wheels are written.
         wheel: `FRONT` or `REAR`.
         tyre: From `_axle_tyre`.
-        force_x: Of both tyres [N].
+        force_x: Longitudinal force of both tyres [N].
         vx: Velocity of the contact along the wheel [m/s].
         vy: To its left [m/s].
         dt: [s].

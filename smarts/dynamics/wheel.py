@@ -38,7 +38,7 @@ def roll(car, state, wheel, load, friction, vx, vy, drive, brake, dt):
         state: A record of `layout.STATE`; spin, deflections and read-out are written.
         wheel: 0 to 3.
         load: [N].
-        friction: Of the road.
+        friction: Friction of the road.
         vx: Velocity of the contact along the wheel's heading [m/s].
         vy: To its left [m/s].
         drive: Torque of the engine [N m].

@@ -136,7 +136,7 @@ def arrays_of(actions: Any, groups: Sequence[AgentGroup], worlds: int) -> list[N
 
     Args:
         actions: A list of an array for each group, or groups of one size stacked; of any array library.
-        groups: In the order of the columns.
+        groups: Groups in the order of their columns.
         worlds: B.
 
     Raises:

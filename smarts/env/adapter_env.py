@@ -32,7 +32,7 @@ class AdapterDictEnv(DictEnv):
     adapter's reward; its action adapter returns an action as `HiWayEnv` takes it.
 
     Args:
-        settings: With one simulation.
+        settings: Settings with one simulation.
         world: See `DictEnv`.
         render_mode: See `Renderer`.
 

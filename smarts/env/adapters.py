@@ -65,7 +65,7 @@ class ObservationAndReward:
         observation: A name of `observations.yaml`, a list or dict of features, or a `FeatureList`.
         reward: A name of `rewards.yaml`, the weights themselves, also as a dict; an own reward
             (`smarts.rewards.own`), or its `module:Class`. By default the reward of the observation.
-        discount: By which the learner discounts a decision, if not as in the weights.
+        discount: Discount of the learner for a decision, if it is not that of the weights.
 
     Raises:
         SmartsError: There is no such feature, option or reward.

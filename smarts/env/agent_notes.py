@@ -30,11 +30,11 @@ class RewardNotes:
     """Adds to the record what the rewards of agents consist of.
 
     Args:
-        context: Of some egos.
-        runner: Of the environment.
-        columns: Of these egos.
-        has_terms: Whose rewards are the weighted ones, shape (G,).
-        weights: Of the reward; None: it is the user's own.
+        context: Context of some egos.
+        runner: Runner of the environment.
+        columns: Columns of these egos.
+        has_terms: Agents whose rewards are the weighted ones, shape (G,).
+        weights: Weights of the reward; None: it is the user's own.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class AgentNotes(RewardNotes):
 
     Args:
         group: The agents that have one adapter.
-        runner: Of the environment.
+        runner: Runner of the environment.
         has_terms: See `RewardNotes`.
         weights: See `RewardNotes`.
     """

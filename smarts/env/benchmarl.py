@@ -30,7 +30,7 @@ class HiWayTask(TaskClass):
         scenarios: Folders, or names of the suite; they are played in a seeded order.
         agents: How many agents.
         max_steps: Most decisions of an episode.
-        options: As `hiway_parallel_env` takes them.
+        options: Options of `hiway_parallel_env`.
     """
 
     def __init__(

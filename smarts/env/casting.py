@@ -107,7 +107,7 @@ def cast_of(
     Args:
         scenarios: Their bubbles and social agents' missions ask for policies.
         added: What the environment asks for.
-        learning: In which bubbles the learning agents drive.
+        learning: Bubbles in which the learning agents drive.
         hosts: Where agents act, by locator.
 
     Raises:

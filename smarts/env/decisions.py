@@ -41,11 +41,11 @@ def join_events(
     """Add one step's events of the egos to the decision's.
 
     Args:
-        bits: Of the decision, shape (B, E), written, as `terminated` and `truncated`.
+        bits: Bits of the decision, shape (B, E), written, as `terminated` and `truncated`.
         terminated: See `Events`.
         truncated: See `Events`.
         running: Simulations whose episode is not over, shape (B,), written.
-        new_bits: Of the step, shape (B, A), as `new_terminated` and `new_truncated`.
+        new_bits: Bits of the step, shape (B, A), as `new_terminated` and `new_truncated`.
         new_terminated: See `Events`.
         new_truncated: See `Events`.
         finished: Simulations whose episode has ended with the step, shape (B,).

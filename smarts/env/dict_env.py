@@ -29,7 +29,7 @@ _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
 
 class StepResult(NamedTuple):
-    """The result of one decision: of the agents that acted, and of agents that entered since."""
+    """The result of one decision, for the agents that acted and those that entered since."""
 
     observations: dict[str, Any]
     """Observations of the agents that act next, and the last ones of agents that have ended."""
@@ -48,11 +48,11 @@ class DictEnv:
 
     Args:
         runner: The simulation.
-        names: Of the egos, in the order of their columns.
+        names: Names of the egos, in the order of their columns.
         order: The names in the order in which results list them.
         specs: The agents' specs.
-        seed: Of the run.
-        world: Whose episodes are played until a reset with a seed, from which on they are those of world 0.
+        seed: Seed of the run.
+        world: Index of the world whose episodes are played; after a reset with a seed, world 0.
         render_mode: See `Renderer`.
     """
 

@@ -64,7 +64,7 @@ class AgentGroup:
     """A Box if that is the field "observation" alone, else a Dict."""
     action: Space
     kind: ActionSpaceType
-    """How their interfaces say that they act."""
+    """Action type of their interfaces."""
     context: AdapterContext
     """Context of the adapter."""
     encoding: ActionEncoding | None = None

@@ -146,7 +146,7 @@ class ObjectDictEnv(DictEnv):
     """One simulation whose agents observe `Observation` objects.
 
     Args:
-        settings: With one simulation; observation, reward and adapter are not used.
+        settings: Settings with one simulation; observation, reward and adapter are not used.
         render_mode: See `Renderer`.
     """
 

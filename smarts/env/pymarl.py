@@ -91,7 +91,7 @@ class PyMARLEnv(NotCopied):
         """Step until the next decision.
 
         Args:
-            actions: By agent; those of agents that are not in the simulation do nothing.
+            actions: Actions by agent; actions of agents that are not in the simulation do nothing.
 
         Returns:
             Observations; reward; whether all agents have ended; whether the time limit has ended the episode;

@@ -288,7 +288,7 @@ class SimulationRunner:
 
         Args:
             name: What the values are.
-            values: Of each ego, shape (B, E, ...).
+            values: Values of each ego, shape (B, E, ...).
             egos: Which egos have one, shape (B, E); only active egos are recorded.
         """
         if self._recorder is not None:
@@ -298,7 +298,7 @@ class SimulationRunner:
         """Record the rewards of the last decision, and let the episodes that ended with it be written.
 
         Args:
-            rewards: As the user gets them, shape (B, E).
+            rewards: Rewards as the user gets them, shape (B, E).
             has_reward: Which egos have one that is a number, shape (B, E); only egos that acted are
                 recorded.
         """

@@ -178,7 +178,7 @@ class EnvSettings:
         """Return the simulations, with the egos in the order of their interfaces.
 
         Args:
-            interfaces: Of the egos.
+            interfaces: Interfaces of the egos.
             sensors: Names of the observed sensors (None: all) of agents without adapters in their spec.
 
         Raises:

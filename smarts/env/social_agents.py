@@ -75,7 +75,7 @@ class SocialAgentRequests:
         self._late = np.zeros((len(self._policies), shape[0]), np.int64)  # decisions, in the present episode
 
     def collect(self, frame: Frame) -> None:
-        """Take in a step's or a reset's events, for agents that are told what happened since they decided."""
+        """Take in a step's or a reset's events, for agents that observe what happened since they decided."""
         if self._collects:
             np.bitwise_or(self._events, frame.events.bits, out=self._events)
 

@@ -26,7 +26,7 @@ class StayingAgents(NotCopied, ParallelEnv):
     those that have ended, too, until all have.
 
     Args:
-        env: Of agents with discrete actions that observe vectors.
+        env: Environment of agents with discrete actions that observe vectors.
 
     Raises:
         InterfaceError: An agent acts or observes otherwise.

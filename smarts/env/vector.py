@@ -94,7 +94,7 @@ class VectorHiWayEnv(NotCopied):
         """Begin an episode in all simulations.
 
         Args:
-            seed: Of the run from now on.
+            seed: Seed of the run from now on.
             worlds: Number of the world that each simulation is, shape (B,); by default 0 to B - 1.
             episode: Number of the episode that each begins with.
             stride: 0: the episodes of a world follow each other. Else the simulation continues with the same
@@ -205,7 +205,7 @@ class VectorHiWayEnv(NotCopied):
 
         Args:
             failures: The social agents that have failed in the decision, by simulation and name.
-            social_infos: Of the decision; None: as now.
+            social_infos: Facts about other agents of the decision; None: as now.
         """
         named = {row: dict(names) for row, names in (failures or {}).items()}
         for row, names in self._runner.take_social_failures().items():

@@ -34,7 +34,7 @@ class Spaces(NamedTuple):
     blocks: tuple[Block, ...]
     """Blocks of agents in the order of their columns."""
     state: int = 0
-    """Size of a global state; 0: there is none."""
+    """Size of a global state; 0: no state."""
     has_graph: bool = False
 
 

@@ -33,7 +33,7 @@ def bubble_shapes(
         zone: Rings of the zone, each of shape (., 2) [m].
         margin: Rings of the zone with its margin.
         name: Written above the left end of the margin, where roads and the arrow rarely are.
-        heading: Of the vehicle with which it travels, shown by an arrow [rad]; None if it stays.
+        heading: Heading of the vehicle with which it travels, shown by an arrow [rad]; None if it stays.
         is_active: Whether it takes vehicles; if not, the zone is not filled.
     """
     colour = {"facecolor": BUBBLE if is_active else "none", "edgecolor": BUBBLE}

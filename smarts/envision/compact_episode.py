@@ -54,7 +54,7 @@ def compact_episode(
         episode: The episode.
         begin: First time that is wanted [s]; None: the first.
         end: Last time that is wanted [s]; None: the last.
-        policy: What drove the egos, for those who watch.
+        policy: Name of what drove the egos, for viewers.
 
     Raises:
         SmartsError: A table or the map is damaged or missing, or nothing is between these times.

@@ -20,7 +20,7 @@ class EpisodeFrame:
         episode: Folder of a recorded episode, or a .smarts file.
         begin: First time [s], of a folder only; None: the first.
         end: Last time [s]; None: the last.
-        height: Of the frame [pixels].
+        height: Height of the frame [pixels].
 
     Raises:
         SmartsError: The episode is damaged, or too long for a page of 2 MB.

@@ -63,7 +63,7 @@ class WorldPicture:
         """Return the picture of a simulation now, shape (600, 800, 3).
 
         Args:
-            row: Of the simulation.
+            row: Row of the simulation.
             start: Its episode.
             bubbles: Where bubbles are; None: there are none.
         """

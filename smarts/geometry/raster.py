@@ -216,12 +216,12 @@ def _row_of_tiles(
     """Return the pixels of some rows of a view that may show a cell other than 0: first, and after the last.
 
     Args:
-        near: Of the raster, see `near_blocks`.
+        near: Result of `near_blocks` for the raster.
         tile: How many rows there are, and how many pixels are looked at together.
-        width: Of the view [pixels].
-        column: Of the raster [cells], in the middle of the view and of the rows.
+        width: Width of the view [pixels].
+        column: Column of the raster [cells], in the middle of the view and of the rows.
         row: The same.
-        sine: Of the view's heading, times the side of a pixel [cells].
+        sine: Sine of the view's heading, times the side of a pixel [cells].
         cosine: The same.
     """
     begin, end = width, 0

@@ -44,7 +44,7 @@ def as_actions(path: Floats, points: int, *, with_time: bool = True) -> Floats:
 
     Args:
         path: The paths, shape (N, P, 5), P <= points.
-        points: Of an action; `smarts.controllers.action_formats.PATH_POINTS` in the environments.
+        points: Points of an action; `smarts.controllers.action_formats.PATH_POINTS` in the environments.
         with_time: Whether the actions hold times.
     """
     if not with_time:

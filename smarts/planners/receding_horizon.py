@@ -57,7 +57,7 @@ class RecedingHorizonPlanner:
     Args:
         limits: The vehicle.
         weights: What is traded off.
-        steps: Of the horizon; paths have one row more.
+        steps: Steps of the horizon; paths have one row more.
         neighbours: Room for neighbours; the time of a call grows with it.
         iterations: Quadratic programs that are solved in each call.
     """

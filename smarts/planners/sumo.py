@@ -56,14 +56,14 @@ class SumoPlanner:
     vehicle accelerates to the target's speed, as its desired one, behind the leaders in its lane and, while
     it changes lanes, in the target's. A change crosses a lane of 3.2 m in `duration`, as with SUMO's option
     `lanechange.duration`; it waits until the gaps ahead and behind in the target's lane are those that SUMO
-    calls secure. A vehicle that already moves to the side goes on. When the vehicle arrives follows from all
+    calls secure. A vehicle that already moves to the side continues. The arrival time follows from all
     this: the target's time, and its place along the lane, count for nothing. Planning fails for a vehicle
     that is turned against the target by more than 30 degrees.
 
     Args:
         limits: The vehicle; of them, only the size and the largest speed count.
         model: The car-following model.
-        duration: Of a lane change [s].
+        duration: Duration of a lane change [s].
 
     After Krauss, "Microscopic modeling of traffic flow", DLR 1998, as in SUMO's `MSCFModel`, with its Euler
     steps of 0.1 s; and `MSAbstractLaneChangeModel`.
@@ -114,7 +114,7 @@ def drive(
     Args:
         model: The car-following model.
         size: The vehicle's length and width, shape (2,).
-        duration: Of a lane change [s].
+        duration: Duration of a lane change [s].
         state: x, y, heading, speed, shape (4 or more,).
         target: Time, x, y, heading, speed, shape (5,).
         others: The neighbours' poses at each step, as of paths, shape (K, STEPS + 1, 5).
@@ -193,12 +193,12 @@ def is_secure(
 
     Args:
         place: Station of the vehicle relative to the target [m].
-        speed: Of the vehicle [m/s].
+        speed: Speed of the vehicle [m/s].
         target: Time, x, y, heading, speed.
         others: Poses of the neighbours now, as of paths, shape (K, 5).
         sizes: Their lengths and widths, shape (K, 2).
         own: The vehicle's.
-        model: Of all drivers.
+        model: Model of all drivers.
     """
     for k in range(len(others)):
         ahead, aside, length, _, its = in_lane(place, target, others[k], sizes[k])
@@ -218,7 +218,7 @@ def follow_speed(gap: float, speed: float, leader_speed: float, model: CarFollow
 
     Args:
         gap: To the leader, less the least gap [m].
-        speed: Of the vehicle [m/s].
+        speed: Speed of the vehicle [m/s].
         leader_speed: [m/s]
         model: The car-following model.
     """

@@ -24,7 +24,7 @@ def find_too_close(
     """Write whether another footprint is near those of N vehicles.
 
     Args:
-        vehicles: Of B simulations.
+        vehicles: Vehicles of B simulations.
         rows: Simulation of each vehicle, shape (N,).
         slots: Slot of each vehicle, shape (N,).
         least: The least distance [m].
@@ -95,7 +95,7 @@ def compare_with_chord(
     """Return how far a vehicle's pose differs from that on a lane, now or after some time, whichever is more.
 
     Args:
-        vehicles: Of B simulations.
+        vehicles: Vehicles of B simulations.
         b: The simulation.
         xy: Points of lanes [m], shape (P, 2).
         s: Arc lengths of the points along their lanes [m], shape (P,).
@@ -103,7 +103,7 @@ def compare_with_chord(
         begin: First point of its lane.
         end: One more than the lane's last point.
         front: Arc length of its front on the lane [m].
-        offset: Of its front to the left of the lane [m].
+        offset: Offset of its front to the left of the lane [m].
         seconds: How long both poses drive on steadily [s].
 
     Returns:
@@ -133,8 +133,8 @@ def chord_pose(
         begin: First point of the line.
         end: One more than its last point.
         front: Arc length of the vehicle's front [m].
-        length: Of the vehicle [m].
-        offset: Of the vehicle to the left of the line [m].
+        length: Length of the vehicle [m].
+        offset: Offset of the vehicle to the left of the line [m].
     """
     x, y = _beside(xy, s, begin, end, front, offset)
     back_x, back_y = _beside(xy, s, begin, end, front - length, offset)

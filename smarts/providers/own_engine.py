@@ -35,8 +35,8 @@ class OwnEngine(TrafficEngine):
 
     Args:
         engine: The user's.
-        doing: What it is, for errors.
-        world: In which it moves vehicles.
+        doing: Description of the engine, for errors.
+        world: World in which it moves vehicles.
     """
 
     def __init__(self, engine: Any, doing: str, world: World) -> None:

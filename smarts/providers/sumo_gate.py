@@ -136,7 +136,7 @@ class SumoGate:
             name: SUMO's name of the vehicle.
             left: Distance to the end of the road that it is on, or comes to from its junction [m].
             speed: Its speed [m/s].
-            radius: Of its tightest turn [m].
+            radius: Radius of its tightest turn [m].
         """
         needed = self._dt * speed + 0.5 * speed * speed / MOST_BRAKING
         reach, found = (needed if radius < SMALL else max(needed, TURN_AHEAD)), Refusal.NONE
@@ -270,7 +270,7 @@ class SumoGate:
         return stops
 
     def _way(self, shadow: Shadow) -> tuple[str, ...]:
-        """Return the edges on which a vehicle is to go on from its lane, () if it cannot.
+        """Return the edges on which a vehicle is to continue from its lane, () if it cannot.
 
         That is its route; if this does not lead on from the lane, a fastest way to its destination that does;
         if there is none, whatever the lane leads into.

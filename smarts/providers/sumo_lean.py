@@ -95,7 +95,7 @@ def find_slow(
         is_new: Whether SUMO had the vehicle in a row not a step ago, shape (V,).
         fronts: Where SUMO had their fronts a step ago [m], inf of those that it did not drive, shape (V, 2);
             written.
-        turned: By what SUMO's angles are changed [degrees], shape (V,); written.
+        turned: Changes of SUMO's angles [degrees], shape (V,); written.
         rows: The rows of A vehicles.
         values: SUMO's, see `fill_rows`; angles are written.
 
@@ -135,7 +135,7 @@ def straighten(
     Args:
         states: Vehicles of one simulation.
         turned: As for `find_slow`; written.
-        lines: Of the map.
+        lines: Lines of the map.
         rows: The rows of A vehicles.
         values: SUMO's, see `fill_rows`; angles are written.
         slow: Which of them are slow, shape (N,).
@@ -172,9 +172,9 @@ def most_lean(length: float, width: float, room: float) -> float:
     """Return by how much a vehicle may be turned about its front so that its tail stays within `room`.
 
     Args:
-        length: Of the vehicle [m].
-        width: Of the vehicle [m].
-        room: From the middle of its front to either side [m].
+        length: Length of the vehicle [m].
+        width: Width of the vehicle [m].
+        room: Room from the middle of its front to either side [m].
     """
     # A corner of the tail is length * sin(lean) + width / 2 * cos(lean) aside.
     corner, at_rest = math.hypot(length, 0.5 * width), math.atan2(0.5 * width, length)

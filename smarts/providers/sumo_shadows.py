@@ -137,7 +137,7 @@ class SumoShadows:
         Args:
             slot: The vehicle's.
             name: Its id in SUMO.
-            new_name: That of the new vehicle.
+            new_name: Name of the new vehicle.
             arrival: Where the vehicle arrives, see `SumoArrivals`.
         """
         vehicle, shadow = self._library.vehicle, self._shadows.get(slot)

@@ -24,7 +24,7 @@ class AgentRoutes:
 
     The resets of simulations write the table from the routes that agents have. In mid-episode a route is
     appended to it, which takes microseconds; where no room is left, the table is written again, with room.
-    Route numbers may change whenever the table is written: nobody keeps them.
+    Route numbers may change whenever the table is written: do not keep them.
 
     Args:
         atlas: The maps.

@@ -75,7 +75,7 @@ class RoadAtlas:
             maps: Map numbers, shape (E,).
             position: [m], shape (E, 2).
             heading: [rad], shape (E,): of overlapping lanes, prefer those that fit it.
-            height: Of the road [m], NaN where it is unknown, shape (E,).
+            height: Height of the road [m], NaN where it is unknown, shape (E,).
         """
         found = NearestLanes.allocate(len(maps))
         self._locate(maps, position, height, heading, np.full(len(maps), -1, np.int32), _ROAD_MASK, *found)

@@ -321,7 +321,7 @@ def locate(
         table: The routes.
         maps: Map of each pose, shape (E,).
         position: [m], shape (E, 2); where it is not finite, the lane is -1.
-        height: Of the road [m], NaN where it is unknown, shape (E,); only lanes near it count.
+        height: Height of the road [m], NaN where it is unknown, shape (E,); only lanes near it count.
         heading: [rad], NaN where it is not to matter, shape (E,).
         route: Number in the table counted after the free corridors, -1 where it is not to matter, shape (E,).
         mask: Bit k is set if lanes of kind k count.

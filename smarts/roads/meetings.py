@@ -38,10 +38,10 @@ def list_meetings(
         roads: The maps' lanes.
         routes: The agents' routes.
         m: The map.
-        row: Of the first lane.
+        row: Row of the first lane.
         begin: From the front bumper to its begin [m].
         half: Half of the vehicle's length [m].
-        performance: Of each kind of vehicle.
+        performance: Performance of each kind of vehicle.
         kind: The vehicle's.
         horizon: Lines that are farther are left aside [m]; but a junction behind one that is entered counts
             where the vehicle cannot wait between both.

@@ -45,7 +45,7 @@ def acceleration_over(
     """Return the mean acceleration of a vehicle over a distance [m/s^2].
 
     Args:
-        performance: Of each kind of vehicle.
+        performance: Performance of each kind of vehicle.
         kind: The vehicle's.
         distance: [m]
         speed: At its begin [m/s].

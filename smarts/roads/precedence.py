@@ -162,7 +162,7 @@ def gap_to_stop(state: State, roads: Roads, b: int, slot: int, lanes: Ints, begi
         roads: The maps' lanes.
         b: The simulation.
         slot: The vehicle.
-        lanes: Of its way.
+        lanes: Lanes of its way.
         begins: Distance of its front bumper to their begins [m].
     """
     speed = state.vehicles.speed[b, slot]
@@ -259,7 +259,7 @@ def _waits_for_standing(
 def _goes_before(state: State, b: int, slot: int, other: int, yields: int) -> bool:
     """Return whether it is one vehicle's turn before that of another one, which stands.
 
-    Where all have to stop, that is who has stopped first; elsewhere an order of all that changes with time.
+    Where all have to stop, the first to stop goes first; elsewhere an order of all that changes with time.
     """
     if yields == _BOTH:
         since, its_since = state.vehicles.standing_since[b, slot], state.vehicles.standing_since[b, other]

@@ -87,7 +87,7 @@ def gap_to_wait(
         state: The state of the world.
         roads: The maps' lanes.
         routes: The agents' routes.
-        performance: Of each kind of vehicle.
+        performance: Performance of each kind of vehicle.
         b: The simulation.
         slot: The vehicle.
         row: The row in `routes` of the lane that it steers for.
@@ -271,7 +271,7 @@ def _may_take(
         following: The row of the first lane of the way.
         signalled: The edge that it signals, -1 if unknown.
         room: From its front bumper to the lane's end [m].
-        speed: Of the vehicle [m/s].
+        speed: Speed of the vehicle [m/s].
     """
     if signalled >= 0 and _exit_edge(roads, routes, following) != signalled:
         return False

@@ -56,7 +56,7 @@ class AgentPool:
     Args:
         world: The state; agents and missions are written.
         routes: The agents' routes; written.
-        interfaces: Of the further agents, all different.
+        interfaces: Interfaces of the further agents, all different.
         capacities: Columns for each of them; they follow those of the egos.
     """
 

@@ -109,7 +109,7 @@ def assemble(
         looked_at: Names of the sensors that are read, by agent_id: the others are not observed. An agent that
             is missing has all of its sensors observed.
         worlds: B.
-        seed: Of the run.
+        seed: Seed of the run.
         options: How the simulations are run.
 
     Raises:

@@ -232,7 +232,7 @@ class BubbleRules:
 
         Args:
             row: The simulation.
-            number: Of the bubble.
+            number: Number of the bubble.
             slot: The vehicle's.
             observed: How many vehicles the bubble has.
         """

@@ -65,10 +65,10 @@ class FootprintContacts:
 
 @kernel
 def find_contacts(state: State, out: Contacts, tracks: Tracks, env_mask: Bools) -> None:
-    """Write the contacts of all agents; those of simulations that made no step have none.
+    """Write the contacts of all agents; agents of simulations that made no step have none.
 
     Args:
-        state: Of the world.
+        state: State of the world.
         out: Written.
         tracks: How the agents' vehicles have moved; without sub-steps at a reset.
         env_mask: Which simulations made the step, shape (B,).
@@ -160,7 +160,7 @@ def _survey(
     Args:
         now: All vehicles.
         before: A step ago.
-        poses: Of the agents' tracks.
+        poses: Poses of the agents' tracks.
         agents: All agents.
         row: The simulation.
         near: Written: the slots, in order.
@@ -295,11 +295,11 @@ def _impact(
     """Return when during the sub-step two vehicles met (0 to 1), how fast [m/s], and at which side.
 
     Args:
-        path: Of the first.
-        size: Of the first.
-        path2: Of the second.
-        size2: Of the second.
-        substep: In which they met.
+        path: Path of the first vehicle.
+        size: Size of the first vehicle.
+        path2: Path of the second vehicle.
+        size2: Size of the second vehicle.
+        substep: The sub-step in which they met.
         until: When during it they overlapped (0 to 1).
         dt: Sub-step [s].
     """

@@ -14,7 +14,7 @@ from smarts.types.world import State
 AHEAD = 15.0
 """How far ahead of the other vehicle to go over, from centre to centre; the middle of a shorter gap [m]."""
 NEAR_ENOUGH = 1.5
-"""How much that may be missed by [m]."""
+"""Largest deviation from that [m]."""
 GAIN = 0.5
 """Speed above the other vehicle's for each metre that is lacking [1/s]."""
 SLOWEST = 2.5
@@ -22,7 +22,7 @@ SLOWEST = 2.5
 FASTER = 1.1
 """Times the other's speed, while going over."""
 CHANGE_TIME = 3.0
-"""How long going over takes [s]."""
+"""Duration of the lane change [s]."""
 LEAST_LENGTH = 15.0
 """Least length of the lane change, along the road [m]."""
 STANDING = 1e-6

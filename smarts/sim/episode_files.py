@@ -183,7 +183,7 @@ class RecordedEpisode:
     """One episode on disk; its tables are read when they are asked for.
 
     Args:
-        folder: Of the episode.
+        folder: Folder of the episode.
 
     Raises:
         RecordError: It is not one, or of another version of this program.

@@ -71,7 +71,7 @@ def rows_of_holds(table: Mapping[str, Floats], holds: Sequence[Hold]) -> tuple[L
 
     Args:
         table: Has columns `step` and `agent_id`.
-        holds: In order; one lasts until the next of its column.
+        holds: Holds in order; one lasts until the next of its column.
     """
     ends, next_step = np.empty(len(holds), np.int64), dict[int, int]()
     for place, hold in reversed([*enumerate(holds)]):

@@ -60,12 +60,12 @@ class AgentEvents:
 
     Args:
         scene: The world, its maps and the agents' routes.
-        rules: Of all agents.
+        rules: Rules of all agents.
         alive: Endings by the number of agents that are left.
         interest: Finds vehicles of interest; needed if an agent ends by them.
         coming: How many agents get their column when they enter, shape (B,); they are left, too. None: all
             agents have one.
-        learning: Where agents learn in bubbles: who has left them, and when episodes end.
+        learning: Where agents learn in bubbles: agents that have left them, and when episodes end.
     """
 
     def __init__(

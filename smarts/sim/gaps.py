@@ -95,7 +95,7 @@ def least_gap(speed: float, closing: float) -> float:
 
     Args:
         speed: The follower's [m/s].
-        closing: By how much it is faster than its leader [m/s].
+        closing: Its speed minus its leader's [m/s].
     """
     following = speed * HEADWAY + speed * closing / (2.0 * math.sqrt(ACCELERATION * BRAKING))
     wanted = STANDSTILL_GAP + max(following, 0.0)

@@ -18,7 +18,7 @@ from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.world import World
 
 ROUTES_KEPT = 1024
-"""How many routes are remembered."""
+"""Number of routes that are cached."""
 ASIDE = 1.0
 """How far beside the road of the goal it is still reached [m]."""
 

@@ -21,7 +21,7 @@ class NamedInterest:
 
     Args:
         world: What is read.
-        criteria: Of each column; None for agents without vehicles of interest.
+        criteria: Criteria of each column; None for agents without vehicles of interest.
         marked: The pattern of the names that each scenario marks, by the scenario's name; "" for none.
         entries: Knows which scenarios are played.
     """

@@ -72,7 +72,7 @@ def note_collisions(state: State, contacts: Contacts, env_mask: Bools) -> None:
 
     Args:
         state: The state of the world; the agents are written.
-        contacts: Of the step.
+        contacts: Contacts of the step.
         env_mask: The simulations, shape (B,).
     """
     agents = state.agents

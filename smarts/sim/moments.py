@@ -37,9 +37,9 @@ def reset_moment(
 
     Args:
         built: The scenario.
-        traffic: Which variation of its traffic; None for empty roads.
-        seconds: For how long the traffic flows before, on top of its warm-up [s].
-        seed: Of the run.
+        traffic: Variation of its traffic; None for empty roads.
+        seconds: Time that the traffic flows before, on top of its warm-up [s].
+        seed: Seed of the run.
 
     Raises:
         SmartsError: The scenario cannot be played.

@@ -29,7 +29,7 @@ def observation_notes(frame: Frame, row: int, seen: Mapping[int, int], origin: F
 
     Args:
         frame: The frame.
-        row: Of the simulation.
+        row: Row of the simulation.
         seen: The step in which each agent has observed, by agent_id.
         origin: What positions are relative to [m].
     """
@@ -108,7 +108,7 @@ def _grid(arrays: Arrays, origin: Floats) -> Floats:
 def _averages(length: int, side: int) -> Floats:
     """Return the weights that make cells of `side` cells each out of a row, shape (cells, length).
 
-    The row is in the middle of the larger cells, as the vehicle is; those at the ends are of what there is.
+    The row is in the middle of the larger cells, as the vehicle is; the cells at the ends average fewer.
     """
     count = -(-length // side)
     begin = (length - count * side) / 2 + side * np.arange(count)[:, None]

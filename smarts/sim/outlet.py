@@ -58,7 +58,7 @@ class Address:
         """Return the address in a text "host:port" or "token@host:port".
 
         Raises:
-            SmartsError: It is none.
+            SmartsError: The text is no address.
         """
         found = _ADDRESS.fullmatch(text)
         if found is None or not 0 < int(found["port"]) < 1 << 16:
@@ -79,7 +79,7 @@ class Outlet:
     queue would interrupt the simulation.
 
     Args:
-        address: Of the server.
+        address: Address of the server.
     """
 
     def __init__(self, address: Address) -> None:
@@ -118,7 +118,7 @@ class Outlet:
 
         Args:
             message: One that takes time to make can be a function that returns it, called by the thread.
-            epoch: In which that was put which it builds on; in another one, the message is ignored.
+            epoch: Epoch of what the message builds on; in another one, the message is ignored.
             is_last: Whether to send now; otherwise `flush` is to be called, and sends several in one call of
                 the system, which takes longer than all else.
         """

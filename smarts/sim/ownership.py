@@ -52,7 +52,7 @@ class Unresolved(NamedTuple):
     reason: int
     """A `Reason`."""
     steps: int
-    """How often it was refused."""
+    """Number of its refusals."""
     last_refusal: int
     """A `Refusal`."""
 

@@ -72,7 +72,7 @@ class EpisodePublisher:
 
     Args:
         scene: The world and its maps.
-        address: Of the server, which need not be there.
+        address: Address of the server, which need not be there.
         pool: The agents of each episode.
         policies: Names of the social policies, by number.
         policy: Name of what drives the egos, "" if it has none.
@@ -206,7 +206,7 @@ class EpisodePublisher:
         self._epoch = -1
         """Epoch of the outlet when a frame was last looked at."""
         self._told = -1
-        """Epoch in which the server was told how many simulations are not sent."""
+        """Epoch in which the server last got the number of simulations that are not sent."""
 
     def _begin(self, row: int, shown: _Row, start: EpisodeStart) -> None:
         self._end(shown, False, "reset before its end")

@@ -29,9 +29,9 @@ class PublishedExtras:
 
         Args:
             name: What the values are.
-            values: Of each agent, shape (B, A, ...).
+            values: Values of each agent, shape (B, A, ...).
             agent_ids: Which agents it is about, shape (B, A).
-            steps: Of the decisions, shape (B,).
+            steps: Steps of the decisions, shape (B,).
         """
         # Copies: the caller may reuse its arrays.
         agents = np.array(agent_ids[: self._rows])

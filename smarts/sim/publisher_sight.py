@@ -35,7 +35,7 @@ class PublishedSight:
 
         Args:
             frame: The frame.
-            row: Of the simulation.
+            row: Row of the simulation.
             agents: Numbers of those that viewers look at.
         """
         self.agent_ids = np.flatnonzero(np.isin(frame.world.agents.agent[row], agents)).tolist()

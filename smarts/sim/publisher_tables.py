@@ -29,10 +29,10 @@ def static_tables(
     Args:
         starts: How the agents enter, by number.
         holds: The columns that they held, in order.
-        outcomes: Of agents, by number: step, outcome, slot and generation of the vehicle collided with.
+        outcomes: Ends by the agent's number: step, outcome, slot and generation of the vehicle collided with.
         policies: Names of the social policies, by number.
         graph: The map.
-        bubbles: Of the episode.
+        bubbles: Bubbles of the episode.
     """
     routes = [*dict.fromkeys(start.mission.route for start in starts if start.mission.route)]
     numbers = {route: number for number, route in enumerate(routes)}

@@ -108,7 +108,7 @@ class _Episode:
     """Rows of the tables that are written in one piece."""
 
     def annotate(self, name: str, step: int, agents: Ints, values: Floats) -> None:
-        """Take what is said about agents (S,), values (S, ...)."""
+        """Record values (S, ...) of agents (S,)."""
         if name.startswith(OBSERVED):
             what = name.removeprefix(OBSERVED)
             pairs = zip(agents.tolist(), values, strict=True)
@@ -126,7 +126,7 @@ class EpisodeRecorder:
 
     Args:
         scene: The world and its maps.
-        folder: Of the store; several recorders may share one.
+        folder: Folder of the store; several recorders may share one.
         pool: The agents of each episode.
         policies: Names of the social policies, by number.
         everything: Whether to record vehicles far from agents, too.
@@ -201,11 +201,11 @@ class EpisodeRecorder:
         """Add to the record what an algorithm says about its decisions, or what came of them.
 
         Args:
-            name: What it is, such as "reward"; behind `OBSERVED`, what is observed, by `observers` alone.
+            name: Name, such as "reward"; behind `OBSERVED`, an observation, of `observers` alone.
             values: Numbers of each agent, shape (B, N, ...), N at most A.
             agent_ids: Mask of the agents whose values are recorded, shape (B, N).
             step: Step of the state on which each simulation's decision was made, shape (B,); by default now,
-                which is right for what is said before the step.
+                which is right for notes made before the step.
         """
         if name.startswith(OBSERVED):
             agent_ids = agent_ids & self._observers[:, : agent_ids.shape[1]]
@@ -219,10 +219,10 @@ class EpisodeRecorder:
                 episode.annotate(name, int(steps[row]), chosen, table[row, chosen])
 
     def finish(self, env_mask: Bools) -> None:
-        """Have the episodes of some simulations written, since all has been said about them.
+        """Write the episodes of some simulations; they are fully annotated.
 
         Args:
-            env_mask: Which, shape (B,); those without an episode do not matter.
+            env_mask: Which simulations, shape (B,); entries of simulations without an episode are ignored.
         """
         for row in np.flatnonzero(env_mask).tolist():
             self._finish(row)

@@ -56,7 +56,7 @@ class HandoverNotes:
         Args:
             step: The first state after it.
             carried_out: The transfer.
-            numbers: Of the agents that have, or have had, the columns after the step, shape (A,).
+            numbers: Numbers of the agents that have, or have had, the columns after the step, shape (A,).
         """
         transfer = carried_out.transfer
         from_agent, to_agent = int(transfer["from_agent"]), int(transfer["to_agent"])
@@ -90,12 +90,12 @@ def handover_tables(
     """Return the tables of holds, transfers, bubbles and failures.
 
     Args:
-        notes: Of the episode.
+        notes: Notes of the episode.
         starts: How the agents enter, by number.
         states: Columns of `agent_states`.
         names: Public names of the recorded vehicles.
         policies: Names of the social policies, by number.
-        bubbles: Of the episode.
+        bubbles: Bubbles of the episode.
     """
     transfers = [
         (step, slot, generation, names.get((slot, generation), ""), *others)

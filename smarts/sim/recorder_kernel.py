@@ -44,7 +44,7 @@ class Buffers(NamedTuple):
     distant: Ints
     """No rows if vehicles far from agents are not recorded."""
     used: Ints
-    """How many rows are in use, shape (B, 6)."""
+    """Number of rows in use, shape (B, 6)."""
     until: Ints
     """Step until which a slot's vehicle is recorded, near or not, shape (B, V)."""
     known: Ints
@@ -101,12 +101,12 @@ def take_frame(
     """Copy the rows of a frame that are recorded.
 
     Args:
-        state: Of the world.
+        state: State of the world.
         keep: Steps for which a vehicle is recorded once it was near.
         out: Written; there is room for the rows of one frame.
-        events: Of the step.
-        contacts: Of the step.
-        actions: That led here; none is fresh in the frame of a reset.
+        events: Events of the step.
+        contacts: Contacts of the step.
+        actions: Actions that led here; in the frame of a reset no action is fresh.
         env_mask: Which simulations the frame is of, shape (B,).
 
     Returns:

@@ -46,7 +46,7 @@ class Recorders:
             part.annotate(name, values, agent_ids, step)
 
     def finish(self, env_mask: Bools) -> None:
-        """Tell all of them that all has been said about the episodes of some simulations."""
+        """Have all recorders write the episodes of some simulations."""
         for part in self._parts:
             part.finish(env_mask)
 

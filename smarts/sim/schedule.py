@@ -102,7 +102,7 @@ class Schedule:
         scenarios: The scenarios.
         agents: Names of the egos.
         shapes: The egos' vehicles, by default cars.
-        seed: Of the run.
+        seed: Seed of the run.
         engine: One of `TRAFFIC_ENGINES`; by default the one that each scenario names.
         cast: The social policies; without any, scenarios' social agents and bubbles have no effect.
 

@@ -121,7 +121,7 @@ class Simulation:
         """Advance some simulations by `dt`; the order of these lines is the contract.
 
         Args:
-            actions: Of all agents.
+            actions: Actions of all agents.
             env_mask: Which simulations make the step, shape (B,).
             observe_mask: Which agents are to be observed, shape (B, A); those whose agent is done always are.
             social_failures: See `Frame`.

@@ -123,7 +123,7 @@ def draw_social_starts(
         built: The scenario.
         roles: The agents.
         egos: Their starts.
-        policies: Of the run.
+        policies: Policies of the run.
         generator: Draws random routes and the variation of starts.
 
     Raises:

@@ -167,7 +167,7 @@ def agent_start(
         placed: Its mission.
         roads: The map.
         name: Its name.
-        shape: Of its vehicle.
+        shape: Shape of its vehicle.
         generator: Draws where an area with a random offset begins in which it takes a vehicle over.
     """
     return AgentStart(
@@ -231,7 +231,7 @@ def distance_along(corridor: Corridor, roads: LaneGraph, lane: int, s: float, *,
     """Return the distance along a route of a place on a lane [m], NaN off the route.
 
     Args:
-        corridor: Of the route.
+        corridor: Corridor of the route.
         roads: The map.
         lane: The lane.
         s: Arc length on it [m].
@@ -271,7 +271,7 @@ def time_at(mean: float, limit: float, length: float, speed: float) -> float:
 
     Args:
         mean: See `mean_limit` [m/s].
-        limit: Of the lane at the start [m/s].
+        limit: Speed limit of the lane at the start [m/s].
         length: [m]
         speed: [m/s]
     """

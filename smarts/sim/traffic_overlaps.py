@@ -23,7 +23,7 @@ def count_overlaps(state: State, overlaps: Ints, env_mask: Bools) -> None:
     """Add the pairs of vehicles of traffic that have come to overlap in this step.
 
     Args:
-        state: Of the world.
+        state: State of the world.
         overlaps: Pairs since the episode began, shape (B,); written.
         env_mask: Which simulations made the step, shape (B,).
     """

@@ -25,11 +25,11 @@ class TrafficRun:
 
     Args:
         built: The scenario.
-        traffic: Which variation of its traffic; None for empty roads.
-        seed: Of the run.
+        traffic: Variation of its traffic; None for empty roads.
+        seed: Seed of the run.
         episode: Counts episodes of one run: each has its own traffic.
         dt: Length of a step [s].
-        engine: Which of `TRAFFIC_ENGINES` drives; by default the one that the scenario names.
+        engine: Name among `TRAFFIC_ENGINES` of the one that drives; by default the scenario's.
     """
 
     def __init__(

@@ -243,7 +243,7 @@ def keep_apart(
         drawn: Each within `reach` of its nominal start [m].
         reach: How far a start may be from its nominal one [m].
         lane_length: [m]
-        length: Of each vehicle [m].
+        length: Length of each vehicle [m].
 
     Returns:
         The starts, or None if two vehicles overlap where the scenario puts them.

@@ -69,7 +69,7 @@ def open_to_all(
         find: Takes the map as open to them, see `roads_for`, and how errors name them.
 
     Raises:
-        ScenarioError: Of `find`, for the first class that finds nothing alone, or for all together.
+        ScenarioError: Raised by `find`, for the first class that finds nothing alone, or for all together.
     """
     classes = sorted(set(vehicle_classes))
     try:

@@ -38,9 +38,9 @@ def packed_runs(values: NDArray, first: Bools, *, turn: int = 0, compress: bool 
     """Return whole numbers that change little within runs.
 
     Args:
-        values: Of at most 32 bits, shape (N,).
+        values: Values of at most 32 bits, shape (N,).
         first: Which of them begin a run, shape (N,).
-        turn: Of angles: the units of a whole turn. Readers get angles without jumps.
+        turn: Units of a whole turn, for angles. Readers get angles without jumps.
         compress: Whether to spend time on making it small.
     """
     change = np.diff(values.astype(np.int64), prepend=0)

@@ -47,7 +47,7 @@ def unpack(packed: bytes) -> dict[str, Any]:
     """Return the message in some bytes.
 
     Raises:
-        RecordError: They are none.
+        RecordError: The bytes are no message.
     """
     if len(packed) > MOST_BYTES:
         raise damaged(f"a message of {len(packed)} bytes")

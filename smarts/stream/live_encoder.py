@@ -38,9 +38,9 @@ class LiveEncoder:
 
     Args:
         road_map: The message of the map, with `origin`.
-        facts: Of the episode.
+        facts: Facts of the episode.
         source: Id of the simulation.
-        serial: Of the episode.
+        serial: Serial of the episode.
         before: The encoder that the simulation had before its process connected again.
     """
 
@@ -70,7 +70,7 @@ class LiveEncoder:
         return self._encoder.opening()
 
     def take(self, message: dict[str, Any], *, is_watched: bool) -> list[dict[str, Any]]:
-        """Take a message of the publisher; return what viewers get, none if nobody watches a frame.
+        """Take a message of the publisher; return what viewers get, nothing if no viewer shows the frame.
 
         Raises:
             RecordError: The message is damaged; `KeyError`, `TypeError` and `ValueError` say the same.

@@ -88,7 +88,7 @@ def steps_message(steps: Ints, motion: Motion, *, compress: bool = True) -> dict
 
     Args:
         steps: Their numbers, increasing, shape (K,).
-        motion: Of these steps.
+        motion: Motion of these steps.
         compress: Whether to spend time on making it small.
     """
     begin = np.searchsorted(steps, motion.step)

@@ -68,10 +68,10 @@ def hold_seed(seed: int, name: str, *, world: int = 0, episode: int = 0) -> int:
     """Return the seed of a social agent's own draws, in [0, 2^64).
 
     Args:
-        seed: Of the run.
-        name: Of the agent, unique in its episode.
+        seed: Seed of the run.
+        name: Name of the agent, unique in its episode.
         world: Number of the simulation in its run.
-        episode: Of the simulation.
+        episode: Number of the simulation's episode.
     """
     text = f"smarts-bench|{seed}|{world}|{episode}|hold|{name}"
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")

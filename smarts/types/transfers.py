@@ -51,7 +51,7 @@ class Refusal(enum.IntEnum):
     OTHER_LANE = 10
     """The traffic engine has the vehicle on another lane."""
     NO_WAY = 11
-    """No route goes on from the vehicle's lane."""
+    """No route continues from the vehicle's lane."""
     SPEED = 12
     """Traffic would have to brake the vehicle hard."""
     SIDEWAYS = 13

@@ -50,8 +50,8 @@ class VehicleRegistry:
             name: Public name, made unique by a number after "~" if an earlier vehicle of the episode had it.
             owner: Provider that moves the vehicle; unless that is an agent, it also is the vehicle's home.
             kind: A `VehicleKind`.
-            length: Of the footprint [m].
-            width: Of the footprint [m].
+            length: Length of the footprint [m].
+            width: Width of the footprint [m].
 
         Raises:
             TrafficError: No slot is free.
@@ -94,7 +94,7 @@ class VehicleRegistry:
         """Take vehicles out of their simulations and clear their slots, except for the generations.
 
         Args:
-            row: Of one vehicle, or of N vehicles, shape (N,).
+            row: Row of one vehicle, or of N vehicles, shape (N,).
             slot: As `row`.
         """
         self.states.clear((row, slot))

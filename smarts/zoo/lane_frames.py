@@ -59,7 +59,7 @@ def stretches(ways: Floats, stations: Floats, offsets: Floats) -> Floats:
 
     Args:
         ways: As `to_lane` takes them, shape (N, P, 3).
-        stations: Of vehicles that drive along the lanes [m], shape (N, K).
+        stations: Stations of vehicles that drive along the lanes [m], shape (N, K).
         offsets: Theirs to the left [m], shape (N, K).
     """
     point = np.clip(np.nan_to_num(np.rint(stations / SPACING)) + BEHIND, 1, ways.shape[1] - 2).astype(

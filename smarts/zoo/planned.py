@@ -272,7 +272,7 @@ def lane_paths(ways: Floats, speeds: Floats, agility: Floats) -> Floats:
     """Return paths along lanes at target speeds, slower in bends, as actions, shape (N, 4, PATH_POINTS).
 
     Args:
-        ways: Of the lanes, as `lane_ways` has them, shape (N, P, 3).
+        ways: Ways of the lanes, as `lane_ways` has them, shape (N, P, 3).
         speeds: [m/s], shape (N,).
         agility: Largest rates of change of the vehicles' curvatures [1/(m s)], shape (N,).
     """
@@ -289,7 +289,7 @@ def slow_in_bends(plans: Floats, ways: Floats, agility: Floats) -> Floats:
 
     Args:
         plans: As actions, shape (N, 4, PATH_POINTS).
-        ways: Of the lanes that they lead to, as `lane_ways` has them, shape (N, P, 3).
+        ways: Ways of the lanes that they lead to, as `lane_ways` has them, shape (N, P, 3).
         agility: As `lane_paths` takes it, shape (N,).
     """
     limits = lane_paths(ways, np.full(len(ways), np.inf), agility)[:, 3]
@@ -331,7 +331,7 @@ def leaves_lanes(paths: Floats, offsets: Floats) -> Bools:
 
     Args:
         paths: Rows of time, station, offset, heading, speed, shape (N, R, 5).
-        offsets: Of the vehicles now [m], shape (N,).
+        offsets: Offsets of the vehicles now [m], shape (N,).
     """
     right, left = np.minimum(offsets, 0.0) - SWERVE, np.maximum(offsets, 0.0) + SWERVE
     return (paths[..., 2].min(axis=1) < right) | (paths[..., 2].max(axis=1) > left)
@@ -343,7 +343,7 @@ def neighbours_of(ways: Floats, nearby: Floats, own: Floats) -> Neighbours:
     The planners' vehicle is a car; neighbours of a vehicle of another size are larger, or smaller, instead.
 
     Args:
-        ways: Of the lanes in whose frames the neighbours are, shape (N, P, 3).
+        ways: Ways of the lanes in whose frames the neighbours are, shape (N, P, 3).
         nearby: As the feature has them, shape (N, K, 6).
         own: The vehicles, as `surroundings` has them, shape (N, len(Own)).
     """

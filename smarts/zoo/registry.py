@@ -65,7 +65,7 @@ def register(
         author: For `smarts-bench zoo`, as are the next three.
         m_level: "M0" to "M5", the paper's levels of multi-agent learning.
         provenance: Where it comes from: a paper, or the run it was trained in.
-        licence: Of the code and weights.
+        licence: Licence of the code and weights.
         **kwargs: Defaults of the entry point's keywords.
 
     Raises:
@@ -161,7 +161,7 @@ def add_folder(folder: str | Path) -> list[ZooEntry]:
     """Add the agents that a folder registers, or that its project names, to the user's zoo.
 
     Raises:
-        SmartsError: The folder is none, registers no agent, or takes a name of another.
+        SmartsError: The folder does not exist, registers no agent, or takes a name of another.
         OwnCodeError: Its code cannot be imported or raises.
     """
     found: list[ZooEntry] = [*(read_entries if has_project(folder) else _registered_in)(folder)]

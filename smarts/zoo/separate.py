@@ -108,7 +108,7 @@ def read_project(folder: str | Path) -> Mapping[str, Any]:
     """Return the section `project` of a folder's `pyproject.toml`.
 
     Raises:
-        SmartsError: There is none, or it is not readable.
+        SmartsError: The file is missing or not readable.
     """
     file = Path(folder) / PROJECT
     try:

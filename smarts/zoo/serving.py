@@ -57,7 +57,7 @@ def serve(
     """Serve an agent of this environment at an address, until the process is interrupted.
 
     Args:
-        locator: Of the agent.
+        locator: Locator of the agent.
         options: Its options.
         address: HOST:PORT; port 0: any free one.
         ready: Is called with the address that is served.

@@ -296,7 +296,7 @@ class _Away:
         """Take one answer.
 
         Raises:
-            HostError: It is none, or the agent could not be made, or its process has ended.
+            HostError: The message is no answer, or the agent could not be made, or its process has ended.
         """
         if self.link is not None and self.link.about is None and message.kind == "about":
             self.link.about = message.values

@@ -36,7 +36,7 @@ class SocketLink:
     Args:
         channel: To the agent.
         process: The child process behind it, if there is one, which `close` ends.
-        folder: Of its temporary files, which `close` removes.
+        folder: Folder of its temporary files, which `close` removes.
     """
 
     def __init__(self, channel: Channel, process: subprocess.Popen | None = None, folder: str = "") -> None:
@@ -120,7 +120,7 @@ class AtAddress:
     """Connects to an agent that is served at an address.
 
     Raises:
-        HostError: The address is none, or not of this machine and there is no secret.
+        HostError: The address is invalid, or is not of this machine and there is no secret.
     """
 
     locator: str

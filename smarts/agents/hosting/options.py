@@ -48,7 +48,7 @@ class Link(Protocol):
         """Return the next message, waiting until a time of `time.monotonic()`.
 
         Raises:
-            TimeoutError: There is none then.
+            TimeoutError: No message has come by then.
             Exception: As `receive`.
         """
         ...

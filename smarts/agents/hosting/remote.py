@@ -71,7 +71,7 @@ class RemoteAgent(BatchAgent):
         """Wait for the answer to a request.
 
         Raises:
-            HostError: There is none in time, or the agent has ended.
+            HostError: No answer comes in time, or the agent has ended.
         """
         assert self._link is not None
         seconds = patience(self.options, has_answered=self._has_answered)

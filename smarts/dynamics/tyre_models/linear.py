@@ -13,7 +13,7 @@ def characteristics(car, wheel, load, friction):
         car: A record of `layout.PARAMETERS`.
         wheel: 0 to 3.
         load: On the wheel [N].
-        friction: Of the road for this tyre.
+        friction: Friction of the road for this tyre.
     """
     peak = friction * load
     return peak, peak, car.linear_x[wheel], car.linear_y[wheel], 0.0, 0.0

@@ -20,7 +20,7 @@ def characteristics(car, wheel, load, friction):
         car: A record of `layout.PARAMETERS`.
         wheel: 0 to 3.
         load: On the wheel [N].
-        friction: Of the road for this tyre.
+        friction: Friction of the road for this tyre.
     """
     nominal = car.nominal_load[wheel]
     excess = load / nominal - 1.0

@@ -210,8 +210,8 @@ def _wants(
         d: What scenarios want.
         b: The simulation.
         slot: The vehicle.
-        row: Of its lane.
-        beside: Of the lane beside.
+        row: Row of its lane.
+        beside: Row of the lane beside.
         side: 1 for the left, -1 for the right.
         leader: The vehicle ahead.
         ahead: The one ahead on the lane beside.
@@ -315,11 +315,11 @@ def _wants_right(
         d: What scenarios want.
         b: The simulation.
         slot: The vehicle.
-        row: Of its lane.
+        row: Row of its lane.
         there: How far the lane to the right leads [m].
         ahead: The vehicle ahead there.
         on_own: Speed that it expects on its lane [m/s].
-        on_other: That on the lane to the right [m/s].
+        on_other: Speed on the lane to the right [m/s].
     """
     driven, t = n.driven, n.driven.type[b, slot]
     action, threshold = reaction_of(d.types, t, n.state.dt), _thresholds(d.types, t)[1]

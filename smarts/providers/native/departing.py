@@ -98,11 +98,11 @@ def _insertion_speed(
         n: Native traffic.
         d: What scenarios want.
         b: The simulation.
-        row: Of its lane.
+        row: Row of its lane.
         t: Its type.
         factor: Its speed factor.
         front: Arc length of its front [m].
-        speed: That it wants [m/s].
+        speed: Speed that it wants [m/s].
     """
     types, ways, dt, ballistic = d.types, d.ways, n.state.dt, n.ballistic[b]
     decel, tau, gap = types.decel[t], types.tau[t], types.min_gap[t]
@@ -164,7 +164,7 @@ def begin_driving(n: Traffic, b: int, slot: int, t: int, row: int, front: float,
         b: The simulation.
         slot: The vehicle.
         t: Its type.
-        row: Of its lane.
+        row: Row of its lane.
         front: Arc length of its front [m].
         factor: Its speed factor.
     """

@@ -50,9 +50,9 @@ def take_over(
         b: The simulation.
         slot: The vehicle.
         t: Its type.
-        row: Of its lane.
+        row: Row of its lane.
         front: Arc length of its front on it [m].
-        offset: To the left of the lane [m].
+        offset: Offset to the left of the lane [m].
         factor: Its speed factor.
     """
     begin_driving(n, b, slot, t, row, front, factor)

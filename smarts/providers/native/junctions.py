@@ -233,7 +233,7 @@ def heed_conflicts(
         d: What scenarios want.
         b: The simulation.
         slot: The vehicle.
-        row: Of its lane inside the junction.
+        row: Row of its lane inside the junction.
         seen: Distance to the lane's end [m].
         v: Highest speed after the step so far [m/s].
         v_pass: Highest speed at the lane's end so far [m/s].
@@ -280,7 +280,7 @@ def _meeting(
         b: The simulation.
         slot: The vehicle.
         place: Row of the conflict.
-        entry: Of the other vehicle.
+        entry: Entry of the other vehicle.
         begin: Distance to the begin of the own lane inside the junction [m].
         lane: That lane.
         own_lane: The lane that the vehicle is on.

@@ -127,7 +127,7 @@ def _heed_leaders(
         d: What scenarios want.
         b: The simulation.
         slot: The vehicle.
-        row: Of the lane.
+        row: Row of the lane.
         seen: Distance to the lane's end [m].
         v: Highest speed after the step so far [m/s].
         v_pass: Highest speed at the lane's end so far [m/s].
@@ -248,7 +248,7 @@ def _add_link(
         d: What scenarios want.
         b: The simulation.
         slot: The vehicle.
-        row: Of the lane.
+        row: Row of the lane.
         seen: Distance to its end [m].
         v: Highest speed after the step so far [m/s].
         v_pass: Highest speed at the lane's end [m/s].

@@ -116,7 +116,7 @@ class Signals(NamedTuple):
     phases: Ints
     """CSR by signal of its phases."""
     least: Floats
-    """How long each phase lasts at least [s]."""
+    """Shortest duration of each phase [s]."""
     most: Floats
     """How long it lasts at most [s]: longer than `least`, if it lasts while vehicles come."""
     offset: Floats
@@ -203,7 +203,7 @@ class Driven(NamedTuple):
     factor: Floats
     """Desired speed, in speed limits."""
     waited: Floats
-    """How long it has stood [s]."""
+    """Time that it has stood [s]."""
     must_wait: Bools
     """Whether it waits at its next link."""
     will_leave: Bools
@@ -226,13 +226,13 @@ class Driven(NamedTuple):
     asked: Ints
     """Direction of a vehicle ahead that wants to come before this one, 0 for none."""
     space: Floats
-    """Left to change in [m]."""
+    """Distance left to change in [m]."""
     reserved: Floats
     """Part of it that is kept for a vehicle that wants the other way [m]."""
     advice: Floats
     """Accelerations asked for by neighbours [m/s^2], shape (B, V, ADVICES)."""
     advised: Ints
-    """How many."""
+    """Number of these accelerations."""
     next_action: Floats
     """Time of its next decision [s]."""
     order: Ints

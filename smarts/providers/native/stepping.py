@@ -40,7 +40,7 @@ def begin(n: Traffic, d: Demand, b: int, steps: int) -> None:
         n: Native traffic.
         d: What scenarios want.
         b: The simulation.
-        steps: Of the warm-up.
+        steps: Number of steps of the warm-up.
     """
     n.tick[b] = n.born[b] = 0
     n.is_full[b] = False

@@ -59,7 +59,7 @@ def fresh_drawing(seed: int = DEFAULT_SEED, generator: Generator | None = None) 
     """Restart numbers and stream for one run of a scenario file.
 
     Args:
-        seed: Of the stream.
+        seed: Seed of the stream.
         generator: The stream to draw from instead.
     """
     token = _current.set(Drawing(seed, generator))

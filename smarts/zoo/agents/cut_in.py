@@ -30,7 +30,7 @@ class CutIn(PlannedDriver):
         gap: In front of the target at the end of the change, at least [m].
         faster: By how much faster than the target it draws past [m/s].
         speed_factor: Highest speed, in speed limits.
-        planner: Of its lane changes: a name such as "receding_horizon", or a "module:Class".
+        planner: Planner of its lane changes: a name such as "receding_horizon", or a "module:Class".
 
     Raises:
         SmartsError: There is no such planner, or a number is out of its range.

@@ -25,7 +25,7 @@ class Overtaking(PlannedDriver):
     Args:
         slower: By how much slower than its desired speed a leader has to be [m/s].
         speed_factor: Desired speed, in speed limits.
-        planner: Of its lane changes: a name such as "receding_horizon", or a "module:Class".
+        planner: Planner of its lane changes: a name such as "receding_horizon", or a "module:Class".
 
     Raises:
         SmartsError: There is no such planner, or a number is out of its range.

@@ -44,8 +44,8 @@ class UTurn(Driver):
     Args:
         after: How long it drives before it looks for a place [s].
         speed_factor: Desired speed, in speed limits.
-        planner: Of the turn, which is planned once, without neighbours: it begins when none is near. A name
-            such as "bezier", or a "module:Class".
+        planner: Planner of the turn, which is planned once, without neighbours: it begins when none is near.
+            A name such as "bezier", or a "module:Class".
 
     Raises:
         SmartsError: There is no such planner, it cannot turn round (as "sumo"), or a number is out of its
@@ -93,7 +93,7 @@ class UTurn(Driver):
     def _plan(
         self, begins: Bools, seen: Seen, lanes: Floats, pace: Floats, kept: Floats, phase: Floats
     ) -> None:
-        """Plan half circles of some vehicles; those for which there is no plan go on in their lanes."""
+        """Plan half circles of some vehicles; vehicles without a plan stay in their lanes."""
         rows = np.flatnonzero(begins)
         if not len(rows):
             return
