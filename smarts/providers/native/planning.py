@@ -452,7 +452,7 @@ def _space_on(n: Traffic, d: Demand, b: int, slot: int, lane: int) -> tuple[floa
     """Return the space to the last vehicle that stands on a lane [m], if one does, if it waits."""
     room, lengths = n.occupancy, 0.0
     entry = rearmost(n, lane, slot)
-    waits = entry >= 0 and n.driven.must_wait[b, room.slot[entry]]
+    waits = entry >= 0 and bool(n.driven.must_wait[b, room.slot[entry]])
     while entry >= 0:
         if room.slot[entry] != slot:
             if room.pace[entry] < 0.1:
