@@ -146,7 +146,7 @@ class JointConfig(AlgorithmConfig):
     def modules(self, spec: JointSpec) -> dict[str, RLModuleSpec]:
         """Return the networks by module id: the policies under the groups' ids, then critics and mixers.
 
-        Whoever needs others overrides it, by `policy_spec` and `learner_spec`.
+        An algorithm that needs others overrides it, by `policy_spec` and `learner_spec`.
         """
         networks = {g.id: self.policy_spec(spec, g, self.policy_module) for g in spec.groups}
         if self.critic_module is not None:

@@ -29,7 +29,7 @@ _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
 
 class StepResult(NamedTuple):
-    """The result of one decision, for the agents that acted and those that entered since."""
+    """Result of one decision, for the agents that acted and the agents that have entered since."""
 
     observations: dict[str, Any]
     """Observations of the agents that act next, and the last ones of agents that have ended."""

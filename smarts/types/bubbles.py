@@ -41,7 +41,7 @@ class PlacedBubble:
     airlock_condition: SceneCondition | None = None
     """Condition on vehicles that come into the margin; None: all may."""
     hijack_limit: int = UNLIMITED
-    """Most vehicles at a time that agents drive, those that leave included."""
+    """Largest number of vehicles that agents drive at a time, vehicles that are leaving included."""
     shadow_limit: int = UNLIMITED
     """Most vehicles at a time that agents drive or observe."""
     spared: tuple[str, ...] = ()

@@ -23,7 +23,7 @@ _NONE, _SPEED, _SIDEWAYS, _MINOR = (
 
 @kernel
 def find_new(n: Traffic, env_mask: Bools, rows: Ints, slots: Ints) -> int:
-    """Forget vehicles that others drive now; list those that are new to the engine; return how many."""
+    """Forget vehicles that others drive now, list vehicles new to the engine, and return their number."""
     v, count = n.state.vehicles, 0
     for b in range(len(env_mask)):
         if not env_mask[b]:
