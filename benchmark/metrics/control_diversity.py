@@ -10,7 +10,7 @@ from benchmark.metrics.measure import Columns, Floats, Measure, Totals, share
 from smarts.types.actions import ActionSpaceType, LaneAction
 
 LEAST_COMMANDS = 50
-"""Of all agent-episodes of a checkpoint and cell."""
+"""Commands that all agent-episodes of a checkpoint and cell must have together."""
 ACCELERATION = 0.3
 """Above which a change of speed is a command [m/s^2]."""
 STEERING_RATE = np.radians(2.0)

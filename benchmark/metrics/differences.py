@@ -17,7 +17,7 @@ from benchmark.metrics.table import EPISODE_KEYS, START, sums_of
 from benchmark.statistics import holm, paired_difference
 
 SIGNIFICANCE = 0.05
-"""Of a corrected p-value, below which a difference is no tie."""
+"""Corrected p-value below which a difference is no tie."""
 PLACE = ("scenario", "variation", "traffic")
 """Columns within which equal starts are one start."""
 _STARTS = "_starts"

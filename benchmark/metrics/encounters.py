@@ -30,11 +30,11 @@ Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
 MAX_ARRIVAL_GAP = 3.0
-"""Of the predicted arrivals [s]."""
+"""Largest difference of the predicted arrivals [s]."""
 PREDICTION_HORIZON = 10.0
 """Within which both arrive, as predicted [s]."""
 MIN_SPEED = 1.0
-"""Of both when an encounter opens [m/s]."""
+"""Speed that both have at least when an encounter opens [m/s]."""
 LEAST_LEAD, MOST_LEAD = 0.2, 3.0
 """Between the predicted arrivals, for one of the two to be predicted first [s]."""
 ENCOUNTER_TIMEOUT = 15.0

@@ -87,7 +87,7 @@ class Paths(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """Of the map, shape (L,)."""
+    """The lanes of a map, shape (L,)."""
 
     edge: Ints
     width: Floats

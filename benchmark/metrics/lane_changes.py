@@ -17,13 +17,13 @@ Bools = NDArray[np.bool_]
 HEADWAY = 1.0
 """Below which the vehicle behind has been cut in on [s]."""
 LEAST_SPEED = 1.0
-"""Of the vehicle behind [m/s]."""
+"""Speed of the vehicle behind from which a cut-in counts [m/s]."""
 TOLERANCE = 1e-6
 """By which a footprint may be over the line [m]; against rounding."""
 
 
 class FoundLaneChanges(NamedTuple):
-    """Of all agents."""
+    """The lane changes of all agents."""
 
     completed: NDArray[np.int32]
     """Shape (A,)."""

@@ -23,7 +23,7 @@ REACH = 200.0
 STRIP = 2.0
 """Width of the strip that a vehicle covers [m]."""
 MOST_LANES = 24
-"""Of a path."""
+"""Lanes of a path at most."""
 
 CROSS, MERGE, CHANGE = int(ConflictKind.CROSS), int(ConflictKind.MERGE), 2
 """How paths meet. CHANGE: side by side on a road, and one has to get into a lane that the other uses."""

@@ -25,7 +25,7 @@ from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.types.events import Outcome
 
 FORMAT = 2
-"""Of the file; others are refused."""
+"""Format of the file; others are refused."""
 COUNTS = "episodes"
 """Key of `DataFrame.attrs`: how many episodes were measured, invalid, incomplete, and which are corrupted."""
 

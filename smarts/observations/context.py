@@ -30,7 +30,7 @@ class AdapterContext:
     max_steps: int
     """Steps up to the time limit, 0 without one."""
     interfaces: tuple[AgentInterface, ...] = ()
-    """Of each agent."""
+    """Each agent's interface."""
 
     def ended(self, frame: Frame) -> Bools:
         """Return the agents whose episode ended in a step, shape (B, G)."""

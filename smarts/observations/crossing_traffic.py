@@ -18,7 +18,7 @@ from smarts.types.world import State
 
 VEHICLES = 4
 VALUES = 5
-"""Of each: soonness, own distance, its distance, its speed, priority."""
+"""Values of each vehicle: soonness, own distance, its distance, its speed, priority."""
 LONGEST_TIME = 10.0
 """Vehicles that come later are left out [s]."""
 STANDING = 0.5

@@ -20,7 +20,7 @@ LANE_WAYS = "lane_ways"
 BEHIND = 10
 """Points behind the vehicle: 20 m."""
 POINTS = 52
-"""Of each lane, the one beside the vehicle and 82 m ahead among them."""
+"""Points of each lane, the one beside the vehicle and 82 m ahead among them."""
 
 
 class LaneWays(Feature):

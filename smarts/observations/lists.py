@@ -85,7 +85,7 @@ class FeatureList:
     stacked: tuple[FeatureChoice, ...] = ()
     """Kept for the last `frames` decisions, oldest first; at first, all are the first decision's."""
     features: tuple[FeatureChoice, ...] = ()
-    """Of the last decision alone, behind the stacked ones."""
+    """Features of the last decision alone, behind the stacked ones."""
     frames: int = 3
     reward: str = "benchmark"
     """Name of the reward that agents get if the caller gives none."""

@@ -19,7 +19,7 @@ VEHICLES = 8
 WITHIN = 60.0
 """[m]"""
 COLUMNS = 6
-"""Of each: x, y [m], heading [rad], speed [m/s], length, width [m]."""
+"""Values of each vehicle: x, y [m], heading [rad], speed [m/s], length, width [m]."""
 
 
 class Nearby(Feature):

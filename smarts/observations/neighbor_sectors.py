@@ -17,7 +17,7 @@ from smarts.types.world import State
 
 SECTORS = 8
 SECTOR_VALUES = 5
-"""Of each: nearness, relative speed, urgency, position ahead and to the left."""
+"""Values of each vehicle: nearness, relative speed, urgency, position ahead and to the left."""
 
 
 @kernel

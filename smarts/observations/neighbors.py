@@ -17,7 +17,7 @@ from smarts.types.world import State
 
 NEIGHBORS = 8
 NEIGHBOR_VALUES = 5
-"""Of each: nearness, position ahead and to the left, relative velocity ahead and to the left."""
+"""Values of each vehicle: nearness, position ahead and to the left, relative velocity ahead and left."""
 
 
 @kernel

@@ -20,7 +20,7 @@ from smarts.types.interface import Field
 from smarts.types.world import State
 
 POINTS = 11
-"""Of the lane after the turn: 20 m."""
+"""Points of the lane after the turn: 20 m."""
 TURN_LANE, TURN_STATE = "turn_lane", "turn_state"
 """Names of the fields."""
 SHARPEST = 0.25

@@ -37,7 +37,7 @@ class Terms(NamedTuple):
     progress: float
     lane_change: float
     time: float
-    """Of one decision."""
+    """Weight of one decision."""
     each_step: float
     metres: float
     goal_distance: float
@@ -47,7 +47,7 @@ class Terms(NamedTuple):
     time_to_collision: float
     hard_steering: float
     by_outcome: Floats
-    """Of each `Outcome`, shape (outcomes,)."""
+    """Weight of each `Outcome`, shape (outcomes,)."""
     event: Ints
     """Bits of events that count where they do not end the episode, shape (E,)."""
     by_event: Floats

@@ -153,7 +153,7 @@ class OwnRewards:
         self._forget = None if forget is None else guarded(forget, self._doing)
         self._context = context
         self.values: Singles = self._weighted.values
-        """Of the last decision, shape (B, n)."""
+        """Rewards of the last decision, shape (B, n)."""
         self._sum = np.zeros(self.values.shape)
         self._has_begun = np.zeros(self.values.shape, np.bool_)
 

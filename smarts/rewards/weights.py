@@ -31,8 +31,8 @@ class RewardWeights:
     discount: float = 0.99
     """The learner's discount per decision; potential-based shaping must use the same."""
     progress: float = 0.0
-    """Of the potential's gain, discount * potential after - potential before. The potential is minus the
-    share of the route that remains, and 0 after termination. Without a goal there is no potential: every
+    """Weight of the potential's gain, discount * potential after - potential before. The potential is minus
+    the share of the route that remains, and 0 after termination. Without a goal there is no potential: every
     100 m along the lanes are worth `progress` + `goal`, as a mission of that length is."""
     lane_change: float = 0.0
     """Per lane change that the route still needs, three at most; part of the potential, so 0 after
@@ -165,7 +165,7 @@ class Rewards:
         shape = context.scene.world.worlds, len(context.agents)
         self._memory = Memory.allocate(*shape)
         self.values: Singles = np.zeros(shape, np.float32)
-        """Of the last decision, shape (B, G); entries of agents that made none are unspecified."""
+        """Rewards of the last decision, shape (B, G); entries of agents that made none are unspecified."""
         self._has_decided = np.zeros(shape, np.bool_)
         self._events: Events | None = None
 

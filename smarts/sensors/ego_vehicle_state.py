@@ -31,11 +31,11 @@ class EgoVehicleObservation(NamedTuple):
     speed: float
     """[m/s]"""
     steering: float
-    """Of the front wheels, positive to the left [rad]."""
+    """Angle of the front wheels, positive to the left [rad]."""
     yaw_rate: float
     """[rad/s]"""
     road_id: str
-    """Of the road that it is on, or that is nearest; "" if there is none."""
+    """Id of the road that the vehicle is on, or that is nearest; "" if there is none."""
     lane_id: str
     lane_index: int
     """0 is the rightmost."""

@@ -25,7 +25,7 @@ class GridMapMetadata(NamedTuple):
     width: int
     height: int
     camera_position: Triple
-    """Of the picture's middle in the map [m]."""
+    """Position of the picture's middle in the map [m]."""
     camera_heading: float
     """Which way the upper edge is [rad]."""
 

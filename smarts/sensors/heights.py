@@ -7,7 +7,7 @@ import numpy as np
 from smarts.geometry.compiling import kernel
 
 HEIGHTS = np.array([1.5, 3.0, 3.5, 3.5, 3.5, 1.5])
-"""Of each `VehicleKind` [m]: car, bus, coach, truck, trailer, motorcycle with rider."""
+"""Height of each `VehicleKind` [m]: car, bus, coach, truck, trailer, motorcycle with rider."""
 
 
 @kernel

@@ -39,7 +39,7 @@ class MissionObservation(NamedTuple):
     route_length: float
     """From start to goal [m]; 0 if there is no end."""
     remaining: float
-    """Of the route [m]."""
+    """What remains of the route [m]."""
     laps: int
     lap: int
     """Laps completed."""

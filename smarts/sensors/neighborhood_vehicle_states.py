@@ -33,7 +33,7 @@ class VehicleObservation(NamedTuple):
     speed: float
     """[m/s]"""
     road_id: str
-    """Of the road that it is on, or that is nearest; "" if there is none."""
+    """Id of the road that the vehicle is on, or that is nearest; "" if there is none."""
     lane_id: str
     lane_index: int
     """0 is the rightmost."""

@@ -85,7 +85,7 @@ class Observation:
     graph: LaneGraph
     """The map (not in the original)."""
     name: str
-    """Of the vehicle (not in the original)."""
+    """Name of the vehicle (not in the original)."""
     neighbors: Sequence[str]
     """Names of the vehicles in `neighborhood_vehicle_states` (not in the original)."""
 
@@ -193,7 +193,7 @@ class ObservationMaker:
         """By agent: sensor, block of the readings, column in it."""
         self._frame: Frame | None = None
         self._copies: dict[str, Mapping[str, NDArray]] = {}
-        """Of blocks of that frame."""
+        """Copies of that frame's blocks."""
 
     def touched(self, frame: Frame, row: int, agent_id: int) -> list[str]:
         """Return the public names of the vehicles that an agent's vehicle touched in a frame's step."""

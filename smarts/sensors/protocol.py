@@ -30,7 +30,7 @@ class Seen(Protocol):
     graph: LaneGraph
     """The map."""
     name: str
-    """Of the agent's vehicle."""
+    """Name of the agent's vehicle."""
     neighbors: Sequence[str]
     """Names of the vehicles in `neighborhood_vehicle_states`."""
 

@@ -22,9 +22,9 @@ class RoadLinks(NamedTuple):
     own_count: Ints
     """How many of them are of the lane's own direction, shape (L,)."""
     ahead: Ints
-    """Of the lanes that a lane leads into the one that turns least, -1 at a dead end, shape (L,)."""
+    """The lane that turns least among those that a lane leads into, -1 at a dead end, shape (L,)."""
     behind: Ints
-    """Of the lanes that lead into a lane the one that turns least, -1 if there is none, shape (L,)."""
+    """The lane that turns least among those that lead into a lane, -1 if there is none, shape (L,)."""
 
 
 @remembered(most=1)
