@@ -13,7 +13,7 @@ from benchmark.experiment.checks import check_experiment
 from benchmark.experiment.models import (
     EMPTY_ROADS,
     Budget,
-    CellSettings,
+    ConditionSettings,
     Evaluation,
     Experiment,
     Resources,
@@ -26,7 +26,7 @@ from smarts.config import ConfigError, Fault, Problem, read_config, shown
 __all__ = [
     "EMPTY_ROADS",
     "Budget",
-    "CellSettings",
+    "ConditionSettings",
     "Evaluation",
     "Experiment",
     "Resources",
