@@ -9,7 +9,7 @@ import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import OwnCodeError, shown
-from smarts.providers.traffic_engine import Giver, TrafficEngine
+from smarts.providers.traffic_engine import KeepsVehicles, TrafficEngine
 from smarts.registry import definition_of, guarded
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
@@ -27,7 +27,7 @@ def make_own_engine(
     """
     doing = f"the traffic engine {name!r} (traffic_engine)"
     engine = guarded(kind, doing)(world, maps)
-    return (OwnGiver if isinstance(engine, Giver) else OwnEngine)(engine, doing, world)
+    return (OwnKeepingEngine if isinstance(engine, KeepsVehicles) else OwnEngine)(engine, doing, world)
 
 
 class OwnEngine(TrafficEngine):
@@ -101,10 +101,10 @@ class OwnEngine(TrafficEngine):
             )
 
 
-class OwnGiver(OwnEngine):
-    """Calls a user's engine that keeps some of its vehicles for a while: a `Giver`."""
+class OwnKeepingEngine(OwnEngine):
+    """Calls a user's engine that keeps some of its vehicles for a while: a `KeepsVehicles`."""
 
-    def can_give(self, rows: Ints, slots: Ints) -> Bytes:
-        """See `Giver`."""
-        give = guarded(self._engine.can_give, self._doing)
-        return self._refusals("can_give", give, rows, slots)
+    def can_release(self, rows: Ints, slots: Ints) -> Bytes:
+        """See `KeepsVehicles`."""
+        release = guarded(self._engine.can_release, self._doing)
+        return self._refusals("can_release", release, rows, slots)

@@ -66,10 +66,10 @@ class SumoEngine(TrafficEngine):
         vehicles = zip(rows.tolist(), slots.tolist(), strict=True)
         return np.array([self._simulations[row].can_accept(slot) for row, slot in vehicles], np.int8)
 
-    def can_give(self, rows: Ints, slots: Ints) -> Bytes:
-        """See `Giver`; `SumoGate` decides."""
+    def can_release(self, rows: Ints, slots: Ints) -> Bytes:
+        """See `KeepsVehicles`; `SumoGate` decides."""
         vehicles = zip(rows.tolist(), slots.tolist(), strict=True)
-        return np.array([self._simulations[row].can_give(slot) for row, slot in vehicles], np.int8)
+        return np.array([self._simulations[row].can_release(slot) for row, slot in vehicles], np.int8)
 
     def close(self) -> None:
         """See `TrafficEngine`; failed copies are freed too."""

@@ -199,7 +199,7 @@ class SumoTraffic:
         with self._library.errors("failed to read a position"):
             return self._gate.refusal(slot, self._shadows[slot])
 
-    def can_give(self, slot: int) -> Refusal:
+    def can_release(self, slot: int) -> Refusal:
         """Return whether an agent can take over a vehicle that SUMO drives; see `SumoGate`."""
         if (name := self._ids.get(slot)) not in self._driven:
             return Refusal.NONE

@@ -68,10 +68,10 @@ class TrafficEngine(Protocol):
 
 
 @runtime_checkable
-class Giver(Protocol):
-    """A traffic engine that keeps some of its vehicles for a while; others give any vehicle at any time."""
+class KeepsVehicles(Protocol):
+    """A traffic engine that keeps some of its vehicles for a while; others release each at any time."""
 
-    def can_give(self, rows: Ints, slots: Ints) -> Bytes:
+    def can_release(self, rows: Ints, slots: Ints) -> Bytes:
         """Return for each vehicle whether an agent can take it from the engine, as a `Refusal`, shape (N,).
 
         Args:

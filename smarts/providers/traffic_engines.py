@@ -11,7 +11,7 @@ import numpy as np
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import TrafficError
 from smarts.providers.own_engine import make_own_engine
-from smarts.providers.traffic_engine import Giver, TrafficEngine
+from smarts.providers.traffic_engine import KeepsVehicles, TrafficEngine
 from smarts.registry import is_own_name
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
@@ -104,10 +104,10 @@ class EnginesByEpisode(TrafficEngine):
         asked = {name: engine.can_accept for name, engine in self._engines.items()}
         return self._answers(asked, rows, slots)
 
-    def can_give(self, rows: Ints, slots: Ints) -> Bytes:
-        """See `Giver`."""
-        asked = {name: engine.can_give for name, engine in self._engines.items() if isinstance(engine, Giver)}
-        return self._answers(asked, rows, slots)
+    def can_release(self, rows: Ints, slots: Ints) -> Bytes:
+        """See `KeepsVehicles`."""
+        keeping = {name: each for name, each in self._engines.items() if isinstance(each, KeepsVehicles)}
+        return self._answers({name: each.can_release for name, each in keeping.items()}, rows, slots)
 
     def _answers(self, asked: Mapping[str, Callable[[Ints, Ints], Bytes]], rows: Ints, slots: Ints) -> Bytes:
         """Return each vehicle's answer of its own simulation's engine, NONE of engines that are not asked."""

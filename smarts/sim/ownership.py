@@ -13,7 +13,7 @@ import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.geometry.binding import LateBound, bind
-from smarts.providers.traffic_engine import Giver
+from smarts.providers.traffic_engine import KeepsVehicles
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.leaving import begin_leaving, drop_vanished, note_collisions
 from smarts.types.agent_states import UNSET, AgentStatus
@@ -126,7 +126,7 @@ class Ownership:
     def can_take(self, rows: Ints, slots: Ints) -> Bytes:
         """Return why agents cannot take over vehicles now, as a `Refusal`, shape (N,)."""
         answers = np.array(self._drivers[Owner.AGENT].can_accept(rows, slots), np.int8)
-        self._ask_givers(answers, rows, slots)
+        self._ask_to_release(answers, rows, slots)
         return answers
 
     def submit(self, transfers: Transfers) -> None:
@@ -189,7 +189,7 @@ class Ownership:
         taken = np.flatnonzero(changes & (pending["to_owner"] == Owner.AGENT))
         if len(taken):
             answers_of_taken = answers[taken]
-            self._ask_givers(answers_of_taken, pending["row"][taken], pending["slot"][taken])
+            self._ask_to_release(answers_of_taken, pending["row"][taken], pending["slot"][taken])
             answers[taken] = answers_of_taken
         if fresh is not None and self._pool is not None:
             for place in np.flatnonzero((pending["reason"] == Reason.TAKE) & (answers == Refusal.NONE)):
@@ -199,13 +199,13 @@ class Ownership:
                     answers[place] = Refusal.NO_ACTION
         return answers
 
-    def _ask_givers(self, answers: Bytes, rows: Ints, slots: Ints) -> None:
-        """Write the refusals of the drivers to give away vehicles that nothing else has refused."""
+    def _ask_to_release(self, answers: Bytes, rows: Ints, slots: Ints) -> None:
+        """Write the refusals of the drivers to release vehicles that nothing else has refused."""
         owner = self._world.vehicles.owner[rows, slots]
         for number, driver in self._drivers.items():
             asked = (answers == Refusal.NONE) & (owner == number)
-            if isinstance(driver, Giver) and asked.any():
-                answers[asked] = driver.can_give(rows[asked], slots[asked])
+            if isinstance(driver, KeepsVehicles) and asked.any():
+                answers[asked] = driver.can_release(rows[asked], slots[asked])
 
     def _carry_out(self, transfer: Any) -> int:
         """Carry out a transfer if nothing forbids it; return the `Refusal`, NONE if it was carried out."""

@@ -102,8 +102,8 @@ class Native(TrafficEngine):
                 found[place] = self._would_brake(row, slot, kind, way, s + half, factor)
         return found
 
-    def can_give(self, rows: Ints, slots: Ints) -> Bytes:
-        """See `Giver`."""
+    def can_release(self, rows: Ints, slots: Ints) -> Bytes:
+        """See `KeepsVehicles`."""
         vehicles = zip(rows.tolist(), slots.tolist(), strict=True)
         return np.array([self._refusal_to_give(row, slot) for row, slot in vehicles], np.int8)
 

@@ -191,7 +191,7 @@ def test_sumo_keeps_a_vehicle_that_crosses_without_priority_or_turns_too_tightly
     while gone < front:  # along its way, from the middle of the junction
         world.step()
         gone += 0.1 * float(states.speed[slot])
-        answer = world.traffic.can_give(slot)
+        answer = world.traffic.can_release(slot)
     assert answer == refusal
 
 
@@ -236,7 +236,7 @@ def test_sumo_keeps_a_vehicle_in_a_junction_that_cannot_stop_before_the_next_one
         needed = 0.1 * speed + speed**2 / 9.0
         if abs(line - front - needed) > 0.5:
             refusal = Refusal.WITHOUT_PRIORITY if line - front < needed else Refusal.NONE
-            assert world.traffic.can_give(slot) == refusal, f"{front} m"
+            assert world.traffic.can_release(slot) == refusal, f"{front} m"
             if front > -9.0 and sumo_motion(world, slot)[0].startswith(":b"):
                 inside.append(refusal)
         world.step()
@@ -263,8 +263,8 @@ def test_sumo_keeps_a_slow_vehicle_that_changes_lanes(world, country, speed, ref
     answers = []
     for _ in range(15):
         world.step()
-        answers.append(world.traffic.can_give(slot))
+        answers.append(world.traffic.can_release(slot))
     assert answers[-1] == refusal
     for _ in range(30):
         world.step()
-    assert world.traffic.can_give(slot) == Refusal.NONE
+    assert world.traffic.can_release(slot) == Refusal.NONE

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.errors import OwnCodeError, TrafficError
-from smarts.providers.traffic_engine import Giver
+from smarts.providers.traffic_engine import KeepsVehicles
 from smarts.providers.traffic_engines import traffic_of
 from smarts.registry import import_own
 from smarts.types.traffic import TRAFFIC_ENGINES
@@ -54,8 +54,8 @@ class Accepts(Mine):
     def can_accept(self, rows, slots):
         return None
 
-class Gives(Mine):
-    def can_give(self, rows, slots):
+class Releases(Mine):
+    def can_release(self, rows, slots):
         return np.zeros(len(rows) + 1, np.int8)
 """
 
@@ -82,8 +82,8 @@ def play(engine, world):
     engine.reset(starts)
     engine.step(np.ones(world.worlds, np.bool_))
     engine.can_accept(np.array([0]), np.array([0]))
-    if isinstance(engine, Giver):
-        engine.can_give(np.array([0]), np.array([0]))
+    if isinstance(engine, KeepsVehicles):
+        engine.can_release(np.array([0]), np.array([0]))
 
 
 @pytest.mark.parametrize(
@@ -92,13 +92,13 @@ def play(engine, world):
         ("Made", "raise KeyError", "KeyError: 'flow'"),
         ("Infinite", "class Infinite", "speed of a vehicle are [0.0, inf, 0.0, 0.0]"),
         ("Accepts", "class Accepts", "can_accept returns None for 1 vehicles"),
-        ("Gives", "class Gives", "can_give returns array"),
+        ("Releases", "class Releases", "can_release returns array"),
     ],
 )
 def test_mistakes_are_errors_with_engine_key_file_and_line(make, name, line, said):
     lines = ENGINE.splitlines()
     number = next(number for number, each in enumerate(lines, 1) if line in each)
-    number += {"Infinite": 1, "Accepts": 1, "Gives": 1}.get(name, 0)
+    number += {"Infinite": 1, "Accepts": 1, "Releases": 1}.get(name, 0)
     values = [f"'{make.file.stem}:{name}'", "traffic_engine", said]
     with raises(OwnCodeError, f"{make.file}:{number}", values=values):
         play(*make(name))
@@ -107,7 +107,7 @@ def test_mistakes_are_errors_with_engine_key_file_and_line(make, name, line, sai
 def test_an_engine_that_keeps_the_protocol_is_taken(make):
     engine, world = make("Mine")
     play(engine, world)
-    assert not isinstance(engine, Giver)
+    assert not isinstance(engine, KeepsVehicles)
     assert engine.can_accept(np.zeros(3, int), np.zeros(3, int)).tolist() == [Refusal.OFF_LANES] * 3
     assert world.vehicles.alive.sum(axis=1).tolist() == [1, 1]
     engine.close()

@@ -30,7 +30,7 @@ class Keeping(Fussy):
 
     kept: tuple[int, ...] = (1,)
 
-    def can_give(self, rows, slots):
+    def can_release(self, rows, slots):
         return np.where(np.isin(slots, [*self.kept]), Refusal.IN_JUNCTION, Refusal.NONE)
 
 
