@@ -23,7 +23,7 @@ install: $(INSTALLED)  ## create .venv, install everything and compile the kerne
 
 packages: $(PACKAGES)  ## create .venv and install everything, without compiling the kernels
 
-run: $(INSTALLED)  ## train PPO at the intersection for two minutes, test it and write the report
+run: $(INSTALLED)  ## train PPO at the intersection, test it and write the report: three minutes on two idle cores
 	$(BIN)/smarts-bench run configs/quickstart.yaml
 
 traffic: $(INSTALLED)  ## build a scenario and run a minute of its traffic

@@ -25,6 +25,7 @@ from benchmark.results.reading import Results, read_results
 from benchmark.results.run_folder import ENDED_BY, FINISHED
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import given_hosts
+from benchmark.running.estimate import episodes_of, plan
 from benchmark.running.exit_codes import FAILED, INTERRUPTED
 from benchmark.running.jobs import JobScheduler, JobState, jobs_of
 from benchmark.running.live import LiveProgress
@@ -72,6 +73,10 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         live = LiveProgress()
         scheduler = JobScheduler(jobs_of(experiment), root, experiment.resources, live.show)
         check_scenarios(scheduler, scenarios)
+        for state in scheduler.states:
+            setting = state.job.task_setting
+            held_out = len(scenarios[str(setting)]) - len(setting.task.scenarios)
+            state.episodes = episodes_of(state.job, held_out)
         keep_command(root, experiment, command())
         if scheduler.is_done:
             return _summarize(scheduler.states, root)
@@ -79,6 +84,7 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         try:
             with shipped_code(experiment) as code:
                 start_ray(experiment.resources, code)
+            print(plan(scheduler.states, scheduler.most_at_once()), file=sys.stderr)
             with live:
                 states = _run(scheduler)
         finally:

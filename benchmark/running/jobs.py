@@ -24,10 +24,10 @@ from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_of
 from benchmark.results.files import write_files
 from benchmark.results.reading import packed_contents, run_folder
-from benchmark.results.run_folder import CHECKPOINT, FINISHED, TRAINING, RunFolder
+from benchmark.results.run_folder import CHECKPOINT, FINISHED, TESTING, TRAINING, RunFolder
 from benchmark.running.cluster import check_ray, check_room, is_stopping, learners_on, living_nodes, stopping
 from benchmark.running.importing import named_own_code
-from benchmark.running.messages import BACKLOG, STARTING, WAITING, Kept, Message, RunProgress
+from benchmark.running.messages import BACKLOG, STARTING, WAITING, Kept, Message, Noted, RunProgress
 from benchmark.running.writing import RunWriter
 from smarts.errors import SmartsError, shortened
 from smarts.locked_folders import make_locked, remove_left
@@ -56,6 +56,12 @@ class JobState:
     """Iteration of the checkpoint that the job continues from; 0: it begins."""
     heard: float = 0.0
     """Time of its last message, by the monotonic clock [s]."""
+    testing_since: float = 0.0
+    """Time at which its test began, by the same clock [s]."""
+    episodes: int = 0
+    """Number of its test episodes."""
+    rates: dict[str, float] = field(default_factory=dict)
+    """TRAINING -> agent-steps a second, TESTING -> episodes a second, as far as they are known."""
     error: str = ""
     folder: Any = field(default=None, repr=False)
     """The run's folder, or its packed results."""
@@ -68,8 +74,8 @@ class JobState:
 
 
 def jobs_of(experiment: Experiment) -> list[Job]:
-    """Return all jobs of an experiment in the order in which they start."""
-    return [*scripted_runs_of(experiment), *runs_of(experiment)]
+    """Return all jobs of an experiment in the order in which they start: what takes longest comes first."""
+    return [*runs_of(experiment), *scripted_runs_of(experiment)]
 
 
 class JobScheduler:
@@ -79,7 +85,7 @@ class JobScheduler:
         jobs: All jobs; finished ones are skipped.
         root: Folder of the experiment's results.
         resources: Needed by each run.
-        show: Called with the states of all jobs when one changes.
+        show: Called with the states of all jobs, and how many run side by side, when one changes.
 
     Raises:
         ResultsError: A job's folder holds other results, or cannot be written.
@@ -90,7 +96,7 @@ class JobScheduler:
         jobs: Sequence[Job],
         root: Path,
         resources: Resources,
-        show: Callable[[Sequence[JobState]], None] = lambda states: None,
+        show: Callable[[Sequence[JobState], int], None] = lambda states, at_once: None,
     ) -> None:
         self.states = [JobState(job) for job in jobs]
         packed = packed_contents(root)
@@ -120,16 +126,19 @@ class JobScheduler:
         Raises:
             ResultsError: Ray's own processes are lost.
         """
-        self._show(self.states)
+        self._report()
         while self._waiting or self._under_way:
             check_ray()
-            while self._waiting and len(self._under_way) < self._most_at_once():
+            while self._waiting and len(self._under_way) < self.most_at_once():
                 self._begin(self._waiting.popleft())
             while self._free_rooms:  # another run may wait for what is in them
                 remove_placement_group(self._free_rooms.pop())
             self._listen([*self._under_way])
-            self._show(self.states)
+            self._report()
         return self.states
+
+    def _report(self) -> None:
+        self._show(self.states, self.most_at_once())
 
     def stop(self) -> None:
         """Wait at most `STOP_SECONDS` until training runs have saved; other jobs have nothing to save."""
@@ -166,7 +175,7 @@ class JobScheduler:
                 if not self._receive(self._under_way[stream]):
                     del self._under_way[stream]
 
-    def _most_at_once(self) -> int:
+    def most_at_once(self) -> int:
         """Return how many runs Ray has room for now, or the limit that was given."""
         has, needs = ray.cluster_resources(), self._resources
         most = int(has.get("CPU", 1)) // needs.processes
@@ -233,6 +242,13 @@ class JobScheduler:
         progress = state.writer.take(message)
         if progress is not None:
             state.progress, state.status = progress, progress.phase
+            if progress.phase == TRAINING:
+                state.rates[TRAINING] = progress.agent_steps / progress.seconds
+            if progress.phase == TESTING:
+                took = max(state.heard - state.testing_since, 0.01)
+                state.rates[TESTING] = progress.share * state.episodes / took
+        if isinstance(message, Noted) and message.values.get("status") == TESTING:
+            state.testing_since = state.heard
         if isinstance(message, Kept) and message.place == CHECKPOINT:
             state.attempts = 1
 

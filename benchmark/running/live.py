@@ -12,6 +12,7 @@ from rich.live import Live
 from rich.table import Table
 
 from benchmark.results.run_folder import FINISHED, TESTING, TRAINING
+from benchmark.running.estimate import ends, seconds_left
 from benchmark.running.messages import STARTING, WAITING
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ SECONDS = 30.0
 OUTCOMES = ("return", "completion", "collision")
 COLUMNS = ("done", "iteration", "agent-steps/s", *OUTCOMES, "training left")
 """Columns of the table, beside the run and its phase."""
+TOTAL_SECONDS = 60.0
+"""Time between two lines about all jobs if the output is no terminal [s]."""
 SILENCE = 300.0
 """Time without a message of a job that trains or is tested, after which a line says so [s]."""
 
@@ -41,6 +44,7 @@ class LiveProgress:
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._began = time.monotonic()
         self._has_explained = False
+        self._totalled = self._began
         self._said: dict[str, tuple[str, str, float]] = {}
         """Job -> its last line: status, text and time."""
 
@@ -52,10 +56,15 @@ class LiveProgress:
     def __exit__(self, *_: object) -> None:
         self._live.stop()
 
-    def show(self, states: Sequence[JobState]) -> None:
-        """Show the states."""
+    def show(self, states: Sequence[JobState], at_once: int) -> None:
+        """Show the states.
+
+        Args:
+            states: States of all jobs.
+            at_once: How many run side by side.
+        """
         if self._console.is_terminal:
-            self._live.update(self._table(states), refresh=True)
+            self._live.update(self._table(states, at_once), refresh=True)
             return
         for state in states:
             name = str(state.job)
@@ -68,13 +77,23 @@ class LiveProgress:
                 self._has_explained, line = True, f"{line} ({STARTS})"
             self._said[name] = state.status, line, time.monotonic()
             if line != text:
-                # Without a terminal rich assumes a width of 80: do not wrap.
-                self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+                self._print(line)
+        if time.monotonic() - self._totalled > TOTAL_SECONDS:
+            self._totalled = time.monotonic()
+            self._print(self._total(states, at_once))
 
-    def _table(self, states: Sequence[JobState]) -> Table:
+    def _print(self, line: str) -> None:
+        # Without a terminal rich assumes a width of 80: do not wrap.
+        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+    def _total(self, states: Sequence[JobState], at_once: int) -> str:
         done = sum(state.status == FINISHED for state in states)
         minutes = (time.monotonic() - self._began) / 60
-        table = Table(title=f"{done} of {len(states)} runs finished, {minutes:.0f} min", title_justify="left")
+        left = ends(seconds_left(states, at_once))
+        return f"{done} of {len(states)} runs finished after {minutes:.0f} min; {left}"
+
+    def _table(self, states: Sequence[JobState], at_once: int) -> Table:
+        table = Table(title=self._total(states, at_once), title_justify="left")
         for title in ("run", "phase", *COLUMNS):
             table.add_column(title, justify="left" if title in ("run", "phase") else "right")
         busy = [state for state in states if state.status not in (FINISHED, WAITING)]

@@ -108,4 +108,4 @@ def test_a_run_that_could_never_be_placed_is_refused(needed, named):
 def test_as_many_runs_begin_as_there_is_room_for(tmp_path, monkeypatch, needed, most):
     monkeypatch.setattr(ray, "cluster_resources", lambda: {"CPU": 16.0, "GPU": 2.0})
     monkeypatch.setattr(jobs, "living_nodes", lambda: [{"CPU": 16.0, "GPU": 2.0}])
-    assert JobScheduler([], tmp_path, Resources(**needed))._most_at_once() == most
+    assert JobScheduler([], tmp_path, Resources(**needed)).most_at_once() == most
