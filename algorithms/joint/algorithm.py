@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Mapping
 from functools import partial
@@ -67,6 +68,8 @@ class JointAlgorithm(Algorithm):
     config: JointConfig  # type: ignore[assignment]
     env_runner_group: Any
     learner_group: Any
+    actions_left: float = math.inf
+    """Number of actions, of all agents, to which the next fragment is cut; set before `train`."""
     _evaluated = 0
     """Place in the evaluation list of the next episode, where evaluations do not begin again."""
 
@@ -130,7 +133,8 @@ class JointAlgorithm(Algorithm):
                 raise reply.data
             rollouts.append(reply.data)
         steps = {NUM_ENV_STEPS_SAMPLED_LIFETIME: self._steps()}
-        data: Any = JointRollout.concat(rollouts)
+        shortest = min(len(rollout.rewards) for rollout in rollouts)  # they differ at the end of a budget
+        data: Any = JointRollout.concat([rollout.first(shortest) for rollout in rollouts])
         if self.config.num_learners:
             data = ray.put(data)
         self.metrics.aggregate(self._update(JointTrainingData(data), steps), key=LEARNER_RESULTS)
@@ -274,11 +278,12 @@ class JointAlgorithm(Algorithm):
         state = self.runner_state()
         steps = int(self.config.rollout_fragment_length)
         if not self.config.num_env_runners:
-            return [group.local_env_runner.request(state, steps)]
+            return [group.local_env_runner.request(state, steps, self.actions_left)]
         asked = set(group.healthy_worker_ids())
+        most = self.actions_left / max(len(asked), 1)
         replies = group.foreach_env_runner(
             "request",
-            kwargs={"state": ray.put(state), "steps": steps},
+            kwargs={"state": ray.put(state), "steps": steps, "most": most},
             local_env_runner=False,
             timeout_seconds=self.config.sample_timeout_s,
         )

@@ -207,6 +207,17 @@ class JointRollout:
         following = self.views[1:]
         _empty_memories(following.observations, ended)
 
+    def first(self, steps: int) -> JointRollout:
+        """Return the first steps of all environments."""
+        kept = self.final_at[:, 0] < steps
+        return replace(
+            self,
+            views=self.views[: steps + 1],
+            **{name: map_arrays(lambda array: array[:steps], getattr(self, name)) for name in BY_STEP},
+            final=self.final[kept],
+            final_at=self.final_at[kept],
+        )
+
     def masks(self) -> Masks:
         """Return the masks that learners use; see `algorithms.joint.masks`."""
         return derive_masks(self.views.alive, self.terminated, self.truncated, self.reset, self.failed)

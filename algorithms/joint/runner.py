@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from math import ceil
@@ -111,11 +112,17 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             self.module = spec.build()
             self._policies = Policies(self.spec, {g.id: self.module[g.id] for g in self.spec.groups})
 
-    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> Reply:
-        """Set weights and counters and return a fragment, in one round trip: weights are never stale."""
+    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int, most: float = math.inf) -> Reply:
+        """Set weights and counters and return a fragment, in one round trip: weights are never stale.
+
+        Args:
+            state: Of the algorithm.
+            steps: Steps of each environment.
+            most: Number of actions after which the fragment ends before that.
+        """
         self.set_state(ray.get(state) if isinstance(state, ray.ObjectRef) else state)
         try:
-            rollout = self._sample_fragment(steps)
+            rollout = self._sample_fragment(steps, most=most)
         except AlgorithmError as failure:
             # Raised here, it would count as the actor's death, and the actor would be restarted forever.
             return Reply(self.worker_index, failure, self.get_metrics())
@@ -322,13 +329,16 @@ class JointEnvRunner(EnvRunner, Checkpointable):
     def _spec_of(self, env: VectorJointEnv) -> JointSpec:
         return JointSpec.build(env.spaces, self.config.sharing, self.config.carried, self.config.set_width)
 
-    def _sample_fragment(self, steps: int, explore: bool | None = None) -> JointRollout:
+    def _sample_fragment(
+        self, steps: int, explore: bool | None = None, most: float = math.inf
+    ) -> JointRollout:
         sampler = self._training_sampler()
         failures = sampler.progress.failed_total
         exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)
         explore = self.config.explore if explore is None else explore
         with torch_threads(self.config.torch_threads):
-            rollout = sampler.fragment(steps, exploration._replace(explore=bool(explore)))
+            exploration = exploration._replace(explore=bool(explore))
+            rollout = sampler.fragment(steps, exploration, most, self.config.whole_steps)
         self.num_env_steps_sampled_lifetime += rollout.env_steps()
         self._log(rollout, sampler.progress.failed_total - failures)
         ended = sampler.take_episodes()

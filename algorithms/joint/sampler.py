@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -104,8 +105,16 @@ class Sampler:
         if self._listener is not None:
             self._listener.started(every)
 
-    def fragment(self, steps: int, exploration: Exploration) -> JointRollout:
+    def fragment(
+        self, steps: int, exploration: Exploration, most: float = math.inf, multiple: int = 1
+    ) -> JointRollout:
         """Return the next `steps` steps of all environments; episodes continue from fragment to fragment.
+
+        Args:
+            steps: How many.
+            exploration: How to act.
+            most: Number of actions, of all agents, after which the fragment ends before that.
+            multiple: Number of steps of which a fragment that ends earlier is made.
 
         Raises:
             EnvironmentFailure: An environment failed too often in a row.
@@ -120,6 +129,7 @@ class Sampler:
         rollout.start[:] = self.progress.steps
         rollout.views.write(0, now)
         rollout.views.alive[0] = now.alive
+        taken = 0
         for t in range(steps):
             acting = self._act(self._now, exploration)
             for k, chosen in enumerate(acting):
@@ -130,6 +140,10 @@ class Sampler:
             self._annotate(acting)
             step = self._step(self._in_env_units([actions[t] for actions in rollout.actions]))
             rollout.write(t, step)
+            taken += int(rollout.views.alive[t].sum())
+            if taken >= most and not (t + 1) % multiple:
+                rollout = rollout.first(t + 1)
+                break
         self._clear_inactive(rollout)
         return rollout.close()
 

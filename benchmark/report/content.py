@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from statistics import fmean, median
 from typing import Any
 
 import pandas as pd
@@ -36,6 +37,8 @@ from benchmark.report.values import GENERALIZATION, MODES, Key, Value, by_key, m
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.versions import check_one_version
 
+MOST_STEPS_APART = 0.05
+"""Share by which the agent-steps of ranked trainings may differ from the column's median."""
 SAME_TASK = "hardly differs from the cell without social vehicles"
 PROTOCOL = "protocol"
 """Column of agent-episodes that are compared."""
@@ -62,6 +65,8 @@ class TableCell:
     """Whether one of the same rank is neither better nor worse."""
     unlike: str = ""
     """Why its runs must not be averaged or compared, "" if they may be."""
+    steps: int | None = None
+    """Mean agent-steps of its trainings, if they are others than the column's, so that it has no rank."""
 
     @property
     def counts(self) -> bool:
@@ -170,6 +175,25 @@ class Report:
         return {place: protocol for place, protocol in self.protocols.items() if place not in self.unlike}
 
     @cached_property
+    def other_steps(self) -> dict[tuple[str, str, str], int]:
+        """Mean agent-steps of trainings that took others than the median of their protocol in their cell."""
+        taken: dict[tuple[str, str, str], list[int]] = {}
+        for run in self.results.finished:
+            if run.progress is not None and len(run.progress):
+                steps = int(run.progress["agent_steps"].iloc[-1])
+                taken.setdefault((run.algorithm, run.task, run.traffic), []).append(steps)
+        means = {place: fmean(steps) for place, steps in taken.items()}
+        beside: dict[tuple[str, ...], list[float]] = {}
+        for place, mean in means.items():
+            beside.setdefault((self.protocols[place], *place[1:]), []).append(mean)
+        usual = {place: median(beside[self.protocols[place], *place[1:]]) for place in means}
+        return {
+            place: round(mean)
+            for place, mean in means.items()
+            if abs(mean / usual[place] - 1) > MOST_STEPS_APART
+        }
+
+    @cached_property
     def _unlike_paper(self) -> set[tuple[str, str]]:
         """Pairs of task and traffic with own scenarios, agents of the zoo, or learning agents in bubbles."""
         return {(run.task, run.traffic) for run in self.results.runs if _is_unlike_paper(run)}
@@ -205,7 +229,8 @@ class Report:
         entries: dict[str, list[str]] = {}
         for name in self.algorithms:
             place = name, task, traffic
-            if self.value(*place, mode, "completion_rate") is not None and place in self.compared:
+            is_tested = self.value(*place, mode, "completion_rate") is not None
+            if is_tested and place in self.compared and place not in self.other_steps:
                 entries.setdefault(self.compared[place], []).append(name)
         differing = of_cell(self.differences[mode], task, traffic)
         found: dict[Any, Standing] = {}
@@ -233,6 +258,7 @@ class Report:
             standing.rank if standing else None,
             standing is not None and standing.is_tied,
             self.unlike.get((name, task, traffic), ""),
+            self.other_steps.get((name, task, traffic)),
         )
 
     def _reasons(

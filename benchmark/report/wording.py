@@ -118,7 +118,10 @@ def count(cell: TableCell) -> str:
     if found is None:
         return ""
     counts = ", ".join(filter(None, (found.seeds_text, counted(found.episodes, "episode"))))
-    return "; ".join(filter(None, (counts, found.label if found.is_of_checkpoints else "", cell.unlike)))
+    steps = f"{cell.steps:,} agent-steps, so without a rank" if cell.steps is not None else ""
+    return "; ".join(
+        filter(None, (counts, found.label if found.is_of_checkpoints else "", steps, cell.unlike))
+    )
 
 
 def rank_text(cell: TableCell) -> str:

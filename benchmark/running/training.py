@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -270,11 +271,13 @@ class Training:
 
     def _iterate(self) -> tuple[RunProgress, dict[str, Any]]:
         began = time.monotonic()
+        interval = self._run.task_setting.environment.decision_interval
+        self._algo.actions_left = (self._run.budget.agent_steps - self._state.agent_steps) / interval
         result = self._algo.train()
         took = time.monotonic() - began
         runners = result["env_runners"]
         decisions = sum(runners["num_agent_steps_sampled_lifetime"].values())
-        agent_steps = int(decisions * self._run.task_setting.environment.decision_interval)
+        agent_steps = int(decisions * interval)
         speed = (agent_steps - self._state.agent_steps) / took
         self._state = replace(
             self._state,
@@ -360,11 +363,11 @@ class _Imports:
 class OwnCodeRunner(JointEnvRunner):
     """Answers with errors of own code, which end the run; other errors end the runner, which is restarted."""
 
-    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> Reply:
+    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int, most: float = math.inf) -> Reply:
         """Take over weights and counters, return a fragment."""
         try:
             with named_own_code("the run's own code"):
-                return super().request(state, steps)
+                return super().request(state, steps, most)
         except OwnCodeError as error:
             failure = AlgorithmError(error.problem, place=error.place, remedy=error.remedy)
             return Reply(self.worker_index, failure, self.get_metrics())

@@ -1,5 +1,6 @@
 """The algorithms as RLlib algorithms: checkpoints, evaluation, faults, refusals."""
 
+import math
 import os
 import signal
 import time
@@ -122,6 +123,33 @@ def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alo
     train(algo, 1)
     train(control, 2)
     assert_same(weights_of(algo), weights_of(control))
+
+
+def actions_of(algo, left):
+    """Train one iteration with so many actions left; return how many agents took."""
+    algo.actions_left = left
+    return sum(algo.train()["env_runners"]["num_agent_steps_sampled"].values())
+
+
+def test_an_update_is_cut_to_the_actions_that_are_left(build):
+    """A budget of two whole updates changes no bit; a third is of whole steps of all environments."""
+    algo, control = build(small()), build(small())
+    first, second = (actions_of(control, math.inf) for _ in range(2))
+    assert [actions_of(algo, first + second), actions_of(algo, second)] == [first, second]
+    assert_same(weights_of(algo), weights_of(control))
+    assert 5 <= actions_of(algo, 5) < 5 + 2 * len(algo.spec.agents) < first
+    assert differ(weights_of(algo), weights_of(control))
+
+
+@pytest.mark.parametrize(
+    ("settings", "runners", "steps"), [({"gru": 8, "sequence_length": 4}, 0, 4), ({}, 2, 1)]
+)
+def test_a_cut_update_is_of_whole_sequences_and_of_equal_steps_on_all_runners(
+    build, settings, runners, steps
+):
+    algo = build(small(env=Constant, runners=runners, **settings))
+    assert actions_of(algo, 1) == steps * 2 * max(runners, 1) * len(algo.spec.agents)
+    actions_of(algo, math.inf)
 
 
 class Crowd(Constant):
