@@ -208,6 +208,7 @@ def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
     Of several scenarios there is a row for each, too.
     """
     from benchmark.metrics import METRICS, compute
+    from benchmark.running.testing import ENGINE
 
     table = table.assign(played=_played(table))
     found, by_scenario = compute(table, ["mode"]), compute(table, ["mode", "played"], RATES)
@@ -215,7 +216,8 @@ def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:
         rows = group.to_dict("records")
         places = [*table.loc[table["mode"] == name, "played"].unique()]
         traffic = ", ".join(table.loc[table["mode"] == name, "traffic"].unique())
-        typer.echo(f"{agent or name}: {rows[0]['n']} agent-episodes of {', '.join([*places, traffic])}")
+        played = ", ".join(filter(None, [*places, traffic, table.attrs.get(ENGINE)]))
+        typer.echo(f"{agent or name}: {rows[0]['n']} agent-episodes of {played}")
         for row in rows:
             unit = METRICS[row["metric"]].unit
             label = f"{row['metric']} [{unit}]" if unit else row["metric"]

@@ -244,6 +244,7 @@ def check_environment(experiment: Experiment) -> Iterator[Fault]:
     yield from _social(environment)
     yield from _absent_agents(experiment)
     yield from _traffic_step(environment)
+    yield from _training_traffic(environment)
     yield from _scenarios(experiment)
 
 
@@ -349,6 +350,23 @@ def _traffic_step(environment: Environment) -> Iterator[Fault]:
     if engine != DEFAULT_ENGINE:
         text = f"traffic_step is set, and the traffic engine is {engine}"
         yield Fault(key, text, f"leave out traffic_step, or use the traffic engine {DEFAULT_ENGINE}")
+
+
+def _training_traffic(environment: Environment) -> Iterator[Fault]:
+    """Yield what training on Native with kinematic vehicles does not go with."""
+    if environment.training_traffic is None:
+        return
+    place, remedy = ("environment", "training_traffic"), "leave out training_traffic or"
+    if environment.traffic_step is not None:
+        text = "training_traffic is native, and traffic_step is of SUMO"
+        yield Fault(place, text, f"{remedy} traffic_step")
+    for key, driving in driving_by_key(environment).items():
+        tyres = {"friction": environment.friction, "flat_tyres": driving.flat_tyres}
+        tyres["tyre_model"] = driving.tyre_model != "pacejka"
+        for name in tyres if driving.vehicle_model == "bullet" else ():
+            if tyres[name]:
+                text = f"agents learn in kinematic vehicles (training_traffic), whose tyres have no {name}"
+                yield Fault((*key, name), text, f"{remedy} {name}, or use vehicle_model 'dynamic'")
 
 
 def _scenarios(experiment: Experiment) -> Iterator[Fault]:

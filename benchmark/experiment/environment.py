@@ -18,6 +18,7 @@ from benchmark.experiment.values import NAME, SEVERAL, ActionName, Engine, Vehic
 from smarts.config import Section, UnfitError
 from smarts.errors import SmartsError
 from smarts.types.agent_states import agent_names
+from smarts.types.traffic import DEFAULT_ENGINE
 
 
 class Driving(Section):
@@ -132,6 +133,9 @@ class Environment(Driving):
     traffic_step: Annotated[float, Field(ge=0.1, le=1.0, multiple_of=0.1)] | None = None
     """Length of SUMO's step in training [s], a multiple of 0.1; null: 0.1. 0.5 makes training about twice as
     fast. Validation and tests always run at 0.1 s."""
+    training_traffic: Literal["native"] | None = None
+    """native: agents learn in traffic of the engine Native, several times as fast as SUMO, in kinematic
+    vehicles where `vehicle_model` is bullet. Validation and tests run on what the other keys say."""
     social_agents: Annotated[tuple[SocialAgents, ...], Field(strict=False)] = ()
     """Agents of the zoo beside the learning ones, in training and test, such as
     `[{agent: "smarts.zoo:idm-v0", count: 2}]`. They are not measured."""
@@ -159,6 +163,7 @@ class Environment(Driving):
         for name in (
             "action_latency",
             "traffic_step",
+            "training_traffic",
             "social_agents",
             "learn_in_bubbles",
             "episode_time",
@@ -195,6 +200,16 @@ class Environment(Driving):
         if isinstance(self.agents, int):
             return dict.fromkeys(agent_names(self.agents), self)
         return {name: self.model_copy(update=agent.model_dump()) for name, agent in self.agents.items()}
+
+
+def engine_mark(traffic_engine: str | None) -> str:
+    """Return what is said beside figures of tests on another engine than SUMO; "" where there is none.
+
+    Args:
+        traffic_engine: The environment's.
+    """
+    is_default = traffic_engine in (None, DEFAULT_ENGINE)
+    return "" if is_default else f"tested on the traffic engine {traffic_engine}"
 
 
 def _timing(host: str | Host) -> dict[str, Any]:

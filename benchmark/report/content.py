@@ -22,7 +22,7 @@ from benchmark.report.against_paper import (
     degenerate_passes,
 )
 from benchmark.report.paper import Printed, algorithm_label, misprint, paper, printed
-from benchmark.report.protocol import protocol_of, unlike_runs
+from benchmark.report.protocol import engine_marks, protocol_of, unlike_runs
 from benchmark.report.ranking import (
     CELL,
     RANKED_BY,
@@ -64,7 +64,7 @@ class TableCell:
     is_tied: bool
     """Whether one of the same rank is neither better nor worse."""
     unlike: str = ""
-    """Why its runs must not be averaged or compared, "" if they may be."""
+    """Why its runs must not be averaged or compared, or on which engine they were tested if not on SUMO."""
     steps: int | None = None
     """Mean agent-steps of its trainings, if they are others than the column's, so that it has no rank."""
 
@@ -194,6 +194,11 @@ class Report:
         }
 
     @cached_property
+    def marks(self) -> dict[tuple[str, str, str], str]:
+        """Entries of `unlike`, and marks of tests on another engine than SUMO."""
+        return engine_marks(self.results.finished) | self.unlike
+
+    @cached_property
     def _unlike_paper(self) -> set[tuple[str, str]]:
         """Pairs of task and traffic with own scenarios, agents of the zoo, or learning agents in bubbles."""
         return {(run.task, run.traffic) for run in self.results.runs if _is_unlike_paper(run)}
@@ -257,7 +262,7 @@ class Report:
             tuple(self._reasons((name, task, traffic), mode, theirs, comparison)),
             standing.rank if standing else None,
             standing is not None and standing.is_tied,
-            self.unlike.get((name, task, traffic), ""),
+            self.marks.get((name, task, traffic), ""),
             self.other_steps.get((name, task, traffic)),
         )
 
@@ -285,8 +290,8 @@ class Report:
             yield SAME_TASK
         if theirs and (why := misprint(*place)):
             yield why
-        if place in self.unlike:
-            yield self.unlike[place]
+        if place in self.marks:
+            yield self.marks[place]
 
     def _figures(self, name: str, task: str, traffic: str, mode: str) -> BothLevels | None:
         """Return collision and completion rate with intervals of both levels, None without a finished run."""
@@ -320,10 +325,10 @@ def _ordered(names: Iterable[str], known: Iterable[str]) -> list[str]:
     return [*first, *sorted(there - set(first))]
 
 
-def _with_reasons(values: Frame, unlike: dict[tuple[str, str, str], str]) -> Frame:
-    """Return values whose notes say why their runs must not be averaged or compared."""
+def _with_reasons(values: Frame, marks: dict[tuple[str, str, str], str]) -> Frame:
+    """Return values whose notes say why their runs must not be averaged or compared; see `Report.marks`."""
     places = zip(values["algorithm"], values["task"], values["traffic"], strict=True)
-    reasons = [unlike.get(place, "") for place in places]
+    reasons = [marks.get(place, "") for place in places]
     notes = ["; ".join(filter(None, each)) for each in zip(values["note"], reasons, strict=True)]
     return values.assign(note=notes)
 
@@ -352,7 +357,7 @@ def make_report(results: Results) -> Report:
     """
     check_one_version(results.runs, str(results.root))
     table, unlike = results.table, unlike_runs(results.runs)
-    values = _with_reasons(measure_cells(table), unlike)
+    values = _with_reasons(measure_cells(table), engine_marks(results.finished) | unlike)
     report = Report(results, values, measure_cells(table, RANKED_BY, ONE_SIDED), {}, unlike)
     compared = _to_compare(report) if len(table) else table
     for mode in report.modes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import string
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from algorithms.registry import ALGORITHMS
+from benchmark.experiment.environment import engine_mark
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics import METRICS
 from benchmark.metrics.results import Frame, measured_in
@@ -108,6 +110,8 @@ class Leaderboard:
     mode: str
     protocols: dict[str, str]
     """Letter -> what it says, or wherein it differs."""
+    engines: dict[str, str]
+    """Letter -> mark of tests on another engine than SUMO, else ""."""
     places: tuple[Place, ...]
     """Places by protocol, task, traffic and rank."""
     summaries: tuple[Summary, ...]
@@ -149,6 +153,7 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
     return Leaderboard(
         mode=mode,
         protocols=dict(zip(letters.values(), described([*letters]), strict=True)),
+        engines={letter: _engine_mark(protocol) for protocol, letter in letters.items()},
         places=tuple(places),
         summaries=tuple(summary for letter in letters.values() for summary in _summaries(places, letter)),
         problems=(
@@ -201,6 +206,10 @@ def _labelled(results: Results, name: str) -> Frame:
             }
             parts.append(table.assign(**labels, entry=f"{name}\n{run.algorithm}"))
     return pd.concat(parts, ignore_index=True)
+
+
+def _engine_mark(protocol: str) -> str:
+    return engine_mark((json.loads(protocol)["environment"] or {}).get("traffic_engine"))
 
 
 def _letters(number: int) -> str:
@@ -353,6 +362,7 @@ def leaderboard_page(board: Leaderboard) -> str:
         compared=COMPARED,
         problems=board.problems,
         protocols=list(board.protocols.items()),
+        engines=board.engines,
         places=places,
         summaries=board.summaries,
         columns=columns,

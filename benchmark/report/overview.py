@@ -54,7 +54,8 @@ def overview_rows(report: Report) -> list[list[str]]:
             reached = report.value(name, task, traffic, main, GENERALIZATION)
             rows.append(
                 [
-                    *(task_label(task), traffic_label(traffic), algorithm_label(name)),
+                    *(task_label(task), traffic_label(traffic)),
+                    algorithm_label(name) + (f" ({first.unlike})" if first.unlike else ""),
                     *(rank_text(first).removeprefix("rank "), str(first.completion.seeds or "")),
                     *(figures(acting) if acting else "" for acting in (greedy, sampled)),
                     _less(greedy, sampled, lambda cell: (cell.completion,)),

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmark.experiment.environment import engine_mark
 from benchmark.experiment.own_code import code_names
 from benchmark.experiment.runs import OWN_CODE, VERSION, with_defaults
 from benchmark.experiment.version import prescribed
@@ -130,7 +131,8 @@ def _training(run: RunResult) -> dict[str, Any]:
 def unlike_runs(runs: Sequence[RunResult]) -> dict[tuple[str, str, str], str]:
     """Return why runs must not be averaged or compared, by algorithm, task and traffic; see the above.
 
-    Of runs in different scenarios, those in the one of most runs may be.
+    Of runs in different scenarios, those in the one of most runs may be; of runs that were tested on
+    different traffic engines, those on SUMO.
     """
     found = {(run.algorithm, *_cell(run)): SEEDS_DIFFER for _, run, _ in _differing_seeds(runs)}
     finished = [run for run in runs if run.table is not None]
@@ -138,7 +140,18 @@ def unlike_runs(runs: Sequence[RunResult]) -> dict[tuple[str, str, str], str]:
         usual = _largest(versions.values())
         outside = [run for run in finished if _cell(run) == (*cell,) and run.place not in usual]
         found |= {(run.algorithm, *_cell(run)): SCENARIOS_DIFFER for run in outside}
-    return found
+    marks = engine_marks(finished)
+    on_sumo = {_cell(run) for run in finished if (run.algorithm, *_cell(run)) not in marks}
+    return found | {place: mark for place, mark in marks.items() if place[1:] in on_sumo}
+
+
+def engine_marks(runs: Iterable[RunResult]) -> dict[tuple[str, str, str], str]:
+    """Return the marks of runs that were tested on another engine than SUMO; see `engine_mark`."""
+    marks = {
+        (run.algorithm, *_cell(run)): engine_mark((run.config.get("environment") or {}).get("traffic_engine"))
+        for run in runs
+    }
+    return {place: mark for place, mark in marks.items() if mark}
 
 
 def _largest(groups: Iterable[list[str]]) -> list[str]:

@@ -10,7 +10,7 @@ from benchmark.experiment.version import ENVIRONMENT, versions
 from benchmark.report.against_paper import NON_INFERIOR, PASSES, WORDS
 from benchmark.report.content import Report, TableCell
 from benchmark.report.paper import Printed, algorithm_label, cell_label, counterpart, impossible_sum
-from benchmark.report.protocol import described, differing_scenarios, differing_trainings
+from benchmark.report.protocol import described, differing_scenarios, differing_trainings, engine_marks
 from benchmark.results.plurals import counted
 from benchmark.results.versions import version_lines
 
@@ -149,6 +149,10 @@ def standing(report: Report) -> list[str]:
         f"{doubts[check.passes]} {check}."
         for check in report.traffic_checks
         if check.passes is False or (check.passes is None and report.has_paper)
+    ]
+    sentences += [
+        f"Figures are of another traffic than SUMO's where there stands: {mark}."
+        for mark in sorted({*engine_marks(report.results.finished).values()})
     ]
     sentences += _environments(report)
     if has_counterparts(report):

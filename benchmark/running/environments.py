@@ -31,7 +31,7 @@ def environment(
     record: Path | None = None,
     discount: float | None = None,
     max_episode_steps: int | None = None,
-    traffic_step: float | None = None,
+    is_training: bool = False,
     observation: Observed | None = None,
     adapter: Adapter | None = None,
     adapter_options: Mapping[str, Any] | None = None,
@@ -46,7 +46,7 @@ def environment(
         record: Folder that episodes are written to.
         discount: Discount of the learner, with which shaped rewards agree; by default that of the weights.
         max_episode_steps: Time limit of each agent, instead of the task setting's.
-        traffic_step: Traffic step of the training environment alone; see `Options`.
+        is_training: Whether agents learn in it, so that `traffic_step` and `training_traffic` hold.
         observation: Observation instead of the task setting's, with the same rewards.
         adapter: Adapter instead of the task setting's, with its options.
         adapter_options: Options of `adapter`.
@@ -62,12 +62,15 @@ def environment(
         reward = feature_list(given.observation).reward
     if max_episode_steps is None:
         max_episode_steps = MAX_STEPS if given.time_limit is None else max(1, round(given.time_limit / DT))
+    driving, engine = given.driving(), given.traffic_engine
+    if is_training and given.training_traffic == "native":
+        driving, engine = {name: _without_bullet(each) for name, each in driving.items()}, "Native"
     return VectorHiWayEnv(
         num_envs or task_setting.num_envs,
         list(scenarios or task_setting.task.scenarios),
         agents={
             name: interface_of(each).replace(max_episode_steps=max_episode_steps)
-            for name, each in given.driving().items()
+            for name, each in driving.items()
         },
         decision_interval=given.decision_interval,
         observation=given.observation if observation is None else observation,
@@ -80,8 +83,8 @@ def environment(
             policy=policy,
             friction=given.friction,
             action_latency=given.action_latency,
-            traffic_engine=given.traffic_engine,
-            traffic_step=traffic_step,
+            traffic_engine=engine,
+            traffic_step=given.traffic_step if is_training else None,
         ),
         traffic=[task_setting.traffic],
         social_agents=[each.model_dump() for each in given.social_agents],
@@ -94,6 +97,12 @@ def environment(
 def given_hosts(given: Mapping[str, str | Host]) -> dict[str, Any]:
     """Return the hosts of an experiment as environments take them."""
     return {locator: each if isinstance(each, str) else each.model_dump() for locator, each in given.items()}
+
+
+def _without_bullet(given: Driving) -> Driving:
+    """Return how an agent drives, in a kinematic vehicle where it would be Bullet's."""
+    is_bullet = given.vehicle_model == "bullet"
+    return given.model_copy(update={"vehicle_model": "kinematic"}) if is_bullet else given
 
 
 def interface_of(given: Driving) -> AgentInterface:
@@ -109,11 +118,10 @@ def interface_of(given: Driving) -> AgentInterface:
 
 def create(config: Any) -> Any:
     """Return the training environment for RLlib, made from the task setting and discount in `config`."""
-    task_setting = config["task_setting"]
     return environment(
-        task_setting,
+        config["task_setting"],
         num_envs=config["num_envs"],
         discount=config["discount"],
-        traffic_step=task_setting.environment.traffic_step,
+        is_training=True,
         policy=config.get("policy", ""),
     )

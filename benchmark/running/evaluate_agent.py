@@ -17,13 +17,12 @@ from benchmark.experiment.config import Evaluation, TrainingTask
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, TaskSetting
 from benchmark.experiment.values import name_of
-from benchmark.metrics import read_table
 from benchmark.results.release import check_released
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.evaluation_folder import check_free, evaluation_folder
 from benchmark.running.importing import named_own_code
-from benchmark.running.testing import EVALUATION_SEED, Part, play_parts
+from benchmark.running.testing import EVALUATION_SEED, Part, play_parts, read_test
 from benchmark.running.trained import check_suite, trained_on
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.interface import AgentInterface
@@ -129,7 +128,7 @@ def _tested(
     with evaluation_folder(out, {**evaluated, **played}) as folder:
         for share in play_agent(setting, folder, agent, labels, mode=mode):
             print(f"{share:.0%}", file=sys.stderr)
-        return read_table(folder.table)
+        return read_test(folder, setting)
 
 
 def play_agent(

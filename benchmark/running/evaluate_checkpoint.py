@@ -12,13 +12,12 @@ import pandas as pd
 
 from benchmark.experiment.config import Evaluation, TrainingTask
 from benchmark.experiment.values import name_of
-from benchmark.metrics import read_table
 from benchmark.results.run_folder import RunFolder, changed_code
 from benchmark.running.evaluation_folder import check_free, evaluation_folder
 from benchmark.running.importing import named_own_code
 from benchmark.running.played import scenario_digests
 from benchmark.running.policy import Policy, read_run
-from benchmark.running.testing import EVALUATION_SEED, play_test
+from benchmark.running.testing import EVALUATION_SEED, play_test, read_test
 from smarts.config import fitted
 from smarts.sstudio.build import build_scenario
 
@@ -90,4 +89,4 @@ def evaluate_checkpoint(
         discount = policies[modes[0]].discount
         for _ in play_test(run, answer, discount, lambda env, part, mode: policies[mode].play(env, part)):
             pass
-        return read_table(answer.table)
+        return read_test(answer, task_setting)

@@ -13,8 +13,9 @@ from typing import Any
 import pandas as pd
 
 from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
+from benchmark.experiment.environment import engine_mark
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, Run, ScriptedRun, TaskSetting
-from benchmark.metrics import join_tables, measure_episodes, write_table
+from benchmark.metrics import join_tables, measure_episodes, read_table, write_table
 from benchmark.metrics.table import COUNTS
 from benchmark.results.files import ResultsError, files_in
 from benchmark.results.run_folder import EPISODES, FINISHED, SCENARIOS, TABLE, TESTING, RunFolder
@@ -31,6 +32,9 @@ from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
 EVALUATION_SEED = 42
 """Root seed of validation and test, the same for all runs: their episodes begin alike."""
+
+ENGINE = "engine"
+"""Attribute of tables of `read_test`: the mark of tests on another engine than SUMO."""
 
 ROUNDS = 5
 """Maximum number of rounds of a part; each later round replaces invalid episodes."""
@@ -162,6 +166,13 @@ def play_parts(
     write_table(join_tables(tables), folder.table)
     if not task_setting.evaluation.keep_episodes:
         shutil.rmtree(folder.episodes, ignore_errors=True)
+
+
+def read_test(folder: RunFolder, task_setting: TaskSetting) -> pd.DataFrame:
+    """Return the table of a test of a task setting, marked by `ENGINE`."""
+    table = read_table(folder.table)
+    table.attrs[ENGINE] = engine_mark(task_setting.environment.traffic_engine)
+    return table
 
 
 def measure_part(

@@ -1,6 +1,7 @@
 """Many experiments against each other: ranks, protocols, differences."""
 
 import csv
+import re
 
 import pytest
 import yaml
@@ -8,9 +9,11 @@ from typer.testing import CliRunner
 
 from benchmark.cli import app
 from benchmark.report.leaderboard import make_leaderboard, write_leaderboard
+from benchmark.report.writing import write_report
 from tests.hand_made_results import (
     ALONE,
     BUDGET,
+    ENVIRONMENT,
     SOCIAL,
     agent_episodes,
     write_degenerate,
@@ -21,6 +24,7 @@ from tests.hand_made_results import (
 GOOD = [["goal", "goal"]] * 12
 BAD = [["collision", "collision"]] * 12
 SLOW = [["time_out", "time_out"]] * 12
+ON_NATIVE, MARK = {"traffic_engine": "Native"}, "tested on the traffic engine Native"
 
 
 def experiment(root, runs, budget=BUDGET, traffic=ALONE, settings=None):
@@ -69,6 +73,24 @@ def test_protocols_are_not_mixed(tmp_path):
     page = tmp_path / "page.html"
     write_leaderboard([one, two], page, "greedy")
     assert "do not have the same protocol" in page.read_text()
+
+
+def test_figures_of_another_engine_are_marked(tmp_path):
+    sumo, native = tmp_path / "sumo", tmp_path / "native"
+    write_experiment(sumo, algorithms=["ppo", "dqn"])
+    write_run(sumo, "dqn", [agent_episodes(BAD, mode="greedy")])
+    write_run(sumo, "ppo", [agent_episodes(GOOD, mode="greedy")], environment={**ENVIRONMENT, **ON_NATIVE})
+    write_experiment(native, algorithms=["ppo"])
+    write_run(native, "ppo", [agent_episodes(GOOD, mode="greedy")], environment={**ENVIRONMENT, **ON_NATIVE})
+    for root in (sumo, native):
+        text = (write_report(root).parent / "report.md").read_text()
+        (row,) = [line for line in text.splitlines() if line.startswith("| PPO")][:1]
+        assert MARK in row
+        assert "rank" not in row
+    write_leaderboard([sumo, native], tmp_path / "page.html", "greedy")
+    rows = re.findall(r'<tr class="entry".*?</tr>', (tmp_path / "page.html").read_text(), re.DOTALL)
+    assert all((MARK in row) == ("PPO" in row) for row in rows)
+    assert len(rows) == 6
 
 
 def of_version_1(root, algorithm, task, agent_steps, sharing):

@@ -151,9 +151,41 @@ def test_training_has_the_longer_traffic_step_and_all_else_the_exact_one(read):
     assert sumo_seconds(environment(setting, num_envs=1)) == pytest.approx(0.1)
 
 
+def driven_by(env):
+    """Return the traffic engine, and how an agent's vehicle moves."""
+    with closing(env):
+        env.reset(1)
+        return env.episodes[0].engine, env._runner.simulation._stages.vehicles._models[0]
+
+
+@pytest.mark.parametrize(("model", "trained"), [("bullet", "kinematic"), ("dynamic", "dynamic")])
+def test_training_alone_is_native(read, model, trained):
+    (setting,) = task_settings_of(read(f", training_traffic: native, vehicle_model: {model}"))
+    training = {"task_setting": setting, "num_envs": 1, "discount": None}
+    assert driven_by(create(training)) == ("Native", trained)
+    assert driven_by(environment(setting, num_envs=1)) == ("SUMO", model)
+    assert "training_traffic" not in Environment().content()
+
+
+@pytest.mark.parametrize("given", ["social_agents: [{agent: 'smarts.zoo:idm-v0'}]"])
+def test_agents_learn_natively_beside_others(read, given):
+    where = ("examples/left_turn_bubble", "crossing") if "bubbles" in given else ()
+    (setting,) = task_settings_of(read(f", training_traffic: native, {given}", *where))
+    with closing(create({"task_setting": setting, "num_envs": 1, "discount": None})) as env:
+        now, seen = env.reset(1), 0
+        for _ in range(40):
+            seen += int(now.alive.sum())
+            now = env.step([np.full((1, 1), LaneAction.keep_lane)])
+            assert not now.failed
+    assert seen
+
+
 @pytest.mark.parametrize(
     ("given", "where", "place"),
     [
+        ("training_traffic: native, traffic_step: 0.5", (), "environment.training_traffic"),
+        ("training_traffic: native, friction: 0.5", (), "environment.friction"),
+        ("training_traffic: native, flat_tyres: [0]", (), "environment.flat_tyres"),
         ("traffic_step: 0.05", (), "environment.traffic_step"),
         ("traffic_step: 0.5, traffic_engine: ConstantSpeed", (), "environment.traffic_step"),
         (
