@@ -18,7 +18,8 @@ Rows = Longs
 class BulletWorlds:
     """The bodies of a fleet, in one world for each simulation.
 
-    A skipped world is outdated, because kernels move its bodies; it is synchronised before its next step.
+    A world takes 29 MB, so that a simulation has one only once a vehicle moves in Bullet there. A skipped
+    world is outdated, because kernels move its bodies; it is synchronised before its next step.
 
     Args:
         fleet: Fleet of all vehicles; see `BulletWorld`.
@@ -26,8 +27,8 @@ class BulletWorlds:
     """
 
     def __init__(self, fleet: FleetArrays, simulations: int) -> None:
-        self._cars, self._egos = fleet.cars, len(fleet.cars) // simulations
-        self._worlds = [BulletWorld(fleet.bodies, fleet.dt) for _ in range(simulations)]
+        self._fleet, self._egos = fleet, len(fleet.cars) // simulations
+        self._worlds: dict[int, BulletWorld] = {}
         self.moving: Sequence[BulletWorld] = ()
         """The worlds that run in this step."""
         self._with_boxes = np.zeros(simulations, np.bool_)
@@ -38,17 +39,18 @@ class BulletWorlds:
 
     def close(self) -> None:
         """Free the worlds."""
-        for world in self._worlds:
+        for world in self._worlds.values():
             world.close()
 
     def clear(self, simulation: int) -> None:
         """Remove all bodies of a simulation, and Bullet's memory of them."""
-        self._worlds[simulation].clear()
+        if simulation in self._worlds:
+            self._worlds[simulation].clear()
         self._with_boxes[simulation] = self._outdated[simulation] = False
 
     def add(self, row: int) -> None:
         """Add a vehicle; see `BulletWorld.add`."""
-        self._worlds[row // self._egos].add(row, self._cars[row])
+        self._world(row // self._egos).add(row, self._fleet.cars[row])
 
     def remove(self, row: int) -> None:
         """Remove a vehicle."""
@@ -56,7 +58,7 @@ class BulletWorlds:
 
     def place_boxes(self, simulation: int, boxes: Mapping[int, Box]) -> None:
         """Set the boxes of a simulation; see `BulletWorld.place_boxes`."""
-        self._worlds[simulation].place_boxes(boxes)
+        self._world(simulation).place_boxes(boxes)
         self._with_boxes[simulation] = bool(boxes)
 
     def part(self, rows: Rows) -> tuple[Rows, Rows]:
@@ -79,3 +81,8 @@ class BulletWorlds:
         self._outdated[simulation] = ~may_touch
         self.moving = [self._worlds[number] for number in numbers.tolist()]
         return rows[~may_touch], rows[may_touch]
+
+    def _world(self, simulation: int) -> BulletWorld:
+        if simulation not in self._worlds:
+            self._worlds[simulation] = BulletWorld(self._fleet.bodies, self._fleet.dt)
+        return self._worlds[simulation]

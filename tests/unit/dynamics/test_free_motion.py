@@ -68,7 +68,7 @@ def test_a_simulation_is_bullets_only_while_somebody_is_near():
         for row, x in enumerate((0.0, 30.0, 0.0, 300.0)):
             fleet.spawn(row, "passenger", (x, 0.0), 0.0, 15.0 if row % 2 == 0 else 0.0)
         asked = [[], []]
-        for world, calls in zip(fleet._bullet._worlds, asked, strict=True):
+        for world, calls in zip(fleet._bullet._worlds.values(), asked, strict=True):
             world.substep = lambda velocities, calls=calls, go=world.substep: (
                 calls.append(1),
                 go(velocities),
