@@ -2,7 +2,7 @@
 
 Speeds that a driver may have at the end of a step, gaps, and times of arrival. In the ballistic rule a
 vehicle drives a step with its mean speed, and a speed below 0 means that it stops within the step; in Euler's
-it drives the step with its new speed.
+it drives the step with its new speed. Distances are in m, times in s, speeds in m/s.
 
 Sources: `MSCFModel.cpp`, `MSCFModel_Krauss.cpp` and `MSCFModel_IDM.cpp` of SUMO; Krauss,
 "Microscopic modeling of traffic flow", 1998; Treiber, Hennecke, Helbing, Phys. Rev. E 62 (2000) 1805.
@@ -11,6 +11,9 @@ Sources: `MSCFModel.cpp`, `MSCFModel_Krauss.cpp` and `MSCFModel_IDM.cpp` of SUMO
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from smarts.geometry.compiling import kernel
 
@@ -22,59 +25,74 @@ IDM_STEP = 0.25
 """Longest step in which IDM is integrated [s]."""
 
 
+class Driver(NamedTuple):
+    """Parameters of a driver and its integration; kernels take any record with these fields."""
+
+    accel: float
+    """Largest acceleration [m/s^2]."""
+    decel: float
+    """Comfortable deceleration, as are gaps planned [m/s^2]."""
+    hardest: float
+    """Deceleration in an emergency [m/s^2]."""
+    tau: float
+    """Time headway [s]."""
+    sigma: float
+    """Krauss's imperfection, from 0 to 1."""
+    min_gap: float
+    """Gap to a standing leader [m]."""
+    max_speed: float
+    reaction: float
+    """Time between decisions, at least a step [s]."""
+    dt: float
+    """Length of a step [s]."""
+    is_idm: bool = False
+    ballistic: bool = False
+    """The rule of integration."""
+
+
 @kernel
-def brake_gap(speed: float, decel: float, tau: float, dt: float, ballistic: bool) -> float:
-    """Return the distance driven until a vehicle stands that reacts after `tau` [s] [m]."""
+def brake_gap(k: Driver, speed: float, decel: float, tau: float) -> float:
+    """Return the distance driven until a vehicle stands that brakes after `tau`."""
     if speed <= 0.0:
         return 0.0
-    if ballistic:
+    if k.ballistic:
         return speed * (tau + 0.5 * speed / decel)
-    steps = int(speed / (decel * dt))
-    return dt * (steps * speed - 0.5 * decel * dt * steps * (steps + 1)) + speed * tau
+    steps = int(speed / (decel * k.dt))
+    return k.dt * (steps * speed - 0.5 * decel * k.dt * steps * (steps + 1)) + speed * tau
 
 
 @kernel
-def secure_gap(
-    speed: float,
-    leader_speed: float,
-    decel: float,
-    leader_decel: float,
-    tau: float,
-    dt: float,
-    ballistic: bool,
-) -> float:
-    """Return the gap at which a driver can stop behind a leader that brakes as hard as it can [m]."""
-    own = brake_gap(speed, decel, tau, dt, ballistic)
-    return max(0.0, own - brake_gap(leader_speed, max(decel, leader_decel), 0.0, dt, ballistic))
+def braked_way(speed: Any, decel: Any, seconds: Any) -> Any:
+    """Return the distance driven in some time while braking evenly to a standstill; see `idm_free`."""
+    moving = np.minimum(seconds, speed / decel)
+    return speed * moving - 0.5 * decel * (moving * moving)
 
 
 @kernel
-def safe_stop_speed(gap: float, speed: float, decel: float, tau: float, dt: float, ballistic: bool) -> float:
-    """Return the highest speed after a step from which a driver stops within a gap [m/s].
+def secure_gap(k: Driver, speed: float, leader_speed: float, leader_decel: float) -> float:
+    """Return the gap at which a driver can stop behind a leader that brakes as hard as it can."""
+    own = brake_gap(k, speed, k.decel, k.tau)
+    return max(0.0, own - brake_gap(k, leader_speed, max(k.decel, leader_decel), 0.0))
 
-    Args:
-        gap: [m]
-        speed: Now [m/s].
-        decel: [m/s^2]
-        tau: Time until it brakes [s].
-        dt: Length of a step [s].
-        ballistic: The rule of integration.
-    """
-    if not ballistic:
-        return _stop_speed_euler(gap - SLACK, decel, tau, dt)
+
+@kernel
+def safe_stop_speed(k: Driver, gap: float, speed: float, decel: float, tau: float) -> float:
+    """Return the highest speed after a step from which a driver that brakes after `tau` stops in a gap."""
+    if not k.ballistic:
+        return _stop_speed_euler(gap - SLACK, decel, tau, k.dt)
     gap, speed = max(0.0, gap - SLACK), max(0.0, speed)
     if speed * tau >= 2.0 * gap:
         if gap == 0.0:
             return -1e6 if speed > 0.0 else 0.0
-        return speed - 0.5 * speed * speed / gap * dt
+        return speed - 0.5 * speed * speed / gap * k.dt
     half = 0.5 * decel * tau
     then = -half + math.sqrt(half * half + decel * (2.0 * gap - tau * speed))
-    return speed + (then - speed) / tau * dt
+    return speed + (then - speed) / tau * k.dt
 
 
 @kernel
 def _stop_speed_euler(gap: float, decel: float, tau: float, dt: float) -> float:
-    """Return the highest speed from which a driver stops within a gap, with whole steps of braking [m/s]."""
+    """Return the highest speed from which a driver stops within a gap, with whole steps of braking."""
     if gap < 0.0:
         return 0.0
     loss = decel * dt
@@ -85,30 +103,27 @@ def _stop_speed_euler(gap: float, decel: float, tau: float, dt: float) -> float:
 
 
 @kernel
-def insertion_stop_speed(gap: float, decel: float, tau: float, dt: float, ballistic: bool) -> float:
-    """Return the highest speed with which a vehicle may appear before a gap in which it has to stop [m/s]."""
-    if not ballistic:
-        return _stop_speed_euler(gap - SLACK, decel, tau, dt)
-    reaction = decel * tau
-    return -reaction + math.sqrt(reaction * reaction + 2.0 * decel * max(0.0, gap - SLACK))
+def insertion_stop_speed(k: Driver, gap: float) -> float:
+    """Return the highest speed with which a vehicle may appear before a gap in which it has to stop."""
+    if not k.ballistic:
+        return _stop_speed_euler(gap - SLACK, k.decel, k.tau, k.dt)
+    reaction = k.decel * k.tau
+    return -reaction + math.sqrt(reaction * reaction + 2.0 * k.decel * max(0.0, gap - SLACK))
 
 
 @kernel
-def free_speed(
-    speed: float, target: float, distance: float, decel: float, reaction: float, dt: float, ballistic: bool
-) -> float:
-    """Return the highest speed after a step from which a driver slows down in time to a target [m/s].
+def free_speed(k: Driver, speed: float, target: float, distance: float, reaction: float) -> float:
+    """Return the highest speed after a step from which a driver slows down in time to a target.
 
     Args:
+        k: The driver.
         speed: Now [m/s].
         target: [m/s]
         distance: [m]
-        decel: [m/s^2]
         reaction: Time between its decisions [s], 0 for a vehicle that appears.
-        dt: Length of a step [s].
-        ballistic: The rule of integration.
     """
-    if ballistic:
+    decel, dt = k.decel, k.dt
+    if k.ballistic:
         distance -= SLACK
         then = target
         if 0.5 * (speed + target) * reaction < distance:
@@ -129,147 +144,144 @@ def free_speed(
 
 
 @kernel
-def krauss_stop_speed(
-    gap: float, speed: float, decel: float, hardest: float, reaction: float, dt: float, ballistic: bool
-) -> float:
-    """Return the highest speed after a step of a driver that stops within a gap [m/s].
-
-    Args:
-        gap: [m]
-        speed: Now [m/s].
-        decel: [m/s^2]
-        hardest: In an emergency [m/s^2].
-        reaction: Time between its decisions [s].
-        dt: Length of a step [s].
-        ballistic: The rule of integration.
-    """
-    safe = safe_stop_speed(gap, speed, decel, reaction, dt, ballistic)
-    return _relaxed(safe, gap, speed, 0.0, decel, hardest, 1.0, dt, ballistic)
+def highest_next(k: Driver, speed: float) -> float:
+    """Return the highest speed after a step."""
+    return min(speed + k.accel * k.dt, k.max_speed)
 
 
 @kernel
-def krauss_follow_speed(
-    gap: float,
-    speed: float,
-    leader_speed: float,
-    decel: float,
-    hardest: float,
-    leader_decel: float,
-    tau: float,
-    dt: float,
-    ballistic: bool,
-) -> float:
-    """Return the highest speed after a step of a driver that could stop behind its leader [m/s].
+def lowest_next(k: Driver, speed: float) -> float:
+    """Return the lowest speed after a step without an emergency; below 0: a stop within it."""
+    decel = max(k.decel, min(k.hardest, 1.5)) if k.is_idm else k.decel
+    lowest = speed - decel * k.dt
+    return lowest if k.ballistic else max(lowest, 0.0)
+
+
+@kernel
+def stop_speed(k: Driver, gap: float, speed: float, decel: float, desired: float) -> float:
+    """Return a driver's speed after a step before a place where it stops.
 
     Args:
+        k: The driver.
+        gap: To the place [m].
+        speed: Now [m/s].
+        decel: Deceleration that it allows [m/s^2].
+        desired: Speed on a free road [m/s].
+    """
+    if k.is_idm and gap >= 0.01:
+        found = idm_speed(k, gap, speed, 0.0, desired, 0.0)
+        if speed >= 1e-3 or found >= 1e-3:
+            return found
+    safe = safe_stop_speed(k, gap, speed, decel, k.reaction)
+    return min(_relaxed(k, safe, gap, speed, 0.0, decel, 1.0), highest_next(k, speed))
+
+
+@kernel
+def follow_speed(
+    k: Driver, gap: float, speed: float, leader_speed: float, leader_decel: float, desired: float
+) -> float:
+    """Return a driver's speed after a step with which it could stop behind its leader.
+
+    Args:
+        k: The driver.
         gap: To the leader, less the least one [m].
         speed: Now [m/s].
         leader_speed: [m/s]
-        decel: [m/s^2]
-        hardest: In an emergency [m/s^2].
-        leader_decel: [m/s^2]
-        tau: Time headway [s].
-        dt: Length of a step [s].
-        ballistic: The rule of integration.
+        leader_decel: How hard the leader may brake [m/s^2].
+        desired: Speed on a free road [m/s].
     """
-    lowest = speed - hardest * dt
+    if k.is_idm:
+        return idm_speed(k, gap + k.min_gap, speed, leader_speed, desired, k.min_gap)
+    lowest, highest = speed - k.hardest * k.dt, highest_next(k, speed)
     if gap < 0.0:
-        return lowest if ballistic else max(lowest, 0.0)
-    braking = brake_gap(leader_speed, max(decel, leader_decel), 0.0, dt, ballistic)
-    safe = safe_stop_speed(gap + braking, speed, decel, tau, dt, ballistic)
-    safe = _relaxed(safe, gap, speed, leader_speed, decel, hardest, leader_decel, dt, ballistic)
-    return max(safe, lowest) if ballistic else safe
+        return min(lowest if k.ballistic else max(lowest, 0.0), highest)
+    braking = brake_gap(k, leader_speed, max(k.decel, leader_decel), 0.0)
+    safe = safe_stop_speed(k, gap + braking, speed, k.decel, k.tau)
+    safe = _relaxed(k, safe, gap, speed, leader_speed, k.decel, leader_decel)
+    return min(max(safe, lowest) if k.ballistic else safe, highest)
+
+
+@kernel
+def slow_to(k: Driver, speed: float, target: float, distance: float) -> float:
+    """Return a driver's speed after a step before a place that it passes at a speed, at most."""
+    if not k.is_idm:
+        return free_speed(k, speed, target, distance, k.reaction)
+    if speed <= target:
+        return idm_speed(k, math.inf, speed, target, target, 0.0)
+    return max(idm_speed(k, distance, speed, 0.0, target, 0.0), target)
 
 
 @kernel
 def _relaxed(
-    safe: float,
-    gap: float,
-    speed: float,
-    leader_speed: float,
-    decel: float,
-    hardest: float,
-    leader_decel: float,
-    dt: float,
-    ballistic: bool,
+    k: Driver, safe: float, gap: float, speed: float, leader_speed: float, decel: float, leader_decel: float
 ) -> float:
-    """Return a safe speed, raised to what an emergency braking that suffices leads to [m/s]."""
-    needed = (speed - safe) / dt
-    if decel == hardest or needed <= decel + SLACK:
+    """Return a safe speed, raised to what an emergency braking that suffices leads to."""
+    needed = (speed - safe) / k.dt
+    if decel == k.hardest or needed <= decel + SLACK:
         return safe
-    enough = hardest
+    enough = k.hardest
     if gap > 0.0:
         enough = 0.5 * speed * speed / (gap + 0.5 * leader_speed * leader_speed / leader_decel)
         if enough > leader_decel:
             enough = 0.5 * (speed * speed - leader_speed * leader_speed) / gap
-    raised = speed - min(max(EMERGENCY * enough, decel), needed) * dt
-    return raised if ballistic else max(raised, 0.0)
+    raised = speed - min(max(EMERGENCY * enough, decel), needed) * k.dt
+    return raised if k.ballistic else max(raised, 0.0)
 
 
 @kernel
-def dawdled_speed(speed: float, sigma: float, accel: float, draw: float, dt: float) -> float:
-    """Return Krauss's speed of a driver that accelerates imperfectly [m/s]; `draw` is from [0, 1)."""
+def dawdled_speed(k: Driver, speed: float, draw: float) -> float:
+    """Return Krauss's speed of a driver that accelerates imperfectly; `draw` is from [0, 1)."""
     if speed < 0.0:
         return speed
-    return max(0.0, speed - sigma * min(speed, accel) * draw * dt)
+    return max(0.0, speed - k.sigma * min(speed, k.accel) * draw * k.dt)
 
 
 @kernel
-def idm_acceleration(
-    gap: float,
-    speed: float,
-    leader_speed: float,
-    desired: float,
-    accel: float,
-    decel: float,
-    tau: float,
-    least: float,
-) -> float:
-    """Return the acceleration of the intelligent driver model [m/s^2].
+def idm_free(accel: Any, speed: Any, desired: Any) -> Any:
+    """Return the intelligent driver's acceleration on a free road [m/s^2]; its `py_func` takes arrays."""
+    share = speed / desired
+    return accel * (1.0 - (share * share) * (share * share))
+
+
+@kernel
+def idm_interaction(
+    accel: Any, decel: Any, tau: Any, min_gap: Any, gap: Any, speed: Any, leader_speed: Any
+) -> Any:
+    """Return how much less it is behind a leader [m/s^2]; see `idm_free`.
 
     Args:
-        gap: To the leader, bumper to bumper [m].
-        speed: [m/s]
-        leader_speed: [m/s]
-        desired: Speed on a free road [m/s].
         accel: Largest acceleration [m/s^2].
         decel: Comfortable deceleration [m/s^2].
         tau: Time headway [s].
-        least: Gap to a standing leader [m].
+        min_gap: Gap to a standing leader [m].
+        gap: To the leader, bumper to bumper [m].
+        speed: [m/s]
+        leader_speed: [m/s]
     """
-    wanted = speed * tau + 0.5 * speed * (speed - leader_speed) / math.sqrt(accel * decel)
-    wanted = least + max(0.0, wanted)
-    gap, share = max(gap, SLACK), speed / max(desired, SLACK)
-    return accel * (1.0 - (share * share) * (share * share) - (wanted * wanted) / (gap * gap))
+    wanted = speed * tau + speed * (speed - leader_speed) / (2.0 * np.sqrt(accel * decel))
+    share = (min_gap + np.maximum(wanted, 0.0)) / gap
+    return accel * (share * share)
 
 
 @kernel
 def idm_speed(
-    gap: float,
-    speed: float,
-    leader_speed: float,
-    desired: float,
-    accel: float,
-    decel: float,
-    tau: float,
-    least: float,
-    dt: float,
+    k: Driver, gap: float, speed: float, leader_speed: float, desired: float, min_gap: float
 ) -> float:
-    """Return the speed after a step of the intelligent driver model [m/s]; see `idm_acceleration`."""
-    count = max(1, int(dt / IDM_STEP + 0.5))
-    part = dt / count
+    """Return the speed after a step of the intelligent driver model, for a gap bumper to bumper."""
+    count = max(1, int(k.dt / IDM_STEP + 0.5))
+    part = k.dt / count
     for _ in range(count):
-        speed = max(
-            0.0, speed + part * idm_acceleration(gap, speed, leader_speed, desired, accel, decel, tau, least)
-        )
+        change = idm_free(k.accel, speed, max(desired, SLACK))
+        change -= idm_interaction(k.accel, k.decel, k.tau, min_gap, max(gap, SLACK), speed, leader_speed)
+        speed = max(0.0, speed + part * change)
         gap -= max(0.0, part * (speed - leader_speed))
     return speed
 
 
 @kernel
-def soonest_arrival(distance: float, speed: float, arrival_speed: float, accel: float, decel: float) -> float:
-    """Return the least time in which a vehicle comes to a place that it passes with a speed [s]."""
-    rate = accel if arrival_speed >= speed else -decel
+def soonest_arrival(k: Driver, distance: float, speed: float, arrival_speed: float) -> float:
+    """Return the least time in which a vehicle comes to a place that it passes with a speed."""
+    rate = k.accel if arrival_speed >= speed else -k.decel
     change = (arrival_speed - speed) / rate
     way = 0.5 * change * (arrival_speed + speed)
     return change + max(0.0, distance - way) / max(speed, arrival_speed, 0.1)
@@ -277,7 +289,7 @@ def soonest_arrival(distance: float, speed: float, arrival_speed: float, accel: 
 
 @kernel
 def speed_after(distance: float, speed: float, accel: float, most: float) -> float:
-    """Return the speed of a vehicle that has accelerated over a distance, up to the highest one [m/s]."""
+    """Return the speed of a vehicle that has accelerated over a distance, up to the highest one."""
     return min(most, math.sqrt(max(0.0, 2.0 * distance * accel + speed * speed)))
 
 

@@ -14,6 +14,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.arrays import Bools, Floats, Ints
 from smarts.controllers.tracking import ACCELERATION_TRIM, SPEED_GAIN
+from smarts.dynamics.car_following import idm_free, idm_interaction
 from smarts.observations.surroundings import LANE_TRAFFIC, OWN_VEHICLE, Lane, Own
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.traffic import Signal
@@ -75,11 +76,7 @@ class Seen(NamedTuple):
 
 
 class Idm(NamedTuple):
-    """Parameters of the intelligent driver model.
-
-    Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic
-    simulations", Phys. Rev. E 62 (2000) 1805.
-    """
+    """Parameters of the intelligent driver model, see `smarts.dynamics.car_following`."""
 
     tau: float = 1.2
     """Time gap to the leader [s]."""
@@ -99,11 +96,10 @@ class Idm(NamedTuple):
             gap: To the leader, bumper to bumper [m]; infinite for none.
             leader_speed: [m/s]
         """
-        wanted = speed * self.tau + speed * (speed - leader_speed) / (2.0 * np.sqrt(self.accel * self.decel))
-        wanted = self.min_gap + np.maximum(wanted, 0.0)
-        share = speed / np.maximum(desired, LEAST_SPEED)
-        free = np.maximum(self.accel * (1.0 - (share * share) * (share * share)), -self.decel)
-        return np.clip(free - self.accel * np.square(wanted / np.maximum(gap, 0.1)), -HARDEST, self.accel)
+        following = self.accel, self.decel, self.tau, self.min_gap, np.maximum(gap, 0.1), speed, leader_speed
+        free = idm_free.py_func(self.accel, speed, np.maximum(desired, LEAST_SPEED))
+        free = np.maximum(free, -self.decel)
+        return np.clip(free - idm_interaction.py_func(*following), -HARDEST, self.accel)
 
     def checked(self, place: str) -> Idm:
         """Return the same parameters.

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from smarts.dynamics.car_following import SLACK, brake_gap, insertion_stop_speed
+from smarts.dynamics import car_following as cf
 from smarts.geometry.compiling import kernel
-from smarts.providers.native.driving import (
-    braking_distance,
-    decel_of,
-    desired_speed,
-    follow_speed,
-    least_gap,
-    lowest_next,
-    needed_gap,
-    reaction_of,
-    stop_speed,
-)
+from smarts.providers.native.driving import desired_speed, follow, stop
 from smarts.providers.native.moving import BLOCKS_CHANGE, BY_FOLLOWER, BY_LEADER, COOPERATIVE, STRATEGIC
-from smarts.providers.native.occupancy import add_entry, entry_ahead, entry_behind, rearmost
+from smarts.providers.native.occupancy import add_entry, entry_ahead, entry_behind
 from smarts.providers.native.planning import DURATION
-from smarts.providers.native.state import ADVICES, Demand, Traffic, Types
+from smarts.providers.native.state import ADVICES, Car, Traffic
 from smarts.providers.native.ways import FARTHEST
 
 LOOK_AHEAD = 10.0
@@ -46,520 +38,436 @@ MORE, BEHIND = 20.0, 60.0
 """How far beyond their braking distance drivers look ahead on other lanes, and how far behind [m]."""
 HIGHWAY = 80.0 / 3.6
 """On faster roads drivers that are on the best lane stay on it [m/s]."""
-Near = tuple[int, float]
-"""Entry of a vehicle near by in `Occupancy`, -1 for none, and the gap less the follower's least one [m]."""
+
+
+class Near(NamedTuple):
+    """A vehicle near by."""
+
+    entry: int
+    """-1 for none."""
+    gap: float
+    """Less the follower's least one."""
+
+
+class Change(NamedTuple):
+    """A lane change that a driver considers."""
+
+    side: int
+    """1 for the left, -1 for the right."""
+    row: int
+    """Row of the lane beside."""
+    there: float
+    """Place of the front on it."""
+    leader: Near
+    ahead: Near
+    """The vehicles ahead, and behind, on the lane beside."""
+    behind: Near
+    blocked: int
+    """`BY_LEADER` and `BY_FOLLOWER`."""
 
 
 @kernel
-def change_lanes(n: Traffic, d: Demand, b: int) -> None:
+def change_lanes(n: Traffic, b: int) -> None:
     """Let vehicles begin lane changes, from the foremost on."""
-    driven, dt = n.driven, n.state.dt
-    for place in range(driven.listed[b, 0]):
-        slot = driven.order[b, place]
-        row = driven.row[b, slot]
-        lane = d.ways.lane[row]
-        reaction = reaction_of(d.types, driven.type[b, slot], dt)
-        decides = driven.next_action[b, slot] > (n.tick[b] - 0.5) * dt + reaction - SLACK
-        if driven.side[b, slot] != 0 or n.roads.lane_inside[lane] or not decides:
+    for place in range(n.sims[b].listed):
+        car = n.cars[n.order[b, place]]
+        way, reaction = n.ways[car.row], n.types[car.type].reaction
+        decides = car.next_action > (n.sims[b].tick - 0.5) * n.dt + reaction - cf.SLACK
+        if car.side != 0 or n.lanes[car.lane].inside or not decides:
             continue
-        for side in (-1, 1):
-            beside = d.ways.left[row] if side > 0 else d.ways.right[row]
-            if beside >= 0 and _consider(n, d, b, slot, row, beside, side):
-                break
+        changes = way.right >= 0 and _consider(n, car, way.right, -1)
+        if not changes and way.left >= 0:
+            _consider(n, car, way.left, 1)
 
 
 @kernel
-def _consider(n: Traffic, d: Demand, b: int, slot: int, row: int, beside: int, side: int) -> bool:
+def _consider(n: Traffic, car: Car, beside: int, side: int) -> bool:
     """Begin a lane change if the driver wants it and has room; return whether it has begun."""
-    driven, ways = n.driven, d.ways
-    there = driven.front[b, slot] * n.lane_length[ways.lane[beside]] / n.lane_length[ways.lane[row]]
-    speed = n.state.vehicles.speed[b, slot]
-    reach = braking_distance(n, d, b, slot, speed, d.types.tau[driven.type[b, slot]]) + MORE
-    leader = find_ahead(n, d, b, slot, row, driven.front[b, slot], reach)
-    ahead = find_ahead(n, d, b, slot, beside, there, reach)
-    behind = find_behind(n, d, b, slot, ways.lane[beside], there)
-    if behind[0] >= 0 and ahead[0] >= 0 and n.occupancy.slot[behind[0]] == n.occupancy.slot[ahead[0]]:
-        behind = (-1, np.inf)
-    blocked = _blocked_by(n, d, b, slot, ahead, behind)
-    wants, reason = _wants(n, d, b, slot, row, beside, side, leader, ahead, behind, blocked)
+    lane, kind = n.ways[beside].lane, n.types[car.type]
+    there = car.front * n.lanes[lane].length / n.lanes[car.lane].length
+    reach = cf.brake_gap(kind, car.speed, kind.decel, kind.tau) + MORE
+    leader = _find_ahead(n, car, car.row, car.front, reach)
+    ahead, behind = _find_ahead(n, car, beside, there, reach), _find_behind(n, car, lane, there)
+    if behind.entry >= 0 and ahead.entry >= 0 and _car_of(n, behind) == _car_of(n, ahead):
+        behind = Near(-1, np.inf)
+    blocked = _blocked_by(n, car, ahead, behind)
+    wants, reason = _wants(n, car, Change(side, beside, there, leader, ahead, behind, blocked))
     if not wants:
-        if driven.wish[b, slot] == side:
-            driven.wish[b, slot] = 0
+        if car.wish == side:
+            car.wish = 0
         return False
-    if blocked == 0 and _has_space(n, d, b, slot, row):
-        _begin(n, d, b, slot, beside, side, there)
+    if blocked == 0 and _has_space(n, car):
+        car.side, car.done = side, 0.0
+        car.wish = car.reason = car.advised = 0
+        car.gain = car.keeping = car.memory = car.reserved = car.space = 0.0
+        add_entry(n, lane, car.place, there, there - car.length, car.speed)
         return True
-    is_urgent = driven.reason[b, slot] & STRATEGIC and driven.wish[b, slot] == -side
-    if not is_urgent:
-        kept = driven.reason[b, slot] & BLOCKS_CHANGE
-        driven.wish[b, slot], driven.reason[b, slot] = side, reason | blocked | kept
+    if not (car.reason & STRATEGIC and car.wish == -side):
+        car.wish, car.reason = side, reason | blocked | (car.reason & BLOCKS_CHANGE)
     return False
 
 
 @kernel
-def _begin(n: Traffic, d: Demand, b: int, slot: int, beside: int, side: int, there: float) -> None:
-    """Begin a lane change; the vehicle is on both lanes from now on."""
-    driven = n.driven
-    driven.side[b, slot], driven.done[b, slot] = side, 0.0
-    driven.wish[b, slot] = driven.reason[b, slot] = driven.advised[b, slot] = 0
-    driven.gain[b, slot] = driven.keeping[b, slot] = driven.memory[b, slot] = 0.0
-    driven.reserved[b, slot] = driven.space[b, slot] = 0.0
-    length = n.state.vehicles.length[b, slot]
-    add_entry(n, d.ways.lane[beside], slot, there, there - length, n.state.vehicles.speed[b, slot])
+def _car_of(n: Traffic, near: Near) -> int:
+    return n.entries[near.entry].car
 
 
 @kernel
-def find_ahead(
-    n: Traffic, d: Demand, b: int, slot: int, row: int, front: float, reach: float
-) -> tuple[int, float]:
-    """Return the entry of the next vehicle ahead on a way, -1 for none, and the gap less the least [m]."""
-    lane, room = d.ways.lane[row], n.occupancy
-    entry, seen = entry_ahead(n, lane, front, slot), -front
-    while entry < 0:
-        seen += n.lane_length[lane]
-        row = d.ways.next[row]
+def _find_ahead(n: Traffic, car: Car, row: int, front: float, reach: float) -> Near:
+    """Return the next vehicle ahead on a way."""
+    found, seen = entry_ahead(n, n.ways[row].lane, front, car), -front
+    while found < 0:
+        seen += n.lanes[n.ways[row].lane].length
+        row = n.ways[row].next
         if row < 0 or seen > reach:
-            return -1, np.inf
-        lane = d.ways.lane[row]
-        entry = rearmost(n, lane, slot)
-    return entry, float(seen + room.back[entry] - d.types.min_gap[n.driven.type[b, slot]])
+            return Near(-1, np.inf)
+        found = entry_ahead(n, n.ways[row].lane, -np.inf, car)
+    return Near(found, seen + n.entries[found].back - n.types[car.type].min_gap)
 
 
 @kernel
-def find_behind(n: Traffic, d: Demand, b: int, slot: int, lane: int, front: float) -> tuple[int, float]:
-    """Return the entry of the nearest vehicle behind, -1 for none, and the gap less its least [m]."""
-    room, best, gap = n.occupancy, -1, np.inf
-    back = front - n.state.vehicles.length[b, slot]
-    entry = entry_behind(n, lane, front, slot)
-    if entry >= 0:
-        return entry, back - room.front[entry] - least_gap(n, d, b, room.slot[entry])
-    for place in range(n.predecessor_start[lane], n.predecessor_start[lane + 1]):
-        before = n.predecessor[place]
-        entry, far = entry_behind(n, before, np.inf, slot), back
-        if entry < 0 and n.roads.lane_inside[before]:
-            far += n.lane_length[before]
-            if n.predecessor_start[before] < n.predecessor_start[before + 1]:
-                before = n.predecessor[n.predecessor_start[before]]
-                entry = entry_behind(n, before, np.inf, slot)
-        if entry >= 0 and room.front[entry] <= n.lane_length[before]:
-            found = far + n.lane_length[before] - room.front[entry] - least_gap(n, d, b, room.slot[entry])
-            if found < min(gap, BEHIND):
-                best, gap = entry, found
-    return best, gap
+def _find_behind(n: Traffic, car: Car, lane: int, front: float) -> Near:
+    """Return the nearest vehicle behind a place on a lane, also on the lanes before."""
+    back, found = front - car.length, entry_behind(n, lane, front, car)
+    if found >= 0:
+        return Near(found, back - n.entries[found].front - _least_gap(n, found))
+    nearest = Near(-1, np.inf)
+    for place in range(n.lanes[lane].predecessors, n.lanes[lane + 1].predecessors):
+        before, far = n.predecessor[place], back
+        found = entry_behind(n, before, np.inf, car)
+        if found < 0 and n.lanes[before].inside:
+            far += n.lanes[before].length
+            if n.lanes[before].predecessors < n.lanes[before + 1].predecessors:
+                before = n.predecessor[n.lanes[before].predecessors]
+                found = entry_behind(n, before, np.inf, car)
+        if found >= 0 and n.entries[found].front <= n.lanes[before].length:
+            gap = far + n.lanes[before].length - n.entries[found].front - _least_gap(n, found)
+            if gap < min(nearest.gap, BEHIND):
+                nearest = Near(found, gap)
+    return nearest
 
 
 @kernel
-def _blocked_by(n: Traffic, d: Demand, b: int, slot: int, ahead: Near, behind: Near) -> int:
+def _least_gap(n: Traffic, entry: int) -> float:
+    """Return the gap that the driver of an entry keeps when it stands [m]."""
+    return n.types[n.cars[n.entries[entry].car].type].min_gap
+
+
+@kernel
+def _needed_gap(n: Traffic, follower: Car, speed: float, leader: Car, leader_speed: float) -> float:
+    """Return the gap that a driver needs behind a leader [m]."""
+    return cf.secure_gap(n.types[follower.type], speed, leader_speed, n.types[leader.type].decel)
+
+
+@kernel
+def _braking(n: Traffic, car: Car, speed: float, tau: float) -> float:
+    """Return the distance in which a driver stops that reacts after `tau` [s] [m]."""
+    kind = n.types[car.type]
+    return cf.brake_gap(kind, speed, kind.decel, tau)
+
+
+@kernel
+def _blocked_by(n: Traffic, car: Car, ahead: Near, behind: Near) -> int:
     """Return what blocks a lane change: `BY_LEADER` and `BY_FOLLOWER` (`MSLaneChanger::checkChange`)."""
-    room, v, t, found = n.occupancy, n.state.vehicles, n.driven.type[b, slot], 0
-    speed, factor = v.speed[b, slot], 1.0 / d.types.assertive[t]
-    decel, dt = d.types.decel[t], n.state.dt
-    if behind[0] >= 0:
-        other = room.slot[behind[0]]
-        left = max(d.types.tau[n.driven.type[b, other]] - dt, 0.0) if v.owner[b, other] == n.owner else 0.9
-        then = room.pace[behind[0]] + max(0.0, left * v.acceleration[b, other])
-        own = max(0.0, speed + min(0.0, left * v.acceleration[b, slot]))
-        if behind[1] < 0.0 or behind[1] < factor * needed_gap(n, d, b, other, then, own, decel):
+    factor, found = 1.0 / n.types[car.type].assertive, 0
+    if behind.entry >= 0:
+        entry = n.entries[behind.entry]
+        foe = n.cars[entry.car]
+        left = max(n.types[foe.type].tau - n.dt, 0.0)
+        then = entry.speed + max(0.0, left * foe.acceleration)
+        own = max(0.0, car.speed + min(0.0, left * car.acceleration))
+        if behind.gap < 0.0 or behind.gap < factor * _needed_gap(n, foe, then, car, own):
             found |= BY_FOLLOWER
-    if ahead[0] >= 0:
-        other = room.slot[ahead[0]]
-        left = max(d.types.tau[t] - dt, 0.0)
-        then = max(0.0, room.pace[ahead[0]] + min(0.0, left * v.acceleration[b, other]))
-        own = speed + max(0.0, left * v.acceleration[b, slot])
-        needed = needed_gap(n, d, b, slot, own, then, decel_of(n, d, b, other))
-        if ahead[1] < 0.0 or ahead[1] < factor * needed:
+    if ahead.entry >= 0:
+        entry = n.entries[ahead.entry]
+        foe = n.cars[entry.car]
+        left = max(n.types[car.type].tau - n.dt, 0.0)
+        then = max(0.0, entry.speed + min(0.0, left * foe.acceleration))
+        own = car.speed + max(0.0, left * car.acceleration)
+        if ahead.gap < 0.0 or ahead.gap < factor * _needed_gap(n, car, own, foe, then):
             found |= BY_LEADER
     return found
 
 
 @kernel
-def _has_space(n: Traffic, d: Demand, b: int, slot: int, row: int) -> bool:
+def _has_space(n: Traffic, car: Car) -> bool:
     """Return whether a lane change that begins now is over before a turn or the end of the way."""
-    speed, decel = n.state.vehicles.speed[b, slot], d.types.decel[n.driven.type[b, slot]]
-    mean = 0.5 * (max(0.0, speed - decel * n.state.dt) + max(0.0, speed - decel * DURATION))
-    needed, seen = mean * DURATION, n.lane_length[d.ways.lane[row]] - n.driven.front[b, slot]
+    decel, row = n.types[car.type].decel, car.row
+    mean = 0.5 * (max(0.0, car.speed - decel * n.dt) + max(0.0, car.speed - decel * DURATION))
+    needed, seen = mean * DURATION, n.lanes[car.lane].length - car.front
     while seen <= needed:
-        row = d.ways.next[row]
+        row = n.ways[row].next
         if row < 0:
             return seen >= needed
-        lane = d.ways.lane[row]
-        if n.lane_turns[lane]:
+        lane = n.lanes[n.ways[row].lane]
+        if lane.turns:
             return False
-        seen += n.lane_length[lane]
+        seen += lane.length
     return True
 
 
 @kernel
-def _wants(
-    n: Traffic,
-    d: Demand,
-    b: int,
-    slot: int,
-    row: int,
-    beside: int,
-    side: int,
-    leader: Near,
-    ahead: Near,
-    behind: Near,
-    blocked: int,
-) -> tuple[bool, int]:
-    """Return whether a driver wants to change to a side, and why (`MSLCM_LC2013::_wantsChange`).
-
-    Args:
-        n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
-        row: Row of its lane.
-        beside: Row of the lane beside.
-        side: 1 for the left, -1 for the right.
-        leader: The vehicle ahead.
-        ahead: The one ahead on the lane beside.
-        behind: The one behind on the lane beside.
-        blocked: What blocks the change.
-    """
-    driven, ways, types, t, dt = n.driven, d.ways, d.types, n.driven.type[b, slot], n.state.dt
-    speed, place, lane = n.state.vehicles.speed[b, slot], driven.front[b, slot], ways.lane[row]
-    action = reaction_of(types, t, dt)
-    here, there = min(ways.length[row], FARTHEST), min(ways.length[beside], FARTHEST)
-    changes = ways.changes[row]
-    best = side if changes == 0 and ways.changes[beside] == 0 else changes
-    keep = 1.0 - FORGETS * action
-    driven.memory[b, slot] = max(speed, keep * driven.memory[b, slot] + (1.0 - keep) * speed)
-    room_ahead = driven.memory[b, slot] * LOOK_AHEAD * types.strategic[t] * (2.0 if side > 0 else 1.0)
-    room_ahead += 2.0 * (n.state.vehicles.length[b, slot] + types.min_gap[t])
+def _wants(n: Traffic, car: Car, change: Change) -> tuple[bool, int]:
+    """Return whether a driver wants to change lanes, and why (`MSLCM_LC2013::_wantsChange`)."""
+    kind, way, beside, side = n.types[car.type], n.ways[car.row], n.ways[change.row], change.side
+    here, there = min(way.length, FARTHEST), min(beside.length, FARTHEST)
+    best = side if way.changes == 0 and beside.changes == 0 else way.changes
+    keep = 1.0 - FORGETS * kind.reaction
+    car.memory = max(car.speed, keep * car.memory + (1.0 - keep) * car.speed)
+    ahead = car.memory * LOOK_AHEAD * kind.strategic * (2.0 if side > 0 else 1.0)
+    ahead += 2.0 * (car.length + kind.min_gap)
     to_best = best * side > 0
-    if to_best and best == changes:
-        taken = _taken_on(n, d, row, changes)
-        if (here - place - taken) < room_ahead * abs(best):
-            _prepare(n, d, b, slot, side, best, here - place, ahead, behind, blocked)
-            return True, STRATEGIC
-    left = max(0.0, there - place - max(_taken_on(n, d, row, 0), _taken_on(n, d, beside, 0)))
-    if not to_best and left < room_ahead * (abs(best) + 2):
+    is_due = to_best and best == way.changes
+    if is_due and here - car.front - _taken_on(n, car.row, best) < ahead * abs(best):
+        _prepare(n, car, change, best, here - car.front)
+        return True, STRATEGIC
+    left = max(0.0, there - car.front - max(_taken_on(n, car.row, 0), _taken_on(n, change.row, 0)))
+    if not to_best and left < ahead * (abs(best) + 2):
         return False, 0
-    if best == 0 and (2.0 * left < room_ahead or (there < TURN_LANE and _leads_on(n, d, beside))):
+    if best == 0 and (2.0 * left < ahead or (there < TURN_LANE and _leads_on(n, change.row))):
         return False, 0
-    most, its_most = (desired_speed(n, d, b, slot, lane), desired_speed(n, d, b, slot, ways.lane[beside]))
-    rising = _speeds_up(n, b, leader) or _speeds_up(n, b, ahead)
-    on_own = _expected_speed(n, d, b, slot, leader, here, most, rising)
-    on_other = _expected_speed(n, d, b, slot, ahead, there, its_most, rising)
-    threshold, right_threshold = _thresholds(types, t)
-    loss = driven.gain[b, slot] / right_threshold if side < 0 else -driven.gain[b, slot] / threshold
+    rising = _speeds_up(n, change.leader) or _speeds_up(n, change.ahead)
+    on_own = _expected_speed(n, car, change.leader, here, car.desired, rising)
+    its_desired = desired_speed(n, car, n.lanes[beside.lane])
+    on_other = _expected_speed(n, car, change.ahead, there, its_desired, rising)
+    loss = car.gain / _threshold(n, car, side) if side < 0 else -car.gain / _threshold(n, car, side)
     loss = min(1.0, max(loss, on_own / max(on_other, 1e-9) - 1.0))
-    if side < 0 and best == 0 and n.roads.lane_speed[lane] > HIGHWAY:
+    if side < 0 and best == 0 and n.lanes[car.lane].speed > HIGHWAY:
         return False, 0
-    helps = driven.asked[b, slot] == side and loss <= types.cooperative[t]
-    if helps and (to_best or there >= room_ahead * (abs(best) + 1)):
+    helps = car.asked == side and loss <= kind.cooperative
+    if helps and (to_best or there >= ahead * (abs(best) + 1)):
         return True, COOPERATIVE
-    if side < 0 and _wants_right(n, d, b, slot, row, there, ahead, on_own, on_other):
-        return True, 0
-    if side > 0 and _wants_left(n, d, b, slot, there, on_own, on_other):
+    if _wants_speed(n, car, change, there, on_own, on_other):
         return True, 0
     # Towards the lane of the route, where it does not cost speed.
-    gains = on_other >= on_own and driven.gain[b, slot] * side > 0.0
-    return to_best and best == changes and gains, STRATEGIC
+    gains = on_other >= on_own and car.gain * side > 0.0
+    return to_best and best == way.changes and gains, STRATEGIC
 
 
 @kernel
-def _taken_on(n: Traffic, d: Demand, row: int, changes: int) -> float:
+def _taken_on(n: Traffic, row: int, changes: int) -> float:
     """Return how much vehicles take up of a lane some changes away, and of the two that follow it [m]."""
     while changes != 0:
-        beside = d.ways.left[row] if changes > 0 else d.ways.right[row]
+        beside = n.ways[row].left if changes > 0 else n.ways[row].right
         changes -= 1 if changes > 0 else -1
         row = beside if beside >= 0 else row
     taken, count = 0.0, 0
     while row >= 0 and count < 3:
-        taken += n.occupancy.taken[d.ways.lane[row]]
-        row = d.ways.next[row]
+        taken += n.lanes[n.ways[row].lane].taken
+        row = n.ways[row].next
         count += 1
-    return float(taken)
+    return taken
 
 
 @kernel
-def _leads_on(n: Traffic, d: Demand, row: int) -> bool:
+def _leads_on(n: Traffic, row: int) -> bool:
     """Return whether the last lane that is reached without a change leads anywhere, if not on the route."""
-    while d.ways.next[row] >= 0:
-        row = d.ways.next[row]
-    lane = d.ways.lane[row]
-    return bool(n.successor_start[lane] < n.successor_start[lane + 1])
+    while n.ways[row].next >= 0:
+        row = n.ways[row].next
+    lane = n.ways[row].lane
+    return n.lanes[lane].successors < n.lanes[lane + 1].successors
 
 
 @kernel
-def _speeds_up(n: Traffic, b: int, near: Near) -> bool:
-    return near[0] >= 0 and n.state.vehicles.acceleration[b, n.occupancy.slot[near[0]]] > 0.0
+def _speeds_up(n: Traffic, near: Near) -> bool:
+    return near.entry >= 0 and n.cars[_car_of(n, near)].acceleration > 0.0
 
 
 @kernel
-def _thresholds(types: Types, t: int) -> tuple[float, float]:
-    """Return the gains from which on drivers of a type change to the left, and to the right."""
-    gain = max(types.speed_gain[t], 1e-9)
-    return THRESHOLD / gain, RIGHT_THRESHOLD / gain
+def _threshold(n: Traffic, car: Car, side: int) -> float:
+    """Return the gain from which on a driver changes to a side."""
+    gain = max(n.types[car.type].speed_gain, 1e-9)
+    return THRESHOLD / gain if side > 0 else RIGHT_THRESHOLD / gain
 
 
 @kernel
-def _wants_right(
-    n: Traffic,
-    d: Demand,
-    b: int,
-    slot: int,
-    row: int,
-    there: float,
-    ahead: Near,
-    on_own: float,
-    on_other: float,
-) -> bool:
-    """Return whether a driver wants to the right for speed, or since it is free; remember its gain.
+def _wants_speed(n: Traffic, car: Car, change: Change, there: float, on_own: float, on_other: float) -> bool:
+    """Return whether a driver wants to a side for speed, or since the right is free; remember its gain.
 
     Args:
         n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
-        row: Row of its lane.
-        there: How far the lane to the right leads [m].
-        ahead: The vehicle ahead there.
+        car: The vehicle.
+        change: The lane change.
+        there: How far the lane beside leads [m].
         on_own: Speed that it expects on its lane [m/s].
-        on_other: Speed on the lane to the right [m/s].
+        on_other: Speed on the lane beside [m/s].
     """
-    driven, t = n.driven, n.driven.type[b, slot]
-    action, threshold = reaction_of(d.types, t, n.state.dt), _thresholds(d.types, t)[1]
+    kind, threshold = n.types[car.type], _threshold(n, car, change.side)
+    gains, lasts = (on_other - on_own) / max(on_other, LEAST_NORM), there > REMAINS * max(0.1, car.speed)
+    if change.side > 0:
+        if gains > 0.0:
+            car.gain += kind.reaction * gains
+        elif car.gain > 0.0:
+            car.gain *= (0.8 if on_own == on_other else 0.5) ** kind.reaction
+        return lasts and car.gain > threshold and gains > cf.SLACK
     if on_own - SLOWER > on_other:
-        if driven.gain[b, slot] < 0.0:
-            driven.gain[b, slot] *= 0.5**action
+        if car.gain < 0.0:
+            car.gain *= 0.5**kind.reaction
     else:
-        gains = (on_other - on_own) / max(on_other, LEAST_NORM)
-        if driven.gain[b, slot] < 0.0 or gains > 0.0:
-            driven.gain[b, slot] -= action * gains
-        share = _free_on_right(n, d, b, slot, there, ahead, d.ways.lane[row])
-        driven.keeping[b, slot] -= action * threshold * share / KEEP_RIGHT_TIME
-        if driven.keeping[b, slot] * d.types.keep_right[t] < -threshold:
+        if car.gain < 0.0 or gains > 0.0:
+            car.gain -= kind.reaction * gains
+        share = _free_on_right(n, car, there, change.ahead)
+        car.keeping -= kind.reaction * threshold * share / KEEP_RIGHT_TIME
+        if car.keeping * kind.keep_right < -threshold:
             return True
-    lasts = there > REMAINS * max(0.1, n.state.vehicles.speed[b, slot])
-    return lasts and driven.gain[b, slot] < -threshold
+    return lasts and car.gain < -threshold
 
 
 @kernel
-def _wants_left(
-    n: Traffic, d: Demand, b: int, slot: int, there: float, on_own: float, on_other: float
-) -> bool:
-    """Return whether a driver wants to the left for speed, as `_wants_right` does."""
-    driven, t = n.driven, n.driven.type[b, slot]
-    action, gains = reaction_of(d.types, t, n.state.dt), (on_other - on_own) / max(on_other, LEAST_NORM)
-    if gains > 0.0:
-        driven.gain[b, slot] += action * gains
-    elif driven.gain[b, slot] > 0.0:
-        driven.gain[b, slot] *= (0.8 if on_own == on_other else 0.5) ** action
-    lasts = there > REMAINS * max(0.1, n.state.vehicles.speed[b, slot])
-    return lasts and driven.gain[b, slot] > _thresholds(d.types, t)[0] and gains > SLACK
-
-
-@kernel
-def _free_on_right(n: Traffic, d: Demand, b: int, slot: int, there: float, ahead: Near, lane: int) -> float:
+def _free_on_right(n: Traffic, car: Car, there: float, ahead: Near) -> float:
     """Return how long the lane to the right is free for a driver's speed, as a share of what it wants."""
-    most, entry = desired_speed(n, d, b, slot, lane), ahead[0]
-    speed, t = n.state.vehicles.speed[b, slot], n.driven.type[b, slot]
-    wanted = RIGHT_TIME * most / n.roads.lane_speed[lane] * max(1.0, speed)
-    free = max(0.0, there - braking_distance(n, d, b, slot, most, d.types.tau[t]))
+    most = car.desired
+    wanted = RIGHT_TIME * most / n.lanes[car.lane].speed * max(1.0, car.speed)
+    free = max(0.0, there - _braking(n, car, most, n.types[car.type].tau))
     seconds = min(wanted, free / most)
-    if entry >= 0 and n.occupancy.pace[entry] < most:
-        pace, other = n.occupancy.pace[entry], n.occupancy.slot[entry]
-        needed = needed_gap(n, d, b, slot, most, pace, decel_of(n, d, b, other))
-        free = max(0.0, min(free, ahead[1] - needed))
-        seconds = min(seconds, free / (most - pace))
+    if ahead.entry >= 0 and n.entries[ahead.entry].speed < most:
+        entry = n.entries[ahead.entry]
+        needed = _needed_gap(n, car, most, n.cars[entry.car], entry.speed)
+        free = max(0.0, min(free, ahead.gap - needed))
+        seconds = min(seconds, free / (most - entry.speed))
     return seconds / wanted
 
 
 @kernel
-def _expected_speed(
-    n: Traffic, d: Demand, b: int, slot: int, near: Near, room: float, most: float, rising: bool
-) -> float:
+def _expected_speed(n: Traffic, car: Car, near: Near, room: float, most: float, rising: bool) -> float:
     """Return the speed that a driver expects on a lane [m/s] (`anticipateFollowSpeed`).
 
     Args:
         n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
+        car: The vehicle.
         near: The vehicle ahead there.
         room: How far the lane leads [m].
         most: Desired speed there [m/s].
         rising: Whether a leader speeds up.
     """
-    types, t, dt, ballistic = d.types, n.driven.type[b, slot], n.state.dt, n.ballistic[b]
-    speed, decel, tau = n.state.vehicles.speed[b, slot], types.decel[t], types.tau[t]
-    leader, gap = near
-    if rising:
-        soon = min(most, speed + types.accel[t] * dt)
-        if leader < 0:
-            return min(most, follow_speed(n, d, b, slot, soon, room, 0.0, decel))
-        its = decel_of(n, d, b, n.occupancy.slot[leader])
-        return min(most, follow_speed(n, d, b, slot, soon, gap, n.occupancy.pace[leader], its))
-    if leader < 0:
-        return min(most, insertion_stop_speed(room, decel, tau, dt, ballistic))
-    its = max(decel, decel_of(n, d, b, n.occupancy.slot[leader]))
-    braking = brake_gap(n.occupancy.pace[leader], its, 0.0, dt, ballistic)
-    return min(most, insertion_stop_speed(max(gap + braking, 0.0), decel, tau, dt, ballistic))
-
-
-@kernel
-def _prepare(
-    n: Traffic,
-    d: Demand,
-    b: int,
-    slot: int,
-    side: int,
-    best: int,
-    space: float,
-    ahead: Near,
-    behind: Near,
-    blocked: int,
-) -> None:
-    """Prepare a lane change that the route demands: choose a gap, and ask the neighbours for it."""
-    driven, types, t = n.driven, d.types, n.driven.type[b, slot]
-    driven.space[b, slot] = space
-    if abs(best) > 1:
-        driven.reserved[b, slot] = max(
-            driven.reserved[b, slot], RESERVED_RIGHT if side < 0 else RESERVED_LEFT
+    kind, soon = n.types[car.type], min(most, car.speed + n.types[car.type].accel * n.dt)
+    if near.entry < 0:
+        return min(
+            most, follow(n, car, room, soon, car, 0.0) if rising else cf.insertion_stop_speed(kind, room)
         )
-    if ahead[0] >= 0:
-        _reserve(n, d, b, slot, n.occupancy.slot[ahead[0]], side)
-    pace = max(driven.memory[b, slot], SLACK)
-    seconds = max(n.state.dt, space / pace / max(1, abs(best)) / URGENCY)
-    planned = _ask_leader(n, d, b, slot, ahead[0], ahead[1], seconds, blocked)
-    follower, behind_gap = behind
-    if follower >= 0 and planned > -1.0:
-        if blocked & BY_FOLLOWER:
-            _ask_follower(n, d, b, slot, follower, behind_gap, seconds, planned, side)
-        elif blocked & BY_LEADER:
-            other = n.occupancy.slot[follower]
-            its, dt = n.occupancy.pace[follower], n.state.dt
-            if n.state.vehicles.owner[b, other] == n.owner:
-                first = follow_speed(n, d, b, other, its, behind_gap + dt * planned, planned, types.decel[t])
-                room = behind_gap + dt * (planned - first)
-                _advise(n, b, other, follow_speed(n, d, b, other, its, room, planned, types.decel[t]))
+    entry = n.entries[near.entry]
+    leader = n.cars[entry.car]
+    if rising:
+        return min(most, follow(n, car, near.gap, soon, leader, entry.speed))
+    braking = cf.brake_gap(kind, entry.speed, max(kind.decel, n.types[leader.type].decel), 0.0)
+    return min(most, cf.insertion_stop_speed(kind, max(near.gap + braking, 0.0)))
 
 
 @kernel
-def _reserve(n: Traffic, d: Demand, b: int, slot: int, other: int, side: int) -> None:
+def _prepare(n: Traffic, car: Car, change: Change, best: int, space: float) -> None:
+    """Prepare a lane change that the route demands: choose a gap, and ask the neighbours for it."""
+    car.space = space
+    if abs(best) > 1:
+        car.reserved = max(car.reserved, RESERVED_RIGHT if change.side < 0 else RESERVED_LEFT)
+    if change.ahead.entry >= 0:
+        _reserve(n, car, n.cars[_car_of(n, change.ahead)], change.side)
+    seconds = max(n.dt, space / max(car.memory, cf.SLACK) / max(1, abs(best)) / URGENCY)
+    planned = _ask_leader(n, car, change, seconds)
+    if change.behind.entry < 0 or planned <= -1.0:
+        return
+    entry = n.entries[change.behind.entry]
+    foe = n.cars[entry.car]
+    if change.blocked & BY_FOLLOWER:
+        _ask_follower(n, car, foe, change, seconds, max(planned, 0.0))
+    elif change.blocked & BY_LEADER and foe.is_own:
+        first = follow(n, foe, change.behind.gap + n.dt * planned, entry.speed, car, planned)
+        room = change.behind.gap + n.dt * (planned - first)
+        _advise(n, foe, follow(n, foe, room, entry.speed, car, planned))
+
+
+@kernel
+def _reserve(n: Traffic, car: Car, foe: Car, side: int) -> None:
     """Keep room at the lane's end for a vehicle ahead that wants the other way, or let it keep room."""
-    driven, v = n.driven, n.state.vehicles
-    if v.owner[b, other] != n.owner or driven.wish[b, other] != -side:
+    if not foe.is_own or foe.wish != -side:
         return
-    needed = v.length[b, other] + d.types.min_gap[driven.type[b, other]]
-    if needed <= driven.space[b, slot] - braking_distance(n, d, b, slot, v.speed[b, slot], 0.0):
-        driven.reserved[b, slot] = max(driven.reserved[b, slot], needed)
+    needed = foe.length + n.types[foe.type].min_gap
+    if needed <= car.space - _braking(n, car, car.speed, 0.0):
+        car.reserved = max(car.reserved, needed)
     else:
-        own = v.length[b, slot] + d.types.min_gap[driven.type[b, slot]]
-        if own <= driven.space[b, other] - braking_distance(n, d, b, other, v.speed[b, other], 0.0):
-            driven.reserved[b, other] = max(driven.reserved[b, other], own)
+        own = car.length + n.types[car.type].min_gap
+        if own <= foe.space - _braking(n, foe, foe.speed, 0.0):
+            foe.reserved = max(foe.reserved, own)
 
 
 @kernel
-def _advise(n: Traffic, b: int, slot: int, speed: float) -> None:
+def _advise(n: Traffic, car: Car, speed: float) -> None:
     """Ask a driver for a speed [m/s]."""
-    driven = n.driven
-    count = driven.advised[b, slot]
-    if n.state.vehicles.owner[b, slot] == n.owner and count < ADVICES:
-        driven.advice[b, slot, count] = (speed - n.state.vehicles.speed[b, slot]) / n.state.dt
-        driven.advised[b, slot] = count + 1
+    if car.is_own and car.advised < ADVICES:
+        car.advice[car.advised] = (speed - car.speed) / n.dt
+        car.advised += 1
 
 
 @kernel
-def _ask_leader(
-    n: Traffic, d: Demand, b: int, slot: int, ahead: int, gap: float, seconds: float, blocked: int
-) -> float:
+def _ask_leader(n: Traffic, car: Car, change: Change, seconds: float) -> float:
     """Return the speed of a driver that wants in behind a leader, -1 to pass it [m/s] (`informLeader`)."""
-    driven, types, t, v, dt = n.driven, d.types, n.driven.type[b, slot], n.state.vehicles, n.state.dt
-    speed, ballistic = v.speed[b, slot], n.ballistic[b]
-    space = driven.space[b, slot] - driven.reserved[b, slot]
-    planned = min(speed, stop_speed(n, d, b, slot, speed, space, types.decel[t]))
-    for place in range(driven.advised[b, slot]):
-        if driven.advice[b, slot, place] >= -types.decel[t]:
-            planned = min(planned, speed + driven.advice[b, slot, place] * dt)
-    if ahead < 0:
+    kind, space, gap = n.types[car.type], car.space - car.reserved, change.ahead.gap
+    planned = min(car.speed, stop(n, car, space))
+    for place in range(car.advised):
+        if car.advice[place] >= -kind.decel:
+            planned = min(planned, car.speed + car.advice[place] * n.dt)
+    if change.ahead.entry < 0:
         return planned
-    other, pace = n.occupancy.slot[ahead], n.occupancy.pace[ahead]
-    then = pace - dt * max(1.0, -v.acceleration[b, other])
-    moved = 0.5 * (pace + then) - 0.5 * (speed + planned) if ballistic else then - planned
-    decel = decel_of(n, d, b, other)
-    target = follow_speed(n, d, b, slot, speed, gap + dt * moved, max(then, 0.0), decel)
-    target = max(lowest_next(types, t, speed, dt, ballistic), target)
-    if not blocked & BY_LEADER:
-        _advise(n, b, slot, target)
+    pace, foe = n.entries[change.ahead.entry].speed, n.cars[_car_of(n, change.ahead)]
+    then = pace - n.dt * max(1.0, -foe.acceleration)
+    moved = 0.5 * (pace + then) - 0.5 * (car.speed + planned) if kind.ballistic else then - planned
+    target = follow(n, car, gap + n.dt * moved, car.speed, foe, max(then, 0.0))
+    target = max(cf.lowest_next(kind, car.speed), target)
+    if not change.blocked & BY_LEADER:
+        _advise(n, car, target)
         return min(target, planned)
-    way = gap + v.length[b, other] + least_gap(n, d, b, other) + v.length[b, slot]
-    way += needed_gap(n, d, b, other, pace, speed, types.decel[t])
+    foe.reason |= BLOCKS_CHANGE
+    way = gap + foe.length + n.types[foe.type].min_gap + car.length
+    way += _needed_gap(n, foe, pace, car, car.speed)
     faster = planned - pace
-    braking = braking_distance(n, d, b, slot, speed, 0.0 if ballistic else types.tau[t])
-    if faster <= 0.0 or space - braking < way or seconds < max(way, 0.0) / faster:
-        n.driven.reason[b, other] |= BLOCKS_CHANGE
-        if target >= speed:
-            _advise(n, b, slot, target)
-            return planned
-        slower = min(types.decel[t], max(FALL_BACK, (speed - target) / seconds))
-        following = min(planned, max(0.0, speed - slower * dt))
-        _advise(n, b, slot, following)
-        return following
-    n.driven.reason[b, other] |= BLOCKS_CHANGE
-    _advise(n, b, other, pace)
-    return -1.0
+    braking = _braking(n, car, car.speed, 0.0 if kind.ballistic else kind.tau)
+    if faster > 0.0 and space - braking >= way and seconds >= max(way, 0.0) / faster:
+        _advise(n, foe, pace)
+        return -1.0
+    if target >= car.speed:
+        _advise(n, car, target)
+        return planned
+    slower = min(kind.decel, max(FALL_BACK, (car.speed - target) / seconds))
+    following = min(planned, max(0.0, car.speed - slower * n.dt))
+    _advise(n, car, following)
+    return following
 
 
 @kernel
-def _ask_follower(
-    n: Traffic,
-    d: Demand,
-    b: int,
-    slot: int,
-    behind: int,
-    gap: float,
-    seconds: float,
-    planned: float,
-    side: int,
-) -> None:
+def _ask_follower(n: Traffic, car: Car, foe: Car, change: Change, seconds: float, planned: float) -> None:
     """Ask the vehicle behind on the lane beside for a gap, or let it pass (`informFollower`)."""
-    types, t, v, dt, other = (
-        d.types,
-        n.driven.type[b, slot],
-        n.state.vehicles,
-        n.state.dt,
-        n.occupancy.slot[behind],
-    )
-    if v.owner[b, other] != n.owner:
+    if not foe.is_own:
         return
-    speed, its, decel = v.speed[b, slot], v.speed[b, other], types.decel[t]
-    planned = max(planned, 0.0)
-    n.driven.asked[b, other] = side
-    lacking = needed_gap(n, d, b, other, its, planned, decel) - gap
+    kind, its, gap, ballistic = n.types[car.type], foe.speed, change.behind.gap, n.types[foe.type].ballistic
+    foe.asked = change.side
+    lacking = _needed_gap(n, foe, its, car, planned) - gap
     if planned - its >= HELP and lacking / seconds < planned - its:
-        _advise(n, b, other, planned - HELP)
+        _advise(n, foe, planned - HELP)
         return
-    help_decel = decel_of(n, d, b, other)
-    slower, after = max(0.0, its - help_decel * dt), max(0.0, its - help_decel)
-    opens = speed - its if n.ballistic[b] else planned - after
-    wider = gap + (planned - its + 0.5 * help_decel if n.ballistic[b] else opens)
-    secure = needed_gap(n, d, b, other, after, planned, decel)
+    help_decel = n.types[foe.type].decel
+    slower, after = max(0.0, its - help_decel * n.dt), max(0.0, its - help_decel)
+    opens = car.speed - its if ballistic else planned - after
+    wider = gap + (planned - its + 0.5 * help_decel if ballistic else opens)
+    secure = _needed_gap(n, foe, after, car, planned)
     if wider > 0.0 and wider >= secure:
-        first = follow_speed(n, d, b, other, its, gap + dt * planned, planned, decel)
-        room = gap + dt * (planned - max(slower, first))
-        found = max(slower, follow_speed(n, d, b, other, its, room, planned, decel))
-        if n.ballistic[b]:
+        first = follow(n, foe, gap + n.dt * planned, its, car, planned)
+        room = gap + n.dt * (planned - max(slower, first))
+        found = max(slower, follow(n, foe, room, its, car, planned))
+        if ballistic:
             found = min(its, found)
-            if room < needed_gap(n, d, b, other, found, planned, decel):
+            if room < _needed_gap(n, foe, found, car, planned):
                 found = slower
-        _advise(n, b, other, found)
+        _advise(n, foe, found)
         return
-    if opens > 0.0 and opens * (seconds - 1.0 if n.ballistic[b] else seconds) > secure - wider + 0.1:
-        _advise(n, b, other, slower)
+    if opens > 0.0 and opens * (seconds - 1.0 if ballistic else seconds) > secure - wider + 0.1:
+        _advise(n, foe, slower)
         return
-    helped = max(its, speed + HELP)
-    lane = d.ways.lane[n.driven.row[b, slot]]
-    if its > speed and (side < 0 or planned > FAST or n.lane_length[lane] > LONG_LANE):
-        helped = max(slower, speed + HELP)
-        if (its - speed) / help_decel < seconds:
-            _advise(n, b, other, slower if n.ballistic[b] else helped)
+    helped = max(its, car.speed + HELP)
+    if its > car.speed and (change.side < 0 or planned > FAST or n.lanes[car.lane].length > LONG_LANE):
+        helped = max(slower, car.speed + HELP)
+        if (its - car.speed) / help_decel < seconds:
+            _advise(n, foe, slower if ballistic else helped)
             return
-    _advise(n, b, other, helped)
-    way = gap + v.length[b, slot] + types.min_gap[t] + v.length[b, other]
-    way += needed_gap(n, d, b, slot, planned, helped, help_decel)
-    _advise(n, b, slot, max(helped - max(way, 0.0) / seconds, speed - decel * dt))
+    _advise(n, foe, helped)
+    way = gap + car.length + kind.min_gap + foe.length
+    way += _needed_gap(n, car, planned, foe, helped)
+    _advise(n, car, max(helped - max(way, 0.0) / seconds, car.speed - kind.decel * n.dt))

@@ -11,16 +11,14 @@ from typing import Any
 import numpy as np
 
 from smarts.errors import TrafficError
-from smarts.providers.native.state import Flows, Types, Ways
+from smarts.providers.native import state
+from smarts.providers.native.departing import DRAWN, TAIL_AT_BEGIN
+from smarts.providers.native.state import rows_of
 from smarts.providers.native.ways import route_rows
 from smarts.roads.lane_graph import LaneGraph
-from smarts.types import columns
-from smarts.types.columns import Table
-from smarts.types.traffic import TrafficFiles
+from smarts.types.traffic import Signal, TrafficFiles
 from smarts.types.vehicles import VehicleKind
 
-TAIL_AT_BEGIN, DRAWN = -1.0, -2.0
-"""Values of `Flows.place` that stand for "base" and "random"."""
 _SIZES = {
     "passenger": (5.0, 1.8),
     "bus": (12.0, 2.5),
@@ -36,6 +34,9 @@ _DEFAULTS = {
     **{"lcKeepRight": 1.0, "lcAssertive": 1.0, "impatience": 0.0, "jmTimegapMinor": 1.0},
     **{"jmIgnoreJunctionFoeProb": 0.0, "jmDriveAfterRedTime": -1.0, "jmDriveAfterYellowTime": -1.0},
 }
+"""SUMO's attributes and their defaults, in the order of `VEHICLE_TYPE`."""
+_SHOWS = {"r": Signal.STOP, "u": Signal.STOP, "y": Signal.CAUTION, "Y": Signal.CAUTION, "g": Signal.GO}
+_SHOWS |= {"s": Signal.STOP, "G": Signal.GO + state.MAJOR}
 _NORMAL = re.compile(r"normc\((.*)\)")
 _MISSING = ("rerouter", "person", "personFlow", "container", "containerFlow", "stop", "trip")
 """Elements of route files that native traffic does not support."""
@@ -46,22 +47,30 @@ class Built:
 
     Args:
         maps: The maps, by their number in the atlas.
+        dt: Length of a step [s].
     """
 
-    def __init__(self, maps: Sequence[LaneGraph]) -> None:
-        self._maps = tuple(maps)
-        self._base = np.cumsum([0, *(len(graph.lane_ids) for graph in maps)])
-        self._types: list[list[float]] = []
-        self._ways: list[Ways] = []
-        self._rows = 0
-        self._flows: list[tuple[Any, ...]] = []
-        self._mixes: list[list[tuple[int, float]]] = []
+    def __init__(self, maps: Sequence[LaneGraph], dt: float) -> None:
+        self._maps, self._dt = tuple(maps), dt
+        self._base = np.cumsum([0, *(len(graph.lane_ids) for graph in maps)]).tolist()
+        self._types: list[tuple[float, ...]] = []
+        self._ways: list[tuple[float, ...]] = []
+        self._flows: list[tuple[float, ...]] = []
+        self._shares: list[tuple[float, int]] = []
+        self._phases: list[list[float]] = []
+        self._shows: list[list[int]] = []
+        self._lights: list[tuple[float, ...]] = []
+        self._lit: list[tuple[int, ...]] = []
+        self._map_lights = [(0, 0, 0, 0)] * len(self._maps)
         self.routes: list[tuple[int, ...]] = []
         """Edges of each route."""
-        self._route_numbers: dict[tuple[Any, ...], tuple[int, Any]] = {}
+        self._route_numbers: dict[tuple[Any, ...], tuple[int, int]] = {}
         self._files: dict[tuple[int, tuple[Path, ...]], tuple[range, range]] = {}
-        self.kinds = [self._type({"vClass": kind.name.lower()}) for kind in VehicleKind]
-        """The default type of each kind of vehicle."""
+        self.kinds = {
+            ballistic: [self._type({"vClass": kind.name.lower()}, ballistic) for kind in VehicleKind]
+            for ballistic in (False, True)
+        }
+        """The default type of each kind of vehicle, by the rule of integration."""
 
     def add(self, number: int, files: TrafficFiles) -> tuple[range, range]:
         """Return the flows and the routes of a scenario on a map, read at the first call.
@@ -71,13 +80,11 @@ class Built:
         """
         key = number, files.routes
         if key not in self._files:
+            if number not in {known for known, _ in self._files}:
+                self._add_lights(number, files.net)
             flows, routes = len(self._flows), len(self.routes)
             for file in files.routes:
-                try:
-                    self._read(number, ElementTree.parse(file).getroot(), file)
-                except (OSError, ElementTree.ParseError, KeyError, ValueError) as error:
-                    text = f"{type(error).__name__}: {error}"
-                    raise TrafficError(text, place=str(file), remedy="build the scenario again") from error
+                self._read(number, file, is_ballistic(files, self._dt))
             self._files[key] = range(flows, len(self._flows)), range(routes, len(self.routes))
         return self._files[key]
 
@@ -88,146 +95,160 @@ class Built:
         arrival: tuple[int, float] = (-1, np.inf),
         *,
         repeats: bool = False,
-    ) -> tuple[int, Any]:
-        """Return a route's number and the rows of its edges' rightmost lanes; a new route is added."""
+    ) -> tuple[int, int]:
+        """Return a route's number and the row of its first edge's rightmost lane; a new route is added."""
         key = number, tuple(edges), arrival, repeats
         if key not in self._route_numbers:
-            ways, first = route_rows(self._maps[number], key[1], arrival, repeats=repeats)
-            base, lane_base = np.int32(self._rows), np.int32(self._base[number])
-            next_row, left, right = (np.where(each < 0, -1, each + base) for each in ways[1:4])
-            self._ways.append(
-                ways._replace(
-                    lane=ways.lane + lane_base,
-                    next=next_row.astype(np.int32),
-                    left=left.astype(np.int32),
-                    right=right.astype(np.int32),
-                    route=np.full(len(ways.lane), len(self.routes), np.int32),
-                )
-            )
-            self._route_numbers[key] = len(self.routes), first + self._rows
-            self._rows += len(ways.lane)
+            first, route = len(self._ways), len(self.routes)
+            for row in route_rows(self._maps[number], key[1], arrival, repeats=repeats):
+                others = (other if other < 0 else other + first for other in (row.next, row.left, row.right))
+                lane = row.lane + self._base[number]
+                self._ways.append((lane, *others, row.changes, row.length, row.arrival, route))
+            self._route_numbers[key] = route, first
             self.routes.append(key[1])
         return self._route_numbers[key]
 
     @property
     def size(self) -> tuple[int, int]:
-        """How many rows and flows there are."""
-        return self._rows, len(self._flows)
+        """How many rows of ways there are, and scenarios."""
+        return len(self._ways), len(self._files)
 
-    def tables(self) -> tuple[Types, Ways, Flows]:
-        """Return all as arrays."""
-        types = (np.array(column) for column in np.array(self._types).T)
-        ways = (np.concatenate(parts) for parts in zip(*self._ways, strict=True))
-        flows = np.array(self._flows, np.float64).reshape(-1, 7).T
-        numbers = dict(zip(Flows._fields, map(np.array, flows), strict=False))
-        numbers = {name: numbers[name] for name in ("begin", "end", "headway", "place", "speed")}
-        share = [each for mixture in self._mixes for each in mixture]
-        return (
-            _typed(Types._make(types)),
-            _typed(Ways._make(ways)) if self._ways else columns.allocate(Ways, (0,)),
-            _typed(
-                Flows(
-                    **numbers,
-                    is_random=flows[3] > 0.0,
-                    row=flows[4].astype(np.int32),
-                    mix=np.cumsum([0, *map(len, self._mixes)]),
-                    mix_type=np.array([each[0] for each in share], np.int32),
-                    mix_share=np.array([each[1] for each in share], np.float64),
-                )
-            ),
+    def tables(self, worlds: int) -> dict[str, Any]:
+        """Return all as arrays, by their names in `Traffic`, for so many simulations."""
+        most = max([1, *(len(each) for found in self._files.values() for each in found)])
+        shows = np.zeros((len(self._shows), max([1, *map(len, self._shows)])), np.int8)
+        for row, states in zip(shows, self._shows, strict=True):
+            row[: len(states)] = states
+        return {
+            "types": rows_of(state.VEHICLE_TYPE, self._types),
+            "ways": rows_of(state.WAY, self._ways),
+            "flows": rows_of(state.FLOW, self._flows),
+            "shares": rows_of(state.SHARE, self._shares),
+            "phases": rows_of(state.PHASE, self._phases),
+            "shows": shows,
+            "lights": rows_of(state.LIGHT, self._lights),
+            "lit": rows_of(state.LIT_LANE, self._lit),
+            "map_lights": rows_of(state.MAP_LIGHTS, self._map_lights),
+            "pending": np.zeros((worlds, most), state.PENDING),
+            "route_number": np.zeros((worlds, most), np.int32),
+            "light_states": np.zeros((worlds, len(self._lights)), state.LIGHT_STATE),
+        }
+
+    def _add_lights(self, number: int, net: Path) -> None:
+        """Add the programs of a map's lights, the first of each."""
+        graph, base, first, first_lit = (
+            self._maps[number],
+            self._base[number],
+            len(self._lights),
+            len(self._lit),
         )
+        programs: dict[str, ElementTree.Element] = {}
+        for element in ElementTree.parse(net).getroot().iterfind("tlLogic"):
+            programs.setdefault(element.attrib["id"], element)
+        for name in graph.signal_ids:
+            program, phase = programs[name], len(self._phases)
+            waits = program.get("type") == "actuated"
+            for element in program.iterfind("phase"):
+                bounds = [element.get(bound) if waits else None for bound in ("minDur", "maxDur")]
+                self._phases.append([float(bound or element.attrib["duration"]) for bound in bounds])
+                self._shows.append([_SHOWS.get(each, 0) for each in element.attrib["state"]])
+            self._lights.append((phase, len(self._phases) - 1, float(program.get("offset", "0"))))
+        for lane in np.flatnonzero(graph.signal >= 0).tolist():
+            before = int((*graph.predecessors(lane), lane)[0])
+            light = first + int(graph.signal[lane])
+            self._lit.append((lane + base, before + base, light, int(graph.signal_link[lane])))
+        self._map_lights[number] = first, len(self._lights), first_lit, len(self._lit)
 
-    def _read(self, number: int, root: ElementTree.Element, file: Path) -> None:
+    def _read(self, number: int, file: Path, ballistic: bool) -> None:
+        try:
+            root = ElementTree.parse(file).getroot()
+        except (OSError, ElementTree.ParseError) as error:
+            text = f"{type(error).__name__}: {error}"
+            raise TrafficError(text, place=str(file), remedy="build the scenario again") from error
         missing = sorted({element.tag for element in root.iter()} & set(_MISSING))
+        missing += [
+            f"departLane {lane!r}"
+            for element in root
+            if not (lane := element.get("departLane", "0")).isdigit()
+        ]
         if missing:
             raise TrafficError(
                 f"native traffic does not support {', '.join(missing)}",
                 place=str(file),
                 remedy='use the traffic engine "SUMO" for this scenario',
             )
-        types = {element.attrib["id"]: self._type(element.attrib) for element in root.iter("vType")}
-        mixes = {name: [(type_number, 1.0)] for name, type_number in types.items()}
+        types = {
+            element.attrib["id"]: self._type(element.attrib, ballistic) for element in root.iter("vType")
+        }
+        mixes = {name: [(1.0, kind)] for name, kind in types.items()}
         for element in root.iter("vTypeDistribution"):
             shares = np.cumsum([float(share) for share in element.attrib["probabilities"].split()])
             names = element.attrib["vTypes"].split()
             mixes[element.attrib["id"]] = [
-                (types[name], float(share)) for name, share in zip(names, shares / shares[-1], strict=True)
+                (share, types[name])
+                for name, share in zip(names, (shares / shares[-1]).tolist(), strict=True)
             ]
         routes = {element.attrib["id"]: element for element in root.iter("route")}
         for element in [*root.iter("flow"), *root.iter("vehicle")]:
-            self._add_flow(number, element, routes[element.attrib["route"]], mixes, str(file))
+            self._add_flow(number, element, routes[element.attrib["route"]], mixes[element.attrib["type"]])
 
     def _add_flow(
         self,
         number: int,
         element: ElementTree.Element,
         route: ElementTree.Element,
-        mixes: Mapping[str, Any],
-        file: str,
+        mix: Sequence[tuple[float, int]],
     ) -> None:
         graph, get = self._maps[number], element.get
         edges = [graph.edge_number(edge) for edge in route.attrib["edges"].split()]
-        goal = list(graph.edge_lanes(edges[-1]))[_index(get("arrivalLane"), 0)]
-        end = get("arrivalPos", "max")
-        scale = float(graph.length[goal] / graph.driven_length[goal])
-        arrival = np.inf if end == "max" else float(end) * scale
-        lane = _index(get("arrivalLane"), -1)
-        if not get("departLane", "0").isdigit():
-            raise TrafficError(
-                f"native traffic does not support departLane {get('departLane')!r}",
-                place=file,
-                remedy='use the traffic engine "SUMO" for this scenario',
-            )
-        _, first = self.route(number, edges, (lane, arrival), repeats=int(route.get("repeat", "1")) > 1)
-        index = _index(get("departLane"), 0)
-        start = list(graph.edge_lanes(edges[0]))[index]
-        place, speed = get("departPos", "base"), get("departSpeed", "0")
-        named = {"base": TAIL_AT_BEGIN, "random": DRAWN}
-        scale = float(graph.length[start] / graph.driven_length[start])
-        begin, finish, headway, is_random = _times(element)
-        position = named[place] if place in named else float(place) * scale
+
+        def place_on(edge: int, index: int, place: str, named: Mapping[str, float]) -> float:
+            """Return the arc length of a place [m]; SUMO's lengths differ from the centrelines' a little."""
+            lane = graph.edge_lanes(edge)[index]
+            scale = float(graph.length[lane] / graph.driven_length[lane])
+            return named[place] if place in named else float(place) * scale
+
+        index, goal = int(get("departLane", "0")), _index(get("arrivalLane"), 0)
+        begin = place_on(edges[0], index, get("departPos", "base"), {"base": TAIL_AT_BEGIN, "random": DRAWN})
+        end = place_on(edges[-1], goal, get("arrivalPos", "max"), {"max": np.inf})
+        arrival = _index(get("arrivalLane"), -1), end
+        _, first = self.route(number, edges, arrival, repeats=int(route.get("repeat", "1")) > 1)
+        speed = get("departSpeed", "0")
         fast = -1.0 if speed in ("max", "desired", "speedLimit") else float(speed)
-        self._flows.append((begin, finish, headway, is_random, int(first[0]) + index, position, fast))
-        self._mixes.append(mixes[element.attrib["type"]])
+        shares = len(self._shares), len(self._shares) + len(mix) - 1
+        self._flows.append((*_times(element), first + index, begin, fast, *shares))
+        self._shares += mix
 
-    def _type(self, given: Mapping[str, str]) -> int:
+    def _type(self, given: Mapping[str, str], ballistic: bool) -> int:
         """Add a vehicle type and return its number."""
-
-        def value(name: str) -> float:
-            return float(given.get(name, _DEFAULTS[name]))
-
-        kind = given.get("vClass", "passenger")
-        length, width = _SIZES.get(kind, _SIZES["passenger"])
-        factor = given.get("speedFactor", "normc(1,0.1,0.2,2)")
-        normal = _NORMAL.match(factor)
+        numbers = [float(given.get(name, default)) for name, default in _DEFAULTS.items()]
+        numbers[6] = max(numbers[6], self._dt)
+        normal = _NORMAL.match(factor := given.get("speedFactor", "normc(1,0.1,0.2,2)"))
         deviation = float(given.get("speedDev", 0.0))
-        factors = (
-            [float(each) for each in normal[1].split(",")] if normal else [float(factor), deviation, 0.2, 2.0]
+        factors = map(float, normal[1].split(",")) if normal else (float(factor), deviation, 0.2, 2.0)
+        kind = given.get("vClass", "passenger")
+        size = zip(("length", "width"), _SIZES.get(kind, _SIZES["passenger"]), strict=True)
+        self._types.append(
+            (
+                *numbers,
+                max(float(given.get("emergencyDecel", 9.0)), numbers[1]),
+                *factors,
+                *(float(given.get(name, default)) for name, default in size),
+                getattr(VehicleKind, kind.upper(), VehicleKind.PASSENGER),
+                given.get("carFollowModel") == "IDM",
+                ballistic,
+                self._dt,
+            )
         )
-        numbers = [value(name) for name in _DEFAULTS]
-        hardest = max(float(given.get("emergencyDecel", 9.0)), numbers[1])
-        size = float(given.get("length", length)), float(given.get("width", width))
-        is_idm = given.get("carFollowModel") == "IDM"
-        known = getattr(VehicleKind, kind.upper(), VehicleKind.PASSENGER)
-        numbers = [
-            *numbers[:2],
-            hardest,
-            *numbers[2:6],
-            *factors,
-            numbers[6],
-            is_idm,
-            *numbers[7:],
-            *size,
-            known,
-        ]
-        self._types.append(numbers)
         return len(self._types) - 1
 
 
-def _typed(table: Table) -> Table:
-    """Return a named tuple of arrays with the dtypes that its fields are annotated with."""
-    kinds = columns.allocate(type(table), (0,))
-    return type(table)(*(each.astype(kind.dtype) for each, kind in zip(table, kinds, strict=True)))
+def is_ballistic(files: TrafficFiles, dt: float) -> bool:
+    """Return whether SUMO would move these vehicles by the ballistic rule."""
+    given = dict(files.options).get("step-method.ballistic")
+    if given is not None:
+        return given == "true"
+    return round(1000 * (files.reaction_time or 0.0)) // round(1000 * dt) > 1
 
 
 def _index(text: str | None, default: int) -> int:
@@ -235,11 +256,11 @@ def _index(text: str | None, default: int) -> int:
     return int(text) if text and text.isdigit() else default
 
 
-def _times(element: ElementTree.Element) -> tuple[float, float, float, float]:
-    """Return begin, end and mean headway of departures [s], and 1 if they are randomly spaced, else 0."""
+def _times(element: ElementTree.Element) -> tuple[float, float, float, bool]:
+    """Return begin, end and mean headway of departures [s], and whether they are randomly spaced."""
     if element.tag == "vehicle":
-        return float(element.attrib["depart"]), np.inf, np.inf, 0.0
+        return float(element.attrib["depart"]), np.inf, np.inf, False
     begin, end = float(element.attrib["begin"]), float(element.attrib["end"])
     if "vehsPerHour" in element.attrib:
-        return begin, end, 3600.0 / float(element.attrib["vehsPerHour"]), 0.0
-    return begin, end, 1.0 / float(element.attrib["period"][4:-1]), 1.0
+        return begin, end, 3600.0 / float(element.attrib["vehsPerHour"]), False
+    return begin, end, 1.0 / float(element.attrib["period"][4:-1]), True

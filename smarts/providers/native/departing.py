@@ -4,182 +4,146 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.dynamics.car_following import brake_gap, free_speed, insertion_stop_speed
+from smarts.dynamics import car_following as cf
 from smarts.geometry.compiling import kernel
 from smarts.providers.native.draws import FACTOR, HEADWAY, PLACE, TYPE, draw, exponential, normal
-from smarts.providers.native.driving import decel_of, least_gap, needed_gap
+from smarts.providers.native.driving import desired_speed
 from smarts.providers.native.junctions import is_first, light_of
-from smarts.providers.native.occupancy import add_entry, entry_ahead, entry_behind, rearmost
-from smarts.providers.native.state import Demand, Traffic
+from smarts.providers.native.occupancy import add_entry, entry_ahead, entry_behind
+from smarts.providers.native.state import Car, Record, Traffic
 from smarts.types.traffic import Signal
 
 TAIL_SLACK = 0.1
 """A vehicle departs with its tail so far behind its lane's begin [m]."""
 TRIES = 20
 """Draws of a speed factor within its bounds."""
+TAIL_AT_BEGIN, DRAWN = -1.0, -2.0
+"""Places in flows that stand for "base" and "random"."""
 _GO = int(Signal.GO)
 
 
 @kernel
-def depart(n: Traffic, d: Demand, b: int, time: float) -> None:
-    """Let the vehicles depart whose time has come and that have room.
-
-    Args:
-        n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        time: Since the warm-up began [s].
-    """
-    pending, flows, alive = d.pending, d.flows, 0
-    for slot in range(n.state.vehicles.alive.shape[1]):
-        alive += n.state.vehicles.alive[b, slot]
-    for place in range(n.flow_count[b]):
-        flow = n.flow_start[b] + place
-        while pending.next[b, place] <= time and pending.next[b, place] < flows.end[flow]:
-            pending.waiting[b, place] += 1
-            headway = flows.headway[flow]
-            if flows.is_random[flow]:
-                came = pending.came[b, place] + pending.waiting[b, place]
-                headway *= exponential(n.seed[b], place, came, HEADWAY)
-            pending.next[b, place] += headway
-        if pending.waiting[b, place] == 0:
+def depart(n: Traffic, b: int, time: float) -> None:
+    """Let the vehicles depart whose time has come and that have room; `time` is since the warm-up began."""
+    sim, alive = n.sims[b], 0
+    for slot in range(n.driven.shape[1]):
+        alive += n.vehicles.alive[b, slot]
+    for number in range(sim.flows):
+        pending, flow = n.pending[b, number], n.flows[sim.flow + number]
+        while pending.next <= time and pending.next < flow.end:
+            pending.waiting += 1
+            headway = flow.headway
+            if flow.is_random:
+                headway *= exponential(sim.seed, number, pending.came + pending.waiting, HEADWAY)
+            pending.next += headway
+        if pending.waiting == 0:
             continue
-        if alive >= n.limit[b]:
-            n.is_full[b] = True
-        elif _depart_one(n, d, b, place, flow):
-            pending.waiting[b, place] -= 1
-            pending.came[b, place] += 1
+        if alive >= min(sim.limit, n.driven.shape[1]):
+            sim.is_full = True
+        elif _depart_one(n, b, number, flow):
+            pending.waiting -= 1
+            pending.came += 1
             alive += 1
 
 
 @kernel
-def _depart_one(n: Traffic, d: Demand, b: int, place: int, flow: int) -> bool:
-    """Let the next vehicle of a flow depart if it has room; return whether it has."""
-    flows, types, lane = d.flows, d.types, d.ways.lane[d.flows.row[flow]]
-    count, seed = d.pending.came[b, place], n.seed[b]
-    chosen, share = flows.mix[flow], draw(seed, place, count, TYPE)
-    while chosen < flows.mix[flow + 1] - 1 and flows.mix_share[chosen] <= share:
+def _depart_one(n: Traffic, b: int, number: int, flow: Record) -> bool:
+    """Let the next vehicle of a flow depart into the lowest free slot; return whether it has room."""
+    v, sim, count, slot = n.vehicles, n.sims[b], n.pending[b, number].came, 0
+    while v.alive[b, slot]:
+        slot += 1
+    chosen, share = flow.first, draw(sim.seed, number, count, TYPE)
+    while chosen < flow.last and n.shares[chosen].until <= share:
         chosen += 1
-    t, front = flows.mix_type[chosen], flows.place[flow]
-    factor = types.factor_mean[t]
-    if types.factor_deviation[t] > 0.0:
+    t = n.shares[chosen].type
+    kind, lane, front = n.types[t], n.lanes[n.ways[flow.row].lane], flow.place
+    factor = kind.factor_mean
+    if kind.factor_deviation > 0.0:
         for attempt in range(TRIES):
-            found = factor + types.factor_deviation[t] * normal(seed, place, TRIES * count + attempt, FACTOR)
-            if types.factor_least[t] <= found <= types.factor_most[t]:
+            found = factor + kind.factor_deviation * normal(sim.seed, number, TRIES * count + attempt, FACTOR)
+            if kind.factor_least <= found <= kind.factor_most:
                 factor = found
                 break
-    if front == -1.0:
-        front = min(types.length[t] + TAIL_SLACK, n.lane_length[lane])
-    elif front == -2.0:
-        front = draw(seed, place, n.tick[b], PLACE) * n.lane_length[lane]
-    wanted = min(n.roads.lane_speed[lane] * factor, types.max_speed[t])
-    given = flows.speed[flow]
-    speed = _insertion_speed(
-        n, d, b, flows.row[flow], t, factor, front, wanted if given < 0.0 else min(given, wanted)
-    )
-    if speed < 0.0 or (given >= 0.0 and speed < given):
-        return False
-    behind = entry_behind(n, lane, front, -1)
-    if behind >= 0:
-        other = n.occupancy.slot[behind]
-        gap = front - types.length[t] - n.occupancy.front[behind] - least_gap(n, d, b, other)
-        if gap < needed_gap(n, d, b, other, n.occupancy.pace[behind], speed, types.decel[t]):
-            return False
-    return _admit(n, d, b, flow, t, factor, front, speed)
-
-
-@kernel
-def _insertion_speed(
-    n: Traffic, d: Demand, b: int, row: int, t: int, factor: float, front: float, speed: float
-) -> float:
-    """Return the highest safe speed of a vehicle that departs, -1 if there is no room [m/s].
-
-    Args:
-        n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        row: Row of its lane.
-        t: Its type.
-        factor: Its speed factor.
-        front: Arc length of its front [m].
-        speed: Speed that it wants [m/s].
-    """
-    types, ways, dt, ballistic = d.types, d.ways, n.state.dt, n.ballistic[b]
-    decel, tau, gap = types.decel[t], types.tau[t], types.min_gap[t]
-    lane = ways.lane[row]
-    seen, ahead = n.lane_length[lane] - front, entry_ahead(n, lane, front, -1)
-    while True:
-        if ahead >= 0:
-            room = seen - n.lane_length[lane] + n.occupancy.back[ahead] - gap
-            if room < 0.0:
-                return -1.0
-            its, pace = decel_of(n, d, b, n.occupancy.slot[ahead]), n.occupancy.pace[ahead]
-            room += brake_gap(pace, max(decel, its), 0.0, dt, ballistic)
-            return min(speed, insertion_stop_speed(room, decel, tau, dt, ballistic))
-        following = ways.next[row]
-        if seen > speed * tau + 0.5 * speed * speed / decel + gap or ways.arrival[row] < np.inf:
-            return speed
-        if following < 0:
-            return min(speed, insertion_stop_speed(seen, decel, tau, dt, ballistic))
-        target = ways.lane[following]
-        light = light_of(n, target)
-        if not is_first(n, target) or light not in (0, _GO):
-            return min(speed, insertion_stop_speed(seen, decel, tau, dt, ballistic))
-        limit = min(n.roads.lane_speed[target] * factor, types.max_speed[t])
-        speed = min(speed, max(limit, free_speed(speed, limit, seen, decel, 0.0, dt, ballistic)))
-        row, lane, ahead = following, target, rearmost(n, target, -1)
-        seen += n.lane_length[lane]
-
-
-@kernel
-def _admit(
-    n: Traffic, d: Demand, b: int, flow: int, t: int, factor: float, front: float, speed: float
-) -> bool:
-    """Give a departing vehicle the lowest free slot; return whether there is one."""
-    v, types, slot = n.state.vehicles, d.types, 0
-    while slot < v.alive.shape[1] and v.alive[b, slot]:
-        slot += 1
-    if slot == v.alive.shape[1]:
-        n.is_full[b] = True
+    if front == TAIL_AT_BEGIN:
+        front = min(kind.length + TAIL_SLACK, lane.length)
+    elif front == DRAWN:
+        front = draw(sim.seed, number, sim.tick, PLACE) * lane.length
+    car = n.cars[b * n.driven.shape[1] + slot]
+    prepare_car(n, car, t, flow.row, front, factor)
+    car.length, car.width = kind.length, kind.width
+    wanted = min(car.desired, flow.speed) if flow.speed >= 0.0 else car.desired
+    car.speed = _insertion_speed(n, car, wanted)
+    if car.speed < 0.0 or car.speed < flow.speed or not _is_free_behind(n, car):
         return False
     v.alive[b, slot] = True
     v.generation[b, slot] += 1
     v.owner[b, slot] = v.home[b, slot] = n.owner
-    v.kind[b, slot], v.height[b, slot] = types.kind[t], np.nan
-    v.length[b, slot], v.width[b, slot], v.speed[b, slot] = types.length[t], types.width[t], speed
-    row = d.flows.row[flow]
-    v.route[b, slot] = d.route_number[b, d.ways.route[row] - n.route_start[b]]
-    begin_driving(n, b, slot, t, row, front, factor)
-    lane = d.ways.lane[row]
-    add_entry(n, lane, slot, front, front - types.length[t], speed)
+    v.kind[b, slot] = kind.kind
+    v.length[b, slot], v.width[b, slot] = kind.length, kind.width
+    v.route[b, slot] = n.route_number[b, n.ways[flow.row].route - sim.route]
+    begin_driving(n, car)
+    add_entry(n, car.lane, car.place, front, front - car.length, car.speed)
     return True
 
 
 @kernel
-def begin_driving(n: Traffic, b: int, slot: int, t: int, row: int, front: float, factor: float) -> None:
-    """Begin to drive a vehicle.
+def _insertion_speed(n: Traffic, car: Car, speed: float) -> float:
+    """Return the highest safe speed of a vehicle that departs, up to a given one; -1 without room [m/s]."""
+    kind, row, number = n.types[car.type], car.row, car.lane
+    ahead, seen = entry_ahead(n, number, car.front, car), n.lanes[number].length - car.front
+    while True:
+        way = n.ways[row]
+        if ahead >= 0:
+            entry = n.entries[ahead]
+            room = seen - n.lanes[number].length + entry.back - kind.min_gap
+            if room < 0.0:
+                return -1.0
+            its = n.types[n.cars[entry.car].type].decel
+            room += cf.brake_gap(kind, entry.speed, max(kind.decel, its), 0.0)
+            return min(speed, cf.insertion_stop_speed(kind, room))
+        reach = speed * kind.tau + 0.5 * speed * speed / kind.decel + kind.min_gap
+        if seen > reach or way.arrival < np.inf:
+            return speed
+        if way.next < 0:
+            return min(speed, cf.insertion_stop_speed(kind, seen))
+        number = n.ways[way.next].lane
+        target = n.lanes[number]
+        if not is_first(target) or light_of(target) not in (0, _GO):
+            return min(speed, cf.insertion_stop_speed(kind, seen))
+        limit = desired_speed(n, car, target)
+        speed = min(speed, max(limit, cf.free_speed(kind, speed, limit, seen, 0.0)))
+        row, ahead = way.next, entry_ahead(n, number, -np.inf, car)
+        seen += target.length
 
-    Args:
-        n: Native traffic.
-        b: The simulation.
-        slot: The vehicle.
-        t: Its type.
-        row: Row of its lane.
-        front: Arc length of its front [m].
-        factor: Its speed factor.
-    """
-    driven = n.driven
-    driven.generation[b, slot] = n.state.vehicles.generation[b, slot]
-    driven.last[b, slot], driven.number[b, slot] = n.state.vehicles.generation[b, slot], n.born[b]
-    n.born[b] += 1
-    driven.type[b, slot], driven.row[b, slot], driven.front[b, slot] = t, row, front
-    driven.factor[b, slot] = factor
-    driven.tails[b, slot, :] = -1
-    driven.side[b, slot] = driven.wish[b, slot] = driven.reason[b, slot] = driven.advised[b, slot] = 0
-    driven.asked[b, slot] = 0
-    driven.offset[b, slot] = driven.done[b, slot] = driven.waited[b, slot] = 0.0
-    driven.gain[b, slot] = driven.keeping[b, slot] = driven.memory[b, slot] = 0.0
-    driven.space[b, slot] = driven.reserved[b, slot] = 0.0
-    driven.must_wait[b, slot] = driven.will_leave[b, slot] = False
-    driven.entered[b, slot] = driven.first_entered[b, slot] = driven.conflicted[b, slot] = np.inf
-    driven.next_action[b, slot] = -np.inf
+
+@kernel
+def _is_free_behind(n: Traffic, car: Car) -> bool:
+    """Return whether the vehicle behind one that departs has its gap."""
+    behind = entry_behind(n, car.lane, car.front, car)
+    if behind < 0:
+        return True
+    entry = n.entries[behind]
+    kind = n.types[n.cars[entry.car].type]
+    gap = car.front - car.length - entry.front - kind.min_gap
+    return gap >= cf.secure_gap(kind, entry.speed, car.speed, n.types[car.type].decel)
+
+
+@kernel
+def prepare_car(n: Traffic, car: Car, t: int, row: int, front: float, factor: float) -> None:
+    """Make a new driver of a type for a vehicle at a place on its way."""
+    place, slot, sim = car.place, car.slot, car.sim
+    n.cars[place] = n.new_car[0]
+    car.place, car.slot, car.sim = place, slot, sim
+    car.type, car.row, car.lane, car.front, car.factor = t, row, n.ways[row].lane, front, factor
+    car.desired = desired_speed(n, car, n.lanes[car.lane])
+
+
+@kernel
+def begin_driving(n: Traffic, car: Car) -> None:
+    """Begin to drive a vehicle whose driver is prepared."""
+    sim = n.sims[car.sim]
+    n.driven[car.sim, car.slot] = car.last = n.vehicles.generation[car.sim, car.slot]
+    car.driver, car.number = car.type, sim.born
+    sim.born += 1
+    n.order[car.sim, sim.listed] = car.place
+    sim.listed += 1

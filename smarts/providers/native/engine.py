@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -12,17 +11,14 @@ from smarts.errors import TrafficError
 from smarts.geometry.binding import Replaceable, bind
 from smarts.geometry.frames import wrap_angle
 from smarts.providers.gates import find_too_close
-from smarts.providers.native.demand import Built
-from smarts.providers.native.hand_over import find_new, refusal_to_give, take_over, would_brake
-from smarts.providers.native.state import Demand, Lights, Pending
-from smarts.providers.native.stepping import begin, step
-from smarts.providers.native.tables import make_traffic, read_signals
+from smarts.providers.native.demand import Built, is_ballistic
+from smarts.providers.native.state import Traffic
+from smarts.providers.native.stepping import begin, find_new, refusal_to_give, step, take_over, would_brake
+from smarts.providers.native.tables import make_traffic
 from smarts.providers.traffic_engine import TrafficEngine
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
-from smarts.types import columns
 from smarts.types.episode import EpisodeStart
-from smarts.types.traffic import TrafficFiles
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
@@ -44,20 +40,26 @@ class Native(TrafficEngine):
 
     def __init__(self, world: World, maps: Sequence[LaneGraph], owner: int = Owner.TRAFFIC) -> None:
         self.failures: Mapping[int, TrafficError] = {}
-        self.is_full = np.zeros(world.worlds, np.bool_)
-        self._world, self._maps, self._owner = world, tuple(maps), int(owner)
-        self._atlas, self._built = RoadAtlas(self._maps), Built(maps)
-        self._nets: list[Path | None] = [None] * len(self._maps)
-        self._arrays = make_traffic(world, self._atlas, self._owner)
-        self._find_new = bind(find_new, self._arrays)
+        self._world, self._maps = world, tuple(maps)
+        self._atlas, self._built = RoadAtlas(self._maps), Built(maps, world.dt)
+        self._traffic = Replaceable(make_traffic(world, self._atlas, int(owner), self._built))
+        self._size = self._built.size
         self._found = np.zeros((2, world.vehicles.alive.size), np.int32)
         self._find_too_close = bind(find_too_close, world.vehicles)
-        self._demand = Replaceable(self._tables(1))
-        self._size = self._built.size
-        self._step, self._begin, self._take_over, self._would_brake, self._refusal_to_give = (
-            bind(each, self._arrays, self._demand)
-            for each in (step, begin, take_over, would_brake, refusal_to_give)
+        self._find_new, self._step, self._begin, self._take_over, self._would_brake, self._refusal_to_give = (
+            bind(each, self._traffic)
+            for each in (find_new, step, begin, take_over, would_brake, refusal_to_give)
         )
+
+    @property
+    def is_full(self) -> Bools:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """See `TrafficEngine`."""
+        return self.traffic.sims["is_full"]
+
+    @property
+    def traffic(self) -> Traffic:
+        """The arrays."""
+        return self._traffic.value
 
     def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
         """See `TrafficEngine`.
@@ -65,19 +67,17 @@ class Native(TrafficEngine):
         Raises:
             TrafficError: A scenario asks for what native traffic does not support.
         """
-        wanted = {row: self._add(start.map, start.traffic) for row, start in starts.items()}
-        for row, start in starts.items():
-            n, (flows, routes) = self._arrays, wanted[row]
-            n.seed[row], n.limit[row] = start.traffic_seed, start.limit
-            n.flow_start[row], n.flow_count[row] = flows.start, len(flows)
-            n.route_start[row] = routes.start
-            n.ballistic[row] = _is_ballistic(start.traffic, self._world.dt)
-            for place, number in enumerate(routes):
-                self._demand.value.route_number[row, place] = self._world.routes.number(
-                    row, self._built.routes[number]
-                )
-            self._begin(row, round(start.traffic.warm_up / self._world.dt))
-            self.is_full[row] = n.is_full[row]
+        wanted = [self._built.add(start.map, start.traffic) for start in starts.values()]
+        self._update()
+        n = self.traffic
+        for (row, start), (flows, routes) in zip(starts.items(), wanted, strict=True):
+            sim = n.sims[row]
+            sim["seed"], sim["limit"] = start.traffic_seed, start.limit
+            sim["flow"], sim["flows"], sim["route"] = flows.start, len(flows), routes.start
+            sim["stranger"] = self._built.kinds[is_ballistic(start.traffic, n.dt)][0]
+            numbers = [self._world.routes.number(row, self._built.routes[route]) for route in routes]
+            n.route_number[row, : len(numbers)] = numbers
+            self._begin(row, round(start.traffic.warm_up / n.dt))
 
     def step(self, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
@@ -85,7 +85,6 @@ class Native(TrafficEngine):
         for place in range(self._find_new(env_mask, rows, slots)):
             self._take(int(rows[place]), int(slots[place]))
         self._step(env_mask)
-        self.is_full[:] = self._arrays.is_full
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`; it takes vehicles in the middle of a lane, from which a way leads on."""
@@ -110,43 +109,23 @@ class Native(TrafficEngine):
     def close(self) -> None:
         """See `TrafficEngine`; there is nothing to free."""
 
-    def _add(self, number: int, files: TrafficFiles) -> tuple[range, range]:
-        """Return the flows and routes of a scenario; make room for them."""
-        found, demand = self._built.add(number, files), self._demand.value
-        most = max(len(found[0]), len(found[1]))
-        if self._nets[number] is None or most > demand.pending.next.shape[1]:
-            self._nets[number] = files.net
-            grown = self._tables(max(most, demand.pending.next.shape[1]))
-            for old, new in zip(
-                (*demand[4], *demand[5], demand[6]), (*grown[4], *grown[5], grown[6]), strict=True
-            ):
-                new[:, : old.shape[1]] = old
-            self._demand.replace(grown)
-            self._size = self._built.size
-        self._update()
-        return found
-
-    def _tables(self, most: int) -> Demand:
-        """Return the tables of all scenarios, with room for so many flows or routes of one."""
-        worlds = self._world.worlds
-        signals = read_signals(self._maps, self._atlas.roads.lane_base, self._nets)
-        pending = columns.allocate(Pending, (worlds, most))
-        lights = columns.allocate(Lights, (worlds, len(signals.offset)))
-        return Demand(*self._built.tables(), signals, pending, lights, np.zeros((worlds, most), np.int32))
-
     def _update(self) -> None:
-        """Give the kernels the tables if routes or flows have been added."""
-        if self._built.size != self._size:
-            types, ways, flows = self._built.tables()
-            self._demand.replace(self._demand.value._replace(types=types, ways=ways, flows=flows))
-            self._size = self._built.size
+        """Give the kernels the tables, with room for what has been added."""
+        if self._built.size == self._size:
+            return
+        n, tables = self.traffic, self._built.tables(self._world.worlds)
+        for name in ("pending", "route_number", "light_states"):
+            old = getattr(n, name)
+            tables[name][:, : old.shape[1]] = old
+        self._traffic.replace(n._replace(**tables))
+        self._size = self._built.size
 
     def _take(self, row: int, slot: int) -> None:
         """Begin to drive a vehicle of another provider, on the lane that it is on, or the nearest."""
         lane, s, t, _ = self._place(row, slot)
         vehicles, (kind, factor) = self._world.vehicles, self._driver(row, slot)
         way = self._way(row, slot, max(lane, 0))
-        edges = self._built.routes[self._demand.value.ways.route[way]]
+        edges = self._built.routes[int(self.traffic.ways["route"][way])]
         vehicles.route[row, slot] = self._world.routes.number(row, edges)
         offset = float(np.clip(t, -1.5, 1.5)) if lane >= 0 else 0.0
         front = s + 0.5 * float(vehicles.length[row, slot])
@@ -179,10 +158,12 @@ class Native(TrafficEngine):
 
     def _driver(self, row: int, slot: int) -> tuple[int, float]:
         """Return the type and the speed factor of a vehicle's driver, as before, else of its kind."""
-        driven, vehicles = self._arrays.driven, self._world.vehicles
-        if driven.last[row, slot] == vehicles.generation[row, slot]:
-            return int(driven.type[row, slot]), float(driven.factor[row, slot])
-        return self._built.kinds[int(vehicles.kind[row, slot])], TAKEN_FACTOR
+        n, vehicles = self.traffic, self._world.vehicles
+        car = n.cars[row * vehicles.capacity + slot]
+        if car["last"] == vehicles.generation[row, slot]:
+            return int(car["driver"]), float(car["factor"])
+        ballistic = bool(n.types["ballistic"][n.sims["stranger"][row]])
+        return self._built.kinds[ballistic][int(vehicles.kind[row, slot])], TAKEN_FACTOR
 
     def _way(self, row: int, slot: int, lane: int) -> int:
         """Return a row of ways for a vehicle on a lane: of its planned route, else of a way on from there."""
@@ -194,7 +175,7 @@ class Native(TrafficEngine):
         onward = edges[edges.index(edge) :] if edge in edges else _way_on(graph, lane)
         _, first = self._built.route(number, onward)
         self._update()
-        return int(first[0]) + lane - int(graph.edge_first_lane[edge])
+        return first + lane - int(graph.edge_first_lane[edge])
 
 
 def _way_on(graph: LaneGraph, lane: int) -> list[int]:
@@ -208,11 +189,3 @@ def _way_on(graph: LaneGraph, lane: int) -> list[int]:
         if not graph.is_internal[lane]:
             edges.append(int(graph.lane_edge[lane]))
     return edges
-
-
-def _is_ballistic(files: TrafficFiles, dt: float) -> bool:
-    """Return whether SUMO would move these vehicles by the ballistic rule."""
-    given = dict(files.options).get("step-method.ballistic")
-    if given is not None:
-        return given == "true"
-    return round(1000 * (files.reaction_time or 0.0)) // round(1000 * dt) > 1

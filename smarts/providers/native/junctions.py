@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.arrays import Floats
 from smarts.dynamics.car_following import delayed_arrival
 from smarts.geometry.compiling import kernel
 from smarts.providers.native.draws import FOE, draw
-from smarts.providers.native.driving import decel_of, follow_speed, stop_speed
-from smarts.providers.native.state import LINKS, MAJOR, Demand, Traffic
+from smarts.providers.native.driving import follow, stop
+from smarts.providers.native.state import LINKS, MAJOR, Car, Entry, Lane, Link, Record, Traffic
 from smarts.roads.lane_graph import ConflictKind, Yields
 from smarts.types.traffic import Signal
 
@@ -21,187 +20,148 @@ PATIENCE = 180.0
 """A driver that has stood so long is as impatient as can be [s]."""
 BLOCKS_AFTER = 5.0
 """Requests are withdrawn for vehicles in the way that have stood so long [s]."""
-_MERGE, _THIS, _OTHER, _BOTH = int(ConflictKind.MERGE), int(Yields.THIS), int(Yields.OTHER), int(Yields.BOTH)
 LIGHT_GAP, DETECTOR = 3.0, 2.0
 """Gap that ends a phase of a light that waits for gaps, and time ahead at which it notices vehicles [s]."""
+_MERGE, _THIS, _OTHER, _BOTH = int(ConflictKind.MERGE), int(Yields.THIS), int(Yields.OTHER), int(Yields.BOTH)
 _RED, _AMBER, _GO = int(Signal.STOP), int(Signal.CAUTION), int(Signal.GO)
 
 
 @kernel
-def begin_lights(n: Traffic, d: Demand, b: int) -> None:
+def begin_lights(n: Traffic, b: int) -> None:
     """Put the lights of a simulation's map where their programs are at time 0."""
-    signals, m = d.signals, n.state.map[b]
-    for light in range(signals.map_first[m], signals.map_first[m + 1]):
-        phase, left = signals.phases[light], signals.offset[light]
-        while left >= signals.least[phase]:
-            left -= signals.least[phase]
-            phase = phase + 1 if phase < signals.phases[light + 1] - 1 else signals.phases[light]
-        d.lights.phase[b, light], d.lights.began[b, light], d.lights.seen[b, light] = phase, -left, -np.inf
+    lights = n.map_lights[n.map[b]]
+    for number in range(lights.first, lights.last):
+        light, state = n.lights[number], n.light_states[b, number]
+        phase, left = light.first, light.offset
+        while left >= n.phases[phase].least:
+            left -= n.phases[phase].least
+            phase = phase + 1 if phase < light.last else light.first
+        state.phase, state.began, state.seen = phase, -left, -np.inf
 
 
 @kernel
-def show_lights(n: Traffic, d: Demand, b: int, time: float) -> None:
+def show_lights(n: Traffic, b: int, time: float) -> None:
     """Switch the lights of a simulation's map, and write what they show, and for how long they have.
 
     A phase that may last longer ends where no vehicle that it lets through has come to its detector for
-    `LIGHT_GAP` [s].
-
-    Args:
-        n: Native traffic, whose lists have the vehicles of the last step.
-        d: What scenarios want.
-        b: The simulation.
-        time: Since the warm-up began [s].
+    `LIGHT_GAP` [s]. The lists have the vehicles of the last step; `time` is since the warm-up began [s].
     """
-    signals, lights, m = d.signals, d.lights, n.state.map[b]
-    for light in range(signals.map_first[m], signals.map_first[m + 1]):
-        phase, first = lights.phase[b, light], signals.phases[light]
-        lasted = time - lights.began[b, light]
-        waits = lasted < signals.most[phase] and time - lights.seen[b, light] < LIGHT_GAP
-        if lasted >= signals.least[phase] and not waits:
-            phase = phase + 1 if phase < signals.phases[light + 1] - 1 else first
-            lights.phase[b, light], lights.began[b, light], lights.seen[b, light] = phase, time, time
-    for place in range(signals.lanes[m], signals.lanes[m + 1]):
-        light, lane, column = signals.light[place], signals.lane[place], signals.column[place]
-        phase = lights.phase[b, light]
-        shows = signals.shows[phase, column]
-        before = phase - 1 if phase > signals.phases[light] else signals.phases[light + 1] - 1
-        is_new = signals.shows[before, column] != shows
-        n.occupancy.green[lane] = shows
-        n.occupancy.shown[lane] = time - lights.began[b, light] if is_new else np.inf
-        n.state.signals[b, lane - n.roads.lane_base[m]] = shows & (MAJOR - 1)
-        may_last = shows & (MAJOR - 1) == _GO and signals.most[phase] > signals.least[phase]
-        if may_last and _is_detected(n, signals.before[place]):
-            lights.seen[b, light] = time
+    lights, base = n.map_lights[n.map[b]], n.roads.lane_base[n.map[b]]
+    for number in range(lights.first, lights.last):
+        light, state = n.lights[number], n.light_states[b, number]
+        phase, lasted = n.phases[state.phase], time - state.began
+        waits = lasted < phase.most and time - state.seen < LIGHT_GAP
+        if lasted >= phase.least and not waits:
+            state.phase = state.phase + 1 if state.phase < light.last else light.first
+            state.began = state.seen = time
+    for place in range(lights.first_lit, lights.last_lit):
+        lit = n.lit[place]
+        light, state, lane = n.lights[lit.light], n.light_states[b, lit.light], n.lanes[lit.lane]
+        phase = n.phases[state.phase]
+        lane.green = n.shows[state.phase, lit.column]
+        before = state.phase - 1 if state.phase > light.first else light.last
+        lane.shown = time - state.began if n.shows[before, lit.column] != lane.green else np.inf
+        n.signals[b, lit.lane - base] = light_of(lane)
+        if light_of(lane) == _GO and phase.most > phase.least and _is_detected(n, lit.before):
+            state.seen = time
 
 
 @kernel
-def _is_detected(n: Traffic, lane: int) -> bool:
+def _is_detected(n: Traffic, number: int) -> bool:
     """Return whether a vehicle is over the detector of a lane, `DETECTOR` [s] before its end."""
-    room, place = n.occupancy, max(n.lane_length[lane] - DETECTOR * n.roads.lane_speed[lane], 0.0)
-    entry = room.head[lane]
-    while entry >= 0:
-        if room.back[entry] <= place <= room.front[entry]:
+    lane = n.lanes[number]
+    place, found = max(lane.length - DETECTOR * lane.speed, 0.0), lane.head
+    while found >= 0:
+        entry = n.entries[found]
+        if entry.back <= place <= entry.front:
             return True
-        entry = room.next[entry]
+        found = entry.next
     return False
 
 
 @kernel
-def light_of(n: Traffic, lane: int) -> int:
+def light_of(lane: Lane) -> int:
     """Return what the light of a lane shows, a `Signal`."""
-    return int(n.occupancy.green[lane] & (MAJOR - 1)) if n.lane_signal[lane] else 0
+    return int(lane.green & (MAJOR - 1)) if lane.lit else 0
 
 
 @kernel
-def is_first(n: Traffic, lane: int) -> bool:
+def is_first(lane: Lane) -> bool:
     """Return whether a lane has the right of way, by signs or its light."""
-    if n.lane_signal[lane]:
-        return n.occupancy.green[lane] & MAJOR != 0
-    return not n.lane_minor[lane]
+    return lane.green & MAJOR != 0 if lane.lit else not lane.minor
 
 
 @kernel
-def ignores_light(n: Traffic, d: Demand, b: int, slot: int, lane: int, can_brake: bool) -> bool:
+def ignores_light(n: Traffic, car: Car, lane: Lane, can_brake: bool) -> bool:
     """Return whether a driver passes a lane's red or amber light (`MSVehicle::ignoreRed`)."""
-    t, light, shown = n.driven.type[b, slot], light_of(n, lane), n.occupancy.shown[lane]
-    after_red, after_amber = d.types.after_red[t], d.types.after_yellow[t]
+    kind, light = n.types[car.type], light_of(lane)
     if light == _AMBER:
-        return bool(after_red >= 0.0 or (after_amber > 0.0 and (not can_brake or after_amber > shown)))
-    return bool(light == _RED and after_red >= 0.0 and (not can_brake or after_red > shown))
+        late = kind.after_yellow > 0.0 and (not can_brake or kind.after_yellow > lane.shown)
+        return kind.after_red >= 0.0 or late
+    return light == _RED and kind.after_red >= 0.0 and (not can_brake or kind.after_red > lane.shown)
 
 
 @kernel
-def impatience(n: Traffic, d: Demand, b: int, slot: int) -> float:
-    """Return how little a driver minds that others brake for it, from 0 to 1."""
-    found = d.types.impatience[n.driven.type[b, slot]] + n.driven.waited[b, slot] / PATIENCE
-    return max(0.0, min(1.0, found))
+def enters_to_wait(lane: Lane, before: Lane) -> bool:
+    """Return whether a driver comes from a road onto a lane with a place to wait inside the junction."""
+    return lane.waits and not before.inside
 
 
 @kernel
-def is_waiting_lane(n: Traffic, lane: int) -> bool:
-    """Return whether a lane in a junction ends at a place to wait inside of it."""
-    if not n.roads.lane_inside[lane]:
-        return False
-    following = n.successor_start[lane]
-    leads = following < n.successor_start[lane + 1]
-    return bool(leads and n.roads.lane_inside[n.successor[following]])
-
-
-@kernel
-def is_open(n: Traffic, d: Demand, b: int, slot: int, link: int, before: int, can_brake: bool) -> bool:
-    """Return whether a vehicle may pass a link (`MSLink::opened`).
-
-    Args:
-        n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
-        link: Its number among the vehicle's.
-        before: The lane before it.
-        can_brake: Whether the vehicle can stop before it.
-    """
-    lane = d.ways.lane[n.links.row[slot, link]]
-    if not n.roads.lane_inside[lane]:
+def is_open(n: Traffic, car: Car, link: Link, can_brake: bool) -> bool:
+    """Return whether a vehicle may pass a link (`MSLink::opened`); `can_brake`: it could stop before."""
+    number = n.ways[link.target].lane
+    lane = n.lanes[number]
+    if not lane.inside or enters_to_wait(lane, n.lanes[n.ways[link.row].lane]) or is_first(lane):
         return True
-    if is_waiting_lane(n, lane) and not n.roads.lane_inside[before]:
-        return True
-    if is_first(n, lane):
-        return True
-    has_light = n.lane_signal[lane]
-    patience = impatience(n, d, b, slot) if can_brake else 1.0
-    for place in range(n.roads.conflict_start[lane], n.roads.conflict_start[lane + 1]):
-        yields = n.roads.conflict_yields[place]
-        if not (yields & _THIS or (has_light and is_first(n, n.roads.conflict_lane[place]))):
+    patience = max(0.0, min(1.0, n.types[car.type].impatience + car.waited / PATIENCE)) if can_brake else 1.0
+    for place in range(lane.conflicts, n.lanes[number + 1].conflicts):
+        conflict = n.conflicts[place]
+        other = n.lanes[conflict.lane]
+        if not (conflict.yields & _THIS or (lane.lit and is_first(other))):
             continue
-        if yields == _BOTH and not has_light and n.driven.waited[b, slot] == 0.0:
+        if conflict.yields == _BOTH and not lane.lit and car.waited == 0.0:
             return False
-        asks = n.occupancy.approach[n.roads.conflict_lane[place]]
+        asks = other.approach
         while asks >= 0:
-            other, its = asks // LINKS, asks % LINKS
-            if other != slot and _blocks(n, d, b, slot, link, other, its, place, patience):
+            foe, its = n.cars[car.place - car.slot + asks // LINKS], n.links[asks // LINKS, asks % LINKS]
+            if foe.place != car.place and _blocks(n, car, link, foe, its, conflict, patience):
                 return False
-            asks = n.links.next[other, its]
+            asks = its.next
     return True
 
 
 @kernel
-def _blocks(
-    n: Traffic, d: Demand, b: int, slot: int, link: int, other: int, its: int, place: int, patience: float
-) -> bool:
+def _blocks(n: Traffic, car: Car, link: Link, foe: Car, its: Link, conflict: Record, patience: float) -> bool:
     """Return whether another vehicle's request keeps a driver out of a junction (`MSLink::blockedByFoe`).
 
     Args:
         n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
+        car: The vehicle.
         link: Its link.
-        other: The other one.
+        foe: The other vehicle.
         its: The other one's link.
-        place: Row of their conflict.
+        conflict: The conflict of both.
         patience: The driver's impatience.
     """
-    links, t = n.links, n.driven.type[b, slot]
-    arrival, its_arrival = links.arrival[slot, link], links.arrival[other, its]
-    if n.roads.conflict_yields[place] == _BOTH:
-        waited, its_waited = n.driven.waited[b, slot], n.driven.waited[b, other]
-        if waited > its_waited or (waited == its_waited and arrival < its_arrival):
+    if conflict.yields == _BOTH:
+        arrives_first = car.waited == foe.waited and link.arrival < its.arrival
+        if car.waited > foe.waited or arrives_first:
             return False
-    decel, its_decel = d.types.decel[t], decel_of(n, d, b, other)
-    its_late, its_slow = its_arrival, links.braking_speed[other, its]
-    if patience > 0.0 and arrival < its_arrival:
-        distance = links.distance[other, its]
-        late, slow = delayed_arrival(arrival, its_arrival, distance, its_decel * patience, n.state.dt)
-        its_late = (1.0 - patience) * its_arrival + patience * late
+    kind, its_decel = n.types[car.type], n.types[foe.type].decel
+    its_late, its_slow = its.arrival, its.braking_speed
+    if patience > 0.0 and link.arrival < its.arrival:
+        late, slow = delayed_arrival(link.arrival, its.arrival, its.distance, its_decel * patience, n.dt)
+        its_late = (1.0 - patience) * its.arrival + patience * late
         its_slow = slow if slow >= 0.0 else its_slow
-    merges = n.roads.conflict_kind[place] == _MERGE
-    gap = d.types.time_gap[t]
-    if links.leaving[other, its] < arrival:
-        its_leaving, speed = links.leaving_speed[other, its], links.arrival_speed[slot, link]
-        is_close = arrival - links.leaving[other, its] < gap
-        return merges and (is_close or _is_unsafe(its_leaving, speed, its_decel, decel))
-    if its_late > links.leaving[slot, link] + gap:
-        return merges and _is_unsafe(links.leaving_speed[slot, link], its_slow, decel, its_decel)
+    merges = conflict.kind == _MERGE
+    if its.leaving < link.arrival:
+        is_close = link.arrival - its.leaving < kind.time_gap
+        return merges and (
+            is_close or _is_unsafe(its.leaving_speed, link.arrival_speed, its_decel, kind.decel)
+        )
+    if its_late > link.leaving + kind.time_gap:
+        return merges and _is_unsafe(link.leaving_speed, its_slow, kind.decel, its_decel)
     return True
 
 
@@ -212,62 +172,39 @@ def _is_unsafe(leader: float, follower: float, leader_decel: float, decel: float
 
 
 @kernel
-def heed_conflicts(
-    n: Traffic,
-    d: Demand,
-    b: int,
-    slot: int,
-    row: int,
-    seen: float,
-    v: float,
-    v_pass: float,
-    waiting: float,
-    asks: bool,
-) -> tuple[float, float, float, bool]:
-    """Return speeds for the vehicles in a junction whose ways meet a lane, and whether the request stands.
-
-    (`MSLink::getLeaderInfo`, `MSVehicle::checkLinkLeader`.)
-
-    Args:
-        n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
-        row: Row of its lane inside the junction.
-        seen: Distance to the lane's end [m].
-        v: Highest speed after the step so far [m/s].
-        v_pass: Highest speed at the lane's end so far [m/s].
-        waiting: Highest speed if it waits there [m/s].
-        asks: Whether it asks to leave the lane.
-    """
-    lane, last, room = d.ways.lane[row], n.links.total[slot] - 2, n.occupancy
-    begin = seen - n.lane_length[lane]
-    own_lane = d.ways.lane[n.driven.row[b, slot]]
-    for place in range(n.roads.conflict_start[lane], n.roads.conflict_start[lane + 1]):
-        merges = n.roads.conflict_kind[place] == _MERGE
-        if begin + n.roads.conflict_extent[place, 1] < 0.0 and not merges:
+def heed_conflicts(n: Traffic, car: Car, link: Link) -> None:
+    """Slow down for vehicles in a junction whose ways meet a lane (`getLeaderInfo`, `checkLinkLeader`)."""
+    number = n.ways[link.row].lane
+    lane, last = n.lanes[number], car.links - 1
+    begin = link.distance - lane.length
+    for place in range(lane.conflicts, n.lanes[number + 1].conflicts):
+        conflict = n.conflicts[place]
+        if begin + conflict.end < 0.0 and conflict.kind != _MERGE:
             continue
-        entry = room.head[n.roads.conflict_lane[place]]
-        while entry >= 0:
-            other = room.slot[entry]
-            if other != slot:
-                matters, gap, crossing = _meeting(n, d, b, slot, place, entry, begin, lane, own_lane)
-                if matters:
-                    safe = _speed_to_let_by(n, d, b, slot, entry, gap, crossing, begin)
-                    if last >= 0:
-                        n.links.leaving_speed[slot, last] = min(n.links.leaving_speed[slot, last], safe)
-                    v, v_pass = min(v, safe), min(v_pass, safe)
-                    if last >= 0:
-                        v = max(v, n.links.waiting[slot, last])
-                    if v < HALTS and n.driven.waited[b, other] > BLOCKS_AFTER:
-                        asks = False
-            entry = room.next[entry]
-    return v, v_pass, min(waiting, v), asks
+        found = n.lanes[conflict.lane].head
+        while found >= 0:
+            entry = n.entries[found]
+            found = entry.next
+            if entry.car == car.place:
+                continue
+            foe = n.cars[entry.car]
+            matters, gap, crossing = _meeting(n, car, foe, entry, conflict, begin, lane)
+            if not matters:
+                continue
+            safe = _speed_to_let_by(n, car, foe, entry.speed, gap, crossing, begin)
+            link.speed, link.arrival_speed = min(link.speed, safe), min(link.arrival_speed, safe)
+            if last >= 0:
+                before = n.links[car.slot, last]
+                before.leaving_speed = min(before.leaving_speed, safe)
+                link.speed = max(link.speed, before.waiting)
+            if link.speed < HALTS and foe.waited > BLOCKS_AFTER:
+                link.asks = False
+    link.waiting = min(link.waiting, link.speed)
 
 
 @kernel
 def _meeting(
-    n: Traffic, d: Demand, b: int, slot: int, place: int, entry: int, begin: float, lane: int, own_lane: int
+    n: Traffic, car: Car, foe: Car, entry: Entry, conflict: Record, begin: float, lane: Lane
 ) -> tuple[bool, float, float]:
     """Return whether a driver lets a vehicle inside by, the gap, and the distance to the meeting [m].
 
@@ -276,91 +213,76 @@ def _meeting(
 
     Args:
         n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
-        place: Row of the conflict.
-        entry: Entry of the other vehicle.
+        car: The vehicle.
+        foe: The other vehicle.
+        entry: The other one's entry.
+        conflict: Where the lanes meet.
         begin: Distance to the begin of the own lane inside the junction [m].
         lane: That lane.
-        own_lane: The lane that the vehicle is on.
     """
-    roads, room, other = n.roads, n.occupancy, n.occupancy.slot[entry]
-    its_lane, merges = roads.conflict_lane[place], roads.conflict_kind[place] == _MERGE
-    extent: Floats = roads.conflict_other_extent[place]
-    crossing, width = begin + roads.conflict_extent[place, 0], 0.0 if merges else extent[1] - extent[0]
-    back, length = extent[0] - room.back[entry], n.state.vehicles.length[b, other]
-    is_past = back + width < 0.0
-    waits = is_waiting_lane(n, its_lane) and not is_waiting_lane(n, lane)
-    is_on = room.front[entry] <= n.lane_length[its_lane]
-    in_way = (not is_past and crossing > 0.0) or (merges and crossing > back - length)
-    in_way = in_way and back < length and not is_waiting_lane(n, its_lane)
+    its, kind, merges = n.lanes[conflict.lane], n.types[car.type], conflict.kind == _MERGE
+    crossing, width = begin + conflict.begin, 0.0 if merges else conflict.its_end - conflict.its_begin
+    back = conflict.its_begin - entry.back
+    is_past, is_on = back + width < 0.0, entry.front <= its.length
+    waits = its.waits and not lane.waits
+    in_way = (not is_past and crossing > 0.0) or (merges and crossing > back - foe.length)
+    in_way = in_way and back < foe.length and not its.waits
     if not in_way:
-        both_green = n.lane_signal[lane] and n.lane_signal[its_lane]
-        if (waits and both_green and light_of(n, lane) == light_of(n, its_lane)) or crossing < -LINE:
+        both_green = lane.lit and its.lit and light_of(lane) == light_of(its)
+        if (waits and both_green) or crossing < -LINE:
             return False, 0.0, 0.0
-        will_pass = n.state.vehicles.owner[b, other] != n.owner or n.driven.will_leave[b, other]
+        will_pass = not foe.is_own or foe.will_leave
         if (merges or not waits) and not will_pass and is_on:
             return False, 0.0, 0.0
     gap = -np.inf
     if not waits:
         if is_past and not merges:
             return False, 0.0, 0.0
-        gap = crossing - d.types.min_gap[n.driven.type[b, slot]] - back - width
-    stops_before = (waits or merges) if is_on else merges
-    if not (in_way or _leads(n, d, b, slot, other, place, lane, own_lane)):
+        gap = crossing - kind.min_gap - back - width
+    if not (in_way or _leads(n, car, foe, conflict, lane, its)):
         return False, 0.0, 0.0
-    ignores = d.types.ignores_foes[n.driven.type[b, slot]]
-    if ignores > 0.0 and ignores >= draw(n.seed[b], n.driven.number[b, slot], n.tick[b], FOE):
-        return False, 0.0, 0.0
+    if kind.ignores_foes > 0.0:
+        sim = n.sims[car.sim]
+        if kind.ignores_foes >= draw(sim.seed, car.number, sim.tick, FOE):
+            return False, 0.0, 0.0
+    stops_before = merges or (waits and is_on)
     return True, gap, -1.0 if stops_before else crossing
 
 
 @kernel
-def _leads(
-    n: Traffic, d: Demand, b: int, slot: int, other: int, place: int, lane: int, own_lane: int
-) -> bool:
+def _leads(n: Traffic, car: Car, foe: Car, conflict: Record, lane: Lane, its: Lane) -> bool:
     """Return whether another vehicle in the junction goes before a driver (`MSVehicle::isLeader`)."""
-    roads, driven = n.roads, n.driven
-    if not roads.lane_inside[own_lane] or roads.lane_junction[own_lane] != roads.lane_junction[lane]:
+    own = n.lanes[car.lane]
+    if not own.inside or own.junction != lane.junction:
         return True
-    its_lane = n.occupancy.other_lane[other]
-    if n.state.vehicles.owner[b, other] == n.owner:
-        its_lane = d.ways.lane[driven.row[b, other]]
-    if its_lane < 0 or not roads.lane_inside[its_lane]:
+    if foe.lane < 0 or not n.lanes[foe.lane].inside:
         return True
-    yields = roads.conflict_yields[place]
-    responds, its = yields & _THIS != 0, yields & _OTHER != 0
-    if n.lane_signal[lane] and is_first(n, lane) != is_first(n, roads.conflict_lane[place]):
-        its = is_first(n, lane)
-        responds = not its
+    responds, it_responds = conflict.yields & _THIS != 0, conflict.yields & _OTHER != 0
+    if lane.lit and is_first(lane) != is_first(its):
+        it_responds = is_first(lane)
+        responds = not it_responds
     # Of a driver that gives way the time counts from where others cross, else from the junction's begin.
-    entered = driven.conflicted[b, slot] if responds else driven.entered[b, slot]
-    its_entered = driven.entered[b, other] if responds and not its else driven.conflicted[b, other]
+    entered = car.conflicted if responds else car.entered
+    its_entered = foe.entered if responds and not it_responds else foe.conflicted
     if entered != its_entered:
         return entered > its_entered
-    speed, its_speed = n.state.vehicles.speed[b, slot], n.state.vehicles.speed[b, other]
-    return slot < other if speed == its_speed else speed < its_speed
+    return car.place < foe.place if car.speed == foe.speed else car.speed < foe.speed
 
 
 @kernel
 def _speed_to_let_by(
-    n: Traffic, d: Demand, b: int, slot: int, entry: int, gap: float, crossing: float, begin: float
+    n: Traffic, car: Car, foe: Car, pace: float, gap: float, crossing: float, begin: float
 ) -> float:
     """Return the speed of a driver that lets a vehicle in the junction by [m/s] (`adaptToJunctionLeader`)."""
-    types, t, room, dt = d.types, n.driven.type[b, slot], n.occupancy, n.state.dt
-    other, pace, speed = room.slot[entry], room.pace[entry], max(n.state.vehicles.speed[b, slot], 0.0)
-    if gap >= 0.0:
-        safe = follow_speed(n, d, b, slot, speed, gap, pace, decel_of(n, d, b, other))
-    else:
-        safe = stop_speed(n, d, b, slot, speed, begin - LINE, types.decel[t])
+    least = n.types[car.type].min_gap
+    safe = follow(n, car, gap, car.speed, foe, pace) if gap >= 0.0 else stop(n, car, begin - LINE)
     if crossing < 0.0:
         return safe
-    stop = stop_speed(n, d, b, slot, speed, crossing - types.min_gap[t], types.decel[t])
+    stopping = stop(n, car, crossing - least)
     if gap == -np.inf:
-        return max(safe, stop)
+        return max(safe, stopping)
     until_past = (crossing - gap) / max(pace, HALTS)
     if until_past <= 0.0:
         return safe
-    then = max(speed, 2.0 * (crossing - types.min_gap[t]) / until_past - speed)
-    return max(safe, min(speed + dt * (then - speed) / until_past, stop))
+    then = max(car.speed, 2.0 * (crossing - least) / until_past - car.speed)
+    return max(safe, min(car.speed + n.dt * (then - car.speed) / until_past, stopping))

@@ -1,27 +1,31 @@
-"""Kernels that decide vehicles' speeds and move them (SUMO's `executeMove`)."""
+"""Kernels that decide vehicles' speeds, move them, and write their poses (SUMO's `executeMove`)."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from smarts.dynamics.car_following import SLACK, brake_gap, dawdled_speed
+from smarts.dynamics import car_following as cf
 from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import segment_at, wrapped
 from smarts.providers.native.draws import DAWDLE, draw
-from smarts.providers.native.driving import desired_speed, highest_next, lowest_next, reaction_of, stop_speed
+from smarts.providers.native.driving import stop
 from smarts.providers.native.junctions import (
     HALTS,
+    enters_to_wait,
     ignores_light,
     is_first,
     is_open,
-    is_waiting_lane,
     light_of,
 )
 from smarts.providers.native.planning import DURATION, VISIBLE
-from smarts.providers.native.state import TAILS, Demand, Traffic
+from smarts.providers.native.state import TAILS, Car, Link, Traffic
+from smarts.roads.kernels import centre_at, height_at
 from smarts.types.traffic import Signal
 
 COOPERATIVE, STRATEGIC, BY_LEADER, BY_FOLLOWER, BLOCKS_CHANGE = 1, 2, 4, 8, 16
-"""Parts of `Driven.reason`: a change for others, or for the route; what blocks it; it blocks another's."""
+"""Parts of `Car.reason`: a change for others, or for the route; what blocks it; it blocks another's."""
 MERGING_ROOM = 1.0
 """More than a vehicle that wants the other way needs [m]."""
 FADES = 0.4
@@ -32,268 +36,261 @@ _AMBER = int(Signal.CAUTION)
 
 
 @kernel
-def decide(n: Traffic, d: Demand, b: int, slot: int) -> None:
+def decide(n: Traffic, car: Car) -> None:
     """Write the speed with which a vehicle ends the step (`processLinkApproaches`, `finalizeSpeed`)."""
-    dt, time = n.state.dt, n.tick[b] * n.state.dt
-    speed, t = max(n.state.vehicles.speed[b, slot], 0.0), n.driven.type[b, slot]
-    if time < n.driven.next_action[b, slot] - 0.5 * dt:
-        n.occupancy.speed[slot] = speed + n.state.vehicles.acceleration[b, slot] * dt
+    time = n.sims[car.sim].tick * n.dt
+    if time < car.next_action - 0.5 * n.dt:
+        car.next_speed = car.speed + car.acceleration * n.dt
         return
-    n.driven.next_action[b, slot] = time + reaction_of(d.types, t, dt)
-    safe, least = _pass_links(n, d, b, slot, speed)
-    found = _final_speed(n, d, b, slot, speed, safe)
+    car.next_action = time + n.types[car.type].reaction
+    safe, least = _pass_links(n, car)
+    found = _final_speed(n, car, safe)
     if found > 0.0:
         found = max(found, least)
-    n.occupancy.speed[slot] = 0.0 if abs(found) < 1e-5 else found
+    car.next_speed = 0.0 if abs(found) < 1e-5 else found
 
 
 @kernel
-def _pass_links(n: Traffic, d: Demand, b: int, slot: int, speed: float) -> tuple[float, float]:
+def _pass_links(n: Traffic, car: Car) -> tuple[float, float]:
     """Return the highest speed that the links ahead allow, and the lowest that passes the next [m/s]."""
-    links, driven, lane = n.links, n.driven, d.ways.lane[n.driven.row[b, slot]]
-    safe, least, room = np.inf, -np.inf, -1.0
-    driven.must_wait[b, slot] = False
-    driven.will_leave[b, slot] = links.total[slot] > 0 and links.asks[slot, 0]
-    for link in range(links.total[slot]):
-        row, waiting = links.row[slot, link], links.waiting[slot, link]
-        if row < 0 or not links.asks[slot, link]:
-            if row >= 0 and link == 0 and n.roads.lane_inside[lane]:
-                driven.entered[b, slot] = driven.conflicted[b, slot] = np.inf
-            safe = waiting
-            driven.must_wait[b, slot] = safe < speed or safe < HALTS
+    kind, safe, least, room = n.types[car.type], np.inf, -np.inf, -1.0
+    most = cf.highest_next(kind, car.speed)
+    car.must_wait = False
+    car.will_leave = car.links > 0 and n.links[car.slot, 0].asks
+    for number in range(car.links):
+        link = n.links[car.slot, number]
+        if link.target < 0 or not link.asks:
+            if link.target >= 0 and number == 0 and n.lanes[car.lane].inside:
+                car.entered = car.conflicted = np.inf
+            safe = link.waiting
+            car.must_wait = safe < car.speed or safe < HALTS
             break
-        passes, is_minor, can_brake = _pass_link(n, d, b, slot, link, lane, speed)
+        passes, is_minor, can_brake = _pass_link(n, car, link)
         if not passes:
-            safe, driven.must_wait[b, slot] = waiting, True
+            safe, car.must_wait = link.waiting, True
             break
-        safe = links.speed[slot, link]
+        safe = link.speed
         if is_minor:
-            least = min(_speed_to_reach(n, b, links.distance[slot, link], speed), safe)
-            room = links.distance[slot, link] if can_brake else -1.0
-        most = highest_next(d.types, driven.type[b, slot], speed, n.state.dt)
+            least = min(_speed_to_reach(n, car, link.distance), safe)
+            room = link.distance if can_brake else -1.0
         least = min(least, most)
-        if safe < min(d.types.decel[driven.type[b, slot]], most) and safe <= waiting:
-            driven.must_wait[b, slot] = True
-        lane = d.ways.lane[row]
-    if safe + SLACK >= least:
+        if safe < min(kind.decel, most) and safe <= link.waiting:
+            car.must_wait = True
+    if safe + cf.SLACK >= least:
         return safe, least
-    if room < 0.0 or safe >= speed:
+    if room < 0.0 or safe >= car.speed:
         return safe, safe
     # It would not come across in time, so it stops.
-    t, driven.must_wait[b, slot] = driven.type[b, slot], True
-    stop = stop_speed(n, d, b, slot, speed, room, d.types.decel[t])
-    lowest = lowest_next(d.types, t, speed, n.state.dt, n.ballistic[b])
-    return min(safe, max(lowest, stop)), 0.0
+    car.must_wait = True
+    return min(safe, max(cf.lowest_next(kind, car.speed), stop(n, car, room))), 0.0
 
 
 @kernel
-def _pass_link(
-    n: Traffic, d: Demand, b: int, slot: int, link: int, lane: int, speed: float
-) -> tuple[bool, bool, bool]:
-    """Return whether a vehicle passes a link that it asks to, without priority, and whether it could stop.
-
-    Args:
-        n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
-        link: Its number among the vehicle's.
-        lane: The lane before it.
-        speed: The vehicle's [m/s].
-    """
-    types, t, dt, ballistic = d.types, n.driven.type[b, slot], n.state.dt, n.ballistic[b]
-    target, distance = d.ways.lane[n.links.row[slot, link]], n.links.distance[slot, link]
-    braking = brake_gap(speed, types.decel[t], 0.0, dt, ballistic)
-    can_brake = bool(distance > braking or (not ballistic and speed < types.decel[t] * dt))
-    ignores, amber = ignores_light(n, d, b, slot, target, can_brake), light_of(n, target) == _AMBER
+def _pass_link(n: Traffic, car: Car, link: Link) -> tuple[bool, bool, bool]:
+    """Return whether a vehicle passes a link that it asks to, without priority, and whether it could stop."""
+    kind, target, lane = n.types[car.type], n.lanes[n.ways[link.target].lane], n.lanes[n.ways[link.row].lane]
+    can_brake = link.distance > cf.brake_gap(kind, car.speed, kind.decel, 0.0) or (
+        not kind.ballistic and car.speed < kind.decel * n.dt
+    )
+    ignores, amber = ignores_light(n, car, target, can_brake), light_of(target) == _AMBER
     if amber and can_brake and not ignores:
         return False, False, can_brake
-    waits_inside = is_waiting_lane(n, target) and not n.roads.lane_inside[lane]
-    is_minor = bool(n.roads.lane_inside[target] and not (is_first(n, target) or waits_inside or ignores))
-    if amber or is_open(n, d, b, slot, link, lane, can_brake):
-        sees = bool(distance <= VISIBLE or not (can_brake or not amber))
+    gives_way = not (is_first(target) or enters_to_wait(target, lane) or ignores)
+    is_minor = target.inside and gives_way
+    if amber or is_open(n, car, link, can_brake):
+        sees = link.distance <= VISIBLE or not (can_brake or not amber)
         return sees or not is_minor, is_minor, can_brake
-    if can_brake or n.lane_signal[target]:
+    if can_brake or target.lit:
         return False, False, can_brake
-    return bool(distance < brake_gap(speed, types.hardest[t], 0.0, dt, ballistic)), False, can_brake
+    return link.distance < cf.brake_gap(kind, car.speed, kind.hardest, 0.0), False, can_brake
 
 
 @kernel
-def _speed_to_reach(n: Traffic, b: int, distance: float, speed: float) -> float:
+def _speed_to_reach(n: Traffic, car: Car, distance: float) -> float:
     """Return the speed after a step that takes a vehicle over a distance in it [m/s]."""
-    dt = n.state.dt
-    return (2.0 * distance + SLACK) / dt - speed if n.ballistic[b] else (distance + 0.1) / dt
+    if n.types[car.type].ballistic:
+        return (2.0 * distance + cf.SLACK) / n.dt - car.speed
+    return (distance + 0.1) / n.dt
 
 
 @kernel
-def _final_speed(n: Traffic, d: Demand, b: int, slot: int, speed: float, safe: float) -> float:
+def _final_speed(n: Traffic, car: Car, safe: float) -> float:
     """Return a vehicle's speed within its bounds, with dawdling and what neighbours ask for [m/s]."""
-    types, t, dt, ballistic = d.types, n.driven.type[b, slot], n.state.dt, n.ballistic[b]
-    hardest = speed - types.hardest[t] * dt
-    if not ballistic:
+    kind, sim = n.types[car.type], n.sims[car.sim]
+    hardest = car.speed - kind.hardest * n.dt
+    if not kind.ballistic:
         hardest = max(hardest, 0.0)
-    lowest = min(lowest_next(types, t, speed, dt, ballistic), max(safe, hardest))
-    desired = desired_speed(n, d, b, slot, d.ways.lane[n.driven.row[b, slot]])
-    gain = (max(desired, safe) - speed) * dt / reaction_of(types, t, dt)
-    highest = max(lowest, min(speed + gain, highest_next(types, t, speed, dt), safe))
+    lowest = min(cf.lowest_next(kind, car.speed), max(safe, hardest))
+    gain = (max(car.desired, safe) - car.speed) * n.dt / kind.reaction
+    highest = max(lowest, min(car.speed + gain, cf.highest_next(kind, car.speed), safe))
     wanted = highest
-    if not types.is_idm[t]:
-        number = draw(n.seed[b], n.driven.number[b, slot], n.tick[b], DAWDLE)
-        wanted = max(lowest, dawdled_speed(highest, types.sigma[t], types.accel[t], number, dt))
-    return _advised_speed(n, d, b, slot, speed, lowest, wanted, highest)
+    if not kind.is_idm:
+        number = draw(sim.seed, car.number, sim.tick, DAWDLE)
+        wanted = max(lowest, cf.dawdled_speed(kind, highest, number))
+    return _advised_speed(n, car, lowest, wanted, highest)
 
 
 @kernel
-def _advised_speed(
-    n: Traffic, d: Demand, b: int, slot: int, speed: float, lowest: float, wanted: float, highest: float
-) -> float:
+def _advised_speed(n: Traffic, car: Car, lowest: float, wanted: float, highest: float) -> float:
     """Return a vehicle's speed as lane changes want it [m/s] (`MSLCM_LC2013::patchSpeed`)."""
-    driven, types, t, dt = n.driven, d.types, n.driven.type[b, slot], n.state.dt
-    lowest, found, is_advised = max(lowest, 0.0), wanted, False
-    if driven.reserved[b, slot] > 0.0:
-        room = driven.space[b, slot] - driven.reserved[b, slot] - MERGING_ROOM - types.min_gap[t]
-        if room > 0.0:
-            hardest = max(speed - types.hardest[t] * dt, 0.0)
-            safe = stop_speed(n, d, b, slot, speed, room, types.decel[t])
-            highest = min(highest, max(safe, hardest))
-            if safe < wanted:
-                lowest = max(hardest, safe) if hardest <= safe < lowest else lowest
-                found, is_advised = max(lowest, safe), True
-    weight = max(0.0, min(1.0, types.cooperative[t]))
-    for place in range(driven.advised[b, slot]):
-        v = speed + driven.advice[b, slot, place] * dt
+    kind, lowest, found, is_advised = n.types[car.type], max(lowest, 0.0), wanted, False
+    room = car.space - car.reserved - MERGING_ROOM - kind.min_gap
+    if car.reserved > 0.0 and room > 0.0:
+        hardest, safe = max(car.speed - kind.hardest * n.dt, 0.0), stop(n, car, room)
+        highest = min(highest, max(safe, hardest))
+        if safe < wanted:
+            lowest = max(hardest, safe) if hardest <= safe < lowest else lowest
+            found, is_advised = max(lowest, safe), True
+    weight = max(0.0, min(1.0, kind.cooperative))
+    for place in range(car.advised):
+        v = car.speed + car.advice[place] * n.dt
         if lowest <= v <= highest:
             found, is_advised = min(found, v * weight + (1.0 - weight) * wanted), True
-    reason = driven.reason[b, slot]
     if is_advised:
         return found
-    blocked = driven.wish[b, slot] != 0 and reason & (BY_LEADER | BY_FOLLOWER)
-    if blocked and reason & STRATEGIC:
+    is_blocked = car.wish != 0 and car.reason & (BY_LEADER | BY_FOLLOWER) != 0
+    if is_blocked and car.reason & COOPERATIVE and not car.reason & STRATEGIC and car.reason & BY_LEADER:
+        return 0.5 * (lowest + wanted) if wanted >= 0.0 else wanted
+    if (is_blocked and car.reason & (STRATEGIC | COOPERATIVE)) or car.reason & BLOCKS_CHANGE:
         return 0.5 * (highest + wanted)
-    if blocked and reason & COOPERATIVE:
-        if reason & BY_LEADER:
-            return 0.5 * (lowest + wanted) if wanted >= 0.0 else wanted
-        return 0.5 * (highest + wanted)
-    return 0.5 * (highest + wanted) if reason & BLOCKS_CHANGE else wanted
+    return wanted
 
 
 @kernel
-def move(n: Traffic, d: Demand, b: int, slot: int) -> None:
+def move(n: Traffic, car: Car) -> None:
     """Move a vehicle along its way and across its lane; dismiss it if it arrives."""
-    vehicles, driven, dt = n.state.vehicles, n.driven, n.state.dt
-    before, speed = max(vehicles.speed[b, slot], 0.0), n.occupancy.speed[slot]
-    acceleration = (speed - before) / dt
-    if not n.ballistic[b]:
-        way = max(speed, 0.0) * dt
+    kind, before, speed = n.types[car.type], car.speed, car.next_speed
+    acceleration = (speed - before) / n.dt
+    if not kind.ballistic:
+        way = max(speed, 0.0) * n.dt
     elif speed >= 0.0:
-        way = 0.5 * (before + speed) * dt
+        way = 0.5 * (before + speed) * n.dt
     else:
         way = -0.5 * before * before / acceleration
-    speed = max(speed, 0.0)
-    driven.front[b, slot] += way
-    vehicles.speed[b, slot], vehicles.acceleration[b, slot] = speed, (speed - before) / dt
-    t = driven.type[b, slot]
-    stands = speed <= HALTS and acceleration <= 0.5 * d.types.accel[t]
-    driven.waited[b, slot] = driven.waited[b, slot] + dt if stands else 0.0
-    _move_across(n, d, b, slot)
-    _advance(n, d, b, slot)
-    row = driven.row[b, slot]
-    if driven.front[b, slot] > d.ways.arrival[row] - ARRIVED:
-        dismiss(n, b, slot)
+    car.front += way
+    car.speed = max(speed, 0.0)
+    car.acceleration = (car.speed - before) / n.dt
+    stands = car.speed <= HALTS and acceleration <= 0.5 * kind.accel
+    car.waited = car.waited + n.dt if stands else 0.0
+    _move_across(n, car)
+    _advance(n, car)
+    if car.front > n.ways[car.row].arrival - ARRIVED:
+        dismiss(n, car)
     # Wishes hold until the next lane change, those for the route longer.
-    if driven.reason[b, slot] & STRATEGIC == 0 or driven.side[b, slot] != 0:
-        driven.wish[b, slot] = 0
-    driven.reason[b, slot] &= STRATEGIC
-    driven.advised[b, slot], driven.asked[b, slot], driven.reserved[b, slot], driven.space[b, slot] = (
-        0,
-        0,
-        0.0,
-        0.0,
-    )
+    if car.reason & STRATEGIC == 0 or car.side != 0:
+        car.wish = 0
+    car.reason &= STRATEGIC
+    car.advised = car.asked = 0
+    car.reserved = car.space = 0.0
 
 
 @kernel
-def _move_across(n: Traffic, d: Demand, b: int, slot: int) -> None:
+def _move_across(n: Traffic, car: Car) -> None:
     """Carry on a lane change; in its middle the vehicle is on the other lane."""
-    driven, roads, side, dt = n.driven, n.roads, n.driven.side[b, slot], n.state.dt
-    row = driven.row[b, slot]
-    if side == 0:
-        offset = driven.offset[b, slot]
-        driven.offset[b, slot] = offset - max(-FADES * dt, min(FADES * dt, offset))
+    if car.side == 0:
+        car.offset -= max(-FADES * n.dt, min(FADES * n.dt, car.offset))
         return
-    was = driven.done[b, slot]
-    driven.done[b, slot] = min(1.0, was + dt / DURATION)
-    lane = d.ways.lane[row]
-    beside = d.ways.left[row] if side > 0 else d.ways.right[row]
-    if was < 0.5 <= driven.done[b, slot] and beside >= 0:
-        other = d.ways.lane[beside]
-        driven.front[b, slot] *= n.lane_length[other] / n.lane_length[lane]
-        driven.row[b, slot] = beside
+    was, to_left = car.done, car.side > 0
+    car.done = min(1.0, was + n.dt / DURATION)
+    beside = n.ways[car.row].left if to_left else n.ways[car.row].right
+    if was < 0.5 <= car.done and beside >= 0:
+        lane, other = n.lanes[car.lane], n.lanes[n.ways[beside].lane]
+        car.front *= other.length / lane.length
+        car.row, car.lane = beside, n.ways[beside].lane
         for tail in range(TAILS):
-            behind = driven.tails[b, slot, tail]
-            if behind >= 0:
-                driven.tails[b, slot, tail] = (
-                    roads.lane_left[behind] if side > 0 else roads.lane_right[behind]
-                )
-        driven.offset[b, slot] -= side * 0.5 * (roads.lane_width[lane] + roads.lane_width[other])
-        lane = other
-    driven.offset[b, slot] += side * roads.lane_width[lane] * dt / DURATION
-    if driven.done[b, slot] >= 1.0:
-        driven.side[b, slot] = 0
+            if car.tails[tail] >= 0:
+                behind = n.lanes[car.tails[tail]]
+                car.tails[tail] = behind.left if to_left else behind.right
+        car.offset -= car.side * 0.5 * (lane.width + other.width)
+    car.offset += car.side * n.lanes[car.lane].width * n.dt / DURATION
+    if car.done >= 1.0:
+        car.side = 0
 
 
 @kernel
-def _advance(n: Traffic, d: Demand, b: int, slot: int) -> None:
+def _advance(n: Traffic, car: Car) -> None:
     """Put a vehicle onto the lanes ahead that its front has come to."""
-    driven, ways = n.driven, d.ways
     while True:
-        row = driven.row[b, slot]
-        lane, following = ways.lane[row], ways.next[row]
-        over = driven.front[b, slot] - n.lane_length[lane]
-        if over <= 0.0:
+        way, length = n.ways[car.row], n.lanes[car.lane].length
+        if car.front <= length:
             return
-        if following < 0:
-            if ways.arrival[row] == np.inf:
-                driven.front[b, slot] = n.lane_length[lane]
-                n.state.vehicles.speed[b, slot] = n.state.vehicles.acceleration[b, slot] = 0.0
+        if way.next < 0:
+            if way.arrival == np.inf:
+                car.front, car.speed, car.acceleration = length, 0.0, 0.0
             return
-        driven.front[b, slot], driven.row[b, slot] = over, following
+        following = n.ways[way.next]
+        _note_junction(n, car, following.lane)
         for tail in range(TAILS - 1, 0, -1):
-            driven.tails[b, slot, tail] = driven.tails[b, slot, tail - 1]
-        driven.tails[b, slot, 0] = lane
-        _note_junction(n, b, slot, lane, ways.lane[following])
-        side = driven.side[b, slot]
-        if side != 0:
-            other = side if driven.done[b, slot] < 0.5 else -side
-            beside = ways.left[following] if other > 0 else ways.right[following]
-            if beside < 0:
-                driven.side[b, slot] = 0
+            car.tails[tail] = car.tails[tail - 1]
+        car.tails[0] = car.lane
+        car.front, car.row, car.lane = car.front - length, way.next, following.lane
+        to_left = (car.side > 0) == (car.done < 0.5)
+        if (following.left if to_left else following.right) < 0:
+            car.side = 0
 
 
 @kernel
-def _note_junction(n: Traffic, b: int, slot: int, lane: int, target: int) -> None:
-    """Write when a vehicle has come from a lane onto one inside a junction; forget it behind."""
-    driven, time = n.driven, n.tick[b] * n.state.dt
-    if not n.roads.lane_inside[target]:
-        driven.entered[b, slot] = driven.first_entered[b, slot] = driven.conflicted[b, slot] = np.inf
+def _note_junction(n: Traffic, car: Car, target: int) -> None:
+    """Write when a vehicle comes from its lane onto one inside a junction; forget it behind."""
+    lane, following, time = n.lanes[car.lane], n.lanes[target], n.sims[car.sim].tick * n.dt
+    if not following.inside:
+        car.entered = car.first_entered = car.conflicted = np.inf
         return
-    if not n.roads.lane_inside[lane]:
-        driven.entered[b, slot] = driven.first_entered[b, slot] = time
-    if n.roads.lane_inside[lane] or not is_waiting_lane(n, target):
-        driven.conflicted[b, slot] = time
-        driven.entered[b, slot] = driven.first_entered[b, slot]
+    if not lane.inside:
+        car.entered = car.first_entered = time
+    if not enters_to_wait(following, lane):
+        car.conflicted, car.entered = time, car.first_entered
 
 
 @kernel
-def dismiss(n: Traffic, b: int, slot: int) -> None:
+def dismiss(n: Traffic, car: Car) -> None:
     """Take a vehicle out of its simulation, as `VehicleRegistry.dismiss` does."""
-    v = n.state.vehicles
+    v, b, slot = n.vehicles, car.sim, car.slot
     v.alive[b, slot] = False
-    v.owner[b, slot], v.home[b, slot], v.kind[b, slot] = 0, 0, 0
-    v.position[b, slot, 0] = v.position[b, slot, 1] = v.height[b, slot] = v.heading[b, slot] = 0.0
-    v.speed[b, slot] = v.acceleration[b, slot] = v.length[b, slot] = v.width[b, slot] = 0.0
-    v.lane_position[b, slot] = v.lane_offset[b, slot] = v.desired_speed[b, slot] = 0.0
-    v.lateral_speed[b, slot] = v.lateral_acceleration[b, slot] = 0.0
-    v.yaw_rate[b, slot] = v.yaw_acceleration[b, slot] = 0.0
-    v.lane[b, slot] = v.route[b, slot] = v.next_edge[b, slot] = v.standing_since[b, slot] = -1
-    n.driven.generation[b, slot] = -1
+    v.position[b, slot, :] = 0.0
+    for column in (v.owner, v.home, v.kind):
+        column[b, slot] = 0
+    for column in (v.lane, v.route, v.next_edge, v.standing_since):
+        column[b, slot] = -1
+    for column in (v.height, v.heading, v.speed, v.acceleration, v.length, v.width, v.lane_position):
+        column[b, slot] = 0.0
+    for column in (v.lane_offset, v.desired_speed, v.lateral_speed, v.lateral_acceleration, v.yaw_rate):
+        column[b, slot] = 0.0
+    v.yaw_acceleration[b, slot] = 0.0
+    n.driven[b, slot] = -1
+
+
+@kernel
+def write_pose(n: Traffic, car: Car, is_new: bool) -> None:
+    """Write a vehicle into its columns, both ends on its lanes; without rates of turning if it is new."""
+    v, b, slot = n.vehicles, car.sim, car.slot
+    x, y, along, height = _point(n, car.lane, car.front, car.offset)
+    tail, back = car.lane, car.front - car.length
+    for place in range(TAILS):
+        if back >= 0.0 or car.tails[place] < 0:
+            break
+        tail = car.tails[place]
+        back += n.lanes[tail].length
+    back_x, back_y, _, back_height = _point(n, tail, back, car.offset)
+    heading = math.atan2(y - back_y, x - back_x)
+    if math.hypot(x - back_x, y - back_y) < 0.5 * car.length:
+        heading = along
+    turned = 0.0 if is_new else wrapped(heading - v.heading[b, slot])
+    yaw_rate = turned / n.dt
+    v.position[b, slot, 0] = x - 0.5 * car.length * math.cos(heading)
+    v.position[b, slot, 1] = y - 0.5 * car.length * math.sin(heading)
+    v.height[b, slot], v.heading[b, slot] = 0.5 * (height + back_height), heading
+    v.speed[b, slot], v.acceleration[b, slot] = car.speed, car.acceleration
+    v.yaw_acceleration[b, slot] = 0.0 if is_new else (yaw_rate - v.yaw_rate[b, slot]) / n.dt
+    v.yaw_rate[b, slot], v.lateral_acceleration[b, slot] = yaw_rate, car.speed * yaw_rate
+    v.lateral_speed[b, slot] = car.side * n.lanes[car.lane].width / DURATION
+    v.desired_speed[b, slot] = car.desired
+
+
+@kernel
+def _point(n: Traffic, lane: int, s: float, offset: float) -> tuple[float, float, float, float]:
+    """Return x, y [m], heading [rad] and height [m] of a place on a lane, some way to its left."""
+    roads = n.roads
+    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+    x, y, heading = centre_at(roads, point, s)
+    return x - offset * math.sin(heading), y + offset * math.cos(heading), heading, height_at(roads, point, s)

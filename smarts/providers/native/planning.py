@@ -4,29 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.dynamics.car_following import SLACK, brake_gap, safe_stop_speed, soonest_arrival, speed_after
+from smarts.dynamics import car_following as cf
 from smarts.geometry.compiling import kernel
-from smarts.providers.native.driving import (
-    ACCEL,
-    DECEL,
-    braking_distance,
-    decel_of,
-    desired_speed,
-    follow_speed,
-    highest_next,
-    lowest_next,
-    slow_to,
-    stop_speed,
-)
-from smarts.providers.native.junctions import (
-    heed_conflicts,
-    ignores_light,
-    is_first,
-    is_waiting_lane,
-    light_of,
-)
-from smarts.providers.native.occupancy import LEAST_GAP, entry_ahead, lane_beside, may_take, rearmost
-from smarts.providers.native.state import LINKS, Demand, Traffic
+from smarts.providers.native.driving import desired_speed, follow, stop
+from smarts.providers.native.junctions import heed_conflicts, ignores_light, is_first, light_of
+from smarts.providers.native.occupancy import LEAST_GAP, entry_ahead, lane_beside, may_take
+from smarts.providers.native.state import LINKS, Car, Entry, Lane, Link, Record, Traffic
 from smarts.types.traffic import Signal
 
 VISIBLE = 4.5
@@ -47,416 +30,348 @@ _RED, _AMBER = int(Signal.STOP), int(Signal.CAUTION)
 
 
 @kernel
-def plan(n: Traffic, d: Demand, b: int, slot: int) -> None:
-    """Write a vehicle's links ahead; the last one is where it stops, arrives, or does not look farther."""
-    ways, types, links, driven = d.ways, d.types, n.links, n.driven
-    t, row, dt, ballistic = driven.type[b, slot], driven.row[b, slot], n.state.dt, n.ballistic[b]
-    speed, lane = max(n.state.vehicles.speed[b, slot], 0.0), ways.lane[row]
-    length, front = n.state.vehicles.length[b, slot], driven.front[b, slot]
-    most, comfortable = highest_next(types, t, speed, dt), lowest_next(types, t, speed, dt, ballistic)
-    lane_most = max(desired_speed(n, d, b, slot, lane), comfortable)
-    v = min(most, lane_most)
-    reach = dt * most + braking_distance(n, d, b, slot, most, types.tau[t])
-    seen = n.lane_length[lane] - front
-    v_pass = min(speed_after(seen, v, types.accel[t], types.max_speed[t]), lane_most)
-    outside, inside = 0.0, seen if n.roads.lane_inside[lane] else 0.0
+def plan(n: Traffic, car: Car) -> None:
+    """Write a vehicle's links ahead; the last one is where it stops, arrives, or does not look farther.
+
+    `Link.speed` and `Link.arrival_speed` are the highest speeds so far, after the step and at the lane's end.
+    """
+    kind, lane, link = n.types[car.type], n.lanes[car.lane], n.links[car.slot, 0]
+    most, comfortable = cf.highest_next(kind, car.speed), cf.lowest_next(kind, car.speed)
+    lane_most = max(car.desired, comfortable)
+    reach = n.dt * most + cf.brake_gap(kind, most, kind.decel, kind.tau)
+    link.row, link.distance, link.speed = car.row, lane.length - car.front, min(most, lane_most)
+    onward = link.distance
+    outside, inside = 0.0, onward if lane.inside else 0.0
     slowed, was_outside = False, False
-    links.total[slot] = 0
+    car.links = 0
     while True:
-        v, v_pass = _heed_leaders(n, d, b, slot, row, seen, v, v_pass)
-        last = links.total[slot] - 1
-        if last >= 0:
-            links.waiting[slot, last] = min(links.waiting[slot, last], v)
-        following = ways.next[row]
-        if following < 0 or last == LINKS - 2:
-            if ways.arrival[row] < np.inf:
-                left = seen + ways.arrival[row] - n.lane_length[lane] - dt * lane_most
-                end = max(SLACK, slow_to(n, d, b, slot, speed, lane_most, left))
-            else:
-                end = stop_speed(n, d, b, slot, speed, seen, types.decel[t]) if following < 0 else v
-            v = min(v, end)
-            _leave_at_most(n, slot, last, end)
-            _end_links(n, slot, v, seen)
+        way = n.ways[link.row]
+        link.target, link.leaving_speed = way.next, np.inf
+        link.arrival_speed = min(cf.speed_after(onward, link.speed, kind.accel, kind.max_speed), lane_most)
+        _heed_leaders(n, car, link)
+        if car.links > 0:
+            before = n.links[car.slot, car.links - 1]
+            before.waiting = min(before.waiting, link.speed)
+        if link.target < 0 or car.links == LINKS - 1:
+            _end_links(n, car, link, lane_most)
             return
-        v = _finish_change(n, d, b, slot, row, seen, v)
-        slowed, stops = _add_link(n, d, b, slot, row, seen, v, v_pass, lane_most, slowed)
+        _finish_change(n, car, link)
+        slowed, stops = _add_link(n, car, link, lane_most, slowed)
         if stops:
             return
-        link = links.total[slot] - 1
-        v, v_pass = links.speed[slot, link], min(v_pass, links.speed[slot, link])
-        target = ways.lane[following]
-        was_outside = was_outside or not n.roads.lane_inside[target]
-        has_room = outside > max(ROOM_AHEAD * length, length + inside)
-        if (not links.asks[slot, link] or v <= 0.0 or seen > reach) and was_outside and has_room:
+        lane = n.lanes[n.ways[link.target].lane]
+        was_outside = was_outside or not lane.inside
+        has_room = outside > max(ROOM_AHEAD * car.length, car.length + inside)
+        if (not link.asks or link.speed <= 0.0 or link.distance > reach) and was_outside and has_room:
             return
-        row, lane = following, target
-        lane_most = desired_speed(n, d, b, slot, lane)
-        v = min(v, max(slow_to(n, d, b, slot, speed, lane_most, seen), comfortable))
-        if n.roads.lane_inside[lane]:
-            inside += n.lane_length[lane]
-        else:
-            outside += n.lane_length[lane]
-        seen += n.lane_length[lane]
-        v_pass = min(speed_after(n.lane_length[lane], v, types.accel[t], types.max_speed[t]), lane_most)
+        lane_most, onward = desired_speed(n, car, lane), lane.length
+        v = min(link.speed, max(cf.slow_to(kind, car.speed, lane_most, link.distance), comfortable))
+        inside, outside = (inside + onward, outside) if lane.inside else (inside, outside + onward)
+        after = n.links[car.slot, car.links]
+        after.row, after.distance, after.speed = link.target, link.distance + onward, v
+        link = after
 
 
 @kernel
-def _end_links(n: Traffic, slot: int, v: float, seen: float) -> None:
+def _end_links(n: Traffic, car: Car, link: Link, lane_most: float) -> None:
     """Write the last link: not to be passed."""
-    links, link = n.links, n.links.total[slot]
-    links.row[slot, link], links.asks[slot, link] = -1, False
-    links.speed[slot, link] = links.waiting[slot, link] = v
-    links.distance[slot, link] = seen
-    links.total[slot] = link + 1
+    kind, way, end = n.types[car.type], n.ways[link.row], link.speed
+    if way.arrival < np.inf:
+        left = link.distance + way.arrival - n.lanes[way.lane].length - n.dt * lane_most
+        end = max(cf.SLACK, cf.slow_to(kind, car.speed, lane_most, left))
+    elif link.target < 0:
+        end = stop(n, car, link.distance)
+    _leave_at_most(n, car, end)
+    link.target, link.asks = -1, False
+    link.speed = link.waiting = min(link.speed, end)
+    car.links += 1
 
 
 @kernel
-def _leave_at_most(n: Traffic, slot: int, link: int, speed: float) -> None:
-    if link >= 0:
-        n.links.leaving_speed[slot, link] = min(n.links.leaving_speed[slot, link], speed)
+def _leave_at_most(n: Traffic, car: Car, speed: float) -> None:
+    """Bound the speed with which a vehicle leaves the lane behind the link before the one that it plans."""
+    if car.links > 0:
+        before = n.links[car.slot, car.links - 1]
+        before.leaving_speed = min(before.leaving_speed, speed)
 
 
 @kernel
-def _heed_leaders(
-    n: Traffic, d: Demand, b: int, slot: int, row: int, seen: float, v: float, v_pass: float
-) -> tuple[float, float]:
-    """Return speeds behind the vehicles ahead on a lane, and on the one beside during a lane change [m/s].
-
-    Args:
-        n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
-        row: Row of the lane.
-        seen: Distance to the lane's end [m].
-        v: Highest speed after the step so far [m/s].
-        v_pass: Highest speed at the lane's end so far [m/s].
-    """
-    lane, last = d.ways.lane[row], n.links.total[slot] - 1
-    ahead = entry_ahead(n, lane, n.driven.front[b, slot], slot) if last < 0 else rearmost(n, lane, slot)
+def _heed_leaders(n: Traffic, car: Car, link: Link) -> None:
+    """Slow down for the vehicles ahead on a lane, and on the one beside during a lane change."""
+    way, is_own = n.ways[link.row], car.links == 0
+    lane = n.lanes[way.lane]
+    ahead = entry_ahead(n, way.lane, car.front if is_own else -np.inf, car)
     if ahead >= 0:
-        v, v_pass = _heed_leader(n, d, b, slot, lane, ahead, seen, v, v_pass)
-    for place in range(n.sibling_start[lane], n.sibling_start[lane + 1]):
-        v, v_pass = _heed_branching(n, d, b, slot, lane, place, seen, v, v_pass)
-    if n.driven.side[b, slot] != 0:
-        own = d.ways.lane[n.driven.row[b, slot]]
-        other = lane_beside(n, b, slot, own)
-        if other >= 0 and last >= 0:
-            beside = d.ways.left[row] if (other == n.roads.lane_left[own]) else d.ways.right[row]
-            other = d.ways.lane[beside] if beside >= 0 else -1
-        if other >= 0:
-            there = n.driven.front[b, slot] * n.lane_length[other] / n.lane_length[lane]
-            ahead = entry_ahead(n, other, there, slot) if last < 0 else rearmost(n, other, slot)
-            if ahead >= 0:
-                scaled = seen if last >= 0 else n.lane_length[other] - there
-                v, v_pass = _heed_leader(n, d, b, slot, other, ahead, scaled, v, v_pass)
-    return v, v_pass
+        _heed_leader(n, car, link, lane, n.entries[ahead], link.distance)
+    for place in range(lane.siblings, n.lanes[way.lane + 1].siblings):
+        _heed_branching(n, car, link, lane, n.siblings[place])
+    if car.side == 0:
+        return
+    other = lane_beside(n, car)
+    if other >= 0 and not is_own:
+        beside = way.left if other == n.lanes[car.lane].left else way.right
+        other = n.ways[beside].lane if beside >= 0 else -1
+    if other >= 0:
+        there, seen = car.front * n.lanes[other].length / lane.length, link.distance
+        if is_own:
+            seen = n.lanes[other].length - there
+        ahead = entry_ahead(n, other, there if is_own else -np.inf, car)
+        if ahead >= 0:
+            _heed_leader(n, car, link, n.lanes[other], n.entries[ahead], seen)
 
 
 @kernel
-def _heed_branching(
-    n: Traffic, d: Demand, b: int, slot: int, lane: int, place: int, seen: float, v: float, v_pass: float
-) -> tuple[float, float]:
-    """Return speeds behind vehicles on a lane that branches off, as far as it is beside this one [m/s].
-
-    `place` is the row of the other lane in `Traffic.sibling`; see `_heed_leaders`.
-    """
-    room, is_there = n.occupancy, n.links.total[slot] == 0
-    entry = room.head[n.sibling[place]]
-    while entry >= 0:
-        is_ahead = not is_there or room.front[entry] > n.driven.front[b, slot]
-        if room.slot[entry] != slot and is_ahead and room.back[entry] < n.sibling_until[place]:
-            v, v_pass = _heed_leader(n, d, b, slot, lane, entry, seen, v, v_pass)
-        entry = room.next[entry]
-    return v, v_pass
+def _heed_branching(n: Traffic, car: Car, link: Link, lane: Lane, sibling: Record) -> None:
+    """Slow down for vehicles on a lane that branches off, as far as it is beside this one."""
+    found = n.lanes[sibling.lane].head
+    while found >= 0:
+        entry = n.entries[found]
+        is_ahead = car.links > 0 or entry.front > car.front
+        if entry.car != car.place and is_ahead and entry.back < sibling.until:
+            _heed_leader(n, car, link, lane, entry, link.distance)
+        found = entry.next
 
 
 @kernel
-def _heed_leader(
-    n: Traffic, d: Demand, b: int, slot: int, lane: int, entry: int, seen: float, v: float, v_pass: float
-) -> tuple[float, float]:
-    """Return speeds behind one vehicle [m/s], see `_heed_leaders`."""
-    types, t, room, links = d.types, n.driven.type[b, slot], n.occupancy, n.links
-    speed, last = max(n.state.vehicles.speed[b, slot], 0.0), links.total[slot] - 1
-    other, pace = room.slot[entry], room.pace[entry]
-    gap = seen - n.lane_length[lane] + room.back[entry] - types.min_gap[t]
-    decel = decel_of(n, d, b, other)
-    if gap < 0.0 and last >= 0 and room.back[entry] < 0.0 and not _is_tail_on_way(n, d, b, slot, other, lane):
+def _heed_leader(n: Traffic, car: Car, link: Link, lane: Lane, entry: Entry, seen: float) -> None:
+    """Slow down for one vehicle on a lane that ends in a distance."""
+    foe, last = n.cars[entry.car], car.links - 1
+    gap = seen - lane.length + entry.back - n.types[car.type].min_gap
+    if gap < 0.0 and last >= 0 and entry.back < 0.0 and not _is_tail_on_way(n, car, foe):
         # Its tail is on another lane that joins here.
-        before = seen - n.lane_length[lane] - CLOSE
-        inside = d.ways.lane[n.driven.row[b, slot] if last == 0 else links.row[slot, last - 1]]
-        if n.roads.lane_inside[inside]:
-            before -= n.lane_length[inside]
-        safe = stop_speed(n, d, b, slot, speed, before, types.decel[t])
+        before, inside = seen - lane.length - CLOSE, n.lanes[n.ways[n.links[car.slot, last].row].lane]
+        safe = stop(n, car, before - inside.length if inside.inside else before)
     else:
-        safe = follow_speed(n, d, b, slot, speed, gap, pace, decel)
+        safe = follow(n, car, gap, car.speed, foe, entry.speed)
     if last >= 0:
-        _leave_at_most(n, slot, last, follow_speed(n, d, b, slot, links.speed[slot, last], gap, pace, decel))
-    return min(v, safe), min(v_pass, safe)
+        _leave_at_most(n, car, follow(n, car, gap, n.links[car.slot, last].speed, foe, entry.speed))
+    link.speed, link.arrival_speed = min(link.speed, safe), min(link.arrival_speed, safe)
 
 
 @kernel
-def _is_tail_on_way(n: Traffic, d: Demand, b: int, slot: int, other: int, lane: int) -> bool:
+def _is_tail_on_way(n: Traffic, car: Car, foe: Car) -> bool:
     """Return whether a vehicle's tail is on the lane before this one on the driver's way."""
-    if n.state.vehicles.owner[b, other] != n.owner:
-        return True
-    last = n.links.total[slot] - 1
-    before = d.ways.lane[n.driven.row[b, slot] if last == 0 else n.links.row[slot, last - 1]]
-    if n.driven.tails[b, other, 0] == before or d.ways.lane[n.driven.row[b, other]] == before:
-        return True
-    return n.driven.tails[b, other, 1] == before
+    before = n.ways[n.links[car.slot, car.links - 1].row].lane
+    return not foe.is_own or foe.tails[0] == before or foe.lane == before or foe.tails[1] == before
 
 
 @kernel
-def _finish_change(n: Traffic, d: Demand, b: int, slot: int, row: int, seen: float, v: float) -> float:
-    """Return a speed with which a lane change is over before a turn, or before the other lane ends [m/s]."""
-    side = n.driven.side[b, slot]
-    if side == 0:
-        return v
-    following = d.ways.next[row]
-    target = d.ways.lane[following]
-    own = d.ways.lane[n.driven.row[b, slot]]
-    other = lane_beside(n, b, slot, own)
-    beside = (
-        d.ways.left[following] if other >= 0 and other == n.roads.lane_left[own] else d.ways.right[following]
-    )
-    if not n.lane_turns[target] and beside >= 0:
-        return v
-    left = max((1.0 - n.driven.done[b, slot]) * DURATION, n.state.dt)
-    speed = max(n.state.vehicles.speed[b, slot], 0.0)
-    decel = d.types.decel[n.driven.type[b, slot]]
-    return min(v, max(stop_speed(n, d, b, slot, speed, seen - CLOSE, decel), (seen - CLOSE) / left))
+def _finish_change(n: Traffic, car: Car, link: Link) -> None:
+    """Let a lane change be over before a turn, or before the other lane ends."""
+    if car.side == 0:
+        return
+    following, other = n.ways[link.target], lane_beside(n, car)
+    beside = following.left if other >= 0 and other == n.lanes[car.lane].left else following.right
+    if n.lanes[following.lane].turns or beside < 0:
+        left, gap = max((1.0 - car.done) * DURATION, n.dt), link.distance - CLOSE
+        link.speed = min(link.speed, max(stop(n, car, gap), gap / left))
 
 
 @kernel
-def _add_link(
-    n: Traffic,
-    d: Demand,
-    b: int,
-    slot: int,
-    row: int,
-    seen: float,
-    v: float,
-    v_pass: float,
-    lane_most: float,
-    slowed: bool,
-) -> tuple[bool, bool]:
+def _add_link(n: Traffic, car: Car, link: Link, lane_most: float, slowed: bool) -> tuple[bool, bool]:
     """Write the link at a lane's end; return whether one is slowed down for, and whether this one stops.
 
     Args:
         n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
-        row: Row of the lane.
-        seen: Distance to its end [m].
-        v: Highest speed after the step so far [m/s].
-        v_pass: Highest speed at the lane's end [m/s].
+        car: The vehicle.
+        link: Its row, distance and speeds so far.
         lane_most: Desired speed on the lane [m/s].
         slowed: Whether the vehicle slows down for a link before.
     """
-    types, links, t, dt = d.types, n.links, n.driven.type[b, slot], n.state.dt
-    lane, target = d.ways.lane[row], d.ways.lane[d.ways.next[row]]
-    link = links.total[slot]
-    speed, ballistic = max(n.state.vehicles.speed[b, slot], 0.0), n.ballistic[b]
-    light, first = light_of(n, target), is_first(n, target)
-    holds = light in (_RED, _AMBER)
-    decel = max(min(LIGHT_DECEL, types.hardest[t]), types.decel[t]) if holds else types.decel[t]
-    braking = brake_gap(speed, decel, 0.0, dt, ballistic)
-    can_brake = seen >= braking
+    kind, inside = n.types[car.type], n.lanes[n.ways[link.row].lane].inside
+    target = n.lanes[n.ways[link.target].lane]
+    first, holds = is_first(target), light_of(target) in (_RED, _AMBER)
+    decel = max(min(LIGHT_DECEL, kind.hardest), kind.decel) if holds else kind.decel
+    braking = cf.brake_gap(kind, car.speed, decel, 0.0)
+    can_brake = link.distance >= braking
     gap = LINE_GAP if holds or first else 0.0
-    gap = max(CLOSE, min(gap, seen - braking) if can_brake else gap)
-    leaves = n.roads.lane_inside[d.ways.lane[n.driven.row[b, slot]]] and link == 0
-    asks = (v > LEAST_REQUEST and not (slowed and not n.roads.lane_inside[lane])) or leaves
-    waiting = min(v, stop_speed(n, d, b, slot, speed, max(0.0, seen - gap), decel))
-    links.total[slot] = link + 1
-    links.row[slot, link], links.distance[slot, link] = d.ways.next[row], seen
-    links.leaving_speed[slot, link] = np.inf
-    if holds and can_brake and not ignores_light(n, d, b, slot, target, can_brake):
-        links.speed[slot, link], links.waiting[slot, link], links.asks[slot, link] = v, waiting, False
+    gap = max(CLOSE, min(gap, link.distance - braking) if can_brake else gap)
+    leaves = n.lanes[car.lane].inside and car.links == 0
+    link.asks = (link.speed > LEAST_REQUEST and not (slowed and not inside)) or leaves
+    waiting = cf.stop_speed(kind, max(0.0, link.distance - gap), car.speed, decel, car.desired)
+    link.waiting = min(link.speed, waiting)
+    if holds and can_brake and not ignores_light(n, car, target, can_brake):
+        link.asks = False
+        car.links += 1
         return slowed, True
-    if n.roads.lane_inside[lane]:
-        v, v_pass, waiting, asks = heed_conflicts(n, d, b, slot, row, seen, v, v_pass, waiting, asks)
-    _leave_at_most(n, slot, link - 1, lane_most)
-    arriving = v_pass
-    if not first and seen > max(braking, VISIBLE):
-        safe = safe_stop_speed(VISIBLE, speed, types.decel[t], dt if ballistic else 0.0, dt, ballistic)
-        arriving = min(v_pass, speed_after(VISIBLE, safe, types.accel[t], types.max_speed[t]))
+    if inside:
+        heed_conflicts(n, car, link)
+    _leave_at_most(n, car, lane_most)
+    if not first and link.distance > max(braking, VISIBLE):
+        safe = cf.safe_stop_speed(kind, VISIBLE, car.speed, kind.decel, n.dt if kind.ballistic else 0.0)
+        link.arrival_speed = min(
+            link.arrival_speed, cf.speed_after(VISIBLE, safe, kind.accel, kind.max_speed)
+        )
         slowed = True
-    _time_link(n, d, b, slot, link, target, v, arriving)
-    links.speed[slot, link], links.waiting[slot, link], links.asks[slot, link] = v, waiting, asks
+    _time_link(n, car, link, target)
+    car.links += 1
     return slowed, False
 
 
 @kernel
-def _time_link(
-    n: Traffic, d: Demand, b: int, slot: int, link: int, target: int, v: float, arriving: float
-) -> None:
+def _time_link(n: Traffic, car: Car, link: Link, target: Lane) -> None:
     """Write when and how fast a vehicle comes to a link, also if it brakes, and leaves the lane behind."""
-    types, links, t = d.types, n.links, n.driven.type[b, slot]
-    seen, ballistic, decel, tau = links.distance[slot, link], n.ballistic[b], types.decel[t], types.tau[t]
-    speed = max(n.state.vehicles.speed[b, slot], 0.0) if ballistic else max(v, 0.0)
-    arriving = max(arriving, 0.0)
-    links.arrival[slot, link] = soonest_arrival(seen, speed, arriving, types.accel[t], decel)
-    links.arrival_speed[slot, link] = arriving
-    braked = 0.0
-    if seen < braking_distance(n, d, b, slot, v, tau):
-        left = seen - speed * tau
-        braked = speed_after(left, speed, -decel, types.max_speed[t])
-        if not ballistic:
-            if seen < speed:
+    kind = n.types[car.type]
+    speed = car.speed if kind.ballistic else max(link.speed, 0.0)
+    link.arrival_speed = max(link.arrival_speed, 0.0)
+    link.arrival = cf.soonest_arrival(kind, link.distance, speed, link.arrival_speed)
+    link.braking_speed = 0.0
+    if link.distance < cf.brake_gap(kind, link.speed, kind.decel, kind.tau):
+        left = link.distance - speed * kind.tau
+        braked = cf.speed_after(left, speed, -kind.decel, kind.max_speed)
+        if not kind.ballistic:
+            if link.distance < speed:
                 braked = np.inf
-            elif speed * speed < 2.0 * left * decel:
-                braked = decel
-            braked = min(braked, arriving)
-    links.braking_speed[slot, link] = braked
-    leaving = speed_after(n.lane_length[target], arriving, types.accel[t], types.max_speed[t])
-    links.leaving_speed[slot, link] = min(desired_speed(n, d, b, slot, target), leaving)
+            elif speed * speed < 2.0 * left * kind.decel:
+                braked = kind.decel
+            braked = min(braked, link.arrival_speed)
+        link.braking_speed = braked
+    leaving = cf.speed_after(target.length, link.arrival_speed, kind.accel, kind.max_speed)
+    link.leaving_speed = min(desired_speed(n, car, target), leaving)
 
 
 @kernel
-def register(n: Traffic, d: Demand, b: int, slot: int) -> None:
+def register(n: Traffic, car: Car) -> None:
     """Announce a vehicle at the links that it asks to pass."""
-    links = n.links
-    for link in range(links.total[slot]):
-        if links.row[slot, link] >= 0:
-            lane = d.ways.lane[links.row[slot, link]]
-            _announce(n, b, slot, link, lane)
+    for number in range(car.links):
+        link = n.links[car.slot, number]
+        if link.target >= 0 and link.asks:
+            _announce(n, car, number, n.ways[link.target].lane)
 
 
 @kernel
-def _announce(n: Traffic, b: int, slot: int, link: int, lane: int) -> None:
-    links = n.links
-    mean = 0.5 * (links.arrival_speed[slot, link] + links.leaving_speed[slot, link])
-    passing = n.lane_length[lane] + n.state.vehicles.length[b, slot]
-    links.leaving[slot, link] = links.arrival[slot, link] + passing / max(mean, SLACK)
-    if links.asks[slot, link]:
-        links.next[slot, link] = n.occupancy.approach[lane]
-        n.occupancy.approach[lane] = slot * LINKS + link
+def _announce(n: Traffic, car: Car, number: int, target: int) -> None:
+    """Announce a vehicle at the link to a lane."""
+    link, lane = n.links[car.slot, number], n.lanes[target]
+    mean = 0.5 * (link.arrival_speed + link.leaving_speed)
+    link.leaving = link.arrival + (lane.length + car.length) / max(mean, cf.SLACK)
+    link.next, lane.approach = lane.approach, car.slot * LINKS + number
 
 
 @kernel
-def register_other(n: Traffic, b: int, slot: int) -> None:
+def register_other(n: Traffic, car: Car) -> None:
     """Announce a vehicle of another provider at the links that it may come to."""
-    links, lane = n.links, n.occupancy.other_lane[slot]
-    links.total[slot] = 0
-    if lane < 0 or n.roads.lane_inside[lane]:
+    kind, lane = n.types[car.type], n.lanes[car.lane]
+    if car.lane < 0 or lane.inside:
         return
-    seen = max(n.lane_length[lane] - n.occupancy.other_front[slot], 0.0)
-    if seen > AGENTS_AHEAD or n.occupancy.other_front[slot] > n.lane_length[lane]:
+    seen = max(lane.length - car.front, 0.0)
+    if seen > AGENTS_AHEAD or car.front > lane.length:
         return
-    speed = max(n.state.vehicles.speed[b, slot], 0.0)
-    for place in range(n.successor_start[lane], n.successor_start[lane + 1]):
-        target, link = n.successor[place], links.total[slot]
-        light = light_of(n, target)
-        if link == LINKS or not n.roads.lane_inside[target] or not may_take(n, b, slot, target):
+    stopping = 0.5 * car.speed * car.speed / kind.decel
+    for place in range(lane.successors, n.lanes[car.lane + 1].successors):
+        number = n.successor[place]
+        target, link = n.lanes[number], n.links[car.slot, min(car.links, LINKS - 1)]
+        if car.links == LINKS or not target.inside or not may_take(n, car, number):
             continue
-        if light in (_RED, _AMBER) and seen > 0.5 * speed * speed / DECEL:
+        if light_of(target) in (_RED, _AMBER) and seen > stopping:
             continue
-        limit = n.roads.lane_speed[target]
-        arriving = speed_after(seen, speed, ACCEL, max(limit, speed))
-        links.distance[slot, link], links.asks[slot, link] = seen, speed > CLOSE
-        links.arrival[slot, link] = soonest_arrival(seen, speed, arriving, ACCEL, DECEL)
-        links.arrival_speed[slot, link] = arriving
-        left = seen - speed
-        braked = 0.0 if 0.5 * speed * speed / DECEL <= left else speed_after(left, speed, -DECEL, speed)
-        links.braking_speed[slot, link] = braked
-        links.leaving_speed[slot, link] = speed_after(
-            n.lane_length[target], arriving, ACCEL, max(limit, arriving)
-        )
-        links.total[slot] = link + 1
-        _announce(n, b, slot, link, target)
+        link.distance, link.asks = seen, car.speed > CLOSE
+        link.arrival_speed = cf.speed_after(seen, car.speed, kind.accel, max(target.speed, car.speed))
+        link.arrival = cf.soonest_arrival(kind, seen, car.speed, link.arrival_speed)
+        left = seen - car.speed
+        braked = cf.speed_after(left, car.speed, -kind.decel, car.speed)
+        link.braking_speed = 0.0 if stopping <= left else braked
+        highest = max(target.speed, link.arrival_speed)
+        link.leaving_speed = cf.speed_after(target.length, link.arrival_speed, kind.accel, highest)
+        if link.asks:
+            _announce(n, car, car.links, number)
+        car.links += 1
 
 
 @kernel
-def clear_requests(n: Traffic) -> None:
-    """Forget all requests."""
-    for slot in range(n.links.total.shape[0]):
-        n.links.total[slot] = 0
-    n.occupancy.approach[:] = -1
+def withdraw_all(n: Traffic, car: Car) -> None:
+    """Forget the requests of a vehicle."""
+    if car.is_own:
+        for number in range(car.links):
+            link = n.links[car.slot, number]
+            if link.target >= 0:
+                n.lanes[n.ways[link.target].lane].approach = -1
+    elif car.links > 0:
+        for place in range(n.lanes[car.lane].successors, n.lanes[car.lane + 1].successors):
+            n.lanes[n.successor[place]].approach = -1
 
 
 @kernel
-def check_room(n: Traffic, d: Demand, b: int, slot: int, ahead: float) -> None:
-    """Withdraw requests for junctions behind which a vehicle would have no room (`checkRewindLinkLanes`).
-
-    Args:
-        n: Native traffic.
-        d: What scenarios want.
-        b: The simulation.
-        slot: The vehicle.
-        ahead: Lengths and least gaps of the vehicles before it on its lane [m].
-    """
-    links, ways, count = n.links, d.ways, n.links.total[slot]
-    space, stands = -ahead, False
-    for link in range(count):
-        links.blocked[slot, link] = False
-        row = links.row[slot, link]
-        if row < 0 or stands:
-            links.room[slot, link] = space
-            continue
-        lane = ways.lane[row]
-        if n.roads.lane_inside[lane]:
-            space -= n.occupancy.taken[lane]
-        else:
-            free, found, waits = _space_on(n, d, b, slot, lane)
-            space += free
-            stands = found or waits
-            links.blocked[slot, link] = stands
-        links.room[slot, link] = space
+def check_room(n: Traffic, car: Car) -> None:
+    """Withdraw requests for junctions behind which a vehicle would have no room (`checkRewindLinkLanes`)."""
+    space, stands = -_lengths_ahead(n, car), False
+    for number in range(car.links):
+        link = n.links[car.slot, number]
+        link.blocked = False
+        if link.target >= 0 and not stands:
+            target = n.ways[link.target].lane
+            if n.lanes[target].inside:
+                space -= n.lanes[target].taken
+            else:
+                free, found, waits = _space_on(n, car, target)
+                space += free
+                stands = link.blocked = found or waits
+        link.room = space
     # What is behind a junction counts before it, too, if the vehicle can drive through.
-    for link in range(count - 1, 0, -1):
-        lane = ways.lane[links.row[slot, link - 1]]
-        leaves = not n.roads.lane_inside[lane] or links.row[slot, link] < 0 or links.asks[slot, link]
-        is_open = leaves and (link == 1 or is_first(n, lane))
-        stands = stands or not is_open
+    for number in range(car.links - 1, 0, -1):
+        link, before = n.links[car.slot, number], n.links[car.slot, number - 1]
+        lane = n.lanes[n.ways[link.row].lane]
+        leaves = not lane.inside or link.target < 0 or link.asks
+        is_free = leaves and (number == 1 or is_first(lane))
+        stands = stands or not is_free
         # A vehicle may wait inside the junction where it has a place to.
-        waits_there = link > 1 and is_waiting_lane(n, ways.lane[links.row[slot, link - 2]])
-        continues = is_open or is_waiting_lane(n, lane) or waits_there
-        if continues and not links.blocked[slot, link - 1]:
-            links.room[slot, link - 1] = links.room[slot, link]
+        waits_there = number > 1 and n.lanes[n.ways[before.row].lane].waits
+        if (is_free or lane.waits or waits_there) and not before.blocked:
+            before.room = link.room
     if not stands:
         return
-    own_inside = n.roads.lane_inside[ways.lane[n.driven.row[b, slot]]]
-    needed = n.state.vehicles.length[b, slot] + d.types.min_gap[n.driven.type[b, slot]]
-    for link in range(count):
-        row = links.row[slot, link]
-        if row < 0 or links.room[slot, link] >= needed or not _keeps_clear(n, ways.lane[row]):
+    needed = car.length + n.types[car.type].min_gap
+    for number in range(car.links):
+        link = n.links[car.slot, number]
+        if link.target < 0 or link.room >= needed or not _keeps_clear(n, n.ways[link.target].lane):
             continue
-        if link == 0 and own_inside:
-            return
-        _withdraw(n, d, b, slot, link)
+        if number > 0 or not n.lanes[car.lane].inside:
+            _withdraw(n, car, number)
         return
 
 
 @kernel
-def _withdraw(n: Traffic, d: Demand, b: int, slot: int, link: int) -> None:
+def _lengths_ahead(n: Traffic, car: Car) -> float:
+    """Return the lengths with gaps of the vehicles ahead of one on its lane [m]."""
+    lane, total = n.lanes[car.lane], 0.0
+    found = lane.head
+    while found >= 0:
+        entry = n.entries[found]
+        if car.front < entry.front <= lane.length and entry.car != car.place:
+            total += entry.front - entry.back + LEAST_GAP
+        found = entry.next
+    return total
+
+
+@kernel
+def _withdraw(n: Traffic, car: Car, first: int) -> None:
     """Withdraw a request and those behind it, if the vehicle can stop before it."""
-    links, speed = n.links, max(n.state.vehicles.speed[b, slot], 0.0)
-    braking = braking_distance(n, d, b, slot, speed, 0.0)
-    for later in range(link, links.total[slot]):
-        if links.row[slot, later] < 0:
+    kind = n.types[car.type]
+    braking = cf.brake_gap(kind, car.speed, kind.decel, 0.0)
+    for number in range(first, car.links):
+        link = n.links[car.slot, number]
+        if link.target < 0:
             return
-        if links.distance[slot, later] >= braking:
-            links.asks[slot, later] = False
+        if link.distance >= braking:
+            link.asks = False
 
 
 @kernel
 def _keeps_clear(n: Traffic, lane: int) -> bool:
     """Return whether a lane crosses others, so that no vehicle may stop on it."""
-    return n.roads.conflict_start[lane + 1] > n.roads.conflict_start[lane]
+    return n.lanes[lane + 1].conflicts > n.lanes[lane].conflicts
 
 
 @kernel
-def _space_on(n: Traffic, d: Demand, b: int, slot: int, lane: int) -> tuple[float, bool, bool]:
+def _space_on(n: Traffic, car: Car, lane: int) -> tuple[float, bool, bool]:
     """Return the space to the last vehicle that stands on a lane [m], if one does, if it waits."""
-    room, lengths = n.occupancy, 0.0
-    entry = rearmost(n, lane, slot)
-    waits = entry >= 0 and bool(n.driven.must_wait[b, room.slot[entry]])
-    while entry >= 0:
-        if room.slot[entry] != slot:
-            if room.pace[entry] < 0.1:
-                return float(room.back[entry] - lengths), True, waits
-            lengths += room.front[entry] - room.back[entry] + LEAST_GAP
-        entry = room.next[entry]
-    return n.lane_length[lane] - lengths, False, waits
+    lengths, found = 0.0, entry_ahead(n, lane, -np.inf, car)
+    waits = found >= 0 and n.cars[n.entries[found].car].must_wait
+    while found >= 0:
+        entry = n.entries[found]
+        if entry.car != car.place:
+            if entry.speed < 0.1:
+                return entry.back - lengths, True, waits
+            lengths += entry.front - entry.back + LEAST_GAP
+        found = entry.next
+    return n.lanes[lane].length - lengths, False, waits

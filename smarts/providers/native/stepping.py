@@ -6,121 +6,165 @@ import math
 
 import numpy as np
 
-from smarts.arrays import Bools
-from smarts.geometry.boxes import box_gaps
+from smarts.arrays import Bools, Ints
 from smarts.geometry.compiling import kernel
-from smarts.providers.native.changing import change_lanes
-from smarts.providers.native.departing import depart
+from smarts.providers.native import changing, departing, junctions, moving, occupancy, planning
 from smarts.providers.native.draws import HEADWAY, exponential
-from smarts.providers.native.junctions import begin_lights, show_lights
-from smarts.providers.native.moving import decide, dismiss, move
-from smarts.providers.native.occupancy import clear_lists, is_driven, list_vehicles, rearmost
-from smarts.providers.native.planning import check_room, clear_requests, plan, register, register_other
-from smarts.providers.native.poses import write_poses
-from smarts.providers.native.state import Demand, Traffic
+from smarts.providers.native.driving import follow
+from smarts.providers.native.state import Traffic
+from smarts.types.transfers import Refusal
 
-MARGIN, ASIDE = 10.0, 1.0
-"""Room that vehicles which are there at the reset get before and behind, and on either side [m]."""
+BRAKING = 4.5
+"""A vehicle is not taken where its driver would brake harder [m/s^2]."""
+_NONE, _SPEED, _SIDEWAYS = int(Refusal.NONE), int(Refusal.SPEED), int(Refusal.SIDEWAYS)
+_MINOR = int(Refusal.WITHOUT_PRIORITY)
 
 
 @kernel
-def step(n: Traffic, d: Demand, env_mask: Bools) -> None:
-    """Advance the simulations in a mask, shape (B,), by a step; the order of the lines is that of SUMO."""
+def step(n: Traffic, env_mask: Bools) -> None:
+    """Advance the simulations in a mask, shape (B,), by a step."""
     for b in range(len(env_mask)):
         if env_mask[b]:
-            _step(n, d, b, True)
-            write_poses(n, d, b, False)
+            _step(n, b, True)
+            for place in range(n.sims[b].listed):
+                car = n.cars[n.order[b, place]]
+                moving.write_pose(n, car, car.next_action == -math.inf)
 
 
 @kernel
-def begin(n: Traffic, d: Demand, b: int, steps: int) -> None:
-    """Begin an episode: drive the warm-up, without other providers' vehicles, then make room for them.
+def begin(n: Traffic, b: int, steps: int) -> None:
+    """Begin an episode: drive the steps of the warm-up, without other providers' vehicles."""
+    sim, capacity = n.sims[b], n.driven.shape[1]
+    sim.tick = sim.born = sim.listed = 0
+    sim.is_full = False
+    n.driven[b, :] = -1
+    for slot in range(capacity):
+        n.cars[b * capacity + slot] = n.new_car[0]
+        car = n.cars[b * capacity + slot]
+        car.place, car.slot, car.sim = b * capacity + slot, slot, b
+    for number in range(sim.flows):
+        pending, flow = n.pending[b, number], n.flows[sim.flow + number]
+        pending.waiting = pending.came = 0
+        pending.next = flow.begin
+        if flow.is_random:
+            pending.next += flow.headway * exponential(sim.seed, number, 0, HEADWAY)
+    junctions.begin_lights(n, b)
+    for _ in range(steps):
+        _step(n, b, False)
+    for place in range(sim.listed):
+        moving.write_pose(n, n.cars[n.order[b, place]], True)
+
+
+@kernel
+def _step(n: Traffic, b: int, others: bool) -> None:
+    """Advance one simulation, in SUMO's order; `others`: other providers' vehicles are there."""
+    sim = n.sims[b]
+    # The time at which SUMO's step begins; the slack is against rounding.
+    time = sim.tick * n.dt + 1e-9
+    sim.tick += 1
+    occupancy.list_vehicles(n, b, others)
+    junctions.show_lights(n, b, time)
+    for place in range(sim.listed):
+        car = n.cars[n.order[b, place]]
+        planning.plan(n, car)
+        planning.check_room(n, car)
+        planning.register(n, car)
+    if others:
+        for slot in range(n.driven.shape[1]):
+            if n.vehicles.alive[b, slot] and not occupancy.is_driven(n, b, slot):
+                planning.register_other(n, n.cars[b * n.driven.shape[1] + slot])
+    for place in range(sim.listed):
+        moving.decide(n, n.cars[n.order[b, place]])
+    for place in range(sim.listed):
+        car = n.cars[n.order[b, place]]
+        planning.withdraw_all(n, car)
+        moving.move(n, car)
+    if others:
+        for slot in range(n.driven.shape[1]):
+            if n.vehicles.alive[b, slot] and not occupancy.is_driven(n, b, slot):
+                planning.withdraw_all(n, n.cars[b * n.driven.shape[1] + slot])
+    occupancy.list_driven(n, b)
+    changing.change_lanes(n, b)
+    departing.depart(n, b, time)
+
+
+@kernel
+def find_new(n: Traffic, env_mask: Bools, rows: Ints, slots: Ints) -> int:
+    """Forget vehicles that others drive now, list vehicles new to the engine, and return their number."""
+    v, count = n.vehicles, 0
+    for b in range(len(env_mask)):
+        if not env_mask[b]:
+            continue
+        occupancy.sort_cars(n, b)
+        for slot in range(v.alive.shape[1]):
+            if occupancy.is_driven(n, b, slot):
+                continue
+            n.driven[b, slot] = -1
+            if v.alive[b, slot] and v.owner[b, slot] == n.owner:
+                rows[count], slots[count] = b, slot
+                count += 1
+    return count
+
+
+@kernel
+def take_over(
+    n: Traffic, b: int, slot: int, t: int, row: int, front: float, offset: float, factor: float
+) -> None:
+    """Begin to drive a vehicle that another provider has driven; its tail may be on the lane before.
 
     Args:
         n: Native traffic.
-        d: What scenarios want.
         b: The simulation.
-        steps: Number of steps of the warm-up.
+        slot: The vehicle.
+        t: Its type.
+        row: Row of its lane.
+        front: Arc length of its front on it [m].
+        offset: Offset to the left of the lane [m].
+        factor: Its speed factor.
     """
-    n.tick[b] = n.born[b] = 0
-    n.is_full[b] = False
-    n.driven.generation[b, :] = n.driven.last[b, :] = -1
-    n.driven.listed[b, 0] = 0
-    n.driven.entered[b, :] = n.driven.conflicted[b, :] = np.inf
-    n.driven.must_wait[b, :] = False
-    for place in range(n.flow_count[b]):
-        flow = n.flow_start[b] + place
-        d.pending.waiting[b, place] = d.pending.came[b, place] = 0
-        d.pending.next[b, place] = d.flows.begin[flow]
-        if d.flows.is_random[flow]:
-            d.pending.next[b, place] += d.flows.headway[flow] * exponential(n.seed[b], place, 0, HEADWAY)
-    begin_lights(n, d, b)
-    for _ in range(steps):
-        _step(n, d, b, False)
-    write_poses(n, d, b, True)
-    _make_room(n, b)
+    car, v = n.cars[b * n.driven.shape[1] + slot], n.vehicles
+    departing.prepare_car(n, car, t, row, front, factor)
+    car.length, car.width, car.speed = v.length[b, slot], v.width[b, slot], max(v.speed[b, slot], 0.0)
+    car.acceleration, car.offset, car.next_action = v.acceleration[b, slot], offset, 0.0
+    departing.begin_driving(n, car)
+    before = n.lanes[car.lane].predecessors
+    if front < car.length and before < n.lanes[car.lane + 1].predecessors:
+        car.tails[0] = n.predecessor[before]
 
 
 @kernel
-def _step(n: Traffic, d: Demand, b: int, others: bool) -> None:
-    """Advance one simulation; `others` says whether other providers' vehicles are there."""
-    driven, order = n.driven, n.driven.order[b]
-    # The time at which SUMO's step begins; the slack is against rounding.
-    time = n.tick[b] * n.state.dt + 1e-9
-    n.tick[b] += 1
-    list_vehicles(n, d, b, others)
-    show_lights(n, d, b, time)
-    clear_requests(n)
-    for place in range(driven.listed[b, 0]):
-        plan(n, d, b, order[place])
-        check_room(n, d, b, order[place], _lengths_ahead(n, d, b, order[place]))
-    for slot in range(len(order)):
-        if is_driven(n, b, slot):
-            register(n, d, b, slot)
-        elif others and n.state.vehicles.alive[b, slot]:
-            register_other(n, b, slot)
-    for place in range(driven.listed[b, 0]):
-        decide(n, d, b, order[place])
-    for place in range(driven.listed[b, 0]):
-        move(n, d, b, order[place])
-    clear_lists(n)
-    list_vehicles(n, d, b, others)
-    change_lanes(n, d, b)
-    depart(n, d, b, time)
-    clear_lists(n)
+def would_brake(n: Traffic, b: int, slot: int, t: int, row: int, front: float, factor: float) -> int:
+    """Return `Refusal.SPEED` if a driver would have to brake hard for its leader; see `take_over`."""
+    occupancy.list_vehicles(n, b, True)
+    car, kind, way = n.cars[b * n.driven.shape[1] + slot], n.types[t], n.ways[row]
+    lane, number = n.lanes[way.lane], way.lane
+    seen, ahead = -front, occupancy.entry_ahead(n, number, front, car)
+    if ahead < 0 and way.next >= 0:
+        seen += lane.length
+        number = n.ways[way.next].lane
+        ahead = occupancy.entry_ahead(n, number, -np.inf, car)
+    if ahead < 0:
+        return _NONE
+    before, entry = car.type, n.entries[ahead]
+    car.type, car.desired = t, min(lane.speed * factor, kind.max_speed)
+    gap = seen + entry.back - kind.min_gap
+    safe = follow(n, car, gap, car.speed, n.cars[entry.car], entry.speed)
+    car.type = before
+    return _SPEED if safe < car.speed - max(BRAKING, kind.decel) * n.dt else _NONE
 
 
 @kernel
-def _lengths_ahead(n: Traffic, d: Demand, b: int, slot: int) -> float:
-    """Return the lengths with gaps of the vehicles ahead of one on its lane [m]."""
-    room, lane, total = n.occupancy, d.ways.lane[n.driven.row[b, slot]], 0.0
-    entry = rearmost(n, lane, slot)
-    while entry >= 0:
-        if n.driven.front[b, slot] < room.front[entry] <= n.lane_length[lane] and room.slot[entry] != slot:
-            total += room.front[entry] - room.back[entry] + 2.5
-        entry = room.next[entry]
-    return float(total)
-
-
-@kernel
-def _make_room(n: Traffic, b: int) -> None:
-    """Dismiss the engine's vehicles that are too near to those of other providers."""
-    v = n.state.vehicles
-    for slot in range(v.alive.shape[1]):
-        if not is_driven(n, b, slot):
-            continue
-        own = (v.position[b, slot, 0], v.position[b, slot, 1], v.heading[b, slot])
-        for other in range(v.alive.shape[1]):
-            if not v.alive[b, other] or v.owner[b, other] == n.owner:
-                continue
-            there = (v.position[b, other, 0], v.position[b, other, 1], v.heading[b, other])
-            reach = math.hypot(own[0] - there[0], own[1] - there[1])
-            if reach > v.length[b, slot] + v.length[b, other] + MARGIN:
-                continue
-            half, half_width = 0.5 * v.length[b, other] + MARGIN, 0.5 * v.width[b, other] + ASIDE
-            if (
-                max(box_gaps(own, 0.5 * v.length[b, slot], 0.5 * v.width[b, slot], there, half, half_width))
-                < 0.0
-            ):
-                dismiss(n, b, slot)
-                break
+def refusal_to_give(n: Traffic, b: int, slot: int) -> int:
+    """Return why an agent cannot take a vehicle now: it changes lanes, or crosses without priority."""
+    if not occupancy.is_driven(n, b, slot):
+        return _NONE
+    car = n.cars[b * n.driven.shape[1] + slot]
+    if car.side != 0:
+        return _SIDEWAYS
+    lane, following = n.lanes[car.lane], n.ways[car.row].next
+    if lane.inside:
+        return _NONE if junctions.is_first(lane) else _MINOR
+    needed = 0.5 * car.speed * car.speed / BRAKING + n.dt * car.speed
+    if lane.length - car.front < needed and following >= 0:
+        return _NONE if junctions.is_first(n.lanes[n.ways[following].lane]) else _MINOR
+    return _NONE

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
-from smarts.arrays import Ints
-from smarts.providers.native.state import Ways
 from smarts.roads.lane_graph import LaneGraph
 
 FARTHEST = 3000.0
@@ -20,8 +19,8 @@ ARRIVES = 1e5
 
 
 @dataclass
-class _Row:
-    """A use of a lane by a route, see `Ways`."""
+class Row:
+    """A use of a lane by a route, see `state.Way`."""
 
     lane: int
     length: float
@@ -38,8 +37,8 @@ class _Row:
 
 def route_rows(
     graph: LaneGraph, edges: Sequence[int], arrival: tuple[int, float], *, repeats: bool
-) -> tuple[Ways, Ints]:
-    """Return a route's rows, and the row of the rightmost lane of each edge, shape (E,).
+) -> list[Row]:
+    """Return a route's rows; first those of the first edge's lanes, from the right.
 
     Args:
         graph: The map; lanes are numbered within it.
@@ -47,40 +46,35 @@ def route_rows(
         arrival: Index of the lane on which the route ends, -1 for any, and the arc length there [m].
         repeats: Whether the route goes round: its last edge leads to its first.
     """
-    counts = [len(graph.edge_lanes(edge)) for edge in edges]
-    first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int32)
-    rows = [_Row(lane, float(graph.length[lane])) for edge in edges for lane in graph.edge_lanes(edge)]
-    last = len(edges) - 1
-    for k in range(len(edges)):
-        if k == last and not repeats:
-            _end(rows[first[k] :], arrival)
-            continue
-        for row in rows[first[k] : first[k] + counts[k]]:
-            row.chains = chains_to(graph, row.lane, edges[(k + 1) % len(edges)])
-    # The choice on a circuit's last edges depends on its first ones.
-    for k in [*range(last, -1, -1)] * (2 if repeats else 1):
-        following = (k + 1) % len(edges)
-        group = rows[first[k] : first[k] + counts[k]]
+    rows = [Row(lane, float(graph.length[lane])) for edge in edges for lane in graph.edge_lanes(edge)]
+    first = np.cumsum([0, *(len(graph.edge_lanes(edge)) for edge in edges)]).tolist()
+    groups = [rows[begin:end] for begin, end in pairwise(first)]
+    for group, edge in zip(groups, [*edges[1:], edges[0]], strict=True):
         for row in group:
+            row.chains = chains_to(graph, row.lane, edge)
+    if not repeats:
+        _end(groups[-1], arrival)
+    # The choice on a circuit's last edges depends on its first ones.
+    for k in [*range(len(edges) - 1, -1, -1)] * (2 if repeats else 1):
+        following = (k + 1) % len(edges)
+        for row in groups[k]:
             if row.chains:
-                _choose_chain(graph, row, rows, int(first[following]), edges[following])
-        best = max(min(row.length, FARTHEST) for row in group)
-        good = [index for index, row in enumerate(group) if row.length >= best - SAME]
-        for index, row in enumerate(group):
+                _choose_chain(graph, row, rows, first[following], edges[following])
+        best = max(min(row.length, FARTHEST) for row in groups[k])
+        good = [index for index, row in enumerate(groups[k]) if row.length >= best - SAME]
+        for index, row in enumerate(groups[k]):
             row.changes = min((other - index for other in good), key=abs)
-            row.left, row.right = (
-                int(first[k]) + beside if 0 <= beside < len(group) else -1
-                for beside in (index + 1, index - 1)
-            )
+            row.right = first[k] + index - 1 if index else -1
+            row.left = first[k] + index + 1 if index + 1 < len(groups[k]) else -1
     _add_inside(graph, rows)
-    return _table(rows), first
+    return rows
 
 
-def _end(rows: list[_Row], arrival: tuple[int, float]) -> None:
+def _end(group: list[Row], arrival: tuple[int, float]) -> None:
     """Write how far the lanes of a route's last edge lead."""
-    for index, row in enumerate(rows):
-        row.arrival = min(arrival[1], row.length)
-        if arrival[0] in (-1, index) or arrival[0] >= len(rows):
+    for index, row in enumerate(group):
+        row.arrival, row.chains = min(arrival[1], row.length), []
+        if arrival[0] in (-1, index) or arrival[0] >= len(group):
             row.length += ARRIVES
         else:
             row.length = row.arrival
@@ -97,7 +91,7 @@ def chains_to(graph: LaneGraph, lane: int, edge: int) -> list[list[int]]:
     return found
 
 
-def _choose_chain(graph: LaneGraph, row: _Row, rows: list[_Row], first: int, edge: int) -> None:
+def _choose_chain(graph: LaneGraph, row: Row, rows: list[Row], first: int, edge: int) -> None:
     """Choose the way into the lane that leads farthest on the route, then with the fewest changes."""
 
     def target(chain: list[int]) -> int:
@@ -112,29 +106,18 @@ def _choose_chain(graph: LaneGraph, row: _Row, rows: list[_Row], first: int, edg
     row.length = inside + rows[row.next].length
 
 
-def _add_inside(graph: LaneGraph, rows: list[_Row]) -> None:
+def _add_inside(graph: LaneGraph, rows: list[Row]) -> None:
     """Add rows for the lanes inside junctions; those of ways side by side are neighbours, too."""
-    begin: dict[int, int] = {}
-    for number, row in enumerate(list(rows)):
-        following = row.next
-        begin[number] = len(rows)
+    begin = []
+    for row in list(rows):
+        following, inside = row.next, row.chosen[:-1]
+        begin.append(len(rows))
+        for place, lane in enumerate(inside):
+            length = float(graph.length[inside[place:]].sum()) + rows[following].length
+            rows.append(Row(lane, length, following if place == len(inside) - 1 else len(rows) + 1))
+        row.next = begin[-1] if inside else following
+    for row, inside in zip(rows, begin, strict=False):
         for place, lane in enumerate(row.chosen[:-1]):
-            more = float(graph.length[row.chosen[place:-1]].sum())
-            is_last = place == len(row.chosen) - 2
-            rows.append(_Row(lane, more + rows[following].length, following if is_last else len(rows) + 1))
-        row.next = begin[number] if len(row.chosen) > 1 else following
-    for number, inside in begin.items():
-        left = rows[number].left
-        for place, lane in enumerate(rows[number].chosen[:-1]):
-            if left >= 0 and rows[left].chosen[place : place + 1] == [graph.left[lane]]:
-                rows[inside + place].left = begin[left] + place
-                rows[begin[left] + place].right = inside + place
-
-
-def _table(rows: list[_Row]) -> Ways:
-    def column(name: str, kind: type) -> np.ndarray:
-        return np.array([getattr(row, name) for row in rows], kind)
-
-    whole = [column(name, np.int32) for name in ("lane", "next", "left", "right", "changes")]
-    far = [column(name, np.float64) for name in ("length", "arrival")]
-    return Ways._make([*whole, *far, np.zeros(len(rows), np.int32)])
+            if row.left >= 0 and rows[row.left].chosen[place : place + 1] == [graph.left[lane]]:
+                rows[inside + place].left = begin[row.left] + place
+                rows[begin[row.left] + place].right = inside + place

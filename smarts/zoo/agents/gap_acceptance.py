@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch, BatchAgent
+from smarts.dynamics.car_following import braked_way
 from smarts.observations.arrays import VECTOR
 from smarts.observations.lists import feature_list
 from smarts.observations.neighbors import NEIGHBOR_VALUES
@@ -246,8 +247,7 @@ def _curve_speed(errors: Floats) -> float:
 def _driven(speed: float, acceleration: float, most: float = np.inf) -> Floats:
     """Return the distance driven at each of `TIMES` [m], accelerating up to `most` [m/s]."""
     if acceleration < 0.0:
-        moving = np.minimum(TIMES, speed / -acceleration)
-        return speed * moving + 0.5 * acceleration * moving**2
+        return braked_way.py_func(speed, -acceleration, TIMES)
     faster = np.minimum(TIMES, max(0.0, min(MOST_SPEED, most) - speed) / acceleration)
     return speed * TIMES + acceleration * (0.5 * faster**2 + faster * (TIMES - faster))
 
@@ -255,15 +255,14 @@ def _driven(speed: float, acceleration: float, most: float = np.inf) -> Floats:
 def _followed(speed: float) -> Floats:
     """Return the distance driven at each of `TIMES` when braking begins at the next decision [m]."""
     first, most = np.minimum(TIMES, DECISION), speed + SPEEDING_UP * DECISION
-    then = np.clip(TIMES - DECISION, 0.0, most / BRAKING)
-    return speed * first + 0.5 * SPEEDING_UP * first**2 + most * then - 0.5 * BRAKING * then**2
+    braked = braked_way.py_func(most, BRAKING, np.maximum(TIMES - DECISION, 0.0))
+    return speed * first + 0.5 * SPEEDING_UP * first**2 + braked
 
 
 def _stopping(leaders: Floats) -> Floats:
     """Return places of vehicles that brake to a standstill at each of `TIMES`, shape (K, 1, T, 2) [m]."""
     speed = np.hypot(leaders[:, 2], leaders[:, 3])[:, None]
-    moving = np.minimum(TIMES, speed / LEADERS_BRAKING)
-    factors = moving - 0.5 * LEADERS_BRAKING * moving**2 / np.maximum(speed, 0.1)
+    factors = braked_way.py_func(speed, LEADERS_BRAKING, TIMES) / np.maximum(speed, 1e-9)
     return leaders[:, None, None, :2] + factors[:, None, :, None] * leaders[:, None, None, 2:]
 
 

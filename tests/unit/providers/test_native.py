@@ -1,6 +1,9 @@
 """The traffic engine Native: against SUMO without chance, and what must hold in any traffic."""
 
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,33 +78,49 @@ def test_drivers_follow_as_in_sumo(drivers, traffic):
 
 @pytest.mark.parametrize("scenario", ["intersection_v1", "double_merge_v1"])
 def test_none_passes_another_in_its_lane_and_none_is_lost(scenario):
-    built = build_scenario(scenario)
-    with traffic_run(built, "random_social_vehicles", seed=3, engine="Native") as run:
+    with traffic_run(build_scenario(scenario), "random_social_vehicles", seed=3, engine="Native") as run:
         engine = run.engine
         assert isinstance(engine, Native)
-        n, ways = engine._arrays, engine._demand.value.ways
-        before, departed = {}, 0
-        vanished_elsewhere = 0
+        n, before, arrived, began = engine.traffic, {}, 0, int(run.states.alive.sum())
+        born = int(n.sims["born"][0])
         for states in run.steps(60.0):
-            alive = np.flatnonzero(states.alive)
-            now = {}
-            for slot in alive.tolist():
-                row = n.driven.row[0, slot]
-                place = int(ways.lane[row]), float(n.driven.front[0, slot])
-                now[slot, int(states.generation[slot])] = place, bool(ways.arrival[row] < np.inf)
-            departed += len(now.keys() - before.keys())
-            vanished_elsewhere += sum(not before[gone][1] for gone in before.keys() - now.keys())
-            stay = [key for key in now if key in before and now[key][0][0] == before[key][0][0]]
-            for key in stay:
-                for other in stay:
-                    lane, front = before[key][0]
-                    if before[other][0][0] == lane and before[other][0][1] < front:
-                        assert now[other][0][1] < now[key][0][1]
-            assert (states.speed[alive] >= 0.0).all()
+            cars, now = n.cars[np.flatnonzero(states.alive)], {}
+            for car in cars:
+                may_arrive = bool(n.ways["arrival"][car["row"]] < np.inf)
+                now[int(car["number"])] = int(car["lane"]), float(car["front"]), may_arrive
+            gone = [before[number] for number in before.keys() - now.keys()]
+            assert all(may_arrive for _, _, may_arrive in gone)
+            arrived += len(gone)
+            stay = {key: now[key] for key in now if key in before and now[key][0] == before[key][0]}
+            for key, (lane, front, _) in stay.items():
+                for other, (its_lane, its_front, _) in stay.items():
+                    if lane == its_lane and before[other][1] < before[key][1]:
+                        assert its_front < front
+            assert (states.speed[states.alive] >= 0.0).all()
             before = now
-    assert departed > 20
-    assert vanished_elsewhere == 0
-    assert departed >= int(n.born[0]) - n.limit[0]
+        departed = int(n.sims["born"][0]) - born
+        assert departed > 20
+        assert began + departed == arrived + len(before)
+
+
+TRACE = """
+import hashlib
+from smarts.sim.traffic_run import traffic_run
+from smarts.sstudio.build import build_scenario
+
+content = hashlib.blake2b()
+with traffic_run(build_scenario("intersection_v1"), "random_social_vehicles", engine="Native") as run:
+    for states in run.steps(10.0):
+        content.update(states.position.tobytes())
+"""
+
+
+def test_another_process_drives_the_same_traffic():
+    command = [sys.executable, "-c", TRACE + "print(content.hexdigest())"]
+    other = subprocess.run(command, capture_output=True, text=True, check=True)
+    own: dict[str, Any] = {}
+    exec(TRACE, own)
+    assert other.stdout.split() == [own["content"].hexdigest()]
 
 
 @pytest.mark.parametrize("beyond", [-30.0, -1.0, 1.5])
