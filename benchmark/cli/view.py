@@ -102,7 +102,7 @@ def _write(
     """Write episodes into files, and say how large these are."""
     from smarts.envision.episode_library import EpisodeLibrary
     from smarts.envision.viewer_page import page_with
-    from smarts.envision.whole_files import written_whole
+    from smarts.whole_files import written_whole
 
     if html is not None and out is None and begin is None and end is None:
         library = EpisodeLibrary(paths)

@@ -11,8 +11,8 @@ import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
 
-from smarts.envision.whole_files import written_whole
 from smarts.errors import SmartsError
+from smarts.whole_files import written_whole
 
 QUALITY = 20
 """The encoder's constant rate factor for films, from 0 (lossless) to 51."""

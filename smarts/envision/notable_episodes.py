@@ -9,10 +9,10 @@ from pathlib import Path
 from smarts.envision.compact_episode import compact_episode
 from smarts.envision.episode_library import Entry, EpisodeLibrary, read_compact
 from smarts.envision.viewer_page import MOST_BYTES, Embedded, page_with, room_of_page
-from smarts.envision.whole_files import written_whole
 from smarts.errors import SmartsError
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.types.events import Outcome
+from smarts.whole_files import written_whole
 
 GOAL = Outcome.GOAL.name.lower()
 _NO_FAILURE = {each.name.lower() for each in (Outcome.NONE, Outcome.GOAL, Outcome.OTHER, Outcome.LEFT_BUBBLE)}

@@ -23,7 +23,6 @@ from smarts.arrays import Floats
 from smarts.envision.bubble_shapes import BUBBLE, bubble_shapes, moved, rings_of
 from smarts.envision.route_lines import CAR_LENGTH, place_on_map, pose_on_map, route_line, start_pose
 from smarts.envision.vehicle_shapes import CAR, EGOS, footprints, vehicle_shapes
-from smarts.envision.whole_files import written_whole
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sim.moments import Moment
 from smarts.sstudio import types as t
@@ -31,6 +30,7 @@ from smarts.sstudio.bubble_checks import outline_of
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import expand
 from smarts.types.vehicles import VehicleKind
+from smarts.whole_files import written_whole
 
 ASPHALT = "#c6cad1"
 JUNCTION = "#bcc1c9"

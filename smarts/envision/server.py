@@ -25,6 +25,7 @@ from smarts.envision.live import LiveHub
 from smarts.envision.viewer_page import policy_of, viewer_page
 from smarts.errors import SmartsError
 from smarts.stream.container import MOST_BYTES
+from smarts_agent_kit.server import keep_alive
 
 DEFAULT_PORT = 8081
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
@@ -256,8 +257,10 @@ def _listen(host: str, port: int) -> socket.socket:
         listener = socket.socket(family, kind, protocol)
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            # Connections have it, too: one that takes nothing is not kept for what it was to get.
+            # Connections have both, too: one that takes nothing is not kept for what it was to get, nor a
+            # publisher in the list whose machine is gone.
             listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _STANDSTILL)
+            keep_alive(listener)
             listener.bind(address)
             listener.listen(64)
         except BaseException:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import itertools
-import os
 import re
 import tempfile
 import xml.etree.ElementTree as ElementTree
@@ -20,6 +19,7 @@ from smarts.roads.osm_types import write_road_types
 from smarts.roads.sources import MapKind, MapSource
 from smarts.roads.sumo_tools import run_tool, sumo_folder, try_in_sumo
 from smarts.roads.validation import validate_net
+from smarts.whole_files import written_whole
 
 # Fine curves through junctions: SUMO's default of five points makes vehicles turn in visible kinks.
 _JUNCTION_DETAIL = {"junctions.internal-link-detail": "20", "junctions.corner-detail": "5"}
@@ -157,14 +157,10 @@ def _publish(net: bytes, notes: MapNotes, source: MapSource, out: Path) -> None:
         if not lost:
             raise
         raise MapError(f"{error.problem} ({lost})", place=error.place, remedy=error.remedy) from error
-    temporary = out.with_name(f".{out.name}.{os.getpid()}")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(net)
-        try_in_sumo(out.parent, {"net-file": [temporary.name]}, ("--end", "1"), str(source.files[0]), "map")
-        os.replace(temporary, out)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with written_whole(out) as partial:
+        partial.write_bytes(net)
+        files = {"net-file": [partial.name]}
+        try_in_sumo(partial.parent, files, ("--end", "1"), str(source.files[0]), "map")
 
 
 def _read_bytes(path: Path) -> bytes:

@@ -42,7 +42,8 @@ __all__ = ["build_described", "build_scenario", "suite"]
 DESCRIBED = "described"
 """The entry of the index with a scenario that was handed over by hand."""
 PACKAGE = Path(__file__).resolve().parents[1]
-CODE = ("arrays.py", "errors.py", "registry.py", "shipped.py", "types", "geometry", "roads", "sstudio")
+CODE = ("arrays.py", "errors.py", "registry.py", "shipped.py", "whole_files.py")
+CODE += ("types", "geometry", "roads", "sstudio")
 """The parts of the package that decide what artefacts look like: what the build imports."""
 LIBRARIES = ("eclipse-sumo", "numpy", "shapely")
 """Packages whose versions do."""

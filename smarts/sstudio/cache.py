@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 from smarts.errors import ScenarioError
+from smarts.whole_files import PARTIAL, written_whole
 
-PARTIAL = ".partial-"
 MANIFEST = "manifest.json"
 """The artefact that says what was built."""
 KEPT_DAYS = 14
@@ -70,10 +70,9 @@ class BuildCache:
         """
         with open(self.root / ".lock", "w") as handle:
             fcntl.flock(handle, fcntl.LOCK_EX)
-            for abandoned in self.root.glob(f"{PARTIAL}*"):
-                shutil.rmtree(abandoned, ignore_errors=True)
-            for abandoned in (self.root / "index").glob(f"{PARTIAL}*"):
-                abandoned.unlink(missing_ok=True)
+            for folder in (self.root, self.root / "index"):
+                for abandoned in folder.glob(f"{PARTIAL}*"):
+                    shutil.rmtree(abandoned, ignore_errors=True)
             yield
 
     @contextmanager
@@ -127,13 +126,8 @@ class BuildCache:
 
     def write(self, entry: str, content: dict[str, Any]) -> None:
         """Write an entry of the index atomically."""
-        descriptor, name = tempfile.mkstemp(prefix=PARTIAL, dir=self.root / "index")
-        try:
-            with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-                json.dump(content, file, indent=1)
-            os.replace(name, self.root / "index" / f"{entry}.json")
-        finally:
-            Path(name).unlink(missing_ok=True)
+        with written_whole(self.root / "index" / f"{entry}.json") as file:
+            file.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
 
 def note_use(folder: Path) -> None:

@@ -13,6 +13,7 @@ import yaml
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names
 from smarts.registry import import_own, load_module
 from smarts.shipped import local
+from smarts.whole_files import written_whole
 from smarts.zoo.entry import ZooEntry
 from smarts.zoo.separate import SeparateEntry, locked
 
@@ -91,15 +92,10 @@ def import_folder(folder: str | Path) -> str:
 def _changed() -> Iterator[dict[str, Any]]:
     """Yield the content of the file, and write it with what the caller has changed."""
     file = zoo_file()
-    try:
-        with locked(file.with_name(f".{file.name}.lock")):
-            content = dict(_content())
-            yield content
-            written = file.with_name(f".{file.name}.new")
-            written.write_text(yaml.safe_dump(content), encoding="utf-8")
-            written.replace(file)
-    except OSError as error:
-        raise SmartsError(f"cannot be written: {error.strerror}", place=str(file)) from error
+    with written_whole(file) as written, locked(file.with_name(f".{file.name}.lock")):
+        content = dict(_content())
+        yield content
+        written.write_text(yaml.safe_dump(content), encoding="utf-8")
 
 
 def _content() -> Mapping[str, Any]:

@@ -1,7 +1,7 @@
 import pytest
 
-from smarts.envision.whole_files import written_whole
 from smarts.errors import SmartsError
+from smarts.whole_files import written_whole
 from tests.raising import raises
 
 
