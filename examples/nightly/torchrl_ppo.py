@@ -11,7 +11,7 @@ from torchrl.envs.utils import MarlGroupMapType
 from torchrl.modules import MaskedCategorical, MultiAgentMLP, ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
-from smarts.env import StayingAgents, hiway_parallel_env
+from smarts.env import BlackDeath, hiway_parallel_env
 
 KEYS = {name: ("agents", name) for name in ("reward", "action", "done", "terminated")}
 
@@ -19,7 +19,7 @@ KEYS = {name: ("agents", name) for name in ("reward", "action", "done", "termina
 def made() -> TransformedEnv:
     """Return the environment; agents that have ended stay in the batch without effect."""
     env = PettingZooWrapper(
-        StayingAgents(hiway_parallel_env(["intersection"], 4)),
+        BlackDeath(hiway_parallel_env(["intersection"], 4)),
         group_map=MarlGroupMapType.ALL_IN_ONE_GROUP,
         done_on_any=False,
         categorical_actions=True,

@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 
 if TYPE_CHECKING:
+    from smarts.env.black_death import BlackDeath
     from smarts.env.hiway import HiWayEnv
     from smarts.env.parallel import hiway_parallel_env
     from smarts.env.pymarl import PyMARLEnv
     from smarts.env.rllib import RLlibHiWayEnv
     from smarts.env.single import SingleHiWayEnv
     from smarts.env.single_vector import SingleHiWayVectorEnv
-    from smarts.env.staying import StayingAgents
     from smarts.env.vector import VectorHiWayEnv
 
 __all__ = [
+    "BlackDeath",
     "HiWayEnv",
     "PyMARLEnv",
     "RLlibHiWayEnv",
     "SingleHiWayEnv",
     "SingleHiWayVectorEnv",
-    "StayingAgents",
     "VectorHiWayEnv",
     "hiway_parallel_env",
 ]
@@ -35,7 +35,7 @@ _PLACES = {
     "RLlibHiWayEnv": "smarts.env.rllib",
     "SingleHiWayEnv": "smarts.env.single",
     "SingleHiWayVectorEnv": "smarts.env.single_vector",
-    "StayingAgents": "smarts.env.staying",
+    "BlackDeath": "smarts.env.black_death",
     "VectorHiWayEnv": "smarts.env.vector",
     "hiway_parallel_env": "smarts.env.parallel",
 }

@@ -12,8 +12,8 @@ from torchrl.data import Composite
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.pettingzoo import PettingZooWrapper
 
+from smarts.env.black_death import BlackDeath
 from smarts.env.parallel import hiway_parallel_env
-from smarts.env.staying import StayingAgents
 from smarts.types.agent_states import agent_names
 
 GROUP = "agents"
@@ -22,7 +22,7 @@ GROUP = "agents"
 class HiWayTask(TaskClass):
     """Scenarios with a fixed number of agents, all of one group.
 
-    Agents that have ended stay in the batch until all have; see `StayingAgents`. Each environment that
+    Agents that have ended stay in the batch until all have; see `BlackDeath`. Each environment that
     BenchMARL makes of the task in its own process, for training or evaluation, plays episodes of its own;
     with `parallel_collection` those of all processes are the same.
 
@@ -52,7 +52,7 @@ class HiWayTask(TaskClass):
         def make() -> EnvBase:
             own = int(seeds.spawn(1)[0].generate_state(1)[0] % 2**31)
             config: dict[str, Any] = {**self.config, "seed": own}
-            env = StayingAgents(hiway_parallel_env(**config))
+            env = BlackDeath(hiway_parallel_env(**config))
             return PettingZooWrapper(
                 env, group_map={GROUP: env.possible_agents}, done_on_any=False, device=device
             )

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
+from smarts.env.black_death import BlackDeath
 from smarts.env.parallel import ParallelHiWayEnv
 from smarts.env.runner import NotCopied
 from smarts.env.settings import Agents, EnvOptions, make_settings, refuse_bubbles
-from smarts.env.staying import StayingAgents
 from smarts.errors import ActionError
 from smarts.observations.action_mask import MASK
 
@@ -25,7 +25,7 @@ _SHARES = {"completed": "goal", "collided": "collision"}
 class PyMARLEnv(NotCopied):
     """A simulation as EPyMARL's `MultiAgentEnv` (by its methods; EPyMARL itself is not needed).
 
-    The agents are a fixed list, as `StayingAgents` keeps it. The state holds all observations and, for each
+    The agents are a fixed list, as `BlackDeath` keeps it. The state holds all observations and, for each
     agent, whether it is in the simulation.
 
     Args:
@@ -62,7 +62,7 @@ class PyMARLEnv(NotCopied):
         refuse_bubbles("PyMARLEnv", settings)
         self.episode_limit = _most_decisions(settings.interfaces(), settings.decision_interval)
         """Most decisions of an episode."""
-        self._env = StayingAgents(ParallelHiWayEnv(settings))
+        self._env = BlackDeath(ParallelHiWayEnv(settings))
         self.agents = self._env.possible_agents
         """The agents' names, in the order of all lists."""
         self.n_agents = len(self.agents)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface, AgentType
-from smarts.env import SingleHiWayEnv, StayingAgents, VectorHiWayEnv, hiway_parallel_env
+from smarts.env import BlackDeath, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ScenarioError, TrafficError
 from smarts.providers.sumo_traffic import SumoTraffic
 from tests.raising import raises
@@ -69,7 +69,7 @@ def test_a_fixed_list_of_agents_ends_with_all_of_them(tmp_path, closing):
     traffic = "{'none': t.Traffic(flows=[])}"
     (folder / "scenario.py").write_text(scenario(f"ego_missions={missions}, traffic={traffic}"))
     agents = {"a": laner(max_episode_steps=50), "b": laner(max_episode_steps=2)}
-    env = closing(StayingAgents(hiway_parallel_env([folder], agents, observation=["speed"])))
+    env = closing(BlackDeath(hiway_parallel_env([folder], agents, observation=["speed"])))
     env.reset(seed=1)
     while env.agents:
         _, _, terminated, truncated, _ = env.step({})

@@ -6,7 +6,7 @@ import pytest
 
 from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, SingleHiWayEnv, hiway_parallel_env
-from smarts.env.staying import StayingAgents
+from smarts.env.black_death import BlackDeath
 from smarts.envision.scenario_picture import CAR, EGOS
 from smarts.envision.world_picture import HEIGHT, WIDTH
 
@@ -61,15 +61,15 @@ def test_pictures_change_with_the_simulation_and_not_with_the_drawing(parallel):
     assert parallel.metadata["render_fps"] == 2
 
 
-def test_the_original_environment_and_staying_agents_draw():
+def test_the_original_environment_and_black_death_draw():
     env = HiWayEnv(["loop"], {"a": benchmark_interface()}, render_mode="rgb_array")
     env.reset(seed=1)
     assert env.render().shape == (HEIGHT, WIDTH, 3)
     env.close()
-    staying = StayingAgents(hiway_parallel_env(["loop"], 1, render_mode="rgb_array"))
-    staying.reset(seed=1)
-    assert staying.render().shape == (HEIGHT, WIDTH, 3)
-    staying.close()
+    padded = BlackDeath(hiway_parallel_env(["loop"], 1, render_mode="rgb_array"))
+    padded.reset(seed=1)
+    assert padded.render().shape == (HEIGHT, WIDTH, 3)
+    padded.close()
 
 
 def test_without_a_mode_nothing_is_drawn():

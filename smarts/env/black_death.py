@@ -15,14 +15,14 @@ from smarts.env.runner import NotCopied
 from smarts.observations.action_mask import MASK
 
 
-class StayingAgents(NotCopied, ParallelEnv):
+class BlackDeath(NotCopied, ParallelEnv):
     """A PettingZoo environment whose agents are all in all results until the last one has ended.
 
     The results of the decision with which an agent ends are its last of its own. After it, as before it has
     entered, it observes zeros, gets the reward 0, and has one allowed action, 0, which does nothing; once
     ended it stays terminated or truncated. An agent that ends before its first decision is truncated with
     the last one. Infos hold the mask of allowed actions, and the outcome of agents
-    that have just ended. Other libraries call this black death. Against PettingZoo's rule, `agents` holds
+    that have just ended. Black death is SuperSuit's name of this. Against PettingZoo's rule, `agents` holds
     those that have ended, too, until all have.
 
     Args:
