@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from smarts.arrays import Bools, Bytes, Ints
-from smarts.errors import OwnCodeError, shown
-from smarts.providers.traffic_engine import KeepsVehicles, TrafficEngine
+from smarts.arrays import Bools
+from smarts.errors import OwnCodeError
+from smarts.providers.traffic_engine import TrafficEngine
 from smarts.registry import definition_of, guarded
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
@@ -20,18 +20,18 @@ from smarts.types.world import World
 def make_own_engine(
     name: str, kind: Callable[..., Any], world: World, maps: Sequence[LaneGraph]
 ) -> TrafficEngine:
-    """Return a user's engine, with checks of what it raises, returns and writes.
+    """Return a user's engine, with checks of what it raises and of the motion that it writes.
 
     Raises:
         OwnCodeError: Its constructor raises.
     """
     doing = f"the traffic engine {name!r} (traffic_engine)"
     engine = guarded(kind, doing)(world, maps)
-    return (OwnKeepingEngine if isinstance(engine, KeepsVehicles) else OwnEngine)(engine, doing, world)
+    return OwnEngine(engine, doing, world)
 
 
-class OwnEngine(TrafficEngine):
-    """Calls a user's engine, and checks what it returns and the motion that it writes.
+class OwnEngine:
+    """Calls a user's engine, and checks the motion that it writes; a `KeepsVehicles` if the engine is one.
 
     Args:
         engine: The user's.
@@ -41,10 +41,10 @@ class OwnEngine(TrafficEngine):
 
     def __init__(self, engine: Any, doing: str, world: World) -> None:
         self._engine, self._doing, self._world = engine, doing, world
-        calls = ("reset", "step", "can_accept", "close")
-        self._reset, self._step, self._can_accept, self._close = (
-            guarded(getattr(engine, name), doing) for name in calls
-        )
+        self._reset, self._step = guarded(engine.reset, doing), guarded(engine.step, doing)
+        self.can_accept, self.close = guarded(engine.can_accept, doing), guarded(engine.close, doing)
+        if hasattr(engine, "can_release"):
+            self.can_release = guarded(engine.can_release, doing)
         self._read()
 
     def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
@@ -61,30 +61,8 @@ class OwnEngine(TrafficEngine):
         self._read()
         self._check_motion(env_mask, "step")
 
-    def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
-        """See `TrafficEngine`."""
-        return self._refusals("can_accept", self._can_accept, rows, slots)
-
-    def close(self) -> None:
-        """See `TrafficEngine`."""
-        self._close()
-
     def _read(self) -> None:
         self.failures, self.is_full = self._engine.failures, np.asarray(self._engine.is_full, np.bool_)
-
-    def _refusals(self, name: str, call: Callable[..., Any], rows: Ints, slots: Ints) -> Bytes:
-        """Return the answer of a gate if it is one number for each vehicle."""
-        if not len(rows):
-            return np.zeros(0, np.int8)  # an answer for no vehicles has no type
-        given = call(rows, slots)
-        found = np.asarray(given)
-        if found.shape != rows.shape or found.dtype.kind not in "iu":
-            raise OwnCodeError(
-                f"{self._doing}: {name} returns {shown(given)} for {len(rows)} vehicles",
-                place=definition_of(getattr(self._engine, name)),
-                remedy="return an array of a Refusal for each vehicle",
-            )
-        return found
 
     def _check_motion(self, env_mask: Bools, name: str) -> None:
         """Raise if a position, a heading or a speed that the engine wrote is not finite."""
@@ -99,12 +77,3 @@ class OwnEngine(TrafficEngine):
                 place=definition_of(getattr(self._engine, name)),
                 remedy="write finite numbers",
             )
-
-
-class OwnKeepingEngine(OwnEngine):
-    """Calls a user's engine that keeps some of its vehicles for a while: a `KeepsVehicles`."""
-
-    def can_release(self, rows: Ints, slots: Ints) -> Bytes:
-        """See `KeepsVehicles`."""
-        release = guarded(self._engine.can_release, self._doing)
-        return self._refusals("can_release", release, rows, slots)

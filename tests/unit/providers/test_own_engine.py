@@ -50,13 +50,9 @@ class Fails(Mine):
         self.world.vehicles.speed[0] = np.nan
         self.failures = {0: TrafficError("the traffic failed")}
 
-class Accepts(Mine):
-    def can_accept(self, rows, slots):
-        return None
-
 class Releases(Mine):
     def can_release(self, rows, slots):
-        return np.zeros(len(rows) + 1, np.int8)
+        raise KeyError("slot")
 """
 
 
@@ -91,14 +87,13 @@ def play(engine, world):
     [
         ("Made", "raise KeyError", "KeyError: 'flow'"),
         ("Infinite", "class Infinite", "speed of a vehicle are [0.0, inf, 0.0, 0.0]"),
-        ("Accepts", "class Accepts", "can_accept returns None for 1 vehicles"),
-        ("Releases", "class Releases", "can_release returns array"),
+        ("Releases", "class Releases", "KeyError: 'slot'"),
     ],
 )
 def test_mistakes_are_errors_with_engine_key_file_and_line(make, name, line, said):
     lines = ENGINE.splitlines()
     number = next(number for number, each in enumerate(lines, 1) if line in each)
-    number += {"Infinite": 1, "Accepts": 1, "Releases": 1}.get(name, 0)
+    number += {"Infinite": 1, "Releases": 2}.get(name, 0)
     values = [f"'{make.file.stem}:{name}'", "traffic_engine", said]
     with raises(OwnCodeError, f"{make.file}:{number}", values=values):
         play(*make(name))
