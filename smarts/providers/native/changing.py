@@ -68,9 +68,11 @@ class Change(NamedTuple):
 
 @kernel
 def change_lanes(n: Traffic, b: int) -> None:
-    """Let vehicles begin lane changes, from the foremost on."""
-    for place in range(n.sims[b].listed):
-        car = n.cars[n.order[b, place]]
+    """Let vehicles begin lane changes."""
+    for slot in range(n.driven.shape[1]):
+        if n.driven[b, slot] < 0:
+            continue
+        car = n.by_slot[b, slot]
         way, reaction = n.ways[car.row], n.types[car.type].reaction
         decides = car.next_action > (n.sims[b].tick - 0.5) * n.dt + reaction - cf.SLACK
         if car.side != 0 or n.lanes[car.lane].inside or not decides:
@@ -100,7 +102,7 @@ def _consider(n: Traffic, car: Car, beside: int, side: int) -> bool:
         car.side, car.done = side, 0.0
         car.wish = car.reason = car.advised = 0
         car.gain = car.keeping = car.memory = car.reserved = car.space = 0.0
-        add_entry(n, lane, car.place, there, there - car.length, car.speed)
+        add_entry(n, lane, car, there, car.length, car.speed)
         return True
     if not (car.reason & STRATEGIC and car.wish == -side):
         car.wish, car.reason = side, reason | blocked | (car.reason & BLOCKS_CHANGE)

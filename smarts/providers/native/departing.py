@@ -9,7 +9,7 @@ from smarts.geometry.compiling import kernel
 from smarts.providers.native.draws import FACTOR, HEADWAY, PLACE, TYPE, draw, exponential, normal
 from smarts.providers.native.driving import desired_speed
 from smarts.providers.native.junctions import is_first, light_of
-from smarts.providers.native.occupancy import add_entry, entry_ahead, entry_behind
+from smarts.providers.native.occupancy import add_entry, clear_car, entry_ahead, entry_behind
 from smarts.providers.native.state import Car, Record, Traffic
 from smarts.types.traffic import Signal
 
@@ -68,7 +68,7 @@ def _depart_one(n: Traffic, b: int, number: int, flow: Record) -> bool:
         front = min(kind.length + TAIL_SLACK, lane.length)
     elif front == DRAWN:
         front = draw(sim.seed, number, sim.tick, PLACE) * lane.length
-    car = n.cars[b * n.driven.shape[1] + slot]
+    car = n.by_slot[b, slot]
     prepare_car(n, car, t, flow.row, front, factor)
     car.length, car.width = kind.length, kind.width
     wanted = min(car.desired, flow.speed) if flow.speed >= 0.0 else car.desired
@@ -82,7 +82,7 @@ def _depart_one(n: Traffic, b: int, number: int, flow: Record) -> bool:
     v.length[b, slot], v.width[b, slot] = kind.length, kind.width
     v.route[b, slot] = n.route_number[b, n.ways[flow.row].route - sim.route]
     begin_driving(n, car)
-    add_entry(n, car.lane, car.place, front, front - car.length, car.speed)
+    add_entry(n, car.lane, car, front, car.length, car.speed)
     return True
 
 
@@ -131,9 +131,7 @@ def _is_free_behind(n: Traffic, car: Car) -> bool:
 @kernel
 def prepare_car(n: Traffic, car: Car, t: int, row: int, front: float, factor: float) -> None:
     """Make a new driver of a type for a vehicle at a place on its way."""
-    place, slot, sim = car.place, car.slot, car.sim
-    n.cars[place] = n.new_car[0]
-    car.place, car.slot, car.sim = place, slot, sim
+    clear_car(n, car)
     car.type, car.row, car.lane, car.front, car.factor = t, row, n.ways[row].lane, front, factor
     car.desired = desired_speed(n, car, n.lanes[car.lane])
 
@@ -145,5 +143,3 @@ def begin_driving(n: Traffic, car: Car) -> None:
     n.driven[car.sim, car.slot] = car.last = n.vehicles.generation[car.sim, car.slot]
     car.driver, car.number = car.type, sim.born
     sim.born += 1
-    n.order[car.sim, sim.listed] = car.place
-    sim.listed += 1

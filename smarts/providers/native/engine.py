@@ -9,9 +9,9 @@ import numpy as np
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import TrafficError
 from smarts.geometry.binding import Replaceable, bind
-from smarts.geometry.frames import wrap_angle
 from smarts.providers.gates import find_too_close
 from smarts.providers.native.demand import Built, is_ballistic
+from smarts.providers.native.occupancy import place_of
 from smarts.providers.native.state import Traffic
 from smarts.providers.native.stepping import begin, find_new, refusal_to_give, step, take_over, would_brake
 from smarts.providers.native.tables import make_traffic
@@ -46,10 +46,10 @@ class Native(TrafficEngine):
         self._size = self._built.size
         self._found = np.zeros((2, world.vehicles.alive.size), np.int32)
         self._find_too_close = bind(find_too_close, world.vehicles)
-        self._find_new, self._step, self._begin, self._take_over, self._would_brake, self._refusal_to_give = (
-            bind(each, self._traffic)
-            for each in (find_new, step, begin, take_over, would_brake, refusal_to_give)
+        self._find_new, self._step, self._begin, self._place_of, self._take_over, self._would_brake = (
+            bind(each, self._traffic) for each in (find_new, step, begin, place_of, take_over, would_brake)
         )
+        self._refusal_to_give = bind(refusal_to_give, self._traffic)
 
     @property
     def is_full(self) -> Bools:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -88,18 +88,10 @@ class Native(TrafficEngine):
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`; it takes vehicles in the middle of a lane, from which a way leads on."""
-        vehicles, found = self._world.vehicles, np.zeros(len(rows), np.int8)
         overlaps = np.zeros(len(rows), np.bool_)
         self._find_too_close(rows, slots, 0.0, 0.0, overlaps)
-        for place, (row, slot) in enumerate(zip(rows.tolist(), slots.tolist(), strict=True)):
-            lane, s, t, turn = self._place(row, slot)
-            half = 0.5 * float(vehicles.length[row, slot])
-            found[place] = self._refusal(row, slot, lane, s, t, turn, bool(overlaps[place]))
-            if found[place] == Refusal.NONE:
-                way = self._way(row, slot, lane)
-                kind, factor = self._driver(row, slot)
-                found[place] = self._would_brake(row, slot, kind, way, s + half, factor)
-        return found
+        vehicles = zip(rows.tolist(), slots.tolist(), overlaps.tolist(), strict=True)
+        return np.array([self._refusal_to_take(*each) for each in vehicles], np.int8)
 
     def can_release(self, rows: Ints, slots: Ints) -> Bytes:
         """See `KeepsVehicles`."""
@@ -122,45 +114,35 @@ class Native(TrafficEngine):
 
     def _take(self, row: int, slot: int) -> None:
         """Begin to drive a vehicle of another provider, on the lane that it is on, or the nearest."""
-        lane, s, t, _ = self._place(row, slot)
+        lane, s, t, _ = self._place_of(row, slot)
         vehicles, (kind, factor) = self._world.vehicles, self._driver(row, slot)
-        way = self._way(row, slot, max(lane, 0))
+        way = self._way(row, slot, lane)
         edges = self._built.routes[int(self.traffic.ways["route"][way])]
         vehicles.route[row, slot] = self._world.routes.number(row, edges)
-        offset = float(np.clip(t, -1.5, 1.5)) if lane >= 0 else 0.0
         front = s + 0.5 * float(vehicles.length[row, slot])
-        self._take_over(row, slot, kind, way, front, offset, factor)
+        self._take_over(row, slot, kind, way, front, float(np.clip(t, -1.5, 1.5)), factor)
 
-    def _place(self, row: int, slot: int) -> tuple[int, float, float, float]:
-        """Return a vehicle's lane, -1 for none, its place along and beside it [m], its angle to it [rad]."""
-        vehicles, maps = self._world.vehicles, self._world.map[[row]]
-        pose = vehicles.position[[row], slot], vehicles.heading[[row], slot]
-        found = self._atlas.locate(maps, *pose, height=vehicles.height[[row], slot])
-        graph, lane, s, t = self._maps[maps[0]], int(found.lane[0]), float(found.s[0]), float(found.t[0])
-        if lane < 0 or found.distance[0] > 0.5 * graph.width[lane]:
-            return -1, 0.0, 0.0, 0.0
-        return lane, s, t, float(wrap_angle(pose[1][0] - graph.pose_at(lane, s)[2]))
-
-    def _refusal(
-        self, row: int, slot: int, lane: int, s: float, t: float, turn: float, overlaps: bool
-    ) -> Refusal:
-        """Return why the engine does not take a vehicle at a place, see `_place`."""
-        graph, half = self._maps[self._world.map[row]], 0.5 * float(self._world.vehicles.length[row, slot])
+    def _refusal_to_take(self, row: int, slot: int, overlaps: bool) -> int:
+        """Return why the engine does not take a vehicle, as a `Refusal`."""
+        lane, s, t, turn = self._place_of(row, slot)
+        here, half = self.traffic.lanes[lane], 0.5 * float(self._world.vehicles.length[row, slot])
         if lane < 0:
             return Refusal.OFF_LANES
-        if graph.is_internal[lane] or s < half or s + half > graph.length[lane]:
+        if here["inside"] or s < half or s + half > here["length"]:
             return Refusal.IN_JUNCTION
         if overlaps:
             return Refusal.TOO_CLOSE
         if abs(turn) > MOST_TURN:
             return Refusal.HEADING
-        return Refusal.OFFSET if abs(t) > MOST_OFFSET else Refusal.NONE
+        if abs(t) > MOST_OFFSET:
+            return Refusal.OFFSET
+        return self._would_brake(row, slot, self._way(row, slot, lane), s + half, *self._driver(row, slot))
 
     def _driver(self, row: int, slot: int) -> tuple[int, float]:
         """Return the type and the speed factor of a vehicle's driver, as before, else of its kind."""
         n, vehicles = self.traffic, self._world.vehicles
-        car = n.cars[row * vehicles.capacity + slot]
-        if car["last"] == vehicles.generation[row, slot]:
+        car = n.by_slot[row, slot]
+        if car["last"] == vehicles.generation[row, slot] and car["driver"] >= 0:
             return int(car["driver"]), float(car["factor"])
         ballistic = bool(n.types["ballistic"][n.sims["stranger"][row]])
         return self._built.kinds[ballistic][int(vehicles.kind[row, slot])], TAKEN_FACTOR
@@ -168,6 +150,7 @@ class Native(TrafficEngine):
     def _way(self, row: int, slot: int, lane: int) -> int:
         """Return a row of ways for a vehicle on a lane: of its planned route, else of a way on from there."""
         number, graph = int(self._world.map[row]), self._maps[self._world.map[row]]
+        lane = max(lane - int(self._atlas.roads.lane_base[number]), 0)
         while graph.is_internal[lane] and len(graph.successors(lane)):
             lane = int(graph.successors(lane)[0])
         edge, planned = int(graph.lane_edge[lane]), int(self._world.vehicles.route[row, slot])

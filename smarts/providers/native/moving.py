@@ -272,13 +272,14 @@ def write_pose(n: Traffic, car: Car, is_new: bool) -> None:
         tail = car.tails[place]
         back += n.lanes[tail].length
     back_x, back_y, _, back_height = _point(n, tail, back, car.offset)
-    heading = math.atan2(y - back_y, x - back_x)
-    if math.hypot(x - back_x, y - back_y) < 0.5 * car.length:
-        heading = along
+    ahead, aside = x - back_x, y - back_y
+    apart, heading = math.hypot(ahead, aside), math.atan2(aside, ahead)
+    if apart < 0.5 * car.length:
+        ahead, aside, apart, heading = math.cos(along), math.sin(along), 1.0, along
     turned = 0.0 if is_new else wrapped(heading - v.heading[b, slot])
     yaw_rate = turned / n.dt
-    v.position[b, slot, 0] = x - 0.5 * car.length * math.cos(heading)
-    v.position[b, slot, 1] = y - 0.5 * car.length * math.sin(heading)
+    v.position[b, slot, 0] = x - 0.5 * car.length * ahead / apart
+    v.position[b, slot, 1] = y - 0.5 * car.length * aside / apart
     v.height[b, slot], v.heading[b, slot] = 0.5 * (height + back_height), heading
     v.speed[b, slot], v.acceleration[b, slot] = car.speed, car.acceleration
     v.yaw_acceleration[b, slot] = 0.0 if is_new else (yaw_rate - v.yaw_rate[b, slot]) / n.dt
@@ -293,4 +294,6 @@ def _point(n: Traffic, lane: int, s: float, offset: float) -> tuple[float, float
     roads = n.roads
     point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
     x, y, heading = centre_at(roads, point, s)
-    return x - offset * math.sin(heading), y + offset * math.cos(heading), heading, height_at(roads, point, s)
+    if offset != 0.0:
+        x, y = x - offset * math.sin(heading), y + offset * math.cos(heading)
+    return x, y, heading, height_at(roads, point, s)

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at
+from smarts.geometry.segments import wrapped
 from smarts.providers.native.driving import desired_speed
 from smarts.providers.native.state import TAILS, Car, Traffic
 from smarts.roads.atlas import ROAD_LANES
-from smarts.roads.kernels import centre_at, place_on_map
+from smarts.roads.kernels import place_on_map, pose_on_lane
 
 LEAN = 0.2
 """A vehicle is on the lane beside, too, if it reaches farther over the line [m]."""
@@ -24,7 +24,7 @@ _ROAD = sum(1 << kind for kind in ROAD_LANES)
 
 @kernel
 def is_driven(n: Traffic, b: int, slot: int) -> bool:
-    """Return whether the engine drives the vehicle in a slot."""
+    """Return whether the engine drives the vehicle in a slot, which may have changed hands meanwhile."""
     v = n.vehicles
     return v.alive[b, slot] and v.owner[b, slot] == n.owner and n.driven[b, slot] == v.generation[b, slot]
 
@@ -45,45 +45,27 @@ def list_vehicles(n: Traffic, b: int, others: bool) -> None:
 def list_driven(n: Traffic, b: int) -> None:
     """List the engine's vehicles again, after those of other providers, which stay listed."""
     clear_lists(n, n.counts[1])
-    sort_cars(n, b)
-    for place in range(n.sims[b].listed):
-        _list_car(n, n.cars[n.order[b, place]])
-
-
-@kernel
-def sort_cars(n: Traffic, b: int) -> None:
-    """Sort the engine's vehicles by how far they are on their lanes; they nearly are from the last step."""
-    order, sim, count = n.order[b], n.sims[b], 0
-    for place in range(sim.listed):
-        car = n.cars[order[place]]
-        if not is_driven(n, b, car.slot):
-            continue
-        before = count - 1
-        while before >= 0 and n.cars[order[before]].front < car.front:
-            order[before + 1] = order[before]
-            before -= 1
-        order[before + 1] = car.place
-        count += 1
-    sim.listed = count
+    for slot in range(n.driven.shape[1]):
+        if is_driven(n, b, slot):
+            _list_car(n, n.by_slot[b, slot])
 
 
 @kernel
 def _list_car(n: Traffic, car: Car) -> None:
     """List a vehicle of the engine on its lane, on those of its tail, and on the other one of a change."""
-    lane = n.lanes[car.lane]
-    car.desired = desired_speed(n, car, lane)
-    add_entry(n, car.lane, car.place, car.front, car.front - car.length, car.speed)
+    car.desired = desired_speed(n, car, n.lanes[car.lane])
+    add_entry(n, car.lane, car, car.front, car.length, car.speed)
     place = car.front
     for tail in range(TAILS):
         behind = car.tails[tail]
         if place >= car.length or behind < 0:
             break
         place += n.lanes[behind].length
-        add_entry(n, behind, car.place, place, place - car.length, car.speed)
+        add_entry(n, behind, car, place, car.length, car.speed)
     beside = lane_beside(n, car)
     if beside >= 0:
-        there = car.front * n.lanes[beside].length / lane.length
-        add_entry(n, beside, car.place, there, there - car.length, car.speed)
+        there = car.front * n.lanes[beside].length / n.lanes[car.lane].length
+        add_entry(n, beside, car, there, car.length, car.speed)
 
 
 @kernel
@@ -101,38 +83,50 @@ def lane_beside(n: Traffic, car: Car) -> int:
 
 
 @kernel
+def place_of(n: Traffic, b: int, slot: int) -> tuple[int, float, float, float]:
+    """Return a vehicle's lane by its pose, -1 for none, its place along and beside it, its angle [rad]."""
+    v, roads, m = n.vehicles, n.roads, n.map[b]
+    x, y, heading = v.position[b, slot, 0], v.position[b, slot, 1], v.heading[b, slot]
+    found = place_on_map(roads, n.no_routes, m, x, y, v.height[b, slot], heading, -1, _ROAD, n.room)
+    lane, s, t, distance = found[0] + roads.lane_base[m], found[1], found[2], found[3]
+    if found[0] < 0 or distance > 0.5 * n.lanes[lane].width + BESIDE:
+        return -1, 0.0, 0.0, 0.0
+    return lane, s, t, wrapped(heading - pose_on_lane(roads, lane, s)[2])
+
+
+@kernel
+def clear_car(n: Traffic, car: Car) -> None:
+    """Forget what is known of the vehicle in a slot."""
+    place, slot, sim = car.place, car.slot, car.sim
+    n.cars[place] = n.new_car[0]
+    car.place, car.slot, car.sim = place, slot, sim
+
+
+@kernel
 def _list_other(n: Traffic, b: int, slot: int) -> None:
     """List a vehicle of another provider on all lanes that it lies on, by its pose."""
-    v, roads, m = n.vehicles, n.roads, n.map[b]
-    car = n.cars[b * n.driven.shape[1] + slot]
-    car.is_own, car.type, car.lane, car.links = False, n.sims[b].stranger, -1, 0
+    v, car = n.vehicles, n.by_slot[b, slot]
+    if car.last != v.generation[b, slot]:
+        clear_car(n, car)
+        car.last = v.generation[b, slot]
+    car.is_own, car.type, car.links = False, n.sims[b].stranger, 0
     car.length, car.width = v.length[b, slot], v.width[b, slot]
     car.speed, car.acceleration = max(v.speed[b, slot], 0.0), v.acceleration[b, slot]
-    x, y, heading = v.position[b, slot, 0], v.position[b, slot, 1], v.heading[b, slot]
-    lane, s, t, distance, _ = place_on_map(
-        roads, n.no_routes, m, x, y, v.height[b, slot], heading, -1, _ROAD, n.room
-    )
-    if lane < 0:
+    car.lane, s, t, turn = place_of(n, b, slot)
+    if car.lane < 0:
         return
-    number = lane + roads.lane_base[m]
-    here = n.lanes[number]
-    half_road = 0.5 * here.width
-    if distance > half_road + BESIDE:
-        return
-    point = segment_at(roads.point_s, roads.point_start[number], roads.point_start[number + 1], s)
-    turn = heading - centre_at(roads, point, s)[2]
-    along, across = abs(math.cos(turn)), abs(math.sin(turn))
+    lane, along, across = n.lanes[car.lane], abs(math.cos(turn)), abs(math.sin(turn))
     half = 0.5 * (car.length * along + car.width * across)
     aside = 0.5 * (car.length * across + car.width * along)
     pace = max(car.speed * math.cos(turn), 0.0)
-    car.lane, car.front = number, s + half
+    car.front = s + half
     _add_with_ends(n, car, 2.0 * half, pace)
-    if t + aside > half_road + LEAN and here.left >= 0:
-        add_entry(n, here.left, car.place, s + half, s - half, pace)
-    if aside - t > half_road + LEAN and here.right >= 0:
-        add_entry(n, here.right, car.place, s + half, s - half, pace)
+    if t + aside > 0.5 * lane.width + LEAN and lane.left >= 0:
+        add_entry(n, lane.left, car, s + half, 2.0 * half, pace)
+    if aside - t > 0.5 * lane.width + LEAN and lane.right >= 0:
+        add_entry(n, lane.right, car, s + half, 2.0 * half, pace)
     # A vehicle in a junction is there since its first step in it.
-    if not here.inside:
+    if not lane.inside:
         car.entered = car.conflicted = np.inf
     elif car.conflicted == np.inf:
         car.entered = car.conflicted = n.sims[b].tick * n.dt
@@ -141,17 +135,16 @@ def _list_other(n: Traffic, b: int, slot: int) -> None:
 @kernel
 def _add_with_ends(n: Traffic, car: Car, length: float, pace: float) -> None:
     """List a vehicle on its lane, on those behind for its tail, and on those ahead for its front."""
-    lane, front = n.lanes[car.lane], car.front
-    add_entry(n, car.lane, car.place, front, front - length, pace)
-    if front < length:
+    lane = n.lanes[car.lane]
+    add_entry(n, car.lane, car, car.front, length, pace)
+    if car.front < length:
         for place in range(lane.predecessors, n.lanes[car.lane + 1].predecessors):
-            there = front + n.lanes[n.predecessor[place]].length
-            add_entry(n, n.predecessor[place], car.place, there, there - length, pace)
-    if front > lane.length:
+            behind = n.predecessor[place]
+            add_entry(n, behind, car, car.front + n.lanes[behind].length, length, pace)
+    if car.front > lane.length:
         for place in range(lane.successors, n.lanes[car.lane + 1].successors):
             if may_take(n, car, n.successor[place]):
-                there = front - lane.length
-                add_entry(n, n.successor[place], car.place, there, there - length, pace)
+                add_entry(n, n.successor[place], car, car.front - lane.length, length, pace)
 
 
 @kernel
@@ -162,13 +155,14 @@ def may_take(n: Traffic, car: Car, lane: int) -> bool:
 
 
 @kernel
-def add_entry(n: Traffic, lane: int, place: int, front: float, back: float, speed: float) -> None:
+def add_entry(n: Traffic, lane: int, car: Car, front: float, length: float, speed: float) -> None:
     """List a vehicle on a lane."""
     number = n.counts[0]
     if number < len(n.entries):
         n.counts[0] = number + 1
         entry = n.entries[number]
-        entry.lane, entry.car, entry.front, entry.back, entry.speed = lane, place, front, back, speed
+        entry.lane, entry.car, entry.speed = lane, car.place, speed
+        entry.front, entry.back = front, front - length
         _link_entry(n, number)
 
 

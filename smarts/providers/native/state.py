@@ -169,8 +169,6 @@ SIMULATION = _record(
     "tick born limit: i4",
     # First flow, number of flows, first route of the scenario; type of other providers' vehicles.
     "flow flows route stranger: i4",
-    # Number of the engine's vehicles in `Traffic.order`.
-    "listed: i4",
     "is_full: ?",
 )
 
@@ -191,12 +189,12 @@ class Traffic(NamedTuple):
     """Shape (B,)."""
     cars: Records
     """Shape (B V,)."""
+    by_slot: Records
+    """The same, shape (B, V)."""
     new_car: Records
     """Shape (1,)."""
     driven: Ints
     """Generation of the vehicle that the engine drives in each slot, shape (B, V)."""
-    order: Ints
-    """Places of the engine's vehicles, sorted by `front`, the foremost first, shape (B, V)."""
     lanes: Records
     """Shape (L + 1,)."""
     successor: Ints

@@ -26,22 +26,20 @@ def step(n: Traffic, env_mask: Bools) -> None:
     for b in range(len(env_mask)):
         if env_mask[b]:
             _step(n, b, True)
-            for place in range(n.sims[b].listed):
-                car = n.cars[n.order[b, place]]
-                moving.write_pose(n, car, car.next_action == -math.inf)
+            for slot in range(n.driven.shape[1]):
+                if n.driven[b, slot] >= 0:
+                    moving.write_pose(n, n.by_slot[b, slot], n.by_slot[b, slot].next_action == -math.inf)
 
 
 @kernel
 def begin(n: Traffic, b: int, steps: int) -> None:
     """Begin an episode: drive the steps of the warm-up, without other providers' vehicles."""
-    sim, capacity = n.sims[b], n.driven.shape[1]
-    sim.tick = sim.born = sim.listed = 0
+    sim = n.sims[b]
+    sim.tick = sim.born = 0
     sim.is_full = False
     n.driven[b, :] = -1
-    for slot in range(capacity):
-        n.cars[b * capacity + slot] = n.new_car[0]
-        car = n.cars[b * capacity + slot]
-        car.place, car.slot, car.sim = b * capacity + slot, slot, b
+    for slot in range(n.driven.shape[1]):
+        occupancy.clear_car(n, n.by_slot[b, slot])
     for number in range(sim.flows):
         pending, flow = n.pending[b, number], n.flows[sim.flow + number]
         pending.waiting = pending.came = 0
@@ -51,38 +49,36 @@ def begin(n: Traffic, b: int, steps: int) -> None:
     junctions.begin_lights(n, b)
     for _ in range(steps):
         _step(n, b, False)
-    for place in range(sim.listed):
-        moving.write_pose(n, n.cars[n.order[b, place]], True)
+    for slot in range(n.driven.shape[1]):
+        if n.driven[b, slot] >= 0:
+            moving.write_pose(n, n.by_slot[b, slot], True)
 
 
 @kernel
 def _step(n: Traffic, b: int, others: bool) -> None:
     """Advance one simulation, in SUMO's order; `others`: other providers' vehicles are there."""
-    sim = n.sims[b]
+    sim, slots = n.sims[b], n.driven.shape[1]
     # The time at which SUMO's step begins; the slack is against rounding.
     time = sim.tick * n.dt + 1e-9
     sim.tick += 1
     occupancy.list_vehicles(n, b, others)
     junctions.show_lights(n, b, time)
-    for place in range(sim.listed):
-        car = n.cars[n.order[b, place]]
-        planning.plan(n, car)
-        planning.check_room(n, car)
-        planning.register(n, car)
-    if others:
-        for slot in range(n.driven.shape[1]):
-            if n.vehicles.alive[b, slot] and not occupancy.is_driven(n, b, slot):
-                planning.register_other(n, n.cars[b * n.driven.shape[1] + slot])
-    for place in range(sim.listed):
-        moving.decide(n, n.cars[n.order[b, place]])
-    for place in range(sim.listed):
-        car = n.cars[n.order[b, place]]
-        planning.withdraw_all(n, car)
-        moving.move(n, car)
-    if others:
-        for slot in range(n.driven.shape[1]):
-            if n.vehicles.alive[b, slot] and not occupancy.is_driven(n, b, slot):
-                planning.withdraw_all(n, n.cars[b * n.driven.shape[1] + slot])
+    for slot in range(slots):
+        if n.driven[b, slot] >= 0:
+            car = n.by_slot[b, slot]
+            planning.plan(n, car)
+            planning.check_room(n, car)
+            planning.register(n, car)
+        elif others and n.vehicles.alive[b, slot]:
+            planning.register_other(n, n.by_slot[b, slot])
+    for slot in range(slots):
+        if n.driven[b, slot] >= 0:
+            moving.decide(n, n.by_slot[b, slot])
+    for slot in range(slots):
+        if n.driven[b, slot] >= 0 or (others and n.vehicles.alive[b, slot]):
+            planning.withdraw_all(n, n.by_slot[b, slot])
+        if n.driven[b, slot] >= 0:
+            moving.move(n, n.by_slot[b, slot])
     occupancy.list_driven(n, b)
     changing.change_lanes(n, b)
     departing.depart(n, b, time)
@@ -93,16 +89,12 @@ def find_new(n: Traffic, env_mask: Bools, rows: Ints, slots: Ints) -> int:
     """Forget vehicles that others drive now, list vehicles new to the engine, and return their number."""
     v, count = n.vehicles, 0
     for b in range(len(env_mask)):
-        if not env_mask[b]:
-            continue
-        occupancy.sort_cars(n, b)
         for slot in range(v.alive.shape[1]):
-            if occupancy.is_driven(n, b, slot):
-                continue
-            n.driven[b, slot] = -1
-            if v.alive[b, slot] and v.owner[b, slot] == n.owner:
-                rows[count], slots[count] = b, slot
-                count += 1
+            if env_mask[b] and not occupancy.is_driven(n, b, slot):
+                n.driven[b, slot] = -1
+                if v.alive[b, slot] and v.owner[b, slot] == n.owner:
+                    rows[count], slots[count] = b, slot
+                    count += 1
     return count
 
 
@@ -122,7 +114,7 @@ def take_over(
         offset: Offset to the left of the lane [m].
         factor: Its speed factor.
     """
-    car, v = n.cars[b * n.driven.shape[1] + slot], n.vehicles
+    car, v = n.by_slot[b, slot], n.vehicles
     departing.prepare_car(n, car, t, row, front, factor)
     car.length, car.width, car.speed = v.length[b, slot], v.width[b, slot], max(v.speed[b, slot], 0.0)
     car.acceleration, car.offset, car.next_action = v.acceleration[b, slot], offset, 0.0
@@ -133,10 +125,10 @@ def take_over(
 
 
 @kernel
-def would_brake(n: Traffic, b: int, slot: int, t: int, row: int, front: float, factor: float) -> int:
+def would_brake(n: Traffic, b: int, slot: int, row: int, front: float, t: int, factor: float) -> int:
     """Return `Refusal.SPEED` if a driver would have to brake hard for its leader; see `take_over`."""
     occupancy.list_vehicles(n, b, True)
-    car, kind, way = n.cars[b * n.driven.shape[1] + slot], n.types[t], n.ways[row]
+    car, kind, way = n.by_slot[b, slot], n.types[t], n.ways[row]
     lane, number = n.lanes[way.lane], way.lane
     seen, ahead = -front, occupancy.entry_ahead(n, number, front, car)
     if ahead < 0 and way.next >= 0:
@@ -158,7 +150,7 @@ def refusal_to_give(n: Traffic, b: int, slot: int) -> int:
     """Return why an agent cannot take a vehicle now: it changes lanes, or crosses without priority."""
     if not occupancy.is_driven(n, b, slot):
         return _NONE
-    car = n.cars[b * n.driven.shape[1] + slot]
+    car = n.by_slot[b, slot]
     if car.side != 0:
         return _SIDEWAYS
     lane, following = n.lanes[car.lane], n.ways[car.row].next

@@ -43,6 +43,9 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int, built: Built) -> Tr
         conflicts[name] = getattr(roads, f"conflict_{name}")
     conflicts["begin"], conflicts["end"] = roads.conflict_extent.T
     conflicts["its_begin"], conflicts["its_end"] = roads.conflict_other_extent.T
+    cars = np.repeat(new_car, worlds * slots)
+    cars["place"] = np.arange(len(cars))
+    cars["sim"], cars["slot"] = np.divmod(cars["place"], slots)
     lanes, siblings = _make_lanes(atlas)
     search = np.empty(MOST_CANDIDATES, np.int32), np.empty(MOST_CANDIDATES, np.int32)
     return Traffic(
@@ -54,10 +57,10 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int, built: Built) -> Tr
         roads=roads,
         no_routes=atlas.no_routes,
         sims=np.zeros(worlds, state.SIMULATION),
-        cars=np.repeat(new_car, worlds * slots),
+        cars=cars,
+        by_slot=cars.reshape(worlds, slots),
         new_car=new_car,
         driven=np.full((worlds, slots), -1, np.int32),
-        order=np.zeros((worlds, slots), np.int32),
         lanes=lanes,
         successor=_across(graphs, roads.lane_base, "successor"),
         predecessor=_across(graphs, roads.lane_base, "predecessor"),
