@@ -36,7 +36,7 @@ def pack(root: Path, out: Path) -> None:
     content = {run.place: {"run": run.facts, "config": run.config} for run in runs}
     for run in runs:
         content[run.place][COUNTS] = run.table.attrs[COUNTS]
-    plays = {place: (content(), rows()) for place, (content, rows) in sorted(plays_of(root).items())}
+    plays = {place: (content(), rows()) for place, content, rows in plays_of(root)}
     write_versioned(out / RUNS, content)
     if root != out:
         shutil.copy(root / COMMAND, out)

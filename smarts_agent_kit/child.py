@@ -14,7 +14,6 @@ import os
 import select
 import shutil
 import signal
-import socket
 import sys
 import traceback
 from collections.abc import Mapping, Sequence
@@ -23,6 +22,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 _SET_DEATH_SIGNAL, _SET_CHILD_SUBREAPER = 1, 36  # of <sys/prctl.h>
+KILLED = 128
+"""Exit code of a supervisor whose agent was killed, but for the number of the signal, as in shells."""
 
 
 def main() -> NoReturn:
@@ -45,22 +46,20 @@ def main() -> NoReturn:
         finally:
             sys.stderr.flush()
             os._exit(1)
-    has_ended = _watch(worker, (lifeline, given["fd"]))
+    _watch(worker, (lifeline, given["fd"]))
     with suppress(ProcessLookupError):  # as a whole, however fast it forks
         os.killpg(worker, signal.SIGKILL)
     os.kill(worker, signal.SIGKILL)
     _, status = os.waitpid(worker, 0)
     end_children()
-    with suppress(Exception):  # the simulator is gone
-        if has_ended:
-            _tell(given, ending(status))
     os.close(given["fd"])
     shutil.rmtree(given["folder"], ignore_errors=True)
-    os._exit(0)
+    code = os.waitstatus_to_exitcode(status)
+    os._exit(code if code >= 0 else KILLED - code)
 
 
-def _watch(worker: int, simulator: Sequence[int]) -> bool:
-    """Wait until the agent's process or the simulator ends; return whether the process has.
+def _watch(worker: int, simulator: Sequence[int]) -> None:
+    """Wait until the agent's process or the simulator ends.
 
     Args:
         worker: The agent's process.
@@ -72,30 +71,15 @@ def _watch(worker: int, simulator: Sequence[int]) -> bool:
     # The agent may be busy or blocked, and read nothing; the simulator is heard here all the same.
     poll.register(connection, select.POLLRDHUP | select.POLLHUP)
     poll.poll()
-    return os.waitid(os.P_PID, worker, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
 
 
-def ending(status: int) -> str:
-    """Return how a process has ended, from its wait status."""
-    if not os.WIFSIGNALED(status):
-        return f"its process has ended with exit code {os.waitstatus_to_exitcode(status)}"
-    name = signal.Signals(os.WTERMSIG(status)).name
+def ending(code: int) -> str:
+    """Return how an agent's process has ended, from the exit code of its supervisor."""
+    name = {KILLED + each: each.name for each in signal.Signals}.get(code)
+    if name is None:
+        return f"its process has ended with exit code {code}"
     cause = ", by a user or for want of memory" if name == "SIGKILL" else ""
     return f"its process was killed by {name}{cause}"
-
-
-def _tell(given: Mapping[str, Any], problem: str) -> None:
-    """Send the simulator the last message of an agent whose process has ended."""
-    _take_paths(given)
-    wire = importlib.import_module("smarts_agent_kit.wire")
-    frame = wire.encode(wire.Message("failed", {"problem": problem}))
-    with socket.socket(fileno=os.dup(given["fd"])) as connection:
-        connection.send(frame, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
-
-
-def _take_paths(given: Mapping[str, Any]) -> None:
-    if given["paths"] is not None:
-        sys.path[:] = given["paths"]
 
 
 def end_children() -> None:
@@ -115,7 +99,8 @@ def _work(given: Mapping[str, Any], supervisor: int) -> None:
     _prctl(_SET_DEATH_SIGNAL, int(signal.SIGKILL))
     if os.getppid() != supervisor:
         os._exit(1)
-    _take_paths(given)
+    if given["paths"] is not None:
+        sys.path[:] = given["paths"]
     importlib.import_module("smarts_agent_kit.worker").work(given)
 
 

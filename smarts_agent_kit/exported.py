@@ -24,8 +24,6 @@ from smarts_agent_kit.weights import (
     CONTENT,
     HEAR,
     ExportError,
-    check_network,
-    check_width,
     content_of,
     layers_of,
     sets_of,
@@ -39,6 +37,8 @@ TRAINED = "trained"
 """Key of `policy.json`: algorithm, task, scenarios, traffic, environment, seed of the training."""
 VECTOR = "observation"
 """The array that the features' numbers are joined in."""
+MOST_NUMBERS = 100_000
+"""Most numbers of a memory, and of what says which agent a vehicle is."""
 MASKED = -1e9
 """Output of an action that is not allowed."""
 _LARGEST_EXPONENT = 709.0
@@ -87,28 +87,11 @@ class ExportedPolicy(BatchAgent):
         self._head, self._bounds = content["head"], content["bounds"]
         self._is_joint = bool(content.get(JOINT_Q))
         memory = max(self._groups[name]["memory"] for name in used)
-        self._check(memory, str(folder))
+        sizes = [memory, *(self._groups[name]["places"] for name in used)]
+        sizes += [self._index["size"]] if self._index is not None else []
+        if max(sizes) > MOST_NUMBERS:
+            raise ExportError(f"it reads {max(sizes)} numbers, of at most {MOST_NUMBERS}", str(folder))
         self._memory = Memory(max(1, memory))
-
-    def _check(self, memory: int, place: str) -> None:
-        """Raise if the networks are not of one piece, before any of them reads beside its arrays.
-
-        Raises:
-            ExportError: They are not.
-        """
-        kinds = {kind for layers in self._layers.values() for kind, _ in layers}
-        if self._is_joint and kinds & {HEAR, "gru"}:
-            raise ExportError("values of joint actions have no layers that hear or remember", place)
-        if memory and "gru" not in kinds:
-            raise ExportError(f"keeps {memory} numbers of a vehicle, but no layer reads them", place)
-        for name, layers in self._layers.items():
-            narrow = {"places": self._groups[name]["places"]}
-            if self._index is not None:
-                narrow["the index's size"] = self._index["size"]
-            width = check_network(layers, self._sets[name], memory, narrow, place)
-            needed = 1 if self._head == "best" else np.size(self._bounds["low"])
-            if width < needed:
-                raise ExportError(f"its network gives {width} numbers, its actions have {needed}", place)
 
     @property
     def talks(self) -> bool:
@@ -163,19 +146,20 @@ class ExportedPolicy(BatchAgent):
         self, kind: str, weights: Sequence[NDArray], x: NDArray, memory: NDArray, heard: NDArray | None
     ) -> NDArray:
         """Return a layer's outputs for inputs `x`, shape (N, P)."""
-        if weights:
-            check_width(x, weights[0])
         if kind == "linear":
-            return self._linear(x, *weights)
+            weight, bias = weights
+            return self._linear(*_fitting(x, weight, bias))
         if kind == "tanh":
             return self._tanh(x)
         if kind == "relu":
             return np.maximum(x, 0.0)
         if heard is not None:
             weight, bias, weight_heard = weights
-            check_width(heard, weight_heard)
-            nothing = np.zeros(weight_heard.shape[1])
-            return self._tanh(self._linear(x, weight, bias) + self._linear(heard, weight_heard, nothing))
+            of_others = _fitting(heard, weight_heard, np.zeros(len(bias)))
+            return self._tanh(self._linear(*_fitting(x, weight, bias)) + self._linear(*of_others))
+        weight, bias, weight_memory, bias_memory = weights
+        _fitting(x, weight, bias, 3 * memory.shape[1])
+        _fitting(memory, weight_memory, bias_memory, 3 * memory.shape[1])
         return self._recurrent(x, memory, *weights)
 
     def _heard(
@@ -287,9 +271,10 @@ class ExportedPolicy(BatchAgent):
         A row of zeros is an empty place, whose units are zero.
         """
         count, places, numbers = rows.shape
-        check_width(rows.reshape(count * places, numbers), weight)
-        units = np.maximum(self._linear(rows.reshape(count * places, numbers), weight, bias), 0.0)
-        units = np.maximum(self._linear(units, weight_2, bias_2), 0.0).reshape(count, places, len(bias_2))
+        flat = rows.reshape(count * places, numbers)
+        units = np.maximum(self._linear(*_fitting(flat, weight, bias)), 0.0)
+        units = np.maximum(self._linear(*_fitting(units, weight_2, bias_2)), 0.0)
+        units = units.reshape(count, places, len(bias_2))
         units = units * (rows != 0).any(axis=2, keepdims=True)
         total = np.zeros((count, len(bias_2)))
         for place in range(places):
@@ -328,6 +313,22 @@ class ExportedPolicy(BatchAgent):
         reset, update = gates[:, :size], gates[:, size:]
         new = self._tanh(seen[:, 2 * size :] + reset * kept[:, 2 * size :])
         return (1.0 - update) * new + update * memory
+
+
+def _fitting(
+    x: NDArray, weight: NDArray, bias: NDArray, units: int | None = None
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Return inputs (N, d), weights (d, P) and biases (P,): compiled code would read beside others.
+
+    Raises:
+        ValueError: They do not fit together, or P is not `units`.
+    """
+    units = len(bias) if units is None else units
+    if weight.shape != (x.shape[1], units) or bias.shape != (units,):
+        raise ValueError(
+            f"a layer with arrays of the shapes {weight.shape} and {bias.shape} is given {x.shape[1]} numbers"
+        )
+    return x, weight, bias
 
 
 def _one_hot(numbers: Sequence[int], size: int) -> NDArray:

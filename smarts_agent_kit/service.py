@@ -117,11 +117,6 @@ class Service:
             return encode(Message("failed", {"problem": problem_of(error)}))
 
 
-def is_ending(message: Message) -> bool:
-    """Return whether a message is the last one of a process that has ended: a failure of no request."""
-    return message.kind == "failed" and message.number == 0
-
-
 def request_of(batch: ActionBatch, number: int) -> Message:
     """Return the message that asks for the actions of a batch."""
     arrays = {SEEN + name: array for name, array in batch.observations.items()}

@@ -22,7 +22,6 @@ from smarts_agent_kit.weights import file_digest
 from tests.hand_made_results import ALONE
 
 ENVIRONMENT = Environment(agents=2, reward="v1", time_limit=2.0)
-AS_GIVEN = {"number": None, "scenarios": (), "traffic": ()}
 
 
 def task_setting(held_out=0):
@@ -118,5 +117,5 @@ def changed(root: Path, change):
 
 def verified(root: Path, out: Path, **given):
     """Return the verdicts on a submission."""
-    manifest, folder = submitted(str(root), **AS_GIVEN)
-    return [*verify(manifest, folder, out, **{"episodes": 1, "fresh": 0} | given)]
+    manifest, folder = submitted(str(root))
+    return verify(manifest, folder, out, **{"episodes": 1, "fresh": 0} | given)

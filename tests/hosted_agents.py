@@ -62,12 +62,6 @@ class Misbehaving(BatchAgent):
         time.sleep(0.3)
         return np.zeros(count, int)
 
-    def leave(self, count):
-        os._exit(7)
-
-    def raise_lines(self, count):
-        raise ValueError("not\ntoday \x1b[31m red\udc80" + 2000 * " x\t")
-
     def fork(self, count):
         if os.fork() == 0:
             os.setsid()
@@ -75,16 +69,7 @@ class Misbehaving(BatchAgent):
         subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"], start_new_session=True)
         return np.zeros(count, int)
 
-    def print_much(self, count):
-        for _ in range(1000):
-            print("x" * 100, flush=True)
-        return np.zeros(count, int)
-
     def nothing(self, count):
-        return np.zeros(count, int)
-
-    def read_input(self, count):
-        assert sys.stdin.read() == ""
         return np.zeros(count, int)
 
     def fill_the_memory(self, count):
@@ -100,12 +85,6 @@ class Misbehaving(BatchAgent):
 
     def answer_too_much(self, count):
         return np.zeros((count, 2**21))
-
-
-class Large(Drawing):
-    """Observes more than a message holds."""
-
-    observation: ClassVar[Any] = {"stacked": [{"image": {"size": 512}}], "frames": 50}
 
 
 class Sensing(Easing):
@@ -131,5 +110,4 @@ register("easing-v0", Easing)
 register("sensing-v0", Sensing)
 register("drawing-v0", Drawing)
 register("misbehaving-v0", Misbehaving)
-register("large-v0", Large)
 register("describing-v0", Describing)

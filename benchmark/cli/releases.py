@@ -101,11 +101,10 @@ def verify(
     The submission runs no code here, and its agents get no seed. One that claims nothing gets its claims:
     what to submit is then in OUT/submission. Give the same command again to resume.
     """
-    from benchmark.results.release import CONFIRMED
+    from benchmark.results.release import CONFIRMED, MANIFEST, SUBMISSION
     from benchmark.running.experiment import interruptible
     from benchmark.running.submissions import submitted
     from benchmark.running.verifying import verify as evaluate
-    from benchmark.running.verifying import write_claims
 
     manifest, folder = submitted(
         submission, number=version, scenarios=scenario or (), traffic=traffic or (), addresses=address or ()
@@ -113,19 +112,18 @@ def verify(
     test = {"episodes": episodes, "held_out_episodes": held_out_episodes, "fresh": fresh}
 
     def work() -> int:
-        confirmed = True
         for each in manifest.missing:
             typer.echo(f"missing: {each}")
-        for verdict in evaluate(manifest, folder, out, **test, parallel=parallel):
+        verdicts = evaluate(manifest, folder, out, **test, parallel=parallel)
+        for verdict in verdicts:
             scores = ", ".join(f"{name} {value:.3f}" for name, value in verdict.scores.items())
             equal, compared = verdict.digests
             digests = f"{equal} of {compared} episodes as claimed"
             typer.echo(f"{verdict}: {verdict.status}; {scores or 'no scores'}; {digests}")
             for reason in verdict.reasons:
                 typer.echo(f"  {reason}")
-            confirmed &= verdict.status == CONFIRMED
-        if claims := write_claims(manifest, folder, out):
-            typer.echo(f"to be submitted: {claims}")
-        return 0 if confirmed else 1
+        if (out / SUBMISSION / MANIFEST).exists():
+            typer.echo(f"to be submitted: {out / SUBMISSION}")
+        return 0 if all(verdict.status == CONFIRMED for verdict in verdicts) else 1
 
     raise typer.Exit(interruptible(work, f"give the same command again to resume in {out}"))

@@ -128,12 +128,10 @@ def install(
     ] = None,
 ) -> None:
     """Build the environment of an agent that has dependencies of its own."""
-    import sys
-
     from smarts.zoo import find_entry
     from smarts.zoo.separate import install as build
 
-    typer.echo(f"installed {build(find_entry(name), python or sys.executable)}")
+    typer.echo(f"installed {build(find_entry(name), python or '')}")
 
 
 @app.command()

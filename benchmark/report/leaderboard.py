@@ -25,7 +25,7 @@ from benchmark.report.protocol import (
     protocol_of,
 )
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
-from benchmark.report.submissions import Mark, Submitted, has_no_runs, marks_of, read_submitted
+from benchmark.report.submissions import Mark, Submitted, marks_of, read_submitted
 from benchmark.report.values import MODES, Value, by_key, measure_cells
 from benchmark.report.wording import COMPARED
 from benchmark.results.files import ResultsError, write_whole
@@ -138,10 +138,8 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
     experiments: dict[str, Results] = {}
     submitted: list[Submitted] = []
     for name, root in zip(names, roots, strict=True):
-        if not has_no_runs(root):
-            experiments[name] = read_results(root)
-        finished = experiments[name].finished if name in experiments else ()
-        submitted += read_submitted(root, name, finished)
+        experiments[name] = read_results(root)
+        submitted += read_submitted(root, name)
     parts = [_labelled(results, name) for name, results in experiments.items() if results.finished]
     table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"protocol": []})
     letters = {text: _letters(number) for number, text in enumerate(dict.fromkeys(table["protocol"]))}

@@ -98,10 +98,11 @@ def robustness_of(report: Report) -> Robustness:
 def _values(report: Report, played: Played) -> Iterator[dict[str, Any]]:
     """Yield a row for each cell, policy, partner or condition, and rate."""
     table: Frame = played.table
+    seed = played.facts[0]["training_seed"]
     for (task, traffic), cell in table.groupby(["task", "task_traffic"], sort=True):
         worlds, agents = cell["world"].unique(), cell["agent"].nunique()
         for policy, own in cell.groupby("algorithm", sort=True):
-            test = reference_rows(report.results, task, traffic, policy, played.seed or 0)
+            test = reference_rows(report.results, task, traffic, policy, seed)
             test = None if test is None else test[test["world"].isin(worlds)]
             names = {"task": task, "traffic": traffic, "policy": policy}
             for kind, name, rows, count in _parts(own, test, agents):
@@ -244,9 +245,9 @@ def _notes(played: Played, values: Frame, needing: set[str]) -> Iterator[str]:
     if there:
         said = "; ".join(f"{each.label}: {each.meaning[0].lower()}{each.meaning[1:]}" for each in there)
         yield CONDITIONS.format(said)
-    counts = sorted({int(facts["episodes"]) for facts in played.facts})
+    seed, counts = played.facts[0]["training_seed"], sorted({facts["episodes"] for facts in played.facts})
     commits = sorted({str(facts.get("commit")) for facts in played.facts})
     yield (
-        f"Policies of training seed {played.seed}; {' or '.join(map(str, counts))} episodes in each cell and "
+        f"Policies of training seed {seed}; {' or '.join(map(str, counts))} episodes in each cell and "
         f"arrangement; played at commit {', '.join(commits)}."
     )

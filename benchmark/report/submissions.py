@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from algorithms.registry import ALGORITHMS
 from benchmark.report.paper import algorithm_label, cell_label
 from benchmark.results.files import read_mapping
-from benchmark.results.reading import RunResult
-from benchmark.results.release import (
-    ADDRESS,
-    CONFIRMED,
-    MARKED,
-    REFUSED,
-    SEEDS,
-    SUBMISSION,
-    VERDICTS,
-    Verdict,
-)
+from benchmark.results.release import ADDRESS, CONFIRMED, MARKED, RATES, REFUSED, SEEDS, VERDICTS, Verdict
 
 MAY_EXCHANGE = "its vehicles may tell each other what they see"
 """Remark on an agent at an address, and on an unknown algorithm: neither can be checked from outside."""
 
 
-@dataclass(frozen=True)
 class Submitted(Verdict):
     """A policy of a submission after its evaluation."""
 
@@ -44,8 +32,8 @@ class Submitted(Verdict):
         return self.experiment, self.algorithm, self.task, self.traffic
 
     @property
-    def cell(self) -> str:
-        """Name of the cell."""
+    def condition(self) -> str:
+        """Label of task and traffic."""
         return cell_label(self.task, self.traffic)
 
     @property
@@ -57,39 +45,21 @@ class Submitted(Verdict):
     @property
     def rates(self) -> Iterator[tuple[str, str]]:
         """Completion and collision rate, as claimed and as re-derived."""
-        for name in ("completion_rate", "collision_rate"):
-            yield _text(self.claimed.get(name)), _text(self.scores.get(name))
+        for name in RATES:
+            given = self.claimed.get(name), self.scores.get(name)
+            claimed, derived = ("-" if value is None else f"{value:.3f}" for value in given)
+            yield claimed, derived
 
 
-def _text(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
-
-
-def has_no_runs(root: Path) -> bool:
-    """Return whether a folder holds verdicts of `smarts-bench verify`, and no policy that was played."""
-    return (root / VERDICTS).exists() and not any(root.glob("*/*/*/seed_*/run.json"))
-
-
-def read_submitted(root: Path, experiment: str, runs: Iterable[RunResult]) -> list[Submitted]:
+def read_submitted(root: Path, experiment: str) -> list[Submitted]:
     """Return the policies of a folder that `smarts-bench verify` has written; none of any other folder.
-
-    The verdict on a policy that was played is in its run.json; refused ones are in verdicts.json.
 
     Args:
         root: The folder.
         experiment: Its name.
-        runs: Its finished runs.
     """
-    file = root / VERDICTS
-    found = [_submitted(run.facts[SUBMISSION], experiment) for run in runs if SUBMISSION in run.facts]
-    said = read_mapping(file)["verdicts"] if file.exists() else []
-    refused = [_submitted(each, experiment) for each in said if each["status"] == REFUSED]
-    played = {(*each.key, each.seed) for each in found}
-    return found + [each for each in refused if (*each.key, each.seed) not in played]
-
-
-def _submitted(said: Mapping[str, Any], experiment: str) -> Submitted:
-    return Submitted(**{each.name: said[each.name] for each in fields(Verdict)}, experiment=experiment)
+    said = read_mapping(root / VERDICTS)["verdicts"] if (root / VERDICTS).exists() else []
+    return [Submitted(**each, experiment=experiment) for each in said]
 
 
 class Mark(NamedTuple):

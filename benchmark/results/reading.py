@@ -199,7 +199,7 @@ def read_results(root: Path) -> Results:
         )
     problems: dict[str, str] = {}
     commands, experiments = read_commands(root, problems)
-    if (root / VERDICTS).exists():  # of submissions, which no experiment has made
+    if has_verdicts := (root / VERDICTS).exists():  # of submissions, which no experiment has made
         problems.pop(COMMAND, None)
     runs: dict[str, RunResult] = {}
     last = experiments[-1] if experiments else None
@@ -208,7 +208,7 @@ def read_results(root: Path) -> Results:
         _load_metrics(each, problems)
         runs |= {run.place: run for run in _expected(each)}
     found = {run.place: run for run in (*_packed(root), *_found(root, problems))}
-    if not experiments and not found:
+    if not experiments and not found and not has_verdicts:
         raise ResultsError(
             "no results of an experiment" + _reasons(problems),
             place=str(root),

@@ -2,13 +2,13 @@
 
 manifest.json    what is claimed: version, commit, digests, scores, digests of episodes
 policies/NAME/   an exported policy; see `smarts-bench export`
+verdicts.json    in a folder of `smarts-bench verify`: what its own episodes say of the claims
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -19,19 +19,15 @@ from benchmark.experiment.values import FolderName
 from benchmark.metrics.results import Frame, compute
 from benchmark.results.digests import check_files
 from benchmark.results.files import ResultsError, read_mapping
-from smarts.config import ConfigError, Section, fitted
+from smarts.config import Section, fitted
 
 RATES = ("completion_rate", "collision_rate")
 """Metrics that every table has, with a number for each agent that took part. Columns of other metrics may be
 absent or lack numbers: the metric is n/a then."""
 
-MANIFEST, POLICIES = "manifest.json", "policies"
+MANIFEST, POLICIES, VERDICTS = "manifest.json", "policies", "verdicts.json"
 SUBMISSION = "submission"
-"""Key of run.json: what was submitted, and how it compares; see `Verdict`."""
-VERDICTS = "verdicts.json"
-"""Name of the file with all verdicts, in a folder of evaluated submissions."""
-FRESH_SEED = "fresh_seed"
-"""Key of verdicts.json and run.json: seed of the fresh episodes, equal for all policies of a submission."""
+"""Key of run.json and verdicts.json: which submission was played. Folder of one that gets its claims."""
 CONFIRMED, MARKED, REFUSED = "confirmed", "marked", "refused"
 """Status of an evaluated policy, from good to bad."""
 LARGEST_FILE, LARGEST = 1_000_000, 60_000_000
@@ -51,26 +47,15 @@ _Digests = Annotated[
 """A list of digests, which a manifest holds as one line."""
 
 
-class Entry(Section):
-    """A policy, and what is claimed of it."""
+class Training(Section):
+    """What names a training: in an exported policy, in a manifest and in a verdict."""
 
-    algorithm: Annotated[FolderName, Field(max_length=100)]
+    algorithm: FolderName
     task: FolderName
     scenarios: Annotated[list[str], Field(min_length=1)]
     traffic: FolderName
     seed: Annotated[int, Field(ge=0, lt=2**31)]
-    """Seed of the training."""
-    benchmark_version: int | None
-    agent: str
-    """Folder of an exported policy, relative to the manifest's, or tcp://HOST:PORT."""
-    commit: str = ""
-    """Commit that trained it."""
-    files: dict[str, str] = Field(default_factory=dict)
-    """Name -> digest, of the folder."""
-    scores: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(default_factory=dict)
-    """Metric -> value, of all test episodes that are not held out."""
-    episodes: dict[str, _Digests] = Field(default_factory=dict)
-    """Scenario -> digest of each test episode, in their order; held-out variations too."""
+    benchmark_version: int | None = None
 
     def __str__(self) -> str:
         return f"{self.cell}, seed {self.seed}"
@@ -84,6 +69,31 @@ class Entry(Section):
     def cell(self) -> str:
         """Algorithm, task and traffic."""
         return f"{self.algorithm}, {self.task}, {self.traffic}"
+
+    @property
+    def names(self) -> dict[str, Any]:
+        """Names of the training alone."""
+        return {name: getattr(self, name) for name in Training.model_fields}
+
+
+class Entry(Training):
+    """A policy, and what is claimed of it."""
+
+    agent: str
+    """Folder of an exported policy, relative to the manifest's, or tcp://HOST:PORT."""
+    commit: str = ""
+    """Commit that trained it."""
+    files: dict[str, str] = Field(default_factory=dict)
+    """Name -> digest, of the folder."""
+    scores: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(default_factory=dict)
+    """Metric -> value, of all test episodes that are not held out."""
+    episodes: dict[str, _Digests] = Field(default_factory=dict)
+    """Scenario -> digest of each test episode, in their order; held-out variations too."""
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether it acts at an address."""
+        return self.agent.startswith(ADDRESS)
 
 
 class Manifest(Section):
@@ -109,17 +119,12 @@ class Manifest(Section):
         return self.model_dump(mode="json")
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """What is known of a submitted policy after its evaluation, as run.json and verdicts.json have it."""
+class Verdict(Training):
+    """What is known of a submitted policy after its evaluation, as verdicts.json has it."""
 
     name: str
     """Name of the submission."""
     author: str
-    algorithm: str
-    task: str
-    traffic: str
-    seed: int
     agent: str
     """Folder of the exported policy, or an address."""
     status: str
@@ -127,24 +132,21 @@ class Verdict:
     reasons: list[str]
     """Why it is marked or refused."""
     claimed: dict[str, float]
-    scores: dict[str, float]
+    scores: dict[str, float] = Field(default_factory=dict)
     """Scores as re-derived; empty if refused."""
-    digests: list[int]
+    digests: list[int] = Field(default=[0, 0])
     """Number of episodes as claimed, and of those compared."""
-    fresh: dict[str, Any]
-    """Seed, number and scores of the fresh episodes."""
-    knows_test: bool
+    fresh: dict[str, float] = Field(default_factory=dict)
+    """Scores of the fresh episodes; empty without any."""
+    knows_test: bool = False
     """Whether the policies of its cell do better in the public test than in fresh episodes."""
-
-    def __str__(self) -> str:
-        return f"{self.algorithm}, {self.task}, {self.traffic}, seed {self.seed}"
 
 
 def read_manifest(folder: Path) -> Manifest:
     """Return the manifest of a release.
 
     Raises:
-        ResultsError: The manifest is missing or damaged; names each wrong value.
+        SmartsError: The manifest is missing, damaged or too large; names each wrong value.
     """
     file = folder / MANIFEST
     if file.exists() and file.stat().st_size > LARGEST_FILE:
@@ -153,15 +155,7 @@ def read_manifest(folder: Path) -> Manifest:
             place=str(file),
             remedy="give a folder that `smarts-bench release` has written",
         )
-    try:
-        return fitted(read_mapping(file, "get it again from where it came"), Manifest, str(file))
-    except ConfigError as error:
-        reasons = "; ".join(str(problem) for problem in error.problems)
-        raise ResultsError(
-            f"not a manifest: {reasons}",
-            place=str(file),
-            remedy="give a folder that `smarts-bench release` has written",
-        ) from error
+    return fitted(read_mapping(file, "get it again from where it came"), Manifest, str(file))
 
 
 def check_released(policy: Path) -> None:

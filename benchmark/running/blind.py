@@ -1,4 +1,4 @@
-"""Agents that are asked without anything that tells which episode it is, nor what others see."""
+"""Agents of strangers, which learn nothing of an episode but what their vehicles see."""
 
 from __future__ import annotations
 
@@ -8,9 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.agents.acting import Request, part_of
 from smarts.agents.hosting.options import HostError
 from smarts.agents.hosting.remote import RemoteAgent
 from smarts.agents.policy import ActionBatch, BatchAgent
+from smarts.errors import SmartsError
+
+
+class RefusedError(SmartsError):
+    """An entry of a submission is not evaluated, or its evaluation has failed."""
 
 
 class BlindAgent(BatchAgent):
@@ -34,21 +40,24 @@ class BlindAgent(BatchAgent):
         self._count = 0
 
     def act(self, obs: ActionBatch) -> NDArray:
-        """Return the other agent's actions."""
+        """Return the other agent's actions.
+
+        Raises:
+            RefusedError: It cannot act on what it sees.
+        """
         for row in np.flatnonzero(obs.is_first).tolist():
             vehicle = int(obs.agent_id[row])
             self._seeds[vehicle], self._holds[vehicle] = _digest_of(obs, row), self._count
             self._count += 1
-        nothing = np.zeros(len(obs.env_id), np.int32)
-        vehicles = obs.agent_id.tolist()
-        return self._agent.act(
-            obs._replace(
-                env_id=nothing,
-                hold=np.array([self._holds[vehicle] for vehicle in vehicles], np.int64),
-                episode=nothing,
-                seed=np.array([self._seeds[vehicle] for vehicle in vehicles], np.uint64),
-            )
-        )
+        nothing, vehicles = np.zeros(len(obs.env_id), np.int32), obs.agent_id.tolist()
+        hold = np.array([self._holds[vehicle] for vehicle in vehicles], np.int64)
+        seed = np.array([self._seeds[vehicle] for vehicle in vehicles], np.uint64)
+        try:
+            return self._agent.act(obs._replace(env_id=nothing, hold=hold, episode=nothing, seed=seed))
+        except SmartsError:
+            raise
+        except Exception as error:
+            raise RefusedError(f"cannot act: {type(error).__name__}: {error}") from error
 
 
 class SeparateAgents(RemoteAgent):
@@ -62,7 +71,7 @@ class SeparateAgents(RemoteAgent):
     """
 
     def __init__(self, agent: RemoteAgent) -> None:
-        super().__init__(agent.start, agent.facts, agent.options)
+        super().__init__(agent.start, agent.facts)
         self._agents: dict[int, RemoteAgent] = {}
 
     def act(self, obs: ActionBatch) -> NDArray:
@@ -76,8 +85,9 @@ class SeparateAgents(RemoteAgent):
         answers = []
         for row, vehicle in enumerate(obs.agent_id.tolist()):
             if vehicle not in self._agents:
-                self._agents[vehicle] = RemoteAgent(self.start, self.facts, self.options)
-            answers.append(self._agents[vehicle].act(_row_of(obs, row)))
+                self._agents[vehicle] = RemoteAgent(self.start, self.facts)
+            alone = part_of(Request(obs), np.arange(len(obs.agent_id)) == row)
+            answers.append(self._agents[vehicle].act(alone.batch))
         if len({each.shape for each in answers}) > 1:
             shapes = ", ".join(str(each.shape[1:]) for each in answers)
             raise HostError(f"the agent answers by actions of the shapes {shapes}", place=self.start.place)
@@ -88,14 +98,6 @@ class SeparateAgents(RemoteAgent):
         for each in self._agents.values():
             each.close()
         super().close()
-
-
-def _row_of(obs: ActionBatch, row: int) -> ActionBatch:
-    """Return the request for a single vehicle."""
-    here = slice(row, row + 1)
-    seen = {name: array[here] for name, array in obs.observations.items()}
-    others = {name: getattr(obs, name)[here] for name in ActionBatch._fields[1:]}
-    return ActionBatch(observations=seen, **others)
 
 
 def _digest_of(obs: ActionBatch, row: int) -> int:

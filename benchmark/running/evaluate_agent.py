@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.evaluation_folder import check_free, evaluation_folder
 from benchmark.running.importing import named_own_code
+from benchmark.running.playing_together import play_together
 from benchmark.running.testing import EVALUATION_SEED, Part, play_parts, read_test
 from benchmark.running.trained import check_suite, trained_on
 from smarts.agents.hosting.remote import RemoteAgent
@@ -29,8 +29,8 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.config import fitted
 from smarts.env.groups import ALONE
-from smarts.env.vector import Block, VectorHiWayEnv, VectorStep
-from smarts.errors import OwnCodeError, SmartsError, TrafficError
+from smarts.env.vector import VectorHiWayEnv, VectorStep
+from smarts.errors import OwnCodeError, SmartsError
 from smarts.registry import file_name, import_own
 from smarts.types.actions import LaneAction
 from smarts.types.streams import hold_seed
@@ -165,8 +165,8 @@ def play_agent(
                 policy=str(labels["algorithm"]),
             )
         ) as env:
-            for _ in islice(driven(env, agent, seed, indices.start), len(indices)):
-                pass
+            everyone = np.ones(len(env.agents), np.bool_)
+            play_together(env, [(_AgentDriver(agent, env), everyone)], indices, seed)
 
     yield from play_parts(task_setting, folder, (mode,), labels, play_part)
 
@@ -217,74 +217,64 @@ def evaluate_exported(
     return _tested(task_setting, out, {"policy": str(path.resolve())}, agent, labels, "greedy")
 
 
-def driven(
-    env: VectorHiWayEnv, agent: BatchAgent, seed: int, first_episode: int
-) -> Generator[Mapping[str, float]]:
-    """Yield the outcomes of one episode of each world in turn, all egos driven by one agent.
+class _AgentDriver:
+    """An agent that acts on arrays, for all agents of one simulation; see `playing_together.Driver`.
 
     Args:
+        agent: The agent.
         env: One simulation whose agents have equal spaces, which fit the agent.
-        agent: Acts for all of them.
-        seed: Seed of the run.
-        first_episode: The world of the first episode.
-
-    Raises:
-        TrafficError: Traffic failed.
-        SmartsError: The agent's answer is no action.
     """
-    now = env.reset(seed, np.array([first_episode]), stride=1)
-    count, episode = len(env.agents), 0
-    known = np.zeros(count, np.bool_)
-    while True:
-        alive = now.alive[0]
-        batch = _batch(env, now, np.flatnonzero(alive), ~known[alive], episode)
-        known |= alive
-        now = env.step([_actions(env.spaces.blocks[0], agent, batch)])
-        for error in now.failed.values():
-            raise TrafficError("the traffic failed", place=f"episode {first_episode + episode}") from error
-        for outcomes in now.metrics.values():
-            yield outcomes
-            known[:], episode = False, episode + 1
 
+    def __init__(self, agent: BatchAgent, env: VectorHiWayEnv) -> None:
+        self._agent, self._env, self._episode = agent, env, -1
+        self._known = np.zeros(len(env.agents), np.bool_)
 
-def _batch(
-    env: VectorHiWayEnv, now: VectorStep, places: NDArray[np.intp], is_first: NDArray[np.bool_], episode: int
-) -> ActionBatch:
-    """Return the request for the actions of the active egos."""
-    (start,), count = env.episodes, len(places)
-    (leaves,), (masks,) = now.observations, now.masks
-    everything = np.ones((count, len(LaneAction)), np.bool_)
-    seeds = [
-        hold_seed(start.seed, env.agents[place], world=start.world, episode=start.episode)
-        for place in places.tolist()
-    ]
-    return ActionBatch(
-        observations={name or ALONE: array[0, places] for name, array in leaves.items()},
-        action_mask=everything if masks is None else masks[0, places],
-        env_id=np.zeros(count, np.int32),
-        agent_id=places.astype(np.int32),
-        hold=(episode * len(env.agents) + places).astype(np.int64),
-        episode=np.full(count, start.episode, np.int32),
-        step=np.full(count, env.episode_steps[0], np.int32),
-        is_first=is_first,
-        seed=np.array(seeds, np.uint64),
-        drives=np.ones(count, np.bool_),
-    )
+    def act(self, now: VectorStep, begun: NDArray[np.bool_]) -> list[NDArray]:
+        """Return the actions of all active agents, shape (1, n, ...).
 
+        Raises:
+            OwnCodeError: The agent's answer is no action.
+        """
+        if begun[0]:
+            self._known[:], self._episode = False, self._episode + 1
+        batch = self._batch(now)
+        self._known |= now.alive[0]
+        block = self._env.spaces.blocks[0]
+        chosen = np.zeros((1, len(block.agents), *(block.action.shape or ())), block.action.dtype)
+        place = type(self._agent).__name__
+        try:
+            answer = checked_actions(self._agent.act(batch), len(batch.env_id))
+        except WrongActionsError as error:
+            raise OwnCodeError(f"the agent {error}", place=place) from error
+        is_whole = chosen.dtype.kind not in "iu" or np.array_equal(answer, answer.astype(chosen.dtype))
+        if answer.shape[1:] != chosen.shape[2:] or not is_whole:
+            raise OwnCodeError(
+                f"the agent answered by {answer.dtype} of shape {answer.shape}",
+                place=place,
+                remedy=f"give {chosen.dtype} of shape (N, ...) for the action space {block.action}",
+            )
+        chosen[0, batch.agent_id] = answer
+        return [chosen]
 
-def _actions(block: Block, agent: BatchAgent, batch: ActionBatch) -> NDArray:
-    """Return the actions of all egos, shape (1, n, ...)."""
-    chosen = np.zeros((1, len(block.agents), *(block.action.shape or ())), block.action.dtype)
-    try:
-        answer = checked_actions(agent.act(batch), len(batch.env_id))
-    except WrongActionsError as error:
-        raise OwnCodeError(f"the agent {error}", place=type(agent).__name__) from error
-    is_whole = chosen.dtype.kind not in "iu" or np.array_equal(answer, answer.astype(chosen.dtype))
-    if answer.shape[1:] != chosen.shape[2:] or not is_whole:
-        raise OwnCodeError(
-            f"the agent answered by {answer.dtype} of shape {answer.shape}",
-            place=type(agent).__name__,
-            remedy=f"give {chosen.dtype} of shape (N, ...) for the action space {block.action}",
+    def _batch(self, now: VectorStep) -> ActionBatch:
+        """Return the request for the actions of the active agents."""
+        env, places = self._env, np.flatnonzero(now.alive[0])
+        (start,), count = env.episodes, len(places)
+        (leaves,), (masks,) = now.observations, now.masks
+        everything = np.ones((count, len(LaneAction)), np.bool_)
+        seeds = [
+            hold_seed(start.seed, env.agents[place], world=start.world, episode=start.episode)
+            for place in places.tolist()
+        ]
+        return ActionBatch(
+            observations={name or ALONE: array[0, places] for name, array in leaves.items()},
+            action_mask=everything if masks is None else masks[0, places],
+            env_id=np.zeros(count, np.int32),
+            agent_id=places.astype(np.int32),
+            hold=(self._episode * len(env.agents) + places).astype(np.int64),
+            episode=np.full(count, start.episode, np.int32),
+            step=np.full(count, env.episode_steps[0], np.int32),
+            is_first=~self._known[places],
+            seed=np.array(seeds, np.uint64),
+            drives=np.ones(count, np.bool_),
         )
-    chosen[0, batch.agent_id] = answer
-    return chosen

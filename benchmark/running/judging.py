@@ -23,8 +23,8 @@ MOST_P = 0.01
 RESAMPLES = 100_000
 
 
-def equal_digests(entry: Entry, played: Digests) -> dict[str, tuple[int, int]]:
-    """Return by scenario how many claimed digests are those of the episodes, and how many were compared.
+def compared_digests(entry: Entry, played: Digests) -> tuple[int, int]:
+    """Return how many claimed digests are those of the episodes, and how many were compared.
 
     A digest is of one episode's index, too, so the order does not matter: an episode that could not be
     measured, on either side, is one that differs, and not all behind it.
@@ -33,29 +33,26 @@ def equal_digests(entry: Entry, played: Digests) -> dict[str, tuple[int, int]]:
         entry: Entry whose claims are compared.
         played: Scenario -> digest of each episode; see `episode_digests`.
     """
-    found = {}
-    for scenario, derived in played.items():
-        claimed = entry.episodes.get(scenario, ())
-        found[scenario] = len({*derived} & {*claimed}), min(len(derived), len(claimed))
-    return found
+    pairs = [(derived, entry.episodes.get(scenario, ())) for scenario, derived in played.items()]
+    equal = sum(len({*derived} & {*claimed}) for derived, claimed in pairs)
+    return equal, sum(min(len(derived), len(claimed)) for derived, claimed in pairs)
 
 
-def differences(entry: Entry, table: Frame, scores: Mapping[str, float], digests: Digests) -> Iterator[str]:
+def differences(entry: Entry, scores: Mapping[str, float], digests: Digests) -> Iterator[str]:
     """Yield in what an entry's claims are not what its episodes gave.
 
     Args:
         entry: Entry whose claims are compared.
-        table: Table of its test.
         scores: Scores of the test.
         digests: Scenario -> digest of each episode; see `episode_digests`.
     """
     if not entry.episodes:
         yield "claims no episodes"
         return
-    equal = equal_digests(entry, digests)
-    compared = sum(count for _, count in equal.values())
-    differing = compared - sum(count for count, _ in equal.values())
-    if not compared or differing > TOLERATED * compared:
+    equal, compared = compared_digests(entry, digests)
+    differing = compared - equal
+    tolerated = compared and differing <= TOLERATED * compared
+    if not tolerated:
         yield f"other episodes than claimed: {differing} of {compared} digests differ"
     foreign = [name for name in entry.episodes if name.partition("@")[0] not in entry.scenarios]
     if foreign:
@@ -67,20 +64,13 @@ def differences(entry: Entry, table: Frame, scores: Mapping[str, float], digests
     if claimed != played:
         yield f"claims {claimed} test episodes, {played} were played: its scores are not compared"
         return
-    most = _explained(table, equal) if differing <= TOLERATED * compared else ROUNDED
+    # All agents of the differing episodes may have ended otherwise.
+    most = ROUNDED + (differing / compared if tolerated else 0.0)
     for name, value in entry.scores.items():
         if name not in scores:
             yield f"claims {name} {value:.3f}, which its episodes do not give"
         elif abs(value - scores[name]) > most:
             yield f"claims {name} {value:.3f}; its episodes give {scores[name]:.3f}"
-
-
-def _explained(table: Frame, equal: Mapping[str, tuple[int, int]]) -> float:
-    """Return by how much a rate can differ if all agents of the differing episodes end otherwise."""
-    rows = table[(table["split"] == "train") & (table["agents"] > 0)]
-    agents = table.groupby(["scenario", "variation", "world"]).size().max()
-    differing = sum(compared - same for name, (same, compared) in equal.items() if "@" not in name)
-    return ROUNDED + differing * float(agents) / max(len(rows), 1)
 
 
 def memorized(cells: Mapping[str, Sequence[tuple[Frame, Frame]]]) -> dict[str, list[str]]:

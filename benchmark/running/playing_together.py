@@ -122,15 +122,21 @@ def _seen(now: VectorStep, *, is_scripted: bool) -> VectorStep:
     return now._replace(observations=tuple(map(own, now.observations)))
 
 
-def play_together(env: VectorHiWayEnv, drivers: Sequence[tuple[Driver, Agents]], indices: range) -> None:
+def play_together(
+    env: VectorHiWayEnv,
+    drivers: Sequence[tuple[Driver, Agents]],
+    indices: range,
+    seed: int = EVALUATION_SEED,
+) -> None:
     """Play test episodes as tests do, in an environment that records them.
 
     Args:
         env: The environment, as the test's.
         drivers: Drivers with the agents that each drives, shape (N,); together they drive all.
         indices: Indices of the episodes.
+        seed: Seed of the run.
     """
-    now = env.reset(EVALUATION_SEED, indices.start + np.arange(env.num_envs), stride=env.num_envs)
+    now = env.reset(seed, indices.start + np.arange(env.num_envs), stride=env.num_envs)
     begun = np.ones(env.num_envs, np.bool_)
     while (env.worlds < indices.stop).any():
         now = env.step(_joined(env, [(driver.act(now, begun), agents) for driver, agents in drivers]))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from benchmark.experiment.runs import run_from
 from benchmark.experiment.version import changed_scenarios, code_digests
-from benchmark.results.files import ResultsError, recover_folder, replace_folder, write_json
+from benchmark.results.files import ResultsError, replace_folder, write_json
 from benchmark.results.plurals import listed
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.release import (
@@ -21,10 +21,9 @@ from benchmark.results.release import (
     Entry,
     Manifest,
     episode_digests,
-    read_manifest,
     scores_of,
 )
-from benchmark.results.run_folder import SCENARIOS, RunFolder
+from benchmark.results.run_folder import RunFolder
 from benchmark.results.versions import check_one_version, commits_of, unlike_version
 from benchmark.running.exporting import export_policy
 from smarts_agent_kit.weights import file_digest
@@ -37,24 +36,26 @@ def write_release(
 
     Args:
         root: The experiment's results, tested with greedy acting.
-        out: Folder of the release: new, or of an earlier one of the same experiment and author, all of whose
-            policies are in this one; that is replaced.
+        out: Folder of the release, which does not exist yet.
         author: Shown on the leaderboard.
         is_partial: Whether runs and seeds may be missing; the manifest then names them.
         imports: Files and folders of own code, by default the ones of the training.
 
     Raises:
         ResultsError: Runs are of several versions of the benchmark or several commits, or not as the version
-            froze it, or are missing, or a file is too large; names each. Or the folder holds something else.
+            froze it, or are missing, or a file is too large; names each. Or the folder exists.
         SmartsError: A policy cannot be exported.
     """
+    if out.exists():
+        raise ResultsError("is there already", place=str(out), remedy="choose another --out, or remove it")
     results = read_results(root)
     finished = [run for run in results.finished if not run.is_scripted]
     runs = [run for run in finished if RunFolder(root / run.place).checkpoint.exists()]
     check_one_version(results.runs, str(root))
     if not finished:
         raise ResultsError("no trained run is finished", place=str(root), remedy="train it further")
-    if wrong := [*_wrong(finished)]:
+    scenarios: dict[str, dict[str, str]] = {}
+    if wrong := [*_wrong(finished, scenarios)]:
         raise ResultsError(
             f"not to be released: {'; '.join(wrong)}", place=str(root), remedy="train these runs again"
         )
@@ -69,7 +70,6 @@ def write_release(
     found: list[Manifest] = []
 
     def fill(folder: Path) -> None:
-        entries = [_entry(root, run, folder, imports) for run in runs]
         manifest = Manifest(
             name=results.name,
             author=author,
@@ -77,52 +77,31 @@ def write_release(
             program=version("smarts-bench"),
             code=code_digests(),
             environment=dict(runs[0].config["environment"]),
-            scenarios=_scenarios(runs),
+            scenarios=scenarios,
             missing=missing,
-            policies=entries,
+            policies=[_entry(root, run, folder, imports) for run in runs],
         )
         write_json(folder / MANIFEST, manifest.content())
         _check_sizes(folder)
         found.append(manifest)
 
-    recover_folder(out)
-    _check_free(out, results.name, author, runs)
     replace_folder(out, fill)
     return found[0]
 
 
-def _check_free(out: Path, name: str, author: str, runs: Sequence[RunResult]) -> None:
-    """Raise if a folder holds anything but policies that the new release holds, too."""
-    if not out.exists():
-        return
-    before = read_manifest(out)
-    cells = {(run.algorithm, run.task, run.traffic, run.seed) for run in runs}
-    lost = [str(x) for x in before.policies if (x.algorithm, x.task, x.traffic, x.seed) not in cells]
-    own = {MANIFEST, *(Path(entry.agent).parts[0] for entry in before.policies)}
-    lost += sorted(each.name for each in out.iterdir() if each.name not in own)
-    if (before.name, before.author) != (name, author) or lost:
-        raise ResultsError(
-            f"holds the release {before.name!r} by {before.author!r}, of which would be lost: "
-            f"{'; '.join(lost) or 'all'}",
-            place=str(out),
-            remedy="choose another --out, or remove it",
-        )
-
-
-def _wrong(runs: Sequence[RunResult]) -> Iterator[str]:
-    """Yield what forbids a release."""
+def _wrong(runs: Sequence[RunResult], scenarios: dict[str, dict[str, str]]) -> Iterator[str]:
+    """Yield what forbids a release, and fill the digests of its scenarios by traffic."""
     number = runs[0].benchmark_version
     commits = {commit for run in runs for commit in commits_of(run)}
-    seen: dict[tuple[str, str], str] = {}
-    for run in runs:
-        for scenario, digest in run.facts.get(SCENARIOS, {}).items():
-            if seen.setdefault((run.traffic, scenario), digest) != digest:
-                yield f"{run}: the scenario {scenario} is another than that of other runs"
-    if number is None:
-        return
-    if len(commits) > 1 or any(commit.endswith("+") for commit in commits):
+    if number is not None and (len(commits) > 1 or any(commit.endswith("+") for commit in commits)):
         yield f"runs are not of one clean commit, but of {', '.join(sorted(commits))}"
     for run in runs:
+        known = scenarios.setdefault(run.traffic, {})
+        for scenario, digest in run.scenarios.items():
+            if known.setdefault(scenario, digest) != digest:
+                yield f"{run}: the scenario {scenario} is another than that of other runs"
+        if number is None:
+            continue
         for scenario in changed_scenarios(number, {run.traffic: run.scenarios}):
             yield f"{run}: the scenario {scenario} is not as version {number} froze it"
         for name in unlike_version(number, run.config["environment"]):
@@ -156,7 +135,9 @@ def _cell(run: RunResult) -> str:
 def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Path]) -> Entry:
     """Export a run's policy into a release, and return what is claimed of it."""
     path = root / run.place
-    policy = export_policy(path, _policy_name(run), folder / POLICIES, checkpoint="last", imports=imports)
+    name = re.sub(r"[^a-z0-9]+", "-", f"{run.algorithm}-{run.task}-{run.traffic}-{run.seed}".lower())
+    name = name.strip("-") if name[:1].isalpha() else f"policy-{name.strip('-')}"
+    policy = export_policy(path, name, folder / POLICIES, checkpoint="last", imports=imports)
     return Entry(
         algorithm=run.algorithm,
         task=run.task,
@@ -170,19 +151,6 @@ def _entry(root: Path, run: RunResult, folder: Path, imports: Sequence[str | Pat
         scores=scores_of(run.table),
         episodes=episode_digests(run.table),
     )
-
-
-def _policy_name(run: RunResult) -> str:
-    """Return the name of a run's policy in the zoo."""
-    name = re.sub(r"[^a-z0-9]+", "-", f"{run.algorithm}-{run.task}-{run.traffic}-{run.seed}".lower())
-    return name.strip("-") if name[:1].isalpha() else f"policy-{name.strip('-')}"
-
-
-def _scenarios(runs: Sequence[RunResult]) -> dict[str, dict[str, str]]:
-    found: dict[str, dict[str, str]] = {}
-    for run in runs:
-        found.setdefault(run.traffic, {}).update(run.facts.get(SCENARIOS, {}))
-    return found
 
 
 def _check_sizes(folder: Path) -> None:

@@ -6,7 +6,7 @@ import itertools
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,22 +16,13 @@ from benchmark.experiment.conditions import AS_TRAINED, condition, conditions
 from benchmark.experiment.config import EMPTY_ROADS, Evaluation
 from benchmark.experiment.own_code import own_digests
 from benchmark.experiment.runs import OWN_CODE, Run, TaskSetting
-from benchmark.metrics import join_tables, write_table
+from benchmark.metrics import read_table, write_table
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
 from benchmark.results.files import ResultsError, locked, read_versioned, write_versioned
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.results.release import RATES
-from benchmark.results.robustness import (
-    CONDITION,
-    PARTNER,
-    PLAY,
-    ROBUSTNESS,
-    TABLE,
-    Play,
-    read_play,
-    trained_state,
-)
+from benchmark.results.robustness import CONDITION, PARTNER, PLAY, ROBUSTNESS, TABLE, Play, trained_state
 from benchmark.results.run_folder import RunFolder, changed_code
 from benchmark.results.versions import check_one_version
 from benchmark.running.environments import environment
@@ -47,7 +38,7 @@ from benchmark.running.playing_together import (
 )
 from benchmark.running.policy import Policy, read_run
 from benchmark.running.side_by_side import side_by_side
-from benchmark.running.testing import EVALUATION_SEED, Part, measure_part
+from benchmark.running.testing import EVALUATION_SEED, Part, play_parts
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.registry import file_name, import_own
@@ -79,26 +70,21 @@ class Given:
 class Cell:
     """A task with one traffic, and the policies that are played in it, by the names of their folders."""
 
-    task: str
-    traffic: str
+    root: Path
+    """The experiment's results."""
     seed: int
     episodes: int
-    runs: Mapping[str, RunResult]
+    runs: Mapping[str, Run]
     """Runs of trained policies."""
-    trained: Mapping[str, Run]
-    """The same, as they were configured."""
+    trained: Mapping[str, Mapping[str, Any]]
+    """How far each training is; see `trained_state`."""
     scripted: Mapping[str, str]
     """Names of scripted policies by label."""
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """All policies, trained ones first."""
-        return (*self.runs, *self.scripted)
-
-    @property
     def setting(self) -> TaskSetting:
         """How the policies were trained and tested, apart from the algorithm."""
-        return next(iter(self.trained.values())).task_setting
+        return next(iter(self.runs.values())).task_setting
 
 
 def cells_of(root: Path, given: Given) -> list[Cell]:
@@ -120,86 +106,61 @@ def cells_of(root: Path, given: Given) -> list[Cell]:
         SCRIPTED_POLICIES[name]
     results = read_results(root)
     check_one_version(results.runs, str(root))
-    places = _places(results, given)
-    _check_known("algorithm", "--algorithm", given.algorithms, {run.algorithm for run in _learned(results)})
-    seed = min(run.seed for run in _learned(results)) if given.seed is None else given.seed
-    return [_cell(results, *place, seed, given) for place in places]
-
-
-def _learned(results: Results) -> list[RunResult]:
-    return [run for run in results.runs if not run.is_scripted]
-
-
-def _places(results: Results, given: Given) -> list[tuple[str, str]]:
-    """Return task and traffic of each cell that is asked for."""
-    places = dict.fromkeys((run.task, run.traffic) for run in _learned(results))
-    known = {f"{task}/{traffic}": (task, traffic) for task, traffic in places}
-    _check_known("cell", "--cell", given.cells, known)
+    learned = [run for run in results.runs if not run.is_scripted]
+    known = {f"{run.task}/{run.traffic}": (run.task, run.traffic) for run in learned}
+    for kind, names, there in (
+        ("cell", given.cells, known),
+        ("algorithm", given.algorithms, {run.algorithm for run in learned}),
+    ):
+        if unknown := [name for name in names if name not in there]:
+            problem = f"there is no {kind} {unknown[0]!r} in these results"
+            raise UnknownNameError(problem, place=f"--{kind}", remedy=nearest_names(unknown[0], there))
     wanted = given.cells or [name for name, (_, traffic) in known.items() if traffic != EMPTY_ROADS]
     if not wanted:
         raise ResultsError(
             "no trained policy was tested in a cell with social vehicles",
-            place=str(results.root),
+            place=str(root),
             remedy=f"name cells with --cell: {', '.join(known) or 'there is none'}",
         )
-    return [known[name] for name in wanted]
-
-
-def _check_known(kind: str, place: str, names: Any, known: Any) -> None:
-    for name in names:
-        if name not in known:
-            problem = f"there is no {kind} {name!r} in these results"
-            raise UnknownNameError(problem, place=place, remedy=nearest_names(name, known))
+    seed = min(run.seed for run in learned) if given.seed is None else given.seed
+    return [_cell(results, *known[name], seed, given) for name in wanted]
 
 
 def _cell(results: Results, task: str, traffic: str, seed: int, given: Given) -> Cell:
     """Return a cell, checked."""
     where = f"{task}/{traffic}, seed {seed}"
-    runs = {
+    found = {
         run.algorithm: run
-        for run in _learned(results)
+        for run in results.runs
         if (run.task, run.traffic, run.seed) == (task, traffic, seed)
         and (not given.algorithms or run.algorithm in given.algorithms)
     }
-    if not runs:
-        seeds = sorted({run.seed for run in _learned(results)})
-        raise ResultsError(
-            "there is no trained policy", place=where, remedy=f"give another --seed: there is {seeds}"
-        )
-    if lacking := [f"{run}: {run.status}" for run in runs.values() if run.table is None]:
+    if not found:
+        raise ResultsError("there is no trained policy", place=where, remedy="give another --seed")
+    if lacking := [f"{run}: {run.status}" for run in found.values() if run.table is None]:
         raise ResultsError(
             f"not finished: {'; '.join(lacking)}",
             place=where,
             remedy="finish them, or choose others with --algorithm and --cell",
         )
-    episodes = min(_tested(run) for run in runs.values())
-    if given.episodes is not None and given.episodes > episodes:
+    tested = min(_tested(run.table) for run in found.values())
+    episodes = given.episodes or min(EPISODES, tested)
+    if not 0 < episodes <= tested:
         raise ResultsError(
-            f"{given.episodes} episodes, and the tests have {episodes}: further ones could not be compared",
+            f"{episodes} episodes, and the tests have {tested} greedy ones, with which plays are compared",
             place=where,
-            remedy=f"give --episodes {episodes} or fewer",
+            remedy="give fewer --episodes, or test with evaluation.modes: [greedy]",
         )
-    trained = {name: _read(results.root, run, given) for name, run in runs.items()}
-    setting = next(iter(trained.values())).task_setting
-    _check_cross_play(setting, given.partners)
+    runs = {name: _read(results.root, run, given) for name, run in found.items()}
+    _check_cross_play(next(iter(runs.values())).task_setting, given.partners)
+    trained = {name: trained_state(run) for name, run in found.items()}
     scripted = {file_name(name): name for name in given.partners}
-    return Cell(task, traffic, seed, given.episodes or min(EPISODES, episodes), runs, trained, scripted)
+    return Cell(results.root, seed, episodes, runs, trained, scripted)
 
 
-def _tested(run: RunResult) -> int:
-    """Return the number of greedy episodes of a run's test.
-
-    Raises:
-        ResultsError: The test has no greedy episodes.
-    """
-    table: Frame = run.table
+def _tested(table: Frame) -> int:
+    """Return the number of greedy episodes of a test."""
     rows = table[(table["mode"] == "greedy") & (table["split"] == "train") & ~table["is_invalid"]]
-    if not len(rows):
-        raise ResultsError(
-            "no greedy test episodes, with which plays could be compared",
-            place=str(run),
-            remedy="test it with evaluation.modes: [greedy]",
-        )
     return int(rows["world"].nunique())
 
 
@@ -260,96 +221,86 @@ def play_robustness(root: Path, given: Given, parallel: int | None = 1) -> Itera
     Raises:
         SmartsError: Something of it cannot be played; raised before anything is.
     """
-    cells = cells_of(root, given)
+    plays = [(cell, play) for cell in cells_of(root, given) for play in plays_of(cell, given)]
     with locked(root / ROBUSTNESS):
         facts = machine()
-        plays = [(cell, play) for cell in cells for play in plays_of(cell, given)]
-        _keep_longer(root, plays)
-        missing, there = [], 0
+        missing, count = [], 0
         for cell, play in plays:
             wanted = _wanted(cell, play)
             if _is_there(root / play.folder, {**wanted, "commit": facts["commit"]}):
-                there += 1
-                yield f"{there}/{len(plays)} {play}: was there"
+                count += 1
+                yield f"{count}/{len(plays)} {play}: was there"
             else:
-                missing.append((root, cell, play, {**wanted, **facts}))
+                missing.append((cell, play, {**wanted, **facts}))
         for number, _ in side_by_side(_play, missing, parallel):
-            there += 1
-            yield f"{there}/{len(plays)} {missing[number][2]}"
-
-
-def _keep_longer(root: Path, plays: Sequence[tuple[Cell, Play]]) -> None:
-    """Raise if plays of more episodes would be replaced."""
-    for cell, play in plays:
-        file = root / play.folder / PLAY
-        found = read_versioned(file)["episodes"] if file.exists() else 0
-        if found > cell.episodes:
-            raise ResultsError(
-                f"a play of {found} episodes would be replaced by one of {cell.episodes}",
-                place=str(file.parent),
-                remedy=f"give --episodes {found}, or remove {root / ROBUSTNESS}",
-            )
+            count += 1
+            yield f"{count}/{len(plays)} {missing[number][1]}"
 
 
 def plays_of(cell: Cell, given: Given) -> Iterator[Play]:
     """Yield all pairs in both arrangements, then every policy by itself under each condition."""
-    place = cell.task, cell.traffic
-    for one, other in itertools.combinations(cell.names, 2):
-        if one in cell.runs or other in cell.runs:  # tests of scripted policies alone say nothing here
+    place, names = (cell.setting.task.name, cell.setting.traffic), [*cell.runs, *cell.scripted]
+    for one, other in itertools.combinations(names, 2):
+        if one in cell.runs:  # trained ones are first: tests of scripted policies alone say nothing here
             yield Play(*place, AS_TRAINED, one, other, cell.seed)
             yield Play(*place, AS_TRAINED, other, one, cell.seed)
     for name in given.conditions:
-        for policy in cell.names:
+        for policy in names:
             yield Play(*place, name, policy, policy, cell.seed)
 
 
 def _wanted(cell: Cell, play: Play) -> dict[str, Any]:
+    scripted = [cell.scripted[name] for name in play.drivers if name in cell.scripted]
     return {
-        **{"task": play.task, "traffic": play.traffic, "condition": play.condition},
-        **{"even": play.even, "odd": play.odd, "episodes": cell.episodes, "training_seed": cell.seed},
+        **asdict(play),
+        "episodes": cell.episodes,
         "environment": {} if play.condition == AS_TRAINED else condition(play.condition).environment,
-        "trained": {name: trained_state(cell.runs[name]) for name in play.drivers if name in cell.runs},
-        OWN_CODE: own_digests(
-            cell.setting.imports, [cell.scripted[name] for name in play.drivers if name in cell.scripted]
-        ),
+        "trained": {name: cell.trained[name] for name in play.drivers if name in cell.trained},
+        OWN_CODE: own_digests(cell.setting.imports, scripted),
     }
 
 
 def _is_there(folder: Path, wanted: Mapping[str, Any]) -> bool:
-    """Return whether a play is there, with its rows, by the same code and checkpoints."""
+    """Return whether a play is there, as long or longer, with its rows, by the same code and checkpoints."""
     with suppress(SmartsError):
-        return wanted.items() <= read_versioned(folder / PLAY).items() and len(read_play(folder)) > 0
+        found = read_versioned(folder / PLAY)
+        is_same = {**wanted, "episodes": found["episodes"]}.items() <= found.items()
+        return is_same and found["episodes"] >= wanted["episodes"] and len(read_table(folder / TABLE)) > 0
     return False
 
 
-def _play(root: Path, cell: Cell, play: Play, facts: Mapping[str, Any]) -> None:
+def _play(cell: Cell, play: Play, facts: Mapping[str, Any]) -> None:
     """Play and measure the episodes, and write rows, then facts, without which a play does not count."""
     import_own(cell.setting.imports)  # this may be a process of its own
-    (root / play.folder / PLAY).unlink(missing_ok=True)
-    policies = {name: _policy(root, cell, name) for name in play.drivers if name in cell.runs}
+    folder = cell.root / play.folder
+    (folder / PLAY).unlink(missing_ok=True)
+    policies = {name: _policy(cell, name) for name in play.drivers if name in cell.runs}
     setting = _setting(cell, play)
 
     def play_part(part: Part, indices: range, record: Path) -> None:
         discount = next((policy.discount for policy in policies.values()), None)
-        name = play.even if play.even == play.odd else f"{play.even}+{play.odd}"
-        given = {"record": record, "discount": discount, "policy": name, **_observations(cell, play)}
-        with closing(environment(setting, scenarios=part.scenarios, **given)) as env:
+        given = {"record": record, "discount": discount, "policy": "+".join(play.drivers)}
+        seen = _observations(cell, play)
+        with closing(environment(setting, scenarios=part.scenarios, **given, **seen)) as env:
             play_together(env, _drivers(env, play, cell, policies), indices)
 
-    doing = f"a policy of {play}"
-    with tempfile.TemporaryDirectory(prefix="smarts-bench-") as scratch, named_own_code(doing):
-        part = Part("greedy", setting.task.scenarios, cell.episodes)
-        labels = {"algorithm": "", "training_seed": cell.seed, "task": play.task}
-        labels |= {"task_traffic": play.traffic, "mode": "greedy", PARTNER: "", CONDITION: play.condition}
-        table = join_tables([*measure_part(part, Path(scratch), labels, play_part, setting)])
-    write_table(_by_driver(table, play, _at_even_places(setting)), root / play.folder / TABLE)
+    labels = {"algorithm": "", "training_seed": cell.seed, PARTNER: "", CONDITION: play.condition}
+    with (
+        tempfile.TemporaryDirectory(prefix="smarts-bench-") as scratch,
+        named_own_code(f"a policy of {play}"),
+    ):
+        for _ in play_parts(setting, RunFolder(Path(scratch)), ("greedy",), labels, play_part):
+            pass
+        table = read_table(RunFolder(Path(scratch)).table)
+    write_table(_by_driver(table, play, _at_even_places(setting)), folder / TABLE)
     needing = [name for name, policy in policies.items() if policy.needs_others]
-    write_versioned(root / play.folder / PLAY, {**facts, "needs_others": needing})
+    write_versioned(folder / PLAY, {**facts, "needs_others": needing})
 
 
-def _policy(root: Path, cell: Cell, name: str) -> Policy:
-    checkpoint = RunFolder(root / cell.runs[name].place).kept("last")
-    return Policy(cell.trained[name], checkpoint, is_sampled=False, seed=EVALUATION_SEED)
+def _policy(cell: Cell, name: str) -> Policy:
+    run = cell.runs[name]
+    checkpoint = RunFolder(cell.root / run.folder).kept("last")
+    return Policy(run, checkpoint, is_sampled=False, seed=EVALUATION_SEED)
 
 
 def _setting(cell: Cell, play: Play) -> TaskSetting:

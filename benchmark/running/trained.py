@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import Field
-
-from benchmark.experiment.values import FolderName
-from smarts.config import ConfigError, Section, fitted
+from benchmark.results.release import Training
+from smarts.config import ConfigError, fitted
 from smarts.errors import SmartsError, shown
 from smarts.sstudio.locating import VARIATION_MARK, suite
 from smarts_agent_kit.exported import TRAINED
@@ -19,16 +17,10 @@ PROJECT = "smarts.zoo:"
 """Begins the locators of the project's own agents."""
 
 
-class Trained(Section):
+class Trained(Training):
     """What a policy was trained on; `benchmark.running.exporting.trained_content` writes it."""
 
-    algorithm: FolderName
-    task: FolderName
-    scenarios: Annotated[list[str], Field(min_length=1)]
-    traffic: FolderName
-    seed: Annotated[int, Field(ge=0, lt=2**31)]
     environment: dict[str, Any]
-    benchmark_version: int | None = None
 
 
 def trained_on(path: Path) -> Trained:
@@ -40,21 +32,12 @@ def trained_on(path: Path) -> Trained:
     """
     try:
         content = content_of(path)
-    except ExportError as error:
-        raise SmartsError(error.problem, place=error.place, remedy="export it again") from error
-    found = content.get(TRAINED)
-    if not isinstance(found, dict):
-        raise SmartsError(
-            "does not say what the policy was trained on", place=str(path), remedy="export it again"
-        )
-    try:
-        trained = fitted(found, Trained, TRAINED)
-        foreign = [*own_names([content.get("observation"), trained.environment])]
-    except (ConfigError, RecursionError) as error:
+        trained = fitted(content.get(TRAINED) or {}, Trained, TRAINED)
+    except (ExportError, ConfigError) as error:
         raise SmartsError(
             f"does not say what the policy was trained on: {error}", place=str(path), remedy="export it again"
         ) from error
-    if foreign:
+    if foreign := [*own_names([content.get("observation"), trained.environment])]:
         raise SmartsError(
             f"names code or files of its author: {shown(foreign[0])}",
             place=str(path / CONTENT),

@@ -33,11 +33,8 @@ from smarts.zoo.kit_wheel import build_wheel, kit_digest
 PROJECT = "pyproject.toml"
 GROUP = "smarts.zoo"
 """The group of a project's entry points that are agents."""
-COMPLETE = ".complete"
-"""The file that is written last into an environment."""
-ENVIRONMENT = re.compile(r"(.+)-[0-9a-f]{16}-py[\d.]+\w*")
-"""The form of an environment's name: its agent, a digest, the version of Python."""
-OTHER_PYTHON = "name another interpreter: zoo install NAME --python PATH"
+ENVIRONMENT = re.compile(r"(.+)-[0-9a-f]{16}")
+"""The form of an environment's name: its agent, and a digest."""
 LAST_WORDS = 800
 """Characters of an installer's output that an error repeats."""
 
@@ -108,43 +105,41 @@ def read_project(folder: str | Path) -> Mapping[str, Any]:
     """Return the section `project` of a folder's `pyproject.toml`.
 
     Raises:
-        SmartsError: The file is missing or not readable.
+        SmartsError: The file is missing or not readable, or has no such section.
     """
     file = Path(folder) / PROJECT
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))["project"]
-    except (OSError, UnicodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeError, tomllib.TOMLDecodeError, KeyError) as error:
         raise SmartsError(
-            f"is not readable: {error}", place=str(file), remedy="mend the file: it is TOML in UTF-8"
-        ) from error
-    except KeyError as error:
-        raise SmartsError(
-            "has no section [project]", place=str(file), remedy='add one, with a line name = "my-agent"'
+            f"is not readable: {error!r}",
+            place=str(file),
+            remedy='it is TOML in UTF-8 with a section [project], in it a line name = "my-agent"',
         ) from error
 
 
 def python_of(entry: ZooEntry) -> Path:
-    """Return the interpreter of an agent's environment, of several the one that was asked for last.
+    """Return the interpreter of an agent's environment.
 
     Raises:
         HostError: The environment was not built, or of another state of the project.
     """
-    built = [*_root().glob(f"{_key(entry)}-py*/{COMPLETE}")]
-    if not built:
+    python = _environment(entry) / "bin" / "python"
+    if not python.exists():
         raise HostError(
             "the agent's environment was not built, or its project or the kit has changed since",
             place=f"agent {entry.name!r}",
             remedy=f"smarts-bench zoo install {entry.name}",
         )
-    return max(built, key=lambda file: file.stat().st_mtime_ns).parent / "bin" / "python"
+    return python
 
 
-def install(entry: ZooEntry, python: str = sys.executable) -> Path:
+def install(entry: ZooEntry, python: str = "") -> Path:
     """Build the environment of an agent, unless it is there; return its folder.
 
     Args:
         entry: The agent.
-        python: The interpreter that it is made of.
+        python: The interpreter that it is made of, in place of an environment that is there; "": this one.
 
     Raises:
         HostError: The agent has no project, or its dependencies cannot be installed; nothing is left then.
@@ -156,18 +151,16 @@ def install(entry: ZooEntry, python: str = sys.executable) -> Path:
             place=place,
             remedy=f"agents in folders with a {PROJECT} have one: smarts-bench zoo add FOLDER",
         )
-    project, version = read_project(entry.folder), _version_of(python, place)
-    _check_python(project, version, place)
-    folder = _root() / f"{_key(entry)}-py{version}"
-    with locked(folder.with_name(f"{folder.name}.lock")):
-        if not (folder / COMPLETE).exists():
+    folder = _environment(entry)
+    if python or not folder.exists():
+        project = read_project(entry.folder)
+        _check_python(project, python or sys.executable, place)
+        _root().mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".partial-", dir=_root()) as temporary:
+            partial = Path(temporary, folder.name)
+            _build(partial, python or sys.executable, entry.folder, project, place)
             shutil.rmtree(folder, ignore_errors=True)
-            try:
-                _build(folder, python, entry.folder, project, place)
-            except BaseException:
-                shutil.rmtree(folder, ignore_errors=True)
-                raise
-        (folder / COMPLETE).touch()
+            partial.rename(folder)
     return folder
 
 
@@ -181,12 +174,12 @@ def clean(entries: Iterable[ZooEntry]) -> list[Path]:
 
     A project or a kit that has changed leaves one, and so does an agent whose folder is gone.
     """
-    used = {_key(entry) for entry in entries if isinstance(entry, SeparateEntry)}
-    return _remove(folder for folder in _environments() if folder.name.rpartition("-py")[0] not in used)
+    used = {_environment(entry) for entry in entries if isinstance(entry, SeparateEntry)}
+    return _remove(folder for folder in _environments() if folder not in used)
 
 
 def _environments() -> list[Path]:
-    return sorted(each for each in _root().glob("*-py*") if each.is_dir() and _agent_of(each))
+    return sorted(each for each in _root().glob("*") if each.is_dir() and _agent_of(each))
 
 
 def _agent_of(folder: Path) -> str:
@@ -196,12 +189,9 @@ def _agent_of(folder: Path) -> str:
 
 
 def _remove(folders: Iterable[Path]) -> list[Path]:
-    removed = []
-    for folder in folders:
-        # The file of the lock stays, since another process may wait for it.
-        with locked(folder.with_name(f"{folder.name}.lock")):
-            shutil.rmtree(folder, ignore_errors=True)
-        removed.append(folder)
+    removed = [*folders]
+    for folder in removed:
+        shutil.rmtree(folder, ignore_errors=True)
     return removed
 
 
@@ -210,49 +200,48 @@ def _build(folder: Path, python: str, source: str, project: Mapping[str, Any], p
     uv, own = shutil.which("uv"), str(folder / "bin" / "python")
     make = [uv, "venv", "--python", python, str(folder)] if uv else [python, "-m", "venv", str(folder)]
     _run(make, place)
-    with tempfile.TemporaryDirectory() as temporary:
-        wanted = [str(build_wheel(temporary)), *map(str, project.get("dependencies", ()))]
-        pip = [uv, "pip", "install", "--python", own] if uv else [own, "-m", "pip", "install", "--quiet"]
-        _run([*pip, *wanted], place)
+    wanted = [str(build_wheel(folder)), *map(str, project.get("dependencies", ()))]
+    pip = [uv, "pip", "install", "--python", own] if uv else [own, "-m", "pip", "install", "--quiet"]
+    _run([*pip, *wanted], place)
     (packages,) = folder.glob("lib/python*/site-packages")
     root = Path(source) / "src"
     (packages / "smarts_agent.pth").write_text(f"{root if root.is_dir() else source}\n", encoding="utf-8")
 
 
-def _run(command: list[str], place: str) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-    if done.returncode:
-        said = (done.stderr.strip() or done.stdout.strip())[-LAST_WORDS:]
+def _run(command: list[str], place: str) -> str:
+    """Return what a command prints.
+
+    Raises:
+        HostError: It fails.
+    """
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        said = str(getattr(error, "stderr", "") or getattr(error, "stdout", "") or error).strip()
         raise HostError(
-            f"the environment cannot be built: {said}",
+            f"the environment cannot be built: {said[-LAST_WORDS:]}",
             place=place,
             remedy=f"mend the dependencies in its {PROJECT}, then give the same command again",
-        )
-
-
-def _version_of(python: str, place: str) -> str:
-    """Return the version of an interpreter, as "3.11.7"."""
-    show = "import platform; print(platform.python_version())"
-    try:
-        done = subprocess.run([python, "-I", "-c", show], capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError) as error:
-        raise HostError(f"{python!r} is no Python: {error}", place=place, remedy=OTHER_PYTHON) from error
+        ) from error
     return done.stdout.strip()
 
 
-def _check_python(project: Mapping[str, Any], version: str, place: str) -> None:
+def _check_python(project: Mapping[str, Any], python: str, place: str) -> None:
     wanted = SpecifierSet(str(project.get("requires-python", "")))
+    version = _run([python, "-I", "-c", "import platform; print(platform.python_version())"], place)
     if not wanted.contains(version, prereleases=True):
         raise HostError(
-            f"the agent needs Python {wanted}, and this one is {version}", place=place, remedy=OTHER_PYTHON
+            f"the agent needs Python {wanted}, and this one is {version}",
+            place=place,
+            remedy="name another interpreter: zoo install NAME --python PATH",
         )
 
 
-def _key(entry: ZooEntry) -> str:
-    """Return what an environment is called, but for the Python version."""
+def _environment(entry: ZooEntry) -> Path:
+    """Return the folder of an agent's environment, which depends on the states of its project and the kit."""
     content = (Path(entry.folder) / PROJECT).read_bytes() if has_project(entry.folder) else b""
     digest = hashlib.sha256(content + kit_digest().encode() + entry.folder.encode()).hexdigest()
-    return f"{entry.name}-{digest[:16]}"
+    return _root() / f"{entry.name}-{digest[:16]}"
 
 
 def _root() -> Path:

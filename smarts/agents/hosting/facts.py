@@ -13,13 +13,12 @@ from smarts.agents.checks import InterfaceError
 from smarts.agents.hosting.options import HostError
 from smarts.agents.interface import OLD_NAMES, AgentInterface
 from smarts.errors import SmartsError, nearest_names, shown
-from smarts.registry import is_own_name
 from smarts.types.actions import ActionSpaceType
 from smarts_agent_kit.agents import LONGEST_DECISION
 
 _INTERFACE = TypeAdapter(AgentInterface)
-_REFUSED = ("further_sensors", "custom_renders")
-"""Fields that may name code of the user's."""
+_SENT = {each.name for each in fields(AgentInterface)} - {"further_sensors", "custom_renders"}
+"""Fields that name no code of the user's."""
 
 
 def facts_of(interface: AgentInterface) -> dict[str, Any]:
@@ -47,17 +46,16 @@ def interface_from(facts: Any, place: str) -> AgentInterface:
     if isinstance(facts, AgentInterface):
         return facts
     remedy = 'give its class fields of AgentInterface: interface = {"action": "Lane"}'
-    if not isinstance(facts, Mapping):
-        raise HostError(f"the agent's interface is {shown(facts)}", place=place, remedy=remedy)
-    values = {OLD_NAMES.get(name, name): value for name, value in facts.items()}
     try:
-        for name in values.keys() & {*_REFUSED}:
-            raise InterfaceError(f"an agent elsewhere cannot have {name}")
+        values = {OLD_NAMES.get(name, name): value for name, value in facts.items()}
+        for name in map(str, values.keys() - _SENT):
+            problem = f"there is no field {name!r} that can be sent"
+            raise InterfaceError(problem, remedy=nearest_names(name, _SENT))
         action = values.get("action")
         if isinstance(action, str):
             if action not in ActionSpaceType.__members__:
                 remedy = nearest_names(action, ActionSpaceType.__members__)
-                raise InterfaceError(f"there is no action {action!r}")
+                raise InterfaceError(f"there is no action {action!r}", remedy=remedy)
             values["action"] = ActionSpaceType[action].value
         # As JSON, in which dicts stand for options and lists for tuples.
         return _INTERFACE.validate_json(json.dumps(values))
@@ -65,13 +63,9 @@ def interface_from(facts: Any, place: str) -> AgentInterface:
         problem, remedy = error.problem, error.remedy or remedy
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        name, *inside = map(str, first["loc"])
-        problem = f"{'.'.join([name, *inside])}: {first['msg']}"
-        if first["type"] == "unexpected_keyword_argument" and not inside:
-            problem = f"there is no field {name!r}"
-            remedy = nearest_names(name, {each.name for each in fields(AgentInterface)} - {*_REFUSED})
-    except TypeError as error:
-        problem = str(error)
+        problem = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+    except (AttributeError, TypeError) as error:
+        problem = f"it is {shown(facts)}: {error}"
     raise HostError(f"the agent's interface is wrong: {problem}", place=place, remedy=remedy)
 
 
@@ -102,28 +96,18 @@ def check_observation(observation: Any, place: str) -> Any:
     """Return what an agent elsewhere observes, after a check that it names no code of this machine's user.
 
     Raises:
-        HostError: It does, or it is neither a name nor a list or dict.
+        HostError: It does.
     """
-    if isinstance(observation, str):
-        if is_own_name(observation) or ":" in observation:
-            raise HostError(
-                f"the agent observes {shown(observation)}, which is not a part of this project",
-                place=place,
-                remedy="an agent elsewhere observes features of docs/develop/extending.md",
-            )
-    elif isinstance(observation, Mapping):
-        for name, each in observation.items():
-            check_observation(name, place)
-            check_observation(each, place)
-    elif isinstance(observation, list | tuple):
-        for each in observation:
-            check_observation(each, place)
-    elif not isinstance(observation, int | float | bool | None):
+    if isinstance(observation, str) and ":" in observation:
         raise HostError(
-            f"the agent observes {shown(observation)}",
+            f"the agent observes {shown(observation)}, which is not a part of this project",
             place=place,
-            remedy='give its class the names of features: observation = ["speed"]',
+            remedy="an agent elsewhere observes features of docs/develop/extending.md",
         )
+    if isinstance(observation, Mapping | list | tuple):
+        parts = observation.items() if isinstance(observation, Mapping) else observation
+        for each in parts:
+            check_observation(each, place)
     return observation
 
 

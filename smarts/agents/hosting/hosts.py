@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections import deque
@@ -11,15 +10,15 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from smarts.agents.acting import Answer, Failed, InProcess, Late, Request
 from smarts.agents.hosting.links import SocketLink
-from smarts.agents.hosting.options import HostError, Link, Starter, about, patience
-from smarts.agents.hosting.remote import step_of, words
+from smarts.agents.hosting.options import HostError, HostOptions, Link, Starter, about, patience
 from smarts.agents.policy import ActionBatch
 from smarts.agents.social import SocialPolicy
-from smarts_agent_kit.channel import wait_for
+from smarts_agent_kit.channel import ClosedError, wait_for
 from smarts_agent_kit.service import WrongActionsError, checked_actions, one_line, request_of
 from smarts_agent_kit.wire import Message, encode
 
@@ -44,16 +43,17 @@ class Hosts:
 
     def __init__(self, policies: Sequence[SocialPolicy]) -> None:
         self._here = InProcess(policies)
-        self._away = {
-            number: _Away(policy, policy.start) for number, policy in enumerate(policies) if policy.start
+        self._hosted = {
+            number: HostedPolicy(policy.start, policy.host)
+            for number, policy in enumerate(policies)
+            if policy.start
         }
-        self._owner: int | None = None
-        """The process that has started the agents; None: none has."""
+        self._has_begun = False
 
     @property
     def links(self) -> dict[int, Link]:
         """The links that are open, by the policy's number."""
-        return {number: away.link for number, away in self._away.items() if away.link is not None}
+        return {number: each.link for number, each in self._hosted.items() if each.link is not None}
 
     def begin(self) -> None:
         """Start the agents that act elsewhere, all at once, unless they are there.
@@ -61,41 +61,38 @@ class Hosts:
         Raises:
             HostError: One does not start.
         """
-        self._check_owner()
-        if self._owner is not None:
+        if self._has_begun:
             return
         try:
-            for away in self._away.values():
-                away.open()
-            for away in self._away.values():
-                away.join()
+            for each in self._hosted.values():
+                each.open()
+            for each in self._hosted.values():
+                each.join()
         except BaseException:
             self.close()
             raise
-        self._owner = os.getpid()
+        self._has_begun = True
 
     def dispatch(self, requests: Mapping[int, Request]) -> None:
         """Send all requests, without waiting."""
-        self._check_owner()
         here = {}
         for number, request in requests.items():
-            if number in self._away:
-                self._away[number].ask(request)
+            if number in self._hosted:
+                self._hosted[number].ask(request)
             else:
                 here[number] = request
         self._here.dispatch(here)
 
     def gather(self) -> Sequence[Answer]:
         """Return the answers to all requests, by the policy's number."""
-        self._check_owner()
         answers, begun = [*self._here.gather()], time.monotonic()
-        waiting = [away for away in self._away.values() if away.is_asked]
+        waiting = [each for each in self._hosted.values() if each.is_asked]
         while waiting:
-            for away in _wait_for_any(waiting, begun) or waiting:
-                away.settle()
-            waiting = [away for away in waiting if away.is_asked and not away.gives_up(begun)]
-        for number, away in self._away.items():
-            answers += [Answer(number, *each) for each in away.take()]
+            for each in wait_for_any(waiting, begun) or waiting:
+                each.settle()
+            waiting = [each for each in waiting if each.is_asked and not each.gives_up(begun)]
+        for number, hosted in self._hosted.items():
+            answers += [Answer(number, *taken) for taken in hosted.take()]
         return sorted(answers, key=lambda answer: answer.policy)
 
     def forget(self, rows: Collection[int]) -> None:
@@ -108,22 +105,9 @@ class Hosts:
     def close(self) -> None:
         """End the policies and their processes; may be called again."""
         with ExitStack() as ends:  # an interrupt while one ends keeps no other
-            for away in self._away.values():
-                ends.callback(away.end)
+            for each in self._hosted.values():
+                ends.callback(each.end)
             ends.callback(self._here.close)
-
-    def _check_owner(self) -> None:
-        """Raise in a process that was forked off the one with the agents.
-
-        Raises:
-            HostError: It was.
-        """
-        if self.links and self._owner != os.getpid():
-            raise HostError(
-                "this process was forked off the one with the agents",
-                place="hosts",
-                remedy="make the environment in the process that steps it",
-            )
 
 
 @dataclass
@@ -154,11 +138,11 @@ class _Opening(threading.Thread):
             self.error = error
 
 
-class _Away:
+class HostedPolicy:
     """A policy that acts elsewhere: asks it, takes its answers, and starts it again after a failure."""
 
-    def __init__(self, policy: SocialPolicy, starter: Starter) -> None:
-        self._starter, self._options = starter, policy.host
+    def __init__(self, starter: Starter, options: HostOptions) -> None:
+        self._starter, self._options = starter, options
         self.link: Link | None = None
         self._opening: _Opening | None = None
         self._has_answered = False  # since it was started
@@ -320,7 +304,7 @@ class _Away:
         """End an agent that does not answer; the agents of its requests fail, but for late ones."""
         asked = [each.request for each in self._asked if not each.is_late]
         at = f" at step {step_of(self._asked[0].request.batch)}" if self._asked else ""
-        self._problem = f"its host has failed{at}: {words(error)}"
+        self._problem = f"its host has failed{at}: {_words(error)}"
         self._close_link()
         for request in asked:
             self._answer(request, _failed(request, self._problem))
@@ -367,16 +351,29 @@ def _failed(request: Request, problem: str) -> list[Failed]:
     return [Failed(one_line(problem))] * len(request.batch.env_id)
 
 
-def _wait_for_any(waiting: Sequence[_Away], begun: float) -> Sequence[_Away]:
+def wait_for_any(waiting: Sequence[HostedPolicy], begun: float) -> Sequence[HostedPolicy]:
     """Wait until one of several policies can answer, or until one has to have answered.
 
     Returns:
         Those that can; none: not known, or the time is over.
     """
-    until = min([away.until(begun) for away in waiting])
-    channels = {away.link.channel: away for away in waiting if isinstance(away.link, SocketLink)}
+    until = min([each.until(begun) for each in waiting])
+    channels = {each.link.channel: each for each in waiting if isinstance(each.link, SocketLink)}
     if channels:
         return [channels[each] for each in wait_for(channels, until)]
-    links: list[Any] = [away.link for away in waiting]
+    links: list[Any] = [each.link for each in waiting]
     links[0].wait_for(links, until)
     return ()
+
+
+def step_of(batch: ActionBatch) -> int:
+    """Return the latest step of a request's episodes."""
+    return int(np.max(batch.step, initial=0))
+
+
+def _words(error: Exception) -> str:
+    """Return what an error says; without its type, if it is one of hosts."""
+    if isinstance(error, HostError):
+        return error.problem
+    is_plain = isinstance(error, ClosedError | TimeoutError) and str(error)
+    return str(error) if is_plain else f"{type(error).__name__}: {error}"

@@ -16,10 +16,10 @@ from weakref import WeakSet
 
 from smarts.agents.hosting.options import ADDRESS, HostError
 from smarts_agent_kit.channel import Channel, ClosedError
+from smarts_agent_kit.child import ending
 from smarts_agent_kit.handshake import SECRET, RefusedError, greet
 from smarts_agent_kit.processes import start_process
 from smarts_agent_kit.server import AddressError, parse_address, secret_for
-from smarts_agent_kit.service import is_ending, one_line
 from smarts_agent_kit.wire import Message, WireError
 
 CONNECT_TIME = 5.0
@@ -74,10 +74,9 @@ class SocketLink:
 
     def _named(self, error: ClosedError) -> ClosedError:
         """Return the error of a connection that has ended, with how the agent's process has."""
-        with suppress(ClosedError, WireError):
-            while (message := self.channel.receive()) is not None:
-                if is_ending(message):
-                    return ClosedError(one_line(str(message.values.get("problem"))))
+        if self._process is not None:
+            with suppress(subprocess.TimeoutExpired):  # the supervisor ends after its agent
+                return ClosedError(ending(self._process.wait(END_TIME)))
         return error
 
     def close(self) -> None:

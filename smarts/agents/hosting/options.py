@@ -97,12 +97,6 @@ def about(link: Link, place: str) -> Mapping[str, Any]:
         return link.about
     try:
         message = link.wait(time.monotonic() + START_TIME)
-    except TimeoutError as error:
-        raise HostError(
-            f"the agent does not start: silent for {START_TIME:g} s",
-            place=place,
-            remedy="see what it has printed",
-        ) from error
     except Exception as error:  # of a socket, of Ray, of the wire
         raise HostError(
             f"the agent does not start: {error}", place=place, remedy="see what it has printed"

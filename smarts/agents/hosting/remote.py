@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.agents.acting import Request
 from smarts.agents.hosting.facts import Facts, facts_from
-from smarts.agents.hosting.options import HERE, HostError, HostOptions, Link, Starter, about, patience
+from smarts.agents.hosting.hosts import HostedPolicy, step_of, wait_for_any
+from smarts.agents.hosting.options import HERE, HostError, Starter, about
 from smarts.agents.policy import ActionBatch, BatchAgent
 from smarts.agents.spec import AgentSpec
-from smarts_agent_kit.channel import ClosedError
-from smarts_agent_kit.service import checked_actions, is_ending, one_line, request_of
-from smarts_agent_kit.wire import Message
 
 
 class RemoteAgent(BatchAgent):
@@ -23,7 +22,6 @@ class RemoteAgent(BatchAgent):
     Args:
         start: Starts the agent, before the first request.
         facts: What the agent has said about itself.
-        options: Say how long its answers are waited for.
     """
 
     # Each has its own.
@@ -31,12 +29,10 @@ class RemoteAgent(BatchAgent):
     observation: Any  # pyright: ignore[reportIncompatibleVariableOverride]
     period: Any  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def __init__(self, start: Starter, facts: Facts, options: HostOptions = HERE) -> None:
-        self.start, self.facts, self.options = start, facts, options
+    def __init__(self, start: Starter, facts: Facts) -> None:
+        self.start, self.facts = start, facts
         self.interface, self.observation, self.period = facts
-        self._link: Link | None = None
-        self._number = 0
-        self._is_closed = self._has_answered = False
+        self._hosted: HostedPolicy | None = HostedPolicy(start, HERE)
 
     def act(self, obs: ActionBatch) -> NDArray:
         """Return the agent's actions.
@@ -44,66 +40,34 @@ class RemoteAgent(BatchAgent):
         Raises:
             HostError: It fails, or does not answer.
         """
-        self._number += 1
-        if self._is_closed:
-            raise HostError(
-                "the agent was closed, or has failed before", place=self.start.place, remedy="make it again"
-            )
-        if self._link is None:
-            self._link = self.start.open()
-        try:
-            about(self._link, self.start.place)
-            self._link.send(request_of(obs, self._number))
-            answer = self._answer()
-            if answer.kind != "acted" or answer.number != self._number:
-                raise HostError(f"the agent {answer.values.get('problem', 'gives no answer')}")
-            actions = checked_actions(answer.arrays.get("actions"), len(obs.env_id))
-        except Exception as error:  # of a socket, of Ray, of the wire or of the agent
+        hosted, place = self._hosted, self.start.place
+        if hosted is None:
+            raise HostError("the agent was closed, or has failed before", place=place, remedy="make it again")
+        if hosted.link is None:
+            hosted.open()
+            hosted.join()
+        begun = time.monotonic()
+        hosted.ask(Request(obs))
+        while hosted.is_asked and not hosted.gives_up(begun):
+            wait_for_any([hosted], begun)
+            hosted.settle()
+        ((_, actions),) = hosted.take()
+        if not isinstance(actions, np.ndarray):
             self.close()
-            place = f"{self.start.place}, step {step_of(obs)}"
-            raise HostError(
-                one_line(words(error)), place=place, remedy="see what the agent has printed"
-            ) from error
-        self._has_answered = True
+            problem = next((failed.problem for failed in actions), "it does not answer")
+            remedy = "see what the agent has printed"
+            raise HostError(problem, place=f"{place}, step {step_of(obs)}", remedy=remedy)
         return actions
-
-    def _answer(self) -> Message:
-        """Wait for the answer to a request.
-
-        Raises:
-            HostError: No answer comes in time, or the agent has ended.
-        """
-        assert self._link is not None
-        seconds = patience(self.options, has_answered=self._has_answered)
-        try:
-            answer = self._link.wait(time.monotonic() + seconds)
-        except TimeoutError as error:
-            raise HostError(f"the agent is silent for {seconds:g} s") from error
-        if is_ending(answer):
-            raise HostError(f"the agent has ended: {answer.values.get('problem')}")
-        return answer
 
     def close(self) -> None:
         """End the agent; may be called again."""
-        link, self._link, self._is_closed = self._link, None, True
-        if link is not None:
-            link.close()
+        hosted, self._hosted = self._hosted, None
+        if hosted is not None:
+            hosted.end()
 
     def __del__(self) -> None:
-        if getattr(self, "_link", None) is not None:
+        if getattr(self, "_hosted", None) is not None:
             self.close()
-
-
-def step_of(batch: ActionBatch) -> int:
-    """Return the latest step of a request's episodes."""
-    return int(np.max(batch.step, initial=0))
-
-
-def words(error: Exception) -> str:
-    """Return what an error says; without its type, if it is one of hosts."""
-    is_plain = isinstance(error, ClosedError | TimeoutError) and str(error)
-    said = error.problem if isinstance(error, HostError) else str(error)
-    return said if is_plain or isinstance(error, HostError) else f"{type(error).__name__}: {said}"
 
 
 def remote_spec(start: Starter) -> AgentSpec:

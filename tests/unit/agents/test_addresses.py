@@ -1,6 +1,5 @@
 """Agents at addresses, and egos that they drive."""
 
-import os
 import socket
 import struct
 import threading
@@ -101,7 +100,7 @@ def test_a_served_agent_sees_few_environment_variables_and_its_end_is_named(tmp_
     with served(*command, PYTHONPATH=str(tmp_path)) as address:
         agent = make_agent(address)[0]
         assert agent.act(batch(1)).tolist() == [[True, True, False, False, False]]
-        with raises(HostError, "step 12", values=["killed by SIGKILL"]):
+        with raises(HostError, "step 12", values=["the connection has ended"]):
             agent.act(batch(step=12))
 
 
@@ -182,7 +181,7 @@ def test_silent_addresses_keep_no_step_waiting(monkeypatch):
         hosts = Hosts(
             [SocialPolicy("away", each.locator, spec, 0, start=each, host=options) for each in starts]
         )
-        hosts._owner = os.getpid()
+        hosts._has_begun = True
         stack.callback(hosts.close)
         with monkeypatch.context() as waiting:
             waiting.setattr(threading.Thread, "join", lambda *_: pytest.fail("the step waits"))

@@ -244,8 +244,6 @@ def test_damaged_weights_are_named(make, tmp_path):
 @pytest.mark.parametrize(
     "content",
     [
-        {"head": "bestt"},
-        {"head": "tanh", "bounds": {"low": [0.0, 1.0], "high": [1.0]}},
         {"agents": {"agent-0": {}}},
         {"format": 1},
     ],

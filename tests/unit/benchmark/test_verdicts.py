@@ -3,7 +3,6 @@
 import itertools
 import math
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,27 +10,20 @@ import pytest
 from benchmark.metrics import read_table
 from benchmark.report.leaderboard import make_leaderboard, write_leaderboard
 from benchmark.report.submissions import MAY_EXCHANGE, Submitted, marks_of
-from benchmark.results.files import ResultsError, write_json
+from benchmark.results.files import ResultsError, read_json, write_json
 from benchmark.results.release import CONFIRMED, MANIFEST, MARKED, REFUSED, Entry, episode_digests, scores_of
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import judging, verifying
-from benchmark.running.judging import differences, equal_digests, memorized, p_value
-from benchmark.running.submissions import submitted
-from benchmark.running.verifying import write_claims
+from benchmark.running.judging import compared_digests, differences, memorized, p_value
 from smarts.agents.hosting.options import HostError
 from smarts.errors import TrafficError
 from tests.hand_made_results import ALONE, agent_episodes
-from tests.hand_made_submissions import AS_GIVEN, freeze, verified, write_policy, write_submission
+from tests.hand_made_submissions import freeze, verified, write_policy, write_submission
 from tests.raising import raises
 
 frozen = pytest.fixture(autouse=True)(freeze)
 
 LIES = {"scores": {"completion_rate": 1.0}, "episodes": {"loop": ["x"]}}
-
-
-def claimed(root, out):
-    manifest, folder = submitted(str(root), **AS_GIVEN)
-    return write_claims(manifest, folder, out)
 
 
 def place_of(out, seed=1):
@@ -55,13 +47,13 @@ def test_an_honest_submission_gets_its_claims_and_is_confirmed_and_listed(tmp_pa
     (tmp_path / "secret").write_text("a private key")
     (root / "1" / "mine" / "notes.txt").symlink_to(tmp_path / "secret")
     assert [each.reasons for each in verified(root, tmp_path / "own")] == [["claims no episodes"]] * 3
-    claims = claimed(root, tmp_path / "own")
+    claims = tmp_path / "own" / "submission"
     names = [f"policies/mine_loop_{ALONE}_{seed}" for seed in (1, 2, 3)]
     found = {each.relative_to(claims).as_posix() for each in claims.rglob("*") if each.is_file()}
     assert found == {MANIFEST} | {f"{name}/policy.{end}" for name in names for end in ("json", "npz")}
     verdicts = verified(claims, out, fresh=None)
     assert [each.status for each in verdicts] == [CONFIRMED] * 3
-    assert [(each.digests, each.fresh["episodes"]) for each in verdicts] == [([1, 1], 1)] * 3
+    assert [(each.digests, each.fresh) for each in verdicts] == [([1, 1], verdicts[0].scores)] * 3
     assert verdicts[0].scores == verdicts[0].claimed
     before = written_at(out, 1, 2, 3)
     assert [each.status for each in verified(claims, out, fresh=None)] == [CONFIRMED] * 3
@@ -93,10 +85,10 @@ def test_the_results_of_trainings_are_never_removed(tmp_path):
 def test_a_folder_is_of_one_submission_and_keeps_its_marks(tmp_path):
     out = tmp_path / "out"
     (verdict,) = verified(write_submission(tmp_path / "liar", claims=LIES), out)
+    assert not (out / "submission").exists()
     assert verdict.status == MARKED
     with raises(ResultsError, out, values=["holds the evaluation of another submission"]):
         verified(write_submission(tmp_path / "other", name="other"), out)
-    (out / "verdicts.json").unlink()
     assert statuses(out) == {"mine": (MARKED, 1)}
 
 
@@ -107,19 +99,15 @@ def test_what_is_not_judged_is_not_listed_and_not_played_again(tmp_path, monkeyp
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(verifying, "_judged", killed)
+        patched.setattr(verifying, "memorized", killed)
         with pytest.raises(KeyboardInterrupt):
             verified(root, out)
     board = make_leaderboard([out])
     assert not board.places
     assert "2 of 2 runs are not finished" in board.problems[0]
     before = written_at(out, 1, 2)
-    with monkeypatch.context() as patched:  # after run.json, before verdicts.json
-        patched.setattr(verifying, "write_verdicts", killed)
-        with pytest.raises(KeyboardInterrupt):
-            verified(root, out)
-    assert statuses(out) == {"mine": (MARKED, 2)}
     verified(root, out)
+    assert statuses(out) == {"mine": (MARKED, 2)}
     assert written_at(out, 1, 2) == before
 
 
@@ -127,17 +115,18 @@ def test_other_files_and_other_fresh_episodes_are_played_again(tmp_path):
     root, out = write_submission(tmp_path / "theirs"), tmp_path / "out"
     (first,) = verified(root, out)
     driven = read_table(RunFolder(place_of(out)).table)["distance_travelled"]
-    assert claimed(root, out) is not None
     shutil.rmtree(root / "1" / "mine")
     write_policy(root / "1" / "mine", action=1)
-    assert claimed(root, out) is None  # What was played is no longer there.
     (second,) = verified(root, out)
     braked = read_table(RunFolder(place_of(out)).table)["distance_travelled"]
     assert (braked < driven).all()
     (third,) = verified(root, out, fresh=2)
-    assert (first.fresh, second.fresh, third.fresh["episodes"]) == ({}, {}, 2)
+    assert (first.fresh, second.fresh, [*third.fresh]) == ({}, {}, ["completion_rate", "collision_rate"])
     table = read_table(RunFolder(place_of(out) / "fresh").table)
-    assert (table["world"].nunique(), {*table["seed"]}) == (2, {third.fresh["seed"]})
+    assert (table["world"].nunique(), {*table["seed"]}) == (
+        2,
+        {read_json(out / "verdicts.json")["fresh_seed"]},
+    )
 
 
 def entry_of(table, **changes):
@@ -153,7 +142,7 @@ def played(outcomes, **given):
 
 
 def reasons(entry, table):
-    return [*differences(entry, table, scores_of(table), episode_digests(table))]
+    return [*differences(entry, scores_of(table), episode_digests(table))]
 
 
 def test_false_claims_are_marked_however_many_episodes_they_name():
@@ -208,7 +197,7 @@ def test_an_episode_that_could_not_be_measured_does_not_move_those_behind_it():
     )
     assert claimed["world"].nunique() == here["world"].nunique() == 200
     assert not reasons(entry_of(claimed), here)
-    assert equal_digests(entry_of(claimed), episode_digests(here)) == {"intersection": (199, 200)}
+    assert compared_digests(entry_of(claimed), episode_digests(here)) == (199, 200)
 
 
 def drawn(rng, rates):
@@ -247,10 +236,11 @@ def test_the_permutation_test_counts_what_enumeration_counts():
 
 def test_two_seeds_have_no_rank():
     def policies(algorithm, seeds, knows_test=False):
-        names = ("theirs", "an author", algorithm, "loop", ALONE)
+        given = {"name": "theirs", "author": "", "agent": "", "status": CONFIRMED, "experiment": "theirs"}
+        given |= {"algorithm": algorithm, "task": "loop", "scenarios": ["loop"], "traffic": ALONE}
         for seed in range(seeds):
             knows = knows_test and seed == 0
-            yield Submitted(*names, seed, "", CONFIRMED, [], {}, {}, [4, 4], {}, knows, "theirs")
+            yield Submitted(**given, seed=seed, reasons=[], claimed={}, knows_test=knows)
 
     marks = marks_of([*policies("few", 2), *policies("enough", 3), *policies("knowing", 3, True)])
     ranked = {key[1]: mark.is_ranked for key, mark in marks.items()}
@@ -279,8 +269,10 @@ def test_who_knows_the_test_has_no_rank(tmp_path, monkeypatch):
     assert sorted(each.algorithm for each in board.summaries) == ["second", "third"]
     own = board.submitted[-1]
     assert MAY_EXCHANGE in own.remarks  # an algorithm that is not known here
-    assert MAY_EXCHANGE not in replace(own, algorithm="ppo").remarks
-    assert MAY_EXCHANGE in replace(own, algorithm="ppo", agent="tcp://localhost:7000").remarks
+    assert MAY_EXCHANGE not in own.model_copy(update={"algorithm": "ppo"}).remarks
+    assert (
+        MAY_EXCHANGE in own.model_copy(update={"algorithm": "ppo", "agent": "tcp://localhost:7000"}).remarks
+    )
 
 
 @pytest.mark.parametrize(
