@@ -16,7 +16,7 @@ from benchmark.experiment.algorithm_settings import (
     settings_of,
 )
 from benchmark.experiment.environment import Driving, Environment, Host
-from benchmark.experiment.models import ConditionSettings, Experiment
+from benchmark.experiment.models import Experiment, TaskOverrides
 from benchmark.experiment.values import ends
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import Fault, shown
@@ -35,7 +35,7 @@ PROCESSES = {
 }
 """RLlib's settings of processes, which the section `resources` has."""
 
-Layer = tuple[tuple[str, ...], Experiment | ConditionSettings]
+Layer = tuple[tuple[str, ...], Experiment | TaskOverrides]
 """Key and content of a part of the file with `training` and `settings`."""
 Algorithms = Mapping[str, int]
 """Algorithms of the experiment that exist, with their numbers in its list."""
@@ -52,7 +52,7 @@ def check_experiment(experiment: Experiment) -> Iterator[Fault]:
         yield Fault(("tasks",), "there is none", "name a scenario, as in [intersection]")
     broken = yield from _own_names(experiment)
     algorithms = {name: number for number, name in enumerate(experiment.algorithms) if name not in broken}
-    yield from _conditions(experiment)
+    yield from _by_task(experiment)
     yield from _settings(experiment, algorithms)
     yield from _search(experiment, algorithms)
     yield from _actions(experiment, algorithms)
@@ -77,19 +77,19 @@ def _import(key: str, name: str) -> None:
     registries.get(key, METRICS)[name]
 
 
-def _conditions(experiment: Experiment) -> Iterator[Fault]:
-    """Yield names of conditions that neither experiment nor suite has: `--set tasks` may leave some out."""
+def _by_task(experiment: Experiment) -> Iterator[Fault]:
+    """Yield names of tasks that neither experiment nor suite has: `--set tasks` may leave some out."""
     tasks = dict.fromkeys([*(task.name for task in experiment.tasks), *suite()])
     traffic = dict.fromkeys([*STANDARD, *experiment.traffic])
     known = [*tasks, *(f"{task}/{each}" for task in tasks for each in traffic)]
-    for name in experiment.conditions if experiment.tasks else ():
+    for name in experiment.by_task if experiment.tasks else ():
         if name not in known:
-            yield Fault(("conditions", name), "there is no such condition", nearest_names(name, known))
+            yield Fault(("by_task", name), "there is no such task", nearest_names(name, known))
 
 
 def _settings(experiment: Experiment, algorithms: Algorithms) -> Iterator[Fault]:
     """Yield settings that no algorithm takes, and each value that one of the algorithms cannot take."""
-    # What all conditions have is told once.
+    # What all tasks have is told once.
     found: dict[Fault, None] = {}
     for layers in _layers(experiment):
         found |= dict.fromkeys(_unused(layers, algorithms))
@@ -100,14 +100,14 @@ def _settings(experiment: Experiment, algorithms: Algorithms) -> Iterator[Fault]
 
 
 def _layers(experiment: Experiment) -> Iterator[list[Layer]]:
-    """Yield the parts of the file for all conditions, then for each that has its own; later ones override."""
+    """Yield the parts of the file for all tasks, then for each that has its own; later ones override."""
     base: Layer = ((), experiment)
     yield [base]
-    given = experiment.conditions
-    for name, condition in given.items():
+    given = experiment.by_task
+    for name, own in given.items():
         task = name.partition("/")[0]
-        around = [(("conditions", task), given[task])] if task in given and task != name else []
-        yield [base, *around, (("conditions", name), condition)]
+        around = [(("by_task", task), given[task])] if task in given and task != name else []
+        yield [base, *around, (("by_task", name), own)]
 
 
 def _unused(layers: list[Layer], algorithms: Algorithms) -> Iterator[Fault]:
@@ -127,7 +127,7 @@ def _unused(layers: list[Layer], algorithms: Algorithms) -> Iterator[Fault]:
 def _settings_of(
     algorithm: str, layers: list[Layer], algorithms: Algorithms, environment: Environment
 ) -> Iterator[Fault]:
-    """Yield what is wrong with an algorithm's settings under a condition, at their places in the file."""
+    """Yield what is wrong with an algorithm's settings in a task, at their places in the file."""
     own_keys = [(*key, "settings", algorithm) for key, part in layers if algorithm in part.settings]
     place = own_keys[-1] if own_keys else ("settings", algorithm)
     if algorithm not in ALGORITHMS and not is_own_name(algorithm):

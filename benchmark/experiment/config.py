@@ -13,10 +13,10 @@ from benchmark.experiment.checks import check_experiment
 from benchmark.experiment.models import (
     EMPTY_ROADS,
     Budget,
-    ConditionSettings,
     Evaluation,
     Experiment,
     Resources,
+    TaskOverrides,
     TrainingTask,
     Tune,
 )
@@ -26,10 +26,10 @@ from smarts.config import ConfigError, Fault, Problem, read_config, shown
 __all__ = [
     "EMPTY_ROADS",
     "Budget",
-    "ConditionSettings",
     "Evaluation",
     "Experiment",
     "Resources",
+    "TaskOverrides",
     "TrainingTask",
     "Tune",
     "check_whole",

@@ -138,7 +138,7 @@ class Tune(Section):
     """What is to be large in validation; "safety" is 1 - collisions."""
 
 
-class ConditionSettings(Section):
+class TaskOverrides(Section):
     """What differs in the trainings of a task, or of a task with one traffic; the rest is as elsewhere."""
 
     budget: Budget = Budget()
@@ -182,7 +182,7 @@ class Experiment(Section):
     """Scripted policies that are tested in the same way and shown below the table: names, or module:Class."""
     resources: Resources = Resources()
     tune: Tune | None = None
-    conditions: dict[str, ConditionSettings] = Field(default_factory=dict)
+    by_task: dict[str, TaskOverrides] = Field(default_factory=dict)
     """TASK or TASK/TRAFFIC -> what differs in the trainings there. TASK/TRAFFIC overrides TASK, and values of
     one algorithm override those of all, wherever they stand."""
 
@@ -192,7 +192,7 @@ class Experiment(Section):
             """Take values as a file has them: lists, names and dicts; each is checked when it is given."""
 
     def settings_of(self, algorithm: str, task: str = "", traffic: str = "") -> dict[str, Any]:
-        """Return the settings of an algorithm that the file gives under a condition, by default under any.
+        """Return the settings of an algorithm that the file gives in a task, by default in any.
 
         Raises:
             OwnCodeError: A `module:Class` cannot be imported.
@@ -200,19 +200,19 @@ class Experiment(Section):
         settings = settings_of(algorithm)
         training: dict[str, Any] = self.training
         own: dict[str, Any] = self.settings.get(algorithm) or {}
-        for given in self._conditions_of(task, traffic):
+        for given in self._overrides_of(task, traffic):
             training, own = training | given.training, own | (given.settings.get(algorithm) or {})
         common = {name: training[name] for name in training.keys() & settings.model_fields}
         return settings.model_validate(common | own).model_dump(mode="json", exclude_unset=True)
 
     def budget_of(self, task: str, traffic: str) -> Budget:
-        """Return the budget of each training under a condition."""
+        """Return the budget of each training in a task."""
         budget = self.budget
-        for given in self._conditions_of(task, traffic):
+        for given in self._overrides_of(task, traffic):
             set_here = {name: getattr(given.budget, name) for name in given.budget.model_fields_set}
             budget = budget.model_copy(update=set_here)
         return budget
 
-    def _conditions_of(self, task: str, traffic: str) -> list[ConditionSettings]:
-        """Return what differs under a condition, the more general first."""
-        return [self.conditions[name] for name in (task, f"{task}/{traffic}") if name in self.conditions]
+    def _overrides_of(self, task: str, traffic: str) -> list[TaskOverrides]:
+        """Return what differs in a task, the more general first."""
+        return [self.by_task[name] for name in (task, f"{task}/{traffic}") if name in self.by_task]

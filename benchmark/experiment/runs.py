@@ -243,8 +243,8 @@ def task_settings_of(experiment: Experiment) -> list[TaskSetting]:
 def runs_of(experiment: Experiment) -> Iterator[Run]:
     """Yield the trainings of an experiment, the first seed of everything first: so a table fills early."""
     for algorithm, task_setting, seed in trainings_of(experiment):
-        condition = task_setting.task.name, task_setting.traffic
-        settings, budget = experiment.settings_of(algorithm, *condition), experiment.budget_of(*condition)
+        place = task_setting.task.name, task_setting.traffic
+        settings, budget = experiment.settings_of(algorithm, *place), experiment.budget_of(*place)
         yield Run(algorithm, task_setting, seed, settings, budget, experiment.resources)
 
 

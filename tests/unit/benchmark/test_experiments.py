@@ -63,13 +63,13 @@ seeds: [1]
 training: {lr: 0.1}
 settings: {ppo: {lr: 0.2}}
 budget: {agent_steps: 20, minutes: 5}
-conditions:
+by_task:
   loop: {budget: {agent_steps: 10}, training: {lr: 0.3, gamma: 0.5}}
   loop/random_social_vehicles: {budget: {minutes: null}, settings: {ppo: {lr: [[0, 0.4], [9, 0.1]]}}}
 """
 
 
-def test_conditions_have_budgets_and_settings_of_their_own(write):
+def test_tasks_have_budgets_and_settings_of_their_own(write):
     runs = {
         (run.algorithm, str(run.task_setting)): (run.settings, run.budget.model_dump())
         for run in runs_of(read_experiment(write(CELLS)))
@@ -89,15 +89,15 @@ def test_conditions_have_budgets_and_settings_of_their_own(write):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("conditions.lop={}", "conditions.lop: there is no such condition; did you mean 'loop'?"),
+        ("by_task.lop={}", "by_task.lop: there is no such task; did you mean 'loop'?"),
         (
-            "conditions.loop.training.lr=7",
-            "conditions.loop.training.lr: 7; input should be less than or equal to 1",
+            "by_task.loop.training.lr=7",
+            "by_task.loop.training.lr: 7; input should be less than or equal to 1",
         ),
-        ("conditions.loop.bugdet=3", "there is no key conditions.loop.bugdet; did you mean 'budget'?"),
+        ("by_task.loop.bugdet=3", "there is no key by_task.loop.bugdet; did you mean 'budget'?"),
     ],
 )
-def test_mistakes_in_conditions_are_named_once(write, change, message):
+def test_mistakes_in_tasks_are_named_once(write, change, message):
     told = said(write(CELLS), change)
     assert message in told
     assert len(told.splitlines()) == 1
