@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label
-from benchmark.report.style import line
+from benchmark.report.style import line, thousands
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def seeds_curve(runs: Sequence[Frame], column: str) -> tuple[Floats, Floats]:
         Agent-steps, shape (P,), and the column of each run there, shape (S, P), NaN where a run has not yet
         or no longer a value.
     """
-    known = [points for run in runs if (points := _points(run, column)).size]
+    known = [each for run in runs if (each := points(run, column)).size]
     if not known:
         return np.zeros(0), np.zeros((0, 0))
     begin, end = min(each[0, 0] for each in known), max(each[0, -1] for each in known)
@@ -41,7 +41,17 @@ def seeds_curve(runs: Sequence[Frame], column: str) -> tuple[Floats, Floats]:
     return steps, np.stack([np.interp(steps, *points, left=np.nan, right=np.nan) for points in known])
 
 
-def _points(run: Frame, column: str) -> Floats:
+def runs_of(report: Report, algorithm: str, task: str, traffic: str) -> list[Frame]:
+    """Return the progress of an algorithm's runs in a condition, finished or not."""
+    place = algorithm, task, traffic
+    return [
+        run.progress
+        for run in report.results.runs
+        if (run.algorithm, run.task, run.traffic) == place and run.progress is not None
+    ]
+
+
+def points(run: Frame, column: str) -> Floats:
     """Return agent-steps and a column where it has a value, shape (2, N)."""
     steps, values = run["agent_steps"].to_numpy(float), run[column].to_numpy(float)
     known = np.isfinite(steps) & np.isfinite(values)
@@ -60,12 +70,7 @@ def draw_curves(panels: Sequence[Any], report: Report, task: str, traffic: str) 
         traffic: Traffic of the condition.
     """
     for algorithm in report.algorithms:
-        runs = [
-            run.progress
-            for run in report.results.runs
-            if (run.algorithm, run.task, run.traffic) == (algorithm, task, traffic)
-            and run.progress is not None
-        ]
+        runs = runs_of(report, algorithm, task, traffic)
         for axes, column in zip(panels, SHOWN, strict=True):
             _draw(axes, runs, column, algorithm, line(algorithm, report.algorithms))
     for axes, column in zip(panels, SHOWN, strict=True):
@@ -76,13 +81,7 @@ def draw_curves(panels: Sequence[Any], report: Report, task: str, traffic: str) 
     panels[-1].set_xlabel("Agent-steps")
     for axes in panels:
         axes.set_xlim(left=0)
-        axes.xaxis.set_major_formatter(_thousands)
-
-
-def _thousands(steps: float, _: Any) -> str:
-    if steps >= 1_000_000:
-        return f"{steps / 1_000_000:g} M"
-    return f"{steps / 1000:g} k" if steps >= 1000 else f"{steps:g}"
+        axes.xaxis.set_major_formatter(thousands)
 
 
 def _draw(axes: Any, runs: Sequence[Frame], column: str, algorithm: str, how: dict[str, Any]) -> None:
@@ -95,5 +94,5 @@ def _draw(axes: Any, runs: Sequence[Frame], column: str, algorithm: str, how: di
             low, high = np.fmin.reduce(rows), np.fmax.reduce(rows)
             axes.fill_between(steps, low, high, color=how["color"], alpha=0.15, linewidth=0)
     for run in runs:
-        points = _points(run, f"validation_{column}")
-        axes.plot(*points, ".", color=how["color"], markersize=4, alpha=0.8)
+        validations = points(run, f"validation_{column}")
+        axes.plot(*validations, ".", color=how["color"], markersize=4, alpha=0.8)

@@ -1,23 +1,20 @@
-"""Recorded test episodes beside a report: of each run the best, the worst, each kind of failure."""
+"""Recorded test episodes: three in a report's page, and beside it of each run all that are notable."""
 
 from __future__ import annotations
 
-import hashlib
-import shutil
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
 
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.results.files import ResultsError, read_json, write_json
+from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.run_folder import RunFolder
-from smarts.envision.episode_library import EpisodeLibrary
-from smarts.envision.notable_episodes import write_notable
+from smarts.envision.episode_library import Entry, EpisodeLibrary
+from smarts.envision.notable_episodes import NO_FAILURE, Notable, fitting, notable_episodes, write_notable
+from smarts.envision.viewer_page import page_with
 from smarts.errors import SmartsError
 from smarts.sstudio.locating import VARIATION_MARK
 
@@ -70,6 +67,21 @@ def _links(
     episodes: Path, mode: str, folder: Path, run: RunResult
 ) -> tuple[tuple[tuple[str, str], ...], str]:
     """Return the links, and which episodes are left out."""
+    page_name = f"{run.place.replace('/', '-')}.html"
+    written = write_notable(_tested(episodes, mode, run), folder / EPISODES / page_name)
+    links = tuple(
+        (notable.label, f"{page.relative_to(folder).as_posix()}#e={notable.entry.id}")
+        for notable, page in written.pages
+    )
+    return links, "; ".join(f"{entry.label} is left out: {why}" for entry, why in written.left_out)
+
+
+def _tested(episodes: Path, mode: str, run: RunResult) -> EpisodeLibrary:
+    """Return the episodes of a run's test in the variations of its training.
+
+    Raises:
+        ResultsError: None were kept.
+    """
     trained_on = f"{mode}-{'-'.join(Path(each).name for each in run.config.get('scenarios', ()))}"
     parts = [
         part
@@ -78,80 +90,58 @@ def _links(
     ]  # the others are of variations that are held out
     if not parts:
         raise ResultsError("no episodes of these tests were kept", place=str(episodes))
-    page_name = f"{run.place.replace('/', '-')}.html"
-    written = write_notable(EpisodeLibrary(parts), folder / EPISODES / page_name)
-    links = tuple(
-        (notable.label, f"{page.relative_to(folder).as_posix()}#e={notable.entry.id}")
-        for notable, page in written.pages
-    )
-    return links, "; ".join(f"{entry.label} is left out: {why}" for entry, why in written.left_out)
+    return EpisodeLibrary(parts)
 
 
-LINKS = "links.json"
-"""Name of the file with each run's links, in the folder of the pages."""
-OTHER_TEST = "no page is of this test: give `smarts-bench report --episodes`"
+@dataclass(frozen=True)
+class Replays:
+    """Episodes that a report's page plays."""
+
+    episodes: tuple[tuple[str, str], ...] = ()
+    """Why each is shown, and its id in the page."""
+    page: bytes = b""
+    """The viewer with the episodes inside."""
 
 
-def note_links(results: Results, links: Sequence[EpisodeLinks], folder: Path) -> None:
-    """Write what later reports need to link the same pages.
-
-    Args:
-        results: The results.
-        links: Links of each finished run.
-        folder: Folder of the report.
-    """
-    if not any(each.links for each in links):
-        return
-    content = [
-        {"run": run.place, "test": _digest(run), "links": each.links, "problem": each.problem}
-        for run, each in zip(results.finished, links, strict=True)
-    ]
-    write_json(folder / EPISODES / LINKS, content)
-
-
-def keep_pages(results: Results, before: Path, folder: Path) -> list[EpisodeLinks]:
-    """Copy the pages of an earlier report whose tests are as they were; return what links to them.
+def replays(results: Results, mode: str, name: str) -> Replays:
+    """Return the best, the worst and a typical failed test episode of a policy's first run that kept some.
 
     Args:
         results: The results.
-        before: Folder of the earlier report.
-        folder: Folder of the report.
+        mode: Way of acting whose episodes are shown; scripted policies have one only.
+        name: Algorithm or scripted policy.
     """
-    noted = {each["run"]: each for each in _noted(before)}
-    if not noted:
-        return []
-    found = []
-    for run in results.finished:
-        there = noted.get(run.place)
-        if there is None or there["test"] != _digest(run):
-            found.append(EpisodeLinks(names_of(run), (), OTHER_TEST))
-            continue
-        for name in _pages([there]):
-            (folder / EPISODES).mkdir(exist_ok=True)
-            shutil.copy2(before / EPISODES / name, folder / EPISODES / name)
-        links = tuple((text, address) for text, address in there["links"])
-        found.append(EpisodeLinks(names_of(run), links, there["problem"]))
-    note_links(results, found, folder)
-    return found
+    runs = (run for run in results.finished if run.algorithm == name)
+    run = next((run for run in runs if RunFolder(results.root / run.place).episodes.is_dir()), None)
+    if run is None:
+        return Replays()
+    try:
+        episodes = RunFolder(results.root / run.place).episodes
+        library = _tested(episodes, SCRIPTED if run.is_scripted else mode, run)
+        chosen = [
+            each
+            for each in notable_episodes(library.entries())
+            if {*each.why.split(", ")} & {"best", "worst"}
+        ]
+        chosen += _typical_failure(library.entries(), chosen)
+        page = page_with([fitting(library, each) for each in chosen])
+    except SmartsError:  # damaged, or too large together: the pages of `--episodes` say which
+        return Replays()
+    return Replays(tuple((each.why, each.entry.id) for each in chosen), page.encode())
 
 
-def are_pages(folder: Path) -> bool:
-    """Return whether a report's folder of pages is there and holds nothing else."""
-    pages = folder / EPISODES
-    known = {LINKS, *_pages(_noted(folder))}
-    return pages.is_dir() and {each.name for each in pages.iterdir()} == known
-
-
-def _pages(noted: Sequence[dict[str, Any]]) -> set[str]:
-    """Return the names of the pages that are linked."""
-    return {Path(address.partition("#")[0]).name for each in noted for _, address in each["links"]}
-
-
-def _noted(folder: Path) -> list[dict[str, Any]]:
-    """Return what an earlier report noted; nothing if there is no such note."""
-    file = folder / EPISODES / LINKS
-    return read_json(file) if file.exists() else []
-
-
-def _digest(run: RunResult) -> str:
-    return hashlib.blake2b(pd.DataFrame(run.table).to_csv().encode(), digest_size=8).hexdigest()
+def _typical_failure(entries: Sequence[Entry], shown: Sequence[Notable]) -> list[Notable]:
+    """Return an episode, none of those shown, with as many of the most frequent failure as is usual."""
+    there = {each.entry.id for each in shown}
+    whole = [each for each in entries if each.complete and not each.invalid and not each.error]
+    counts: Counter[str] = Counter()
+    for each in whole:
+        counts.update({name: count for name, count in each.outcomes.items() if name not in NO_FAILURE})
+    for kind, total in counts.most_common():
+        failed = [each for each in whole if each.outcomes.get(kind)]
+        usual = total / len(failed)
+        failed.sort(key=lambda each: (abs(each.outcomes[kind] - usual), each.seconds, each.label))
+        for each in failed:
+            if each.id not in there:
+                return [Notable(each, f"typical failure: {kind.replace('_', ' ')}")]
+    return []

@@ -1,25 +1,17 @@
-"""All plots of a report: one a cell for the page, one of all cells for a paper."""
+"""The plots beside report.md: one file a kind, of all conditions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+from benchmark.metrics.registry import PAPER_METRICS
 from benchmark.report import curves, outcomes, radar
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.report.style import (
-    OUTCOME_COLOURS,
-    TEXT,
-    as_dots,
-    as_lines,
-    colour,
-    dash,
-    line,
-    new_figure,
-    png,
-)
+from benchmark.report.style import OUTCOME_COLOURS, TEXT, line, new_figure, png
 from benchmark.report.wording import MODE_NOTES
 
 LEGEND_WIDTH = 1.45
@@ -54,7 +46,7 @@ KINDS = (
         (3.1, 2.75),
         1,
         "polar",
-        radar.draw_radar,
+        partial(radar.draw_radar, names=radar.axes_of_radar()),
     ),
     Kind(
         "radar_all",
@@ -64,7 +56,7 @@ KINDS = (
         (3.9, 3.2),
         1,
         "polar",
-        radar.draw_all_indices,
+        partial(radar.draw_radar, names=PAPER_METRICS),
     ),
     Kind(
         "learning_curves",
@@ -99,21 +91,6 @@ def cell_title(task: str, traffic: str) -> str:
     return f"{task_label(task)}: {SHORT_TRAFFIC.get(traffic, traffic_label(traffic))}"
 
 
-def draw_cells(kind: Kind, report: Report) -> list[tuple[str, str]]:
-    """Return title and source (a data URI) of each cell's plot."""
-    import matplotlib as mpl
-
-    plots = []
-    with mpl.rc_context(TEXT):
-        for task, traffic in report.columns:
-            figure = new_figure(*_size(kind, report))
-            panels = _panels(figure, kind, [(task, traffic)])
-            kind.draw(_one_or_all(panels[0]), report, task, traffic)
-            source = as_dots(figure) if kind.panels > 1 else as_lines(figure)
-            plots.append((cell_title(task, traffic), source))
-    return plots
-
-
 def _size(kind: Kind, report: Report) -> tuple[float, float]:
     """Return width and height of a cell's plot [inch]; bars need some for each row."""
     width, height = kind.size
@@ -140,23 +117,13 @@ def draw_all(kind: Kind, report: Report) -> bytes:
         return png(figure)
 
 
-def legend(kind: Kind, report: Report) -> list[tuple[str, str, str]]:
-    """Return colour, dashes (empty for areas) and name of all that a kind of plot shows."""
-    if kind.name == "outcomes":
-        shown = outcomes.shown_outcomes(report)
-        return [(OUTCOME_COLOURS[name], "", outcomes.outcome_label(name)) for name in shown]
-    return [
-        (colour(name, report.algorithms), dash(name, report.algorithms), algorithm_label(name))
-        for name in report.algorithms
-    ]
-
-
 def _handles(kind: Kind, report: Report) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     if kind.name == "outcomes":
-        return [Patch(color=shade, label=name) for shade, _, name in legend(kind, report)]
+        shown = outcomes.shown_outcomes(report)
+        return [Patch(color=OUTCOME_COLOURS[name], label=outcomes.outcome_label(name)) for name in shown]
     names = report.algorithms
     return [Line2D([], [], label=algorithm_label(name), **line(name, names)) for name in names]
 

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmark.metrics import METRICS
-from benchmark.metrics.registry import PAPER_METRICS
 from benchmark.report.content import Report
-from benchmark.report.paper import algorithm_label
 from benchmark.report.style import line
 from benchmark.report.values import Value
 
@@ -23,17 +21,7 @@ def axes_of_radar() -> list[str]:
     return [name for name in METRICS if METRICS[name].is_axis]
 
 
-def draw_radar(axes: Any, report: Report, task: str, traffic: str) -> None:
-    """Draw the paper's axes of a cell; see `_draw`."""
-    _draw(axes, report, task, traffic, axes_of_radar())
-
-
-def draw_all_indices(axes: Any, report: Report, task: str, traffic: str) -> None:
-    """Draw all of the paper's metrics of a cell; see `_draw`."""
-    _draw(axes, report, task, traffic, PAPER_METRICS)
-
-
-def _draw(axes: Any, report: Report, task: str, traffic: str, names: Sequence[str]) -> None:
+def draw_radar(axes: Any, report: Report, task: str, traffic: str, *, names: Sequence[str]) -> None:
     """Draw all algorithms of a cell over each other; where a metric is n/a its line has a gap.
 
     Of metrics that are better when lower, 1 minus the value is drawn.
@@ -55,7 +43,7 @@ def _draw(axes: Any, report: Report, task: str, traffic: str, names: Sequence[st
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
         place = {"ha": "center", "va": "center", "zorder": 5}
         axes.text(np.pi / 4, ring, f"{ring:g}", fontsize=6.5, color="#555555", bbox=box, **place)
-    axes.set_xticks(angles, [_axis_label(name) for name in names])
+    axes.set_xticks(angles, [axis_label(name) for name in names])
     axes.tick_params(axis="x", pad=9 if len(names) <= 4 else 2)
     if len(names) > 4:
         for text, angle in zip(axes.get_xticklabels(), angles, strict=True):
@@ -65,22 +53,20 @@ def _draw(axes: Any, report: Report, task: str, traffic: str, names: Sequence[st
     axes.spines["polar"].set_color("#aaaaaa")
     for algorithm in report.algorithms:
         found = [report.value(algorithm, task, traffic, report.modes[0], name) for name in names]
-        radii = [_radius(value) for value in found]
-        _draw_line(axes, angles, radii, line(algorithm, report.algorithms), algorithm_label(algorithm))
+        radii = [radius_of(value) for value in found]
+        how = line(algorithm, report.algorithms)
+        closed = np.append(radii, radii[0]), np.append(angles, 2 * np.pi)
+        axes.plot(*closed[::-1], marker="o", markersize=3, clip_on=False, **how)
 
 
-def _axis_label(name: str) -> str:
+def axis_label(name: str) -> str:
+    """Return what stands at a metric's axis."""
     text = METRICS[name].label.replace("Control d", "D")
     return f"1 - {text.lower()}" if METRICS[name].better == "lower" else text
 
 
-def _radius(value: Value | None) -> float:
+def radius_of(value: Value | None) -> float:
+    """Return where a value is on its axis, 1 minus it if lower is better; NaN where there is none."""
     if value is None:
         return float("nan")
     return 1.0 - value.value if METRICS[value.metric].better == "lower" else value.value
-
-
-def _draw_line(axes: Any, angles: Any, radii: Sequence[float], how: dict[str, Any], name: str) -> None:
-    closed = np.append(radii, radii[0])
-    around = np.append(angles, angles[0] + 2 * np.pi)
-    axes.plot(around, closed, marker="o", markersize=3, label=name, clip_on=False, **how)

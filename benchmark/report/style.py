@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import io
-import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,7 +15,7 @@ PALETTE = (
 )
 """Okabe and Ito's colours for the paper's seven, told apart by the colour-blind, then others."""
 DASHES = ("-", (0, (4, 1.2)), (0, (1.2, 1)), (0, (4, 1, 1, 1)))
-"""Line styles, of which colours that are alike in print have different ones."""
+"""Line styles."""
 OUTCOME_COLOURS = {
     "completion_rate": "#3a9d5d",
     "collision_rate": "#c8372d",
@@ -27,7 +25,7 @@ OUTCOME_COLOURS = {
     "ended_not_moving": "#7fa6c9",
     "ended_time_out": "#9a9a9a",
     "ended_other": "#c9c9c9",
-    "ended_other_terminal": "#5d4a3a",
+    "ended_other_terminal": "#a8876b",
     "ended_left_bubble": "#56b4a9",
 }
 TEXT: dict[Any, Any] = {
@@ -38,13 +36,8 @@ TEXT: dict[Any, Any] = {
     "axes.linewidth": 0.7,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "smarts-bench",
 }
 DOTS_PER_INCH = 150
-PAGE_DOTS_PER_INCH = 115
-_LONG_NUMBER = re.compile(r"(\d\.\d\d)\d+")
-"""Coordinates to a hundredth of a point are finer than any screen."""
 
 
 def _number(name: str, among: Sequence[str] = ()) -> int:
@@ -53,32 +46,40 @@ def _number(name: str, among: Sequence[str] = ()) -> int:
     return [*known].index(name)
 
 
-def colour(name: str, among: Sequence[str] = ()) -> str:
-    """Return the colour of an algorithm.
+def colour_number(name: str, among: Sequence[str] = ()) -> int:
+    """Return the index of an algorithm's colour in `PALETTE`.
 
     Args:
         name: Name of the algorithm.
         among: All algorithms of the report.
     """
-    return PALETTE[_number(name, among) % len(PALETTE)]
+    return _number(name, among) % len(PALETTE)
 
 
 def line(name: str, among: Sequence[str] = ()) -> dict[str, Any]:
-    """Return how matplotlib draws an algorithm's line; see `colour`."""
-    shade = colour(name, among)
-    return {"color": shade, "linestyle": DASHES[_dash(name, among)], "linewidth": 1.6}
+    """Return how matplotlib draws an algorithm's line; see `colour_number`."""
+    shade = PALETTE[colour_number(name, among)]
+    # Other dashes beside each other, for print, and the next ones each time the colours repeat.
+    dashes = DASHES[(colour_number(name, among) + _turn(name, among)) % len(DASHES)]
+    return {"color": shade, "linestyle": dashes, "linewidth": 1.6}
 
 
 def dash(name: str, among: Sequence[str] = ()) -> str:
-    """Return an algorithm's dashes as SVG has them; see `colour`."""
-    given = DASHES[_dash(name, among)]
+    """Return an algorithm's dashes as SVG has them; "none" until its colours repeat."""
+    given = DASHES[_turn(name, among)]
     return "none" if isinstance(given, str) else " ".join(f"{2 * each:g}" for each in given[1])
 
 
-def _dash(name: str, among: Sequence[str] = ()) -> int:
-    # The next dashes each time the colours repeat.
-    turn, place = divmod(_number(name, among), len(PALETTE))
-    return (place + turn) % len(DASHES)
+def _turn(name: str, among: Sequence[str]) -> int:
+    """Return how often the colours have repeated before an algorithm's."""
+    return _number(name, among) // len(PALETTE) % len(DASHES)
+
+
+def thousands(steps: float, _: Any = None) -> str:
+    """Return a number of steps in thousands or millions; also as matplotlib asks for a tick's text."""
+    if steps >= 1_000_000:
+        return f"{steps / 1_000_000:.3g} M"
+    return f"{steps / 1000:.3g} k" if steps >= 1000 else f"{steps:g}"
 
 
 def new_figure(width: float, height: float) -> Any:
@@ -93,27 +94,7 @@ def new_figure(width: float, height: float) -> Any:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def as_lines(figure: Any) -> str:
-    """Return a figure as the source of an image in a page: lines and text, for what has few of them."""
-    out = io.StringIO()
-    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    figure.savefig(out, format="svg", metadata=nothing)
-    text = out.getvalue()
-    text = _LONG_NUMBER.sub(r"\1", text[text.index("<svg") :])
-    return "data:image/svg+xml;base64," + base64.b64encode(text.encode()).decode()
-
-
-def as_dots(figure: Any) -> str:
-    """Return a figure as the source of an image in a page: pixels, for what has thousands of points."""
-    return data_uri(png(figure, PAGE_DOTS_PER_INCH))
-
-
-def data_uri(picture: bytes) -> str:
-    """Return a PNG file as the source of an image in a page."""
-    return "data:image/png;base64," + base64.b64encode(picture).decode()
-
-
-def png(figure: Any, dots_per_inch: int = DOTS_PER_INCH) -> bytes:
+def png(figure: Any) -> bytes:
     """Return a figure as a PNG file, without transparency.
 
     With all its colours: a palette that is found by counting takes from lines that are seldom seen theirs.
@@ -121,6 +102,6 @@ def png(figure: Any, dots_per_inch: int = DOTS_PER_INCH) -> bytes:
     from PIL import Image
 
     drawn, out = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=dots_per_inch)
+    figure.savefig(drawn, format="png", dpi=DOTS_PER_INCH)
     Image.open(drawn).convert("RGB").save(out, format="png", optimize=True)
     return out.getvalue()

@@ -20,10 +20,6 @@ MODE_NOTES = {
     "sampled": "Test episodes of the last checkpoint, which draws its actions, as the paper's rollouts did.",
     SCRIPTED: "Test episodes of scripted policies, which act in one way.",
 }
-BELOW_CELLS = "Below each cell: 95% intervals, training seeds and test episodes."
-BELOW_CELLS_WITH_PAPER = (
-    "Below each cell: 95% intervals, the paper's figures, training seeds and test episodes."
-)
 INTERVALS = (
     "95% intervals. With three or more training seeds they are of the algorithm: Student's t on the "
     "seeds, rates on the arcsine-root scale. With one or two, marked 'this checkpoint' or 'these "

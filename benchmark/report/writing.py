@@ -9,15 +9,9 @@ import pandas as pd
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report, make_report
-from benchmark.report.episode_pages import (
-    EPISODES,
-    EpisodeLinks,
-    are_pages,
-    keep_pages,
-    note_links,
-    write_episodes,
-)
+from benchmark.report.episode_pages import EPISODES, EpisodeLinks, Replays, replays, write_episodes
 from benchmark.report.figures import KINDS, draw_all
+from benchmark.report.front import leader
 from benchmark.report.html import report_page
 from benchmark.report.latex import main_table
 from benchmark.report.markdown import report_text
@@ -38,8 +32,8 @@ def write_report(root: Path, out: Path | None = None, *, episodes: bool = False)
     Args:
         root: The experiment's results.
         out: Folder of the report, by default `report` among the results.
-        episodes: Whether to write pages with recorded test episodes beside it, and link them. Otherwise the
-            pages of an earlier report in the folder are kept and linked, where their tests are as they were.
+        episodes: Whether to write pages with recorded test episodes of all runs beside it, and link them;
+            so it is where an earlier report in the folder has them.
 
     Raises:
         ResultsError: There are no results, or the folder cannot be written to or holds something else.
@@ -51,31 +45,32 @@ def write_report(root: Path, out: Path | None = None, *, episodes: bool = False)
 
     def write(partial: Path) -> None:
         partial.mkdir(parents=True)
-        if episodes:
-            links = write_episodes(results, report.modes[0], partial)
-            note_links(results, links, partial)
-        else:
-            links = keep_pages(results, folder, partial)
-        for name, content in report_files(report, links).items():
+        mode = report.modes[0]
+        links = write_episodes(results, mode, partial) if episodes or (folder / EPISODES).is_dir() else []
+        played = replays(results, mode, leader(report))
+        for name, content in report_files(report, links, played).items():
             (partial / name).write_bytes(content)
 
     replace_folder(folder, write)
     return folder / PAGE
 
 
-def report_files(report: Report, links: Sequence[EpisodeLinks] = ()) -> dict[str, bytes]:
+def report_files(
+    report: Report, links: Sequence[EpisodeLinks] = (), played: Replays | None = None
+) -> dict[str, bytes]:
     """Return name and content of the files of a report.
 
     Args:
         report: What it says.
         links: Links to recorded test episodes.
+        played: Test episodes that the page plays.
     """
     pictures = {kind.name: draw_all(kind, report) for kind in KINDS} if report.columns else {}
     summaries, robustness = summaries_of(report), robustness_of(report)
     if summaries.algorithms:
         pictures[PROFILE] = draw_profile(summaries)
     texts = {
-        PAGE: report_page(report, summaries, pictures.get(PROFILE), links, robustness),
+        PAGE: report_page(report, summaries, links, robustness, played or Replays()),
         TEXT: report_text(report, summaries, pictures, links, robustness),
         MARL_EVAL: marl_eval_json(report.results, report.modes[0]),
         VALUES: values_csv(report.values),
@@ -130,7 +125,7 @@ def _check_free(folder: Path) -> None:
         known = [PAGE, TEXT, VALUES, DIFFERENCES, MARL_EVAL, ROBUSTNESS, "main_table_*.tex", *pictures]
         if not ((folder / TEXT).is_file() or (folder / PAGE).is_file()):  # these names are of others
             known = []
-        elif are_pages(folder):
+        elif all(each.suffix == ".html" for each in (folder / EPISODES).glob("*")):
             known.append(EPISODES)
         others = {*folder.iterdir()}.difference(*map(folder.glob, known))
         if others:

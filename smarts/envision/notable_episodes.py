@@ -15,7 +15,8 @@ from smarts.types.events import Outcome
 from smarts.whole_files import written_whole
 
 GOAL = Outcome.GOAL.name.lower()
-_NO_FAILURE = {each.name.lower() for each in (Outcome.NONE, Outcome.GOAL, Outcome.OTHER, Outcome.LEFT_BUBBLE)}
+NO_FAILURE = {each.name.lower() for each in (Outcome.NONE, Outcome.GOAL, Outcome.OTHER, Outcome.LEFT_BUBBLE)}
+"""Outcomes that are neither good nor bad, and the goal."""
 _SHORTEST = 2.0
 """A long episode is cut to what is before its end, but not shorter than this [s]."""
 _MOST_NAMED = 3
@@ -67,7 +68,7 @@ def notable_episodes(entries: Iterable[Entry]) -> list[Notable]:
         found.append((worst, "worst"))
     for outcome in Outcome:
         name = outcome.name.lower()
-        of_kind = [each for each in whole if name not in _NO_FAILURE and each.outcomes.get(name)]
+        of_kind = [each for each in whole if name not in NO_FAILURE and each.outcomes.get(name)]
         if of_kind and not any(each.outcomes.get(name) for each, why in found if why != "best"):
             # Where little else happened, the failure is easiest to see.
             clearest = min(of_kind, key=lambda each: (_failures(each), each.seconds, each.label))
@@ -102,7 +103,7 @@ def write_notable(library: EpisodeLibrary, out: Path) -> Written:
         if missing is None:
             break
         try:
-            made[missing.entry.id, missing.why] = _fitting(library, missing)
+            made[missing.entry.id, missing.why] = fitting(library, missing)
         except SmartsError as error:
             left_out.append((missing.entry, error.problem))
     if not chosen:
@@ -132,8 +133,12 @@ def _write_pages(episodes: Iterable[tuple[Notable, Embedded]], out: Path) -> lis
     return written
 
 
-def _fitting(library: EpisodeLibrary, notable: Notable) -> Embedded:
-    """Return an episode that fits into a page alone."""
+def fitting(library: EpisodeLibrary, notable: Notable) -> Embedded:
+    """Return an episode that fits into a page alone.
+
+    Raises:
+        SmartsError: It is damaged, or too large.
+    """
     entry = notable.entry
     path = library.path(entry.id)
     assert path is not None
@@ -157,7 +162,7 @@ def _share(entry: Entry) -> float:
 
 
 def _failures(entry: Entry) -> float:
-    return sum(count for name, count in entry.outcomes.items() if name not in _NO_FAILURE) / entry.agents
+    return sum(count for name, count in entry.outcomes.items() if name not in NO_FAILURE) / entry.agents
 
 
 def _collisions(entry: Entry) -> float:

@@ -23,3 +23,34 @@ document.querySelectorAll(".filters").forEach((box) => {
   box.addEventListener("change", () => filter(box));
   filter(box);
 });
+// The series under the pointer or with the focus stands out in all plots.
+function choose(label) {
+  document.body.classList.toggle("chosen", label !== undefined);
+  document.querySelectorAll("[data-series]").forEach((each) => each.classList.toggle("is-chosen", each.dataset.series === label));
+}
+document.querySelectorAll(".legend [data-series]").forEach((each) => {
+  for (const begin of ["pointerenter", "focus"]) each.addEventListener(begin, () => choose(each.dataset.series));
+  for (const end of ["pointerleave", "blur"]) each.addEventListener(end, () => choose());
+});
+document.querySelectorAll(".copy").forEach((button) => button.addEventListener("click", async () => {
+  await navigator.clipboard.writeText(button.previousElementSibling.textContent);
+  button.textContent = "Copied";
+}));
+// A link into what is folded opens it.
+addEventListener("hashchange", () => document.querySelector(`details:has(${location.hash})`)?.setAttribute("open", ""));
+// The viewer is a page of its own inside this one; it loads when it comes into sight.
+const player = document.querySelector("#player");
+if (player) {
+  const bytes = Uint8Array.from(atob(document.querySelector("#viewer").textContent), (sign) => sign.charCodeAt(0));
+  const address = URL.createObjectURL(new Blob([bytes], { type: "text/html" }));
+  const tabs = [...document.querySelectorAll("[data-episode]")];
+  const play = (chosen) => {
+    tabs.forEach((tab) => tab.setAttribute("aria-pressed", tab === chosen));
+    player.src = `${address}#e=${chosen.dataset.episode}`;
+  };
+  tabs.forEach((tab) => tab.addEventListener("click", () => play(tab)));
+  const sight = new IntersectionObserver(([entry]) => {
+    if (entry.isIntersecting) { sight.disconnect(); play(tabs[0]); }
+  });
+  sight.observe(player);
+}

@@ -7,6 +7,7 @@ from matplotlib.colors import to_rgba
 
 from benchmark.report.content import Report, TableCell, make_report
 from benchmark.report.curves import SHOWN, draw_curves
+from benchmark.report.episode_pages import Replays
 from benchmark.report.html import report_page
 from benchmark.report.latex import main_table
 from benchmark.report.outcomes import draw_outcomes
@@ -69,7 +70,7 @@ class TestMarks:
         assert r"{\small 0.83 / 0.2$^{(\ast\ast)}$}" in sampled
 
     def test_the_colour_on_the_page_is_theirs(self, report):
-        page = report_page(report, Summaries({"completion": {}}), None, (), robustness_of(report))
+        page = report_page(report, Summaries({"completion": {}}), (), robustness_of(report), Replays())
         found = re.findall(r'paper (0\.\d+ / 0\.\d+) <span class="([\w-]+)"[^>]*>([\w -]*)</span>', page)
         assert set(found) == {
             ("0.1 / 0.07", "better", "better"),

@@ -163,6 +163,12 @@ def test_a_report_links_the_episodes_and_a_later_one_keeps_them(run, tmp_path):
     for place, number, _ in links:
         assert f'data-id="{number}"' in (page.parent / place).read_text()
         assert f"]({place}#e={number})" in (page.parent / "report.md").read_text()
+    # The page itself plays them, with one more of the most frequent failure where there is one.
+    shown = re.findall(r'data-episode="(\w+)"[^>]*>([^<]+)<', page.read_text())
+    assert [why for _, why in shown] == ["Best", "Worst", "Typical failure: collision"]
+    viewer = tmp_path / "viewer.html"
+    viewer.write_bytes(base64.b64decode(re.findall(r'id="viewer">([^<]+)<', page.read_text())[0]))
+    assert [*embedded(viewer)] == ["best", "worst", "typical failure: collision"]
     before = written(page.parent)
     assert sum(name.endswith(".html") for name in before) == 2
     assert written(write_report(results).parent) == before
@@ -171,12 +177,12 @@ def test_a_report_links_the_episodes_and_a_later_one_keeps_them(run, tmp_path):
 def test_a_long_episode_is_cut_to_its_last_part(run, monkeypatch):
     library = EpisodeLibrary([run])
     best = notable.notable_episodes(library.entries())[0]
-    whole = viewer_page.room_of_page([notable._fitting(library, best)])
+    whole = viewer_page.room_of_page([notable.fitting(library, best)])
     monkeypatch.setattr(notable, "MOST_BYTES", whole - 100)
-    part = notable._fitting(library, best)
+    part = notable.fitting(library, best)
     motion = CompactEpisode(part.data).motion
     assert viewer_page.room_of_page([part]) <= whole - 100
     assert 0 < motion.step.min() < motion.step.max() == 200
     monkeypatch.setattr(notable, "MOST_BYTES", 1000)
     with pytest.raises(SmartsError, match="MB"):
-        notable._fitting(library, best)
+        notable.fitting(library, best)
