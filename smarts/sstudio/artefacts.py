@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.executing import Description
 from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.traffic import Traffic
-from smarts.sstudio.sumo_files import carried_files, seconds
+from smarts.sstudio.sumo_files import carried_files, left_out, seconds
 from smarts.sstudio.sumo_writer import sumo_traffic
 from smarts.sstudio.validation import validate
 from smarts.types.streams import Purpose, stream
@@ -129,7 +130,12 @@ def _add_sumo_files(
     # All of the routes at once, so that every mistake in them is found.
     options += ["--end", str(float(files["options"].get("begin", 0.0)) + 1.0), "--route-steps", "0"]
     try_in_sumo(folder, inputs, options, f"{place}: traffic[{name!r}]", "traffic")
-    return [f"traffic[{name!r}] without what is not simulated: {lost}"] if lost else []
+    warnings = [f"traffic[{name!r}] without what is not simulated: {lost}"] if lost else []
+    if traffic.engine == "Native":
+        roots = [ElementTree.parse(folder / copy).getroot() for copy in copies]
+        left = ", ".join(dict.fromkeys(found for root in roots if (found := left_out(root))))
+        warnings += [f"traffic[{name!r}]: its engine Native does not drive {left}"] if left else []
+    return warnings
 
 
 def _notes(description: Description) -> list[str]:

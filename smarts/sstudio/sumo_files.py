@@ -73,6 +73,17 @@ def carried_files(files: Sequence[Path], folder: Path, stem: str) -> tuple[list[
     return names, ", ".join(f"{count} {name}" for name, count in sorted(lost.items()))
 
 
+def left_out(root: ElementTree.Element) -> str:
+    """Return what the traffic engine Native does not drive of a file, empty if it drives all."""
+    lost = {"routeDistribution"} if root.find(".//routeDistribution") is not None else set()
+    for user in (each for tag in _USERS for each in root.iter(tag)):
+        if "route" not in user.attrib and user.find("route") is None and not {"from", "to"} <= {*user.attrib}:
+            lost.add(f"{user.tag} without edges")
+        if user.tag == "flow" and not {"period", "vehsPerHour"} & {*user.attrib}:
+            lost.add("flow without period and vehsPerHour")
+    return ", ".join(sorted(lost))
+
+
 def _root(file: Path) -> ElementTree.Element:
     try:
         content = file.read_bytes()

@@ -7,15 +7,17 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from smarts.errors import TrafficError
 from smarts.providers.native import state
 from smarts.providers.native.departing import DRAWN, TAIL_AT_BEGIN
-from smarts.providers.native.state import rows_of
-from smarts.providers.native.ways import route_rows
+from smarts.providers.native.ways import Stop, route_rows
 from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.routes import shortest_route
+from smarts.sstudio.sumo_files import left_out
 from smarts.types.traffic import Signal, TrafficFiles
 from smarts.types.vehicles import VehicleKind
 
@@ -38,12 +40,10 @@ _DEFAULTS = {
 _SHOWS = {"r": Signal.STOP, "u": Signal.STOP, "y": Signal.CAUTION, "Y": Signal.CAUTION, "g": Signal.GO}
 _SHOWS |= {"s": Signal.STOP, "G": Signal.GO + state.MAJOR}
 _NORMAL = re.compile(r"normc\((.*)\)")
-_MISSING = ("rerouter", "person", "personFlow", "container", "containerFlow", "stop", "trip")
-"""Elements of route files that native traffic does not support."""
 
 
 class Built:
-    """What native traffic knows of scenarios: their types, rows of routes, and flows.
+    """What native traffic knows of scenarios: their types, rows of routes, flows, and lights.
 
     Args:
         maps: The maps, by their number in the atlas.
@@ -53,15 +53,10 @@ class Built:
     def __init__(self, maps: Sequence[LaneGraph], dt: float) -> None:
         self._maps, self._dt = tuple(maps), dt
         self._base = np.cumsum([0, *(len(graph.lane_ids) for graph in maps)]).tolist()
-        self._types: list[tuple[float, ...]] = []
-        self._ways: list[tuple[float, ...]] = []
-        self._flows: list[tuple[float, ...]] = []
-        self._shares: list[tuple[float, int]] = []
-        self._phases: list[list[float]] = []
+        self._rows: dict[str, list[Any]] = {name: [] for name in state.TABLES}
+        """Rows of the tables, by their names in `Traffic`."""
+        self._rows["map_lights"] = [(0, 0, 0, 0)] * len(self._maps)
         self._shows: list[list[int]] = []
-        self._lights: list[tuple[float, ...]] = []
-        self._lit: list[tuple[int, ...]] = []
-        self._map_lights = [(0, 0, 0, 0)] * len(self._maps)
         self.routes: list[tuple[int, ...]] = []
         """Edges of each route."""
         self._route_numbers: dict[tuple[Any, ...], tuple[int, int]] = {}
@@ -82,10 +77,11 @@ class Built:
         if key not in self._files:
             if number not in {known for known, _ in self._files}:
                 self._add_lights(number, files.net)
-            flows, routes = len(self._flows), len(self.routes)
-            for file in files.routes:
-                self._read(number, file, is_ballistic(files, self._dt))
-            self._files[key] = range(flows, len(self._flows)), range(routes, len(self.routes))
+            flows, routes, places = self._rows["flows"], len(self.routes), {}
+            first = len(flows)
+            for file in (*files.additional, *files.routes):
+                self._read(number, file, is_ballistic(files, self._dt), places)
+            self._files[key] = range(first, len(flows)), range(routes, len(self.routes))
         return self._files[key]
 
     def route(
@@ -93,17 +89,19 @@ class Built:
         number: int,
         edges: Iterable[int],
         arrival: tuple[int, float] = (-1, np.inf),
+        stops: tuple[Stop, ...] = (),
         *,
         repeats: bool = False,
     ) -> tuple[int, int]:
         """Return a route's number and the row of its first edge's rightmost lane; a new route is added."""
-        key = number, tuple(edges), arrival, repeats
+        key = number, tuple(edges), arrival, stops, repeats
         if key not in self._route_numbers:
-            first, route = len(self._ways), len(self.routes)
-            for row in route_rows(self._maps[number], key[1], arrival, repeats=repeats):
+            ways, route = self._rows["ways"], len(self.routes)
+            first = len(ways)
+            for row in route_rows(self._maps[number], key[1], arrival, stops, repeats=repeats):
                 others = (other if other < 0 else other + first for other in (row.next, row.left, row.right))
-                lane = row.lane + self._base[number]
-                self._ways.append((lane, *others, row.changes, row.length, row.arrival, route))
+                lengths = row.length, row.arrival, *row.stop
+                ways.append((row.lane + self._base[number], *others, row.changes, *lengths, route))
             self._route_numbers[key] = route, first
             self.routes.append(key[1])
         return self._route_numbers[key]
@@ -111,7 +109,7 @@ class Built:
     @property
     def size(self) -> tuple[int, int]:
         """How many rows of ways there are, and scenarios."""
-        return len(self._ways), len(self._files)
+        return len(self._rows["ways"]), len(self._files)
 
     def tables(self, worlds: int) -> dict[str, Any]:
         """Return all as arrays, by their names in `Traffic`, for so many simulations."""
@@ -120,87 +118,74 @@ class Built:
         for row, states in zip(shows, self._shows, strict=True):
             row[: len(states)] = states
         return {
-            "types": rows_of(state.VEHICLE_TYPE, self._types),
-            "ways": rows_of(state.WAY, self._ways),
-            "flows": rows_of(state.FLOW, self._flows),
-            "shares": rows_of(state.SHARE, self._shares),
-            "phases": rows_of(state.PHASE, self._phases),
+            **{name: np.array(self._rows[name], kind) for name, kind in state.TABLES.items()},
             "shows": shows,
-            "lights": rows_of(state.LIGHT, self._lights),
-            "lit": rows_of(state.LIT_LANE, self._lit),
-            "map_lights": rows_of(state.MAP_LIGHTS, self._map_lights),
             "pending": np.zeros((worlds, most), state.PENDING),
             "route_number": np.zeros((worlds, most), np.int32),
-            "light_states": np.zeros((worlds, len(self._lights)), state.LIGHT_STATE),
+            "light_states": np.zeros((worlds, len(self._rows["lights"])), state.LIGHT_STATE),
         }
 
     def _add_lights(self, number: int, net: Path) -> None:
         """Add the programs of a map's lights, the first of each."""
-        graph, base, first, first_lit = (
-            self._maps[number],
-            self._base[number],
-            len(self._lights),
-            len(self._lit),
-        )
-        programs: dict[str, ElementTree.Element] = {}
+        graph, base = self._maps[number], self._base[number]
+        phases, lights, lit = (self._rows[name] for name in ("phases", "lights", "lit"))
+        first, first_lit = len(lights), len(lit)
+        programs: dict[str, Element] = {}
         for element in ElementTree.parse(net).getroot().iterfind("tlLogic"):
             programs.setdefault(element.attrib["id"], element)
         for name in graph.signal_ids:
-            program, phase = programs[name], len(self._phases)
+            program, phase = programs[name], len(phases)
             waits = program.get("type") == "actuated"
             for element in program.iterfind("phase"):
                 bounds = [element.get(bound) if waits else None for bound in ("minDur", "maxDur")]
-                self._phases.append([float(bound or element.attrib["duration"]) for bound in bounds])
+                phases.append(tuple(float(bound or element.attrib["duration"]) for bound in bounds))
                 self._shows.append([_SHOWS.get(each, 0) for each in element.attrib["state"]])
-            self._lights.append((phase, len(self._phases) - 1, float(program.get("offset", "0"))))
+            lights.append((phase, len(phases) - 1, float(program.get("offset", "0"))))
         for lane in np.flatnonzero(graph.signal >= 0).tolist():
             before = int((*graph.predecessors(lane), lane)[0])
             light = first + int(graph.signal[lane])
-            self._lit.append((lane + base, before + base, light, int(graph.signal_link[lane])))
-        self._map_lights[number] = first, len(self._lights), first_lit, len(self._lit)
+            lit.append((lane + base, before + base, light, int(graph.signal_link[lane])))
+        self._rows["map_lights"][number] = first, len(lights), first_lit, len(lit)
 
-    def _read(self, number: int, file: Path, ballistic: bool) -> None:
+    def _read(self, number: int, file: Path, ballistic: bool, places: dict[str, Element]) -> None:
+        """Read a file of routes, or of `places` to stop at, by id."""
         try:
             root = ElementTree.parse(file).getroot()
         except (OSError, ElementTree.ParseError) as error:
             text = f"{type(error).__name__}: {error}"
             raise TrafficError(text, place=str(file), remedy="build the scenario again") from error
-        missing = sorted({element.tag for element in root.iter()} & set(_MISSING))
-        missing += [
-            f"departLane {lane!r}"
-            for element in root
-            if not (lane := element.get("departLane", "0")).isdigit()
-        ]
-        if missing:
+        if lost := left_out(root):
             raise TrafficError(
-                f"native traffic does not support {', '.join(missing)}",
+                f"the traffic engine Native does not drive {lost}",
                 place=str(file),
                 remedy='use the traffic engine "SUMO" for this scenario',
             )
-        types = {
-            element.attrib["id"]: self._type(element.attrib, ballistic) for element in root.iter("vType")
-        }
+        places.update({place.attrib["id"]: place for place in root.iter("busStop")})
+        types = {each.attrib["id"]: self._type(each.attrib, ballistic) for each in root.iter("vType")}
         mixes = {name: [(1.0, kind)] for name, kind in types.items()}
         for element in root.iter("vTypeDistribution"):
             shares = np.cumsum([float(share) for share in element.attrib["probabilities"].split()])
-            names = element.attrib["vTypes"].split()
-            mixes[element.attrib["id"]] = [
-                (share, types[name])
-                for name, share in zip(names, (shares / shares[-1]).tolist(), strict=True)
-            ]
-        routes = {element.attrib["id"]: element for element in root.iter("route")}
-        for element in [*root.iter("flow"), *root.iter("vehicle")]:
-            self._add_flow(number, element, routes[element.attrib["route"]], mixes[element.attrib["type"]])
+            kinds = [types[name] for name in element.attrib["vTypes"].split()]
+            mixes[element.attrib["id"]] = [*zip((shares / shares[-1]).tolist(), kinds, strict=True)]
+        routes = {each.get("id"): each for each in root.iter("route")}
+        for element in (each for tag in ("flow", "vehicle", "trip") for each in root.iter(tag)):
+            route = routes.get(element.get("route"), element.find("route"))
+            mix = mixes.get(element.get("type", ""), [(1.0, self.kinds[ballistic][0])])
+            self._add_flow(number, element, element if route is None else route, mix, places)
 
     def _add_flow(
         self,
         number: int,
-        element: ElementTree.Element,
-        route: ElementTree.Element,
+        element: Element,
+        route: Element,
         mix: Sequence[tuple[float, int]],
+        places: Mapping[str, Element],
     ) -> None:
         graph, get = self._maps[number], element.get
-        edges = [graph.edge_number(edge) for edge in route.attrib["edges"].split()]
+        names = route.get("edges", "").split() or shortest_route(
+            graph, route.attrib["from"], route.attrib["to"], route.get("via", "").split()
+        )
+        edges = [graph.edge_number(edge) for edge in names]
 
         def place_on(edge: int, index: int, place: str, named: Mapping[str, float]) -> float:
             """Return the arc length of a place [m]; SUMO's lengths differ from the centrelines' a little."""
@@ -208,16 +193,30 @@ class Built:
             scale = float(graph.length[lane] / graph.driven_length[lane])
             return named[place] if place in named else float(place) * scale
 
-        index, goal = int(get("departLane", "0")), _index(get("arrivalLane"), 0)
+        goal = _index(get("arrivalLane"), 0)
+        arrival = (
+            _index(get("arrivalLane"), -1),
+            place_on(edges[-1], goal, get("arrivalPos", "max"), {"max": np.inf}),
+        )
+        stops: list[Stop] = []
+        for stop in (*route.iter("stop"), *(() if route is element else element.iter("stop"))):
+            place = places[stop.attrib["busStop"]] if "busStop" in stop.attrib else stop
+            name, _, index = place.attrib["lane"].rpartition("_")
+            edge = graph.edge_number(name)
+            k = edges.index(edge, stops[-1][0] if stops else 0)
+            begin, end = (place_on(edge, int(index), place.get(at, "0"), {}) for at in ("startPos", "endPos"))
+            stops.append((k, int(index), begin, end, float(stop.get("duration", "0"))))
+        repeats = int(route.get("repeat", "1")) > 1
+        _, first = self.route(number, edges, arrival, tuple(stops), repeats=repeats)
+        changes = [abs(self._rows["ways"][first + k][4]) for k in range(len(graph.edge_lanes(edges[0])))]
+        index = _index(get("departLane", "0"), int(np.argmin(changes)))
         begin = place_on(edges[0], index, get("departPos", "base"), {"base": TAIL_AT_BEGIN, "random": DRAWN})
-        end = place_on(edges[-1], goal, get("arrivalPos", "max"), {"max": np.inf})
-        arrival = _index(get("arrivalLane"), -1), end
-        _, first = self.route(number, edges, arrival, repeats=int(route.get("repeat", "1")) > 1)
         speed = get("departSpeed", "0")
         fast = -1.0 if speed in ("max", "desired", "speedLimit") else float(speed)
-        shares = len(self._shares), len(self._shares) + len(mix) - 1
-        self._flows.append((*_times(element), first + index, begin, fast, *shares))
-        self._shares += mix
+        shares = self._rows["shares"]
+        ends = len(shares), len(shares) + len(mix) - 1
+        self._rows["flows"].append((*_times(element), first + index, begin, fast, *ends))
+        shares += mix
 
     def _type(self, given: Mapping[str, str], ballistic: bool) -> int:
         """Add a vehicle type and return its number."""
@@ -228,7 +227,7 @@ class Built:
         factors = map(float, normal[1].split(",")) if normal else (float(factor), deviation, 0.2, 2.0)
         kind = given.get("vClass", "passenger")
         size = zip(("length", "width"), _SIZES.get(kind, _SIZES["passenger"]), strict=True)
-        self._types.append(
+        self._rows["types"].append(
             (
                 *numbers,
                 max(float(given.get("emergencyDecel", 9.0)), numbers[1]),
@@ -240,7 +239,7 @@ class Built:
                 self._dt,
             )
         )
-        return len(self._types) - 1
+        return len(self._rows["types"]) - 1
 
 
 def is_ballistic(files: TrafficFiles, dt: float) -> bool:
@@ -256,11 +255,13 @@ def _index(text: str | None, default: int) -> int:
     return int(text) if text and text.isdigit() else default
 
 
-def _times(element: ElementTree.Element) -> tuple[float, float, float, bool]:
+def _times(element: Element) -> tuple[float, float, float, bool]:
     """Return begin, end and mean headway of departures [s], and whether they are randomly spaced."""
-    if element.tag == "vehicle":
+    if element.tag != "flow":
         return float(element.attrib["depart"]), np.inf, np.inf, False
     begin, end = float(element.attrib["begin"]), float(element.attrib["end"])
     if "vehsPerHour" in element.attrib:
         return begin, end, 3600.0 / float(element.attrib["vehsPerHour"]), False
-    return begin, end, 1.0 / float(element.attrib["period"][4:-1]), True
+    period = element.attrib["period"]
+    is_random = period.startswith("exp")
+    return begin, end, 1.0 / float(period[4:-1]) if is_random else float(period), is_random

@@ -25,8 +25,6 @@ from smarts.types.world import World
 
 MOST_OFFSET, MOST_TURN = 0.4, 0.05
 """Largest offset from its lane's centreline [m] and angle to it [rad] of a vehicle that the engine takes."""
-TAKEN_FACTOR = 1.0
-"""Speed factor of drivers of vehicles that the engine has not driven before."""
 
 
 class Native(TrafficEngine):
@@ -145,7 +143,7 @@ class Native(TrafficEngine):
         if car["last"] == vehicles.generation[row, slot] and car["driver"] >= 0:
             return int(car["driver"]), float(car["factor"])
         ballistic = bool(n.types["ballistic"][n.sims["stranger"][row]])
-        return self._built.kinds[ballistic][int(vehicles.kind[row, slot])], TAKEN_FACTOR
+        return self._built.kinds[ballistic][int(vehicles.kind[row, slot])], 1.0
 
     def _way(self, row: int, slot: int, lane: int) -> int:
         """Return a row of ways for a vehicle on a lane: of its planned route, else of a way on from there."""

@@ -162,16 +162,19 @@ def move(n: Traffic, car: Car) -> None:
     kind, before, speed = n.types[car.type], car.speed, car.next_speed
     acceleration = (speed - before) / n.dt
     if not kind.ballistic:
-        way = max(speed, 0.0) * n.dt
+        car.front += max(speed, 0.0) * n.dt
     elif speed >= 0.0:
-        way = 0.5 * (before + speed) * n.dt
+        car.front += 0.5 * (before + speed) * n.dt
     else:
-        way = -0.5 * before * before / acceleration
-    car.front += way
+        car.front -= 0.5 * before * before / acceleration
     car.speed = max(speed, 0.0)
     car.acceleration = (car.speed - before) / n.dt
     stands = car.speed <= HALTS and acceleration <= 0.5 * kind.accel
     car.waited = car.waited + n.dt if stands else 0.0
+    way = n.ways[car.row]
+    car.halted = car.halted + n.dt if stands and car.front >= way.stop_begin else 0.0
+    if way.stop < np.inf and (car.halted > way.halt - 0.5 * n.dt or car.front > way.stop + ARRIVED):
+        car.row, car.halted = way.next, 0.0
     _move_across(n, car)
     _advance(n, car)
     if car.front > n.ways[car.row].arrival - ARRIVED:

@@ -151,7 +151,7 @@ def _add_with_ends(n: Traffic, car: Car, length: float, pace: float) -> None:
 def may_take(n: Traffic, car: Car, lane: int) -> bool:
     """Return whether a vehicle of another provider may drive into a lane: its turn signal says, if any."""
     edge = n.vehicles.next_edge[car.sim, car.slot]
-    return edge < 0 or n.lanes[lane].leads == edge + n.roads.edge_base[n.map[car.sim]]
+    return bool(edge < 0 or n.lanes[lane].leads == edge + n.roads.edge_base[n.map[car.sim]])
 
 
 @kernel

@@ -52,7 +52,7 @@ def plan(n: Traffic, car: Car) -> None:
         if car.links > 0:
             before = n.links[car.slot, car.links - 1]
             before.waiting = min(before.waiting, link.speed)
-        if link.target < 0 or car.links == LINKS - 1:
+        if way.stop < np.inf or link.target < 0 or car.links == LINKS - 1:
             _end_links(n, car, link, lane_most)
             return
         _finish_change(n, car, link)
@@ -76,7 +76,10 @@ def plan(n: Traffic, car: Car) -> None:
 def _end_links(n: Traffic, car: Car, link: Link, lane_most: float) -> None:
     """Write the last link: not to be passed."""
     kind, way, end = n.types[car.type], n.ways[link.row], link.speed
-    if way.arrival < np.inf:
+    begin = link.distance - n.lanes[way.lane].length
+    if way.stop < np.inf:
+        end = stop(n, car, begin + way.stop)
+    elif way.arrival < np.inf:
         left = link.distance + way.arrival - n.lanes[way.lane].length - n.dt * lane_most
         end = max(cf.SLACK, cf.slow_to(kind, car.speed, lane_most, left))
     elif link.target < 0:
@@ -252,27 +255,21 @@ def _announce(n: Traffic, car: Car, number: int, target: int) -> None:
 def register_other(n: Traffic, car: Car) -> None:
     """Announce a vehicle of another provider at the links that it may come to."""
     kind, lane = n.types[car.type], n.lanes[car.lane]
-    if car.lane < 0 or lane.inside:
-        return
     seen = max(lane.length - car.front, 0.0)
-    if seen > AGENTS_AHEAD or car.front > lane.length:
+    if car.lane < 0 or lane.inside or seen > AGENTS_AHEAD or car.front > lane.length:
         return
-    stopping = 0.5 * car.speed * car.speed / kind.decel
+    can_brake = seen > 0.5 * car.speed * car.speed / kind.decel
     for place in range(lane.successors, n.lanes[car.lane + 1].successors):
         number = n.successor[place]
-        target, link = n.lanes[number], n.links[car.slot, min(car.links, LINKS - 1)]
+        target = n.lanes[number]
         if car.links == LINKS or not target.inside or not may_take(n, car, number):
             continue
-        if light_of(target) in (_RED, _AMBER) and seen > stopping:
+        if light_of(target) in (_RED, _AMBER) and can_brake:
             continue
-        link.distance, link.asks = seen, car.speed > CLOSE
+        link = n.links[car.slot, car.links]
+        link.distance, link.speed, link.asks = seen, car.speed, car.speed > CLOSE
         link.arrival_speed = cf.speed_after(seen, car.speed, kind.accel, max(target.speed, car.speed))
-        link.arrival = cf.soonest_arrival(kind, seen, car.speed, link.arrival_speed)
-        left = seen - car.speed
-        braked = cf.speed_after(left, car.speed, -kind.decel, car.speed)
-        link.braking_speed = 0.0 if stopping <= left else braked
-        highest = max(target.speed, link.arrival_speed)
-        link.leaving_speed = cf.speed_after(target.length, link.arrival_speed, kind.accel, highest)
+        _time_link(n, car, link, target)
         if link.asks:
             _announce(n, car, car.links, number)
         car.links += 1

@@ -7,7 +7,6 @@ of all maps, K links ahead.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -25,7 +24,7 @@ ADVICES = 4
 """Accelerations that neighbours may ask of a driver in a step."""
 MAJOR = 8
 """Added to a `Signal` that is green before others."""
-Records = NDArray[np.void]
+Records = NDArray[Any]
 Record: TypeAlias = Any
 """A record in a kernel."""
 Car: TypeAlias = Record
@@ -60,7 +59,8 @@ WAY = _record(
     "changes: i4",
     # What can be driven without a change, from the lane's begin; where the vehicle arrives, infinite but on a
     # route's last edge.
-    "length arrival: f8",
+    # The place at which it stops, from and to, and for how long; infinite and 0 for none.
+    "length arrival stop_begin stop halt: f8",
     "route: i4",
 )
 FLOW = _record(
@@ -88,6 +88,9 @@ MAP_LIGHTS = _record("first last first_lit last_lit: i4")
 """The lights and lanes with a light of a map, the last ones excluded."""
 LIGHT_STATE = _record("phase: i4", "began seen: f8")
 """A light of a simulation; `seen`: when a vehicle that it lets through was last at its detector."""
+TABLES = {"types": VEHICLE_TYPE, "ways": WAY, "flows": FLOW, "shares": SHARE, "phases": PHASE}
+TABLES |= {"lights": LIGHT, "lit": LIT_LANE, "map_lights": MAP_LIGHTS}
+"""Tables of all scenarios, by their names in `Traffic`."""
 LANE = _record(
     "length width speed: f8",
     "left right junction: i4",
@@ -144,8 +147,8 @@ CAR = _record(
     "offset: f8",
     "side: i4",
     "done: f8",
-    # Desired speed in speed limits, and on its lane; time that it has stood.
-    "factor desired waited: f8",
+    # Desired speed in speed limits, and on its lane; time that it has stood, also where its row has a stop.
+    "factor desired waited halted: f8",
     # Whether it waits at its next link, and asks to leave its junction.
     "must_wait will_leave: ?",
     # When it entered its junction, infinite outside, or if it lets others go first; when the part where
@@ -226,8 +229,3 @@ class Traffic(NamedTuple):
     """Shape (M,)."""
     light_states: Records
     """Shape (B, lights of all maps)."""
-
-
-def rows_of(record: np.dtype, rows: Iterable[Iterable[Any]]) -> Records:
-    """Return records with the values of rows, in the order of the fields."""
-    return np.array([tuple(row) for row in rows], record)

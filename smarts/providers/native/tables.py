@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from smarts.providers.native import state
 from smarts.providers.native.demand import Built
-from smarts.providers.native.state import Records, Traffic, rows_of
+from smarts.providers.native.state import Records, Traffic
 from smarts.roads.arrays import MOST_CANDIDATES
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.lane_graph import LaneGraph, Yields
@@ -33,11 +33,10 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int, built: Built) -> Tr
     """
     graphs, roads, (worlds, slots) = atlas.graphs, atlas.roads, world.vehicles.alive.shape
     new_car = np.zeros(1, state.CAR)
-    for name in ("last", "driver", "lane", "tails"):
-        new_car[name] = -1
+    new_car["driver"] = new_car["tails"] = -1
     for name in ("entered", "first_entered", "conflicted"):
         new_car[name] = np.inf
-    new_car["is_own"], new_car["next_action"] = True, -np.inf
+    new_car["is_own"], new_car["next_action"], new_car["factor"] = True, -np.inf, 1.0
     conflicts = np.zeros(len(roads.conflict_lane), state.CONFLICT)
     for name in ("lane", "kind", "yields"):
         conflicts[name] = getattr(roads, f"conflict_{name}")
@@ -107,7 +106,7 @@ def _make_lanes(atlas: RoadAtlas) -> tuple[Records, Records]:
             found += [(other + base, until) for other, until in _siblings(graph, lane)]
             lanes["siblings"][base + lane + 1] = len(found)
     lanes["head"] = lanes["approach"] = -1
-    return lanes, rows_of(state.SIBLING, found)
+    return lanes, np.array(found, state.SIBLING)
 
 
 def _siblings(graph: LaneGraph, lane: int) -> list[tuple[int, float]]:

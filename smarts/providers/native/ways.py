@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -16,6 +16,8 @@ SAME = 1.0
 """Lanes that lead equally far, to so much, are equally good [m]."""
 ARRIVES = 1e5
 """Added to how far the lane leads on which a route ends [m]."""
+Stop = tuple[int, int, float, float, float]
+"""Number of an edge on the route, index of a lane, begin and end of the place there [m], duration [s]."""
 
 
 @dataclass
@@ -29,6 +31,8 @@ class Row:
     right: int = -1
     changes: int = 0
     arrival: float = np.inf
+    stop: tuple[float, float, float] = (np.inf, np.inf, 0.0)
+    """Where it stops, from and to [m], and for how long [s]; `next` is then the same lane after the stop."""
     chains: list[list[int]] = field(default_factory=list)
     """Ways through the junction ahead to lanes of the route's next edge."""
     chosen: list[int] = field(default_factory=list)
@@ -36,7 +40,12 @@ class Row:
 
 
 def route_rows(
-    graph: LaneGraph, edges: Sequence[int], arrival: tuple[int, float], *, repeats: bool
+    graph: LaneGraph,
+    edges: Sequence[int],
+    arrival: tuple[int, float],
+    stops: Iterable[Stop] = (),
+    *,
+    repeats: bool,
 ) -> list[Row]:
     """Return a route's rows; first those of the first edge's lanes, from the right.
 
@@ -44,22 +53,25 @@ def route_rows(
         graph: The map; lanes are numbered within it.
         edges: The route's.
         arrival: Index of the lane on which the route ends, -1 for any, and the arc length there [m].
+        stops: Where it stops.
         repeats: Whether the route goes round: its last edge leads to its first.
     """
-    rows = [Row(lane, float(graph.length[lane])) for edge in edges for lane in graph.edge_lanes(edge)]
-    first = np.cumsum([0, *(len(graph.edge_lanes(edge)) for edge in edges)]).tolist()
+    uses, stop_at, onward = _uses(edges, stops)
+    rows = [Row(lane, float(graph.length[lane])) for edge in uses for lane in graph.edge_lanes(edge)]
+    first = np.cumsum([0, *(len(graph.edge_lanes(edge)) for edge in uses)]).tolist()
     groups = [rows[begin:end] for begin, end in pairwise(first)]
-    for group, edge in zip(groups, [*edges[1:], edges[0]], strict=True):
+    for group, following in zip(groups, onward, strict=True):
         for row in group:
-            row.chains = chains_to(graph, row.lane, edge)
+            row.chains = chains_to(graph, row.lane, uses[following])
     if not repeats:
         _end(groups[-1], arrival)
     # The choice on a circuit's last edges depends on its first ones.
-    for k in [*range(len(edges) - 1, -1, -1)] * (2 if repeats else 1):
-        following = (k + 1) % len(edges)
+    for k in [*range(len(uses) - 1, -1, -1)] * (2 if repeats else 1):
         for row in groups[k]:
             if row.chains:
-                _choose_chain(graph, row, rows, first[following], edges[following])
+                _choose_chain(graph, row, rows, first[onward[k]], uses[onward[k]])
+        if k in stop_at:
+            _add_stop(groups[k], rows, first[k + 1], stop_at[k])
         best = max(min(row.length, FARTHEST) for row in groups[k])
         good = [index for index, row in enumerate(groups[k]) if row.length >= best - SAME]
         for index, row in enumerate(groups[k]):
@@ -68,6 +80,29 @@ def route_rows(
             row.left = first[k] + index + 1 if index + 1 < len(groups[k]) else -1
     _add_inside(graph, rows)
     return rows
+
+
+def _uses(edges: Sequence[int], stops: Iterable[Stop]) -> tuple[list[int], dict[int, Stop], list[int]]:
+    """Return the edges, twice where there is a stop: until it and after it; stops by use; following uses."""
+    uses, stop_at = [], {}
+    for number, edge in enumerate(edges):
+        own = [stop for stop in stops if stop[0] == number]
+        stop_at |= {len(uses) + count: stop for count, stop in enumerate(own)}
+        uses += [edge] * (len(own) + 1)
+    onward = [*range(1, len(uses)), 0]
+    for k in sorted(stop_at, reverse=True):
+        onward[k] = onward[k + 1]
+    return uses, stop_at, onward
+
+
+def _add_stop(group: list[Row], rows: list[Row], after: int, stop: Stop) -> None:
+    """Let the vehicles on an edge stop on one of its lanes; `after` is the first row of its next use."""
+    _, index, begin, end, duration = stop
+    for row in group:
+        row.length = min(row.length, end)
+    row = group[index]
+    row.stop, row.next, row.chosen = (begin, end, duration), after + index, []
+    row.length = rows[row.next].length
 
 
 def _end(group: list[Row], arrival: tuple[int, float]) -> None:

@@ -2,18 +2,18 @@
 
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from smarts.errors import TrafficError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.providers.native.engine import Native
 from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.build import build_scenario
 from tests.contracts.test_traffic_engines import Case
-from tests.unit.sstudio.sources import SCRIPT, write_cross
+from tests.unit.sstudio.sources import scenario, write_cross
 
 STEP = 0.1
 DRIVERS = """
@@ -25,9 +25,9 @@ from smarts.sstudio import types as t
 ROUTE = {offset: t.Route(("from_west", 0, offset), ("to_east", 0, "max")) for offset in (10, 60)}
 
 
-def trip(name, offset, speed, depart, **more):
+def trip(name, offset, speed, depart, stops=(), **more):
     driver = t.TrafficActor(name, speed=t.Distribution(speed, 0.0), sigma=0.0, **more)
-    return t.Trip(name, ROUTE[offset], depart=depart, actor=driver)
+    return t.Trip(name, ROUTE[offset], depart=depart, actor=driver, stops=stops)
 
 
 def traffic(**more):
@@ -42,6 +42,9 @@ gen_scenario(
             "euler": traffic(),
             "ballistic": traffic(reaction_time=0.2),
             "late": traffic(reaction_time=1.0),
+            "stopping": t.Traffic(
+                flows=[], trips=[trip("stops", 10, 1.0, 0.0, [t.Stop("from_west", 0, 60.0, 5.0)])]
+            ),
         },
         ego_missions=[t.Mission(t.Route(("from_south", 0, 20), ("to_north", 0, 50)))],
     ),
@@ -76,9 +79,9 @@ def test_drivers_follow_as_in_sumo(drivers, traffic):
         assert position == pytest.approx(its_position, abs=5e-3)
 
 
-@pytest.mark.parametrize("scenario", ["intersection_v1", "double_merge_v1"])
-def test_none_passes_another_in_its_lane_and_none_is_lost(scenario):
-    with traffic_run(build_scenario(scenario), "random_social_vehicles", seed=3, engine="Native") as run:
+@pytest.mark.parametrize("name", ["intersection_v1", "double_merge_v1"])
+def test_none_passes_another_in_its_lane_and_none_is_lost(name):
+    with traffic_run(build_scenario(name), "random_social_vehicles", seed=3, engine="Native") as run:
         engine = run.engine
         assert isinstance(engine, Native)
         n, before, arrived, began = engine.traffic, {}, 0, int(run.states.alive.sum())
@@ -145,9 +148,34 @@ def test_drivers_stop_behind_a_vehicle_of_an_agent_also_across_lane_ends(beyond)
     assert stood > 50
 
 
-def test_what_is_not_supported_is_named(tmp_path):
-    folder = write_cross(tmp_path / "stops")
-    stop = 'stops=[t.Stop("from_west", 0, 60.0, 5.0)]'
-    Path(folder, "scenario.py").write_text(SCRIPT.replace("actors={car: 1}", f"actors={{car: 1}}, {stop}"))
-    with pytest.raises(Exception, match="does not support stop"):
-        driven(build_scenario(folder), "through", "Native", 1.0)
+def test_vehicles_stop_as_in_sumo(drivers):
+    sumo, native = (driven(drivers, "stopping", engine, 25.0) for engine in ("SUMO", "Native"))
+    for (position, speed), (its_position, its_speed) in zip(native, sumo, strict=True):
+        assert speed == pytest.approx(its_speed, abs=0.3)
+        assert position == pytest.approx(its_position, abs=0.5)
+
+
+OWN_FILE = """<routes>
+    <trip id="long" depart="0" from="from_west" to="to_east" departLane="best"/>
+    {}
+</routes>
+"""
+
+
+@pytest.mark.parametrize(
+    "more", ["", '<routeDistribution id="some"><route edges="from_west to_east"/></routeDistribution>']
+)
+def test_own_files_are_driven_and_what_is_left_out_is_named(tmp_path, caplog, more):
+    folder = write_cross(tmp_path / "own")
+    (folder / "own.rou.xml").write_text(OWN_FILE.format(more))
+    own = 't.Traffic(flows=[], route_files=["own.rou.xml"], engine="Native")'
+    (folder / "scenario.py").write_text(
+        scenario(f'traffic={{"own": {own}}}, ego_missions=[t.Mission(south_north)]')
+    )
+    built = build_scenario(folder)
+    assert ("Native does not drive routeDistribution" in caplog.text) == bool(more)
+    if more:
+        with pytest.raises(TrafficError, match="does not drive routeDistribution"):
+            driven(built, "own", "Native", 1.0)
+    else:
+        assert len(driven(built, "own", "Native", 5.0)[-1][1]) == 1
