@@ -46,14 +46,9 @@ def write_episodes(results: Results, mode: str, folder: Path) -> list[EpisodeLin
     return [_of_run(run, results.root, mode, folder) for run in results.finished]
 
 
-def names_of(run: RunResult) -> tuple[str, str, str, str]:
-    """Return algorithm, task, traffic and seed as a report shows them."""
-    seed = "scripted" if run.is_scripted else str(run.seed)
-    return algorithm_label(run.algorithm), task_label(run.task), traffic_label(run.traffic), seed
-
-
 def _of_run(run: RunResult, root: Path, mode: str, folder: Path) -> EpisodeLinks:
-    names = names_of(run)
+    seed = "scripted" if run.is_scripted else str(run.seed)
+    names = algorithm_label(run.algorithm), task_label(run.task), traffic_label(run.traffic), seed
     episodes = RunFolder(root / run.place).episodes
     if not episodes.is_dir():
         return EpisodeLinks(names, (), NOT_KEPT)

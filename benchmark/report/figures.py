@@ -37,47 +37,27 @@ class Kind:
     """Draws a cell into its axes, or into the list of them."""
 
 
+BEHAVIOUR = (
+    "{} All scales go from 0 to 1 in every plot; a gap is a metric with nothing to measure. Diversity "
+    "describes, more of it is not better."
+)
+ALL_INDICES = (
+    "As above, with all of the paper's metrics; of rates that are better when lower, 1 minus the value. "
+    "Diversity, stochasticity and cut-ins describe or have few cases: look at the counts in the table."
+)
+LEARNING = (
+    "Line: mean over training seeds of the last training episodes, which explore, as far as all seeds are "
+    "there; thin lines: each seed. Band: from the lowest seed to the highest. Dots: greedy validation "
+    "episodes of each seed."
+)
+OUTCOMES = "{} Each agent-episode has one outcome; shares add up to 1."
+_four = partial(radar.draw_radar, names=radar.axes_of_radar())
+_all = partial(radar.draw_radar, names=PAPER_METRICS)
 KINDS = (
-    Kind(
-        "radar",
-        "Behaviour",
-        "{} All scales go from 0 to 1 in every plot; a gap is a"
-        " metric with nothing to measure. Diversity describes, more of it is not better.",
-        (3.1, 2.75),
-        1,
-        "polar",
-        partial(radar.draw_radar, names=radar.axes_of_radar()),
-    ),
-    Kind(
-        "radar_all",
-        "All indices",
-        "As above, with all of the paper's metrics; of rates that are better when lower, 1 minus the value."
-        " Diversity, stochasticity and cut-ins describe or have few cases: look at the counts in the table.",
-        (3.9, 3.2),
-        1,
-        "polar",
-        partial(radar.draw_radar, names=PAPER_METRICS),
-    ),
-    Kind(
-        "learning_curves",
-        "Learning curves",
-        "Line: mean over training seeds of the last training episodes, which explore, as far as all seeds are"
-        " there; thin lines: each seed. Band: from the lowest seed to the highest. Dots: greedy"
-        " validation episodes of each seed.",
-        (3.6, 5.0),
-        3,
-        None,
-        curves.draw_curves,
-    ),
-    Kind(
-        "outcomes",
-        "Outcomes",
-        "{} Each agent-episode has one outcome; shares add up to 1.",
-        (3.6, 2.4),
-        1,
-        None,
-        outcomes.draw_outcomes,
-    ),
+    Kind("radar", "Behaviour", BEHAVIOUR, (3.1, 2.75), 1, "polar", _four),
+    Kind("radar_all", "All indices", ALL_INDICES, (3.9, 3.2), 1, "polar", _all),
+    Kind("learning_curves", "Learning curves", LEARNING, (3.6, 5.0), 3, None, curves.draw_curves),
+    Kind("outcomes", "Outcomes", OUTCOMES, (3.6, 2.4), 1, None, outcomes.draw_outcomes),
 )
 
 

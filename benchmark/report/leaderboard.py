@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import string
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -296,31 +296,6 @@ def _problems(experiments: dict[str, Results]) -> list[str]:
     return lines
 
 
-Column = tuple[str, str, bool]
-"""Title, meaning, whether it is left-aligned."""
-
-PROTOCOL: Column = ("protocol", "Environment and budget; ranks hold within one only", True)
-EXPERIMENT: Column = ("experiment", "Folder of its results", True)
-PARADIGM: Column = ("paradigm", "What agents know in training and execution", True)
-ALGORITHM: Column = ("algorithm", "Algorithm or scripted policy", True)
-STATUS: Column = (
-    "evaluated",
-    "Of a release or a submission: the worst of its seeds; fewer than three have no rank",
-    True,
-)
-SUBMITTED_COLUMNS: list[Column] = [
-    ("submission", "Name and author", True),
-    ALGORITHM,
-    ("cell", "Task and traffic", True),
-    ("seed", "Of training", False),
-    ("completion", "Completion rate: claimed / of the episodes played here", False),
-    ("collision", "Collision rate: claimed / of the episodes played here", False),
-    ("digests", "Played episodes with the claimed digest, of those claimed", False),
-    ("evaluated", "Confirmed, marked or refused", True),
-    ("why", "Why it is marked or refused", True),
-]
-
-
 def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:
     """Write the leaderboard of several experiments.
 
@@ -333,26 +308,6 @@ def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:
 
 def leaderboard_page(board: Leaderboard) -> str:
     """Return a leaderboard as an HTML page."""
-    submitted, has_status = board.submitted, any(place.status for place in board.places)
-    several = [PROTOCOL] if len(board.protocols) > 1 else []
-    rates, own = _columns(RANKED_BY), _columns(board.own_metrics)
-    means = _columns(RANKED_BY, "Interquartile mean of: ")
-    columns: list[Column] = [
-        ("cell", "Task and traffic", True),
-        *several,
-        ("rank", "In the cell, among the same protocol", False),
-        *(ALGORITHM, EXPERIMENT, PARADIGM),
-        *rates,
-        *own,
-        ("seeds", "Number of training seeds", False),
-        ("episodes", "Of the test, all seeds together", False),
-        *([STATUS] if has_status else []),
-    ]
-    summary_columns: list[Column] = [
-        *(ALGORITHM, *several, EXPERIMENT, PARADIGM),
-        *means,
-        ("cells", "Number of cells", False),
-    ]
     places = board.places
     return fill(
         "leaderboard.html.j2",
@@ -363,19 +318,12 @@ def leaderboard_page(board: Leaderboard) -> str:
         engines=board.engines,
         places=places,
         summaries=board.summaries,
-        columns=columns,
-        summary_columns=summary_columns,
         letters=[(letter, letter) for letter in board.protocols],
         tasks=[(name, task_label(name)) for name in dict.fromkeys(each.task for each in places)],
         traffics=[(name, traffic_label(name)) for name in dict.fromkeys(each.traffic for each in places)],
         paradigms=[(name, name) for name in sorted({each.paradigm for each in places})],
-        submitted=submitted,
-        has_status=has_status,
-        submitted_columns=SUBMITTED_COLUMNS,
+        submitted=board.submitted,
+        has_status=any(place.status for place in places),
+        rates=[METRICS[name] for name in RANKED_BY],
         metrics=[METRICS[name] for name in (*RANKED_BY, *board.own_metrics)],
     )
-
-
-def _columns(metrics: Iterable[str], before: str = "") -> list[Column]:
-    """Return the columns of metrics; `before` begins their meaning."""
-    return [(METRICS[name].label, before + METRICS[name].meaning, False) for name in metrics]

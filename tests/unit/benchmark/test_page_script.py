@@ -62,7 +62,7 @@ def test_rows_fit_all_filters_that_they_have_something_for(chosen, shown):
 
 
 def test_pages_hold_the_whole_script():
-    page = leaderboard_page(Leaderboard("greedy", {}, (), (), ()))
+    page = leaderboard_page(Leaderboard("greedy", {}, {}, (), (), ()))
     (script,) = re.findall("<script>(.*?)</script>", page, re.DOTALL)
     assert SCRIPT in script
     # What the part that knows the page calls is there, and all of it is a program.
