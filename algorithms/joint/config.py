@@ -185,9 +185,12 @@ class JointConfig(AlgorithmConfig):
             SpaceError: It has other agents or spaces.
         """
         adapted = self.adapt(env)
-        own = JointSpec.build(adapted.spaces, self.sharing, self.carried, self.set_width)
-        check_spaces(own, spec, place=name_of(env))
+        check_spaces(self.spec_of(adapted), spec, place=name_of(env))
         return adapted
+
+    def spec_of(self, adapted: VectorJointEnv) -> JointSpec:
+        """Return agents and groups of an environment as this algorithm's agents see it."""
+        return JointSpec.build(adapted.spaces, self.sharing, self.carried, self.set_width)
 
     def exploration(self, steps: int) -> Exploration:  # type: ignore[override] - RLlib's is of its old stack
         """Return how runners explore after this many environment steps."""

@@ -41,7 +41,7 @@ from algorithms.joint.policies import Policies
 from algorithms.joint.progress import Episode
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.sampler import EpisodeListener, EvaluatedStep, Sampler
-from algorithms.joint.spec import SPEC, JointSpec, agent_spaces
+from algorithms.joint.spec import SPEC, agent_spaces
 from algorithms.joint.threads import torch_threads
 
 logger = logging.getLogger(__name__)
@@ -97,7 +97,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         """Create the environments, unless this is the local runner beside remote ones."""
         if self._has_env():
             self.env: VectorJointEnv | None = self._new_env()
-            self.spec = self._spec_of(self.env)
+            self.spec = self.config.spec_of(self.env)
         else:
             self.spec = self._given_spaces[SPEC][0]  # type: ignore[index]
 
@@ -325,9 +325,6 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             self._own_evaluation_env = self._own_evaluation_env or self._new_env()
             return self._own_evaluation_env
         return self.config.fitting(given, self.spec)
-
-    def _spec_of(self, env: VectorJointEnv) -> JointSpec:
-        return JointSpec.build(env.spaces, self.config.sharing, self.config.carried, self.config.set_width)
 
     def _sample_fragment(
         self, steps: int, explore: bool | None = None, most: float = math.inf

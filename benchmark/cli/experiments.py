@@ -12,7 +12,6 @@ import typer
 if TYPE_CHECKING:
     import pandas as pd
 
-    from benchmark.experiment.config import Budget, Experiment
 
 Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment file (YAML).", show_default=False)]
 Set = Annotated[
@@ -58,11 +57,6 @@ def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Pat
     root = out / experiment.name
     # Printed first, since loading Ray, building scenarios and starting Ray take a while.
     typer.echo(f"{experiment.name}: building scenarios, checking {root}", err=True)
-    for budget, places in _budgets(experiment).items():
-        until = f" or {budget.minutes:g} minutes, whichever comes first" if budget.minutes else ""
-        decisions = budget.agent_steps // experiment.environment.decision_interval
-        steps = f"{budget.agent_steps:,} agent-steps ({decisions:,} decisions)"
-        typer.echo(f"training budget of each run in {'; '.join(places)}: {steps}{until}", err=True)
     from benchmark.report.writing import write_report
     from benchmark.running.experiment import interruptible, resumable, run_experiment
 
@@ -72,16 +66,6 @@ def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Pat
         return code
 
     raise typer.Exit(interruptible(work, resumable(root)))
-
-
-def _budgets(experiment: Experiment) -> dict[Budget, list[str]]:
-    """Return the budgets of runs, each with the columns of the table (TASK, TRAFFIC) that have it."""
-    from benchmark.experiment.runs import task_settings_of
-
-    found: dict[Budget, list[str]] = {}
-    for each in task_settings_of(experiment):
-        found.setdefault(experiment.budget_of(each.task.name, each.traffic), []).append(str(each))
-    return found
 
 
 def sweep(config: Config, set_: Set = None, import_: Import = None, out: Out = Path("results")) -> None:
@@ -113,7 +97,13 @@ def evaluate(
         ),
     ] = None,
     agents: Annotated[
-        int | None, typer.Option(help="Number of egos; with --agent.", min=1, max=64, show_default="4")
+        int | None,
+        typer.Option(
+            help="Number of egos; of a trained policy, one that agents share.",
+            min=1,
+            max=64,
+            show_default="4, or those of the training",
+        ),
     ] = None,
     scenario: Annotated[
         list[str] | None,
@@ -145,10 +135,10 @@ def evaluate(
     if (run is None) == (agent is None):
         raise typer.BadParameter("give the folder of a run, or --agent", param_hint="RUN")
     is_exported = run is not None and (run / "policy.json").exists()
-    _check_effect(
-        "agent" if agent else "exported" if is_exported else "run",
-        {"--agents": agents, "--checkpoint": checkpoint, "--mode": mode},
-    )
+    if checkpoint and (agent or is_exported):
+        raise typer.BadParameter("is of a run's folder", param_hint="--checkpoint")
+    if mode and (agent or (is_exported and Mode.SAMPLED in mode)):
+        raise typer.BadParameter("it acts in one way: greedily, if it is trained", param_hint="--mode")
     if agent and not scenario:
         raise typer.BadParameter("give at least one scenario", param_hint="--scenario")
     from benchmark.running.experiment import interruptible
@@ -166,13 +156,13 @@ def evaluate(
         elif run is not None and is_exported:
             from benchmark.running.evaluate_agent import evaluate_exported
 
-            table = evaluate_exported(run, scenarios=names, **given)
+            table = evaluate_exported(run, scenarios=names, agents=agents, **given)
         elif run is not None:
             from benchmark.running.evaluate_checkpoint import evaluate_checkpoint  # loads torch and Ray
 
             modes: Any = [each.value for each in Mode if not mode or each in mode]
-            last = checkpoint or "last"
-            table = evaluate_checkpoint(run, scenarios=names, modes=modes, checkpoint=last, **given)
+            own: Any = {"modes": modes, "checkpoint": checkpoint or "last", "agents": agents}
+            table = evaluate_checkpoint(run, scenarios=names, **own, **given)
         return 0
 
     left = "nothing was written" if out is None else f"no table was written to {out}"
@@ -180,26 +170,6 @@ def evaluate(
     if table is not None:
         show_metrics(table, agent)
     raise typer.Exit(code)
-
-
-WITHOUT_EFFECT = {
-    "agent": {"--mode": "an agent acts in one way", "--checkpoint": "is of a run's folder"},
-    "exported": {
-        "--agents": "is for --agent: a policy has those of its training",
-        "--checkpoint": "is of a run's folder",
-    },
-    "run": {"--agents": "is for --agent: a policy has those of its training"},
-}
-"""What is evaluated -> options that it does not have, and why."""
-
-
-def _check_effect(kind: str, given: Mapping[str, Any]) -> None:
-    """Raise if an option is given that would have no effect."""
-    for option, why in WITHOUT_EFFECT[kind].items():
-        if given[option] is not None:
-            raise typer.BadParameter(why, param_hint=option)
-    if kind == "exported" and "sampled" in (given["--mode"] or ()):
-        raise typer.BadParameter("an exported policy acts greedily", param_hint="--mode")
 
 
 def show_metrics(table: pd.DataFrame, agent: str | None = None) -> None:

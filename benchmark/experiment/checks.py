@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from itertools import chain
+from pathlib import Path
 from typing import Any
 
 from algorithms.registry import ALGORITHMS, ActionKind
@@ -53,6 +54,7 @@ def check_experiment(experiment: Experiment) -> Iterator[Fault]:
     broken = yield from _own_names(experiment)
     algorithms = {name: number for number, name in enumerate(experiment.algorithms) if name not in broken}
     yield from _by_task(experiment)
+    yield from _starts(experiment)
     yield from _settings(experiment, algorithms)
     yield from _search(experiment, algorithms)
     yield from _actions(experiment, algorithms)
@@ -85,6 +87,17 @@ def _by_task(experiment: Experiment) -> Iterator[Fault]:
     for name in experiment.by_task if experiment.tasks else ():
         if name not in known:
             yield Fault(("by_task", name), "there is no such task", nearest_names(name, known))
+
+
+def _starts(experiment: Experiment) -> Iterator[Fault]:
+    """Yield runs to start from that have no checkpoint, or that a version of the benchmark does not allow."""
+    for number, task in enumerate(experiment.tasks):
+        key = "tasks", number, "start_from"
+        if task.start_from and not Path(task.start_from, "checkpoint").exists():
+            remedy = "give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1"
+            yield Fault(key, f"there is no run with a checkpoint in {task.start_from}", remedy)
+        if task.start_from and experiment.benchmark_version is not None:
+            yield Fault(key, "trainings of a benchmark version begin without weights", "leave it out")
 
 
 def _settings(experiment: Experiment, algorithms: Algorithms) -> Iterator[Fault]:

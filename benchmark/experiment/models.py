@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
@@ -40,6 +41,8 @@ class TrainingTask(Section):
     """Name of its folder and of its column in the report."""
     scenarios: Annotated[tuple[Scenario, ...], SEVERAL]
     """Names of the suite or folders, each perhaps with "@variation"."""
+    start_from: Annotated[str, AfterValidator(os.path.abspath)] | None = None
+    """Folder of a run whose last weights trainings begin with, as far as they fit."""
 
 
 def _tasks(given: Any) -> Any:

@@ -27,6 +27,9 @@ SCRIPTED_SEED = -1
 """Training seed in the tables of policies that were not trained."""
 VERSION = "benchmark_version"
 """Key of a run's content: version of the benchmark; absent for none."""
+START = "start_from"
+"""Key of a run's content: folder of the run with whose weights it began; absent for none.
+Key of run.json: those of its weights that did not fit."""
 OWN_CODE = "own_code"
 """Key of a run's content and of a test's: name -> digest of own code; see `own_digests`."""
 
@@ -81,6 +84,7 @@ class TaskSetting:
             "environment": environment,
             **({"imports": list(self.imports)} if self.imports else {}),
             **({VERSION: self.benchmark_version} if self.benchmark_version else {}),
+            **({START: self.task.start_from} if self.task.start_from else {}),
             **_own_code(self.imports, environment, *names),
         }
 
@@ -143,7 +147,10 @@ def run_from(content: Mapping[str, Any]) -> Run:
         return Run(
             content["algorithm"],
             TaskSetting(
-                fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask),
+                fitted(
+                    {"name": name_of(scenarios), "scenarios": [*scenarios], START: content.get(START)},
+                    TrainingTask,
+                ),
                 content["traffic"],
                 fitted(content["environment"], Environment),
                 evaluation,

@@ -22,8 +22,10 @@ import yaml
 
 from benchmark.experiment.runs import OWN_CODE, changed_settings, default_settings, is_larger, with_defaults
 from benchmark.metrics import read_table
+from benchmark.results.digests import check_digests
 from benchmark.results.files import (
     ResultsError,
+    files_in,
     first_line,
     named_failures,
     previous_of,
@@ -68,6 +70,8 @@ class RunFolder:
         self.tensorboard = path / "tensorboard"
         self.checkpoint = path / CHECKPOINT
         self.best = path / BEST
+        self.start = path / "start"
+        """In a training's scratch folder: networks of the run that it starts from."""
         self.table = path / TABLE
         self.episodes = path / EPISODES
 
@@ -268,6 +272,16 @@ class RunFolder:
         has_last = checkpoint != other and self.checkpoint.exists()
         remedy = f"take the last one: --checkpoint {other}" if has_last else "train it further"
         raise ResultsError(problem, place=str(self.path), remedy=remedy)
+
+    def networks(self) -> dict[str, bytes]:
+        """Return the files of the last checkpoint's networks, for a run that starts from them.
+
+        Raises:
+            ResultsError: There is no checkpoint, or it is damaged.
+        """
+        folder = self.kept("last")
+        check_digests(folder, "start from another run")
+        return files_in(folder / "learner_group" / "learner" / "rl_module")
 
     def training_state(self) -> dict[str, Any] | None:
         """Return the state of training at the last checkpoint, None without one.

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from benchmark.experiment.config import Budget
 from benchmark.experiment.runs import Run
 from benchmark.results.plurals import counted
 from benchmark.results.run_folder import FINISHED, TESTING, TRAINING
@@ -80,14 +81,21 @@ def plan(states: Sequence[JobState], at_once: int) -> str:
     """Return in a line what is to be done, and when it will end."""
     waiting = [state for state in states if state.status != FINISHED]
     tasks = {str(state.job.task_setting) for state in waiting}
-    trainings = sum(isinstance(state.job, Run) for state in waiting)
+    runs = [state.job for state in waiting if isinstance(state.job, Run)]
+    scripted = len(waiting) - len(runs)
     parts = [
-        f"{counted(trainings, 'training')} in {counted(len(tasks), 'task')}",
-        *([f"{len(waiting) - trainings} tests of scripted policies"] if trainings < len(waiting) else []),
+        f"{counted(len(runs), 'training')} in {counted(len(tasks), 'task')}",
+        *dict.fromkeys(_words(run.budget) for run in runs),
+        *([counted(scripted, "test") + " of scripted policies"] if scripted else []),
         counted(sum(state.episodes for state in waiting), "test episode"),
         f"{min(at_once, len(waiting))} at a time",
     ]
     return f"plan: {', '.join(parts)}; {ends(seconds_left(states, at_once))}"
+
+
+def _words(budget: Budget) -> str:
+    minutes = f" or {budget.minutes:g} minutes" if budget.minutes else ""
+    return f"each of {budget.agent_steps:,} agent-steps{minutes}"
 
 
 def ends(left: float) -> str:

@@ -177,6 +177,7 @@ def evaluate_exported(
     scenarios: Sequence[str] = (),
     traffic: str | None = None,
     episodes: int = 50,
+    agents: int | None = None,
     out: Path | None = None,
     imports: Sequence[str | Path] = (),
 ) -> pd.DataFrame:
@@ -189,6 +190,7 @@ def evaluate_exported(
         scenarios: Scenarios to play, by default the training's.
         traffic: Traffic to play, by default the training's.
         episodes: How many.
+        agents: Number of agents, the first ones of the training; by default all.
         out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
         imports: Files and folders of own code that the scenarios name.
 
@@ -208,13 +210,14 @@ def evaluate_exported(
     task_setting = TaskSetting(
         fitted({"name": name, "scenarios": given}, TrainingTask, "--scenario"),
         traffic or trained.traffic,
-        fitted(trained.environment, Environment, str(path)),
+        fitted(trained.environment | ({"agents": agents} if agents else {}), Environment, str(path)),
         Evaluation(episodes=episodes, keep_episodes=out is not None),
         num_envs=1,
         imports=tuple(str(Path(each).absolute()) for each in imports),
     )
     labels = {"algorithm": trained.algorithm, "training_seed": trained.seed}
-    return _tested(task_setting, out, {"policy": str(path.resolve())}, agent, labels, "greedy")
+    evaluated = {"policy": str(path.resolve())} | ({"agents": agents} if agents else {})
+    return _tested(task_setting, out, evaluated, agent, labels, "greedy")
 
 
 class _AgentDriver:

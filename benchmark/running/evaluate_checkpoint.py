@@ -19,6 +19,7 @@ from benchmark.running.played import scenario_digests
 from benchmark.running.policy import Policy, read_run
 from benchmark.running.testing import EVALUATION_SEED, play_test, read_test
 from smarts.config import fitted
+from smarts.errors import SmartsError
 from smarts.sstudio.build import build_scenario
 
 
@@ -30,6 +31,7 @@ def evaluate_checkpoint(
     episodes: int = 50,
     modes: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled"),
     checkpoint: Literal["last", "best"] = "last",
+    agents: int | None = None,
     out: Path | None = None,
     imports: Sequence[str | Path] = (),
 ) -> pd.DataFrame:
@@ -42,6 +44,7 @@ def evaluate_checkpoint(
         episodes: Number of episodes for each mode.
         modes: Ways of acting.
         checkpoint: The last, or the best in validation.
+        agents: Number of agents, by default the training's; networks that agents share are of any number.
         out: Folder for the table and the recorded episodes: new, empty, or of the same evaluation.
         imports: Files and folders of own code, by default the ones of the training.
 
@@ -60,6 +63,10 @@ def evaluate_checkpoint(
         task = fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask, "--scenario")
     evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=out is not None)
     asked = {"task": task, "traffic": traffic or trained.task_setting.traffic, "evaluation": evaluation}
+    if agents is not None:
+        if isinstance(trained.task_setting.environment.agents, dict):
+            raise SmartsError("its agents have names, so there are no others", place="--agents")
+        asked["environment"] = trained.task_setting.environment.model_copy(update={"agents": agents})
     run = replace(trained, task_setting=replace(trained.task_setting, **asked))
     for scenario in run.task_setting.task.scenarios:
         build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
@@ -67,7 +74,7 @@ def evaluate_checkpoint(
         )
     task_setting = run.task_setting
     changed = [f"the code of {name!r}" for name in changed_code(folder.read_config(), trained.content())]
-    if task_setting.traffic == trained.task_setting.traffic:
+    if task_setting.traffic == trained.task_setting.traffic and agents is None:
         there = folder.changed_scenarios(scenario_digests(task_setting))
         changed += [f"the scenario {name!r}" for name in there]
     for what in changed:
@@ -81,7 +88,7 @@ def evaluate_checkpoint(
         "traffic": task_setting.traffic,
         "episodes": episodes,
         "modes": [*modes],
-    }
+    } | ({"agents": agents} if agents is not None else {})
     with evaluation_folder(out, evaluated) as answer, named_own_code("the run's own code"):
         policies = {
             mode: Policy(run, kept, is_sampled=mode == "sampled", seed=EVALUATION_SEED) for mode in modes

@@ -128,12 +128,6 @@ def described(run: Run, modules: Mapping[str, Any]) -> tuple[dict[str, Any], lis
     if len(spec.spaces.blocks) > 1:
         raise _refusal(run, "its agents have different observations or actions")
     (block,) = spec.spaces.blocks
-    if len(block.agents) != (count := environment.agent_count):
-        raise SmartsError(
-            f"the checkpoint is of {len(block.agents)} agents, environment.agents of {count}",
-            place=str(run),
-            remedy="set config.yaml back to what was trained",
-        )
     observation, index = _without_index(run, feature_list(environment.observation), len(block.agents))
     driving, content = environment.driving(), {"format": FORMAT, "run": str(run)}
     agents: dict[str, Any] = {}

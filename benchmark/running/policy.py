@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -14,17 +14,19 @@ from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 
 from algorithms.joint.env import CARRIED, MEMORY, AgentBlock, JointStep, VectorJointEnv
+from algorithms.joint.fitting import Agents, fitted_weights
 from algorithms.joint.module import LearnerModule
 from algorithms.joint.policies import Policies
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.signature import check_signature
-from algorithms.joint.spec import JointSpec
+from algorithms.joint.spec import SPEC, JointSpec
 from algorithms.joint.threads import torch_threads
 from benchmark.experiment.runs import Run, run_from
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
+from benchmark.running.environments import environment
 from benchmark.running.given_steps import GivenSteps, among, check_step, fill, mask_in
-from benchmark.running.training import check_checkpoint, config_of, unpickled
+from benchmark.running.training import check_checkpoint, config_of, index_of, unpickled
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorStep
 from smarts.errors import ActionError, nearest_names
@@ -32,15 +34,16 @@ from smarts.registry import import_own
 
 
 def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
-    """Return the policy networks of a run's checkpoint by group.
+    """Return the policy networks of a run's checkpoint by group, for as many agents as the run has now.
 
     Raises:
-        ResultsError: The checkpoint is damaged.
+        ResultsError: The checkpoint is damaged, or its networks are of the training's number of agents.
         CheckpointError: The run's algorithm, or a setting of its networks, is another than the checkpoint's.
     """
     check_checkpoint(checkpoint)
     built = unpickled(checkpoint / "env_runner" / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]
-    check_signature(built["config"].checkpoint_signature(), config_of(run).checkpoint_signature())
+    config = config_of(run)
+    check_signature(built["config"].checkpoint_signature(), config.checkpoint_signature())
     root = checkpoint / "learner_group" / "learner" / "rl_module"
     folders = sorted(root.glob("*/"))
     described = {folder: unpickled(folder / "class_and_ctor_args.pkl") for folder in folders}
@@ -52,7 +55,31 @@ def checked_modules(run: Run, checkpoint: Path) -> dict[str, Any]:
     groups = [group.id for group in next(iter(made.values())).spec.groups] if made else []
     if not made or not {*groups} <= made.keys():
         raise ResultsError("holds no policy of each group", place=str(root), remedy="train it further")
-    return {group: made[group] for group in groups}
+    made = {group: made[group] for group in groups}
+    count = run.task_setting.environment.agent_count
+    is_same = len(made[groups[0]].spec.agents) == count
+    return made if is_same else _for_agents(run, made, config, str(checkpoint))
+
+
+def _for_agents(run: Run, made: Mapping[str, Any], config: Any, place: str) -> dict[str, Any]:
+    """Return policy networks for a run's agents with the weights of those for others."""
+    with closing(environment(run.task_setting, num_envs=1)) as env, _quiet():
+        spec = config.spec_of(config.adapt(env))
+        fresh = config.get_multi_rl_module_spec(spaces={SPEC: (spec, None)}, inference_only=True).build()
+    for group in spec.groups:
+        trained, module = made.get(group.id), fresh[group.id]
+        here, there = (Agents.of(each, group.id) for each in (spec, trained.spec if trained else spec))
+        given = trained.get_state() if trained else {}
+        weights, unfit = fitted_weights(module.get_state(), given, here, there, index_of(run))
+        if unfit:
+            raise ResultsError(
+                f"cannot act for {len(spec.agents)} agents: {unfit[0]} of {group.id!r} does not fit",
+                place=place,
+                remedy="train it with `sharing: all`, or leave out --agents",
+            )
+        module.set_state(weights)
+        module.eval()
+    return {group.id: fresh[group.id] for group in spec.groups}
 
 
 def _module(folder: Path, described: Mapping[str, Any]) -> Any:

@@ -357,6 +357,8 @@ def trial(config: Mapping[str, Any], *, run: Run) -> None:
         folder.open(changed.content())
         if given is not None:  # only now: with other settings, if the population has changed them
             given.to_directory(str(folder.checkpoint))
+        elif origin := changed.task_setting.task.start_from:
+            folder.keep(folder.start.name, RunFolder(Path(origin)).networks())
         with named_own_code("the trial's own code"), algorithm_of(changed) as algo:
             training = Training(changed, folder, algo)
             for message in training.go():

@@ -20,9 +20,10 @@ from ray.tune.registry import register_env
 from algorithms.errors import AlgorithmError, DamagedCheckpointError
 from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.evaluation import evaluate
+from algorithms.joint.fitting import Agents, fitted_weights
 from algorithms.joint.runner import JointEnvRunner, Reply
 from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
-from benchmark.experiment.runs import Run
+from benchmark.experiment.runs import START, Run
 from benchmark.results.digests import OTHER_CHECKPOINT, check_digests, with_digests
 from benchmark.results.files import ResultsError, files_in, write_json
 from benchmark.results.run_folder import (
@@ -42,6 +43,7 @@ from benchmark.running.messages import Began, Kept, Line, Message, Noted, RunPro
 from benchmark.running.played import scenario_digests
 from benchmark.running.testing import EVALUATION_SEED, play_test, results_of
 from smarts.errors import OwnCodeError
+from smarts.observations.lists import feature_list
 from smarts.registry import import_own
 
 CHECKPOINT_SECONDS = 60.0
@@ -81,6 +83,8 @@ def train_and_evaluate(
     yield Began({"begun": _now(), **machine()}, scenarios)
     with algorithm_of(run) as algo:
         training = Training(run, scratch, algo)
+        if training.unfit is not None:
+            yield Noted({START: training.unfit})
         yield from training.go(is_stopped)
         if training.ended_by is None:
             return
@@ -175,6 +179,42 @@ def restore(algo: Any, checkpoint: Path) -> None:
         raise checkpoint_error(error, checkpoint) from error
 
 
+def index_of(run: Run) -> int | None:
+    """Return where a run's observation has the number of the agent, None where it has none."""
+    environment = run.task_setting.environment
+    if environment.adapter is not None:
+        return None
+    found = feature_list(environment.observation).layout(environment.agent_count).get("agent_index")
+    return None if found is None else found.start
+
+
+def take_weights(run: Run, algo: Any, networks: Path) -> list[str]:
+    """Take the weights of another run that fit; return the names of an algorithm's weights that do not.
+
+    Raises:
+        ResultsError: None fits, or a file is damaged.
+    """
+    weights = algo.learner_group.get_weights()
+    unfit = []
+    for module, own in weights.items():
+        folder, left = networks / module, [*own]
+        if folder.exists():
+            built = unpickled(folder / "class_and_ctor_args.pkl")["ctor_args_and_kwargs"][1]["model_config"]
+            here, there = (Agents.of(spec, built["group"]) for spec in (algo.spec, built["spec"]))
+            given = unpickled(folder / "module_state.pkl")
+            weights[module], left = fitted_weights(own, given, here, there, index_of(run))
+        # One name for a network of which nothing fits.
+        unfit += [module] if len(left) == len(own) else [f"{module}.{name}" for name in left]
+    if unfit == [*weights]:
+        raise ResultsError(
+            "none of the weights fits",
+            place=str(run.task_setting.task.start_from),
+            remedy="start from a run of this algorithm, with the same observation",
+        )
+    algo.learner_group.set_weights(weights)
+    return unfit
+
+
 def unpickled(file: Path) -> Any:
     """Return the content of a file of a checkpoint.
 
@@ -216,8 +256,12 @@ class Training:
     def __init__(self, run: Run, folder: RunFolder, algo: Any) -> None:
         self._run, self._algo = run, algo
         kept = folder.training_state()
+        self.unfit: list[str] | None = None
+        """Weights that did not fit of the run that it starts from; None where it starts from none."""
         if kept is None:
             self._state = TrainingState()
+            if folder.start.exists():
+                self.unfit = take_weights(run, algo, folder.start)
         else:
             restore(algo, folder.checkpoint)
             self._state = TrainingState(**{**kept, "best": tuple(kept["best"]) if kept["best"] else None})

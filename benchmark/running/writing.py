@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmark.experiment.runs import Run, ScriptedRun, default_settings
+from benchmark.experiment.runs import START, Run, ScriptedRun, default_settings
 from benchmark.results.digests import OTHER_CHECKPOINT, check_digests
 from benchmark.results.files import files_in
 from benchmark.results.progress import add_progress, begin_progress
@@ -41,6 +43,15 @@ class RunWriter:
         check_digests(folder, OTHER_CHECKPOINT)
         return files_in(folder)
 
+    def start(self) -> dict[str, bytes]:
+        """Return the networks of the run that a training starts from; empty where it starts from none.
+
+        Raises:
+            ResultsError: That has no checkpoint, or it is damaged.
+        """
+        origin = self._run.task_setting.task.start_from
+        return RunFolder(Path(origin)).networks() if origin and isinstance(self._run, Run) else {}
+
     def take(self, message: Message) -> RunProgress | None:
         """Write what a message says; return it if it is progress.
 
@@ -54,6 +65,10 @@ class RunWriter:
                 self._begin(message)
             case Noted(values):
                 self._folder.note(**values)
+                if START in values:
+                    unfit = f", but for {', '.join(values[START])}" if values[START] else ""
+                    begun = f"begins with weights of {self._run.task_setting.task.start_from}"
+                    print(f"{self._run}: {begun}{unfit}", file=sys.stderr)
             case Line(columns):
                 add_progress(self._folder.progress, columns)
                 if self._scalars is not None:

@@ -70,7 +70,7 @@ def test_folders_of_something_else_are_refused(tmp_path, name):
 
 @pytest.mark.parametrize(
     ("options", "named"),
-    [(["RUN", "--agents", "8"], "--agents"), (["--agent", "idm-v0", "--checkpoint", "last"], "--checkpoint")],
+    [(["--agent", "idm-v0", "--checkpoint", "last"], "--checkpoint")],
 )
 def test_options_without_effect_are_refused(tmp_path, options, named):
     policy = tmp_path / "policy"

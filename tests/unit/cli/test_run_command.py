@@ -7,12 +7,14 @@ import typer
 from typer.testing import CliRunner
 
 from benchmark.cli import Interruptible, app
-from benchmark.cli.experiments import _budgets, run
+from benchmark.cli.experiments import run
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.metrics import write_table
 from benchmark.report import writing
 from benchmark.results.run_folder import FINISHED, RunFolder
+from benchmark.running.estimate import episodes_of, plan
+from benchmark.running.jobs import JobState, jobs_of
 from tests.hand_made_results import ALONE, agent_episodes
 
 CONFIG = """
@@ -47,27 +49,29 @@ def test_a_finished_experiment_is_reported_again(file, tmp_path, capsys):
     page = tmp_path / "results" / "done" / "report" / "report.html"
     assert ended.value.exit_code == 0
     said = capsys.readouterr()
-    first, budget, *_ = said.err.splitlines()
+    first, *_ = said.err.splitlines()
     assert first == f"done: building scenarios, checking {page.parents[1]}"
-    assert "in loop, no_social_vehicles: 3,000 agent-steps" in budget
-    assert "2 minutes" in budget
     assert said.out.splitlines() == [f"results: {page.parents[1]}", f"report: {page}"]
     assert "PPO: 2 of 2 runs finished, 4 test episodes measured." in page.read_text()
 
 
+def plan_of(experiment):
+    states = [JobState(job, episodes=episodes_of(job, variations=0)) for job in jobs_of(experiment)]
+    return plan(states, at_once=2)
+
+
 def test_the_plan_names_the_budget_of_each_task(tmp_path):
-    """A copy that clears the cells of the file that it extends trains as long as it says."""
+    """A copy that clears what the file before it says of single tasks trains as long as it says."""
     (tmp_path / "base.yaml").write_text(
-        f"{CONFIG}cells: {{loop: {{budget: {{agent_steps: 9000}}}}}}\n".replace("[loop]", "[loop, u_turn]")
+        f"{CONFIG}by_task: {{loop: {{budget: {{agent_steps: 9000}}}}}}\n".replace("[loop]", "[loop, u_turn]")
     )
     base = read_experiment(tmp_path / "base.yaml")
-    steps = {budget.agent_steps: places for budget, places in _budgets(base).items()}
-    assert steps == {9000: [f"loop, {ALONE}"], 3000: [f"u_turn, {ALONE}"]}
-    (tmp_path / "copy.yaml").write_text("extends: base.yaml\nbudget: {agent_steps: 400}\ncells: {}\n")
+    begin = "plan: 4 trainings in 2 tasks, each of 9,000 agent-steps or 2 minutes, each of 3,000 agent-steps"
+    assert plan_of(base).startswith(f"{begin} or 2 minutes, 8 test episodes, 2 at a time; ends about ")
+    (tmp_path / "copy.yaml").write_text("extends: base.yaml\nbudget: {agent_steps: 400}\nby_task: {}\n")
     copy = read_experiment(tmp_path / "copy.yaml")
-    assert copy.cells == {}
-    (budget,) = _budgets(copy)
-    assert (budget.agent_steps, budget.minutes) == (400, 2)
+    assert copy.by_task == {}
+    assert "each of 400 agent-steps or 2 minutes, 8 test episodes" in plan_of(copy)
 
 
 def test_sigterm_while_the_report_is_written_says_how_to_go_on(file, tmp_path, capsys, monkeypatch):
