@@ -40,13 +40,19 @@ def begin_lights(n: Traffic, b: int) -> None:
 
 
 @kernel
-def show_lights(n: Traffic, b: int, time: float) -> None:
-    """Switch the lights of a simulation's map, and write what they show, and for how long they have.
+def switch_lights(n: Traffic, b: int, time: float) -> None:
+    """Switch the lights of a simulation's map; `time` is since the warm-up began [s].
 
     A phase that may last longer ends where no vehicle that it lets through has come to its detector for
-    `LIGHT_GAP` [s]. The lists have the vehicles of the last step; `time` is since the warm-up began [s].
+    `LIGHT_GAP` [s].
     """
-    lights, base = n.map_lights[n.map[b]], n.roads.lane_base[n.map[b]]
+    lights = n.map_lights[n.map[b]]
+    for place in range(lights.first_lit, lights.last_lit):
+        lit = n.lit[place]
+        state = n.light_states[b, lit.light]
+        phase, shows = n.phases[state.phase], n.shows[state.phase, lit.column]
+        if phase.most > phase.least and shows & (MAJOR - 1) == _GO and _is_detected(n, lit.before):
+            state.seen = time
     for number in range(lights.first, lights.last):
         light, state = n.lights[number], n.light_states[b, number]
         phase, lasted = n.phases[state.phase], time - state.began
@@ -54,16 +60,19 @@ def show_lights(n: Traffic, b: int, time: float) -> None:
         if lasted >= phase.least and not waits:
             state.phase = state.phase + 1 if state.phase < light.last else light.first
             state.began = state.seen = time
+
+
+@kernel
+def show_lights(n: Traffic, b: int, time: float) -> None:
+    """Write what the lights of a simulation's map show at a time, and for how long they have."""
+    lights, base = n.map_lights[n.map[b]], n.roads.lane_base[n.map[b]]
     for place in range(lights.first_lit, lights.last_lit):
         lit = n.lit[place]
         light, state, lane = n.lights[lit.light], n.light_states[b, lit.light], n.lanes[lit.lane]
-        phase = n.phases[state.phase]
         lane.green = n.shows[state.phase, lit.column]
         before = state.phase - 1 if state.phase > light.first else light.last
         lane.shown = time - state.began if n.shows[before, lit.column] != lane.green else np.inf
         n.signals[b, lit.lane - base] = light_of(lane)
-        if light_of(lane) == _GO and phase.most > phase.least and _is_detected(n, lit.before):
-            state.seen = time
 
 
 @kernel

@@ -71,7 +71,9 @@ def _pass_links(n: Traffic, car: Car) -> tuple[float, float]:
             break
         safe = link.speed
         if is_minor:
-            least = min(_speed_to_reach(n, car, link.distance), safe)
+            # The speed with which it has come over the line after the step.
+            ballistic = (2.0 * link.distance + cf.SLACK) / n.dt - car.speed
+            least = min(ballistic if kind.ballistic else (link.distance + 0.1) / n.dt, safe)
             room = link.distance if can_brake else -1.0
         least = min(least, most)
         if safe < min(kind.decel, most) and safe <= link.waiting:
@@ -103,14 +105,6 @@ def _pass_link(n: Traffic, car: Car, link: Link) -> tuple[bool, bool, bool]:
     if can_brake or target.lit:
         return False, False, can_brake
     return link.distance < cf.brake_gap(kind, car.speed, kind.hardest, 0.0), False, can_brake
-
-
-@kernel
-def _speed_to_reach(n: Traffic, car: Car, distance: float) -> float:
-    """Return the speed after a step that takes a vehicle over a distance in it [m/s]."""
-    if n.types[car.type].ballistic:
-        return (2.0 * distance + cf.SLACK) / n.dt - car.speed
-    return (distance + 0.1) / n.dt
 
 
 @kernel

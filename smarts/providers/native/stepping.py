@@ -38,8 +38,6 @@ def begin(n: Traffic, b: int, steps: int) -> None:
     sim.tick = sim.born = 0
     sim.is_full = False
     n.driven[b, :] = -1
-    for slot in range(n.driven.shape[1]):
-        occupancy.clear_car(n, n.by_slot[b, slot])
     for number in range(sim.flows):
         pending, flow = n.pending[b, number], n.flows[sim.flow + number]
         pending.waiting = pending.came = 0
@@ -62,6 +60,7 @@ def _step(n: Traffic, b: int, others: bool) -> None:
     time = sim.tick * n.dt + 1e-9
     sim.tick += 1
     occupancy.list_vehicles(n, b, others)
+    junctions.switch_lights(n, b, time)
     junctions.show_lights(n, b, time)
     for slot in range(slots):
         if n.driven[b, slot] >= 0:
@@ -153,6 +152,7 @@ def refusal_to_give(n: Traffic, b: int, slot: int) -> int:
     car = n.by_slot[b, slot]
     if car.side != 0:
         return _SIDEWAYS
+    junctions.show_lights(n, b, n.sims[b].tick * n.dt)
     lane, following = n.lanes[car.lane], n.ways[car.row].next
     if lane.inside:
         return _NONE if junctions.is_first(lane) else _MINOR
