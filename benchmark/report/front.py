@@ -20,8 +20,8 @@ from benchmark.statistics import stratified_interval
 from smarts.types.streams import Purpose, stream
 
 COMPLETION, COLLISION = RANKED_BY
-RISE = 0.05
-"""Least change of the completion rate over a training's last third that counts as one."""
+RISE, GOOD = 0.05, 0.95
+"""Least change of completion in a training's last third that counts; tested completion that is good enough."""
 LEAST_LINES = 3
 """Lines of progress.csv that are needed to tell; each is a mean over many episodes."""
 LONGER = 5
@@ -131,6 +131,16 @@ def trends(report: Report) -> dict[tuple[str, str, str], float]:
     return {place: rise for place, rise in found.items() if rise is not None}
 
 
+def rising(report: Report) -> list[tuple[str, str, str]]:
+    """Return the trainings that still improved, and whose policies complete less than `GOOD` in the test."""
+    found = []
+    for (name, task, traffic), rise in trends(report).items():
+        tested = known(report, name, (task, traffic), COMPLETION)
+        if rise > RISE and (tested is None or tested.value < GOOD):
+            found.append((name, task, traffic))
+    return found
+
+
 def runs_of_policy(report: Report, name: str) -> list[RunResult]:
     """Return the finished runs of an algorithm or a scripted policy."""
     return [run for run in report.results.finished if run.algorithm == name]
@@ -149,8 +159,8 @@ def run_commands(report: Report) -> list[str]:
 
 def larger_budget(report: Report) -> str:
     """Return a larger budget where trainings that still improve have one, of no version of the benchmark."""
-    rising = {place for place, rise in trends(report).items() if rise > RISE}
-    runs = [run for run in report.results.finished if (run.algorithm, run.task, run.traffic) in rising]
+    places = rising(report)
+    runs = [run for run in report.results.finished if (run.algorithm, run.task, run.traffic) in places]
     budgets = {(run.config["budget"].get("minutes"), run.config["budget"]["agent_steps"]) for run in runs}
     if len(budgets) != 1 or any(run.benchmark_version for run in runs):
         return ""

@@ -66,6 +66,13 @@ def test_the_first_sentences_say_who_drove_how_well_and_whether_to_train_longer(
     assert lead(tmp_path) == f"PPO completed 0.75 and collided 0.25; random driving 0.25 and 0.25. {outlook}"
 
 
+def test_a_policy_that_drives_well_need_not_be_trained_longer(tmp_path):
+    write_experiment(tmp_path)
+    trained(tmp_path, lines(0.6, 0.7, 0.8, 0.9), outcomes=[["goal", "goal"]] * 20)
+    assert lead(tmp_path) == "PPO completed 1.00 and collided 0.00. Longer training has little left to gain."
+    assert not any("budget" in command for command in texts(tmp_path, "<code>", "</code>"))
+
+
 def test_of_several_the_one_that_completes_most_leads_and_rates_are_means_over_conditions(tmp_path):
     write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac"], traffic=[ALONE, SOCIAL], seeds=[1, 2])
     rising, flat = lines(0.1, 0.2, 0.3, 0.4), lines(0.4, 0.4, 0.4, 0.4)
