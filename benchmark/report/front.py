@@ -21,7 +21,7 @@ from smarts.types.streams import Purpose, stream
 
 COMPLETION, COLLISION = RANKED_BY
 RISE, GOOD = 0.05, 0.95
-"""Least change of completion in a training's last third that counts; tested completion that is good enough."""
+"""Least change of completion in a training's last third that counts; tested completion that suffices."""
 LEAST_LINES = 3
 """Lines of progress.csv that are needed to tell; each is a mean over many episodes."""
 LONGER = 5
