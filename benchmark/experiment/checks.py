@@ -17,6 +17,7 @@ from benchmark.experiment.algorithm_settings import (
     settings_of,
 )
 from benchmark.experiment.environment import Driving, Environment, Host
+from benchmark.experiment.loggers import LOGGERS
 from benchmark.experiment.models import Experiment, TaskOverrides
 from benchmark.experiment.values import ends
 from benchmark.scripted import SCRIPTED_POLICIES
@@ -55,6 +56,7 @@ def check_experiment(experiment: Experiment) -> Iterator[Fault]:
     algorithms = {name: number for number, name in enumerate(experiment.algorithms) if name not in broken}
     yield from _by_task(experiment)
     yield from _starts(experiment)
+    yield from _loggers(experiment)
     yield from _settings(experiment, algorithms)
     yield from _search(experiment, algorithms)
     yield from _actions(experiment, algorithms)
@@ -98,6 +100,15 @@ def _starts(experiment: Experiment) -> Iterator[Fault]:
             yield Fault(key, f"there is no run with a checkpoint in {task.start_from}", remedy)
         if task.start_from and experiment.benchmark_version is not None:
             yield Fault(key, "trainings of a benchmark version begin without weights", "leave it out")
+
+
+def _loggers(experiment: Experiment) -> Iterator[Fault]:
+    """Yield loggers that are not installed, or own ones that are none; the default is always there."""
+    for number, name in enumerate(experiment.log if "log" in experiment.model_fields_set else ()):
+        try:
+            yield from errors_of(("log", number), LOGGERS.__getitem__, name)
+        except ModuleNotFoundError as error:
+            yield Fault(("log", number), f"{name} is not installed", f"pip install {error.name}")
 
 
 def _settings(experiment: Experiment, algorithms: Algorithms) -> Iterator[Fault]:

@@ -16,6 +16,7 @@ from benchmark.experiment.values import (
     FolderName,
     Gpus,
     Imports,
+    Loggers,
     Metrics,
     Modes,
     Names,
@@ -183,6 +184,8 @@ class Experiment(Section):
     registered. Collision and completion rate always are."""
     scripted: Policies = ()
     """Scripted policies that are tested in the same way and shown below the table: names, or module:Class."""
+    log: Loggers = ("tensorboard",)
+    """What shows the lines of progress.csv as they come: tensorboard, wandb, mlflow, or module:Class."""
     resources: Resources = Resources()
     tune: Tune | None = None
     by_task: dict[str, TaskOverrides] = Field(default_factory=dict)

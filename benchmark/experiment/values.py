@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationInfo
 
 from algorithms.registry import ALGORITHMS
+from benchmark.experiment.loggers import LOGGERS
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import UnfitError
 from smarts.errors import nearest_names
@@ -108,6 +109,7 @@ Modes = Annotated[tuple[Literal["greedy", "sampled"], ...], SEVERAL, DISTINCT, A
 Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**31)], ...], SEVERAL, DISTINCT]
 Algorithms = Annotated[tuple[Algorithm, ...], Field(strict=False), DISTINCT]
 Policies = Annotated[tuple[Policy, ...], Field(strict=False), DISTINCT]
+Loggers = Annotated[tuple[Annotated[str, _named("logger", LOGGERS)], ...], Field(strict=False), DISTINCT]
 Metrics = Annotated[tuple[Metric, ...], SEVERAL, DISTINCT]
 Imports = Annotated[tuple[str, ...], Field(strict=False), DISTINCT]
 Wheels = Annotated[tuple[Annotated[int, Field(ge=0, le=3)], ...], Field(strict=False), DISTINCT]

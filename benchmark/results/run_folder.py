@@ -67,7 +67,6 @@ class RunFolder:
         self.config = path / "config.yaml"
         self.run = path / "run.json"
         self.progress = path / "progress.csv"
-        self.tensorboard = path / "tensorboard"
         self.checkpoint = path / CHECKPOINT
         self.best = path / BEST
         self.start = path / "start"

@@ -71,7 +71,7 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
     }
     with locked(root):
         live = LiveProgress()
-        scheduler = JobScheduler(jobs_of(experiment), root, experiment.resources, live.show)
+        scheduler = JobScheduler(jobs_of(experiment), root, experiment.resources, experiment.log, live.show)
         check_scenarios(scheduler, scenarios)
         for state in scheduler.states:
             setting = state.job.task_setting

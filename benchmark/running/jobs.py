@@ -85,6 +85,7 @@ class JobScheduler:
         jobs: All jobs; finished ones are skipped.
         root: Folder of the experiment's results.
         resources: Needed by each run.
+        loggers: Names of what shows their progress.
         show: Called with the states of all jobs, and how many run side by side, when one changes.
 
     Raises:
@@ -96,11 +97,13 @@ class JobScheduler:
         jobs: Sequence[Job],
         root: Path,
         resources: Resources,
+        loggers: Sequence[str] = (),
         show: Callable[[Sequence[JobState], int], None] = lambda states, at_once: None,
     ) -> None:
         self.states = [JobState(job) for job in jobs]
         packed = packed_contents(root)
         self._root, self._resources, self._show = root.absolute(), resources, show
+        self._loggers = loggers
         self._waiting: deque[JobState] = deque()
         self._under_way: dict[Any, JobState] = {}
         self._free_rooms: list[Any] = []
@@ -188,7 +191,7 @@ class JobScheduler:
         state.attempts += 1
         try:
             check_room(self._resources, living_nodes())  # machines may have gone since the start
-            state.writer = RunWriter(state.job, state.folder)
+            state.writer = RunWriter(state.job, state.folder, self._loggers)
             checkpoint = state.writer.checkpoint()
             start = {} if checkpoint else state.writer.start()
             state.iteration = int((state.folder.training_state() or {}).get("iteration", 0))

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
+from benchmark.experiment.loggers import LOGGERS
 from benchmark.experiment.runs import START, Run, ScriptedRun, default_settings
 from benchmark.results.digests import OTHER_CHECKPOINT, check_digests
 from benchmark.results.files import files_in
 from benchmark.results.progress import add_progress, begin_progress
 from benchmark.results.run_folder import DEFAULTS, SCENARIOS, TRAINING, RunFolder
+from benchmark.running.loggers import Logged
 from benchmark.running.messages import Began, Kept, Line, Message, Noted, RunProgress
-
-if TYPE_CHECKING:
-    from benchmark.running.scalars import Scalars
+from smarts.errors import SmartsError
 
 
 class RunWriter:
@@ -23,14 +26,15 @@ class RunWriter:
     Args:
         run: The run, or the test of a scripted policy.
         folder: Folder of its results; begun or resumed.
+        loggers: Names of what shows its progress beside progress.csv.
 
     Raises:
         ResultsError: The folder cannot be used.
     """
 
-    def __init__(self, run: Run | ScriptedRun, folder: RunFolder) -> None:
-        self._run, self._folder = run, folder
-        self._scalars: Scalars | None = None
+    def __init__(self, run: Run | ScriptedRun, folder: RunFolder, loggers: Sequence[str] = ()) -> None:
+        self._run, self._folder, self._names = run, folder, loggers
+        self._loggers: dict[str, Any] = {}
         folder.open(run.content())
 
     def checkpoint(self) -> dict[str, bytes]:
@@ -71,17 +75,27 @@ class RunWriter:
                     print(f"{self._run}: {begun}{unfit}", file=sys.stderr)
             case Line(columns):
                 add_progress(self._folder.progress, columns)
-                if self._scalars is not None:
-                    self._scalars.add(columns)
+                for name, logger in [*self._loggers.items()]:
+                    self._tell(name, partial(logger.add, columns))
             case Kept(place, content):
                 self._folder.keep(place, content)
         return None
 
     def close(self) -> None:
         """Write what is left; may be called again."""
-        scalars, self._scalars = self._scalars, None
-        if scalars is not None:
-            scalars.close()
+        for name, logger in [*self._loggers.items()]:
+            self._tell(name, logger.close)
+        self._loggers.clear()
+
+    def _tell(self, name: str, call: Callable[[], Any]) -> Any:
+        """Call a logger; what fails, as where a server is gone, is left out from then on."""
+        try:
+            return call()
+        except SmartsError:  # of this machine's disk
+            raise
+        except Exception as error:  # whatever a package of others raises
+            self._loggers.pop(name, None)
+            print(f"note: {self._run}: the logger {name} has failed: {error}", file=sys.stderr)
 
     def _begin(self, began: Began) -> None:
         """Note where a training runs, and cut its progress to what its checkpoint has."""
@@ -93,9 +107,16 @@ class RunWriter:
             self._folder.note(status=TRAINING, run=str(self._run), **known, **began.circumstances)
         else:
             self._folder.note_continuation(began.circumstances)
-        # Imported here, since TensorBoard's writer takes long, and most commands write nothing.
-        from benchmark.running.scalars import Scalars
-
         state = self._folder.training_state()
         lines = begin_progress(self._folder.progress, state["iteration"] if state else 0)
-        self._scalars = Scalars(self._folder.tensorboard, lines)
+        for name in self._names:
+            if logger := self._tell(name, lambda name=name: LOGGERS[name](self._logged(), lines)):
+                self._loggers[name] = logger
+
+    def _logged(self) -> Logged:
+        """Return the training as loggers show it."""
+        path = self._folder.path.absolute()
+        began = f"{path} {self._folder.facts().get('begun')}"
+        experiment = path.parents[len(self._run.folder.parts) - 1].name
+        known = blake2b(began.encode(), digest_size=8).hexdigest()
+        return Logged(experiment, str(self._run), known, path, self._run.content())

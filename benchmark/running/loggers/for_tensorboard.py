@@ -1,13 +1,11 @@
-"""A run's progress for TensorBoard."""
+"""A run's progress for TensorBoard: `tensorboard --logdir results`."""
 
 from __future__ import annotations
 
-import math
 import shutil
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from tensorboardX.event_file_writer import EventsWriter
@@ -15,43 +13,40 @@ from tensorboardX.proto.event_pb2 import Event  # pyright: ignore[reportAttribut
 from tensorboardX.summary import scalar
 
 from benchmark.results.files import named_failures
+from benchmark.running.loggers import Logged, numbers_of
 
 SECONDS = 10
 """Time after which the next line flushes what was added to the disk [s]."""
-COUNTS = ("iteration", "agent_steps")
-"""Columns that say when; the others are drawn over the agent-steps."""
 
 
-class Scalars:
-    """Writes the columns of progress.csv from the first line on, since a run may resume before its last line.
+class TensorBoard:
+    """Writes the columns of progress.csv into the run's folder `tensorboard`.
 
     Args:
-        folder: Folder of TensorBoard's files; what is there is removed.
+        logged: The training; what an earlier part of it has written is removed.
         lines: Lines of the progress so far.
 
     Raises:
         ResultsError: The disk is full, or the folder cannot be written to.
     """
 
-    def __init__(self, folder: Path, lines: Iterable[Mapping[Any, Any]]) -> None:
-        self._folder = folder
+    def __init__(self, logged: Logged, lines: Iterable[Mapping[Any, Any]]) -> None:
+        self._folder = logged.folder / "tensorboard"
         self._flushed = time.monotonic()
-        shutil.rmtree(folder, ignore_errors=True)
-        with named_failures(folder):
-            folder.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(self._folder, ignore_errors=True)
+        with named_failures(self._folder):
+            self._folder.mkdir(parents=True, exist_ok=True)
             # Not a `SummaryWriter`: its thread ends at the first failed write, and each further `add` blocks.
-            self._writer = EventsWriter(str(folder / "events"))
+            self._writer = EventsWriter(str(self._folder / "events"))
         for line in lines:
             self.add(line)
 
     def add(self, line: Mapping[Any, Any]) -> None:
-        """Add a line; what is empty or not a number in it is left out."""
+        """Add a line."""
         step, now = int(line["agent_steps"]), time.time()
         with named_failures(self._folder):
-            for name, value in line.items():
-                if name not in COUNTS and value != "" and math.isfinite(float(value)):
-                    summary = scalar(name, float(value))
-                    self._writer.write_event(Event(wall_time=now, step=step, summary=summary))
+            for name, value in numbers_of(line):
+                self._writer.write_event(Event(wall_time=now, step=step, summary=scalar(name, value)))
             if time.monotonic() - self._flushed > SECONDS:
                 self._writer.flush()
                 self._flushed = time.monotonic()
