@@ -39,6 +39,9 @@ _DEFAULTS = {
 """SUMO's attributes and their defaults, in the order of `VEHICLE_TYPE`."""
 _SHOWS = {"r": Signal.STOP, "u": Signal.STOP, "y": Signal.CAUTION, "Y": Signal.CAUTION, "g": Signal.GO}
 _SHOWS |= {"s": Signal.STOP, "G": Signal.GO + state.MAJOR}
+_PLACES = {"base": TAIL_AT_BEGIN, "last": TAIL_AT_BEGIN, "stop": TAIL_AT_BEGIN}
+_PLACES |= {"random": DRAWN, "free": DRAWN, "random_free": DRAWN}
+"""Names of places of departures."""
 _NORMAL = re.compile(r"normc\((.*)\)")
 
 
@@ -196,7 +199,7 @@ class Built:
         goal = _index(get("arrivalLane"), 0)
         arrival = (
             _index(get("arrivalLane"), -1),
-            place_on(edges[-1], goal, get("arrivalPos", "max"), {"max": np.inf}),
+            place_on(edges[-1], goal, get("arrivalPos", "max"), {"max": np.inf, "random": np.inf}),
         )
         stops: list[Stop] = []
         for stop in (*route.iter("stop"), *(() if route is element else element.iter("stop"))):
@@ -210,9 +213,9 @@ class Built:
         _, first = self.route(number, edges, arrival, tuple(stops), repeats=repeats)
         changes = [abs(self._rows["ways"][first + k][4]) for k in range(len(graph.edge_lanes(edges[0])))]
         index = _index(get("departLane", "0"), int(np.argmin(changes)))
-        begin = place_on(edges[0], index, get("departPos", "base"), {"base": TAIL_AT_BEGIN, "random": DRAWN})
+        begin = place_on(edges[0], index, get("departPos", "base"), _PLACES)
         speed = get("departSpeed", "0")
-        fast = -1.0 if speed in ("max", "desired", "speedLimit") else float(speed)
+        fast = -1.0 if speed[0].isalpha() else float(speed)
         shares = self._rows["shares"]
         ends = len(shares), len(shares) + len(mix) - 1
         self._rows["flows"].append((*_times(element), first + index, begin, fast, *ends))
@@ -259,7 +262,7 @@ def _times(element: Element) -> tuple[float, float, float, bool]:
     """Return begin, end and mean headway of departures [s], and whether they are randomly spaced."""
     if element.tag != "flow":
         return float(element.attrib["depart"]), np.inf, np.inf, False
-    begin, end = float(element.attrib["begin"]), float(element.attrib["end"])
+    begin, end = float(element.get("begin", "0")), float(element.get("end", "inf"))
     if "vehsPerHour" in element.attrib:
         return begin, end, 3600.0 / float(element.attrib["vehsPerHour"]), False
     period = element.attrib["period"]

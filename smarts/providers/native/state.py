@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.arrays import Bytes, Floats, Ints
 from smarts.roads.arrays import Roads, RouteTable
@@ -24,7 +23,8 @@ ADVICES = 4
 """Accelerations that neighbours may ask of a driver in a step."""
 MAJOR = 8
 """Added to a `Signal` that is green before others."""
-Records = NDArray[Any]
+Records: TypeAlias = Any
+"""An array of records: their fields are attributes in kernels only, which no type of NumPy says."""
 Record: TypeAlias = Any
 """A record in a kernel."""
 Car: TypeAlias = Record
