@@ -11,12 +11,21 @@ Integrals are frozen while the actuator saturates or the error is large.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Floats, Ints, Longs
 from smarts.dynamics.layout import GRAVITY, FleetArrays
-from smarts.dynamics.single_track import planar_motion, record_pose
+from smarts.dynamics.single_track import (
+    axles_of,
+    centre_of,
+    footprint,
+    planar_motion,
+    roll,
+    rolling_motion,
+    stop_rolling,
+)
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, project, wrapped
 from smarts.types.actions import CommandMode
@@ -59,76 +68,94 @@ STANDING_SPEED = 0.2
 HOLDING_BRAKE = 0.4
 """Brake of a standing vehicle, in [0, 1]."""
 
+FAR, NEAR = 100.0, 4.0
+"""Where the search for the nearest segment ends, see `_foot`, and of kinematic vehicles [m^2]."""
+
 
 _ACTUATORS = int(CommandMode.ACTUATORS)
 _RATE = int(CommandMode.ACTUATORS_RATE)
 _TRACK = int(CommandMode.TRACK)
 
 
+class Followed(NamedTuple):
+    """What vehicles follow, and what the law remembers; row *i* of every array is vehicle *i*."""
+
+    mode: Bytes
+    """A `CommandMode`, shape (E,)."""
+    actuators: Floats
+    """See `Commands`, shape (E, 3)."""
+    reference: Floats
+    """See `Commands`, shape (E, R, 4)."""
+    length: Ints
+    """Number of points of the reference, shape (E,)."""
+    window: Floats
+    """See `Commands`, shape (E,)."""
+    slips: Bools
+    """Whether the vehicle's tyres slip sideways, shape (E,)."""
+    memory: Floats
+    """Memory of the tracking law, written, shape (E, MEMORY)."""
+    shown: Floats
+    """A copy of the controls, written, shape (E, 3)."""
+
+
 @kernel
-def drive(
-    fleet: FleetArrays,
-    mode: Bytes,
-    actuators: Floats,
-    reference: Floats,
-    length: Ints,
-    windows: Floats,
-    slips: Bools,
-    memory: Floats,
-    shown: Floats,
-    rows: Longs,
-) -> None:
-    """Write the controls of vehicles for one sub-step from their commands.
+def drive(fleet: FleetArrays, followed: Followed, rows: Longs) -> None:
+    """Write the controls of the vehicles of `rows`, shape (N,), for one sub-step."""
+    for row in rows:
+        x, y, _ = footprint(fleet.cars[row], fleet.bodies[row])
+        heading, vx, _, _ = planar_motion(fleet.bodies[row])
+        _control(fleet, followed, row, (x, y, heading, vx), FAR)
+
+
+@kernel
+def drive_kinematic(fleet: FleetArrays, followed: Followed, rows: Longs) -> None:
+    """Drive kinematic vehicles through all sub-steps of a step, one after the other: they touch nothing."""
+    for row in rows:
+        car, state, pose = fleet.cars[row], fleet.states[row], fleet.poses[row]
+        axles, motion = axles_of(car, state, fleet.road[row]), rolling_motion(car, state, fleet.bodies[row])
+        x, y = centre_of(car, motion)
+        for substep in range(len(pose)):
+            _control(fleet, followed, row, (x, y, motion[2], motion[5]), NEAR)
+            motion = roll(car, state, axles, motion, fleet.controls[row], fleet.dt)
+            x, y = centre_of(car, motion)
+            pose[substep, 0], pose[substep, 1], pose[substep, 2] = x, y, motion[2]
+        stop_rolling(car, state, axles, motion, fleet.bodies[row])
+
+
+@kernel
+def _control(fleet, followed, row, pose, far):
+    """Write one vehicle's controls for a sub-step.
 
     Args:
-        fleet: The fleet; `controls` is written.
-        mode: Each vehicle's `CommandMode`, shape (E,).
-        actuators: Actuators, see `Commands`, shape (E, 3).
-        reference: References, see `Commands`, shape (E, R, 4).
-        length: Number of points of each reference, shape (E,).
-        windows: Windows, see `Commands`, shape (E,).
-        slips: Whether the vehicle's tyres slip sideways, shape (E,).
-        memory: Memory of the tracking law, written, shape (E, MEMORY).
-        shown: A copy of the controls, written, shape (E, 3).
-        rows: The vehicles to control, shape (N,).
+        fleet: The fleet.
+        followed: What its vehicles follow.
+        row: The vehicle.
+        pose: Centre of its footprint x, y [m], its heading [rad] and its speed [m/s].
+        far: See `_foot`.
     """
-    pose = np.empty(3)
-    cars, states, bodies, controls = fleet.cars, fleet.states, fleet.bodies, fleet.controls
-    for row in rows:
-        if mode[row] == _TRACK and length[row] >= 2:
-            record_pose(cars[row], bodies[row], pose)
-            _track(
-                cars[row],
-                states[row],
-                planar_motion(bodies[row]),
-                pose,
-                reference[row],
-                length[row],
-                windows[row],
-                slips[row],
-                memory[row],
-                controls[row],
-                fleet.dt,
-            )
-        elif mode[row] == _ACTUATORS or mode[row] == _RATE:
-            controls[row, 0], controls[row, 1] = actuators[row, 0], actuators[row, 1]
-            steering = actuators[row, 2]
-            if mode[row] == _RATE:
-                steering = states[row].steering / cars[row].max_steering + steering * fleet.dt
-            controls[row, 2] = min(max(steering, -1.0), 1.0)
-        else:
-            controls[row, 0], controls[row, 1] = 0.0, 0.0
-            controls[row, 2] = states[row].steering / cars[row].max_steering
-        for column in range(3):
-            shown[row, column] = controls[row, column]
+    car, state, controls, mode = fleet.cars[row], fleet.states[row], fleet.controls[row], followed.mode[row]
+    if mode == _TRACK and followed.length[row] >= 2:
+        _track(car, followed, row, pose, far, controls, fleet.dt)
+    elif mode in (_ACTUATORS, _RATE):
+        controls[0], controls[1], steering = followed.actuators[row]
+        if mode == _RATE:
+            steering = state.steering / car.max_steering + steering * fleet.dt
+        controls[2] = min(max(steering, -1.0), 1.0)
+    else:
+        controls[0], controls[1] = 0.0, 0.0
+        controls[2] = state.steering / car.max_steering
+    for column in range(3):
+        followed.shown[row, column] = controls[column]
 
 
 @kernel
-def _track(car, state, motion, pose, reference, length, window, slips, memory, controls, dt):
+def _track(car, followed, row, pose, far, controls, dt):
     """Write the controls of one vehicle that tracks a reference; see the module docstring."""
-    heading, vx, _, _ = motion
-    segment, share, offset = _foot(reference, length, pose[0], pose[1])
-    window = max(window, 0.3 * max(abs(vx), LEAST_SPEED))
+    x, y, heading, vx = pose
+    reference, length, memory = followed.reference[row], followed.length[row], followed.memory[row]
+    segment, share, offset = _foot(reference, length, x, y, far)
+    window = max(followed.window[row], 0.3 * max(abs(vx), LEAST_SPEED))
+    slips = followed.slips[row]
     controls[2] = _steering(
         car, heading, vx, reference, length, segment, share, offset, window, slips, memory, dt
     )
@@ -136,15 +163,18 @@ def _track(car, state, motion, pose, reference, length, window, slips, memory, c
 
 
 @kernel
-def _foot(reference, length, x, y):
-    """Return the nearest segment of a reference, the position on it in [0, 1], and the left offset [m]."""
+def _foot(reference, length, x, y, far):
+    """Return the nearest segment of a reference, the position on it in [0, 1], and the left offset [m].
+
+    The search ends at a segment whose squared distance is larger by `far` [m^2] than the least before it.
+    """
     best, best_square, best_share, best_cross = 0, np.inf, 0.0, 0.0
     for point in range(length - 1):
         a, b = reference[point], reference[point + 1]
         share, square, cross = project(x, y, a[0], a[1], b[0], b[1])
         if square < best_square:
             best, best_square, best_share, best_cross = point, square, share, cross
-        elif square > best_square + 100.0:
+        elif square > best_square + far:
             break
     a, b = reference[best], reference[best + 1]
     span = math.hypot(b[0] - a[0], b[1] - a[1])

@@ -82,14 +82,20 @@ def rotation(body):
 
 
 @kernel
+def turn_wheels(car, state, command, dt):
+    """Turn the steering towards `command` in [-1, 1] (left)."""
+    target = command * car.max_steering
+    reach = car.steering_rate * dt
+    state.steering = min(max(target, state.steering - reach), state.steering + reach)
+
+
+@kernel
 def steer(car, state, command, dt):
     """Turn the steering towards `command` in [-1, 1] (left), return both front wheels' angles [rad].
 
     The angles are Ackermann's: both wheels' axles meet on the rear axle's line.
     """
-    target = command * car.max_steering
-    reach = car.steering_rate * dt
-    state.steering = min(max(target, state.steering - reach), state.steering + reach)
+    turn_wheels(car, state, command, dt)
     tangent = math.tan(state.steering)
     wheelbase = car.cog_to_front_axle + car.cog_to_rear_axle
     left = math.atan(tangent / (1.0 - tangent * car.wheel_y[0] / wheelbase))

@@ -234,7 +234,12 @@ class Fleet:
         return bind(law, self._arrays, *arguments)
 
     def step(
-        self, controls: Floats, *, simulations: Bools | None = None, driver: SubstepDriver | None = None
+        self,
+        controls: Floats,
+        *,
+        simulations: Bools | None = None,
+        driver: SubstepDriver | None = None,
+        kinematic: SubstepDriver | None = None,
     ) -> Motion:
         """Advance every vehicle by one step and return `motion`.
 
@@ -243,6 +248,7 @@ class Fleet:
                 the lock (positive to the left), shape (E, 3); clipped. Rows without a vehicle are ignored.
             simulations: Which simulations make the step, shape (B,); all if not given. The others stay.
             driver: Called before each sub-step; may write the controls.
+            kinematic: Moves the kinematic vehicles through all sub-steps, in place of the fleet and `driver`.
 
         Raises:
             MotionError: A vehicle's motion is no longer finite; see `lost`. The other vehicles have moved.
@@ -253,14 +259,15 @@ class Fleet:
         self.contacts.clear()
         self._remember_velocity()
         free, touching = self._bullet.part(rows[0])
-        all_rows = np.flatnonzero(moving)
+        of_model = [free, *rows[1:]]
+        if kinematic is not None:
+            kinematic(of_model.pop())
+        driven = np.concatenate([touching, *of_model])
         kernels = self._advance_free, self._advance_dynamic, self._advance_kinematic
-        advanced = [
-            (kernel, each) for kernel, each in zip(kernels, (free, *rows[1:]), strict=True) if each.size
-        ]
-        for substep in range(self._arrays.poses.shape[1]):
+        advanced = [(kernel, each) for kernel, each in zip(kernels, of_model, strict=False) if each.size]
+        for substep in range(self._arrays.poses.shape[1] if driven.size else 0):
             if driver is not None:
-                driver(all_rows)
+                driver(driven)
             for advance, each in advanced:
                 advance(each, substep)
             if touching.size:

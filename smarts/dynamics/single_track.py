@@ -13,11 +13,12 @@ from __future__ import annotations
 import math
 
 from smarts.arrays import Longs
-from smarts.dynamics.chassis import rotation, steer
+from smarts.dynamics.chassis import rotation, steer, turn_wheels
 from smarts.dynamics.layout import FleetArrays
 from smarts.dynamics.tyre_models import characteristics, side_share
 from smarts.dynamics.wheel import BREAKAWAY_SPEED, DAMPING_SPEED, DAMPING_TIME, LEAST_FRICTION
 from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import wrapped_half_open
 
 FRONT, REAR = 0, 2
 """The wheels that stand for their axles."""
@@ -30,77 +31,107 @@ def advance_kinematic(fleet: FleetArrays, rows: Longs, substep: int) -> None:
     Of the road only the friction at the wheels counts.
     """
     for row in rows:
-        car, body = fleet.cars[row], fleet.bodies[row]
-        _advance_kinematic(car, fleet.states[row], body, fleet.controls[row], fleet.road[row], fleet.dt)
+        car, state, body = fleet.cars[row], fleet.states[row], fleet.bodies[row]
+        axles, motion = axles_of(car, state, fleet.road[row]), rolling_motion(car, state, body)
+        motion = roll(car, state, axles, motion, fleet.controls[row], fleet.dt)
+        stop_rolling(car, state, axles, motion, body)
         record_pose(car, body, fleet.poses[row, substep])
 
 
 @kernel
-def _advance_kinematic(car, state, body, controls, road, dt):
-    """Advance one kinematic vehicle by one sub-step.
+def axles_of(car, state, road):
+    """Return loads [N] of a front and a rear wheel of a kinematic vehicle, and their largest forces [N]."""
+    front, rear = _axle_loads(car, 0.0)
+    grip = _axle_tyre(car, state, FRONT, front, road[0:2])[0]
+    return front, rear, grip, _axle_tyre(car, state, REAR, rear, road[2:4])[0]
+
+
+@kernel
+def rolling_motion(car, state, body):
+    """Return how a kinematic vehicle rolls, for `roll`.
+
+    That is x, y [m] of the rear axle's centre, the heading [rad], its cosine and sine, the speed of the axle
+    [m/s], and the tangent of the steering.
+    """
+    heading, speed, _, _ = planar_motion(body)
+    cos, sin = math.cos(heading), math.sin(heading)
+    lever = car.cog_to_rear_axle
+    return body[0] - lever * cos, body[1] - lever * sin, heading, cos, sin, speed, math.tan(state.steering)
+
+
+@kernel
+def centre_of(car, motion):
+    """Return the centre of a rolling vehicle's footprint [m]."""
+    ahead = car.cog_to_rear_axle - car.centre_to_cog
+    return motion[0] + ahead * motion[3], motion[1] + ahead * motion[4]
+
+
+@kernel
+def roll(car, state, axles, motion, controls, dt):
+    """Advance a kinematic vehicle by one sub-step; return its motion.
 
     The state is the speed v of the rear axle's centre, which is the body's velocity along its heading.
     Neither axle slips sideways, so the yaw rate is v k with the curvature k = tan(steering) / wheelbase, and
     the kinetic energy is M v^2 / 2 with the mass M = m + (m l_r^2 + I_z) k^2. The side forces that hold the
     axles in their tracks act across the wheels' velocities and do no work: turning the steering changes M and
     leaves the energy as it is. Forces along the wheels change v by virtual work; the front wheels roll at
-    v / cos(steering).
-    """
-    heading, speed, _, _ = planar_motion(body)
-    before = _rolling_mass(car, state.steering)
-    steer(car, state, controls[2], dt)
-    mass = _rolling_mass(car, state.steering)
-    speed *= math.sqrt(before / mass)
-
-    load_front, load_rear = _axle_loads(car, 0.0)
-    grip_front = _axle_tyre(car, state, FRONT, load_front, road[0:2])[0]
-    grip_rear = _axle_tyre(car, state, REAR, load_rear, road[2:4])[0]
-    cos = math.cos(state.steering)
-    front = _axle_request(car, state, FRONT, load_front, grip_front, controls, speed / cos)
-    rear = _axle_request(car, state, REAR, load_rear, grip_rear, controls, speed)
-    curvature = math.tan(state.steering) / (car.cog_to_front_axle + car.cog_to_rear_axle)
-    # The centre of gravity is faster than the rear axle, and drag acts there.
-    faster = 1.0 + (car.cog_to_rear_axle * curvature) ** 2
-    slowing = car.drag * abs(speed) * faster * math.sqrt(faster)
-    speed = (speed + dt * (front[0] / cos + rear[0]) / mass) / (1.0 + dt * slowing / mass)
-    speed = _resist(speed, dt * (front[1] / cos + rear[1]) / mass)
-    _follow_circle(car, body, heading, speed, curvature, dt)
-    _show_axle(car, state, FRONT, load_front, speed / cos, _net(front, speed), 0.0)
-    _show_axle(car, state, REAR, load_rear, speed, _net(rear, speed), 0.0)
-
-
-@kernel
-def _rolling_mass(car, steering):
-    """Return the mass [kg] that has a kinematic vehicle's kinetic energy at its rear axle's speed."""
-    curvature = math.tan(steering) / (car.cog_to_front_axle + car.cog_to_rear_axle)
-    lever = car.cog_to_rear_axle
-    return car.mass + (car.mass * lever * lever + car.inertia[2]) * curvature * curvature
-
-
-@kernel
-def _follow_circle(car, body, heading, speed, curvature, dt):
-    """Move a body whose rear axle rolls along a circle, and write its velocities there.
+    v / cos(steering). The axle's way is an arc.
 
     Args:
         car: Parameters.
-        body: Written.
-        heading: At the beginning [rad].
-        speed: Speed of the rear axle's centre [m/s].
-        curvature: Curvature of its circle, positive to the left [1/m].
+        state: Its steering is written.
+        axles: From `axles_of`.
+        motion: From `rolling_motion`.
+        controls: Throttle, brake, steering.
         dt: [s].
     """
-    yaw_rate, lever = speed * curvature, car.cog_to_rear_axle
-    half = 0.5 * dt * yaw_rate
+    x, y, heading, cos, sin, speed, tangent = motion
+    load_front, load_rear, grip_front, grip_rear = axles
+    wheelbase = car.cog_to_front_axle + car.cog_to_rear_axle
+    before = _rolling_mass(car, tangent / wheelbase)
+    turn_wheels(car, state, controls[2], dt)
+    tangent = math.tan(state.steering)
+    curvature, stretch = tangent / wheelbase, math.sqrt(1.0 + tangent * tangent)  # 1 / cos(steering)
+    mass = _rolling_mass(car, curvature)
+    speed *= math.sqrt(before / mass)
+    front = _axle_request(car, state, FRONT, load_front, grip_front, controls, speed * stretch)
+    rear = _axle_request(car, state, REAR, load_rear, grip_rear, controls, speed)
+    # The centre of gravity is faster than the rear axle, and drag acts there.
+    faster = 1.0 + (car.cog_to_rear_axle * curvature) ** 2
+    slowing = car.drag * abs(speed) * faster * math.sqrt(faster)
+    speed = (speed + dt * (front[0] * stretch + rear[0]) / mass) / (1.0 + dt * slowing / mass)
+    speed = _resist(speed, dt * (front[1] * stretch + rear[1]) / mass)
+    half = 0.5 * dt * speed * curvature
+    c, s = math.cos(half), math.sin(half)
     # The chord of the arc; below 1e-8 its length is that of the arc to the last bit.
-    chord = dt * speed * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
-    body[0] += chord * math.cos(heading + half) - lever * math.cos(heading)
-    body[1] += chord * math.sin(heading + half) - lever * math.sin(heading)
+    chord = dt * speed * (s / half if abs(half) > 1e-8 else 1.0)
+    cos, sin = cos * c - sin * s, sin * c + cos * s
     heading += 2.0 * half
-    cos, sin = math.cos(heading), math.sin(heading)
-    body[0] += lever * cos
-    body[1] += lever * sin
+    if abs(heading) >= math.pi:
+        heading = wrapped_half_open(heading)
+    state.force_x[FRONT], state.force_x[REAR] = 0.5 * _net(front, speed), 0.5 * _net(rear, speed)
+    return x + chord * cos, y + chord * sin, heading, cos * c - sin * s, sin * c + cos * s, speed, tangent
+
+
+@kernel
+def stop_rolling(car, state, axles, motion, body):
+    """Write a body and the wheels' read-out after sub-steps of `roll`."""
+    x, y, heading, _, _, speed, tangent = motion
+    lever, cos, sin = car.cog_to_rear_axle, math.cos(heading), math.sin(heading)
+    yaw_rate = speed * tangent / (car.cog_to_front_axle + lever)
+    body[0], body[1] = x + lever * cos, y + lever * sin
     _set_velocity(body, cos, sin, speed, lever * yaw_rate, yaw_rate)
     _set_heading(body, heading)
+    rolling = speed * math.sqrt(1.0 + tangent * tangent)
+    _show_axle(car, state, FRONT, axles[0], rolling, 2.0 * state.force_x[FRONT], 0.0)
+    _show_axle(car, state, REAR, axles[1], speed, 2.0 * state.force_x[REAR], 0.0)
+
+
+@kernel
+def _rolling_mass(car, curvature):
+    """Return the mass [kg] that has a kinematic vehicle's kinetic energy at its rear axle's speed."""
+    lever = car.cog_to_rear_axle
+    return car.mass + (car.mass * lever * lever + car.inertia[2]) * curvature * curvature
 
 
 @kernel

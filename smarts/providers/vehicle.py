@@ -105,7 +105,7 @@ class FleetVehicles:
         self._place = LateBound(place_vehicles, state, self._tracks, self._groups)
         self._find_touchable = bind(find_touchable, state, motion, self._groups, self._boxed)
         self._find_too_close = bind(find_too_close, world.vehicles)
-        self._driver: tuple[Commands, SubstepDriver] | None = None
+        self._drivers: tuple[Commands, list[SubstepDriver]] | None = None
 
     def reset(self, env_mask: Bools) -> None:
         """Remove the vehicles of some simulations from the fleet; vehicles in their rows now are new.
@@ -183,24 +183,23 @@ class FleetVehicles:
         """Free Bullet's worlds."""
         self.fleet.close()
 
-    def _driver_of(self, commands: Commands) -> SubstepDriver:
-        """Return the function that writes the fleet's controls in each sub-step, bound to `commands`."""
-        if self._driver is not None and self._driver[0] is commands:
-            return self._driver[1]
-        count, reference = len(self._no_controls), commands.reference
-        driver = self.fleet.driver(
-            tracking.drive,
-            commands.mode.reshape(count),
-            commands.actuators.reshape(count, 3),
-            reference.reshape(count, *reference.shape[2:]),
-            commands.reference_length.reshape(count),
-            commands.window.reshape(count),
-            self._has_tyre_slip,
-            self._memory,
-            self._applied_controls,
-        )
-        self._driver = commands, driver
-        return driver
+    def _drivers_of(self, commands: Commands) -> list[SubstepDriver]:
+        """Return what drives the fleet by `commands`: in each sub-step, and kinematic vehicles in a step."""
+        if self._drivers is None or self._drivers[0] is not commands:
+            count, reference = len(self._no_controls), commands.reference
+            followed = tracking.Followed(
+                commands.mode.reshape(count),
+                commands.actuators.reshape(count, 3),
+                reference.reshape(count, *reference.shape[2:]),
+                commands.reference_length.reshape(count),
+                commands.window.reshape(count),
+                self._has_tyre_slip,
+                self._memory,
+                self._applied_controls,
+            )
+            laws = tracking.drive, tracking.drive_kinematic
+            self._drivers = commands, [self.fleet.driver(law, followed) for law in laws]
+        return self._drivers[1]
 
     def _drive(self, commands: Commands, env_mask: Bools) -> None:
         """Advance the fleet and write its motion into the world."""
@@ -208,7 +207,8 @@ class FleetVehicles:
         if self._surfaces is not None:
             self._surfaces.look_up(self._world, self._groups.driven, self.fleet)
         try:
-            self.fleet.step(self._no_controls, simulations=env_mask, driver=self._driver_of(commands))
+            driver, kinematic = self._drivers_of(commands)
+            self.fleet.step(self._no_controls, simulations=env_mask, driver=driver, kinematic=kinematic)
         except MotionError:
             for number in np.flatnonzero(self.fleet.lost).tolist():
                 row = number // self._agents

@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from smarts.dynamics import MotionError, vehicle
+from smarts.controllers import tracking
+from smarts.dynamics import Fleet, MotionError, vehicle
 from smarts.providers.vehicle_surface import RoadSurfaces
 from smarts.sstudio import types as t
-from smarts.types.actions import CommandMode
+from smarts.types.actions import KINKED, CommandMode
 from smarts.types.agent_states import AgentStatus
 from smarts.types.transfers import Reason, Refusal, transfers
 from smarts.types.vehicles import Owner, VehicleKind
@@ -32,6 +33,31 @@ def test_writes_rows_and_tracks(stage, model):
     assert agents.distance_travelled[0, 0] == pytest.approx(vehicles.position[0, 0, 0] - 20.0)
     # Another provider moves traffic.
     assert vehicles.position[0, 1].tolist() == [300.0, 3.2]
+
+
+def test_kinematic_vehicles_drive_alike_each_by_itself_and_all_in_turn():
+    turned = np.linspace(0.0, 2.0, 64)
+    reference = np.stack([20.0 * np.sin(turned), 20.0 - 20.0 * np.cos(turned), turned, 9.0 - turned], 1)
+    driven = []
+    for alone in (False, True):
+        memory, shown, most = np.zeros((3, tracking.MEMORY)), np.zeros((3, 3)), len(turned)
+        mode = np.array([CommandMode.TRACK, CommandMode.ACTUATORS_RATE, CommandMode.NONE], np.int8)
+        actuators, window = np.array([[0.3, 0.0, 0.5]] * 3), np.array([KINKED] * 3)
+        points, slips = np.array([most] * 3, np.int32), np.zeros(3, np.bool_)
+        rows = mode, actuators, np.stack([reference] * 3), points, window, slips, memory, shown
+        with Fleet(1, 3) as fleet:
+            for row in range(3):
+                fleet.spawn(row, "passenger", (0.0, 9.0 * row), 0.05, 8.0, model="kinematic")
+            laws = [
+                fleet.driver(law, tracking.Followed(*rows))
+                for law in (tracking.drive, tracking.drive_kinematic)
+            ]
+            for _ in range(30):
+                fleet.step(np.zeros((3, 3)), driver=laws[0], kinematic=laws[1] if alone else None)
+            driven.append([*(column.copy() for column in fleet.motion), shown, memory])
+    for one, other in zip(*driven, strict=True):
+        assert one == pytest.approx(other, abs=1e-9)
+    assert driven[0][1][0, -1, 2] > 1.0  # it has followed the bend
 
 
 class TestHandOver:
