@@ -297,10 +297,10 @@ def _step_back(smoothness: float, change: float, value: Floats, linear: Floats, 
     A state (offset, heading, curvature) leads to (offset + h heading, heading + h curvature, curvature),
     where the curvature is the changed one and h is `STEP`.
     """
-    to_bend = value[1] * STEP + value[2]
-    gains = np.empty(3)
-    gains[0], gains[1] = to_bend[0], to_bend[0] * STEP + to_bend[1]
-    gains[2] = to_bend[1] * STEP + to_bend[2]
+    # Numbers: arrays here would be made two hundred times a plan.
+    aside, turn, bend = value[1, 0], value[1, 1], value[1, 2]
+    aside, turn, bend = aside * STEP + value[2, 0], turn * STEP + value[2, 1], bend * STEP + value[2, 2]
+    gains = aside, aside * STEP + turn, turn * STEP + bend
     curving = smoothness + gains[2]
     slope = smoothness * change + linear[1] * STEP + linear[2]
     for j in range(3):

@@ -116,17 +116,23 @@ def limit_speeds(reference: Floats, count: int, agility: float) -> None:
     curvature = np.empty(count)
     for i in range(count):
         before, after = max(i - 2, 0), min(i + 2, count - 1)
-        curvature[i] = wrapped(reference[after, 2] - reference[before, 2]) / _span(reference, before, after)
+        turn, curvature[i] = reference[after, 2] - reference[before, 2], 0.0
+        if turn != 0.0:  # Most lanes are straight.
+            curvature[i] = wrapped(turn) / _span(reference, before, after)
+    straight, steady = math.sqrt(CURVE_ACCELERATION / 1e-4), AGILITY_SHARE * agility / 1e-6
     for i in range(count):
-        fastest = math.sqrt(CURVE_ACCELERATION / max(abs(curvature[i]), 1e-4))
+        bend = abs(curvature[i])
+        fastest = math.sqrt(CURVE_ACCELERATION / bend) if bend > 1e-4 else straight
         before, after = max(i - 3, 0), min(i + 3, count - 1)
-        change = abs(curvature[after] - curvature[before]) / _span(reference, before, after)
-        fastest = min(fastest, AGILITY_SHARE * agility / max(change, 1e-6))
+        change = abs(curvature[after] - curvature[before])
+        change = change / _span(reference, before, after) if change != 0.0 else 0.0
+        fastest = min(fastest, AGILITY_SHARE * agility / change if change > 1e-6 else steady)
         reference[i, 3] = min(reference[i, 3], max(fastest, LEAST_CURVE_SPEED))
     for i in range(count - 2, -1, -1):
         a, b = reference[i], reference[i + 1]
-        room = math.hypot(b[0] - a[0], b[1] - a[1])
-        reference[i, 3] = min(a[3], math.sqrt(b[3] * b[3] + 2.0 * BRAKING * room))
+        if a[3] > b[3]:
+            room = math.hypot(b[0] - a[0], b[1] - a[1])
+            reference[i, 3] = min(a[3], math.sqrt(b[3] * b[3] + 2.0 * BRAKING * room))
 
 
 @kernel
