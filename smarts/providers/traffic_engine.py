@@ -18,7 +18,8 @@ class TrafficEngine(Protocol):
 
     - arrivals and departures, by `world.registry`; it admits no vehicle beyond `EpisodeStart.limit`, and none
       that overlaps a vehicle that enters in the same step;
-    - motion, `desired_speed` and `route` (a number of `world.routes`) of the vehicles that it owns;
+    - motion, `desired_speed` and `route` (a number of `world.routes`) of the vehicles that it owns, and their
+      lanes and places on these if it knows them: these are `world.placed`;
     - `world.signals`, where it controls traffic lights.
 
     The engine follows changes of the arrays. It owns a vehicle from the step after the owner column changes

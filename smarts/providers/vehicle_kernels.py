@@ -239,7 +239,7 @@ def find_touchable(state: State, motion: Motion, groups: AgentGroups, boxed: Boo
     any_found = False
     for b in np.flatnonzero(env_mask):
         count = _end_of(in_bullet[b])
-        for v in range(vehicles.alive.shape[1]):
+        for v in range(state.used[b]):
             slack = SLACK + (STAYS if boxed[b, v] else 0.0)
             boxed[b, v] = False
             is_other = vehicles.alive[b, v]

@@ -21,11 +21,12 @@ junctions [m]: until 2016, netconvert left 0.1 m between lanes (`SUMO_const_lane
 
 @kernel
 def is_on_road(
-    roads: Roads, world: int, x: float, y: float, height: float, mask: int, junctions: bool
+    roads: Roads, world: int, x: float, y: float, height: float, mask: int, junctions: bool, likely: int = -1
 ) -> bool:
     """Return whether a point lies on a lane of the masked kinds or, with `junctions`, in a junction.
 
-    Only roads near `height` [m] count.
+    Only roads near `height` [m] count. `likely` is one of these lanes on which it may be, to be
+    quick; -1 for none.
 
     Where two consecutive lanes meet at an angle, the wedge between their ends is road, too, and so is the
     crack between two lanes side by side in a bend, or between any two lanes of an old map.
@@ -33,6 +34,8 @@ def is_on_road(
     cell = cell_at(roads, world, x, y) if is_somewhere(x, y) else -1
     if cell < 0:
         return False
+    if likely >= 0 and _is_on_lane(roads, cell, likely, x, y, height):
+        return True
     ends, beside = 0, -1
     for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
         lane = roads.run[run, 0]
@@ -51,6 +54,17 @@ def is_on_road(
     if junctions and _is_in_junction(roads, cell, x, y, height):
         return True
     return _is_in_gap(roads, cell, x, y, height, mask)
+
+
+@kernel
+def _is_on_lane(roads: Roads, cell: int, lane: int, x: float, y: float, height: float) -> bool:
+    for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
+        if roads.run[run, 0] == lane:
+            point, square = nearest_in_run(roads, run, x, y, height)
+            half = 0.5 * roads.lane_width[lane]
+            if square <= half * half and place_on(roads, lane, point, x, y)[2] <= END_TOLERANCE:
+                return True
+    return False
 
 
 @kernel
@@ -101,8 +115,9 @@ def count_corners_on_road(
     width: float,
     mask: int,
     junctions: bool,
+    likely: int = -1,
 ) -> int:
-    """Return how many of one footprint's four corners are on the road."""
+    """Return how many of one footprint's four corners are on the road; see `is_on_road`."""
     forward_x, forward_y = math.cos(heading), math.sin(heading)
     count = 0
     for corner in range(4):
@@ -110,5 +125,5 @@ def count_corners_on_road(
         aside = width * (0.5 if corner % 2 else -0.5)
         corner_x = x + ahead * forward_x - aside * forward_y
         corner_y = y + ahead * forward_y + aside * forward_x
-        count += is_on_road(roads, world, corner_x, corner_y, height, mask, junctions)
+        count += is_on_road(roads, world, corner_x, corner_y, height, mask, junctions, likely)
     return count

@@ -287,11 +287,11 @@ class LaneGraph:
         """
         rows = slice(int(self.point_start[lane]), int(self.point_start[lane + 1]))
         stations, points, directions = self.point_s[rows], self.point_xy[rows], self.point_heading[rows]
-        segment = int(np.clip(np.searchsorted(stations, s, side="right") - 1, 0, len(stations) - 2))
+        segment = min(max(int(np.searchsorted(stations, s, side="right")) - 1, 0), len(stations) - 2)
         span = stations[segment + 1] - stations[segment]
         share = (s - stations[segment]) / span if span > 0 else 0.0
         turn = -wrap_angle(directions[segment] - directions[segment + 1])
-        heading = wrap_angle(float(directions[segment] + np.clip(share, 0.0, 1.0) * turn))
+        heading = wrap_angle(float(directions[segment] + min(max(share, 0.0), 1.0) * turn))
         x, y = points[segment] + share * (points[segment + 1] - points[segment])
         return float(x - t * np.sin(heading)), float(y + t * np.cos(heading)), heading
 

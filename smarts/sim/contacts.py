@@ -14,7 +14,7 @@ from smarts.geometry.segments import interpolate_angle, wrapped
 from smarts.roads.levels import meets
 from smarts.sim.places import was_there
 from smarts.sim.traffic_overlaps import count_overlaps
-from smarts.types.agent_states import AgentStates, AgentStatus
+from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Contacts
 from smarts.types.tracks import Tracks
 from smarts.types.vehicles import VehicleStates
@@ -88,7 +88,7 @@ def find_contacts(state: State, out: Contacts, tracks: Tracks, env_mask: Bools) 
     out.side[:] = 0
     touching[:] = False
     for row in np.flatnonzero(env_mask):
-        alive = _survey(now, before, poses, agents, row, near, reach, agent_id_of)
+        alive = _survey(state, poses, row, near, reach, agent_id_of)
         for agent_id in range(status.shape[1]):
             slot = slots[row, agent_id]
             if slot < 0 or status[row, agent_id] not in (_ACTIVE, _SHADOWING, _LEAVING):
@@ -100,6 +100,9 @@ def find_contacts(state: State, out: Contacts, tracks: Tracks, env_mask: Bools) 
                 dx = position[row, other, 0] - position[row, slot, 0]
                 dy = position[row, other, 1] - position[row, slot, 1]
                 far = reach[slot] + reach[other]
+                is_touched = tracks.touched[row, agent_id, other] != 0
+                if not is_touched and dx * dx + dy * dy > far * far:
+                    continue
                 held, held_speed = _held_apart(now, before, tracks, row, agent_id, other)
                 if not meets(now, row, slot, other) or (held < 0 and dx * dx + dy * dy > far * far):
                     continue
@@ -145,23 +148,12 @@ def _held_apart(
 
 
 @kernel
-def _survey(
-    now: VehicleStates,
-    before: VehicleStates,
-    poses: Floats,
-    agents: AgentStates,
-    row: int,
-    near: Ints,
-    reach: Floats,
-    agent_id_of: Ints,
-) -> int:
+def _survey(state: State, poses: Floats, row: int, near: Ints, reach: Floats, agent_id_of: Ints) -> int:
     """List the vehicles of one simulation, and how far from its present centre each box was at most.
 
     Args:
-        now: All vehicles.
-        before: A step ago.
+        state: State of the world.
         poses: Poses of the agents' tracks.
-        agents: All agents.
         row: The simulation.
         near: Written: the slots, in order.
         reach: Written: by slot [m].
@@ -170,9 +162,10 @@ def _survey(
     Returns:
         How many vehicles there are.
     """
+    now, before, agents = state.vehicles, state.before, state.agents
     alive, position, length, width = now.alive, now.position, now.length, now.width
     count = 0
-    for slot in range(alive.shape[1]):
+    for slot in range(state.used[row]):
         if alive[row, slot]:
             near[count] = slot
             count += 1

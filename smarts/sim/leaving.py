@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from smarts.arrays import Bools
+from smarts.arrays import Bools, Ints
 from smarts.geometry.compiling import kernel
 from smarts.types.agent_states import AgentStatus, ChangePhase
 from smarts.types.events import Contacts, Outcome
@@ -84,14 +84,21 @@ def note_collisions(state: State, contacts: Contacts, env_mask: Bools) -> None:
 
 
 @kernel
-def has_leavers(state: State, env_mask: Bools) -> bool:
-    """Return whether any vehicle of an agent is to leave its agent, in some simulations."""
-    agents = state.agents
+def find_leavers(state: State, found: Ints, env_mask: Bools) -> int:
+    """List the agents whose vehicles are to leave them, in some simulations; return how many there are.
+
+    Args:
+        state: The state of the world.
+        found: Written: simulation and agent, shape (B A, 2).
+        env_mask: The simulations, shape (B,).
+    """
+    agents, count = state.agents, 0
     for b in np.flatnonzero(env_mask):
         for a in range(agents.slot.shape[1]):
             status = agents.state[b, a]
             if agents.slot[b, a] >= 0 and (
                 status in (_DONE, _LEAVING) or (status == _ACTIVE and agents.release_step[b, a] >= 0)
             ):
-                return True
-    return False
+                found[count, 0], found[count, 1] = b, a
+                count += 1
+    return count

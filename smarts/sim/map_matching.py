@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from smarts.roads.footprints import count_corners_on_road, is_on_road
 from smarts.roads.kernels import candidates, centre_at, distance_on_row, find_row, lane_length, place_on_map
 from smarts.roads.scene import Scene
 from smarts.sim.places import lane_of, line_on
-from smarts.types import columns
 from smarts.types.mission import GoalKind
 from smarts.types.vehicles import STANDING, VehicleStates
 from smarts.types.world import State
@@ -31,31 +29,20 @@ _LATEST = 1e12
 """Beyond the end of every route [m]: picks the last time that a route uses a lane."""
 
 
-class Matched(NamedTuple):
-    """The poses for which the vehicles' places hold: a vehicle that has not moved keeps its place."""
-
-    generation: Ints
-    """The vehicle, -1 where the place is to be found again, shape (B, V)."""
-    pose: Floats
-    """x, y [m] and heading [rad], shape (B, V, 3)."""
-
-
 class MapMatcher:
     """Finds all vehicles' lanes, and the agents' progress along their routes."""
 
     def __init__(self, scene: Scene) -> None:
-        shape = scene.world.vehicles.alive.shape
-        matched = columns.allocate(Matched, shape, unset=("generation",), more={"pose": (3,)})
-        world, roads = scene.world.state, scene.atlas.roads
+        world, roads = scene.world, scene.atlas.roads
         self.match: Callable[[Bools], None] = bind(
-            match_vehicles, world, roads, scene.routes.current, matched
+            match_vehicles, world.state, roads, scene.routes.current, world.placed
         )
         """See `match_vehicles`; takes `env_mask`."""
 
 
 @kernel
-def match_vehicles(state: State, roads: Roads, routes: RouteTable, matched: Matched, env_mask: Bools) -> None:
-    """Write the places of all vehicles, since when they stand, and where agents are on their routes.
+def match_vehicles(state: State, roads: Roads, routes: RouteTable, placed: Bools, env_mask: Bools) -> None:
+    """Write the places of vehicles that are not `placed`, since when all stand, and agents' places on routes.
 
     On its route, an agent's `remaining` is the distance to the goal, on the last lap of several, and 0
     behind it, and `lane_changes` are those that the goal's lane demands; off the route, as off the road,
@@ -63,15 +50,18 @@ def match_vehicles(state: State, roads: Roads, routes: RouteTable, matched: Matc
     what it has driven along the lanes.
     """
     vehicles, agents = state.vehicles, state.agents
-    capacity = vehicles.alive.shape[1]
-    room = candidates()
-    corridor = np.empty(capacity, np.int32)
+    room, corridor = candidates(), np.empty(vehicles.alive.shape[1], np.int32)
     for b in np.flatnonzero(env_mask):
-        _begin_matching(state, routes, matched, b, corridor)
-        for v in range(capacity):
+        # The corridor of the route that each vehicle's agent is on, -1 without one.
+        corridor[: state.used[b]] = -1
+        for a in range(agents.slot.shape[1]):
+            if agents.slot[b, a] >= 0 and routes.number[b, a] >= 0:
+                corridor[agents.slot[b, a]] = routes.free + routes.number[b, a]
+        for v in range(state.used[b]):
+            is_placed, placed[b, v] = placed[b, v], False
             if vehicles.alive[b, v]:
-                if corridor[v] >= 0 or not _is_matched(vehicles, matched, b, v):
-                    _place(state, roads, routes, matched, b, v, corridor[v], room)
+                if not is_placed:
+                    _place(state, roads, routes, b, v, corridor[v], room)
                 _note_standing(state, b, v)
         for a in range(agents.slot.shape[1]):
             if agents.slot[b, a] >= 0:
@@ -87,9 +77,10 @@ def _place_agent(state: State, roads: Roads, routes: RouteTable, corridor: int, 
     length, width, height = vehicles.length[b, v], vehicles.width[b, v], vehicles.height[b, v]
     is_new = agents.entry_step[b, a] == state.step[b]
     came_by_road = not (agents.left_road[b, a] or is_new)
-    agents.on_road[b, a] = is_on_road(roads, world, x, y, height, _ROAD, True)
+    lane = lane_of(state, roads, vehicles, b, v)
+    agents.on_road[b, a] = is_on_road(roads, world, x, y, height, _ROAD, True, lane)
     agents.corners_on_road[b, a] = count_corners_on_road(
-        roads, world, x, y, height, heading, length, width, _ROAD, True
+        roads, world, x, y, height, heading, length, width, _ROAD, True, lane
     )
     agents.on_route[b, a] = corridor < 0
     agents.left_road[b, a] = not (agents.on_road[b, a] and (came_by_road or is_new))
@@ -104,42 +95,16 @@ def _place_agent(state: State, roads: Roads, routes: RouteTable, corridor: int, 
 
 
 @kernel
-def _begin_matching(state: State, routes: RouteTable, matched: Matched, b: int, corridor: Ints) -> None:
-    """Write the corridor of each vehicle's route, -1 without one, shape (V,); forget the last episode."""
-    slot, route = state.agents.slot[b], routes.number[b]
-    if state.step[b] == 0:
-        # Generations begin again with the episode, and the map may be another.
-        matched.generation[b, :] = -1
-    corridor[:] = -1
-    for a in range(len(slot)):
-        if slot[a] >= 0 and route[a] >= 0:
-            corridor[slot[a]] = routes.free + route[a]
-
-
-@kernel
-def _is_matched(vehicles: VehicleStates, matched: Matched, b: int, slot: int) -> bool:
-    """Return whether a vehicle's place is that of its pose."""
-    pose = matched.pose[b, slot]
-    return (
-        matched.generation[b, slot] == vehicles.generation[b, slot]
-        and pose[0] == vehicles.position[b, slot, 0]
-        and pose[1] == vehicles.position[b, slot, 1]
-        and pose[2] == vehicles.heading[b, slot]
-    )
-
-
-@kernel
 def _place(
     state: State,
     roads: Roads,
     routes: RouteTable,
-    matched: Matched,
     b: int,
     slot: int,
     corridor: int,
     room: tuple[Ints, Ints, Floats],
 ) -> None:
-    """Write a vehicle's place, and its pose if the place depends on nothing else, such as a route."""
+    """Write a vehicle's place."""
     vehicles = state.vehicles
     x, y, heading = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1], vehicles.heading[b, slot]
     height = vehicles.height[b, slot]
@@ -148,8 +113,6 @@ def _place(
     vehicles.lane_position[b, slot] = place[1]
     vehicles.lane_offset[b, slot] = place[2]
     vehicles.height[b, slot] = place[4]
-    matched.generation[b, slot] = vehicles.generation[b, slot] if corridor < 0 else -1
-    matched.pose[b, slot, 0], matched.pose[b, slot, 1], matched.pose[b, slot, 2] = x, y, heading
 
 
 @kernel

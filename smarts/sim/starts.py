@@ -20,6 +20,7 @@ from smarts.geometry.rings import rings_of
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.corridors import Corridor, route_corridor
 from smarts.roads.lane_graph import HEIGHT_REACH, LaneGraph
+from smarts.roads.memory import remembered
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.missions import PlacedMission, PlacedVia, place_missions
 from smarts.sstudio.placement import target_lane
@@ -245,14 +246,15 @@ def distance_along(corridor: Corridor, roads: LaneGraph, lane: int, s: float, *,
     return float(corridor.begin[row] + share * (corridor.end[row] - corridor.begin[row]))
 
 
-def free_flow_time(roads: LaneGraph, route: Sequence[str], lane: int, length: float, speed: float) -> float:
+def free_flow_time(roads: LaneGraph, route: tuple[str, ...], lane: int, length: float, speed: float) -> float:
     """Return how long a driver at the limits takes for a route, from a speed at its start [s]."""
     if not route:
         return 0.0
     return time_at(mean_limit(roads, route), float(roads.speed_limit[lane]), length, speed)
 
 
-def mean_limit(roads: LaneGraph, route: Sequence[str]) -> float:
+@remembered(most=1024)
+def mean_limit(roads: LaneGraph, route: tuple[str, ...]) -> float:
     """Return the mean speed of a driver at the limits over a route [m/s]."""
     edges = [roads.edge_number(name) for name in route]
     rightmost = [_rightmost_road_lane(roads, edge) for edge in edges]

@@ -29,9 +29,12 @@ def count_overlaps(state: State, overlaps: Ints, env_mask: Bools) -> None:
     """
     now, before = state.vehicles, state.before
     for b in np.flatnonzero(env_mask):
-        slots = np.flatnonzero(now.alive[b] & (now.owner[b] != _AGENT))
+        used = state.used[b]
+        slots = np.flatnonzero(now.alive[b, :used] & (now.owner[b, :used] != _AGENT))
         slots = slots[np.argsort(now.position[b, :, 0][slots])]
-        longest = now.length[b].max() + now.width[b].max()
+        longest = 0.0
+        for v in slots:
+            longest = max(longest, now.length[b, v] + now.width[b, v])
         for place, v in enumerate(slots):
             for w in slots[place + 1 :]:
                 if now.position[b, w, 0] - now.position[b, v, 0] > longest:

@@ -13,7 +13,7 @@ from smarts.geometry.binding import bind
 from smarts.geometry.segments import inside_outline
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.entries import Entries
-from smarts.sim.leaving import has_leavers
+from smarts.sim.leaving import find_leavers
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart, TakeOver
 from smarts.types.events import Events, Outcome
@@ -48,7 +48,8 @@ class HandoverRules:
     ) -> None:
         self._world, self._entries, self._pool = world, entries, pool
         self._can_take = can_take
-        self._has_leavers = bind(has_leavers, world.state)
+        self._leavers = np.zeros((world.agents.slot.size, 2), np.int32)
+        self._find_leavers = bind(find_leavers, world.state, self._leavers)
         # What the triggers of conditions remember, by simulation and number of the agent.
         self._memory = [defaultdict[int, dict[Any, float]](dict) for _ in range(world.worlds)]
 
@@ -58,7 +59,7 @@ class HandoverRules:
 
     def propose(self, events: Events, env_mask: Bools) -> Transfers:
         """Return the transfers for the beginning of the next step."""
-        proposed = [*self._leaves(env_mask)] if self._has_leavers(env_mask) else []
+        proposed = [*self._leaves(env_mask)]
         if any(self._entries.waiting):
             for row in np.flatnonzero(env_mask).tolist():
                 proposed += self._takes(row)
@@ -67,9 +68,7 @@ class HandoverRules:
     def _leaves(self, env_mask: Bools) -> Iterator[Transfer]:
         """Yield the transfers of vehicles that their agents give up, home or out of the world."""
         agents, vehicles = self._world.agents, self._world.vehicles
-        ending = np.isin(agents.state, (AgentStatus.DONE, AgentStatus.LEAVING))
-        ending |= (agents.state == AgentStatus.ACTIVE) & (agents.release_step != UNSET)
-        for row, agent_id in np.argwhere(ending & (agents.slot != UNSET) & env_mask[:, None]).tolist():
+        for row, agent_id in self._leavers[: self._find_leavers(env_mask)].tolist():
             slot, generation = int(agents.slot[row, agent_id]), int(agents.generation[row, agent_id])
             owner, home = int(vehicles.owner[row, slot]), int(vehicles.home[row, slot])
             seen = row, slot, generation, owner, agent_id

@@ -2,7 +2,7 @@
 
 A driver reads from another's turn signal which way it takes across the junction ahead, not where it drives
 behind it. So `vehicles.next_edge` shows the next edge alone. It changes where a vehicle comes to another
-edge, or gets another route, which is rare: a kernel finds these vehicles.
+edge, or gets another route.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from smarts.roads.arrays import Roads
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
 from smarts.types import columns
+from smarts.types.planned_routes import RouteEdges
 from smarts.types.world import State
 
 
@@ -28,7 +29,7 @@ class Shown(NamedTuple):
     generation: Ints
     route: Ints
     edge: Ints
-    """Edge of the map, -1 for none."""
+    """Edge, numbered across all maps; -1 for none."""
 
 
 class TurnSignals:
@@ -39,45 +40,14 @@ class TurnSignals:
     """
 
     def __init__(self, scene: Scene) -> None:
-        world = scene.world
-        self._maps, self._graphs = world.map, scene.atlas.graphs
-        self._next, self._planned = world.vehicles.next_edge, world.routes
-        shape = world.vehicles.alive.shape
-        self._place = world.route_place
-        self._found = np.zeros((shape[0] * shape[1], 5), np.int32)
-        shown = columns.allocate(Shown, shape, unset=Shown._fields)
-        self._find = bind(find_turned, world.state, scene.atlas.roads, shown, self._found)
-
-    def show(self, env_mask: Bools) -> None:
-        """Write the next edges of the vehicles that have come to another edge, or have another route."""
-        count = self._find(env_mask)
-        if count:
-            for row, slot, route, edge, is_new in self._found[:count].tolist():
-                if is_new:
-                    self._place[row, slot] = 0
-                self._next[row, slot] = self._edge_after(row, slot, route, edge)
-
-    def _edge_after(self, row: int, slot: int, route: int, edge: int) -> int:
-        """Return the edge after `edge` on a route, -1 if there is none.
-
-        Routes have no edges inside junctions: there it is the first one that follows the edge before the
-        junction, or is the edge behind it.
-        """
-        edges, place = self._planned.edges(row, route), int(self._place[row, slot])
-        if place < len(edges) and edges[place] == edge:
-            # It has come to the edge that it showed.
-            self._place[row, slot] = place + 1
-            return int(edges[place + 1]) if place + 1 < len(edges) else -1
-        before, behind = _ends_of(self._graphs[self._maps[row]], edge)
-        places = np.flatnonzero(edges == before) + 1
-        if behind >= 0:
-            places = np.sort(np.append(places, np.flatnonzero(edges == behind)))
-        if not len(places):
-            return -1
-        ahead = places[places >= place]
-        place = int(ahead[0] if len(ahead) else places[0])
-        self._place[row, slot] = place
-        return int(edges[place]) if place < len(edges) else -1
+        world, atlas = scene.world, scene.atlas
+        ends = [_ends_of(graph, edge) for graph in atlas.graphs for edge in range(len(graph.edge_ids))]
+        shown = columns.allocate(Shown, world.vehicles.alive.shape, unset=Shown._fields)
+        table = world.routes.table, np.array(ends, np.int32)
+        self.show: Callable[[Bools], None] = bind(
+            show_turns, world.state, atlas.roads, *table, shown, world.route_place
+        )
+        """See `show_turns`; takes `env_mask`."""
 
 
 def _ends_of(graph: LaneGraph, edge: int) -> tuple[int, int]:
@@ -99,40 +69,67 @@ def _road_of(graph: LaneGraph, lane: int, neighbours: Callable[[int], Ints]) -> 
 
 
 @kernel
-def find_turned(state: State, roads: Roads, shown: Shown, found: Ints, env_mask: Bools) -> int:
-    """Find the vehicles whose signals are to be set; clear the signals of vehicles without a route.
+def show_turns(
+    state: State,
+    roads: Roads,
+    routes: RouteEdges,
+    ends: Ints,
+    shown: Shown,
+    place: Ints,
+    env_mask: Bools,
+) -> None:
+    """Write the next edges of vehicles that have come to another edge, or have another route.
 
     Args:
-        state: The state of the world; the next edges of vehicles without a route are written.
+        state: The state of the world; `next_edge` is written.
         roads: The maps' lanes.
+        routes: The planned routes.
+        ends: Edges before and behind each edge inside a junction; another edge itself and -1, shape (E, 2).
         shown: Written.
-        found: Written: rows of simulation, slot, route, edge, and whether the route is new, shape (B V, 5).
+        place: `World.route_place`, written.
         env_mask: The simulations, shape (B,).
-
-    Returns:
-        How many rows were written.
     """
-    vehicles, count = state.vehicles, 0
+    vehicles = state.vehicles
     for b in np.flatnonzero(env_mask):
         if state.step[b] == 0:
             # Generations begin again with the episode.
             shown.generation[b, :] = -1
         lanes, edges = roads.lane_base[state.map[b]], roads.edge_base[state.map[b]]
-        for slot in range(vehicles.alive.shape[1]):
+        for slot in range(state.used[b]):
             if not vehicles.alive[b, slot] or vehicles.lane[b, slot] < 0:
                 continue
             lane, route = lanes + vehicles.lane[b, slot], vehicles.route[b, slot]
             is_new = shown.generation[b, slot] != vehicles.generation[b, slot]
             is_new |= shown.route[b, slot] != route
-            edge = roads.lane_edge[lane] - edges
+            edge = roads.lane_edge[lane]
             if not is_new and (roads.lane_inside[lane] or edge == shown.edge[b, slot]):
                 continue
             shown.generation[b, slot], shown.route[b, slot] = vehicles.generation[b, slot], route
-            shown.edge[b, slot] = edge
-            if route < 0:
-                vehicles.next_edge[b, slot] = -1
-                continue
-            found[count, 0], found[count, 1], found[count, 2] = b, slot, route
-            found[count, 3], found[count, 4] = edge, is_new
-            count += 1
-    return count
+            shown.edge[b, slot], vehicles.next_edge[b, slot] = edge, -1
+            if route >= 0:
+                here = 0 if is_new else place[b, slot]
+                planned = routes.edge[b, routes.first[b, route] : routes.first[b, route + 1]]
+                found = _place_after(planned, here, edge - edges, ends[edge])
+                place[b, slot] = here if found < 0 else found
+                if 0 <= found < len(planned):
+                    vehicles.next_edge[b, slot] = planned[found]
+
+
+@kernel
+def _place_after(planned: Ints, here: int, edge: int, ends: Ints) -> int:
+    """Return the place of the edge after `edge` on a route, from place `here` on if it is there; -1 for none.
+
+    Routes have no edges inside junctions: there it is the first one that follows the edge before the
+    junction, or is the edge behind it.
+    """
+    if here < len(planned) and planned[here] == edge:
+        # It has come to the edge that it showed.
+        return here + 1
+    before, behind, first = ends[0], ends[1], -1
+    for place in range(len(planned) + 1):
+        is_next = place > 0 and planned[place - 1] == before
+        if is_next or (behind >= 0 and place < len(planned) and planned[place] == behind):
+            if place >= here:
+                return place
+            first = place if first < 0 else first
+    return first

@@ -30,6 +30,8 @@ class VehicleRegistry:
     def __init__(self, states: VehicleStates) -> None:
         self.states = states
         worlds = states.alive.shape[0]
+        self.used = np.zeros(worlds, np.int32)
+        """How many slots, the first ones, have been given in the episode, shape (B,)."""
         self._names: list[dict[int, tuple[int, str]]] = [{} for _ in range(worlds)]
         """Generation that is named, and its name, by slot."""
         self._by_name: list[dict[str, int]] = [{} for _ in range(worlds)]
@@ -38,7 +40,7 @@ class VehicleRegistry:
     def reset(self, row: int) -> None:
         """Empty a simulation, and restart its generations and names."""
         self.states.clear((row, slice(None)))
-        self.states.generation[row] = 0
+        self.states.generation[row] = self.used[row] = 0
         self._names[row].clear()
         self._by_name[row].clear()
 
@@ -121,6 +123,7 @@ class VehicleRegistry:
         if alive[slot]:
             return -1
         alive[slot] = True
+        self.used[row] = max(self.used[row], slot + 1)
         self.states.generation[row, slot] += 1
         return slot
 

@@ -7,13 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.arrays import Bools, Bytes, Floats, Ints
+from smarts.arrays import Bools, Bytes, Floats, Ints, Longs
+from smarts.geometry.binding import bind
+from smarts.geometry.compiling import kernel
 from smarts.types.agent_states import AgentStates
 from smarts.types.guidance import Guidance
 from smarts.types.mission import Missions
 from smarts.types.planned_routes import PlannedRoutes
 from smarts.types.vehicle_registry import VehicleRegistry
 from smarts.types.vehicles import VehicleStates
+
+Columns = tuple[NDArray[np.uint8], ...]
 
 
 class State(NamedTuple):
@@ -27,6 +31,8 @@ class State(NamedTuple):
     """Number of the episode, shape (B,)."""
     map: Ints
     """Number of the map in the atlas, shape (B,)."""
+    used: Ints
+    """How many slots, the first ones, have held a vehicle in the episode, shape (B,)."""
     vehicles: VehicleStates
     """The vehicles now, shape (B, V)."""
     before: VehicleStates
@@ -70,37 +76,46 @@ class World:
         dt: float = 0.1,
     ) -> None:
         self.egos = agents if egos is None else egos
-        self._now, vehicles = _in_one_block(VehicleStates.allocate(worlds, capacity))
-        self._before, before = _in_one_block(VehicleStates.allocate(worlds, capacity))
+        self.vehicles = VehicleStates.allocate(worlds, capacity)
+        self.before = VehicleStates.allocate(worlds, capacity)
+        self.registry = VehicleRegistry(self.vehicles)
+        """Issues slots and names."""
         self.state = State(
             dt=dt,
             step=np.zeros(worlds, np.int32),
             episode=np.zeros(worlds, np.int32),
             map=np.zeros(worlds, np.int32),
-            vehicles=vehicles,
-            before=before,
+            used=self.registry.used,
+            vehicles=self.vehicles,
+            before=self.before,
             agents=AgentStates.allocate(worlds, agents, vias),
             missions=Missions.allocate(worlds, agents, vias),
             guidance=Guidance.allocate(worlds, agents),
             signals=np.zeros((worlds, lanes), np.int8),
         )
         self.dt, self.step, self.episode, self.map = dt, self.state.step, self.state.episode, self.state.map
-        self.vehicles, self.before, self.agents = vehicles, before, self.state.agents
+        self.agents = self.state.agents
         self.missions, self.guidance, self.signals = (
             self.state.missions,
             self.state.guidance,
             self.state.signals,
         )
-        self.registry = VehicleRegistry(self.vehicles)
-        """Issues slots and names."""
         self.routes = PlannedRoutes(worlds)
         """The routes that `vehicles.route` and `missions.route` number."""
         self.route_place = np.zeros((worlds, capacity), np.int32)
         """Where `vehicles.next_edge` is on each vehicle's route, its length at its end: a route may use an
         edge twice. Not for vehicles without a route. Shape (B, V)."""
+        self.placed = np.zeros((worlds, capacity), np.bool_)
+        """Vehicles whose lane, and places along and beside it, their provider has written in this step: they
+        are not searched for. Map matching clears it. Shape (B, V)."""
         self.traffic_overlaps = np.zeros(worlds, np.int32)
         """Pairs of vehicles of traffic that have come to overlap in the episode, shape (B,)."""
-        self._pairs = list(zip(self.vehicles, self.before, strict=True))
+        sizes = np.array([column[:1, :1].nbytes for column in self.vehicles])
+        now, before = (
+            tuple(column.view(np.uint8).reshape(worlds, -1) for column in states)
+            for states in (self.vehicles, self.before)
+        )
+        self._keep = bind(keep_past, now, before, sizes, self.registry.used)
 
     @property
     def worlds(self) -> int:
@@ -114,11 +129,7 @@ class World:
 
     def advance(self, env_mask: Bools) -> None:
         """Begin a step of some simulations: what is now becomes what was, and stays until written."""
-        if np.count_nonzero(env_mask) == len(env_mask):
-            self._before[:] = self._now
-        else:
-            for now, before in self._pairs:
-                before[env_mask] = now[env_mask]
+        self._keep(env_mask)
         self.step += env_mask
 
     def clear(self, row: int) -> None:
@@ -136,17 +147,23 @@ class World:
 
     def settle(self, row: int) -> None:
         """End the reset of one simulation: nothing has moved before its first step."""
-        for now, before in self._pairs:
+        for now, before in zip(self.vehicles, self.before, strict=True):
             before[row] = now[row]
 
 
-def _in_one_block(states: VehicleStates) -> tuple[NDArray[np.uint8], VehicleStates]:
-    """Return a block of memory and the same states in it: one copy is cheaper than twenty."""
-    # Each column begins on a cache line of its own.
-    ends = np.cumsum([-(-column.nbytes // 64) * 64 for column in states]).tolist()
-    block = np.zeros(ends[-1], np.uint8)
-    moved = []
-    for column, begin in zip(states, [0, *ends], strict=False):
-        moved.append(block[begin : begin + column.nbytes].view(column.dtype).reshape(column.shape))
-        moved[-1][...] = column
-    return block, VehicleStates._make(moved)
+@kernel
+def keep_past(now: Columns, before: Columns, sizes: Longs, used: Ints, env_mask: Bools) -> None:
+    """Copy the used slots of some simulations.
+
+    Args:
+        now: The columns of K quantities, shape (B, bytes) each.
+        before: The same, written.
+        sizes: Bytes of a slot, shape (K,).
+        used: Slots that are in use, shape (B,).
+        env_mask: The simulations, shape (B,).
+    """
+    for b in np.flatnonzero(env_mask):
+        for column in range(len(sizes)):
+            source, target = now[column], before[column]
+            for place in range(used[b] * sizes[column]):
+                target[b, place] = source[b, place]

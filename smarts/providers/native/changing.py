@@ -69,7 +69,7 @@ class Change(NamedTuple):
 @kernel
 def change_lanes(n: Traffic, b: int) -> None:
     """Let vehicles begin lane changes."""
-    for slot in range(n.driven.shape[1]):
+    for slot in range(n.used[b]):
         if n.driven[b, slot] < 0:
             continue
         car = n.by_slot[b, slot]

@@ -26,7 +26,7 @@ _GO = int(Signal.GO)
 def depart(n: Traffic, b: int, time: float) -> None:
     """Let the vehicles depart whose time has come and that have room; `time` is since the warm-up began."""
     sim, alive = n.sims[b], 0
-    for slot in range(n.driven.shape[1]):
+    for slot in range(n.used[b]):
         alive += n.vehicles.alive[b, slot]
     for number in range(sim.flows):
         pending, flow = n.pending[b, number], n.flows[sim.flow + number]
@@ -76,6 +76,7 @@ def _depart_one(n: Traffic, b: int, number: int, flow: Record) -> bool:
     if car.speed < 0.0 or car.speed < flow.speed or not _is_free_behind(n, car):
         return False
     v.alive[b, slot] = True
+    n.used[b] = max(n.used[b], slot + 1)
     v.generation[b, slot] += 1
     v.owner[b, slot] = v.home[b, slot] = n.owner
     v.kind[b, slot] = kind.kind

@@ -21,7 +21,7 @@ from smarts.providers.native.junctions import (
 )
 from smarts.providers.native.planning import DURATION, VISIBLE
 from smarts.providers.native.state import TAILS, Car, Link, Traffic
-from smarts.roads.kernels import centre_at, height_at
+from smarts.roads.kernels import centre_at, height_at, nearest_segment, place_on
 from smarts.types.traffic import Signal
 
 COOPERATIVE, STRATEGIC, BY_LEADER, BY_FOLLOWER, BLOCKS_CHANGE = 1, 2, 4, 8, 16
@@ -262,12 +262,7 @@ def write_pose(n: Traffic, car: Car, is_new: bool) -> None:
     """Write a vehicle into its columns, both ends on its lanes; without rates of turning if it is new."""
     v, b, slot = n.vehicles, car.sim, car.slot
     x, y, along, height = _point(n, car.lane, car.front, car.offset)
-    tail, back = car.lane, car.front - car.length
-    for place in range(TAILS):
-        if back >= 0.0 or car.tails[place] < 0:
-            break
-        tail = car.tails[place]
-        back += n.lanes[tail].length
+    tail, back = _lane_behind(n, car, car.length)
     back_x, back_y, _, back_height = _point(n, tail, back, car.offset)
     ahead, aside = x - back_x, y - back_y
     apart, heading = math.hypot(ahead, aside), math.atan2(aside, ahead)
@@ -283,6 +278,37 @@ def write_pose(n: Traffic, car: Car, is_new: bool) -> None:
     v.yaw_rate[b, slot], v.lateral_acceleration[b, slot] = yaw_rate, car.speed * yaw_rate
     v.lateral_speed[b, slot] = car.side * n.lanes[car.lane].width / DURATION
     v.desired_speed[b, slot] = car.desired
+    _write_place(n, car)
+
+
+@kernel
+def _write_place(n: Traffic, car: Car) -> None:
+    """Write the lane and the place there of a vehicle's centre, unless that is over the lane's side."""
+    v, roads, b, slot = n.vehicles, n.roads, car.sim, car.slot
+    lane, s = _lane_behind(n, car, 0.5 * car.length)
+    first, end = roads.point_start[lane], roads.point_start[lane + 1]
+    point = segment_at(roads.point_s, first, end, s)
+    x, y = v.position[b, slot, 0], v.position[b, slot, 1]
+    # In a bend the centre is inside of the lane's line.
+    first, last = max(first, point - 1), min(end - 2, point + 1)
+    point, _, _, _ = nearest_segment(roads, first, last, x, y, math.nan)
+    s, offset, _ = place_on(roads, lane, point, x, y)
+    n.placed[b, slot] = abs(offset) <= 0.5 * n.lanes[lane].width
+    if n.placed[b, slot]:
+        v.lane[b, slot] = lane - roads.lane_base[n.map[b]]
+        v.lane_position[b, slot], v.lane_offset[b, slot] = s, offset
+
+
+@kernel
+def _lane_behind(n: Traffic, car: Car, distance: float) -> tuple[int, float]:
+    """Return the lane some distance [m] behind a vehicle's front, and the arc length there [m]."""
+    lane, s = car.lane, car.front - distance
+    for place in range(TAILS):
+        if s >= 0.0 or car.tails[place] < 0:
+            break
+        lane = car.tails[place]
+        s += n.lanes[lane].length
+    return lane, s
 
 
 @kernel

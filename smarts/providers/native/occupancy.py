@@ -34,7 +34,7 @@ def list_vehicles(n: Traffic, b: int, others: bool) -> None:
     """List the vehicles of a simulation; those of other providers if `others`."""
     clear_lists(n, 0)
     if others:
-        for slot in range(n.driven.shape[1]):
+        for slot in range(n.used[b]):
             if n.vehicles.alive[b, slot] and not is_driven(n, b, slot):
                 _list_other(n, b, slot)
     n.counts[1] = n.counts[0]
@@ -45,7 +45,7 @@ def list_vehicles(n: Traffic, b: int, others: bool) -> None:
 def list_driven(n: Traffic, b: int) -> None:
     """List the engine's vehicles again, after those of other providers, which stay listed."""
     clear_lists(n, n.counts[1])
-    for slot in range(n.driven.shape[1]):
+    for slot in range(n.used[b]):
         if is_driven(n, b, slot):
             _list_car(n, n.by_slot[b, slot])
 

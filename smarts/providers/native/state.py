@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from smarts.arrays import Bytes, Floats, Ints
+from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.types.vehicles import VehicleStates
 
@@ -186,6 +186,10 @@ class Traffic(NamedTuple):
     signals: Bytes
     """As in the world, shape (B, .)."""
     vehicles: VehicleStates
+    used: Ints
+    """As in the world, shape (B,)."""
+    placed: Bools
+    """As in the world, shape (B, V)."""
     roads: Roads
     no_routes: RouteTable
     sims: Records

@@ -26,7 +26,7 @@ def step(n: Traffic, env_mask: Bools) -> None:
     for b in range(len(env_mask)):
         if env_mask[b]:
             _step(n, b, True)
-            for slot in range(n.driven.shape[1]):
+            for slot in range(n.used[b]):
                 if n.driven[b, slot] >= 0:
                     moving.write_pose(n, n.by_slot[b, slot], n.by_slot[b, slot].next_action == -math.inf)
 
@@ -47,7 +47,7 @@ def begin(n: Traffic, b: int, steps: int) -> None:
     junctions.begin_lights(n, b)
     for _ in range(steps):
         _step(n, b, False)
-    for slot in range(n.driven.shape[1]):
+    for slot in range(n.used[b]):
         if n.driven[b, slot] >= 0:
             moving.write_pose(n, n.by_slot[b, slot], True)
 
@@ -55,7 +55,7 @@ def begin(n: Traffic, b: int, steps: int) -> None:
 @kernel
 def _step(n: Traffic, b: int, others: bool) -> None:
     """Advance one simulation, in SUMO's order; `others`: other providers' vehicles are there."""
-    sim, slots = n.sims[b], n.driven.shape[1]
+    sim, slots = n.sims[b], n.used[b]
     # The time at which SUMO's step begins; the slack is against rounding.
     time = sim.tick * n.dt + 1e-9
     sim.tick += 1
@@ -88,7 +88,7 @@ def find_new(n: Traffic, env_mask: Bools, rows: Ints, slots: Ints) -> int:
     """Forget vehicles that others drive now, list vehicles new to the engine, and return their number."""
     v, count = n.vehicles, 0
     for b in range(len(env_mask)):
-        for slot in range(v.alive.shape[1]):
+        for slot in range(n.used[b]):
             if env_mask[b] and not occupancy.is_driven(n, b, slot):
                 n.driven[b, slot] = -1
                 if v.alive[b, slot] and v.owner[b, slot] == n.owner:

@@ -53,6 +53,8 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int, built: Built) -> Tr
         map=world.map,
         signals=world.signals,
         vehicles=world.vehicles,
+        used=world.registry.used,
+        placed=world.placed,
         roads=roads,
         no_routes=atlas.no_routes,
         sims=np.zeros(worlds, state.SIMULATION),

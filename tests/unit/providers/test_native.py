@@ -126,6 +126,26 @@ def test_another_process_drives_the_same_traffic():
     assert other.stdout.split() == [own["content"].hexdigest()]
 
 
+def test_vehicles_are_placed_where_a_search_finds_them():
+    with traffic_run(build_scenario("intersection_v1"), "random_social_vehicles", engine="Native") as run:
+        world, engine = run.world, run.engine
+        assert isinstance(engine, Native)
+        roads, count = engine._atlas.roads, 0
+        for states in run.steps(60.0):
+            slots = np.flatnonzero(world.placed[0] & states.alive)
+            maps, height = np.zeros(len(slots), int), states.height[slots]
+            found = engine._atlas.locate(maps, states.position[slots], states.heading[slots], height=height)
+            # In a junction, where lanes overlap, the search only guesses.
+            same = found.lane == states.lane[slots]
+            assert (same | roads.lane_inside[states.lane[slots]]).all()
+            assert states.lane_position[slots][same] == pytest.approx(found.s[same], abs=1e-9)
+            assert states.lane_offset[slots][same] == pytest.approx(found.t[same], abs=1e-9)
+            count += np.count_nonzero(same)
+            assert np.count_nonzero(states.alive) - len(slots) < 4  # those that change lanes
+            world.placed[:] = False
+    assert count > 5000
+
+
 @pytest.mark.parametrize("beyond", [-30.0, -1.0, 1.5])
 def test_drivers_stop_behind_a_vehicle_of_an_agent_also_across_lane_ends(beyond):
     case = Case(build_scenario("two_way"), Native, worlds=1)

@@ -71,6 +71,7 @@ def random_pairs(worlds, others, speed):
     world = World(worlds=worlds, capacity=others + 1, agents=1, lanes=1)
     put(world.before, before, size)
     put(world.vehicles, now, size)
+    world.registry.used[:] = others + 1
     world.agents.state[:], world.agents.slot[:] = AgentStatus.ACTIVE, 0
     poses = evenly(before, now)
     # The agent does not move evenly: its track bends.

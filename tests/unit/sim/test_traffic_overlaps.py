@@ -14,6 +14,7 @@ def world():
     world = World(worlds=2, capacity=4, agents=1, lanes=1)
     vehicles = world.vehicles
     vehicles.alive[:], vehicles.owner[:], vehicles.generation[:] = True, Owner.TRAFFIC, 1
+    world.registry.used[:] = 4
     vehicles.length[:], vehicles.width[:] = 4.0, 2.0
     vehicles.position[..., 0] = 10.0 * np.arange(4)
     return world
