@@ -38,14 +38,17 @@ WARM_UP = 40
 """Decisions before the first that is timed, so that simulations are in all stages of an episode."""
 SHOWN = 0.2
 """Least time of a stage that is printed [us]."""
+KEEPING = 0.9
+"""Share of decisions to keep the lane."""
 
 
 class Clocks:
-    """Processor time by part; time in a part within a part counts for the inner one only."""
+    """Processor time by part [s]."""
 
     def __init__(self) -> None:
-        self.spent: dict[str, float] = defaultdict(float)
-        self.calls: dict[str, int] = defaultdict(int)
+        self.own: dict[str, float] = defaultdict(float)
+        """Without the parts within it."""
+        self.whole: dict[str, float] = defaultdict(float)
         self._inner = 0.0
 
     def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -58,17 +61,16 @@ class Clocks:
                 return function(*arguments, **named)
             finally:
                 spent = time.process_time() - begin
-                self.spent[name] += spent - self._inner
-                self.calls[name] += 1
+                self.own[name] += spent - self._inner
+                self.whole[name] += spent
                 self._inner = outer + spent
 
         return call
 
-    def watch(self, part: Any, *methods: str) -> None:
-        """Time the methods of a part."""
-        for method in methods:
-            name = f"{type(part).__name__}.{method}"
-            setattr(part, method, self.timed(name, getattr(part, method)))
+    def clear(self) -> None:
+        """Begin again."""
+        self.own.clear()
+        self.whole.clear()
 
 
 def environment(worlds: int, engine: str, model: str, scenario: str) -> VectorHiWayEnv:
@@ -136,37 +138,24 @@ def measure(worlds: int, engine: str, model: str, scenario: str, decisions: int,
     if in_stages:
         watch(env, clocks)
     env._next_episodes = clocks.timed("resets", env._next_episodes)
-    begin_resets = [0.0, 0.0]
-    whole_next = env._next_episodes
-
-    def next_episodes(rows: np.ndarray) -> None:
-        begin = time.process_time()
-        whole_next(rows)
-        begin_resets[0] += time.process_time() - begin
-        begin_resets[1] += len(rows)
-
-    env._next_episodes = next_episodes
-    step, vehicles = env.reset(), []
+    step, begin, resets, vehicles = env.reset(), 0.0, 0, 0
     for decision in range(WARM_UP + decisions):
         if decision == WARM_UP:
-            clocks.spent.clear()
-            begin_resets[:] = 0.0, 0.0
-            begin = time.process_time()
-        mask = step.masks[0]
-        drawn = draws.random(mask.shape) * mask + mask
-        actions = np.where(draws.random(mask.shape[:2]) < 0.9, 0, drawn.argmax(axis=-1))
-        step = env.step([actions])
-        if decision % 10 == 0:
-            vehicles.append((env._runner.world.vehicles.owner == Owner.TRAFFIC).sum() / worlds)
+            clocks.clear()
+            begin, resets, vehicles = time.process_time(), 0, 0
+        mask: Any = step.masks[0]
+        drawn = (draws.random(mask.shape) * mask).argmax(axis=-1)
+        step = env.step([np.where(draws.random(drawn.shape) < KEEPING, 0, drawn)])
+        resets += np.count_nonzero(step.reset)
+        vehicles += np.count_nonzero(env._runner.world.vehicles.owner == Owner.TRAFFIC)
     spent, each = time.process_time() - begin, 1e6 / (decisions * worlds)
     env.close()
-    seconds, count = begin_resets
     return Result(
-        (spent - seconds) * each,
-        seconds / max(count, 1) * 1e3,
+        (spent - clocks.whole["resets"]) * each,
+        clocks.whole["resets"] / max(resets, 1) * 1e3,
         spent * each,
-        float(np.mean(vehicles)),
-        {name: time * each for name, time in clocks.spent.items()},
+        vehicles / (decisions * worlds),
+        {name: time * each for name, time in clocks.own.items()},
     )
 
 
