@@ -284,7 +284,9 @@ def soonest_arrival(k: Driver, distance: float, speed: float, arrival_speed: flo
     rate = k.accel if arrival_speed >= speed else -k.decel
     change = (arrival_speed - speed) / rate
     way = 0.5 * change * (arrival_speed + speed)
-    return change + max(0.0, distance - way) / max(speed, arrival_speed, 0.1)
+    if distance < way:
+        return (math.sqrt(max(speed * speed + 2.0 * rate * distance, 0.0)) - speed) / rate
+    return change + (distance - way) / max(speed, arrival_speed, 0.1)
 
 
 @kernel

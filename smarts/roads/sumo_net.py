@@ -54,6 +54,24 @@ def read_net(net: Path) -> LaneGraph:
     return _NetReader(ElementTree.parse(net).getroot()).graph()
 
 
+def read_responses(root: ElementTree.Element, graph: LaneGraph) -> list[tuple[int, int]]:
+    """Return pairs (lane in a junction, lane on which others enter it): the first's drivers wait for theirs.
+
+    By signs and rules, lights or not; at all-way stops and where traffic merges like a zip, both wait.
+
+    Args:
+        root: The network.
+        graph: What has been read from it.
+    """
+    reader, found = _NetReader(root), []
+    inside, start, before = graph.lane_junction, graph.predecessor_start, graph.predecessor
+    for junction in reader.junctions:
+        links, waits = reader.responses(junction, inside, start, before)
+        for link, others in waits.items():
+            found += [(lane, links[other][-1]) for lane in links[link] for other in others]
+    return sorted(found)
+
+
 class _NetReader:
     """The numbering of a network's objects, and the tables that follow from it."""
 
@@ -173,25 +191,30 @@ class _NetReader:
         """
         found: dict[int, frozenset[int]] = {}
         for junction in self.junctions:
-            links = [
-                _with_first(self.lane_number[name], inside, start, before)
-                for name in junction.get("intLanes", "").split()
-            ]
-            if not links:
-                continue
-            # The rightmost bit is that of link 0.
-            waits = {
-                int(request.attrib["index"]): {
-                    other for other, bit in enumerate(reversed(request.attrib["response"])) if bit == "1"
-                }
-                for request in junction.iterfind("request")
-            }
+            links, waits = self.responses(junction, inside, start, before)
             all_stop = junction.get("type") == "allway_stop"
             for link, others in waits.items():
                 first = [links[other] for other in others if all_stop or link not in waits.get(other, ())]
                 for lane in links[link]:
                     found[lane] = frozenset(each for lanes in first for each in lanes)
         return found
+
+    def responses(
+        self, junction: ElementTree.Element, inside: Ints, start: Ints, before: Ints
+    ) -> tuple[list[list[int]], dict[int, set[int]]]:
+        """Return each link's lanes in a junction, the last one first, and the links that it gives way to."""
+        links = [
+            _with_first(self.lane_number[name], inside, start, before)
+            for name in junction.get("intLanes", "").split()
+        ]
+        # The rightmost bit is that of link 0.
+        waits = {
+            int(request.attrib["index"]): {
+                other for other, bit in enumerate(reversed(request.attrib["response"])) if bit == "1"
+            }
+            for request in junction.iterfind("request")
+        }
+        return links, waits if links else {}
 
     def _lane_at(self, edge: str, index: str) -> int:
         return int(self.first_lane[self.edge_number[edge]]) + int(index)

@@ -9,9 +9,17 @@ import numpy as np
 from smarts.dynamics import car_following as cf
 from smarts.geometry.compiling import kernel
 from smarts.providers.native.driving import desired_speed, follow, stop
-from smarts.providers.native.moving import BLOCKS_CHANGE, BY_FOLLOWER, BY_LEADER, COOPERATIVE, STRATEGIC
+from smarts.providers.native.moving import (
+    BLOCKS_CHANGE,
+    BY_FOLLOWER,
+    BY_LEADER,
+    COOPERATIVE,
+    STRATEGIC,
+    decides,
+    move_across,
+)
 from smarts.providers.native.occupancy import add_entry, entry_ahead, entry_behind
-from smarts.providers.native.planning import DURATION
+from smarts.providers.native.planning import DURATION, lengths_ahead
 from smarts.providers.native.state import ADVICES, Car, Traffic
 from smarts.providers.native.ways import FARTHEST
 
@@ -68,15 +76,26 @@ class Change(NamedTuple):
 
 @kernel
 def change_lanes(n: Traffic, b: int) -> None:
-    """Let vehicles begin lane changes."""
+    """Let vehicles begin lane changes, from the foremost on."""
+    order, count = n.order, 0
     for slot in range(n.used[b]):
         if n.driven[b, slot] < 0:
             continue
         car = n.by_slot[b, slot]
-        way, reaction = n.ways[car.row], n.types[car.type].reaction
-        decides = car.next_action > (n.sims[b].tick - 0.5) * n.dt + reaction - cf.SLACK
-        if car.side != 0 or n.lanes[car.lane].inside or not decides:
+        lane, way = n.lanes[car.lane], n.ways[car.row]
+        lane.first_blocked = -1
+        has_choice = way.left >= 0 or way.right >= 0
+        if car.side != 0 or lane.inside or not has_choice or not decides(n, car):
             continue
+        place = count
+        while place > 0 and n.by_slot[b, order[place - 1]].front < car.front:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = slot
+        count += 1
+    for place in range(count):
+        car = n.by_slot[b, order[place]]
+        way = n.ways[car.row]
         changes = way.right >= 0 and _consider(n, car, way.right, -1)
         if not changes and way.left >= 0:
             _consider(n, car, way.left, 1)
@@ -103,7 +122,10 @@ def _consider(n: Traffic, car: Car, beside: int, side: int) -> bool:
         car.wish = car.reason = car.advised = 0
         car.gain = car.keeping = car.memory = car.reserved = car.space = 0.0
         add_entry(n, lane, car, there, car.length, car.speed)
+        move_across(n, car)
         return True
+    if reason & STRATEGIC and n.lanes[lane].first_blocked < 0:
+        n.lanes[lane].first_blocked = car.place
     if not (car.reason & STRATEGIC and car.wish == -side):
         car.wish, car.reason = side, reason | blocked | (car.reason & BLOCKS_CHANGE)
     return False
@@ -158,7 +180,13 @@ def _least_gap(n: Traffic, entry: int) -> float:
 @kernel
 def _needed_gap(n: Traffic, follower: Car, speed: float, leader: Car, leader_speed: float) -> float:
     """Return the gap that a driver needs behind a leader [m]."""
-    return cf.secure_gap(n.types[follower.type], speed, leader_speed, n.types[leader.type].decel)
+    kind, its_decel = n.types[follower.type], n.types[leader.type].decel
+    found = cf.secure_gap(kind, speed, leader_speed, its_decel)
+    if follower.acceleration < -cf.SLACK:
+        # A driver that brakes already needs no time to react.
+        left = cf.brake_gap(kind, leader_speed, max(kind.decel, its_decel), 0.0)
+        found = min(found, max(0.0, cf.brake_gap(kind, speed, -follower.acceleration, 0.0) - left))
+    return found
 
 
 @kernel
@@ -174,19 +202,13 @@ def _blocked_by(n: Traffic, car: Car, ahead: Near, behind: Near) -> int:
     factor, found = 1.0 / n.types[car.type].assertive, 0
     if behind.entry >= 0:
         entry = n.entries[behind.entry]
-        foe = n.cars[entry.car]
-        left = max(n.types[foe.type].tau - n.dt, 0.0)
-        then = entry.speed + max(0.0, left * foe.acceleration)
-        own = max(0.0, car.speed + min(0.0, left * car.acceleration))
-        if behind.gap < 0.0 or behind.gap < factor * _needed_gap(n, foe, then, car, own):
+        needed = _needed_gap(n, n.cars[entry.car], entry.speed, car, car.speed)
+        if behind.gap < max(factor * needed, 0.0):
             found |= BY_FOLLOWER
     if ahead.entry >= 0:
         entry = n.entries[ahead.entry]
-        foe = n.cars[entry.car]
-        left = max(n.types[car.type].tau - n.dt, 0.0)
-        then = max(0.0, entry.speed + min(0.0, left * foe.acceleration))
-        own = car.speed + max(0.0, left * car.acceleration)
-        if ahead.gap < 0.0 or ahead.gap < factor * _needed_gap(n, car, own, foe, then):
+        needed = _needed_gap(n, car, car.speed, n.cars[entry.car], entry.speed)
+        if ahead.gap < max(factor * needed, 0.0):
             found |= BY_LEADER
     return found
 
@@ -220,10 +242,10 @@ def _wants(n: Traffic, car: Car, change: Change) -> tuple[bool, int]:
     ahead += 2.0 * (car.length + kind.min_gap)
     to_best = best * side > 0
     is_due = to_best and best == way.changes
-    if is_due and here - car.front - _taken_on(n, car.row, best) < ahead * abs(best):
+    if is_due and here - car.front - _taken_on(n, car, car.row, best) < ahead * abs(best):
         _prepare(n, car, change, best, here - car.front)
         return True, STRATEGIC
-    left = max(0.0, there - car.front - max(_taken_on(n, car.row, 0), _taken_on(n, change.row, 0)))
+    left = max(0.0, there - car.front - max(_taken_on(n, car, car.row, 0), _taken_on(n, car, change.row, 0)))
     if not to_best and left < ahead * (abs(best) + 2):
         return False, 0
     if best == 0 and (2.0 * left < ahead or (there < TURN_LANE and _leads_on(n, change.row))):
@@ -247,17 +269,18 @@ def _wants(n: Traffic, car: Car, change: Change) -> tuple[bool, int]:
 
 
 @kernel
-def _taken_on(n: Traffic, row: int, changes: int) -> float:
-    """Return how much vehicles take up of a lane some changes away, and of the two that follow it [m]."""
+def _taken_on(n: Traffic, car: Car, row: int, changes: int) -> float:
+    """Return how much vehicles ahead take up of a lane some changes away, and of the next two [m]."""
     while changes != 0:
         beside = n.ways[row].left if changes > 0 else n.ways[row].right
         changes -= 1 if changes > 0 else -1
         row = beside if beside >= 0 else row
-    taken, count = 0.0, 0
-    while row >= 0 and count < 3:
-        taken += n.lanes[n.ways[row].lane].taken
+    taken = lengths_ahead(n, car, n.ways[row].lane)
+    for _ in range(2):
         row = n.ways[row].next
-        count += 1
+        if row < 0:
+            break
+        taken += n.lanes[n.ways[row].lane].taken
     return taken
 
 
@@ -345,12 +368,13 @@ def _expected_speed(n: Traffic, car: Car, near: Near, room: float, most: float, 
     kind, soon = n.types[car.type], min(most, car.speed + n.types[car.type].accel * n.dt)
     if near.entry < 0:
         return min(
-            most, follow(n, car, room, soon, car, 0.0) if rising else cf.insertion_stop_speed(kind, room)
+            most,
+            _follow_beside(n, car, room, soon, car, 0.0) if rising else cf.insertion_stop_speed(kind, room),
         )
     entry = n.entries[near.entry]
     leader = n.cars[entry.car]
     if rising:
-        return min(most, follow(n, car, near.gap, soon, leader, entry.speed))
+        return min(most, _follow_beside(n, car, near.gap, soon, leader, entry.speed))
     braking = cf.brake_gap(kind, entry.speed, max(kind.decel, n.types[leader.type].decel), 0.0)
     return min(most, cf.insertion_stop_speed(kind, max(near.gap + braking, 0.0)))
 
@@ -363,6 +387,9 @@ def _prepare(n: Traffic, car: Car, change: Change, best: int, space: float) -> N
         car.reserved = max(car.reserved, RESERVED_RIGHT if change.side < 0 else RESERVED_LEFT)
     if change.ahead.entry >= 0:
         _reserve(n, car, n.cars[_car_of(n, change.ahead)], change.side)
+    blocked = n.lanes[car.lane].first_blocked
+    if blocked >= 0:
+        _reserve(n, car, n.cars[blocked], change.side)
     seconds = max(n.dt, space / max(car.memory, cf.SLACK) / max(1, abs(best)) / URGENCY)
     planned = _ask_leader(n, car, change, seconds)
     if change.behind.entry < 0 or planned <= -1.0:
@@ -372,9 +399,9 @@ def _prepare(n: Traffic, car: Car, change: Change, best: int, space: float) -> N
     if change.blocked & BY_FOLLOWER:
         _ask_follower(n, car, foe, change, seconds, max(planned, 0.0))
     elif change.blocked & BY_LEADER and foe.is_own:
-        first = follow(n, foe, change.behind.gap + n.dt * planned, entry.speed, car, planned)
+        first = _follow_beside(n, foe, change.behind.gap + n.dt * planned, entry.speed, car, planned)
         room = change.behind.gap + n.dt * (planned - first)
-        _advise(n, foe, follow(n, foe, room, entry.speed, car, planned))
+        _advise(n, car, foe, _follow_beside(n, foe, room, entry.speed, car, planned))
 
 
 @kernel
@@ -382,21 +409,32 @@ def _reserve(n: Traffic, car: Car, foe: Car, side: int) -> None:
     """Keep room at the lane's end for a vehicle ahead that wants the other way, or let it keep room."""
     if not foe.is_own or foe.wish != -side:
         return
-    needed = foe.length + n.types[foe.type].min_gap
-    if needed <= car.space - _braking(n, car, car.speed, 0.0):
-        car.reserved = max(car.reserved, needed)
+    needed, own = foe.length + n.types[foe.type].min_gap, car.length + n.types[car.type].min_gap
+    its_room = foe.space - _braking(n, foe, foe.speed, n.types[foe.type].reaction)
+    if needed > car.space - _braking(n, car, car.speed, 0.0) and (own <= its_room or foe.space > car.space):
+        foe.reserved = max(foe.reserved, own)
     else:
-        own = car.length + n.types[car.type].min_gap
-        if own <= foe.space - _braking(n, foe, foe.speed, 0.0):
-            foe.reserved = max(foe.reserved, own)
+        car.reserved = max(car.reserved, needed)
 
 
 @kernel
-def _advise(n: Traffic, car: Car, speed: float) -> None:
-    """Ask a driver for a speed [m/s]."""
-    if car.is_own and car.advised < ADVICES:
-        car.advice[car.advised] = (speed - car.speed) / n.dt
-        car.advised += 1
+def _follow_beside(n: Traffic, car: Car, gap: float, speed: float, leader: Car, leader_speed: float) -> float:
+    """Return `follow` beside a vehicle, where a gap below 0 is no emergency (`gComputeLC`)."""
+    kind = n.types[car.type]
+    if not kind.is_idm:
+        gap += cf.brake_gap(kind, leader_speed, max(kind.decel, n.types[leader.type].decel), 0.0)
+        leader_speed = 0.0
+    return follow(n, car, gap, speed, leader, leader_speed)
+
+
+@kernel
+def _advise(n: Traffic, car: Car, foe: Car, speed: float) -> None:
+    """Let a driver ask another for a speed [m/s], which counts by how cooperative that one is, or itself."""
+    if foe.is_own and foe.advised < ADVICES:
+        weight = 1.0 if foe.place == car.place else n.types[foe.type].cooperative
+        foe.advice[foe.advised] = (speed - foe.speed) / n.dt
+        foe.weight[foe.advised] = max(0.0, min(1.0, weight))
+        foe.advised += 1
 
 
 @kernel
@@ -412,10 +450,10 @@ def _ask_leader(n: Traffic, car: Car, change: Change, seconds: float) -> float:
     pace, foe = n.entries[change.ahead.entry].speed, n.cars[_car_of(n, change.ahead)]
     then = pace - n.dt * max(1.0, -foe.acceleration)
     moved = 0.5 * (pace + then) - 0.5 * (car.speed + planned) if kind.ballistic else then - planned
-    target = follow(n, car, gap + n.dt * moved, car.speed, foe, max(then, 0.0))
+    target = _follow_beside(n, car, gap + n.dt * moved, car.speed, foe, max(then, 0.0))
     target = max(cf.lowest_next(kind, car.speed), target)
     if not change.blocked & BY_LEADER:
-        _advise(n, car, target)
+        _advise(n, car, car, target)
         return min(target, planned)
     foe.reason |= BLOCKS_CHANGE
     way = gap + foe.length + n.types[foe.type].min_gap + car.length
@@ -423,14 +461,14 @@ def _ask_leader(n: Traffic, car: Car, change: Change, seconds: float) -> float:
     faster = planned - pace
     braking = _braking(n, car, car.speed, 0.0 if kind.ballistic else kind.tau)
     if faster > 0.0 and space - braking >= way and seconds >= max(way, 0.0) / faster:
-        _advise(n, foe, pace)
+        _advise(n, car, foe, pace)
         return -1.0
     if target >= car.speed:
-        _advise(n, car, target)
+        _advise(n, car, car, target)
         return planned
     slower = min(kind.decel, max(FALL_BACK, (car.speed - target) / seconds))
     following = min(planned, max(0.0, car.speed - slower * n.dt))
-    _advise(n, car, following)
+    _advise(n, car, car, following)
     return following
 
 
@@ -443,7 +481,7 @@ def _ask_follower(n: Traffic, car: Car, foe: Car, change: Change, seconds: float
     foe.asked = change.side
     lacking = _needed_gap(n, foe, its, car, planned) - gap
     if planned - its >= HELP and lacking / seconds < planned - its:
-        _advise(n, foe, planned - HELP)
+        _advise(n, car, foe, planned - HELP)
         return
     help_decel = n.types[foe.type].decel
     slower, after = max(0.0, its - help_decel * n.dt), max(0.0, its - help_decel)
@@ -451,25 +489,25 @@ def _ask_follower(n: Traffic, car: Car, foe: Car, change: Change, seconds: float
     wider = gap + (planned - its + 0.5 * help_decel if ballistic else opens)
     secure = _needed_gap(n, foe, after, car, planned)
     if wider > 0.0 and wider >= secure:
-        first = follow(n, foe, gap + n.dt * planned, its, car, planned)
+        first = _follow_beside(n, foe, gap + n.dt * planned, its, car, planned)
         room = gap + n.dt * (planned - max(slower, first))
-        found = max(slower, follow(n, foe, room, its, car, planned))
+        found = max(slower, _follow_beside(n, foe, room, its, car, planned))
         if ballistic:
             found = min(its, found)
             if room < _needed_gap(n, foe, found, car, planned):
                 found = slower
-        _advise(n, foe, found)
+        _advise(n, car, foe, found)
         return
     if opens > 0.0 and opens * (seconds - 1.0 if ballistic else seconds) > secure - wider + 0.1:
-        _advise(n, foe, slower)
+        _advise(n, car, foe, slower)
         return
     helped = max(its, car.speed + HELP)
     if its > car.speed and (change.side < 0 or planned > FAST or n.lanes[car.lane].length > LONG_LANE):
         helped = max(slower, car.speed + HELP)
         if (its - car.speed) / help_decel < seconds:
-            _advise(n, foe, slower if ballistic else helped)
+            _advise(n, car, foe, slower if ballistic else helped)
             return
-    _advise(n, foe, helped)
+    _advise(n, car, foe, helped)
     way = gap + car.length + kind.min_gap + foe.length
     way += _needed_gap(n, car, planned, foe, helped)
-    _advise(n, car, max(helped - max(way, 0.0) / seconds, car.speed - kind.decel * n.dt))
+    _advise(n, car, car, max(helped - max(way, 0.0) / seconds, car.speed - kind.decel * n.dt))

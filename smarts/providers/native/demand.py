@@ -17,6 +17,7 @@ from smarts.providers.native.departing import DRAWN, TAIL_AT_BEGIN
 from smarts.providers.native.ways import Stop, route_rows
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.routes import shortest_route
+from smarts.roads.sumo_net import read_responses
 from smarts.sstudio.sumo_files import left_out
 from smarts.types.traffic import Signal, TrafficFiles
 from smarts.types.vehicles import VehicleKind
@@ -79,7 +80,9 @@ class Built:
         key = number, files.routes
         if key not in self._files:
             if number not in {known for known, _ in self._files}:
-                self._add_lights(number, files.net)
+                root = ElementTree.parse(files.net).getroot()
+                self._add_lights(number, root)
+                self._add_yields(number, root)
             flows, routes, places = self._rows["flows"], len(self.routes), {}
             first = len(flows)
             for file in (*files.additional, *files.routes):
@@ -120,21 +123,37 @@ class Built:
         shows = np.zeros((len(self._shows), max([1, *map(len, self._shows)])), np.int8)
         for row, states in zip(shows, self._shows, strict=True):
             row[: len(states)] = states
+        owners = [row[0] for row in self._rows["yields"]]
         return {
             **{name: np.array(self._rows[name], kind) for name, kind in state.TABLES.items()},
+            "yield_start": np.searchsorted(owners, np.arange(self._base[-1] + 1)).astype(np.int32),
             "shows": shows,
             "pending": np.zeros((worlds, most), state.PENDING),
             "route_number": np.zeros((worlds, most), np.int32),
             "light_states": np.zeros((worlds, len(self._rows["lights"])), state.LIGHT_STATE),
         }
 
-    def _add_lights(self, number: int, net: Path) -> None:
+    def _add_yields(self, number: int, root: Element) -> None:
+        """Add which drivers wait for which at a map's junctions."""
+        graph, base = self._maps[number], int(self._base[number])
+        target = list(range(len(graph.lane_ids)))
+        for lane in range(len(target)):
+            while graph.is_internal[target[lane]] and len(onward := graph.successors(target[lane])):
+                target[lane] = int(onward[0])
+        pairs = read_responses(root, graph)
+        known = set(pairs)
+        rows = self._rows["yields"]
+        for lane, foe in pairs:
+            rows.append((lane + base, foe + base, (foe, lane) in known, target[lane] == target[foe]))
+        rows.sort()
+
+    def _add_lights(self, number: int, root: Element) -> None:
         """Add the programs of a map's lights, the first of each."""
         graph, base = self._maps[number], self._base[number]
         phases, lights, lit = (self._rows[name] for name in ("phases", "lights", "lit"))
         first, first_lit = len(lights), len(lit)
         programs: dict[str, Element] = {}
-        for element in ElementTree.parse(net).getroot().iterfind("tlLogic"):
+        for element in root.iterfind("tlLogic"):
             programs.setdefault(element.attrib["id"], element)
         for name in graph.signal_ids:
             program, phase = programs[name], len(phases)

@@ -22,7 +22,7 @@ BLOCKS_AFTER = 5.0
 """Requests are withdrawn for vehicles in the way that have stood so long [s]."""
 LIGHT_GAP, DETECTOR = 3.0, 2.0
 """Gap that ends a phase of a light that waits for gaps, and time ahead at which it notices vehicles [s]."""
-_MERGE, _THIS, _OTHER, _BOTH = int(ConflictKind.MERGE), int(Yields.THIS), int(Yields.OTHER), int(Yields.BOTH)
+_MERGE, _THIS, _OTHER = int(ConflictKind.MERGE), int(Yields.THIS), int(Yields.OTHER)
 _RED, _AMBER, _GO = int(Signal.STOP), int(Signal.CAUTION), int(Signal.GO)
 
 
@@ -124,24 +124,29 @@ def is_open(n: Traffic, car: Car, link: Link, can_brake: bool) -> bool:
     if not lane.inside or enters_to_wait(lane, n.lanes[n.ways[link.row].lane]) or is_first(lane):
         return True
     patience = max(0.0, min(1.0, n.types[car.type].impatience + car.waited / PATIENCE)) if can_brake else 1.0
-    for place in range(lane.conflicts, n.lanes[number + 1].conflicts):
-        conflict = n.conflicts[place]
-        other = n.lanes[conflict.lane]
-        if not (conflict.yields & _THIS or (lane.lit and is_first(other))):
-            continue
-        if conflict.yields == _BOTH and not lane.lit and car.waited == 0.0:
+    for place in range(n.yield_start[number], n.yield_start[number + 1]):
+        rule = n.yields[place]
+        stops = rule.is_mutual and not lane.lit
+        if stops and car.waited == 0.0:
             return False
-        asks = other.approach
+        asks = n.lanes[rule.foe].approach
         while asks >= 0:
             foe, its = n.cars[car.place - car.slot + asks // LINKS], n.links[asks // LINKS, asks % LINKS]
-            if foe.place != car.place and _blocks(n, car, link, foe, its, conflict, patience):
+            is_foe = foe.place != car.place and not (stops and _goes_first(car, link, foe, its))
+            if is_foe and _blocks(n, car, link, foe, its, rule.merges, patience):
                 return False
             asks = its.next
     return True
 
 
 @kernel
-def _blocks(n: Traffic, car: Car, link: Link, foe: Car, its: Link, conflict: Record, patience: float) -> bool:
+def _goes_first(car: Car, link: Link, foe: Car, its: Link) -> bool:
+    """Return whether a driver goes before another at an all-way stop: it has waited longer, or comes."""
+    return car.waited > foe.waited or (car.waited == foe.waited and link.arrival < its.arrival)
+
+
+@kernel
+def _blocks(n: Traffic, car: Car, link: Link, foe: Car, its: Link, merges: bool, patience: float) -> bool:
     """Return whether another vehicle's request keeps a driver out of a junction (`MSLink::blockedByFoe`).
 
     Args:
@@ -150,20 +155,15 @@ def _blocks(n: Traffic, car: Car, link: Link, foe: Car, its: Link, conflict: Rec
         link: Its link.
         foe: The other vehicle.
         its: The other one's link.
-        conflict: The conflict of both.
+        merges: Whether both lanes lead into the same one.
         patience: The driver's impatience.
     """
-    if conflict.yields == _BOTH:
-        arrives_first = car.waited == foe.waited and link.arrival < its.arrival
-        if car.waited > foe.waited or arrives_first:
-            return False
     kind, its_decel = n.types[car.type], n.types[foe.type].decel
     its_late, its_slow = its.arrival, its.braking_speed
     if patience > 0.0 and link.arrival < its.arrival:
         late, slow = delayed_arrival(link.arrival, its.arrival, its.distance, its_decel * patience, n.dt)
         its_late = (1.0 - patience) * its.arrival + patience * late
         its_slow = slow if slow >= 0.0 else its_slow
-    merges = conflict.kind == _MERGE
     if its.leaving < link.arrival:
         is_close = link.arrival - its.leaving < kind.time_gap
         return merges and (

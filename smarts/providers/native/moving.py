@@ -135,10 +135,10 @@ def _advised_speed(n: Traffic, car: Car, lowest: float, wanted: float, highest: 
         if safe < wanted:
             lowest = max(hardest, safe) if hardest <= safe < lowest else lowest
             found, is_advised = max(lowest, safe), True
-    weight = max(0.0, min(1.0, kind.cooperative))
     for place in range(car.advised):
         v = car.speed + car.advice[place] * n.dt
         if lowest <= v <= highest:
+            weight = car.weight[place]
             found, is_advised = min(found, v * weight + (1.0 - weight) * wanted), True
     if is_advised:
         return found
@@ -169,11 +169,13 @@ def move(n: Traffic, car: Car) -> None:
     car.halted = car.halted + n.dt if stands and car.front >= way.stop_begin else 0.0
     if way.stop < np.inf and (car.halted > way.halt - 0.5 * n.dt or car.front > way.stop + ARRIVED):
         car.row, car.halted = way.next, 0.0
-    _move_across(n, car)
+    move_across(n, car)
     _advance(n, car)
     if car.front > n.ways[car.row].arrival - ARRIVED:
         dismiss(n, car)
-    # Wishes hold until the next lane change, those for the route longer.
+    if not decides(n, car):
+        return
+    # Wishes hold until the next decision, those for the route longer.
     if car.reason & STRATEGIC == 0 or car.side != 0:
         car.wish = 0
     car.reason &= STRATEGIC
@@ -182,7 +184,13 @@ def move(n: Traffic, car: Car) -> None:
 
 
 @kernel
-def _move_across(n: Traffic, car: Car) -> None:
+def decides(n: Traffic, car: Car) -> bool:
+    """Return whether a vehicle's driver has decided in this step."""
+    return car.next_action > (n.sims[car.sim].tick - 0.5) * n.dt + n.types[car.type].reaction - cf.SLACK
+
+
+@kernel
+def move_across(n: Traffic, car: Car) -> None:
     """Carry on a lane change; in its middle the vehicle is on the other lane."""
     if car.side == 0:
         car.offset -= max(-FADES * n.dt, min(FADES * n.dt, car.offset))

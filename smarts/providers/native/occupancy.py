@@ -13,7 +13,7 @@ from smarts.providers.native.state import TAILS, Car, Traffic
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.kernels import place_on_map, pose_on_lane
 
-LEAN = 0.2
+LEAN, LEAST_LEAN = 0.2, 0.1
 """A vehicle is on the lane beside, too, if it reaches farther over the line [m]."""
 LEAST_GAP = 2.5
 """Gap between two vehicles that stand [m]."""
@@ -71,15 +71,13 @@ def _list_car(n: Traffic, car: Car) -> None:
 @kernel
 def lane_beside(n: Traffic, car: Car) -> int:
     """Return the other lane that a vehicle of the engine is on, -1 for none."""
-    lane, side = n.lanes[car.lane], car.side
-    if side != 0:
-        side = side if car.done < 0.5 else -side
-    else:
-        over = abs(car.offset) + 0.5 * car.width
-        if over <= 0.5 * lane.width + LEAN:
-            return -1
-        side = 1 if car.offset > 0.0 else -1
-    return int(lane.left if side > 0 else lane.right)
+    lane = n.lanes[car.lane]
+    if car.side != 0 and car.done < 0.5:
+        return int(lane.left if car.side > 0 else lane.right)
+    over = abs(car.offset) + 0.5 * (car.width - lane.width)
+    if over <= (LEAST_LEAN if car.side != 0 else LEAN):
+        return -1
+    return int(lane.left if car.offset > 0.0 else lane.right)
 
 
 @kernel

@@ -147,7 +147,7 @@ def _heed_leader(n: Traffic, car: Car, link: Link, lane: Lane, entry: Entry, see
     else:
         safe = follow(n, car, gap, car.speed, foe, entry.speed)
     if last >= 0:
-        _leave_at_most(n, car, follow(n, car, gap, n.links[car.slot, last].speed, foe, entry.speed))
+        _leave_at_most(n, car, follow(n, car, gap, n.links[car.slot, last].leaving_speed, foe, entry.speed))
     link.speed, link.arrival_speed = min(link.speed, safe), min(link.arrival_speed, safe)
 
 
@@ -291,7 +291,7 @@ def withdraw_all(n: Traffic, car: Car) -> None:
 @kernel
 def check_room(n: Traffic, car: Car) -> None:
     """Withdraw requests for junctions behind which a vehicle would have no room (`checkRewindLinkLanes`)."""
-    space, stands = -_lengths_ahead(n, car), False
+    space, stands = -lengths_ahead(n, car, car.lane), False
     for number in range(car.links):
         link = n.links[car.slot, number]
         link.blocked = False
@@ -328,9 +328,9 @@ def check_room(n: Traffic, car: Car) -> None:
 
 
 @kernel
-def _lengths_ahead(n: Traffic, car: Car) -> float:
-    """Return the lengths with gaps of the vehicles ahead of one on its lane [m]."""
-    lane, total = n.lanes[car.lane], 0.0
+def lengths_ahead(n: Traffic, car: Car, number: int) -> float:
+    """Return the lengths with gaps of the vehicles ahead of one on its lane, or one beside it [m]."""
+    lane, total = n.lanes[number], 0.0
     found = lane.head
     while found >= 0:
         entry = n.entries[found]

@@ -88,8 +88,11 @@ MAP_LIGHTS = _record("first last first_lit last_lit: i4")
 """The lights and lanes with a light of a map, the last ones excluded."""
 LIGHT_STATE = _record("phase: i4", "began seen: f8")
 """A light of a simulation; `seen`: when a vehicle that it lets through was last at its detector."""
+YIELD = _record("lane foe: i4", "is_mutual merges: ?")
+"""A lane in a junction whose drivers wait for those that enter on another; whether these wait for them, too,
+and whether both lead into the same lane."""
 TABLES = {"types": VEHICLE_TYPE, "ways": WAY, "flows": FLOW, "shares": SHARE, "phases": PHASE}
-TABLES |= {"lights": LIGHT, "lit": LIT_LANE, "map_lights": MAP_LIGHTS}
+TABLES |= {"lights": LIGHT, "lit": LIT_LANE, "map_lights": MAP_LIGHTS, "yields": YIELD}
 """Tables of all scenarios, by their names in `Traffic`."""
 LANE = _record(
     "length width speed: f8",
@@ -103,6 +106,8 @@ LANE = _record(
     "successors predecessors siblings conflicts: i4",
     # In the simulation whose turn it is: entry of the rearmost vehicle; first request, as `next` of links.
     "head approach: i4",
+    # Place of the foremost vehicle that wants onto it for its route and is blocked.
+    "first_blocked: i4",
     # Lengths with gaps of the vehicles whose fronts are on it.
     "taken: f8",
     # What its light shows, with `MAJOR`; time for which it has shown this.
@@ -112,7 +117,7 @@ LANE = _record(
 SIBLING = _record("lane: i4", "until: f8")
 """A lane in a junction that begins where another begins, and how far both are beside each other."""
 CONFLICT = _record("lane kind yields: i4", "begin end its_begin its_end: f8")
-"""A lane that crosses or joins another; see `LaneGraph.conflict_start`."""
+"""A lane that crosses or joins another; see `LaneGraph.conflict_start`; the places are SUMO's."""
 ENTRY = _record("next car lane: i4", "front back speed: f8")
 """A vehicle on a lane; `next` is the entry ahead. The speed is that along the lane, 0 against it."""
 LINK = _record(
@@ -159,8 +164,8 @@ CAR = _record(
     "gain keeping memory space reserved: f8",
     # Side to which it wants, a sum of reasons in `moving.py`, side of one that wants to come before this one.
     "wish reason asked: i4",
-    # Accelerations asked for by neighbours, and their number.
-    f"advice: {ADVICES}f8",
+    # Accelerations that it or neighbours want, how much each counts, and their number.
+    f"advice weight: {ADVICES}f8",
     "advised: i4",
     # Time of its next decision; number of its links ahead.
     "next_action: f8",
@@ -202,6 +207,8 @@ class Traffic(NamedTuple):
     """Shape (1,)."""
     driven: Ints
     """Generation of the vehicle that the engine drives in each slot, shape (B, V)."""
+    order: Ints
+    """Room for the slots that may change lanes, the foremost first, shape (V,)."""
     lanes: Records
     """Shape (L + 1,)."""
     successor: Ints
@@ -214,6 +221,9 @@ class Traffic(NamedTuple):
     """Likewise."""
     counts: Ints
     """Number of entries, and of those of other providers' vehicles, which come first, shape (2,)."""
+    yield_start: Ints
+    """Where those of each lane begin in `yields`, shape (L + 1,)."""
+    yields: Records
     room: tuple[Ints, Ints, Floats]
     """Room to search for a pose's lane."""
     types: Records

@@ -6,18 +6,24 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
+from smarts.arrays import Floats
+from smarts.geometry.polylines import arc_lengths
 from smarts.providers.native import state
 from smarts.providers.native.demand import Built
 from smarts.providers.native.state import Records, Traffic
 from smarts.roads.arrays import MOST_CANDIDATES
 from smarts.roads.atlas import RoadAtlas
-from smarts.roads.lane_graph import LaneGraph, Yields
+from smarts.roads.lane_graph import ConflictKind, LaneGraph, Yields
 from smarts.types.world import World
 
 TURN = 0.78
 """Lanes in junctions that turn by more lead off to a side [rad]."""
+APART, NOWHERE = 2.5, -1e4
+"""Lanes that begin or end side by side go together until their centrelines are so far apart [m]; place where
+lanes meet that do not."""
 ENTRIES = 6
 """Lanes that a vehicle is on, on average, at most."""
 
@@ -40,11 +46,12 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int, built: Built) -> Tr
     conflicts = np.zeros(len(roads.conflict_lane), state.CONFLICT)
     for name in ("lane", "kind", "yields"):
         conflicts[name] = getattr(roads, f"conflict_{name}")
-    conflicts["begin"], conflicts["end"] = roads.conflict_extent.T
-    conflicts["its_begin"], conflicts["its_end"] = roads.conflict_other_extent.T
     cars = np.repeat(new_car, worlds * slots)
     cars["place"] = np.arange(len(cars))
     cars["sim"], cars["slot"] = np.divmod(cars["place"], slots)
+    meetings = np.concatenate([_meetings(graph) for graph in graphs])
+    for name, column in zip(("begin", "end", "its_begin", "its_end"), meetings.T, strict=True):
+        conflicts[name] = column
     lanes, siblings = _make_lanes(atlas)
     search = np.empty(MOST_CANDIDATES, np.int32), np.empty(MOST_CANDIDATES, np.int32)
     return Traffic(
@@ -62,6 +69,7 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int, built: Built) -> Tr
         by_slot=cars.reshape(worlds, slots),
         new_car=new_car,
         driven=np.full((worlds, slots), -1, np.int32),
+        order=np.zeros(slots, np.int32),
         lanes=lanes,
         successor=_across(graphs, roads.lane_base, "successor"),
         predecessor=_across(graphs, roads.lane_base, "predecessor"),
@@ -114,14 +122,44 @@ def _make_lanes(atlas: RoadAtlas) -> tuple[Records, Records]:
 def _siblings(graph: LaneGraph, lane: int) -> list[tuple[int, float]]:
     """Return the lanes that begin where a lane in a junction does, and how far both go together."""
     before = graph.predecessors(lane).tolist() if graph.is_internal[lane] else []
-    found = []
-    for other in sorted({each for road in before for each in graph.successors(road).tolist()} - {lane}):
-        apart = graph.centreline(lane)[:, None] - graph.centreline(other)
-        gap = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1)
-        far = np.flatnonzero(gap > 0.5 * (graph.width[lane] + graph.width[other]))
-        along = graph.point_s[graph.point_start[lane] :]
-        found.append((other, along[far[0]] if len(far) else graph.length[lane]))
-    return found
+    others = sorted({each for road in before for each in graph.successors(road).tolist()} - {lane})
+    return [(other, _together(graph.centreline(lane), graph.centreline(other))) for other in others]
+
+
+def _together(line: Floats, other: Floats) -> float:
+    """Return how far two lines that begin side by side go together [m] (`computeDistToDivergence`)."""
+    found, lengths = [], []
+    for one, its in ((line, other), (other, line)):
+        gap, along = shapely.distance(shapely.points(one), shapely.LineString(its)), arc_lengths(one)
+        last = int(np.flatnonzero(np.append(-np.inf, gap) <= APART)[-1])
+        ends = slice(max(last - 1, 0), last + 1)
+        found.append(np.interp(APART, gap[ends], along[ends]))
+        lengths.append(along[-1])
+    return float(min(max(found), *lengths))
+
+
+def _meetings(graph: LaneGraph) -> Floats:
+    """Return begin and end of each conflict along both lanes [m], shape (C, 4) (`setRequestInformation`)."""
+    lanes = np.repeat(np.arange(len(graph.lane_ids)), np.diff(graph.conflict_start))
+    found = np.full((len(lanes), 2, 2), NOWHERE)
+    for place, pair in enumerate(zip(lanes.tolist(), graph.conflict_lane.tolist(), strict=True)):
+        lines, length = [graph.centreline(lane) for lane in pair], graph.length[list(pair)]
+        if graph.conflict_kind[place] == ConflictKind.MERGE:
+            found[place, :, 0], found[place, :, 1] = (
+                length - _together(lines[0][::-1], lines[1][::-1]),
+                length,
+            )
+            continue
+        shapes = [shapely.LineString(line) for line in lines]
+        points = shapely.points(shapely.get_coordinates(shapely.intersection(*shapes)))
+        if len(points):
+            middle = [shapely.line_locate_point(shape, points).max() for shape in shapes]
+            turn = np.subtract(*(graph.pose_at(lane, s)[2] for lane, s in zip(pair, middle, strict=True)))
+            size = graph.width[list(pair[::-1])] * (2.0 / max(abs(np.sin(turn)), 0.2) - 1.0)
+            size = np.minimum(size, length)
+            found[place, :, 0] = np.maximum(middle - 0.5 * size, 0.0)
+            found[place, :, 1] = found[place, :, 0] + size
+    return found.reshape(-1, 4)
 
 
 def _turns(graph: LaneGraph) -> NDArray:

@@ -2,11 +2,13 @@
 
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import scenarios
 from smarts.errors import TrafficError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.providers.native.engine import Native
@@ -77,6 +79,62 @@ def test_drivers_follow_as_in_sumo(drivers, traffic):
     for (position, speed), (its_position, its_speed) in zip(native, sumo, strict=True):
         assert speed == pytest.approx(its_speed, abs=2e-3)
         assert position == pytest.approx(its_position, abs=5e-3)
+
+
+MEETING = """
+from pathlib import Path
+
+from smarts.sstudio import gen_scenario
+from smarts.sstudio import types as t
+
+
+def trip(depart, begin, end, factor=1.0):
+    lanes = t.LaneChangingModel(cooperative=0.5)
+    driver = t.TrafficActor(
+        f"car_{{depart}}", speed=t.Distribution(factor, 0.0), sigma=0.0, lane_changing_model=lanes
+    )
+    return t.Trip(f"car_{{depart}}", t.Route(begin, (*end, "max")), depart=depart, actor=driver)
+
+
+gen_scenario(
+    t.Scenario(
+        map_spec=t.MapSpec(source="{source}"),
+        traffic={{"few": t.Traffic(flows=[], trips=[{trips}])}},
+        ego_missions=[t.Mission(t.Route({mission}))],
+    ),
+    output_dir=Path(__file__).parent,
+)
+"""
+LEFT_TURN = """
+trip(0.0, ("west_in", 1, 10), ("north_out", 1)),
+trip(1.5, ("south_in", 0, 10), ("north_out", 0)),
+"""
+MERGE = """
+trip(0.0, ("main_in", 0, 90), ("main_out", 0), 0.8),
+trip(1.8, ("main_in", 0, 90), ("main_out", 0)),
+trip(3.6, ("main_in", 0, 90), ("main_out", 0)),
+trip(4.0, ("ramp", 0, 60), ("main_out", 0)),
+trip(5.4, ("main_in", 0, 90), ("main_out", 0)),
+"""
+
+
+@pytest.mark.parametrize(
+    ("source", "trips", "mission", "slowest"),
+    [
+        # The turn ends beside the lane of the other one, for which it waits none the less.
+        ("intersection", LEFT_TURN, '("south_in", 0, 20), ("north_out", 0, 50)', 4.0),
+        ("on_ramp_merge", MERGE, '("ramp", 0, 20), ("main_out", 0, 50)', 15.0),
+    ],
+    ids=["left_turn", "merge"],
+)
+def test_drivers_give_way_and_merge_as_in_sumo(tmp_path, source, trips, mission, slowest):
+    source = Path(scenarios.__file__).parent / source
+    (tmp_path / "scenario.py").write_text(MEETING.format(source=source, trips=trips, mission=mission))
+    built = build_scenario(tmp_path)
+    sumo, native = (driven(built, "few", engine, 20.0) for engine in ("SUMO", "Native"))
+    for (_, speed), (_, its_speed) in zip(native, sumo, strict=True):
+        assert speed == pytest.approx(its_speed, abs=5e-3)
+    assert min(speed.min(initial=np.inf) for _, speed in sumo) < slowest
 
 
 @pytest.mark.parametrize("name", ["intersection_v1", "double_merge_v1"])
