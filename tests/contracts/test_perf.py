@@ -22,7 +22,7 @@ SMALLEST = {
         "kinematic",
     ],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
-    "native": ["--scenarios", "two_way_v1", "--seeds", "1", "--seconds", "5"],
+    "native": ["--scenarios", "two_way_v1", "--seeds", "2", "--seconds", "20"],
     "roads": ["--poses", "50", "--repeats", "1"],
     "same_episodes": [str(ROOT), str(ROOT), "--scenarios", "loop", "--apis", "vector", "--steps", "5"],
     "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],
