@@ -183,7 +183,7 @@ def main() -> None:
                 flush=True,
             )
             for stage, each in sorted(found.stages.items(), key=lambda item: -item[1]):
-                if each >= SHOWN:
+                if options.stages and each >= SHOWN:
                     print(f"    {stage:32}{each:10.1f}", flush=True)
 
 
