@@ -24,7 +24,7 @@ from benchmark.results.plurals import counted
 from benchmark.results.reading import Results, read_results
 from benchmark.results.run_folder import ENDED_BY, FINISHED
 from benchmark.running.cluster import start_ray
-from benchmark.running.environments import given_hosts
+from benchmark.running.environments import DT, given_hosts
 from benchmark.running.estimate import episodes_of, plan
 from benchmark.running.exit_codes import FAILED, INTERRUPTED
 from benchmark.running.jobs import JobScheduler, JobState, jobs_of
@@ -35,6 +35,7 @@ from benchmark.running.shipping import shipped_code
 from smarts.agents.hosting.options import hosts_of
 from smarts.agents.social import bubble_learning, social_agents
 from smarts.errors import SmartsError
+from smarts.providers.native.demand import Built
 from smarts.sim.schedule import Schedule
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
@@ -111,7 +112,7 @@ def _run(scheduler: JobScheduler) -> list[JobState]:
 
 
 def check_task_settings(experiment: Experiment) -> None:
-    """Build all scenarios and check that they fit the experiment.
+    """Build all scenarios and check that they fit the experiment, and the engine that agents learn with.
 
     Raises:
         SmartsError: The first scenario that does not.
@@ -124,6 +125,8 @@ def check_task_settings(experiment: Experiment) -> None:
         ]
         for built in scenarios:
             built.episodes(egos)
+            if task_setting.environment.training_traffic:
+                Built([built.roads()], DT).add(0, built.traffic_files(task_setting.traffic))
         check_social(task_setting.environment, scenarios)
         for _ in held_out_of(task_setting):
             pass  # built now, not after hours of training

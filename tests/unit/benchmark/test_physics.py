@@ -9,12 +9,15 @@ from benchmark.experiment.config import Evaluation, TrainingTask, read_experimen
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.runs import TaskSetting, task_settings_of
 from benchmark.running.environments import create, environment
+from benchmark.running.experiment import check_task_settings
 from benchmark.running.played import held_out_of
 from smarts.config import ConfigError
 from smarts.env.vector import VectorHiWayEnv
+from smarts.errors import TrafficError
 from smarts.types.actions import LaneAction
 from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.vehicles import Owner
+from tests.unit.sstudio import sources
 
 TASK = TrainingTask(name="loop", scenarios=["loop"])
 BRAKE = np.array([[[0.0, 1.0, 0.0]]], np.float32)
@@ -167,7 +170,9 @@ def test_training_alone_is_native(read, model, trained):
     assert "training_traffic" not in Environment().content()
 
 
-@pytest.mark.parametrize("given", ["social_agents: [{agent: 'smarts.zoo:idm-v0'}]"])
+@pytest.mark.parametrize(
+    "given", ["learn_in_bubbles: true, episode_time: 60", "social_agents: [{agent: 'smarts.zoo:idm-v0'}]"]
+)
 def test_agents_learn_natively_beside_others(read, given):
     where = ("examples/left_turn_bubble", "crossing") if "bubbles" in given else ()
     (setting,) = task_settings_of(read(f", training_traffic: native, {given}", *where))
@@ -178,6 +183,23 @@ def test_agents_learn_natively_beside_others(read, given):
             now = env.step([np.full((1, 1), LaneAction.keep_lane)])
             assert not now.failed
     assert seen
+
+
+OWN_ROUTES = """<routes>
+    <routeDistribution id="some"><route edges="from_west to_east"/></routeDistribution>
+</routes>
+"""
+
+
+def test_a_scenario_with_what_native_lacks_is_an_error_before_training(read, tmp_path):
+    folder = sources.write_cross(tmp_path / "own")
+    (folder / "own.rou.xml").write_text(OWN_ROUTES)
+    own = 't.Traffic(flows=[], route_files=["own.rou.xml"])'
+    script = sources.scenario(f'traffic={{"own": {own}}}, ego_missions=[t.Mission(south_north)]')
+    (folder / "scenario.py").write_text(script)
+    check_task_settings(read("", folder, "own"))
+    with pytest.raises(TrafficError, match="does not drive routeDistribution"):
+        check_task_settings(read(", training_traffic: native", folder, "own"))
 
 
 @pytest.mark.parametrize(
