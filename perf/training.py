@@ -1,12 +1,11 @@
-"""Speed of training with and without a longer step of the traffic, and where its time goes.
+"""Speed of training in exact traffic, with a longer step of SUMO and on Native, and where its time goes.
 
-    python -m perf.training [--algorithms ppo maddpg] [--seconds 60] [--traffic-step 0.5]
+    python -m perf.training [--algorithms ppo maddpg] [--ways exact native] [--seconds 60]
 
-Trains the algorithms of the paper's table at the intersection with traffic, with the table's settings, in one
-process: with exact traffic and with `environment: {traffic_step: ...}` in turn, iteration by iteration, until
-each has had its time. Prints agent-steps (simulation steps of 0.1 s x agents on the road) and agents'
-decisions for each second of this process' processor time, the share of sampling (simulation and policy) in
-it, and the ratio of agent-steps.
+Trains algorithms of version 1 at its intersection with traffic, with the settings of its table, in one
+process: in each of `WAYS` in turn, iteration by iteration, until each has had its time. Prints agent-steps
+(simulation steps of 0.1 s x agents on the road) and agents' decisions for each second of this process'
+processor time, the share of sampling (simulation and policy) in it, and the ratio of agent-steps.
 """
 
 from __future__ import annotations
@@ -26,20 +25,25 @@ from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import Run, runs_of
 from benchmark.running.training import algorithm_of
 
-FILE = """extends: paper_table.yaml
+FILE = """extends: native_v1.yaml
 tasks: [{scenario}]
-traffic: [random_social_vehicles]
 algorithms: [{algorithm}]
 seeds: [1]
-environment: {{traffic_step: {step}}}
+environment: {{{environment}}}
 """
+WAYS = {
+    "exact": "training_traffic: null",
+    "traffic_step 0.5": "training_traffic: null, traffic_step: 0.5",
+    "native": "training_traffic: native",
+}
+"""Name -> what differs in `environment`; only Native's has no vehicles of Bullet."""
 
 
-def run_of(algorithm: str, scenario: str, step: float | None, overrides: Sequence[str]) -> Run:
-    """Return the run of the paper's table, with another step of the traffic and changed values."""
+def run_of(algorithm: str, scenario: str, environment: str, overrides: Sequence[str]) -> Run:
+    """Return the run of version 1's table, with another environment and changed values."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "speed.yaml")
-        file.write_text(FILE.format(algorithm=algorithm, scenario=scenario, step=step or "null"))
+        file.write_text(FILE.format(algorithm=algorithm, scenario=scenario, environment=environment))
         (run,) = runs_of(read_experiment(file, overrides))
     return run
 
@@ -82,19 +86,18 @@ class Timed:
 
 
 def measure(algorithm: str, options: argparse.Namespace) -> None:
-    """Train in both ways in turn, and print a line for each."""
+    """Train in all ways in turn, and print a line for each."""
     ways: dict[str, Timed] = {}
-    step, seconds = options.traffic_step, options.seconds
     with ExitStack() as algorithms:
-        for name, each in (("exact", None), (f"traffic_step {step}", step)):
-            run = run_of(algorithm, options.scenario, each, options.set)
+        for name in options.ways:
+            run = run_of(algorithm, options.scenario, WAYS[name], options.set)
             algo = algorithms.enter_context(algorithm_of(run))
             ways[name] = Timed(algo, run.task_setting.environment.decision_interval)
             ways[name].train()
             ways[name].forget()
-        while any(way.seconds < seconds for way in ways.values()):
+        while any(way.seconds < options.seconds for way in ways.values()):
             min(ways.values(), key=lambda way: way.seconds).train()
-        base = ways["exact"].rate
+        base = next(iter(ways.values())).rate
         for name, way in ways.items():
             share = f"{100 * way.sampling / way.seconds:.0f}%"
             rates = f"{way.rate:,.0f}", f"{way.rate / way.interval:,.0f}"
@@ -107,9 +110,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--algorithms", nargs="+", default=["ppo", "maddpg"])
-    parser.add_argument("--scenario", default="intersection")
-    parser.add_argument("--traffic-step", type=float, default=0.5, help="[s] (default 0.5)")
+    parser.add_argument("--algorithms", nargs="+", default=["ppo"])
+    parser.add_argument("--scenario", default="intersection_v1")
+    parser.add_argument(
+        "--ways", nargs="+", default=[*WAYS], choices=WAYS, help="the first is 1 of the ratio"
+    )
     parser.add_argument("--seconds", type=float, default=60.0, help="of processor time for each (default 60)")
     parser.add_argument("--set", nargs="*", default=(), metavar="KEY=VALUE", help="of the experiment")
     options = parser.parse_args()
