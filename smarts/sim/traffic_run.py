@@ -46,7 +46,7 @@ class TrafficRun:
         self.dt = dt
         self.world = World(worlds=1, capacity=CAPACITY, agents=0, lanes=len(roads.lane_ids), dt=dt)
         self.states = self.world.vehicles.of(0)
-        start = EpisodeStart(
+        self.start = EpisodeStart(
             seed=seed,
             world=0,
             episode=episode,
@@ -60,7 +60,7 @@ class TrafficRun:
             engine=engine,
         )
         self.engine = traffic_of([engine], self.world, [roads])
-        self.engine.reset({0: start})
+        self.engine.reset({0: self.start})
 
     def steps(self, seconds: float) -> Iterator[VehicleStates]:
         """Yield the vehicles after each step, for a span of simulated time [s].

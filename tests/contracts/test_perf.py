@@ -41,8 +41,8 @@ IN_OWN_PROCESS = {
     ],
 }
 """Arguments of scripts that start Ray, other processes or a browser."""
-ELSEWHERE = {"endurance", "gpu_learner", "real_maps", "yardsticks"}
-"""Scripts that take minutes, or have their own tests."""
+ELSEWHERE = {"endurance", "gpu_learner", "native_film", "real_maps", "yardsticks"}
+"""Scripts that take minutes, have their own tests, or draw a picture of a page."""
 
 
 def test_every_script_is_tested():
