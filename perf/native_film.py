@@ -24,7 +24,7 @@ from smarts.sstudio.build import build_scenario
 
 ENGINES = ("SUMO", "Native")
 FILMED, SPEED, GAP, GREY = 4, 2.0, 12, 90
-"""Steps of 0.1 s from one picture to the next; speed of the film; width [pixels] and shade between the engines."""
+"""Steps of 0.1 s between pictures; speed of the film; width [pixels] and shade of what parts the engines."""
 
 
 def images(scenario: str, seconds: float) -> Iterator[np.ndarray]:

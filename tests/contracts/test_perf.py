@@ -11,6 +11,7 @@ from tests.blocks import ROOT
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
 SMALLEST = {
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
+    "environment": ["--worlds", "1", "--decisions", "20"],
     "games": ["--games", "pg promise", "--seeds", "1"],
     "hosts": ["--rounds", "20", "--steps", "10"],
     "handovers": [
