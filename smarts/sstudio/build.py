@@ -84,7 +84,11 @@ def read_scenario(path: str | Path) -> Scenario:
     """
     location = locate(path)
     built = _find_built(location, _fingerprint_inputs(location, None))
-    return _describe(location, None).scenario if built is None else built.scenario
+    if built is not None:
+        return built.scenario
+    described = _describe(location, None).scenario
+    find_map_source(location.directory, described.map_spec and described.map_spec.source)
+    return described
 
 
 def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEED) -> BuiltScenario:

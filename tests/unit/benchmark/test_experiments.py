@@ -165,6 +165,16 @@ def test_the_line_of_a_scenario_file_that_raises_is_named(write, tmp_path):
     assert f"tasks[0]: {tmp_path / 'broken' / 'scenario.py'}, line 2: the scenario file raises" in message
 
 
+def test_a_scenario_without_a_map_says_so_and_nothing_else(write, tmp_path):
+    (tmp_path / "town").mkdir()
+    script = "from smarts.sstudio import gen_scenario, types as t\ngen_scenario(t.Scenario(), '.')\n"
+    (tmp_path / "town" / "scenario.py").write_text(script)
+    message = said(write(f"algorithms: [ppo]\ntasks: [{tmp_path / 'town'}]\n"))
+    assert f"tasks[0]: {tmp_path / 'town'}: there is no road map 'map'" in message
+    assert "missions" not in message
+    assert "traffic" not in message
+
+
 def test_a_value_that_one_algorithm_cannot_have_leads_to_one_of_its_own(write):
     file = write(f"extends: {CONFIGS / 'quickstart.yaml'}\nalgorithms: [ppo, happo, mat]\n")
     own = "settings: {happo: {sharing: none}}"
