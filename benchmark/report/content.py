@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from statistics import fmean, median
 from typing import Any
 
 import pandas as pd
@@ -177,21 +176,17 @@ class Report:
     @cached_property
     def other_steps(self) -> dict[tuple[str, str, str], int]:
         """Mean agent-steps of trainings that took others than the median of their protocol in their cell."""
-        taken: dict[tuple[str, str, str], list[int]] = {}
-        for run in self.results.finished:
-            if run.progress is not None and len(run.progress):
-                steps = int(run.progress["agent_steps"].iloc[-1])
-                taken.setdefault((run.algorithm, run.task, run.traffic), []).append(steps)
-        means = {place: fmean(steps) for place, steps in taken.items()}
-        beside: dict[tuple[str, ...], list[float]] = {}
-        for place, mean in means.items():
-            beside.setdefault((self.protocols[place], *place[1:]), []).append(mean)
-        usual = {place: median(beside[self.protocols[place], *place[1:]]) for place in means}
-        return {
-            place: round(mean)
-            for place, mean in means.items()
-            if abs(mean / usual[place] - 1) > MOST_STEPS_APART
-        }
+        rows = [
+            (self.protocols[place], *place, float(run.progress["agent_steps"].iloc[-1]))
+            for run in self.results.finished
+            if run.progress is not None and len(run.progress)
+            for place in [(run.algorithm, run.task, run.traffic)]
+        ]
+        table = pd.DataFrame(rows, columns=["protocol", "algorithm", "task", "traffic", "steps"])
+        means: Any = table.groupby(["protocol", "algorithm", "task", "traffic"])["steps"].mean()
+        usual = means.groupby(["protocol", "task", "traffic"]).transform("median")
+        others = means[(means / usual - 1).abs() > MOST_STEPS_APART]
+        return {(*place,): round(steps) for (_, *place), steps in others.items()}
 
     @cached_property
     def marks(self) -> dict[tuple[str, str, str], str]:

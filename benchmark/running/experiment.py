@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,13 +15,12 @@ from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.config import Experiment, check_whole, read_experiment
 from benchmark.experiment.environment import Environment
 from benchmark.experiment.own_code import own_names
-from benchmark.experiment.runs import Run, task_settings_of
+from benchmark.experiment.runs import task_settings_of
 from benchmark.experiment.version import differences
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
-from benchmark.results.plurals import counted
 from benchmark.results.reading import Results, read_results
-from benchmark.results.run_folder import ENDED_BY, FINISHED
+from benchmark.results.run_folder import FINISHED
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import DT, given_hosts
 from benchmark.running.estimate import episodes_of, plan
@@ -248,18 +246,8 @@ def _summarize(states: Sequence[JobState], root: Path) -> int:
             f"{len(failed)} of {len(states)} runs failed; give the same command again to retry",
             file=sys.stderr,
         )
-    if ended_by := Counter(filter(None, (_ending_budget(state) for state in states))):
-        counts = (f"{name} in {counted(count, 'run')}" for name, count in ended_by.items())
-        print(f"training ended by: {', '.join(counts)}")
     print(f"results: {root}")
     return FAILED if failed else 0
-
-
-def _ending_budget(state: JobState) -> str | None:
-    """Return which budget of a run was used up first; None without a finished training."""
-    if state.status != FINISHED or not isinstance(state.job, Run):
-        return None
-    return state.folder.facts().get(ENDED_BY)
 
 
 @contextmanager
