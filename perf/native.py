@@ -20,7 +20,7 @@ import argparse
 import csv
 import math
 import time
-from collections import Counter
+from collections import defaultdict
 from contextlib import closing
 from itertools import islice
 from pathlib import Path
@@ -79,7 +79,8 @@ def observe(name: str, engine: str, seed: int, seconds: float) -> Sample:
     """Return what a scenario's traffic without agents looks like."""
     built = build_scenario(name)
     traffic_run.CAPACITY, roads = CAPACITY, built.roads()
-    atlas, overlapping, arrived = RoadAtlas([roads]), set(), Counter()
+    atlas, overlapping = RoadAtlas([roads]), set()
+    arrived: dict[str, float] = defaultdict(float)
     found: dict[str, list[NDArray]] = {label: [] for label in BINS}
     with traffic_run.traffic_run(built, TRAFFIC, seed=seed, engine=engine) as run:
         matcher = MapMatcher(Scene(run.world, atlas, AgentRoutes(atlas, 1, 0)))
@@ -102,7 +103,7 @@ def observe(name: str, engine: str, seed: int, seconds: float) -> Sample:
         "vehicles": len(speed) / len(found["speed"]),
         "mean speed [m/s]": float(speed.mean()),
         "share standing": float((speed < 0.1).mean()),
-        "arrivals an hour": arrived.total(),
+        "arrivals an hour": sum(arrived.values()),
         "overlapping pairs an hour": len(overlapping) / seconds * 3600.0,
         **arrived,
     }
@@ -169,7 +170,8 @@ def _distance(scenario: str, label: str, both: list[list[Sample]]) -> Row:
         first, second = np.array_split(draws.permutation(len(sumo)), 2)
         distances.append((_ks(native[first], sumo[second]), _ks(sumo[first], sumo[second])))
     medians = [BINS[label][np.searchsorted(np.cumsum(_shares(counts)), 0.5)] for counts in (sumo, native)]
-    return scenario, f"KS of {label}", *map(float, medians), *np.mean(distances, axis=0).tolist()
+    (sumo_median, native_median), (distance, noise) = map(float, medians), np.mean(distances, axis=0).tolist()
+    return scenario, f"KS of {label}", sumo_median, native_median, distance, noise
 
 
 def _shares(counts: NDArray) -> NDArray:
