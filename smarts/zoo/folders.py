@@ -92,7 +92,7 @@ def import_folder(folder: str | Path) -> str:
 def _changed() -> Iterator[dict[str, Any]]:
     """Yield the content of the file, and write it with what the caller has changed."""
     file = zoo_file()
-    with written_whole(file) as written, locked(file.with_name(f".{file.name}.lock")):
+    with locked(file.with_name(f".{file.name}.lock")), written_whole(file) as written:
         content = dict(_content())
         yield content
         written.write_text(yaml.safe_dump(content), encoding="utf-8")

@@ -27,6 +27,7 @@ from smarts.agents.hosting.options import HERE, HostError
 from smarts.agents.hosting.remote import remote_spec
 from smarts.agents.spec import AgentSpec
 from smarts.errors import SmartsError
+from smarts.whole_files import PARTIAL, writing
 from smarts.zoo.entry import ZooEntry, check_name
 from smarts.zoo.kit_wheel import build_wheel, kit_digest
 
@@ -155,12 +156,15 @@ def install(entry: ZooEntry, python: str = "") -> Path:
     if python or not folder.exists():
         project = read_project(entry.folder)
         _check_python(project, python or sys.executable, place)
-        _root().mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".partial-", dir=_root()) as temporary:
-            partial = Path(temporary, folder.name)
-            _build(partial, python or sys.executable, entry.folder, project, place)
-            shutil.rmtree(folder, ignore_errors=True)
-            partial.rename(folder)
+        with locked(_root() / ".lock"):
+            if folder.exists() and not python:  # another process has built it in the meantime
+                return folder
+            _remove(_root().glob(f"{PARTIAL}*"))  # of processes that were killed
+            with tempfile.TemporaryDirectory(prefix=PARTIAL, dir=_root()) as temporary:
+                partial = Path(temporary, folder.name)
+                _build(partial, python or sys.executable, entry.folder, project, place)
+                shutil.rmtree(folder, ignore_errors=True)
+                partial.rename(folder)
     return folder
 
 
@@ -251,8 +255,14 @@ def _root() -> Path:
 
 @contextmanager
 def locked(file: Path) -> Iterator[None]:
-    """Hold a lock, so that two processes do not write to one place."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with file.open("w") as held:
+    """Hold a lock, so that two processes do not write to one place.
+
+    Raises:
+        SmartsError: The file of the lock cannot be written.
+    """
+    with writing(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        opened = file.open("w")
+    with opened as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         yield

@@ -1,3 +1,5 @@
+import errno
+
 import pytest
 
 from smarts.errors import SmartsError
@@ -18,3 +20,11 @@ def test_an_unwritable_path_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with raises(SmartsError, tmp_path / "file" / "a.png"), written_whole(tmp_path / "file" / "a.png"):
         pass
+
+
+def test_errors_of_the_block_stay_its_own_unless_the_disk_is_full(tmp_path):
+    out = tmp_path / "a.png"
+    with pytest.raises(FileNotFoundError), written_whole(out):
+        (tmp_path / "missing").read_text()
+    with raises(SmartsError, out), written_whole(out):
+        raise OSError(errno.ENOSPC, "No space left on device")

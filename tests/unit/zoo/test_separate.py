@@ -2,7 +2,9 @@
 
 import subprocess
 import sys
+import threading
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from uv import find_uv_bin
 
 from smarts.agents.hosting.options import HostError
 from smarts.errors import SmartsError
-from smarts.zoo import find_entry, make_agent, make_spec
+from smarts.zoo import find_entry, make_agent, make_spec, separate
 from smarts.zoo.registry import add_folder
 from smarts.zoo.separate import _environment, clean, install, uninstall
 from tests import easing
@@ -135,6 +137,19 @@ def test_dependencies_that_cannot_be_had_leave_nothing(zoo):
         install(find_entry(name))
     assert "no-such-package" in raised.value.problem
     assert built(zoo) == set()
+
+
+def test_an_install_waits_for_another_and_removes_what_a_killed_one_left(zoo, monkeypatch):
+    entry = find_entry(project(zoo, "1"))
+    left = _environment(entry).parent / ".partial-left"
+    left.mkdir(parents=True)
+    began, builds = threading.Barrier(2, timeout=10), []
+    monkeypatch.setattr(separate, "_check_python", lambda *_: began.wait())
+    monkeypatch.setattr(separate, "_build", lambda folder, *_: builds.append(folder.mkdir()))
+    with ThreadPoolExecutor() as pool:
+        one, other = pool.map(install, [entry, entry])
+    assert one == other == _environment(entry)
+    assert (len(builds), left.exists()) == (1, False)
 
 
 def test_a_python_that_does_not_fit_is_an_error_before_anything_is_built(zoo):
