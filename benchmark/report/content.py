@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,7 +38,7 @@ from benchmark.results.reading import Results, RunResult
 from benchmark.results.versions import check_one_version
 
 MOST_STEPS_APART = 0.05
-"""Share by which the agent-steps of ranked trainings may differ from the column's median."""
+"""Share by which the agent-steps of ranked trainings may differ from those that are usual in the cell."""
 SAME_TASK = "hardly differs from the cell without social vehicles"
 PROTOCOL = "protocol"
 """Column of agent-episodes that are compared."""
@@ -175,18 +176,21 @@ class Report:
 
     @cached_property
     def other_steps(self) -> dict[tuple[str, str, str], int]:
-        """Mean agent-steps of trainings that took others than the median of their protocol in their cell."""
+        """Mean agent-steps of trainings that took others than are usual in their cell and protocol."""
         rows = [
-            (self.protocols[place], *place, float(run.progress["agent_steps"].iloc[-1]))
+            (self.protocols[place], *place, float(run.progress["agent_steps"].iloc[-1]), _budget(run))
             for run in self.results.finished
             if run.progress is not None and len(run.progress)
             for place in [(run.algorithm, run.task, run.traffic)]
         ]
-        table = pd.DataFrame(rows, columns=["protocol", "algorithm", "task", "traffic", "steps"])
-        means: Any = table.groupby(["protocol", "algorithm", "task", "traffic"])["steps"].mean()
-        usual = means.groupby(["protocol", "task", "traffic"]).transform("median")
-        others = means[(means / usual - 1).abs() > MOST_STEPS_APART]
-        return {(*place,): round(steps) for (_, *place), steps in others.items()}
+        table = pd.DataFrame(rows, columns=["protocol", "algorithm", "task", "traffic", "steps", "budget"])
+        found: dict[tuple[str, str, str], int] = {}
+        for _, cell in table.groupby(["protocol", "task", "traffic"]):
+            means: Any = cell.groupby(["algorithm", "task", "traffic"])["steps"].mean()
+            usual = usual_steps([*means], cell["budget"].iloc[0])
+            others = means[[len(means) > 1 and not _are_alike(steps, usual) for steps in means]]
+            found |= {place: round(steps) for place, steps in others.items()}
+        return found
 
     @cached_property
     def marks(self) -> dict[tuple[str, str, str], str]:
@@ -312,6 +316,25 @@ def _is_unlike_paper(run: RunResult) -> bool:
     environment = run.config.get("environment") or {}
     has_others = any(environment.get(name) for name in ("social_agents", "learn_in_bubbles"))
     return has_others or with_defaults({"scenarios": [run.task], **run.config})["scenarios"] != [run.task]
+
+
+def _budget(run: RunResult) -> float:
+    """Return the agent-steps of a run's budget, NaN if it is not known."""
+    return float((run.config.get("budget") or {}).get("agent_steps", math.nan))
+
+
+def _are_alike(steps: float, others: float) -> bool:
+    return abs(steps / others - 1) <= MOST_STEPS_APART
+
+
+def usual_steps(means: Sequence[float], budget: float) -> float:
+    """Return the agent-steps to which most of several algorithms are close; in doubt those of the budget.
+
+    Where no two are close to each other, those of a budget in minutes are all far from its agent-steps.
+    """
+    return max(
+        [budget, *means], key=lambda steps: max(1, sum(_are_alike(each, steps) for each in means))
+    )  # each is close to itself, which says nothing
 
 
 def _ordered(names: Iterable[str], known: Iterable[str]) -> list[str]:

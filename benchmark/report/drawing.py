@@ -1,4 +1,8 @@
-"""The page's plots as paths of SVG: curves in a square that the page stretches, radars around (0, 0)."""
+"""The page's plots as paths of SVG: curves in a square that the page stretches, radars around (0, 0).
+
+The page has SVG, which takes its colours, width and marks from the page; report.md has PNG, which every
+reader of Markdown shows.
+"""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from benchmark.results.reading import Results, RunResult
 from benchmark.results.run_folder import RunFolder
 from smarts.envision.episode_library import Entry, EpisodeLibrary
 from smarts.envision.notable_episodes import NO_FAILURE, Notable, fitting, notable_episodes, write_notable
-from smarts.envision.viewer_page import page_with
+from smarts.envision.viewer_page import Embedded, page_with
 from smarts.errors import SmartsError
 from smarts.sstudio.locating import VARIATION_MARK
 
@@ -96,6 +96,8 @@ class Replays:
     """Why each is shown, and its id in the page."""
     page: bytes = b""
     """The viewer with the episodes inside."""
+    left_out: tuple[str, ...] = ()
+    """Each further one with the reason why it is not shown."""
 
 
 def replays(results: Results, mode: str, name: str) -> Replays:
@@ -119,10 +121,20 @@ def replays(results: Results, mode: str, name: str) -> Replays:
             if {*each.why.split(", ")} & {"best", "worst"}
         ]
         chosen += _typical_failure(library.entries(), chosen)
-        page = page_with([fitting(library, each) for each in chosen])
-    except SmartsError:  # damaged, or too large together: the pages of `--episodes` say which
+    except SmartsError:  # none of this way of acting
         return Replays()
-    return Replays(tuple((each.why, each.entry.id) for each in chosen), page.encode())
+    shown: list[Embedded] = []
+    left_out: list[str] = []
+    page = ""
+    for each in chosen:
+        try:
+            embedded = fitting(library, each)
+            page = page_with([*shown, embedded])
+        except SmartsError as error:  # damaged, or too large beside those before it
+            left_out.append(f"{each.why}: {error.problem}")
+        else:
+            shown.append(embedded)
+    return Replays(tuple((each.why, each.id) for each in shown), page.encode(), tuple(left_out))
 
 
 def _typical_failure(entries: Sequence[Entry], shown: Sequence[Notable]) -> list[Notable]:

@@ -10,11 +10,12 @@ import numpy as np
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report
-from benchmark.report.curves import runs_of, seeds_curve
+from benchmark.report.curves import seeds_curve
 from benchmark.report.paper import algorithm_label
 from benchmark.report.ranking import RANKED_BY
 from benchmark.report.summary import Summaries
 from benchmark.report.values import Value
+from benchmark.results.commands import read_commands
 from benchmark.results.reading import RunResult
 from benchmark.statistics import stratified_interval
 from smarts.types.streams import Purpose, stream
@@ -125,9 +126,12 @@ def trend(runs: Sequence[Frame]) -> float | None:
 
 
 def trends(report: Report) -> dict[tuple[str, str, str], float]:
-    """Return algorithm, task and traffic of each training whose trend is known -> `trend`."""
-    places = [(name, *place) for name in report.algorithms for place in report.columns]
-    found = {place: trend(runs_of(report, *place)) for place in places}
+    """Return algorithm, task and traffic of finished trainings whose trend is known -> `trend`."""
+    runs: dict[tuple[str, str, str], list[Frame]] = {}
+    for run in report.results.finished:
+        if run.progress is not None and not run.is_scripted:
+            runs.setdefault((run.algorithm, run.task, run.traffic), []).append(run.progress)
+    found = {place: trend(each) for place, each in runs.items()}
     return {place: rise for place, rise in found.items() if rise is not None}
 
 
@@ -158,16 +162,27 @@ def run_commands(report: Report) -> list[str]:
 
 
 def larger_budget(report: Report) -> str:
-    """Return a larger budget where trainings that still improve have one, of no version of the benchmark."""
+    """Return a larger budget where trainings that still improve have one, of no version of the benchmark.
+
+    "" where they have it from `by_task`, which `--set` does not override.
+    """
     places = rising(report)
     runs = [run for run in report.results.finished if (run.algorithm, run.task, run.traffic) in places]
     budgets = {(run.config["budget"].get("minutes"), run.config["budget"]["agent_steps"]) for run in runs}
-    if len(budgets) != 1 or any(run.benchmark_version for run in runs):
+    if len(budgets) != 1 or any(run.benchmark_version or _has_own_budget(report, run) for run in runs):
         return ""
     ((minutes, steps),) = budgets
     took = [run.progress["agent_steps"].iloc[-1] for run in runs if run.progress is not None]
     is_by_time = minutes and max(took) < steps
     return f"budget.minutes={LONGER * minutes:g}" if is_by_time else f"budget.agent_steps={LONGER * steps}"
+
+
+def _has_own_budget(report: Report, run: RunResult) -> bool:
+    """Return whether `by_task` of any command's experiment gives a run's budget."""
+    _, experiments = read_commands(report.results.root, {})
+    names = run.task, f"{run.task}/{run.traffic}"
+    given = [each.by_task.get(name) for each in experiments if each for name in names]
+    return any(each.budget.model_fields_set for each in given if each)
 
 
 def known(report: Report, name: str, place: Place, metric: str) -> Value | None:

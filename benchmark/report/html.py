@@ -103,7 +103,7 @@ def report_page(
         paper_metrics=PAPER_METRICS,
         thousands=thousands,
         summaries=summaries,
-        replays=replays.episodes,
+        replays=replays,
         viewer=base64.b64encode(replays.page).decode(),
         links=links,
         robustness=robustness,

@@ -139,7 +139,7 @@ def standing(report: Report) -> list[str]:
     """
     runs = report.results.runs
     sentences = version_lines(runs) + differing_scenarios((run, str(run)) for run in runs)
-    sentences += differing_trainings(runs) + _protocols(report)
+    sentences += differing_trainings(runs) + _protocols(report) + _apart(report)
     doubts = {False: "Social vehicles hardly matter in", None: "Not known whether social vehicles matter in"}
     sentences += [
         f"{doubts[check.passes]} {check}."
@@ -172,6 +172,16 @@ def _protocols(report: Report) -> list[str]:
         f"Ranks hold within one protocol only, and there are several in {'; '.join(cells)}: {text}."
         for text, cells in said.items()
     ]
+
+
+def _apart(report: Report) -> list[str]:
+    """Return in which cells no algorithm has a rank, since all were trained for other agent-steps."""
+    cells = []
+    for column in report.columns:
+        places = [place for place in report.protocols if place[1:] == column]
+        if len(places) > 1 and {*places} <= {*report.other_steps}:
+            cells.append(cell_label(*column))
+    return [f"No ranks, since all trained for different agent-steps: {'; '.join(cells)}."] if cells else []
 
 
 def _environments(report: Report) -> list[str]:

@@ -37,7 +37,9 @@ document.querySelectorAll(".copy").forEach((button) => button.addEventListener("
   button.textContent = "Copied";
 }));
 // A link into what is folded opens it.
-addEventListener("hashchange", () => document.querySelector(`details:has(${location.hash})`)?.setAttribute("open", ""));
+const unfold = () => document.getElementById(location.hash.slice(1))?.closest("details")?.setAttribute("open", "");
+addEventListener("hashchange", unfold);
+unfold();
 // The viewer is a page of its own inside this one; it loads when it comes into sight.
 const player = document.querySelector("#player");
 if (player) {

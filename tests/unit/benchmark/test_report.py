@@ -255,6 +255,27 @@ def test_who_trained_for_other_agent_steps_shows_them_and_has_no_rank(tmp_path):
     assert "agent-steps" not in count(cells["dqn"])
 
 
+@pytest.mark.parametrize(
+    ("steps", "others"),
+    [
+        ((1000, 1060), {"ppo"}),
+        ((500, 510), set()),
+        ((500, 700), {"dqn", "ppo"}),
+        ((500, 700, 710), {"dqn"}),
+        ((1000, 1010, 700), {"maac"}),
+        ((500, 700, 900), {"dqn", "ppo", "maac"}),
+    ],
+)
+def test_usual_agent_steps_are_those_of_most_or_of_the_budget(tmp_path, steps, others):
+    write_experiment(tmp_path, algorithms=["dqn", "ppo", "maac"][: len(steps)])
+    for name, each in zip(("dqn", "ppo", "maac"), steps, strict=False):
+        table = agent_episodes(PERFECT, mode="greedy")
+        write_run(tmp_path, name, [table], progress=[[1, each, 10.0, 100, *[""] * 6]])
+    report = report_of(tmp_path)
+    assert {name for name, *_ in report.other_steps} == others
+    assert any("No ranks" in line for line in standing(report)) == (len(others) == len(steps))
+
+
 def test_runs_that_must_not_be_averaged_or_compared_do_not_count_and_are_marked(tmp_path):
     write_experiment(tmp_path, algorithms=["dqn", "ppo", "maac"], seeds=[1, 2])
     for name in ("dqn", "ppo", "maac"):

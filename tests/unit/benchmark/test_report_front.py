@@ -7,13 +7,16 @@ import re
 import numpy as np
 import pytest
 
-from benchmark.report import drawing, front
+from benchmark.report import drawing, episode_pages, front
 from benchmark.report.content import make_report
 from benchmark.report.episode_pages import Replays
 from benchmark.report.html import report_page
 from benchmark.report.robustness import robustness_of
 from benchmark.report.summary import summaries_of
 from benchmark.results.reading import read_results
+from smarts.envision.episode_library import Entry, EpisodeLibrary
+from smarts.envision.viewer_page import Embedded
+from smarts.errors import SmartsError
 from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experiment, write_run, write_test
 
 GOALS = [["goal", "goal"], ["goal", "collision"]] * 10
@@ -115,6 +118,45 @@ def test_the_next_commands_train_on_with_the_budget_that_ended_the_training(tmp_
         f"smarts-bench evaluate {folder} --traffic {SOCIAL} --mode greedy --episodes 20",
         "smarts-bench run hand.yaml --set 'algorithms=[ppo,dqn,maddpg]'",
     ]
+
+
+def test_no_command_gives_a_budget_that_the_task_overrides(tmp_path):
+    write_experiment(tmp_path, by_task={"intersection": {"budget": {"agent_steps": 9000}}})
+    trained(tmp_path, lines(0.1, 0.2, 0.3), budget={"agent_steps": 9000, "minutes": None})
+    assert lead(tmp_path).endswith("It was still improving: train longer.")
+    assert not any("budget" in command for command in texts(tmp_path, "<code>", "</code>"))
+
+
+def test_the_trend_is_said_of_the_algorithm_that_has_it_and_of_finished_runs(tmp_path):
+    write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac"])
+    trained(tmp_path, lines(0.7, 0.8), outcomes=[["goal", "goal"], ["goal", "collision"]] * 5)
+    trained(tmp_path, lines(0.1, 0.2, 0.3), "dqn", outcomes=[["goal", "collision"]] * 10)
+    write_run(tmp_path, "maac", None, progress=lines(0.1, 0.2, 0.3))
+    assert lead(tmp_path).endswith("DQN was still improving: train longer.")
+
+
+def test_an_episode_that_cannot_be_shown_is_left_out_alone(tmp_path, monkeypatch):
+    write_experiment(tmp_path)
+    (trained(tmp_path, ()) / "episodes").mkdir()
+    library = EpisodeLibrary([])
+    ends = {"good": {"goal": 2}, "bad": {"collision": 2}}
+    library.entries = lambda: [
+        Entry(id=name, label=name, run="", agents=2, outcomes=how, complete=True)
+        for name, how in ends.items()
+    ]
+    monkeypatch.setattr(episode_pages, "_tested", lambda *_: library)
+
+    def fitting(_, notable):
+        if notable.entry.id == "bad":
+            raise SmartsError("damaged")
+        return Embedded(notable.entry.id, notable.entry.label, b"", notable.why)
+
+    monkeypatch.setattr(episode_pages, "fitting", fitting)
+    played = episode_pages.replays(read_results(tmp_path), "greedy", "ppo")
+    assert (played.episodes, played.left_out) == ((("best", "good"),), ("worst: damaged",))
+    report = make_report(read_results(tmp_path))
+    page = report_page(report, summaries_of(report), (), robustness_of(report), played)
+    assert "Left out: worst: damaged." in page
 
 
 def test_a_line_has_a_gap_where_a_value_is_not_known():
