@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
 from algorithms.registry import ALGORITHMS, ActionKind
@@ -92,12 +91,9 @@ def _by_task(experiment: Experiment) -> Iterator[Fault]:
 
 
 def _starts(experiment: Experiment) -> Iterator[Fault]:
-    """Yield runs to start from that have no checkpoint, or that a version of the benchmark does not allow."""
+    """Yield runs to start from, which a version of the benchmark does not allow."""
     for number, task in enumerate(experiment.tasks):
         key = "tasks", number, "start_from"
-        if task.start_from and not Path(task.start_from, "checkpoint").exists():
-            remedy = "give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1"
-            yield Fault(key, f"there is no run with a checkpoint in {task.start_from}", remedy)
         if task.start_from and experiment.benchmark_version is not None:
             yield Fault(key, "trainings of a benchmark version begin without weights", "leave it out")
 

@@ -28,8 +28,12 @@ SCRIPTED_SEED = -1
 VERSION = "benchmark_version"
 """Key of a run's content: version of the benchmark; absent for none."""
 START = "start_from"
-"""Key of a run's content: folder of the run with whose weights it began; absent for none.
-Key of run.json: those of its weights that did not fit."""
+"""Key of a run's content: folder of the run with whose weights it begins; absent for none. Where it is known,
+`STARTED_FROM` is compared instead."""
+STARTED_FROM = "started_from"
+"""Key of run.json: digest of the networks that the training began with."""
+NOT_TAKEN = "weights_not_taken"
+"""Key of run.json: the run's weights that those which it began with do not fit."""
 OWN_CODE = "own_code"
 """Key of a run's content and of a test's: name -> digest of own code; see `own_digests`."""
 
@@ -84,7 +88,6 @@ class TaskSetting:
             "environment": environment,
             **({"imports": list(self.imports)} if self.imports else {}),
             **({VERSION: self.benchmark_version} if self.benchmark_version else {}),
-            **({START: self.task.start_from} if self.task.start_from else {}),
             **_own_code(self.imports, environment, *names),
         }
 
@@ -121,7 +124,7 @@ class Run:
 
     def content(self) -> dict[str, Any]:
         """Return all that its training depends on, as it is kept beside its results."""
-        evaluation = self.task_setting.evaluation
+        evaluation, start = self.task_setting.evaluation, self.task_setting.task.start_from
         return {
             "algorithm": self.algorithm,
             "seed": self.seed,
@@ -131,6 +134,7 @@ class Run:
             "validation_episodes": evaluation.validation_episodes,
             "env_runners": self.resources.env_runners,
             "num_envs_per_env_runner": self.resources.num_envs_per_env_runner,
+            **({START: start} if start else {}),
             **self.task_setting.content(self.algorithm, self.settings),
         }
 

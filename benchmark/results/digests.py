@@ -21,6 +21,11 @@ def with_digests(files: Mapping[str, bytes]) -> dict[str, bytes]:
     return {**files, DIGESTS: json.dumps(digests, indent=1).encode()}
 
 
+def digest_of(files: Mapping[str, bytes]) -> str:
+    """Return one digest of several files, given by their paths in a folder."""
+    return file_digest(with_digests(dict(sorted(files.items())))[DIGESTS])
+
+
 def check_digests(folder: Path, remedy: str) -> None:
     """Raise if files are not as `with_digests` has described them; a folder without digests is accepted.
 

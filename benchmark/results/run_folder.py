@@ -20,9 +20,17 @@ from typing import Any
 
 import yaml
 
-from benchmark.experiment.runs import OWN_CODE, changed_settings, default_settings, is_larger, with_defaults
+from benchmark.experiment.runs import (
+    OWN_CODE,
+    START,
+    STARTED_FROM,
+    changed_settings,
+    default_settings,
+    is_larger,
+    with_defaults,
+)
 from benchmark.metrics import read_table
-from benchmark.results.digests import check_digests
+from benchmark.results.digests import check_digests, digest_of
 from benchmark.results.files import (
     ResultsError,
     files_in,
@@ -138,6 +146,10 @@ class RunFolder:
         there, here = self._content(), with_defaults(content)
         if there is None:
             return
+        if START in here and STARTED_FROM in self.facts():
+            here[START] = there.get(START)  # where the other run is gone or damaged
+            with suppress(ResultsError):
+                here[START] = digest_of(RunFolder(Path(content[START])).networks())
         is_extended = _is_extended(here, there)
         compared = comparable(there, here), comparable(here, there)
         self._check_code(*compared)
@@ -159,6 +171,15 @@ class RunFolder:
                 place=str(self.checkpoint),
                 remedy="bring it back from a copy, or give the experiment another name or --out",
             )
+
+    def check_start(self, content: Mapping[str, Any]) -> None:
+        """Raise if the run has not begun, and what it starts from has no checkpoint.
+
+        Raises:
+            ResultsError: As above.
+        """
+        if START in content and not self._has_results():
+            RunFolder(Path(content[START])).kept("last")
 
     def _check_code(self, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
         if changed := changed_code(there, here):
@@ -299,11 +320,15 @@ class RunFolder:
 def with_own_defaults(config: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
     """Return a run's config, with the defaults of its time where these were others than today's.
 
+    What it started from is the digest of these weights, if it is known, and not their folder.
+
     Args:
         config: Content of config.yaml.
         facts: Facts of run.json.
     """
     content = with_defaults(config)
+    if START in content:
+        content[START] = facts.get(STARTED_FROM, content[START])
     now = default_settings(content)
     defaults = {name: value for name, value in facts.get(DEFAULTS, {}).items() if name in now}
     return {**content, "settings": defaults | (content.get("settings") or {})} if defaults else content

@@ -116,6 +116,7 @@ class JobScheduler:
             if is_kept and folder.is_finished(setting.test_content()) and not folder.is_extended(content):
                 state.status = FINISHED
             else:
+                folder.check_start(content)
                 self._waiting.append(state)
 
     @property

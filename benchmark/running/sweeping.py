@@ -68,8 +68,10 @@ def sweep(experiment: Experiment, root: Path) -> int:
         ended = [
             is_complete(folder, section, run.algorithm) for run, folder in zip(runs, folders, strict=True)
         ]
-        for run, folder in zip(runs, folders, strict=True):
+        for run, folder, has_ended in zip(runs, folders, ended, strict=True):
             _check_same_search(folder / SEARCH, run, section)
+            if not has_ended:
+                RunFolder(folder / SEARCH).check_start(run.content())
         try:
             if not all(ended):
                 with shipped_code(experiment) as code:

@@ -23,7 +23,7 @@ from algorithms.joint.evaluation import evaluate
 from algorithms.joint.fitting import Agents, fitted_weights
 from algorithms.joint.runner import JointEnvRunner, Reply
 from benchmark.experiment.algorithm_settings import CONFIGS, own_defaults
-from benchmark.experiment.runs import START, Run
+from benchmark.experiment.runs import NOT_TAKEN, Run
 from benchmark.results.digests import OTHER_CHECKPOINT, check_digests, with_digests
 from benchmark.results.files import ResultsError, files_in, write_json
 from benchmark.results.run_folder import (
@@ -84,7 +84,7 @@ def train_and_evaluate(
     with algorithm_of(run) as algo:
         training = Training(run, scratch, algo)
         if training.unfit is not None:
-            yield Noted({START: training.unfit})
+            yield Noted({NOT_TAKEN: training.unfit})
         yield from training.go(is_stopped)
         if training.ended_by is None:
             return

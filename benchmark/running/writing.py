@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
 from benchmark.experiment.loggers import LOGGERS
-from benchmark.experiment.runs import START, Run, ScriptedRun, default_settings
-from benchmark.results.digests import OTHER_CHECKPOINT, check_digests
+from benchmark.experiment.runs import NOT_TAKEN, STARTED_FROM, Run, ScriptedRun, default_settings
+from benchmark.results.digests import OTHER_CHECKPOINT, check_digests, digest_of
 from benchmark.results.files import files_in
 from benchmark.results.progress import add_progress, begin_progress
 from benchmark.results.run_folder import DEFAULTS, SCENARIOS, TRAINING, RunFolder
+from benchmark.running.logger_threads import logger_thread
 from benchmark.running.loggers import Logged
 from benchmark.running.messages import Began, Kept, Line, Message, Noted, RunProgress
 from smarts.errors import SmartsError
+
+LOCAL = ("tensorboard",)
+"""Loggers that only write to this machine's disk."""
 
 
 class RunWriter:
@@ -35,6 +39,7 @@ class RunWriter:
     def __init__(self, run: Run | ScriptedRun, folder: RunFolder, loggers: Sequence[str] = ()) -> None:
         self._run, self._folder, self._names = run, folder, loggers
         self._loggers: dict[str, Any] = {}
+        self._start: dict[str, str] = {}
         folder.open(run.content())
 
     def checkpoint(self) -> dict[str, bytes]:
@@ -54,7 +59,11 @@ class RunWriter:
             ResultsError: That has no checkpoint, or it is damaged.
         """
         origin = self._run.task_setting.task.start_from
-        return RunFolder(Path(origin)).networks() if origin and isinstance(self._run, Run) else {}
+        if not origin or not isinstance(self._run, Run):
+            return {}
+        networks = RunFolder(Path(origin)).networks()
+        self._start = {STARTED_FROM: digest_of(networks)}
+        return networks
 
     def take(self, message: Message) -> RunProgress | None:
         """Write what a message says; return it if it is progress.
@@ -69,32 +78,40 @@ class RunWriter:
                 self._begin(message)
             case Noted(values):
                 self._folder.note(**values)
-                if START in values:
-                    unfit = f", but for {', '.join(values[START])}" if values[START] else ""
+                if NOT_TAKEN in values:
+                    unfit = f", but for {', '.join(values[NOT_TAKEN])}" if values[NOT_TAKEN] else ""
                     begun = f"begins with weights of {self._run.task_setting.task.start_from}"
                     print(f"{self._run}: {begun}{unfit}", file=sys.stderr)
             case Line(columns):
                 add_progress(self._folder.progress, columns)
-                for name, logger in [*self._loggers.items()]:
-                    self._tell(name, partial(logger.add, columns))
+                for name in self._names:
+                    self._tell(name, partial(self._add, name, columns))
             case Kept(place, content):
                 self._folder.keep(place, content)
         return None
 
     def close(self) -> None:
         """Write what is left; may be called again."""
-        for name, logger in [*self._loggers.items()]:
-            self._tell(name, logger.close)
-        self._loggers.clear()
+        for name in self._names:
+            self._tell(name, partial(self._end, name))
+            if name not in LOCAL:
+                logger_thread(name).wait()
 
-    def _tell(self, name: str, call: Callable[[], Any]) -> Any:
+    def _tell(self, name: str, call: Callable[[], None]) -> None:
+        """Call a logger, in its thread if it may have a server."""
+        if name in LOCAL:
+            self._try(name, call)
+        else:
+            logger_thread(name).add(partial(self._try, name, call))
+
+    def _try(self, name: str, call: Callable[[], None]) -> None:
         """Call a logger; what fails, as where a server is gone, is left out from then on."""
         try:
-            return call()
-        except SmartsError:  # of this machine's disk
-            raise
+            call()
         except Exception as error:  # whatever a package of others raises
             self._loggers.pop(name, None)
+            if isinstance(error, SmartsError) and name in LOCAL:  # of this machine's disk
+                raise
             print(f"note: {self._run}: the logger {name} has failed: {error}", file=sys.stderr)
 
     def _begin(self, began: Began) -> None:
@@ -107,11 +124,23 @@ class RunWriter:
             self._folder.note(status=TRAINING, run=str(self._run), **known, **began.circumstances)
         else:
             self._folder.note_continuation(began.circumstances)
+        if self._start:
+            self._folder.note(**self._start)
         state = self._folder.training_state()
         lines = begin_progress(self._folder.progress, state["iteration"] if state else 0)
         for name in self._names:
-            if logger := self._tell(name, lambda name=name: LOGGERS[name](self._logged(), lines)):
-                self._loggers[name] = logger
+            self._tell(name, partial(self._start_logger, name, self._logged(), lines))
+
+    def _start_logger(self, name: str, logged: Logged, lines: Sequence[Mapping[Any, Any]]) -> None:
+        self._loggers[name] = LOGGERS[name](logged, lines)
+
+    def _add(self, name: str, line: Mapping[Any, Any]) -> None:
+        if name in self._loggers:
+            self._loggers[name].add(line)
+
+    def _end(self, name: str) -> None:
+        if name in self._loggers:
+            self._loggers.pop(name).close()
 
     def _logged(self) -> Logged:
         """Return the training as loggers show it."""

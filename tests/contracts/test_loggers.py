@@ -2,6 +2,7 @@
 
 import struct
 import sys
+from threading import Event
 
 import pytest
 
@@ -9,6 +10,7 @@ from benchmark.experiment.config import Experiment, read_experiment
 from benchmark.experiment.loggers import LOGGERS
 from benchmark.experiment.runs import runs_of
 from benchmark.results.run_folder import RunFolder
+from benchmark.running import logger_threads
 from benchmark.running.messages import Began, Kept, Line
 from benchmark.running.writing import RunWriter
 from smarts.config import ConfigError
@@ -99,6 +101,25 @@ def test_a_logger_that_fails_does_not_end_the_training(tmp_path, capsys):
     writer.take(line(2))
     writer.close()
     assert capsys.readouterr().err.count("Broken has failed: no route") == 1
+
+
+def test_a_server_that_does_not_answer_holds_up_nothing(monkeypatch, capsys):
+    monkeypatch.setattr(logger_threads, "MOST_WAITING", 2)
+    thread, began, answered, kept, left_out = (
+        logger_threads.LoggerThread("far"),
+        *(Event() for _ in range(4)),
+    )
+    thread.add(lambda: began.set() or answered.wait())
+    assert began.wait(10)
+    thread.wait(0.05)
+    thread.add(kept.set)
+    for _ in range(5):
+        thread.add(left_out.set)
+        thread.wait()  # not again
+    answered.set()
+    assert kept.wait(10)
+    assert not left_out.is_set()
+    assert capsys.readouterr().err.count("does not answer") == 2
 
 
 def test_a_logger_that_is_not_installed_is_one_sentence(tmp_path, monkeypatch):

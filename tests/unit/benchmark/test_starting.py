@@ -13,7 +13,6 @@ from benchmark.running.cluster import start_ray
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.messages import Began
 from benchmark.running.writing import RunWriter
-from smarts.config import ConfigError
 
 pytestmark = pytest.mark.slow
 
@@ -92,8 +91,3 @@ def test_another_number_of_agents_plays_a_shared_policy(trained):
     for agents in (1, 3):
         table = evaluate_checkpoint(trained.path, episodes=2, modes=("greedy",), agents=agents)
         assert len(table) == 2 * agents
-
-
-def test_a_start_without_a_checkpoint_is_one_message(tmp_path):
-    with pytest.raises(ConfigError, match=r"start_from: there is no run with a checkpoint in .*nowhere"):
-        run_of(tmp_path, "ppo", 2, tmp_path / "nowhere")
