@@ -130,7 +130,8 @@ def _together(line: Floats, other: Floats) -> float:
     """Return how far two lines that begin side by side go together [m] (`computeDistToDivergence`)."""
     found, lengths = [], []
     for one, its in ((line, other), (other, line)):
-        gap, along = shapely.distance(shapely.points(one), shapely.LineString(its)), arc_lengths(one)
+        gap = np.asarray(shapely.distance(shapely.points(one), shapely.LineString(its)))
+        along = arc_lengths(one)
         last = int(np.flatnonzero(np.append(-np.inf, gap) <= APART)[-1])
         ends = slice(max(last - 1, 0), last + 1)
         found.append(np.interp(APART, gap[ends], along[ends]))
@@ -150,11 +151,11 @@ def _meetings(graph: LaneGraph) -> Floats:
                 length,
             )
             continue
-        shapes = [shapely.LineString(line) for line in lines]
-        points = shapely.points(shapely.get_coordinates(shapely.intersection(*shapes)))
+        own, other = (shapely.LineString(line) for line in lines)
+        points = np.asarray(shapely.points(shapely.get_coordinates(own.intersection(other))))
         if len(points):
-            middle = [shapely.line_locate_point(shape, points).max() for shape in shapes]
-            turn = np.subtract(*(graph.pose_at(lane, s)[2] for lane, s in zip(pair, middle, strict=True)))
+            middle = [float(np.max(shapely.line_locate_point(shape, points))) for shape in (own, other)]
+            turn = graph.pose_at(pair[0], middle[0])[2] - graph.pose_at(pair[1], middle[1])[2]
             size = graph.width[list(pair[::-1])] * (2.0 / max(abs(np.sin(turn)), 0.2) - 1.0)
             size = np.minimum(size, length)
             found[place, :, 0] = np.maximum(middle - 0.5 * size, 0.0)

@@ -9,7 +9,9 @@ from smarts.types.world import World
 
 @pytest.fixture
 def world():
-    return World(worlds=2, capacity=4, agents=3, lanes=5, vias=2)
+    world = World(worlds=2, capacity=4, agents=3, lanes=5, vias=2)
+    world.registry.used[:] = 4  # Every slot has held a vehicle.
+    return world
 
 
 def snapshot(world, row):
