@@ -128,7 +128,7 @@ class Result:
     """[ms]"""
     whole: float
     vehicles: float
-    """Of traffic."""
+    """Vehicles of traffic in a simulation, mean."""
     stages: dict[str, float]
 
 

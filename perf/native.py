@@ -72,7 +72,7 @@ Row = tuple[str, str, float, float, float, float]
 
 
 Sample = tuple[dict[str, float], dict[str, NDArray]]
-"""Of one seed: rates, shares and throughput by route; vehicles in each bin of each distribution."""
+"""One seed's rates, shares and throughput by route; vehicles in each bin of each distribution."""
 
 
 def observe(name: str, engine: str, seed: int, seconds: float) -> Sample:

@@ -19,7 +19,7 @@ class Agents(NamedTuple):
     all: int
     """In the environment: of which an observation may have the agent's number, one-hot."""
     sharing: int
-    """Of the network: the inputs of a shared one end in the agent's place, one-hot (`Encoder`)."""
+    """Agents that share the network: its inputs end in the agent's place, one-hot (`Encoder`)."""
 
     @classmethod
     def of(cls, spec: JointSpec, group: str | None) -> Agents:

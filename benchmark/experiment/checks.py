@@ -109,7 +109,7 @@ def _loggers(experiment: Experiment) -> Iterator[Fault]:
 
 def _settings(experiment: Experiment, algorithms: Algorithms) -> Iterator[Fault]:
     """Yield settings that no algorithm takes, and each value that one of the algorithms cannot take."""
-    # What all tasks have is told once.
+    # A mistake that all tasks share is reported once.
     found: dict[Fault, None] = {}
     for layers in _layers(experiment):
         found |= dict.fromkeys(_unused(layers, algorithms))

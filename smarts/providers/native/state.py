@@ -53,7 +53,7 @@ VEHICLE_TYPE = _record(
     "dt: f8",
 )
 WAY = _record(
-    # A use of a lane by a route: the lane, and the rows of those that it leads to, to the left and right.
+    # The lane that a route uses; rows of the next lane of the route, and of the lanes to the left and right.
     "lane next left right: i4",
     # Lane changes to the left, < 0 to the right, to the lane that leads farthest on the route.
     "changes: i4",
@@ -89,8 +89,8 @@ MAP_LIGHTS = _record("first last first_lit last_lit: i4")
 LIGHT_STATE = _record("phase: i4", "began seen: f8")
 """A light of a simulation; `seen`: when a vehicle that it lets through was last at its detector."""
 YIELD = _record("lane foe: i4", "is_mutual merges: ?")
-"""A lane in a junction whose drivers wait for those that enter on another; whether these wait for them, too,
-and whether both lead into the same lane."""
+"""Two lanes of a junction: drivers on the first give way to those on the second; whether the second gives
+way, too; whether both lead into one lane."""
 TABLES = {"types": VEHICLE_TYPE, "ways": WAY, "flows": FLOW, "shares": SHARE, "phases": PHASE}
 TABLES |= {"lights": LIGHT, "lit": LIT_LANE, "map_lights": MAP_LIGHTS, "yields": YIELD}
 """Tables of all scenarios, by their names in `Traffic`."""
@@ -216,7 +216,7 @@ class Traffic(NamedTuple):
     siblings: Records
     conflicts: Records
     links: Records
-    """Of the simulation whose turn it is, shape (V, K)."""
+    """Plans of the simulation that is stepped, shape (V, K)."""
     entries: Records
     """Likewise."""
     counts: Ints
