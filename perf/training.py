@@ -77,9 +77,9 @@ class Timed:
         """Agent-steps per second."""
         return self.steps / self.seconds
 
-    def _watched(self, steps: int) -> Any:
+    def _watched(self, *args: Any, **options: Any) -> Any:
         begin = time.process_time()
-        rollout = self._sample(steps)
+        rollout = self._sample(*args, **options)
         self.sampling += time.process_time() - begin
         self.steps += self.interval * rollout.agent_steps()
         return rollout
