@@ -81,6 +81,8 @@ def left_out(root: ElementTree.Element) -> str:
             lost.add(f"{user.tag} without edges")
         if user.tag == "flow" and not {"period", "vehsPerHour"} & {*user.attrib}:
             lost.add("flow without period and vehsPerHour")
+    if any(not {"lane", "edge", "busStop"} & {*stop.attrib} for stop in root.iter("stop")):
+        lost.add("stop without lane, edge and busStop")
     return ", ".join(sorted(lost))
 
 
@@ -196,8 +198,13 @@ _SHORT |= {"additional": "additional-files", "a": "additional-files", "b": "begi
 def seconds(text: str, place: str) -> float:
     """Return a time [s] given as seconds or as [days:]hours:minutes:seconds."""
     try:
-        parts = [float(part) for part in text.split(":")]
+        return clock_seconds(text)
     except ValueError as error:
         raise ScenarioError(f"begin is {text!r}", place=place, remedy="give seconds") from error
+
+
+def clock_seconds(text: str) -> float:
+    """Return a time [s] as `seconds` does; raise ValueError if it is none."""
+    parts = [float(part) for part in text.split(":")]
     units = (1.0, 60.0, 3600.0, 86400.0)
     return sum(part * unit for part, unit in zip(reversed(parts), units, strict=False))

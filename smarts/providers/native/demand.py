@@ -18,7 +18,7 @@ from smarts.providers.native.ways import Stop, route_rows
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.routes import shortest_route
 from smarts.roads.sumo_net import read_responses
-from smarts.sstudio.sumo_files import left_out
+from smarts.sstudio.sumo_files import clock_seconds, left_out
 from smarts.types.traffic import Signal, TrafficFiles
 from smarts.types.vehicles import VehicleKind
 
@@ -43,7 +43,9 @@ _SHOWS |= {"s": Signal.STOP, "G": Signal.GO + state.MAJOR}
 _PLACES = {"base": TAIL_AT_BEGIN, "last": TAIL_AT_BEGIN, "stop": TAIL_AT_BEGIN}
 _PLACES |= {"random": DRAWN, "free": DRAWN, "random_free": DRAWN}
 """Names of places of departures."""
-_NORMAL = re.compile(r"normc\((.*)\)")
+_NORMAL = re.compile(r"normc?\((.*)\)")
+_STOP_LENGTH = 0.2
+"""Length of a stop that is given by its end only [m]."""
 
 
 class Built:
@@ -86,7 +88,14 @@ class Built:
             flows, routes, places = self._rows["flows"], len(self.routes), {}
             first = len(flows)
             for file in (*files.additional, *files.routes):
-                self._read(number, file, is_ballistic(files, self._dt), places)
+                try:
+                    self._read(number, file, is_ballistic(files, self._dt), places)
+                except (KeyError, ValueError) as error:
+                    raise TrafficError(
+                        f"the traffic engine Native cannot read this file: {type(error).__name__}: {error}",
+                        place=str(file),
+                        remedy='use the traffic engine "SUMO" for this scenario',
+                    ) from error
             self._files[key] = range(first, len(flows)), range(routes, len(self.routes))
         return self._files[key]
 
@@ -184,10 +193,17 @@ class Built:
             )
         places.update({place.attrib["id"]: place for place in root.iter("busStop")})
         types = {each.attrib["id"]: self._type(each.attrib, ballistic) for each in root.iter("vType")}
+        weight_of = {each.attrib["id"]: each.get("probability", "1") for each in root.iter("vType")}
         mixes = {name: [(1.0, kind)] for name, kind in types.items()}
         for element in root.iter("vTypeDistribution"):
-            shares = np.cumsum([float(share) for share in element.attrib["probabilities"].split()])
-            kinds = [types[name] for name in element.attrib["vTypes"].split()]
+            names = [
+                *element.get("vTypes", "").split(),
+                *(each.attrib["id"] for each in element.iter("vType")),
+            ]
+            given = element.get("probabilities", "").split()
+            weights = [*given, *(weight_of[name] for name in names[len(given) :])]
+            shares = np.cumsum([float(weight) for weight in weights])
+            kinds = [types[name] for name in names]
             mixes[element.attrib["id"]] = [*zip((shares / shares[-1]).tolist(), kinds, strict=True)]
         routes = {each.get("id"): each for each in root.iter("route")}
         for element in (each for tag in ("flow", "vehicle", "trip") for each in root.iter(tag)):
@@ -210,10 +226,13 @@ class Built:
         edges = [graph.edge_number(edge) for edge in names]
 
         def place_on(edge: int, index: int, place: str, named: Mapping[str, float]) -> float:
-            """Return the arc length of a place [m]; SUMO's lengths differ from the centrelines' a little."""
+            """Return the arc length of a place [m], from the end if negative; SUMO's lanes differ a bit."""
+            if place in named:
+                return named[place]
             lane = graph.edge_lanes(edge)[index]
-            scale = float(graph.length[lane] / graph.driven_length[lane])
-            return named[place] if place in named else float(place) * scale
+            length, its_length = float(graph.length[lane]), float(graph.driven_length[lane])
+            s = float(place)
+            return max(s + its_length if s < 0.0 else s, 0.0) * length / its_length
 
         goal = _index(get("arrivalLane"), 0)
         arrival = (
@@ -223,11 +242,14 @@ class Built:
         stops: list[Stop] = []
         for stop in (*route.iter("stop"), *(() if route is element else element.iter("stop"))):
             place = places[stop.attrib["busStop"]] if "busStop" in stop.attrib else stop
-            name, _, index = place.attrib["lane"].rpartition("_")
+            name, _, index = place.get("lane", f"{place.get('edge')}_0").rpartition("_")
             edge = graph.edge_number(name)
             k = edges.index(edge, stops[-1][0] if stops else 0)
-            begin, end = (place_on(edge, int(index), place.get(at, "0"), {}) for at in ("startPos", "endPos"))
-            stops.append((k, int(index), begin, end, float(stop.get("duration", "0"))))
+            whole = {"": float(graph.length[graph.edge_lanes(edge)[int(index)]])}
+            end = place_on(edge, int(index), place.get("endPos", ""), whole)
+            least = {"": max(end - _STOP_LENGTH, 0.0) if place is stop else 0.0}
+            begin = place_on(edge, int(index), place.get("startPos", ""), least)
+            stops.append((k, int(index), begin, end, clock_seconds(stop.get("duration", "0"))))
         repeats = int(route.get("repeat", "1")) > 1
         _, first = self.route(number, edges, arrival, tuple(stops), repeats=repeats)
         changes = [abs(self._rows["ways"][first + k][4]) for k in range(len(graph.edge_lanes(edges[0])))]
@@ -245,8 +267,9 @@ class Built:
         numbers = [float(given.get(name, default)) for name, default in _DEFAULTS.items()]
         numbers[6] = max(numbers[6], self._dt)
         normal = _NORMAL.match(factor := given.get("speedFactor", "normc(1,0.1,0.2,2)"))
-        deviation = float(given.get("speedDev", 0.0))
-        factors = map(float, normal[1].split(",")) if normal else (float(factor), deviation, 0.2, 2.0)
+        factors = [float(each) for each in (normal[1] if normal else factor).split(",")]
+        factors += [0.0, 0.2, np.inf if normal else 2.0][len(factors) - 1 :]
+        factors[1] = float(given.get("speedDev", factors[1]))
         kind = given.get("vClass", "passenger")
         size = zip(("length", "width"), _SIZES.get(kind, _SIZES["passenger"]), strict=True)
         self._rows["types"].append(
@@ -277,13 +300,14 @@ def _index(text: str | None, default: int) -> int:
     return int(text) if text and text.isdigit() else default
 
 
-def _times(element: Element) -> tuple[float, float, float, bool]:
-    """Return begin, end and mean headway of departures [s], and whether they are randomly spaced."""
+def _times(element: Element) -> tuple[float, float, float, float, bool]:
+    """Return begin, end, mean headway of departures [s], number, and whether they are randomly spaced."""
     if element.tag != "flow":
-        return float(element.attrib["depart"]), np.inf, np.inf, False
-    begin, end = float(element.get("begin", "0")), float(element.get("end", "inf"))
+        return clock_seconds(element.attrib["depart"]), np.inf, np.inf, 1.0, False
+    begin, end = (clock_seconds(element.get(name, other)) for name, other in (("begin", "0"), ("end", "inf")))
+    number = float(element.get("number", "inf"))
     if "vehsPerHour" in element.attrib:
-        return begin, end, 3600.0 / float(element.attrib["vehsPerHour"]), False
+        return begin, end, 3600.0 / float(element.attrib["vehsPerHour"]), number, False
     period = element.attrib["period"]
     is_random = period.startswith("exp")
-    return begin, end, 1.0 / float(period[4:-1]) if is_random else float(period), is_random
+    return begin, end, 1.0 / float(period[4:-1]) if is_random else clock_seconds(period), number, is_random

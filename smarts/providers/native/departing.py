@@ -30,7 +30,9 @@ def depart(n: Traffic, b: int, time: float) -> None:
         alive += n.vehicles.alive[b, slot]
     for number in range(sim.flows):
         pending, flow = n.pending[b, number], n.flows[sim.flow + number]
-        while pending.next <= time and pending.next < flow.end:
+        while (
+            pending.next <= time and pending.next < flow.end and pending.came + pending.waiting < flow.number
+        ):
             pending.waiting += 1
             headway = flow.headway
             if flow.is_random:

@@ -156,12 +156,11 @@ def may_take(n: Traffic, car: Car, lane: int) -> bool:
 def add_entry(n: Traffic, lane: int, car: Car, front: float, length: float, speed: float) -> None:
     """List a vehicle on a lane."""
     number = n.counts[0]
-    if number < len(n.entries):
-        n.counts[0] = number + 1
-        entry = n.entries[number]
-        entry.lane, entry.car, entry.speed = lane, car.place, speed
-        entry.front, entry.back = front, front - length
-        _link_entry(n, number)
+    n.counts[0] = number + 1
+    entry = n.entries[number]
+    entry.lane, entry.car, entry.speed = lane, car.place, speed
+    entry.front, entry.back = front, front - length
+    _link_entry(n, number)
 
 
 @kernel

@@ -24,8 +24,8 @@ TURN = 0.78
 APART, NOWHERE = 2.5, -1e4
 """Lanes that begin or end side by side go together until their centrelines are so far apart [m]; place where
 lanes meet that do not."""
-ENTRIES = 6
-"""Lanes that a vehicle is on, on average, at most."""
+ENTRIES = state.TAILS + 3
+"""Entries of a vehicle of the engine at most: its lane, its tail's, the one beside, the one it changes to."""
 
 
 def make_traffic(world: World, atlas: RoadAtlas, owner: int, built: Built) -> Traffic:
@@ -53,6 +53,8 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int, built: Built) -> Tr
     for name, column in zip(("begin", "end", "its_begin", "its_end"), meetings.T, strict=True):
         conflicts[name] = column
     lanes, siblings = _make_lanes(atlas)
+    # Another provider's may lie on its lane, those beside, and all that lead there or on from there.
+    most = max(ENTRIES, 3 + int((np.diff(lanes["successors"]) + np.diff(lanes["predecessors"])).max()))
     search = np.empty(MOST_CANDIDATES, np.int32), np.empty(MOST_CANDIDATES, np.int32)
     return Traffic(
         owner=int(owner),
@@ -76,7 +78,7 @@ def make_traffic(world: World, atlas: RoadAtlas, owner: int, built: Built) -> Tr
         siblings=siblings,
         conflicts=conflicts,
         links=np.zeros((slots, state.LINKS), state.LINK),
-        entries=np.zeros(ENTRIES * slots + 16, state.ENTRY),
+        entries=np.zeros(most * slots, state.ENTRY),
         counts=np.zeros(2, np.int32),
         room=(*search, np.empty(MOST_CANDIDATES)),
         **built.tables(worlds),

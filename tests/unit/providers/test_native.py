@@ -258,3 +258,50 @@ def test_own_files_are_driven_and_what_is_left_out_is_named(tmp_path, caplog, mo
             driven(built, "own", "Native", 1.0)
     else:
         assert len(driven(built, "own", "Native", 5.0)[-1][1]) == 1
+
+
+STEADY = 'sigma="0" speedFactor="norm(1,0)"'
+OWN_FILES = {
+    "types": f"""
+    <vTypeDistribution id="mix">
+        <vType id="slow" {STEADY} maxSpeed="5" probability="1"/>
+        <vType id="never" maxSpeed="1" probability="0"/>
+    </vTypeDistribution>
+    <trip id="one" type="mix" depart="0:00:01" from="from_west" to="to_east" departPos="-1" departSpeed="0"/>
+    """,
+    "stop": f"""
+    <vType id="steady" {STEADY}/>
+    <trip id="one" type="steady" depart="0" from="from_west" to="to_east" departPos="-40" departSpeed="0">
+        <stop lane="from_west_0" duration="0:00:02"/>
+    </trip>
+    """,
+    "places": """
+    <vType id="steady" speedFactor="normc(1,0,0.2,2)" sigma="0"/>
+    <trip id="one" type="steady" depart="0" from="from_west" to="to_east" departPos="-60" departSpeed="0">
+        <stop edge="from_west" startPos="-40" endPos="-30" duration="2"/>
+    </trip>
+    """,
+    "flow": f"""
+    <vType id="steady" {STEADY}/>
+    <flow id="some" type="steady" begin="0:00:00" period="2" number="3" from="from_west" to="to_east"
+        departSpeed="0"/>
+    """,
+}
+
+
+@pytest.mark.parametrize("content", OWN_FILES.values(), ids=OWN_FILES)
+def test_own_files_are_read_as_by_sumo(tmp_path, content):
+    folder = write_cross(tmp_path / "own")
+    (folder / "own.rou.xml").write_text(f"<routes>{content}</routes>")
+    own = 't.Traffic(flows=[], route_files=["own.rou.xml"])'
+    (folder / "scenario.py").write_text(
+        scenario(f'traffic={{"own": {own}}}, ego_missions=[t.Mission(south_north)]')
+    )
+    built = build_scenario(folder)
+    sumo, native = (driven(built, "own", engine, 9.0) for engine in ("SUMO", "Native"))
+    assert len(native[-1][1]) == len(sumo[-1][1])
+    assert len(sumo[-1][1]) == content.count("<trip") or len(sumo[-1][1]) == 3
+    stood, its_stood = (sum((speed < 0.1).sum() for _, speed in each) for each in (native, sumo))
+    assert stood == pytest.approx(its_stood, abs=5)
+    for (position, _), (its_position, _) in zip(native, sumo, strict=True):
+        assert position[:1] == pytest.approx(its_position[:1], abs=0.5)
