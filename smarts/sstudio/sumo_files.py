@@ -79,8 +79,9 @@ def left_out(root: ElementTree.Element) -> str:
     for user in (each for tag in _USERS for each in root.iter(tag)):
         if "route" not in user.attrib and user.find("route") is None and not {"from", "to"} <= {*user.attrib}:
             lost.add(f"{user.tag} without edges")
-        if user.tag == "flow" and not {"period", "vehsPerHour"} & {*user.attrib}:
-            lost.add("flow without period and vehsPerHour")
+        has_times = {"period", "vehsPerHour"} & {*user.attrib} or {"number", "end"} <= {*user.attrib}
+        if user.tag == "flow" and not has_times:
+            lost.add("flow without period, vehsPerHour, or number and end")
     if any(not {"lane", "edge", "busStop"} & {*stop.attrib} for stop in root.iter("stop")):
         lost.add("stop without lane, edge and busStop")
     return ", ".join(sorted(lost))

@@ -300,14 +300,18 @@ def _index(text: str | None, default: int) -> int:
     return int(text) if text and text.isdigit() else default
 
 
-def _times(element: Element) -> tuple[float, float, float, float, bool]:
-    """Return begin, end, mean headway of departures [s], number, and whether they are randomly spaced."""
+def _times(element: Element) -> tuple[float, float, float, bool]:
+    """Return begin, end and mean headway of departures [s], and whether they are randomly spaced."""
     if element.tag != "flow":
-        return clock_seconds(element.attrib["depart"]), np.inf, np.inf, 1.0, False
+        return clock_seconds(element.attrib["depart"]), np.inf, np.inf, False
     begin, end = (clock_seconds(element.get(name, other)) for name, other in (("begin", "0"), ("end", "inf")))
-    number = float(element.get("number", "inf"))
-    if "vehsPerHour" in element.attrib:
-        return begin, end, 3600.0 / float(element.attrib["vehsPerHour"]), number, False
-    period = element.attrib["period"]
+    number, period = float(element.get("number", "inf")), element.get("period", "")
     is_random = period.startswith("exp")
-    return begin, end, 1.0 / float(period[4:-1]) if is_random else clock_seconds(period), number, is_random
+    if is_random:
+        headway = 1.0 / float(period[4:-1])
+    elif "vehsPerHour" in element.attrib:
+        headway = 3600.0 / float(element.attrib["vehsPerHour"])
+    else:
+        headway = clock_seconds(period) if period else (end - begin) / number
+    # As in SUMO, a number sets the end; half a headway before it, sums of headways are safe from rounding.
+    return begin, end if number == np.inf else begin + (number - 0.5) * headway, headway, is_random

@@ -30,9 +30,7 @@ def depart(n: Traffic, b: int, time: float) -> None:
         alive += n.vehicles.alive[b, slot]
     for number in range(sim.flows):
         pending, flow = n.pending[b, number], n.flows[sim.flow + number]
-        while (
-            pending.next <= time and pending.next < flow.end and pending.came + pending.waiting < flow.number
-        ):
+        while pending.next <= time and pending.next < flow.end:
             pending.waiting += 1
             headway = flow.headway
             if flow.is_random:

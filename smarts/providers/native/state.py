@@ -64,9 +64,8 @@ WAY = _record(
     "route: i4",
 )
 FLOW = _record(
-    # Departures on a route; the mean time between vehicles is infinite for a single one; number of
-    # vehicles at most.
-    "begin end headway number: f8",
+    # Departures on a route; the mean time between vehicles is infinite for a single one.
+    "begin end headway: f8",
     # Whether vehicles are exponentially spaced; row of their lane.
     "is_random: ?",
     "row: i4",

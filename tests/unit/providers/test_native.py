@@ -286,6 +286,10 @@ OWN_FILES = {
     <flow id="some" type="steady" begin="0:00:00" period="2" number="3" from="from_west" to="to_east"
         departSpeed="0"/>
     """,
+    "number": f"""
+    <vType id="steady" {STEADY}/>
+    <flow id="some" type="steady" begin="1" end="7" number="3" from="from_west" to="to_east" departSpeed="0"/>
+    """,
 }
 
 
